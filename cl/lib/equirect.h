@@ -1,0 +1,25 @@
+// The equirect mapping of the scene format: row 0 is the zenith (+Y), the image centre looks
+// along -Z, +X is to its right. uv in [0, 1): column / width, row / height.
+#ifndef IPRT_EQUIRECT_H
+#define IPRT_EQUIRECT_H
+
+#define IPRT_PI 3.14159265358979f
+
+// Unit direction of uv.
+inline float3 equirect_direction(float u, float v)
+{
+    float phi = (u - 0.5f) * (2.0f * IPRT_PI);
+    float theta = v * IPRT_PI;
+    float sin_theta = sin(theta);
+    return (float3)(sin_theta * sin(phi), cos(theta), -sin_theta * cos(phi));
+}
+
+// uv of a direction of any length.
+inline float2 equirect_uv(float3 d)
+{
+    float u = atan2(d.x, -d.z) * (0.5f / IPRT_PI) + 0.5f;
+    float v = atan2(sqrt(d.x * d.x + d.z * d.z), d.y) * (1.0f / IPRT_PI);
+    return (float2)(u - floor(u), v);
+}
+
+#endif

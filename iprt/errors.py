@@ -1,0 +1,35 @@
+"""The errors a user can cause. Each message is one line: what, where, expected, what to do."""
+
+from __future__ import annotations
+
+
+class IprtError(Exception):
+    """A problem the user can act on. The command line prints it without a traceback.
+
+    Attributes
+    ----------
+    exit_code : int
+        Process exit status when the error reaches the command line: 2 bad input, 3 no device.
+    """
+
+    exit_code = 2
+
+
+class SceneError(IprtError):
+    """A scene folder or its manifest does not hold what the format asks for."""
+
+
+class FormatError(IprtError):
+    """A file cannot be read as what it should be, or an output cannot be written."""
+
+
+class DeviceError(IprtError):
+    """No usable OpenCL device, an ambiguous choice of one, or no OpenGL context through EGL."""
+
+    exit_code = 3
+
+
+class KernelError(IprtError):
+    """An OpenCL program did not build or run; the message holds the device and the build log."""
+
+    exit_code = 3

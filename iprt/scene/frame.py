@@ -1,0 +1,45 @@
+"""One frame of 360° RGBD video, sanitised."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A panorama in the convention of the scene format.
+
+    Attributes
+    ----------
+    color : (H, W, 3) float32
+        Linear radiance, finite, non-negative.
+    depth : (H, W) float32
+        Metres from the capture centre; positive; +inf where the sky is open (no rim closes it).
+        Openings hold a depth interpolated from their rim.
+    opening : (H, W) bool
+        True where the source has no depth and a rim does: windows, mostly.
+    normal : (H, W, 3) float32
+        World-space unit vector facing the capture centre; zero where depth is infinite.
+    """
+
+    color: NDArray[np.float32]
+    depth: NDArray[np.float32]
+    opening: NDArray[np.bool_]
+    normal: NDArray[np.float32]
+
+    @property
+    def height(self) -> int:
+        return int(self.depth.shape[0])
+
+    @property
+    def width(self) -> int:
+        return int(self.depth.shape[1])
+
+    @property
+    def median_depth(self) -> float:
+        """Median of the finite depths, in metres: the unit of the tracer's tolerances."""
+        finite = self.depth[np.isfinite(self.depth)]
+        return float(np.median(finite)) if finite.size else 1.0
