@@ -1,0 +1,168 @@
+"""How far a picture is from its truth: SSIM, PSNR, MSE and FLIP of display-referred images.
+
+Radiance is compared as a viewer sees it: after exposure, clipping and the sRGB curve, in [0, 1].
+A picture that cannot be scored raises; it never gets a number.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.errors import FormatError
+
+Image = NDArray[np.float64]
+Cut = tuple[int, int, int, int]
+
+SSIM_SIGMA = 1.5
+SSIM_WINDOW = 11
+"""Pixels across the Gaussian window of SSIM: sigma 1.5 truncated at 3.5 sigma."""
+
+FLIP_PPD = 67.0
+"""Pixels per degree that FLIP assumes: a 0.7 m wide 3840-pixel display seen from 0.7 m."""
+
+
+def srgb_encode(linear: NDArray[Any]) -> Image:
+    """The sRGB transfer curve (IEC 61966-2-1) of linear values in [0, 1]."""
+    values = np.asarray(linear, np.float64)
+    curved = 1.055 * np.power(np.maximum(values, 0.0031308), 1.0 / 2.4) - 0.055
+    return np.where(values <= 0.0031308, 12.92 * values, curved)
+
+
+def display(radiance: NDArray[Any], exposure: float = 1.0) -> Image:
+    """Display-referred image of linear radiance: `srgb(clip(exposure * radiance, 0, 1))`.
+
+    Parameters
+    ----------
+    radiance : (H, W, 3) float
+        Linear Rec.709 radiance.
+    exposure : float
+        Factor before clipping; the scene's `exposure`.
+
+    Returns
+    -------
+    (H, W, 3) float64, in [0, 1]
+
+    Raises
+    ------
+    FormatError
+        The radiance is not an (H, W, 3) image, or holds NaN or infinity.
+    """
+    if radiance.ndim != 3 or radiance.shape[2] != 3 or radiance.size == 0:
+        raise FormatError(f"expected an image of shape (H, W, 3), got {radiance.shape}")
+    bad = int(np.count_nonzero(~np.isfinite(radiance).all(axis=2)))
+    if bad:
+        raise FormatError(f"the image holds {bad} pixels with NaN or infinite radiance")
+    return srgb_encode(np.clip(exposure * radiance.astype(np.float64), 0.0, 1.0))
+
+
+def mse(test: Image, truth: Image) -> float:
+    """Mean squared error over pixels and channels of two display-referred images."""
+    _require_comparable(test, truth)
+    return float(np.mean(np.square(test - truth)))
+
+
+def psnr(test: Image, truth: Image) -> float:
+    """Peak signal-to-noise ratio in dB of two display-referred images; inf if they are equal."""
+    error = mse(test, truth)
+    return math.inf if error == 0.0 else -10.0 * math.log10(error)
+
+
+def ssim(test: Image, truth: Image) -> float:
+    """Mean structural similarity of two display-referred images, Gaussian window of 11 pixels.
+
+    Source: Wang, Bovik, Sheikh, Simoncelli, "Image quality assessment: from error visibility to
+    structural similarity", IEEE TIP 2004, with its parameters (sigma 1.5, population covariance),
+    per colour channel.
+
+    Raises
+    ------
+    FormatError
+        Shapes differ, values leave [0, 1], or a side is shorter than the window.
+    """
+    from skimage.metrics import structural_similarity
+
+    _require_comparable(test, truth)
+    height, width = truth.shape[:2]
+    if min(height, width) < SSIM_WINDOW:
+        raise FormatError(
+            f"{width}x{height} pixels are too few for SSIM: "
+            f"its window needs {SSIM_WINDOW}x{SSIM_WINDOW}"
+        )
+    return float(
+        structural_similarity(
+            truth,
+            test,
+            gaussian_weights=True,
+            sigma=SSIM_SIGMA,
+            use_sample_covariance=False,
+            data_range=1.0,
+            channel_axis=2,
+        )
+    )
+
+
+def ssim_cuts(test: Image, truth: Image, cuts: Sequence[Cut]) -> tuple[float, ...]:
+    """SSIM of each crop `x0, y0, x1, y1`, cropped first: no pixel outside a cut counts in it.
+
+    Raises
+    ------
+    FormatError
+        As `ssim`, or a cut leaves the image.
+    """
+    scores = []
+    height, width = truth.shape[:2]
+    for cut in cuts:
+        x0, y0, x1, y1 = cut
+        if not (0 <= x0 < x1 <= width and 0 <= y0 < y1 <= height):
+            raise FormatError(f"the cut {list(cut)} is not inside the {width}x{height} image")
+        try:
+            scores.append(ssim(test[y0:y1, x0:x1], truth[y0:y1, x0:x1]))
+        except FormatError as error:
+            raise FormatError(f"cut {list(cut)}: {error}") from error
+    return tuple(scores)
+
+
+def flip(test: Image, truth: Image) -> float | None:
+    """Mean LDR-FLIP of two display-referred images at 67 pixels per degree, 0 (equal) to 1.
+
+    None where the package `flip_evaluator` (the extra `metrics`) is not installed.
+
+    Source: Andersson et al., "FLIP: A Difference Evaluator for Alternating Images", HPG 2020.
+    """
+    # The evaluator drops NaN pixels from its mean in silence, so both images are checked here.
+    _require_comparable(test, truth)
+    try:
+        import flip_evaluator
+    except ImportError:
+        return None
+    _, mean, _ = flip_evaluator.evaluate(
+        np.ascontiguousarray(truth, np.float32),
+        np.ascontiguousarray(test, np.float32),
+        "LDR",
+        inputsRGB=True,
+        applyMagma=False,
+        parameters={"ppd": FLIP_PPD},
+    )
+    return float(mean)
+
+
+def _require_comparable(test: Image, truth: Image) -> None:
+    if test.shape != truth.shape:
+        raise FormatError(
+            f"the images differ in size: {_size(test)} against the truth's {_size(truth)}"
+        )
+    if truth.ndim != 3 or truth.shape[2] != 3 or truth.size == 0:
+        raise FormatError(f"expected images of shape (H, W, 3), got {truth.shape}")
+    for image in (test, truth):
+        # Written so that NaN, which compares false, is rejected too.
+        if not (image.min() >= 0.0 and image.max() <= 1.0):
+            raise FormatError("the images are not display-referred: values outside [0, 1] or NaN")
+
+
+def _size(image: Image) -> str:
+    return "x".join(str(n) for n in (*image.shape[1::-1], *image.shape[2:]))
