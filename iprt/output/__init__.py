@@ -1,0 +1,1 @@
+"""Writing what was rendered and measured: pictures, their metadata, tables of pass times."""

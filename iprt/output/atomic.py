@@ -1,0 +1,57 @@
+"""Files appear whole or not at all."""
+
+from __future__ import annotations
+
+import os
+import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from iprt.errors import FormatError
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """Write to the yielded path; on success it becomes `path`, on failure nothing is left behind.
+
+    Missing folders are created. The temporary file lies in the target's folder, because a rename
+    is atomic only within one file system.
+
+    Raises
+    ------
+    FormatError
+        The folder or the file cannot be written.
+    """
+    # A link keeps pointing where it did: its target is replaced.
+    target = Path(os.path.realpath(path))
+    temporary = target.with_name(f".{uuid.uuid4().hex}.tmp")
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        yield temporary
+        os.replace(temporary, target)
+    except (OSError, RuntimeError) as error:  # OpenEXR reports system errors as RuntimeError
+        reason = getattr(error, "strerror", None) or str(error)
+        raise FormatError(f"{path}: cannot be written: {reason}") from error
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def require_writable(path: Path) -> None:
+    """Fail now rather than after minutes of rendering if `path` cannot be written.
+
+    Raises
+    ------
+    FormatError
+        `path` is a folder, or the folder it goes to is not one, or permits no writing.
+    """
+    target = Path(os.path.realpath(path))
+    if target.is_dir():
+        raise FormatError(f"{path}: is a folder; name a file in it")
+    folder = target.parent
+    while not folder.exists():
+        folder = folder.parent
+    if not folder.is_dir():
+        raise FormatError(f"{path}: {folder} is a file, not a folder")
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise FormatError(f"{path}: no permission to write in {folder}")
