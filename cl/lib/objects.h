@@ -1,0 +1,279 @@
+// The virtual objects as rays see them when they are rasterized from the capture centre: per
+// texel one solid interval, from the front layer's tangent plane to the back layer's. The screen
+// layers are tried first, the equirect layers serve what is off screen.
+#ifndef IPRT_OBJECTS_H
+#define IPRT_OBJECTS_H
+
+#include "grid.h"
+#include "view.h"
+
+// A texel's tangent plane may leave its centre depth by this many footprints.
+#define OBJECT_SLOPE 6.0f
+// Depth errors up to this many texel footprints are no entry into a solid.
+#define OBJECT_TOLERANCE 1.0f
+
+typedef struct {
+    Grid grid;                            // `column` and `row` are unused by screen layers
+    __global const float4 *planes;        // 2 per texel, front and back: xyz g (g.x = 1 on the
+                                          // plane), w radial distance at the centre, 0: nothing
+    __global const float4 *geometry;      // [2][H*W]: shading normal, radial distance
+    __global const float4 *material;      // [2][H*W]: albedo, 1 + material index
+    float footprint;                      // of a texel, per metre of distance
+} ObjectLayer;
+
+typedef struct {
+    ObjectLayer screen;
+    ObjectLayer equirect;
+    __global const float *view;           // lib/view.h
+    int4 rectangle;                       // of the screen that objects cover: x0, y0, x1, y1
+    __global const float4 *bounds;        // 2 per object: corners of its box, world
+    int objects;
+} Objects;
+
+typedef struct {
+    float t;
+    int index;        // into geometry and material, the layer included
+    int on_screen;    // which ObjectLayer
+    int outside;      // 0 while the ray is still inside the solid that it started in
+} ObjectHit;
+
+inline float plane_radius(float4 plane, float gx, float r, float slope)
+{
+    const float radius = gx > 0.0f ? r / gx : INFINITY;
+    return clamp(radius, plane.w * (1.0f - slope), plane.w * (1.0f + slope));
+}
+
+// The solid interval of one texel against the part [t0, t1] of the ray, whose radii there are r0
+// and r1.
+inline int object_leaf(const ObjectLayer layer, float3 o, float3 d, int texel, float t0, float t1,
+                       float r0, float r1, ObjectHit *hit)
+{
+    const float4 front = layer.planes[2 * texel], back = layer.planes[2 * texel + 1];
+    if (!(front.w > 0.0f)) {
+        hit->outside = 1;
+        return 0;
+    }
+    const float slope = OBJECT_SLOPE * layer.footprint;
+    const float tolerance = OBJECT_TOLERANCE * layer.footprint * front.w;
+    const float go = dot(front.xyz, o), gd = dot(front.xyz, d);
+    const float ho = dot(back.xyz, o), hd = dot(back.xyz, d);
+    // How far past the front, and how far before the back.
+    const float past0 = r0 - plane_radius(front, go + t0 * gd, r0, slope);
+    const float past1 = r1 - plane_radius(front, go + t1 * gd, r1, slope);
+    const float before0 = plane_radius(back, ho + t0 * hd, r0, slope) - r0;
+    const float before1 = plane_radius(back, ho + t1 * hd, r1, slope) - r1;
+    const int inside0 = past0 > tolerance && before0 > tolerance;
+    const int inside1 = past1 > tolerance && before1 > tolerance;
+    if (!hit->outside) {
+        hit->outside = !inside0 || !inside1;
+        if (inside0)
+            return 0;
+    }
+    const int texels = layer.grid.width * layer.grid.height;
+    float t = t0;
+    int through_back = 0;
+    if (inside0) {
+        through_back = before0 < past0;
+    } else if ((past0 <= 0.0f || (past0 <= tolerance && before0 > 0.0f)) && past1 > tolerance) {
+        t = past0 <= 0.0f ? (1.0f - go) / gd : t0;
+    } else if (before0 <= tolerance && before1 > tolerance) {
+        t = before0 <= 0.0f ? (1.0f - ho) / hd : t0;
+        through_back = 1;
+    } else {
+        return 0;
+    }
+    hit->t = t >= t0 && t <= t1 ? t : t0;
+    hit->index = through_back ? texels + texel : texel;
+    return 1;
+}
+
+typedef struct {
+    float3 o;
+    float3 d;
+    float t_max;
+} ObjectRay;
+
+inline int equirect_leaf(const ObjectLayer layer, const ObjectRay line, const PolarRay ray,
+                         const Segment at, ObjectHit *hit)
+{
+    return object_leaf(layer, line.o, line.d, at.row * layer.grid.width + at.column,
+                       polar_t(ray, at.u0), polar_t(ray, at.u1), ray.b * at.root0,
+                       ray.b * at.root1, hit);
+}
+
+inline int object_skip(float near, float far, float2 range, ObjectHit *hit)
+{
+    const int skip = far < range.x || near > range.y;
+    hit->outside |= skip;
+    return skip;
+}
+
+#define MARCH_NAME march_equirect_objects
+#define MARCH_LAYER ObjectLayer
+#define MARCH_STATE ObjectRay
+#define MARCH_HIT ObjectHit
+#define MARCH_SKIP(state, near, far, range) object_skip(near, far, range, hit)
+#define MARCH_LEAF(layer, ray, at, state, hit) equirect_leaf(layer, *(state), ray, at, hit)
+#define MARCH_END(state) 0
+#include "march.h"
+
+inline int trace_equirect_objects(const ObjectLayer layer, float3 o, float3 d, float t0, float t1,
+                                  ObjectHit *hit)
+{
+    if (!(t1 > t0))
+        return 0;
+    PolarRay ray = polar_ray(o, d);
+    if (!(ray.b > 1e-6f * fabs(ray.od))) {
+        // Through the capture centre: any perpendicular serves as direction of closest approach.
+        ray.m = normalize(fabs(d.y) < 0.9f ? (float3)(-d.z, 0.0f, d.x) : (float3)(0.0f, -d.z, d.y));
+        ray.b = fmax(1e-6f * fabs(ray.od), 1e-20f);
+    }
+    const ObjectRay line = {o, d, t1};
+    hit->on_screen = 0;
+    return march_equirect_objects(layer, ray, t0, t1, line, hit) == 1;
+}
+
+#ifndef VIEW_EQUIRECT
+// Cuts [*t0, *t1] to where a + t b >= 0.
+inline void clip_half_space(float a, float b, float *t0, float *t1)
+{
+    const float t = -a / b;
+    if (b > 0.0f)
+        *t0 = fmax(*t0, t);
+    else if (b < 0.0f)
+        *t1 = fmin(*t1, t);
+    else if (a < 0.0f)
+        *t1 = -INFINITY;
+}
+
+// The part of the ray that projects into the rectangle of the screen that objects cover.
+inline float2 clip_to_rectangle(const Objects world, float3 o, float3 d, float t0, float t1)
+{
+    const float focal = world.view[9], cx = world.view[10], cy = world.view[11];
+    const float left = world.rectangle.x - cx, right = world.rectangle.z - cx;
+    const float upper = world.rectangle.y - cy, lower = world.rectangle.w - cy;
+    clip_half_space(focal * o.x + left * o.z, focal * d.x + left * d.z, &t0, &t1);
+    clip_half_space(-focal * o.x - right * o.z, -focal * d.x - right * d.z, &t0, &t1);
+    clip_half_space(-focal * o.y + upper * o.z, -focal * d.y + upper * d.z, &t0, &t1);
+    clip_half_space(focal * o.y - lower * o.z, focal * d.y - lower * d.z, &t0, &t1);
+    return (float2)(t0, t1);
+}
+
+// Hierarchical march through the screen layers; o and d in view space. Cell edges are planes
+// through the capture centre, so crossings are exact in t.
+inline int march_screen_objects(const Objects world, float3 o, float3 d, float t0, float t1,
+                                float3 o_world, float3 d_world, ObjectHit *hit)
+{
+    const ObjectLayer layer = world.screen;
+    const float focal = world.view[9], cx = world.view[10], cy = world.view[11];
+    const int width = layer.grid.width, height = layer.grid.height;
+    const int rightward = o.x * d.z - o.z * d.x >= 0.0f;
+    const int downward = d.y * o.z - o.y * d.z >= 0.0f;
+    const float od = dot(o, d), oo = dot(o, o);
+
+    float t = t0;
+    const float3 start = o + t * d;
+    int column = clamp((int)(cx - focal * start.x / start.z), world.rectangle.x,
+                       world.rectangle.z - 1);
+    int row = clamp((int)(cy + focal * start.y / start.z), world.rectangle.y,
+                    world.rectangle.w - 1);
+    int level = 0, offset = 0, entry = ENTRY_START;
+    for (int step = 0; step < MARCH_STEP_CAP; step++) {
+        const int columns = cells_along(width, level), rows = cells_along(height, level);
+        const float x = min((column + rightward) << level, width) - cx;
+        const float y = min((row + downward) << level, height) - cy;
+        const float t_x = -(focal * o.x + x * o.z) / (focal * d.x + x * d.z);
+        const float t_y = -(focal * o.y - y * o.z) / (focal * d.y - y * d.z);
+        // Crossings behind are rounding, or edges that a ray parallel to them never reaches.
+        const float side = t_x >= t - 1e-4f * (1.0f + fabs(t)) ? fmax(t_x, t) : INFINITY;
+        const float level_edge = t_y >= t - 1e-4f * (1.0f + fabs(t)) ? fmax(t_y, t) : INFINITY;
+        const float next = fmin(fmin(side, level_edge), t1);
+        const float r0 = sqrt(fmax(oo + t * (2.0f * od + t), 0.0f));
+        const float r1 = sqrt(fmax(oo + next * (2.0f * od + next), 0.0f));
+        const float near = t < -od && next > -od ? sqrt(fmax(oo - od * od, 0.0f)) : fmin(r0, r1);
+        const float2 range = layer.grid.range[offset + row * columns + column];
+        if (!object_skip(near, fmax(r0, r1), range, hit)) {
+            if (level > 0) {
+                level--;
+                const int child_columns = cells_along(width, level);
+                const int child_rows = cells_along(height, level);
+                const float3 p = o + t * d;
+                const int right = entry == ENTRY_WEST ? 0 : entry == ENTRY_EAST ? 1
+                    : focal * p.x > -(((2 * column + 1) << level) - cx) * p.z;
+                const int lower = entry == ENTRY_NORTH ? 0 : entry == ENTRY_SOUTH ? 1
+                    : focal * p.y < (((2 * row + 1) << level) - cy) * p.z;
+                column = min(2 * column + right, child_columns - 1);
+                row = min(2 * row + lower, child_rows - 1);
+                offset -= child_columns * child_rows;
+                continue;
+            }
+            if (object_leaf(layer, o_world, d_world, row * width + column, t, next, r0, r1, hit))
+                return 1;
+        }
+        if (next >= t1)
+            return 0;
+        t = next;
+        const int old_column = column, old_row = row;
+        if (side <= level_edge) {
+            entry = rightward ? ENTRY_WEST : ENTRY_EAST;
+            column += rightward ? 1 : -1;
+        } else {
+            entry = downward ? ENTRY_NORTH : ENTRY_SOUTH;
+            row += downward ? 1 : -1;
+        }
+        if (column < 0 || row < 0 || column >= columns || row >= rows)
+            return 0;
+        if (level + 1 < layer.grid.levels
+            && (column >> 1 != old_column >> 1 || row >> 1 != old_row >> 1)) {
+            offset += columns * rows;
+            level++;
+            column >>= 1;
+            row >>= 1;
+        }
+    }
+    return 0;
+}
+#endif
+
+// The stretch of the ray that lies in the objects' boxes.
+inline float2 bounds_interval(const Objects world, float3 o, float3 d, float t_max)
+{
+    float2 interval = (float2)(INFINITY, -INFINITY);
+    for (int i = 0; i < world.objects; i++) {
+        const float3 a = (world.bounds[2 * i].xyz - o) / d;
+        const float3 b = (world.bounds[2 * i + 1].xyz - o) / d;
+        const float3 low = fmin(a, b), high = fmax(a, b);
+        const float enter = fmax(fmax(low.x, low.y), fmax(low.z, 0.0f));
+        const float leave = fmin(fmin(high.x, high.y), fmin(high.z, t_max));
+        if (enter <= leave)
+            interval = (float2)(fmin(interval.x, enter), fmax(interval.y, leave));
+    }
+    return interval;
+}
+
+// Nearest virtual surface along the ray before t_max, 1 if there is one. `outside` = 0 for a ray
+// that starts on an object and might start below its rasterized surface.
+inline int trace_objects(const Objects world, float3 o, float3 d, float t_max, ObjectHit *hit)
+{
+    const float2 reach = bounds_interval(world, o, d, t_max);
+    if (!(reach.x <= reach.y))
+        return 0;
+    hit->outside = 0;
+#ifdef VIEW_EQUIRECT
+    return trace_equirect_objects(world.equirect, o, d, reach.x, reach.y, hit);
+#else
+    const float3 o_view = view_rotate_to_local(world.view, o);
+    const float3 d_view = view_rotate_to_local(world.view, d);
+    const float2 seen = clip_to_rectangle(world, o_view, d_view, reach.x, reach.y);
+    if (!(seen.x < seen.y))
+        return trace_equirect_objects(world.equirect, o, d, reach.x, reach.y, hit);
+    if (trace_equirect_objects(world.equirect, o, d, reach.x, seen.x, hit))
+        return 1;
+    hit->on_screen = 1;
+    if (march_screen_objects(world, o_view, d_view, seen.x, seen.y, o, d, hit))
+        return 1;
+    return trace_equirect_objects(world.equirect, o, d, seen.y, reach.y, hit);
+#endif
+}
+
+#endif

@@ -1,0 +1,59 @@
+// The real layer of the view, resampled from the panorama: what the camera shows without objects.
+//
+// in   view       [16]       lib/view.h
+//      previous   [16]       view of the previous picture
+//      panorama   lib/real.h surface, range; color
+// out  color      3 planes   linear radiance, bilinear: L_cam of IPRT Eq. 2
+//      normal     3 planes   world, facing the capture centre
+//      depth      1 plane    metres from the capture centre; 0: open sky
+//      id         1 plane    1: surface that takes shadows; 0: opening or open sky
+//      motion     2 planes   where the point was in the previous picture, pixels; -1e9: nowhere
+#include "panorama.h"
+#include "planes.h"
+#include "real.h"
+#include "view.h"
+
+__kernel void resample_panorama(
+    const int width,
+    const int height,
+    __global const float *restrict view,
+    __global const float *restrict previous,
+    const int panorama_width,
+    const int panorama_height,
+    __global const float4 *restrict panorama_color,
+    __global const float4 *restrict panorama_surface,
+    __global const float2 *restrict panorama_range,
+    __global float *restrict color,
+    __global float *restrict normal,
+    __global float *restrict depth,
+    __global float *restrict id,
+    __global float *restrict motion)
+{
+    const int x = get_global_id(0), y = get_global_id(1);
+    if (x >= width || y >= height)
+        return;
+    const int pixel = plane_index(x, y, width), size = plane_size(width, height);
+    const float3 v = view_direction(view, (float2)(x + 0.5f, y + 0.5f));
+    const float2 uv = equirect_uv(v);
+    const float3 radiance = panorama_bilinear(panorama_color, panorama_width, panorama_height, uv);
+    color[pixel] = radiance.x;
+    color[size + pixel] = radiance.y;
+    color[2 * size + pixel] = radiance.z;
+
+    const int texel = min((int)(uv.y * panorama_height), panorama_height - 1) * panorama_width
+        + min((int)(uv.x * panorama_width), panorama_width - 1);
+    const float4 surface = panorama_surface[texel];
+    const int flags = (int)surface.w;
+    const int visible = !(flags & SURFACE_NONE);
+    const float3 n = visible ? -normalize(surface.xyz) : (float3)(0.0f);
+    normal[pixel] = n.x;
+    normal[size + pixel] = n.y;
+    normal[2 * size + pixel] = n.z;
+    depth[pixel] = visible
+        ? surface_radius(0.0f, dot(surface.xyz, v), 1.0f, 1.0f, panorama_range[texel]) : 0.0f;
+    id[pixel] = visible && !(flags & SURFACE_OPENING) ? 1.0f : 0.0f;
+    // The capture centre stays, so only the direction matters.
+    const float2 before = view_project(previous, v);
+    motion[pixel] = before.x;
+    motion[size + pixel] = before.y;
+}

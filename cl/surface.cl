@@ -1,0 +1,109 @@
+// Tangent planes, connectivity and leaf depth ranges of the panorama.
+//
+// in   depth     [H*W]    metres from the capture centre; INFINITY: open sky
+//      normal    [H*W*3]  world, unit, facing the capture centre
+//      opening   [H*W]    nonzero where the source has no depth (windows)
+//      column    [W+1]    (cos, sin) of the azimuth of column edges
+//      row       [H+1]    cos of the polar angle of row edges
+// out  surface   [H*W]    xyz: g of the tangent plane g.x = 1; w: SURFACE_* flags (lib/real.h)
+//      range     [H*W]    smallest and largest radial distance of the plane within the texel
+//
+// Two neighbours are connected when the step between them is explained by the tangent plane of
+// either, or is below three texel footprints: only other steps are gaps a ray can pass.
+#include "real.h"
+
+// Planes seen at less than this cosine are tilted towards the viewer, so that g stays bounded.
+#define GRAZING 0.02f
+#define STEP_FOOTPRINTS 3.0f
+
+inline float3 texel_direction(int column, int row, int width, int height)
+{
+    return equirect_direction((column + 0.5f) / width, (row + 0.5f) / height);
+}
+
+inline float3 tangent_plane(float depth, float3 n, float3 v)
+{
+    float facing = dot(n, v);
+    if (!(facing < -GRAZING)) {
+        n -= (facing + GRAZING) * v;
+        facing = -GRAZING;
+    }
+    return n / (facing * depth);
+}
+
+inline float3 plane_at(__global const float *restrict depth,
+                       __global const float *restrict normal,
+                       int texel, float3 v)
+{
+    const float3 n = (float3)(normal[3 * texel], normal[3 * texel + 1], normal[3 * texel + 2]);
+    return tangent_plane(depth[texel], n, v);
+}
+
+inline float radius_towards(float3 g, float3 v)
+{
+    float inverse = dot(g, v);
+    return inverse > 0.0f ? 1.0f / inverse : INFINITY;
+}
+
+__kernel void build_surface(
+    const int width,
+    const int height,
+    __global const float *restrict depth,      // metres
+    __global const float *restrict normal,     // world
+    __global const uchar *restrict opening,    // 0 or 1
+    __global const float2 *restrict column,    // column edges
+    __global const float *restrict row,        // row edges
+    __global float4 *restrict surface,         // out
+    __global float2 *restrict range)           // out
+{
+    const int x = get_global_id(0), y = get_global_id(1);
+    if (x >= width || y >= height)
+        return;
+    const int texel = y * width + x;
+    const float d = depth[texel];
+    if (!isfinite(d)) {
+        surface[texel] = (float4)(0.0f, 0.0f, 0.0f, (float)SURFACE_NONE);
+        range[texel] = (float2)(INFINITY, INFINITY);
+        return;
+    }
+    const float3 v = texel_direction(x, y, width, height);
+    const float3 g = plane_at(depth, normal, texel, v);
+    const float footprint = IPRT_PI / height;
+
+    const int step_x[4] = {1, -1, 0, 0};
+    const int step_y[4] = {0, 0, -1, 1};
+    const int flag[4] = {SURFACE_EAST, SURFACE_WEST, SURFACE_NORTH, SURFACE_SOUTH};
+    int flags = opening[texel] ? SURFACE_OPENING : 0;
+    float reach = footprint * d;   // how far the plane may leave the centre's depth in the texel
+    for (int i = 0; i < 4; i++) {
+        const int ny = y + step_y[i];
+        const int nx = (x + step_x[i] + width) % width;
+        if (ny < 0 || ny >= height)
+            continue;
+        const int other = ny * width + nx;
+        const float e = depth[other];
+        if (!isfinite(e))
+            continue;
+        const float3 w = texel_direction(nx, ny, width, height);
+        const float3 h = plane_at(depth, normal, other, w);
+        const float unexplained = fmin(fabs(d - e), fmin(fabs(radius_towards(g, w) - e),
+                                                         fabs(radius_towards(h, v) - d)));
+        if (unexplained <= STEP_FOOTPRINTS * footprint * fmin(d, e)) {
+            flags |= flag[i];
+            reach = fmax(reach, fabs(d - e));
+        }
+    }
+
+    float low = d, high = d;
+    for (int corner = 0; corner < 4; corner++) {
+        const float2 edge = column[x + (corner & 1)];
+        const float c = row[y + (corner >> 1)];
+        const float s = sqrt(fmax(1.0f - c * c, 0.0f));
+        // The azimuth's (cos, sin) are those of the meridian's normal: direction (sin, ., -cos).
+        const float radius = radius_towards(g, (float3)(s * edge.y, c, -s * edge.x));
+        low = fmin(low, radius);
+        high = fmax(high, radius);
+    }
+    surface[texel] = (float4)(g, (float)flags);
+    range[texel] = (float2)(fmax(low, d - reach), fmin(high, d + reach));
+}

@@ -1,0 +1,109 @@
+"""The real scene on the device: what depends on the video frame only."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from iprt.device.compute import ComputeDevice
+from iprt.passes.pyramid import Pyramid, PyramidShape, equirect_edges
+from iprt.scene.frame import Frame
+
+COARSEST_COLUMNS = 8
+"""Cells span at most π/4 of azimuth, so that one plane per meridian decides a crossing."""
+START_BIAS = 1e-3
+"""Metres, in a room: tolerance of a ray's start against the surface it starts from."""
+
+
+class Panorama:
+    """Radiance, tangent planes and depth pyramid of the current video frame.
+
+    Attributes
+    ----------
+    width, height : int
+    color : (H, W, 4) float32
+        Linear radiance; the fourth channel is unused.
+    surface : (H, W, 4) float32
+        Tangent plane and flags per texel, see `cl/lib/real.h`.
+    range : (cells, 2) float32
+        Min/max pyramid of radial distances, level 0 first.
+    median_depth, nearest, farthest : float
+        Of the finite depths, in metres; `farthest` is 0 where all is open sky.
+    """
+
+    def __init__(self, device: ComputeDevice, width: int, height: int) -> None:
+        # Tiny panoramas are repeated texel by texel until the coarsest cells are narrow enough.
+        self._repeat = max(1, -(-COARSEST_COLUMNS // width))
+        self.width, self.height = width * self._repeat, height * self._repeat
+        self._device = device
+        self.shape = PyramidShape.of(self.width, self.height, COARSEST_COLUMNS)
+        texels = (self.height, self.width)
+        self.color = device.empty("panorama.color", (*texels, 4))
+        self.surface = device.empty("panorama.surface", (*texels, 4))
+        self.range = device.empty("panorama.range", (self.shape.offsets[-1], 2))
+        self._depth = device.empty("panorama.depth", texels)
+        self._normal = device.empty("panorama.normal", (*texels, 3))
+        self._opening = device.empty("panorama.opening", texels, np.uint8)
+        column, row = equirect_edges(self.width, self.height)
+        self.column = device.upload("panorama.column", column)
+        self.row = device.upload("panorama.row", row)
+        self._build = device.kernel("surface.cl", "build_surface")
+        self._pyramid = Pyramid(device)
+        self.median_depth = self.nearest = self.farthest = 0.0
+
+    def load(self, frame: Frame) -> None:
+        """Upload a video frame and build what the tracer needs of it."""
+        finite = frame.depth[np.isfinite(frame.depth)]
+        self.median_depth = frame.median_depth
+        self.nearest = float(finite.min()) if finite.size else 0.0
+        self.farthest = float(finite.max()) if finite.size else 0.0
+        color = np.zeros((self.height, self.width, 4), np.float32)
+        color[..., :3] = self._enlarged(frame.color)
+        with self._device.profile.section("upload"):
+            self._device.write(self.color, color)
+            self._device.write(self._depth, self._enlarged(frame.depth))
+            self._device.write(self._normal, self._enlarged(frame.normal))
+            self._device.write(self._opening, self._enlarged(frame.opening))
+        with self._device.profile.section("surface"):
+            self._build(
+                (self.width, self.height),
+                self.width,
+                self.height,
+                self._depth,
+                self._normal,
+                self._opening,
+                self.column,
+                self.row,
+                self.surface,
+                self.range,
+            )
+        self._pyramid.run(self.range, self.shape)
+
+    def _enlarged(self, image: Any) -> Any:
+        if self._repeat == 1:
+            return image
+        return image.repeat(self._repeat, axis=0).repeat(self._repeat, axis=1)
+
+    def layer_arguments(self, thickness: float, thickness_ratio: float) -> tuple[Any, ...]:
+        """The arguments that `REAL_LAYER_PARAMETERS` of `cl/lib/scene.h` declares, in order."""
+        return (
+            self.width,
+            self.height,
+            self.shape.levels,
+            self.range,
+            self.column,
+            self.row,
+            self.surface,
+            float(thickness * self.scale),
+            float(thickness_ratio),
+            float(START_BIAS * self.scale),
+            self.nearest,
+            self.farthest,
+        )
+
+    @property
+    def scale(self) -> float:
+        """Length in metres of what is one metre in a room (whose median depth is two)."""
+        return 0.5 * self.median_depth
+
