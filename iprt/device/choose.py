@@ -1,0 +1,240 @@
+"""Which OpenCL device does the work: what the user names, else the fastest kind there is."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import pyopencl as cl
+
+from iprt.device.install import opencl_command
+from iprt.errors import DeviceError
+
+Kind = Literal["gpu", "cpu", "accelerator", "other"]
+ORDER = "GPU, Intel's CPU runtime, PoCL, others"
+
+
+@dataclass(frozen=True)
+class DeviceInfo:
+    """What a choice needs to know of a device.
+
+    Attributes
+    ----------
+    index : str
+        `P:D`, the places of platform and device in the OpenCL loader's lists.
+    name, platform, vendor : str
+        Names of the device, and of its platform and the platform's vendor.
+    version : str
+        The platform's version text, which holds the OpenCL version.
+    driver : str
+        Driver version.
+    kind : {"gpu", "cpu", "accelerator", "other"}
+    memory_mib : int
+        Global memory.
+    compute_units : int
+    discrete : bool
+        The device has memory of its own.
+    usable : bool
+        The device is available and has a compiler.
+    """
+
+    index: str
+    name: str
+    platform: str
+    vendor: str
+    version: str
+    driver: str
+    kind: Kind
+    memory_mib: int
+    compute_units: int
+    discrete: bool
+    usable: bool
+    handle: Any = field(default=None, compare=False, repr=False)
+
+    @property
+    def label(self) -> str:
+        return f"{self.index} {self.name} ({self.platform}, driver {self.driver})"
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A device and why it was taken, as a clause that follows its name."""
+
+    info: DeviceInfo
+    reason: str
+
+
+def list_devices() -> list[cl.Device]:
+    """All OpenCL devices, in the loader's order.
+
+    Raises
+    ------
+    DeviceError
+        There is none; the message holds the command that installs one.
+    """
+    return [info.handle for info in describe_devices()]
+
+
+def choose_device(spec: str | None = None) -> cl.Device:
+    """The device that `spec` names; see `choose`."""
+    return choose(spec).info.handle
+
+
+def choose(spec: str | None = None) -> Choice:
+    """The device that `spec` names, and why.
+
+    Parameters
+    ----------
+    spec : str, optional
+        `gpu`, `cpu`, `P:D`, or part of the name of a platform, its vendor or a device, in any
+        case. None takes what the environment variable `PYOPENCL_CTX` says, which pyopencl
+        parses, else the best device in the order `ORDER`.
+
+    Raises
+    ------
+    DeviceError
+        No device, or none or more than one that `spec` fits; the message lists what there is.
+    """
+    infos = describe_devices()
+    if spec is None and "PYOPENCL_CTX" in os.environ:
+        return _environment_choice(infos)
+    return select(spec, infos)
+
+
+def describe_devices() -> list[DeviceInfo]:
+    """`DeviceInfo` of all devices, in the loader's order.
+
+    Raises
+    ------
+    DeviceError
+        There is none; the message holds the command that installs one.
+    """
+    try:
+        platforms = cl.get_platforms()
+    except cl.Error:  # the loader found no driver
+        platforms = []
+    infos = []
+    for p, platform in enumerate(platforms):
+        try:
+            devices = platform.get_devices()
+        except cl.Error:  # a driver without a device, such as a GPU driver where there is no GPU
+            continue
+        infos += [_describe(f"{p}:{d}", device) for d, device in enumerate(devices)]
+    if not infos:
+        raise DeviceError(f"no OpenCL device: install a driver with `{opencl_command()}`")
+    return infos
+
+
+def select(spec: str | None, infos: Sequence[DeviceInfo]) -> Choice:
+    """Choose among `infos` (at least one); the rules of `choose`, free of OpenCL.
+
+    Platforms of the same name and vendor are copies of one driver, as when both Debian and PyPI
+    installed PoCL. Only the copy with the newest driver counts, except for `P:D`.
+    """
+    if spec is not None and re.fullmatch(r"\d+:\d+", spec):
+        for info in infos:
+            if info.index == spec:
+                return Choice(info, "named by its place")
+        raise DeviceError(f"no OpenCL device {spec}; there are: {_listing(infos)}")
+    current = [info for info in _newest_copies(infos) if info.usable]
+    if not current:
+        raise DeviceError(
+            f"no usable OpenCL device among {_listing(infos)}: "
+            f"install a driver with `{opencl_command()}`"
+        )
+    if spec is None:
+        return Choice(min(current, key=_rank), f"the first in the order {ORDER}")
+    if spec.lower() in ("gpu", "cpu"):
+        kind = [info for info in current if info.kind == spec.lower()]
+        if not kind:
+            raise DeviceError(f"no {spec.upper()} among the OpenCL devices: {_listing(infos)}")
+        return Choice(min(kind, key=_rank), f"the best {spec.upper()}, in the order {ORDER}")
+    return Choice(_by_name(spec, current), f"the only match for '{spec}'")
+
+
+def _by_name(spec: str, infos: Sequence[DeviceInfo]) -> DeviceInfo:
+    # Platforms first: PoCL's devices carry the processor's name, so that "intel" would fit both
+    # Intel's runtime and PoCL on an Intel processor.
+    text = spec.strip().lower()
+    matches = [i for i in infos if text in i.platform.lower() or text in i.vendor.lower()]
+    matches = matches or [i for i in infos if text in i.name.lower()]
+    if not text or not matches:
+        raise DeviceError(f"no OpenCL device fits '{spec}'; there are: {_listing(infos)}")
+    if len(matches) > 1:
+        raise DeviceError(
+            f"'{spec}' fits several OpenCL devices: {_listing(matches)}; name one by its place, "
+            f"such as {matches[0].index}"
+        )
+    return matches[0]
+
+
+def _newest_copies(infos: Sequence[DeviceInfo]) -> list[DeviceInfo]:
+    newest: dict[tuple[str, str], DeviceInfo] = {}
+    for info in infos:
+        best = newest.setdefault((info.platform, info.vendor), info)
+        if _numbers(info.driver) > _numbers(best.driver):
+            newest[info.platform, info.vendor] = info
+    kept = {_platform_index(info) for info in newest.values()}
+    return [info for info in infos if _platform_index(info) in kept]
+
+
+def _rank(info: DeviceInfo) -> tuple[int, bool, bool, int]:
+    pocl = "pocl" in info.vendor.lower()
+    if info.kind == "gpu":
+        kind = 0
+    elif info.kind == "cpu" and info.platform.lower().startswith("intel"):
+        kind = 1
+    elif info.kind == "cpu" and pocl:
+        kind = 2
+    else:
+        kind = 3
+    return kind, pocl, not info.discrete, -info.memory_mib
+
+
+def _environment_choice(infos: Sequence[DeviceInfo]) -> Choice:
+    value = os.environ["PYOPENCL_CTX"]
+    try:
+        device = cl.create_some_context(interactive=False).devices[0]
+    except (cl.Error, RuntimeError, ValueError, IndexError) as error:
+        raise DeviceError(
+            f"PYOPENCL_CTX='{value}' names no OpenCL device ({error}); there are: {_listing(infos)}"
+        ) from error
+    info = next(info for info in infos if info.handle == device)
+    return Choice(info, f"PYOPENCL_CTX='{value}'")
+
+
+def _describe(index: str, device: cl.Device) -> DeviceInfo:
+    kinds: tuple[tuple[int, Kind], ...] = (
+        (cl.device_type.GPU, "gpu"),
+        (cl.device_type.CPU, "cpu"),
+        (cl.device_type.ACCELERATOR, "accelerator"),
+    )
+    return DeviceInfo(
+        index=index,
+        name=device.name.strip(),
+        platform=device.platform.name.strip(),
+        vendor=device.platform.vendor.strip(),
+        version=device.platform.version.strip(),
+        driver=device.driver_version.strip(),
+        kind=next((name for bit, name in kinds if device.type & bit), "other"),
+        memory_mib=device.global_mem_size // 2**20,
+        compute_units=device.max_compute_units,
+        discrete=not device.host_unified_memory,
+        usable=bool(device.available and device.compiler_available),
+        handle=device,
+    )
+
+
+def _listing(infos: Sequence[DeviceInfo]) -> str:
+    return "; ".join(info.label for info in infos)
+
+
+def _platform_index(info: DeviceInfo) -> str:
+    return info.index.partition(":")[0]
+
+
+def _numbers(version: str) -> list[int]:
+    return [int(digits) for digits in re.findall(r"\d+", version)]

@@ -1,0 +1,36 @@
+"""The exact commands that install what is missing."""
+
+from __future__ import annotations
+
+import os
+import platform
+import shlex
+import shutil
+import sys
+
+GL_PACKAGES = ("libegl1", "libgl1", "libgl1-mesa-dri")
+
+
+def apt_command(*packages: str) -> str:
+    """For Debian and Ubuntu, with `sudo` where we are not root."""
+    root = hasattr(os, "geteuid") and os.geteuid() == 0
+    return f"{'' if root else 'sudo '}apt-get install -y {' '.join(packages)}"
+
+
+def pip_command(*requirements: str) -> str:
+    """For the Python environment that runs now."""
+    return shlex.join([sys.executable, "-m", "pip", "install", *requirements])
+
+
+def opencl_command() -> str:
+    """An OpenCL driver for the CPU. Debian's PoCL is two to three times as fast as PyPI's."""
+    if shutil.which("apt-get"):
+        return apt_command("pocl-opencl-icd")
+    return pip_command("pyopencl[pocl]")
+
+
+def intel_command() -> str | None:
+    """Intel's OpenCL runtime, which exists for x86-64 only."""
+    if platform.machine().lower() not in ("x86_64", "amd64"):
+        return None
+    return pip_command("intel-opencl-rt", "intel-cmplr-lib-rt")
