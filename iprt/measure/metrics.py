@@ -87,12 +87,7 @@ def ssim(test: Image, truth: Image) -> float:
     from skimage.metrics import structural_similarity
 
     _require_comparable(test, truth)
-    height, width = truth.shape[:2]
-    if min(height, width) < SSIM_WINDOW:
-        raise FormatError(
-            f"{width}x{height} pixels are too few for SSIM: "
-            f"its window needs {SSIM_WINDOW}x{SSIM_WINDOW}"
-        )
+    _require_window(truth.shape[1], truth.shape[0], "the image")
     return float(
         structural_similarity(
             truth,
@@ -114,17 +109,25 @@ def ssim_cuts(test: Image, truth: Image, cuts: Sequence[Cut]) -> tuple[float, ..
     FormatError
         As `ssim`, or a cut leaves the image.
     """
-    scores = []
+    _require_comparable(test, truth)
     height, width = truth.shape[:2]
+    check_cuts(cuts, width, height)
+    return tuple(ssim(test[y0:y1, x0:x1], truth[y0:y1, x0:x1]) for x0, y0, x1, y1 in cuts)
+
+
+def check_cuts(cuts: Sequence[Cut], width: int, height: int) -> None:
+    """Fail if a cut `x0, y0, x1, y1` cannot be scored in an image of `width` x `height` pixels.
+
+    Raises
+    ------
+    FormatError
+        The cut leaves the image, or a side is shorter than the window of SSIM.
+    """
     for cut in cuts:
         x0, y0, x1, y1 = cut
         if not (0 <= x0 < x1 <= width and 0 <= y0 < y1 <= height):
             raise FormatError(f"the cut {list(cut)} is not inside the {width}x{height} image")
-        try:
-            scores.append(ssim(test[y0:y1, x0:x1], truth[y0:y1, x0:x1]))
-        except FormatError as error:
-            raise FormatError(f"cut {list(cut)}: {error}") from error
-    return tuple(scores)
+        _require_window(x1 - x0, y1 - y0, f"the cut {list(cut)}")
 
 
 def flip(test: Image, truth: Image) -> float | None:
@@ -162,6 +165,14 @@ def _require_comparable(test: Image, truth: Image) -> None:
         # Written so that NaN, which compares false, is rejected too.
         if not (image.min() >= 0.0 and image.max() <= 1.0):
             raise FormatError("the images are not display-referred: values outside [0, 1] or NaN")
+
+
+def _require_window(width: int, height: int, what: str) -> None:
+    if min(width, height) < SSIM_WINDOW:
+        raise FormatError(
+            f"{what} has {width}x{height} pixels, too few for SSIM: "
+            f"its window needs {SSIM_WINDOW}x{SSIM_WINDOW}"
+        )
 
 
 def _size(image: Image) -> str:

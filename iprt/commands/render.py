@@ -1,0 +1,190 @@
+"""`iprt render`: one picture of a scene with its virtual objects, to a file."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import tyro
+
+from iprt.errors import IprtError
+from iprt.scene.camera import View
+
+if TYPE_CHECKING:
+    from iprt.scene.scene import Scene
+
+MAX_SIZE = 16384
+DEFAULT_SIZE = (1024, 1024)
+
+
+def render(
+    scene: tyro.conf.Positional[Path],
+    /,
+    *,
+    output: Annotated[Path, tyro.conf.arg(aliases=("-o",))],
+    view: str | None = None,
+    yaw: float | None = None,
+    pitch: float | None = None,
+    fov: float | None = None,
+    size: tuple[int, int] | None = None,
+    spp: int = 1,
+    accumulate: int = 64,
+    seed: int = 0,
+    method: Literal["iprt", "ibl"] = "iprt",
+    device: str | None = None,
+    aov: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
+    profile: Path | None = None,
+) -> int:
+    """Render one view of a scene to an EXR (linear) or PNG (as displayed) file.
+
+    Parameters
+    ----------
+    scene
+        Scene folder.
+    output
+        File to write; its suffix chooses the format: .exr or .png.
+    view
+        Name of a view of the scene, or `equirect` for the whole panorama. Default: the scene's
+        first view.
+    yaw
+        Degrees to the right, for a view of your own with all objects.
+    pitch
+        Degrees up.
+    fov
+        Vertical field of view in degrees, above 1 and below 179.
+    size
+        Width and height in pixels. Default: the view's own.
+    spp
+        Rays per pixel and frame.
+    accumulate
+        Frames accumulated into the picture.
+    seed
+        Seed of the random numbers; the same seed gives the same picture on the same device.
+    method
+        How virtual objects are lit; `ibl` is the baseline: a distant environment without real
+        geometry.
+    device
+        gpu, cpu, PLATFORM:DEVICE or a part of a device's name.
+    aov
+        Auxiliary layer to add to an EXR file, for example normal or depth; may be given several
+        times.
+    profile
+        JSON file for the times per pass.
+
+    Returns
+    -------
+    int
+        Exit status 0.
+    """
+    from iprt.output.atomic import require_writable
+    from iprt.output.picture import check_output
+
+    _require("--spp", spp, 1, 65536)
+    _require("--accumulate", accumulate, 1, 2**20)
+    _require("--seed", seed, 0, 2**31 - 1)
+    check_output(output, aovs=aov)
+    if profile is not None:
+        require_writable(profile)
+
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    from iprt.device.choose import choose_device
+    from iprt.device.compute import ComputeDevice
+    from iprt.output.metadata import picture_metadata
+    from iprt.output.picture import write_picture
+    from iprt.output.table import pass_table, write_profile
+    from iprt.renderer import Renderer, Settings
+    from iprt.scene.scene import Scene
+
+    opened = Scene.open(scene)
+    chosen, objects = choose_view(opened, view, yaw=yaw, pitch=pitch, fov=fov, size=size)
+    settings = Settings(method=method, spp=spp, seed=seed)
+    compute = ComputeDevice(choose_device(device))
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("frames"),
+        TimeElapsedColumn(),
+    )
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("rendering", total=accumulate)
+        renderer = Renderer(opened, view=chosen, objects=objects, device=compute, settings=settings)
+        picture = renderer.render(
+            frames=accumulate, progress=lambda done: bar.update(task, completed=done)
+        )
+    missing = [name for name in aov if name not in picture.aovs]
+    if missing:
+        raise IprtError(
+            f"--aov {missing[0]}: no such layer; the layers are: {', '.join(picture.aovs)}"
+        )
+    write_picture(
+        output,
+        picture.color,
+        aovs={name: picture.aovs[name] for name in aov},
+        exposure=opened.exposure,
+        metadata=picture_metadata(
+            scene=opened.name,
+            view=chosen,
+            objects=objects,
+            settings=asdict(settings),
+            seed=seed,
+            frames=accumulate,
+            device=compute.name,
+        ),
+    )
+    if profile is not None:
+        write_profile(profile, compute.profile, compute.name)
+    console = Console()
+    console.print(pass_table(compute.profile, compute.name))
+    console.print(str(output), highlight=False, soft_wrap=True)
+    return 0
+
+
+def choose_view(
+    scene: Scene,
+    name: str | None,
+    *,
+    yaw: float | None = None,
+    pitch: float | None = None,
+    fov: float | None = None,
+    size: tuple[int, int] | None = None,
+) -> tuple[View, tuple[str, ...] | None]:
+    """The view that the command line asks for, and its objects (None: all of the scene).
+
+    Raises
+    ------
+    IprtError
+        Unknown view, contradicting flags, or a value out of range.
+    """
+    own = yaw is not None or pitch is not None or fov is not None
+    if own and name is not None:
+        raise IprtError("--view names a direction already; leave out --yaw, --pitch and --fov")
+    if size is not None and not all(0 < side <= MAX_SIZE for side in size):
+        raise IprtError(f"--size {size[0]} {size[1]}: expected 1 to {MAX_SIZE} pixels a side")
+    if fov is not None and not 1.0 < fov < 179.0:
+        raise IprtError(f"--fov {fov:g}: expected more than 1 and less than 179 degrees")
+    for flag, angle in (("--yaw", yaw), ("--pitch", pitch)):
+        # Written so that NaN, which compares false, is rejected too.
+        if angle is not None and not abs(angle) <= 360.0:
+            raise IprtError(f"{flag} {angle:g}: expected -360 to 360 degrees")
+    if name == "equirect":
+        width, height = size or (scene.width, scene.height)
+        return View(width, height, projection="equirect"), None
+    if name is None and not own and scene.views:
+        name = next(iter(scene.views))
+    if name is None:
+        width, height = size or DEFAULT_SIZE
+        return View(width, height, yaw or 0.0, pitch or 0.0, 60.0 if fov is None else fov), None
+    if name not in scene.views:
+        known = ", ".join([*scene.views, "equirect"])
+        raise IprtError(f"--view {name}: {scene.name} has no such view; the views are: {known}")
+    entry = scene.views[name]
+    return (entry.view if size is None else entry.view.resized(*size)), entry.objects
+
+
+def _require(flag: str, value: int, low: int, high: int) -> None:
+    if not low <= value <= high:
+        raise IprtError(f"{flag} {value}: expected {low} to {high}")

@@ -1,0 +1,275 @@
+"""The plumbing of comparisons: a fake renderer whose picture, and so whose score, is known."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from PIL import Image
+
+from iprt.commands.compare import compare
+from iprt.device.profile import PassTime, Profile
+from iprt.errors import FormatError, IprtError, SceneError
+from iprt.measure import metrics
+from iprt.measure.compare import Compared, compare_views, views_with_truth
+from iprt.output.exr import write_exr
+from iprt.scene.camera import View
+
+KEYS = ["view", "method", "background", "ssim", "ssim_cuts", "psnr", "mse", "flip", "ms"]
+CUTS = ((2, 3, 20, 22), (0, 0, 40, 32))
+
+
+class FakeProfile(Profile):
+    """`frames` frames of 3 ms in two passes."""
+
+    def passes(self) -> list[PassTime]:
+        return [
+            PassTime("march", 2.0 * self.frames, 0.0, self.frames),
+            PassTime("raster", 0.0, 1.0 * self.frames, 0),
+        ]
+
+
+@dataclass
+class FakeSettings:
+    method: str = "iprt"
+    spp: int = 1
+    seed: int = 0
+
+
+class FakeRenderer:
+    """Renders the background it is given, else the truth; the method `ibl` doubles it."""
+
+    calls: list[dict[str, Any]]
+    picture: NDArray[np.float32]
+
+    def __init__(self, scene: Any, **kwargs: Any) -> None:
+        self.calls.append({"scene": scene, **kwargs})
+        self.device, self.settings = kwargs["device"], kwargs["settings"]
+        self.background = kwargs["background"]
+
+    def render(self, frames: int, progress: Callable[[int], None] | None) -> SimpleNamespace:
+        self.calls[-1]["frames"] = frames
+        self.device.profile.frames = frames
+        if progress is not None:
+            progress(frames)
+        color = self.picture if self.background is None else self.background
+        return SimpleNamespace(color=color * (2.0 if self.settings.method == "ibl" else 1.0))
+
+
+@pytest.fixture
+def renderer(monkeypatch: pytest.MonkeyPatch, truth: NDArray[np.float32]) -> type[FakeRenderer]:
+    monkeypatch.setattr(FakeRenderer, "calls", [], raising=False)
+    monkeypatch.setattr(FakeRenderer, "picture", truth, raising=False)
+    module = ModuleType("iprt.renderer")
+    module.Renderer, module.Settings = FakeRenderer, FakeSettings  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "iprt.renderer", module)
+    return FakeRenderer
+
+
+@pytest.fixture
+def truth() -> NDArray[np.float32]:
+    rng = np.random.default_rng(11)
+    return rng.random((32, 40, 3)).astype(np.float16).astype(np.float32) * 0.5
+
+
+@pytest.fixture
+def scene(tmp_path: Path, truth: NDArray[np.float32]) -> Any:
+    """A view with a truth and a darker background, and one without."""
+    write_exr(tmp_path / "truth.exr", truth)
+    write_exr(tmp_path / "background.exr", 0.5 * truth)
+    compared = SimpleNamespace(
+        view=View(40, 32),
+        truth=tmp_path / "truth.exr",
+        truth_background=tmp_path / "background.exr",
+        cuts=CUTS,
+        objects=("bunny",),
+    )
+    plain = SimpleNamespace(
+        view=View(40, 32), truth=None, truth_background=None, cuts=(), objects=()
+    )
+    return SimpleNamespace(name="room", exposure=1.5, views={"plain": plain, "table": compared})
+
+
+def run(scene: Any, methods: tuple[str, ...] = ("iprt",), **kwargs: Any) -> list[Compared]:
+    device: Any = SimpleNamespace(profile=FakeProfile(), name="a device")
+    names = views_with_truth(scene)
+    return list(compare_views(scene, names, methods, device=device, **kwargs))  # type: ignore[arg-type]
+
+
+def test_perfect_render_scores_perfectly(scene: Any, renderer: type[FakeRenderer]) -> None:
+    (result,) = run(scene, frames=5, seed=9)
+    record = result.comparison.record()
+    assert list(record) == KEYS
+    assert (record["view"], record["method"], record["background"]) == ("table", "iprt", "panorama")
+    assert record["ssim"] == pytest.approx(1.0)
+    assert record["ssim_cuts"] == pytest.approx([1.0, 1.0])
+    assert (record["mse"], record["psnr"]) == (0.0, None)
+    assert record["ms"] == {"march": 2.0, "raster": 1.0}
+    (call,) = renderer.calls
+    assert call["objects"] == ("bunny",)
+    assert call["view"] == scene.views["table"].view
+    assert call["background"] is None
+    assert call["frames"] == 5
+    assert call["settings"] == FakeSettings(method="iprt", seed=9)
+
+
+def test_scores_are_those_of_the_displayed_images(
+    scene: Any, renderer: type[FakeRenderer], truth: NDArray[np.float32]
+) -> None:
+    iprt, ibl = run(scene, ("iprt", "ibl"), frames=1)
+    shown, target = metrics.display(2.0 * truth, 1.5), metrics.display(truth, 1.5)
+    assert ibl.comparison.method == "ibl"
+    assert ibl.comparison.ssim == metrics.ssim(shown, target) < iprt.comparison.ssim
+    x0, y0, x1, y1 = CUTS[0]
+    cut = metrics.ssim(shown[y0:y1, x0:x1], target[y0:y1, x0:x1])
+    assert ibl.comparison.ssim_cuts[0] == cut
+    assert ibl.comparison.mse == pytest.approx(np.mean((shown - target) ** 2))
+    assert ibl.comparison.psnr == pytest.approx(-10 * np.log10(ibl.comparison.mse))
+    assert ibl.comparison.flip == metrics.flip(shown, target)
+    json.dumps(ibl.comparison.record(), allow_nan=False)
+
+
+def test_truth_background_reaches_the_renderer(
+    scene: Any, renderer: type[FakeRenderer], truth: NDArray[np.float32]
+) -> None:
+    (result,) = run(scene, background="truth", frames=1)
+    np.testing.assert_array_equal(renderer.calls[0]["background"], 0.5 * truth)
+    assert result.comparison.background == "truth"
+    np.testing.assert_array_equal(result.render, metrics.display(0.5 * truth, 1.5))
+
+
+def test_panels_show_render_truth_and_difference(scene: Any, renderer: type[FakeRenderer]) -> None:
+    (result,) = run(scene, background="truth", frames=1)
+    render, truth, difference = np.split(result.panels(), 3, axis=1)
+    np.testing.assert_array_equal(render, result.render)
+    np.testing.assert_array_equal(truth, result.truth)
+    np.testing.assert_allclose(difference, np.minimum(4 * np.abs(render - truth), 1))
+
+
+def test_view_without_truth_is_an_error_naming_the_key(scene: Any) -> None:
+    with pytest.raises(SceneError, match=r"views\.plain\.truth is not set"):
+        views_with_truth(scene, "plain")
+
+
+def test_unknown_view_lists_the_views(scene: Any) -> None:
+    with pytest.raises(SceneError, match=r"'tabel'.*plain, table"):
+        views_with_truth(scene, "tabel")
+
+
+def test_scene_without_truth_is_one_line(scene: Any) -> None:
+    del scene.views["table"]
+    with pytest.raises(SceneError, match="no view has a truth") as error:
+        views_with_truth(scene)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [
+        ({"truth": Path("gone.exr")}, r"views\.table\.truth: there is no file"),
+        ({"truth_background": None}, r"views\.table\.truth_background is not set"),
+        ({"view": View(41, 32)}, r"truth\.exr: 40x32 pixels, but views\.table\.size is 41x32"),
+        ({"cuts": ((0, 0, 8, 20),)}, r"views\.table\.cuts: the cut .* too few for SSIM"),
+        ({"cuts": ((0, 0, 50, 20),)}, r"views\.table\.cuts: .* not inside"),
+    ],
+)
+def test_faults_of_the_truth_are_found_before_rendering(
+    spoil: dict[str, Any], message: str, scene: Any, renderer: type[FakeRenderer]
+) -> None:
+    vars(scene.views["table"]).update(spoil)
+    with pytest.raises((SceneError, FormatError), match=message):
+        run(scene, background="truth")
+    assert renderer.calls == []
+
+
+def test_truth_with_nan_is_named(
+    scene: Any, renderer: type[FakeRenderer], truth: NDArray[np.float32]
+) -> None:
+    truth[0, 0] = np.nan
+    write_exr(scene.views["table"].truth, truth)
+    with pytest.raises(FormatError, match=r"truth\.exr: the image holds 1 pixels"):
+        run(scene)
+
+
+def test_render_with_nan_gets_no_score(
+    scene: Any, renderer: type[FakeRenderer], truth: NDArray[np.float32]
+) -> None:
+    broken = truth.copy()
+    broken[3, 4, 2] = np.nan
+    renderer.picture = broken
+    with pytest.raises(FormatError, match="view 'table', method iprt: the image holds 1 pixels"):
+        run(scene)
+
+
+@pytest.fixture
+def command(
+    monkeypatch: pytest.MonkeyPatch, scene: Any, renderer: type[FakeRenderer]
+) -> Callable[..., int]:
+    """`iprt compare` on the fake scene and device."""
+
+    def module(name: str, **members: Any) -> None:
+        fake = ModuleType(name)
+        vars(fake).update(members)
+        monkeypatch.setitem(sys.modules, name, fake)
+
+    device = SimpleNamespace(profile=FakeProfile(), name="a device")
+    module("iprt.scene.scene", Scene=SimpleNamespace(open=lambda path: scene))
+    module("iprt.device.choose", choose_device=lambda spec: spec)
+    module("iprt.device.compute", ComputeDevice=lambda spec: device)
+    return lambda **kwargs: compare(Path("room"), frames=2, **kwargs)
+
+
+def test_json_goes_to_stdout_alone(
+    command: Callable[..., int], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert command(method=("all",), json=True) == 0
+    records = json.loads(capsys.readouterr().out)
+    assert [record["method"] for record in records] == ["iprt", "ibl"]
+    assert all(list(record) == KEYS for record in records)
+
+
+def test_table_has_a_row_per_method(
+    command: Callable[..., int], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert command(method=("ibl", "iprt", "ibl")) == 0
+    lines = [line for line in capsys.readouterr().out.splitlines() if "table" in line]
+    assert ["iprt" in lines[0], "ibl" in lines[1]] == [True, True]
+    assert len(lines) == 2
+
+
+@pytest.mark.parametrize(("limit", "status"), [(1.0 - 1e-9, 0), (-1.0, 0), (None, 0)])
+def test_good_enough_is_status_0(
+    limit: float | None, status: int, command: Callable[..., int]
+) -> None:
+    assert command(fail_under_ssim=limit) == status
+
+
+def test_missed_threshold_is_status_1(command: Callable[..., int]) -> None:
+    assert command(method=("all",), fail_under_ssim=0.999) == 1
+
+
+def test_saved_pictures(command: Callable[..., int], tmp_path: Path) -> None:
+    assert command(save=tmp_path / "new" / "panels", method=("all",)) == 0
+    names = sorted(path.name for path in (tmp_path / "new" / "panels").iterdir())
+    assert names == ["table-ibl-panorama.png", "table-iprt-panorama.png"]
+    with Image.open(tmp_path / "new" / "panels" / names[0]) as image:
+        assert image.size == (120, 32)
+        assert json.loads(image.text["iprt:scores"])["method"] == "ibl"  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [{"frames": 0}, {"seed": -1}, {"fail_under_ssim": 1.5}, {"fail_under_ssim": float("nan")}],
+)
+def test_bad_values_are_refused(arguments: dict[str, Any]) -> None:
+    flag = next(iter(arguments)).replace("_", "-")
+    with pytest.raises(IprtError, match=f"--{flag}"):
+        compare(Path("room"), **arguments)
