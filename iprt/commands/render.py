@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro
 
 from iprt.errors import IprtError
-from iprt.scene.camera import View
 
 if TYPE_CHECKING:
+    from iprt.scene.camera import View
     from iprt.scene.scene import Scene
 
 MAX_SIZE = 16384
@@ -159,6 +159,8 @@ def choose_view(
     IprtError
         Unknown view, contradicting flags, or a value out of range.
     """
+    from iprt.scene.camera import View
+
     own = yaw is not None or pitch is not None or fov is not None
     if own and name is not None:
         raise IprtError("--view names a direction already; leave out --yaw, --pitch and --fov")

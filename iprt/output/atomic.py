@@ -28,13 +28,14 @@ def replacing(path: Path) -> Iterator[Path]:
     temporary = target.with_name(f".{uuid.uuid4().hex}.tmp")
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        yield temporary
-        os.replace(temporary, target)
+        try:
+            yield temporary
+            os.replace(temporary, target)
+        finally:
+            temporary.unlink(missing_ok=True)
     except (OSError, RuntimeError) as error:  # OpenEXR reports system errors as RuntimeError
         reason = getattr(error, "strerror", None) or str(error)
         raise FormatError(f"{path}: cannot be written: {reason}") from error
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def require_writable(path: Path) -> None:
@@ -46,6 +47,12 @@ def require_writable(path: Path) -> None:
         `path` is a folder, or the folder it goes to is not one, or permits no writing.
     """
     target = Path(os.path.realpath(path))
+    try:
+        target.lstat()
+    except (FileNotFoundError, NotADirectoryError):
+        pass
+    except OSError as error:  # a name too long, a folder that may not be searched
+        raise FormatError(f"{path}: cannot be written: {error.strerror}") from error
     if target.is_dir():
         raise FormatError(f"{path}: is a folder; name a file in it")
     folder = target.parent

@@ -181,6 +181,13 @@ def test_output_below_a_file_is_refused(tmp_path: Path, color: NDArray[np.float3
     (tmp_path / "file").write_text("")
     with pytest.raises(FormatError, match="is a file, not a folder"):
         check_output(tmp_path / "file" / "a.exr")
+    with pytest.raises(FormatError, match="cannot be written"):
+        write_exr(tmp_path / "file" / "a.exr", color)
+
+
+def test_name_too_long_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(FormatError, match="File name too long"):
+        check_output(tmp_path / f"{'a' * 300}.exr")
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
