@@ -1,0 +1,56 @@
+"""cl/lib/maths.h against float64."""
+
+import numpy as np
+
+from tests.kernels.wrap import evaluate
+
+
+def exp2(device, x):
+    return evaluate(device, ["maths.h"], "y = fast_exp2(x);", {"x": x}, {"y": "float"})["y"]
+
+
+def test_exp2_keeps_its_stated_error(device):
+    x = np.linspace(-126, 126.99, 200_001).astype(np.float32)
+    relative = exp2(device, x) / np.exp2(x.astype(np.float64)) - 1
+    assert np.abs(relative).max() < 1.1e-4
+    near_zero = np.float32(np.concatenate([-np.geomspace(1e-9, 1, 999), [0, -0.0]]))
+    assert np.abs(exp2(device, near_zero) / np.exp2(np.float64(near_zero)) - 1).max() < 1.1e-4
+
+
+def test_exp2_is_exact_at_integers_and_monotone(device):
+    powers = np.arange(-126, 128, dtype=np.float32)
+    np.testing.assert_array_equal(exp2(device, powers), np.exp2(powers.astype(np.float64)))
+    dense = np.linspace(-3, 3, 100_001, dtype=np.float32)
+    assert np.all(np.diff(exp2(device, dense)) >= 0)
+
+
+def test_exp2_of_anything_is_finite(device):
+    x = np.float32([-np.inf, -1e30, -127, 128, 1e30, np.inf, np.nan])
+    y = exp2(device, x)
+    assert np.all(np.isfinite(y))
+    assert y[0] <= 2.0**-126
+    assert y[-2] >= 2.0**127
+
+
+def test_luminance_is_that_of_linear_rec709(device):
+    rgb = np.float32([[1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1]])
+    y = evaluate(device, ["maths.h"], "y = luminance(c);", {"c": rgb}, {"y": "float"})["y"]
+    np.testing.assert_allclose(y, [0.2126, 0.7152, 0.0722, 1], rtol=1e-6)
+
+
+def test_normalize_survives_any_length(device):
+    direction = np.array([0.6, -0.64, 0.48])
+    lengths = [1e-25, 1e-15, 1, 1e15, 1e30, 0, np.nan, np.inf]
+    v = np.float32([direction * s for s in lengths])
+    body = "n = safe_normalize(v, (float3)(0.0f, 1.0f, 0.0f));"
+    n = evaluate(device, ["maths.h"], body, {"v": v}, {"n": "float3"})["n"]
+    np.testing.assert_allclose(n[:5], np.tile(direction, (5, 1)), atol=3e-7)
+    np.testing.assert_array_equal(n[5:], np.tile([0, 1, 0], (3, 1)))
+
+
+def test_finite_checks(device):
+    x = np.float32([0, -1e38, 1e-40, np.inf, -np.inf, np.nan])
+    body = "y = is_finite(x); z = is_finite3((float3)(0.0f, x, 1.0f));"
+    out = evaluate(device, ["maths.h"], body, {"x": x}, {"y": "int", "z": "int"})
+    np.testing.assert_array_equal(out["y"] != 0, np.isfinite(x))
+    np.testing.assert_array_equal(out["z"] != 0, np.isfinite(x))

@@ -1,0 +1,94 @@
+"""Run device functions of `cl/lib` on arrays: one work item per row, no kernel file needed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pyopencl as cl
+from numpy.typing import NDArray
+
+from iprt.device.compute import ComputeDevice
+from iprt.resources import CL
+
+_SCALARS = {"float": np.float32, "int": np.int32, "uint": np.uint32}
+
+
+def _scalar_and_width(kind: str) -> tuple[str, int]:
+    scalar = kind.rstrip("234")
+    return scalar, int(kind[len(scalar) :] or 1)
+
+
+def _kind(values: NDArray[Any]) -> str:
+    names = {np.dtype(t): name for name, t in _SCALARS.items()}
+    return names[values.dtype] + (str(values.shape[1]) if values.ndim == 2 else "")
+
+
+def evaluate(
+    device: ComputeDevice,
+    headers: Sequence[str],
+    body: str,
+    inputs: Mapping[str, NDArray[Any]],
+    outputs: Mapping[str, str],
+    tables: Mapping[str, NDArray[np.float32]] | None = None,
+    defines: Sequence[str] = (),
+) -> dict[str, NDArray[Any]]:
+    """Run statements once per row of the inputs.
+
+    Parameters
+    ----------
+    headers : names in `cl/lib`.
+    body : OpenCL C that reads variables named as the inputs and assigns those of the outputs.
+    inputs : (N,) or (N, 2..4) float32, int32 or uint32 each.
+    outputs : OpenCL type of each output, e.g. ``{"p": "float2"}``.
+    tables : (R, 4) float32 each, a ``__global const float4 *`` of that name.
+    defines : names given as ``-D``.
+    """
+    tables = tables or {}
+    count = len(next(iter(inputs.values())))
+    arguments = [f"__global const float4 *restrict {name}" for name in tables]
+    loads, stores = [], []
+    for name, values in inputs.items():
+        scalar, width = _scalar_and_width(_kind(values))
+        arguments.append(f"__global const {scalar} *restrict {name}_in")
+        read = f"vload{width}(row, {name}_in)" if width > 1 else f"{name}_in[row]"
+        loads.append(f"{_kind(values)} {name} = {read};")
+    for name, kind in outputs.items():
+        scalar, width = _scalar_and_width(kind)
+        arguments.append(f"__global {scalar} *restrict {name}_out")
+        loads.append(f"{kind} {name};")
+        write = (
+            f"vstore{width}({name}, row, {name}_out)" if width > 1 else f"{name}_out[row] = {name}"
+        )
+        stores.append(write + ";")
+    source = "\n".join(
+        [
+            *(f'#include "{header}"' for header in headers),
+            f"__kernel void run({', '.join([*arguments, 'const int count'])})",
+            "{ const int row = get_global_id(0); if (row >= count) return;",
+            *loads,
+            body,
+            *stores,
+            "}",
+        ]
+    )
+    options = ["-cl-std=CL1.2", "-I", str(CL / "lib"), *(f"-D{name}" for name in defines)]
+    kernel = cl.Kernel(cl.Program(device.context, source).build(options), "run")
+
+    read_only = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
+    given = [*tables.values(), *inputs.values()]
+    buffers = [
+        cl.Buffer(device.context, read_only, hostbuf=np.ascontiguousarray(values))
+        for values in given
+    ]
+    results = {}
+    for name, kind in outputs.items():
+        scalar, width = _scalar_and_width(kind)
+        shape = (count, width) if width > 1 else (count,)
+        results[name] = np.empty(shape, _SCALARS[scalar])
+        buffers.append(cl.Buffer(device.context, cl.mem_flags.WRITE_ONLY, results[name].nbytes))
+    kernel(device.queue, (-(-count // 64) * 64,), (64,), *buffers, np.int32(count))
+    for values, buffer in zip(results.values(), buffers[len(given) :], strict=True):
+        cl.enqueue_copy(device.queue, values, buffer)
+    return results
