@@ -1,0 +1,70 @@
+"""Interpolation of sparsely traced signals (IPRT, Algorithm 2)."""
+
+from __future__ import annotations
+
+import pyopencl.array as cla
+from pydantic import BaseModel, ConfigDict, Field
+
+from iprt.device.compute import ComputeDevice
+from iprt.passes.guide import Guide, plane_defines
+
+
+class InterpolateSettings(BaseModel):
+    """How alike an untraced pixel and a ray's pixel must be."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    normal_sharpness: float = Field(
+        default=32.0,
+        ge=0.0,
+        le=1e4,
+        description="Falloff per (1 - cosine) of the normals' angle; higher keeps creases.",
+    )
+    plane_sharpness: float = Field(
+        default=100.0,
+        ge=0.0,
+        le=1e5,
+        description="Falloff per (distance from the pixel's plane / depth); higher keeps steps.",
+    )
+
+
+class Interpolate:
+    """Fills the pixels that got no ray from traced ones of their surface, in place."""
+
+    def __init__(
+        self, device: ComputeDevice, guide: Guide, channels: int, settings: InterpolateSettings
+    ) -> None:
+        self.settings = settings
+        self._device = device
+        self._guide = guide
+        self._kernel = device.kernel(
+            "interpolate.cl",
+            "interpolate",
+            plane_defines(equirect=guide.equirect, SIGNAL_PLANES=channels),
+        )
+
+    def run(self, level: cla.Array, signal: cla.Array, offset: tuple[int, int]) -> None:
+        """Complete `signal` in place.
+
+        Parameters
+        ----------
+        level : 1 plane uint8
+            `Mask.level`.
+        signal : `channels` planes
+            Holds values at traced pixels; afterwards at every pixel with a surface, else 0.
+        offset : (int, int)
+            What `Mask.run` was given.
+        """
+        width, height = self._guide.layout.width, self._guide.layout.height
+        with self._device.profile.section("interpolate"):
+            self._kernel(
+                (width, height),
+                self._guide.current,
+                level,
+                signal,
+                self.settings.normal_sharpness,
+                self.settings.plane_sharpness,
+                *offset,
+                width,
+                height,
+            )

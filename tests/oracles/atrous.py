@@ -1,0 +1,69 @@
+"""Slow numpy twin of the à-trous filter."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tests.oracles.guide import Array, falloff, luminance, shifted, shown
+
+B3 = np.array([1.0, 4.0, 6.0, 4.0, 1.0]) / 16.0
+
+
+def smooth_variance(variance: Array, ids: Array, equirect: bool) -> Array:
+    """3x3 binomial mean over pixels of one id."""
+    total, weights = np.zeros(ids.shape), np.zeros(ids.shape)
+    for dy in (-1, 0, 1):
+        for dx in (-1, 0, 1):
+            same = shifted(ids, dx, dy, equirect, fill=-1.0) == ids
+            weight = (2 - abs(dx)) * (2 - abs(dy)) * same
+            total += weight * shifted(variance, dx, dy, equirect)
+            weights += weight
+    return total / weights
+
+
+def filter_level(
+    signal: Array,
+    variance: Array,
+    normal: Array,
+    position: Array,
+    ids: Array,
+    step: int,
+    *,
+    sharpness: tuple[float, float] = (128.0, 100.0),
+    deviations: float = 2.0,
+    floor: float = 0.002,
+    roughness: Array | None = None,
+    lobe_fraction: float = 0.5,
+    equirect: bool = False,
+) -> tuple[Array, Array]:
+    """One level: (C, H, W) signal and (H, W) variance of its shown scalar, with taps at `step`."""
+    distance = np.maximum(np.linalg.norm(position, axis=0), 1e-15)
+    normal_sharpness = np.full(ids.shape, sharpness[0])
+    lobe = np.zeros(ids.shape)
+    usable = ids > 0.0
+    if roughness is not None:
+        usable = usable & (roughness >= 1e-4)
+        lobe = 0.5 / (2.0 * lobe_fraction * np.maximum(roughness, 1e-4)) ** 2
+        normal_sharpness = np.maximum(normal_sharpness, 8.0 * lobe)
+    floors = (floor * luminance(signal)) ** 2
+    total, weights, variances = np.zeros(signal.shape), np.zeros(ids.shape), np.zeros(ids.shape)
+    for j in range(-2, 3):
+        for i in range(-2, 3):
+            dx, dy = i * step, j * step
+            tap = shifted(signal, dx, dy, equirect)
+            v = shifted(variance, dx, dy, equirect)
+            away = shifted(position, dx, dy, equirect) - position
+            turn = np.maximum(1.0 - (normal * shifted(normal, dx, dy, equirect)).sum(0), 0.0)
+            off_plane = np.abs((normal * away).sum(0)) / distance
+            noise = deviations**2 * (v + variance) + floors + 1e-30
+            x = normal_sharpness * turn + sharpness[1] * off_plane
+            x = x + (shown(tap) - shown(signal)) ** 2 / noise
+            x = x + lobe * (away**2).sum(0) / distance**2
+            same = usable & (shifted(ids, dx, dy, equirect, fill=-1.0) == ids)
+            weight = B3[i + 2] * B3[j + 2] * np.where(same, falloff(x), 0.0)
+            if i == j == 0:
+                weight = np.full(ids.shape, B3[2] ** 2)
+            total += weight * tap
+            weights += weight
+            variances += weight**2 * v
+    return total / weights, variances / weights**2

@@ -1,0 +1,39 @@
+"""Slow numpy twin of the sparse tracing mask (IPRT, Eqs. 3 and 4)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tests.oracles.guide import Array, shifted
+
+
+def tracing_weight(
+    normal: Array, position: Array, ids: Array, touched: Array, sigma: float, equirect: bool
+) -> Array:
+    """(H, W) weight w of Eq. 3 from (3, H, W) normal and position, (H, W) ids and touched."""
+    weight = np.zeros(ids.shape)
+    for dy in range(-2, 3):
+        for dx in range(-2, 3):
+            other = shifted(ids, dx, dy, equirect, fill=-1.0)
+            inside = other >= 0.0
+            turn = np.linalg.norm(shifted(normal, dx, dy, equirect) - normal, axis=0)
+            apart = np.linalg.norm(shifted(position, dx, dy, equirect) - position, axis=0)
+            difference = np.where(other == ids, np.maximum(turn, sigma * apart), 1.0)
+            active = shifted(touched, dx, dy, equirect) > 0.0
+            weight = np.maximum(weight, np.where(inside, difference, 0.0))
+            weight = np.maximum(weight, np.where(inside & active, 1.0, 0.0))
+    return np.minimum(weight, 1.0)
+
+
+def levels(weight: Array, ids: Array, low: float, high: float) -> Array:
+    """(H, W) tracing level of Eq. 4, 255 where there is nothing to trace."""
+    chosen = np.where(weight >= high, 0, np.where(weight >= low, 1, 2))
+    return np.where(ids > 0.0, chosen, 255)
+
+
+def traced(level: Array, offset: tuple[int, int]) -> Array:
+    """(H, W) bool, the pixels that get a ray."""
+    y, x = np.mgrid[: level.shape[0], : level.shape[1]]
+    spacing = np.where(level == 255, 1, 2 ** np.minimum(level, 2))
+    on_grid = ((x - offset[0]) % spacing == 0) & ((y - offset[1]) % spacing == 0)
+    return on_grid & (level != 255)

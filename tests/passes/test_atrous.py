@@ -1,0 +1,181 @@
+"""The à-trous filter against its twin, and what it promises."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from iprt.device.compute import ComputeDevice
+from iprt.passes.atrous import Atrous, AtrousSettings, Rect
+from iprt.passes.temporal import Accumulated, Kind, signal_planes
+from tests.oracles import atrous as oracle
+from tests.passes.gbuffer import SIZES, GBuffer, flat_gbuffer, random_gbuffer, read, upload
+
+
+def run(
+    device: ComputeDevice,
+    gbuffer: GBuffer,
+    kind: Kind,
+    signal: np.ndarray,
+    variance: np.ndarray,
+    *,
+    roughness: np.ndarray | None = None,
+    rect: Rect | None = None,
+    settings: AtrousSettings | None = None,
+) -> np.ndarray:
+    layout = gbuffer.layout
+    atrous = Atrous(device, gbuffer.guide(device), kind, settings or AtrousSettings(), name="test")
+    accumulated = Accumulated(
+        upload(device, layout, signal),
+        upload(device, layout, np.ones_like(variance)[None]),
+        upload(device, layout, variance[None]),
+    )
+    alpha = None if roughness is None else upload(device, layout, roughness[None])
+    return read(device, layout, atrous.run(accumulated, roughness=alpha, rect=rect))
+
+
+def twin(
+    gbuffer: GBuffer,
+    signal: np.ndarray,
+    variance: np.ndarray,
+    levels: int = 5,
+    roughness: np.ndarray | None = None,
+) -> np.ndarray:
+    args = (gbuffer.normal, gbuffer.position, gbuffer.seen_ids)
+    variance = oracle.smooth_variance(variance, gbuffer.seen_ids, gbuffer.equirect)
+    for level in range(levels):
+        signal, variance = oracle.filter_level(
+            signal,
+            variance,
+            *args,
+            1 << level,
+            roughness=roughness,
+            equirect=gbuffer.equirect,
+        )
+    return signal
+
+
+def random_case(
+    kind: Kind, width: int, height: int, equirect: bool
+) -> tuple[GBuffer, np.ndarray, np.ndarray, np.ndarray | None]:
+    rng = np.random.default_rng(2)
+    gbuffer = random_gbuffer(width, height, equirect=equirect)
+    signal = rng.gamma(4.0, 0.25, (signal_planes(kind), height, width))
+    variance = rng.gamma(2.0, 0.05, (height, width))
+    roughness = None
+    if kind == "specular":
+        roughness = rng.choice([0.0, 5e-5, 0.05, 0.3, 1.0], (height, width))
+    return gbuffer, signal, variance, roughness
+
+
+@pytest.mark.parametrize("kind", ["real", "diffuse", "specular"])
+@pytest.mark.parametrize("equirect", [False, True])
+@pytest.mark.parametrize(("width", "height"), SIZES)
+def test_equals_twin(
+    device: ComputeDevice, width: int, height: int, equirect: bool, kind: Kind
+) -> None:
+    gbuffer, signal, variance, roughness = random_case(kind, width, height, equirect)
+    result = run(device, gbuffer, kind, signal, variance, roughness=roughness)
+    expected = twin(gbuffer, signal, variance, roughness=roughness)
+    np.testing.assert_allclose(result, expected, rtol=5e-3, atol=1e-4)
+
+
+@pytest.mark.parametrize("levels", [0, 1, 2, 3])
+def test_levels(device: ComputeDevice, levels: int) -> None:
+    gbuffer, signal, variance, _ = random_case("real", 33, 21, False)
+    settings = AtrousSettings(levels=levels)
+    result = run(device, gbuffer, "real", signal, variance, settings=settings)
+    np.testing.assert_allclose(result, twin(gbuffer, signal, variance, levels), rtol=3e-3)
+
+
+def test_constant_stays(device: ComputeDevice) -> None:
+    gbuffer, _, variance, _ = random_case("diffuse", 64, 48, False)
+    signal = np.array([0.3, 1.7, 40.0])[:, None, None] * np.ones((3, 48, 64))
+    np.testing.assert_allclose(run(device, gbuffer, "diffuse", signal, variance), signal, rtol=2e-6)
+
+
+def test_ids_do_not_mix(device: ComputeDevice) -> None:
+    gbuffer = flat_gbuffer(64, 48)
+    gbuffer.ids[:, 30:] = 2.0
+    gbuffer.ids[20:, :8] = 0.0
+    rng = np.random.default_rng(3)
+    signal = rng.random((3, 48, 64))
+    variance = np.full((48, 64), 10.0)
+    before = run(device, gbuffer, "diffuse", signal, variance)
+    signal[:, gbuffer.ids == 2.0] = 1e6
+    signal[:, gbuffer.ids == 0.0] = -5.0
+    after = run(device, gbuffer, "diffuse", signal, variance)
+    own = gbuffer.ids == 1.0
+    assert np.array_equal(before[:, own], after[:, own])
+    assert np.all(after[:, gbuffer.ids == 0.0] == -5.0)
+
+
+def test_equal_planes_stay_equal(device: ComputeDevice) -> None:
+    gbuffer, signal, variance, _ = random_case("real", 61, 47, False)
+    signal[3:] = signal[:3]
+    for v in (variance, 0.0 * variance):
+        result = run(device, gbuffer, "real", signal, v)
+        assert np.array_equal(result[:3], result[3:])
+        assert not np.array_equal(result, signal)
+
+
+def test_mirror_is_not_touched(device: ComputeDevice) -> None:
+    gbuffer, signal, variance, _ = random_case("specular", 64, 48, False)
+    mirror = np.zeros((48, 64))
+    result = run(device, gbuffer, "specular", signal, variance, roughness=mirror)
+    assert np.array_equal(result, signal.astype(np.float32))
+
+
+def test_rougher_is_smoother(device: ComputeDevice) -> None:
+    gbuffer = flat_gbuffer(64, 48)
+    rng = np.random.default_rng(4)
+    signal = 1.0 + 0.1 * rng.normal(size=(3, 48, 64))
+    variance = np.full((48, 64), 0.01)
+    left = [
+        run(device, gbuffer, "specular", signal, variance, roughness=np.full((48, 64), a)).std()
+        for a in (0.0, 0.01, 0.03, 0.1, 0.5)
+    ]
+    assert np.all(np.diff(left) < 0.0)
+    assert left[-1] < 0.1 * left[0]
+
+
+def test_rectangle_gives_the_same_pixels(device: ComputeDevice) -> None:
+    gbuffer, signal, variance, _ = random_case("diffuse", 64, 48, False)
+    gbuffer.ids[:, :10] = gbuffer.ids[:, 41:] = 0.0
+    gbuffer.ids[:5] = gbuffer.ids[40:] = 0.0
+    whole = run(device, gbuffer, "diffuse", signal, variance)
+    part = run(device, gbuffer, "diffuse", signal, variance, rect=(10, 5, 41, 40))
+    assert np.array_equal(whole[:, 5:40, 10:41], part[:, 5:40, 10:41])
+    run(device, gbuffer, "diffuse", signal, variance, rect=(10, 5, 10, 5))
+
+
+def test_noise_goes_and_known_detail_stays(device: ComputeDevice) -> None:
+    """A step of 10% vanishes in noise of one picture, and survives the mean of 256."""
+    gbuffer = flat_gbuffer(96, 64)
+    rng = np.random.default_rng(5)
+    truth = np.where(np.arange(96) < 48, 1.0, 0.9) * np.ones((3, 64, 96))
+    errors = {}
+    for frames in (1, 256):
+        deviation = 0.5 / np.sqrt(frames)
+        signal = truth + deviation * rng.normal(size=(1, 64, 96))
+        result = run(device, gbuffer, "diffuse", signal, np.full((64, 96), deviation**2))
+        errors[frames] = np.sqrt(np.mean((result - truth) ** 2))
+        assert errors[frames] < 0.3 * deviation
+        step = result[0, :, 40:46].mean() - result[0, :, 50:56].mean()
+        assert frames == 1 or abs(step - 0.1) < 0.005
+    assert errors[256] < 0.1 * errors[1] or errors[256] < 0.006
+
+
+def test_extreme_values_stay_finite(device: ComputeDevice) -> None:
+    gbuffer, signal, variance, _ = random_case("real", 64, 48, False)
+    rng = np.random.default_rng(6)
+    signal *= 10.0 ** rng.choice([-30, -5, 0, 6, 12], signal.shape)
+    variance *= 10.0 ** rng.choice([-35, 0, 12, 24], variance.shape)
+    assert np.isfinite(run(device, gbuffer, "real", signal, variance)).all()
+
+
+def test_equirect_picture_turns_with_the_view(device: ComputeDevice) -> None:
+    gbuffer, signal, variance, _ = random_case("real", 64, 32, True)
+    result = run(device, gbuffer, "real", signal, variance)
+    turned = run(device, gbuffer.rolled(7), "real", np.roll(signal, 7, 2), np.roll(variance, 7, 1))
+    np.testing.assert_allclose(np.roll(result, 7, 2), turned, rtol=2e-3, atol=1e-5)

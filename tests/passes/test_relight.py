@@ -1,0 +1,58 @@
+"""The relighting ratio."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from iprt.device.compute import ComputeDevice
+from iprt.passes.relight import Relight
+from tests.passes.gbuffer import SIZES, GBuffer, flat_gbuffer, random_gbuffer, upload
+
+
+def run(device: ComputeDevice, gbuffer: GBuffer, signal: np.ndarray) -> np.ndarray:
+    """(4, H, W) ratio."""
+    relight = Relight(device, gbuffer.guide(device))
+    relight.run(upload(device, gbuffer.layout, signal), scale=2.0)
+    shape = (gbuffer.layout.height, gbuffer.layout.width, 4)
+    return np.moveaxis(device.read(relight.ratio).reshape(shape), -1, 0)
+
+
+@pytest.mark.parametrize(("width", "height"), SIZES)
+def test_quotient_on_surfaces(device: ComputeDevice, width: int, height: int) -> None:
+    gbuffer = random_gbuffer(width, height, equirect=False)
+    signal = np.random.default_rng(0).uniform(0.1, 1.5, (6, height, width))
+    ratio = run(device, gbuffer, signal)
+    expected = np.clip(signal[3:] / signal[:3], 0.0, 4.0)
+    expected = np.where(gbuffer.seen_ids > 0.0, expected, 1.0)
+    np.testing.assert_allclose(ratio[:3], expected, rtol=1e-6)
+    assert np.all(ratio[3] == 1.0)
+
+
+def test_equal_irradiance_is_exactly_one(device: ComputeDevice) -> None:
+    gbuffer = flat_gbuffer(64, 48)
+    signal = np.random.default_rng(1).gamma(0.2, 3.0, (3, 48, 64))
+    assert np.all(run(device, gbuffer, np.concatenate([signal, signal])) == 1.0)
+
+
+@pytest.mark.parametrize(
+    ("real", "both", "expected"),
+    [
+        (0.0, 1.0, 1.0),
+        (1e-6, 0.5e-6, 1.0),
+        (1.0, 0.0, 0.0),
+        (1.0, -0.1, 0.0),
+        (0.1, 100.0, 4.0),
+        (65504.0, 32752.0, 0.5),
+        (np.nan, 1.0, 1.0),
+        (1.0, np.nan, 1.0),
+        (np.inf, 1.0, 1.0),
+        (1.0, np.inf, 1.0),
+        (np.inf, np.inf, 1.0),
+        (-1.0, 1.0, 1.0),
+    ],
+)
+def test_extremes(device: ComputeDevice, real: float, both: float, expected: float) -> None:
+    signal = np.full((6, 2, 2), real)
+    signal[3:] = both
+    assert np.all(run(device, flat_gbuffer(2, 2), signal)[:3] == np.float32(expected))

@@ -1,0 +1,232 @@
+"""Temporal accumulation against its twin, and what it promises."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from iprt.device.compute import ComputeDevice
+from iprt.passes.temporal import Accumulated, Kind, Temporal, TemporalSettings, signal_planes
+from tests.oracles import temporal as oracle
+from tests.oracles.guide import shown
+from tests.passes.gbuffer import (
+    SIZES,
+    GBuffer,
+    flat_gbuffer,
+    random_gbuffer,
+    read,
+    still_motion,
+    upload,
+)
+
+SETTINGS = TemporalSettings()
+
+
+class Session:
+    """A temporal filter fed with images."""
+
+    def __init__(self, device: ComputeDevice, gbuffer: GBuffer, kind: Kind) -> None:
+        self.device = device
+        self.layout = gbuffer.layout
+        self.guide = gbuffer.guide(device)
+        self.temporal = Temporal(device, self.guide, kind, SETTINGS, name="test")
+        self.still = still_motion(self.layout.width, self.layout.height)
+
+    def add(
+        self,
+        gbuffer: GBuffer,
+        signal: np.ndarray,
+        motion: np.ndarray | None = None,
+        *,
+        fading: float = 0.0,
+        changed: bool = False,
+    ) -> Accumulated:
+        gbuffer.fill(self.device, self.guide)
+        return self.temporal.run(
+            upload(self.device, self.layout, signal),
+            upload(self.device, self.layout, self.still if motion is None else motion),
+            fading=fading,
+            changed=changed,
+        )
+
+    def image(self, planes: object) -> np.ndarray:
+        return read(self.device, self.layout, planes)
+
+
+def noise(rng: np.random.Generator, kind: Kind, width: int, height: int) -> np.ndarray:
+    signal = rng.gamma(2.0, 0.5, (signal_planes(kind), height, width))
+    if kind == "real":  # influence in part of the picture only
+        shadow = rng.random((1, height, width)) < 0.3
+        shadow[..., : width // 2] = False
+        signal[3:] = np.where(shadow, 0.2, 1.0) * signal[:3]
+    return signal
+
+
+@pytest.mark.parametrize("kind", ["real", "diffuse"])
+@pytest.mark.parametrize("equirect", [False, True])
+@pytest.mark.parametrize(("width", "height"), SIZES)
+def test_equals_twin(
+    device: ComputeDevice, width: int, height: int, equirect: bool, kind: Kind
+) -> None:
+    rng = np.random.default_rng(5)
+    gbuffer = random_gbuffer(width, height, equirect=equirect)
+    session = Session(device, gbuffer, kind)
+    before = gbuffer
+    past = oracle.History(
+        np.zeros((signal_planes(kind), height, width)),
+        np.zeros((height, width)),
+        np.zeros((height, width)),
+    )
+    for frame, (changed, fading) in enumerate([(False, 0.0), (True, 0.0), (True, 0.1)] * 2):
+        signal = noise(rng, kind, width, height)
+        motion = session.still + rng.normal(size=(2, height, width)) * [[[0.8]], [[0.6]]]
+        if equirect:
+            motion[0] %= width
+        motion[:, rng.random((height, width)) < 0.05] = -1e9
+        ids = np.where(rng.random((height, width)) < 0.02, 0.0, gbuffer.ids)
+        now = replace(gbuffer, ids=ids)
+        result = session.add(now, signal, motion, fading=fading, changed=changed)
+        tolerance = SETTINGS.plane_tolerance
+        if changed and kind != "real":
+            tolerance = SETTINGS.moved_tolerance
+        limits = (tolerance, SETTINGS.normal_agreement)
+        past = oracle.reproject(now.planes, before.planes, motion, past, limits, equirect)
+        if changed:
+            past = oracle.clamp(past, signal, now.seen_ids, 2, 2.0, 4.0, equirect)
+        past = oracle.accumulate(past, signal, now.seen_ids, fading)
+        variance = oracle.variance(past, now.seen_ids, equirect)
+        # A value on a threshold may fall on either side of it in single precision.
+        for image, twin in [
+            (result.signal, past.signal),
+            (result.length, past.length[None]),
+            (result.variance, variance[None]),
+        ]:
+            close = np.isclose(session.image(image), twin, rtol=2e-3, atol=2e-4)
+            assert close.mean() > 0.995, frame
+        before = now
+
+
+@pytest.mark.parametrize("kind", ["real", "diffuse"])
+def test_still_picture_converges_to_the_mean(device: ComputeDevice, kind: Kind) -> None:
+    rng = np.random.default_rng(6)
+    gbuffer = flat_gbuffer(40, 24)
+    session = Session(device, gbuffer, kind)
+    samples = [noise(rng, kind, 40, 24) for _ in range(30)]
+    for signal in samples:
+        result = session.add(gbuffer, signal)
+    np.testing.assert_allclose(session.image(result.signal), np.mean(samples, 0), rtol=3e-6)
+    assert np.all(session.image(result.length) == 30.0)
+    scalars = np.array([shown(s) for s in samples])
+    np.testing.assert_allclose(
+        session.image(result.variance)[0], scalars.var(0, ddof=1) / 30.0, rtol=1e-3, atol=1e-9
+    )
+
+
+def test_fading_after_stillness_and_back(device: ComputeDevice) -> None:
+    """A faded history is worth (2 - f) / f samples, so the mean that follows weighs it right."""
+    gbuffer = flat_gbuffer(8, 8)
+    session = Session(device, gbuffer, "diffuse")
+    rng = np.random.default_rng(7)
+    for _ in range(60):
+        result = session.add(gbuffer, rng.random((3, 8, 8)), fading=0.1)
+    np.testing.assert_allclose(session.image(result.length), 19.0)
+    result = session.add(gbuffer, rng.random((3, 8, 8)), fading=0.0)
+    np.testing.assert_allclose(session.image(result.length), 20.0)
+
+
+def test_whole_pixel_motion_is_exact(device: ComputeDevice) -> None:
+    gbuffer = flat_gbuffer(40, 24)
+    session = Session(device, gbuffer, "diffuse")
+    rng = np.random.default_rng(8)
+    first = rng.random((3, 24, 40)).astype(np.float32)
+    session.add(gbuffer, first)
+    lost = np.full_like(first, np.nan)
+    motion = session.still + np.array([3.0, -2.0])[:, None, None]
+    result = session.image(session.add(gbuffer, lost, motion).signal)
+    assert np.array_equal(result[:, 2:, :-3], first[:, :-2, 3:])
+    assert not result[:, :2].any()
+    assert not result[:, :, -3:].any()
+
+
+def test_other_surface_is_rejected(device: ComputeDevice) -> None:
+    gbuffer = flat_gbuffer(40, 24)
+    session = Session(device, gbuffer, "diffuse")
+    dark, bright = np.zeros((3, 24, 40)), np.ones((3, 24, 40))
+    for _ in range(5):
+        session.add(gbuffer, dark)
+    ids, depth, normal = gbuffer.ids.copy(), gbuffer.depth.copy(), gbuffer.normal.copy()
+    ids[:, :10] = 2.0
+    depth[:, 10:20] *= 1.1
+    normal[:, :, 20:30] = np.array([1.0, 0.0, 0.0])[:, None, None]
+    result = session.add(replace(gbuffer, ids=ids, depth=depth, normal=normal), bright)
+    expected = np.where(np.arange(40) < 30, 1.0, 6.0)
+    assert np.array_equal(session.image(result.length)[0], np.tile(expected, (24, 1)))
+    np.testing.assert_allclose(session.image(result.signal)[..., :30], 1.0)
+
+
+def test_old_shadow_goes_at_once(device: ComputeDevice) -> None:
+    gbuffer = flat_gbuffer(40, 24)
+    session = Session(device, gbuffer, "real")
+    rng = np.random.default_rng(9)
+    for _ in range(20):
+        signal = rng.gamma(2.0, 0.5, (6, 24, 40))
+        signal[3:] = 0.5 * signal[:3]
+        session.add(gbuffer, signal)
+    signal[3:] = signal[:3]
+    result = session.image(session.add(gbuffer, signal, fading=0.1, changed=True).signal)
+    assert np.array_equal(result[:3], result[3:])
+
+
+def test_equal_planes_stay_equal(device: ComputeDevice) -> None:
+    gbuffer = random_gbuffer(33, 21, equirect=False)
+    session = Session(device, gbuffer, "real")
+    rng = np.random.default_rng(10)
+    for changed in (False, True, True, False):
+        signal = np.tile(rng.gamma(2.0, 0.5, (3, 21, 33)), (2, 1, 1))
+        motion = session.still + rng.normal(size=(2, 21, 33))
+        result = session.add(gbuffer, signal, motion, fading=0.1, changed=changed)
+    image = session.image(result.signal)
+    assert np.array_equal(image[:3], image[3:])
+    assert not session.image(result.variance).any()
+
+
+@pytest.mark.parametrize("changed", [False, True])
+def test_samples_that_are_not_finite_are_dropped(device: ComputeDevice, changed: bool) -> None:
+    gbuffer = flat_gbuffer(16, 8)
+    session = Session(device, gbuffer, "diffuse")
+    values = (0.5, 0.9, 0.3, 0.1, 0.7)
+    for value, bad in zip(values, (np.nan, np.inf, 1.0, -np.inf, 1.0), strict=True):
+        signal = np.full((3, 8, 16), value)
+        signal[1, 3:5, 4:9] *= bad
+        result = session.add(gbuffer, signal, changed=changed)
+    image = session.image(result.signal)
+    assert np.isfinite(image).all()
+    assert np.isfinite(session.image(result.variance)).all()
+    assert session.image(result.length)[0, 4, 6] == 2.0
+    if not changed:
+        np.testing.assert_allclose(image[:, 4, 6], 0.5, rtol=1e-6)
+
+
+def test_reset_forgets(device: ComputeDevice) -> None:
+    gbuffer = flat_gbuffer(16, 8)
+    session = Session(device, gbuffer, "diffuse")
+    session.add(gbuffer, np.zeros((3, 8, 16)))
+    session.temporal.reset()
+    result = session.add(gbuffer, np.ones((3, 8, 16)))
+    assert np.all(session.image(result.signal) == 1.0)
+
+
+def test_equirect_picture_turns_with_the_view(device: ComputeDevice) -> None:
+    """A pan of an equirect view keeps the whole history, across the seam too."""
+    gbuffer = random_gbuffer(64, 32, equirect=True)
+    rng = np.random.default_rng(12)
+    signal = rng.random((3, 32, 64)).astype(np.float32)
+    session = Session(device, gbuffer, "diffuse")
+    session.add(gbuffer, signal)
+    motion = session.still.copy()
+    motion[0] = (motion[0] - 7.0) % 64
+    result = session.add(gbuffer.rolled(7), np.full_like(signal, np.nan), motion)
+    image = session.image(result.signal)
+    assert np.array_equal(image, np.roll(np.where(gbuffer.seen_ids > 0, signal, 0), 7, 2))
