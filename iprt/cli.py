@@ -1,0 +1,91 @@
+"""The command `iprt`: its verbs, and how errors become exit codes.
+
+Exit codes: 0 fine; 1 a threshold given on the command line was missed; 2 bad input; 3 no usable
+device; 70 a defect in iprt itself; 130 interrupted. Results go to stdout, the log to stderr.
+"""
+
+from __future__ import annotations
+
+import inspect
+import logging
+import os
+import sys
+import traceback
+from collections.abc import Callable, Sequence
+from importlib import import_module
+
+from tyro.extras import SubcommandApp
+
+from iprt.errors import IprtError
+
+DEFECT = 70
+INTERRUPTED = 130
+DESCRIPTION = """Insert virtual objects into 360° RGBD video.
+`iprt VERB --help` explains a verb; `--debug` anywhere shows the traceback of an error."""
+
+VERBS = {
+    "doctor": "iprt.commands.doctor:doctor",
+    "render": "iprt.commands.render:render",
+    "compare": "iprt.commands.compare:compare",
+}
+"""Words after `iprt` -> the function that does it. It returns the exit code, or None for 0."""
+
+GROUPS = {"scene": "Look at, check and write scenes."}
+"""What the first words of two-word verbs are about."""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one verb and return the exit code. Errors of the user are one line on stderr."""
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    debug = "--debug" in words
+    words = [word for word in words if word != "--debug"]
+    logging.basicConfig(stream=sys.stderr, format="iprt: %(message)s")
+    logging.getLogger("iprt").setLevel(logging.DEBUG if debug else logging.INFO)
+    try:
+        code = application(words).cli(prog="iprt", description=DESCRIPTION, args=words)
+        sys.stdout.flush()
+        return code or 0
+    except IprtError as error:
+        if debug:
+            traceback.print_exc()
+        print(f"iprt: error: {error}", file=sys.stderr)
+        return error.exit_code
+    except KeyboardInterrupt:
+        print("iprt: interrupted", file=sys.stderr)
+        return INTERRUPTED
+    except BrokenPipeError:
+        # The reader of stdout has left; Python would complain once more while it shuts down.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except Exception:
+        traceback.print_exc()
+        print("iprt: this is a defect in iprt; please report the lines above", file=sys.stderr)
+        return DEFECT
+
+
+def application(arguments: Sequence[str]) -> SubcommandApp:
+    """All verbs; the one that `arguments` asks for explains itself at length, the others briefly.
+
+    The verbs' modules import what is heavy only when they run.
+    """
+    root = SubcommandApp()
+    groups: dict[str, SubcommandApp] = {}
+    for words, target in VERBS.items():
+        group, _, verb = words.rpartition(" ")
+        parent = root
+        if group:
+            if group not in groups:
+                groups[group] = SubcommandApp()
+                root.command(groups[group], name=group, help=GROUPS[group])
+            parent = groups[group]
+        function = _load(target)
+        asked = list(arguments[: words.count(" ") + 1]) == words.split()
+        first_line = (inspect.getdoc(function) or "").partition("\n")[0]
+        parent.command(name=verb, help=None if asked else first_line)(function)
+    return root
+
+
+def _load(target: str) -> Callable[..., int | None]:
+    module, _, name = target.partition(":")
+    function: Callable[..., int | None] = getattr(import_module(module), name)
+    return function

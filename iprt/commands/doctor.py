@@ -1,0 +1,113 @@
+"""`iprt doctor`: what this machine offers, what is missing, and the commands that install it."""
+
+from __future__ import annotations
+
+import json as json_format
+from typing import TYPE_CHECKING, Annotated, Any
+
+import tyro
+
+from iprt.errors import DeviceError
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+Record = dict[str, Any]
+
+
+def doctor(
+    *, json: Annotated[bool, tyro.conf.arg(name="json"), tyro.conf.FlagCreatePairsOff] = False
+) -> int:
+    """Show OpenCL devices, the OpenGL renderer, versions, and how to install what is missing.
+
+    Parameters
+    ----------
+    json
+        Print one JSON object instead of tables, for programs and bug reports.
+
+    Returns
+    -------
+    int
+        Exit status: 0 if an OpenCL device and EGL are usable, else 3.
+    """
+    from iprt.device.doctor import examine
+
+    report = examine()
+    if json:
+        print(json_format.dumps(report, indent=2))
+    else:
+        show(report)
+    return 0 if report["ok"] else DeviceError.exit_code
+
+
+def show(report: Record) -> None:
+    """Print a report of `iprt.device.doctor.examine` for people."""
+    from rich.console import Console
+
+    console = Console(highlight=False)
+
+    def line(text: str, style: str = "") -> None:
+        console.print(text, style=style, markup=False, soft_wrap=True)
+
+    opencl, opengl = report["opencl"], report["opengl"]
+    console.print(device_table(opencl.get("devices", [])))
+    if "error" in opencl:
+        line(f"OpenCL: {opencl['error']}", "red")
+    else:
+        line(f"uses {opencl['chosen']}: {opencl['reason']}")
+    line(f"drivers are listed in {opencl['vendors']}\n")
+    if "error" in opengl:
+        line(f"OpenGL through EGL: {opengl['error']}", "red")
+    else:
+        line(f"OpenGL through EGL: {opengl['renderer']}, {opengl['version']}")
+    if opengl.get("software"):
+        line("this is software rendering: right, but slow with many triangles", "yellow")
+    console.print()
+    console.print(_optional_table(report["optional"]))
+    console.print(_version_table(report["versions"]))
+    for lack in report["missing"]:
+        line(f"missing: {lack['what']} ({lack['why']})", "yellow")
+        line(f"    {lack['install']}")
+    line(*(("ready to render", "green") if report["ok"] else ("cannot render", "red")))
+
+
+def device_table(devices: list[Record]) -> Table:
+    """One row per OpenCL device; an arrow marks the one that would be used."""
+    from rich.table import Table
+
+    table = Table(title="OpenCL devices", title_justify="left")
+    for column in ("", "place", "kind", "device", "platform", "driver", "memory"):
+        table.add_column(column, overflow="fold")
+    for device in devices:
+        table.add_row(
+            "→" if device["chosen"] else "",
+            device["index"],
+            device["kind"] if device["usable"] else f"{device['kind']}, not usable",
+            f"{device['name']}, {device['compute_units']} units",
+            device["platform"],
+            device["driver"],
+            f"{device['memory_mib'] / 1024:.1f} GiB",
+        )
+    return table
+
+
+def _optional_table(parts: list[Record]) -> Table:
+    from rich.table import Table
+
+    table = Table(title="Optional parts", title_justify="left")
+    for column in ("part", "for", "version", "state"):
+        table.add_column(column, overflow="fold")
+    for part in parts:
+        table.add_row(part["name"], part["purpose"], part["version"] or "", part["state"])
+    return table
+
+
+def _version_table(versions: dict[str, str | None]) -> Table:
+    from rich.table import Table
+
+    table = Table(title="Versions", title_justify="left", show_header=False)
+    table.add_column()
+    table.add_column(overflow="fold")
+    for name, version in versions.items():
+        table.add_row(name, version or "missing")
+    return table

@@ -1,0 +1,207 @@
+"""The command line: verbs, exit codes, one-line errors, quick start."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from iprt import cli
+from iprt.errors import DeviceError, SceneError
+
+ROOT = Path(__file__).parents[1]
+Install = Callable[[Callable[..., int | None]], None]
+
+
+@pytest.fixture
+def install(monkeypatch: pytest.MonkeyPatch) -> Install:
+    """Make a function the only verb, as `iprt try-it` and `iprt scene look`."""
+
+    def replace(function: Callable[..., int | None]) -> None:
+        monkeypatch.setattr(cli, "VERBS", {"try-it": "m:f", "scene look": "m:f"})
+        monkeypatch.setattr(cli, "_load", lambda _: function)
+
+    return replace
+
+
+def raising(error: BaseException) -> Callable[[], int]:
+    def verb() -> int:
+        """Fail."""
+        raise error
+
+    return verb
+
+
+def iprt(*arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "iprt", *arguments],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def test_every_verb_loads_and_explains_itself() -> None:
+    for words, target in cli.VERBS.items():
+        assert cli._load(target).__doc__, words
+        result = iprt(*words.split(), "--help")
+        assert result.returncode == 0, result.stderr
+        assert f"usage: iprt {words}" in result.stdout
+
+
+def test_words_of_one_and_two_parts_reach_the_function(install: Install) -> None:
+    seen = []
+
+    def verb(*, count: int = 1) -> None:
+        """Count."""
+        seen.append(count)
+
+    install(verb)
+    assert cli.main(["try-it", "--count", "3"]) == 0
+    assert cli.main(["scene", "look"]) == 0
+    assert seen == [3, 1]
+
+
+@pytest.mark.parametrize("code", [0, 1, 3])
+def test_the_verbs_code_is_the_exit_code(install: Install, code: int) -> None:
+    install(lambda: code)
+    assert cli.main(["try-it"]) == code
+
+
+@pytest.mark.parametrize(
+    ("error", "code"), [(SceneError("room/scene.toml: no 'depth'"), 2), (DeviceError("none"), 3)]
+)
+def test_errors_of_the_user_are_one_line(
+    install: Install, capsys: pytest.CaptureFixture[str], error: Exception, code: int
+) -> None:
+    install(raising(error))
+    assert cli.main(["try-it"]) == code
+    captured = capsys.readouterr()
+    assert captured.err == f"iprt: error: {error}\n"
+    assert captured.out == ""
+
+
+@pytest.mark.parametrize("arguments", [["--debug", "try-it"], ["try-it", "--debug"]])
+def test_debug_shows_the_traceback(
+    install: Install, capsys: pytest.CaptureFixture[str], arguments: list[str]
+) -> None:
+    install(raising(SceneError("bad")))
+    assert cli.main(arguments) == 2
+    captured = capsys.readouterr()
+    assert "Traceback" in captured.err
+    assert captured.err.endswith("iprt: error: bad\n")
+
+
+def test_an_interrupt_is_one_line(install: Install, capsys: pytest.CaptureFixture[str]) -> None:
+    install(raising(KeyboardInterrupt()))
+    assert cli.main(["try-it"]) == 130
+    assert capsys.readouterr().err == "iprt: interrupted\n"
+
+
+def test_a_defect_is_told_from_bad_input(
+    install: Install, capsys: pytest.CaptureFixture[str]
+) -> None:
+    install(raising(ZeroDivisionError("division by zero")))
+    assert cli.main(["try-it"]) == 70
+    assert "ZeroDivisionError" in capsys.readouterr().err
+
+
+def test_a_reader_that_leaves_is_no_error() -> None:
+    code = (
+        "import sys; from iprt import cli\n"
+        "def verb():\n '''Talk.'''\n for _ in range(100000): print('much')\n"
+        "cli.VERBS = {'talk': 'm:f', 'other': 'm:f'}; cli._load = lambda _: verb\n"
+        "sys.exit(cli.main(['talk']))"
+    )
+    child = subprocess.Popen(
+        [sys.executable, "-c", code], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    )
+    assert child.stdout is not None
+    assert child.stderr is not None
+    child.stdout.readline()
+    child.stdout.close()
+    assert child.stderr.read() == b""
+    assert child.wait() == 0
+    child.stderr.close()
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        [],
+        ["rendr"],
+        ["scene"],
+        ["try-it", "--unknown"],
+        ["try-it", "--count", "many"],
+        ["try-it", "--count"],
+    ],
+)
+def test_bad_usage_exits_with_2(install: Install, arguments: list[str]) -> None:
+    def verb(*, count: int = 1) -> None:
+        """Count."""
+        pytest.fail("the verb ran")
+
+    install(verb)
+    with pytest.raises(SystemExit) as caught:
+        cli.main(arguments)
+    assert caught.value.code == 2
+
+
+def test_the_list_is_brief_and_the_verbs_help_is_not(
+    install: Install, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def verb() -> None:
+        """First line.
+
+        More to say.
+        """
+
+    install(verb)
+    for arguments, told in (["--help"], False), (["try-it", "--help"], True):
+        with pytest.raises(SystemExit) as caught:
+            cli.main(arguments)
+        text = capsys.readouterr().out
+        assert caught.value.code == 0
+        assert "First line." in text
+        assert ("More to say." in text) == told
+
+
+def test_a_missing_device_is_one_line_and_exit_code_3(tmp_path: Path) -> None:
+    """End to end, with a loader that finds no driver."""
+    (tmp_path / "none.icd").write_text("libno-such-driver.so\n")
+    code = "from iprt.device.choose import choose_device as c; import iprt.cli as i, sys\n" + (
+        "def verb():\n '''Choose.'''\n c()\n"
+        "i.VERBS = {'go': 'm:f', 'other': 'm:f'}; i._load = lambda _: verb\n"
+        "sys.exit(i.main(['go']))"
+    )
+    result = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=ROOT,
+        env={**os.environ, "OCL_ICD_VENDORS": str(tmp_path / "none.icd")},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert result.returncode == 3
+    assert result.stderr.startswith("iprt: error: no OpenCL device: install a driver with `")
+    assert result.stderr.count("\n") == 1
+
+
+def test_help_starts_quickly() -> None:
+    """Nothing heavy is imported to list the verbs."""
+    code = (
+        "import sys; from iprt import cli\n"
+        "try: cli.main(['--help'])\n"
+        "except SystemExit: pass\n"
+        "print(*sorted(sys.modules), file=sys.stderr)"
+    )
+    result = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    heavy = {"pyopencl", "trimesh", "scipy", "skimage", "moderngl", "OpenEXR", "mitsuba"}
+    assert not heavy & set(result.stderr.split())
