@@ -38,7 +38,7 @@ static int MARCH_NAME(const MARCH_LAYER layer, const PolarRay ray, float t_min, 
         const float climb = ray.d.y - at.u0 * ray.m.y;
         const int east_edge = min((at.column + 1) << level, width);
         const float side = meridian_crossing(
-            ray, layer.grid.column[east ? east_edge : at.column << level], at.u0);
+            ray, layer.grid.column[east ? east_edge : at.column << level], east ? 1.0f : -1.0f, at.u0);
         float over = INFINITY, under = INFINITY;
         if (climb > 0.0f || ray.m.y < 0.0f)
             over = cone_crossing(ray, a2, layer.grid.row[at.row << level], 1.0f, at.u0);
