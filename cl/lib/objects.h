@@ -182,11 +182,12 @@ inline int march_screen_objects(const Objects world, float3 o, float3 d, float t
         const int columns = cells_along(width, level), rows = cells_along(height, level);
         const float x = min((column + rightward) << level, width) - cx;
         const float y = min((row + downward) << level, height) - cy;
-        const float t_x = -(focal * o.x + x * o.z) / (focal * d.x + x * d.z);
-        const float t_y = -(focal * o.y - y * o.z) / (focal * d.y - y * d.z);
-        // Crossings behind are rounding, or edges that a ray parallel to them never reaches.
-        const float side = t_x >= t - 1e-4f * (1.0f + fabs(t)) ? fmax(t_x, t) : INFINITY;
-        const float level_edge = t_y >= t - 1e-4f * (1.0f + fabs(t)) ? fmax(t_y, t) : INFINITY;
+        // Edges are crossed the way the ray moves, or not at all.
+        const float x_speed = focal * d.x + x * d.z, y_speed = focal * d.y - y * d.z;
+        const float t_x = -(focal * o.x + x * o.z) / x_speed;
+        const float t_y = -(focal * o.y - y * o.z) / y_speed;
+        const float side = (rightward ? x_speed : -x_speed) > 0.0f ? fmax(t_x, t) : INFINITY;
+        const float level_edge = (downward ? -y_speed : y_speed) > 0.0f ? fmax(t_y, t) : INFINITY;
         const float next = fmin(fmin(side, level_edge), t1);
         const float r0 = sqrt(fmax(oo + t * (2.0f * od + t), 0.0f));
         const float r1 = sqrt(fmax(oo + next * (2.0f * od + next), 0.0f));
@@ -255,6 +256,8 @@ inline float2 bounds_interval(const Objects world, float3 o, float3 d, float t_m
 // that starts on an object and might start below its rasterized surface.
 inline int trace_objects(const Objects world, float3 o, float3 d, float t_max, ObjectHit *hit)
 {
+    if (!is_ray(o, d))
+        return 0;
     const float2 reach = bounds_interval(world, o, d, t_max);
     if (!(reach.x <= reach.y))
         return 0;

@@ -114,8 +114,7 @@ inline int back_face(const RealLayer layer, const PolarRay ray, const Segment at
 #endif
 
 // What happens to a ray in one texel. Surfaces are watertight across connected edges, because a
-// ray that was in front of one texel and is behind its connected neighbour has met the surface
-// between them.
+// ray that is on different sides of two connected neighbours has met the surface between them.
 inline int real_leaf(const RealLayer layer, const PolarRay ray, const Segment at, int *side,
                      RealHit *hit)
 {
@@ -135,6 +134,11 @@ inline int real_leaf(const RealLayer layer, const PolarRay ray, const Segment at
     const float thickness0 = real_thickness(layer, radius0);
     const float thickness1 = real_thickness(layer, radius1);
 
+    const int connected = flags & (at.entry == ENTRY_WEST    ? SURFACE_WEST
+                                   : at.entry == ENTRY_EAST  ? SURFACE_EAST
+                                   : at.entry == ENTRY_NORTH ? SURFACE_NORTH
+                                                             : SURFACE_SOUTH);
+
     hit->texel = texel;
     hit->kind = HIT_SURFACE;
     float u = at.u0;
@@ -144,10 +148,6 @@ inline int real_leaf(const RealLayer layer, const PolarRay ray, const Segment at
         *side = behind0 <= thickness0 ? SIDE_WITHIN : SIDE_BEHIND;
         found = behind0 > 0.0f && behind0 <= layer.bias && behind1 > behind0;
     } else if (*side == SIDE_FRONT && behind0 > 0.0f) {
-        const int connected = flags & (at.entry == ENTRY_WEST    ? SURFACE_WEST
-                                       : at.entry == ENTRY_EAST  ? SURFACE_EAST
-                                       : at.entry == ENTRY_NORTH ? SURFACE_NORTH
-                                                                 : SURFACE_SOUTH);
         if (!connected) {
 #ifdef BASSRT
             if (back_face(layer, ray, at, surface.xyz, radius0, hit))
@@ -159,7 +159,7 @@ inline int real_leaf(const RealLayer layer, const PolarRay ray, const Segment at
         *side = SIDE_BEHIND;
     } else if (*side == SIDE_BEHIND) {
         hit->kind = HIT_SIDE;
-        found = behind0 > 0.0f && behind0 <= thickness0;
+        found = behind0 <= thickness0 && (behind0 > 0.0f || connected);
     } else if (*side == SIDE_WITHIN && behind0 > thickness0) {
         *side = SIDE_BEHIND;
     }
@@ -210,11 +210,18 @@ inline int radial_real(const RealLayer layer, const PolarRay ray, int texel, Rea
     return 1;
 }
 
-// Nearest real surface along the ray. Always fills `hit`: a ray that leaves the scene takes what
-// the panorama shows in its own direction.
-inline RealHit trace_real_layer(const RealLayer layer, float3 o, float3 d)
+// Nearest real surface along the ray, up to t_max. Always fills the hit: a ray that leaves the
+// scene takes what the panorama shows in its own direction.
+inline RealHit trace_real_layer(const RealLayer layer, float3 o, float3 d, float t_max)
 {
     RealHit hit;
+    if (!is_ray(o, d)) {
+        hit.t = INFINITY;
+        hit.direction = (float3)(0.0f, 1.0f, 0.0f);
+        hit.texel = 0;
+        hit.kind = HIT_UNKNOWN;
+        return hit;
+    }
     const PolarRay ray = polar_ray(o, d);
     const float2 uv = equirect_uv(d);
     const int texel = min((int)(uv.y * layer.grid.height), layer.grid.height - 1) * layer.grid.width
@@ -224,13 +231,13 @@ inline RealHit trace_real_layer(const RealLayer layer, float3 o, float3 d)
     hit.direction = d;
     int found = 0;
     // Past this radius there is nothing left to meet.
-    const float t_max = fabs(ray.od) + 1.25f * layer.farthest;
+    const float t_last = fmin(t_max, fabs(ray.od) + 1.25f * layer.farthest);
     if (!(layer.farthest > 0.0f))
         found = 0;
     else if (!(ray.b > 2e-4f * layer.nearest))
         found = radial_real(layer, ray, texel, &hit);
     else
-        found = march_real_layer(layer, ray, 0.0f, t_max, SIDE_FRONT, &hit);
+        found = march_real_layer(layer, ray, 0.0f, t_last, SIDE_FRONT, &hit);
     if (found != 1) {
         hit.t = INFINITY;
         hit.texel = texel;
