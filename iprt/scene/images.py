@@ -1,0 +1,149 @@
+"""Pictures on disk to arrays: EXR, PNG, JPEG and PFM, told apart by their first bytes."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from iprt.errors import FormatError
+from iprt.scene import exr
+from iprt.scene.pfm import read_pfm
+from iprt.scene.png16 import read_png16
+
+Image2D = NDArray[np.float32]
+_SIGNATURES = {
+    exr.MAGIC: "exr",
+    b"\x89PNG": "png",
+    b"\xff\xd8\xff": "jpeg",
+    b"Pf": "pfm",
+    b"PF": "pfm",
+}
+
+
+def file_kind(path: Path) -> str:
+    """ "exr", "png", "jpeg" or "pfm", by the file's first bytes.
+
+    Raises
+    ------
+    FormatError
+        Missing, unreadable, empty, or none of these.
+    """
+    try:
+        with path.open("rb") as file:
+            start = file.read(4)
+    except FileNotFoundError as error:
+        raise FormatError(f"{path}: no such file") from error
+    except OSError as error:
+        raise FormatError(f"{path}: cannot be read ({error.strerror})") from error
+    for signature, kind in _SIGNATURES.items():
+        if start.startswith(signature):
+            return kind
+    what = "empty" if not start else "not an EXR, PNG, JPEG or PFM file"
+    raise FormatError(f"{path}: {what}")
+
+
+def read_color(path: Path) -> Image2D:
+    """Linear RGB radiance as (H, W, 3) float32, as stored: possibly not finite.
+
+    EXR with channels R, G, B (or Y alone) is linear; PNG and JPEG, 8 or 16 bits per channel, are
+    decoded from sRGB. Alpha and colour profiles are ignored.
+
+    Raises
+    ------
+    FormatError
+    """
+    kind = file_kind(path)
+    if kind == "exr":
+        planes = exr.read_exr(path, [("R", "G", "B"), ("Y",)])
+        return np.stack([planes[i % len(planes)] for i in range(3)], axis=-1).astype(np.float32)
+    if kind == "pfm":
+        raise FormatError(f"{path}: PFM is read as depth only; save colour as EXR, PNG or JPEG")
+    image = _open_pillow(path)
+    if kind == "png" and _is_16_bit(image):
+        coded = read_png16(path)
+        grey = coded.shape[2] < 3
+        return decode_srgb(np.repeat(coded[..., :1], 3, axis=2) if grey else coded[..., :3])
+    return decode_srgb(np.asarray(_decoded(path, image).convert("RGB")))
+
+
+def read_depth(path: Path) -> tuple[Image2D, bool]:
+    """Depth in stored units as (H, W) float32, and whether it is stored as integers.
+
+    EXR (channel Z, else Y, else R, else the only one), 16-bit grey PNG, or PFM.
+
+    Raises
+    ------
+    FormatError
+        Also for 8-bit pictures: too coarse for geometry.
+    """
+    kind = file_kind(path)
+    if kind == "exr":
+        plane = exr.read_exr(path, [("Z",), ("Y",), ("R",), ("*",)])[0]
+        return plane.astype(np.float32), plane.dtype.kind == "u"
+    if kind == "pfm":
+        return read_pfm(path), False
+    image = _open_pillow(path)
+    if not image.mode.startswith("I"):
+        raise FormatError(
+            f"{path}: {image.mode} picture with 8 bits per channel; "
+            "depth needs a 16-bit grey PNG, EXR or PFM"
+        )
+    return np.asarray(_decoded(path, image)).astype(np.float32), True
+
+
+def read_plane(path: Path) -> Image2D:
+    """The first channel of an EXR picture as (H, W) float32; masks are stored so."""
+    if file_kind(path) != "exr":
+        raise FormatError(f"{path}: not an EXR file")
+    return exr.read_exr(path, [("Y",), ("R",), ("A",), ("*",)])[0].astype(np.float32)
+
+
+def read_normal(path: Path) -> Image2D:
+    """World-space normals (H, W, 3) float32 from an EXR picture, R, G, B = x, y, z, as stored."""
+    if file_kind(path) != "exr":
+        raise FormatError(f"{path}: normals are read from EXR only")
+    planes = exr.read_exr(path, [("R", "G", "B"), ("X", "Y", "Z"), ("x", "y", "z")])
+    return np.stack(planes, axis=-1).astype(np.float32)
+
+
+def decode_srgb(coded: NDArray[np.generic]) -> Image2D:
+    """Linear float32 in [0, 1] of uint8 or uint16 sRGB values (IEC 61966-2-1)."""
+    steps = np.iinfo(coded.dtype).max
+    value = np.arange(steps + 1, dtype=np.float64) / steps
+    linear = np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
+    table: Image2D = linear.astype(np.float32)
+    return table[coded]
+
+
+def _is_16_bit(image: Image.Image) -> bool:
+    # Pillow reports mode RGB for 16-bit colour; the decoder's raw mode tells.
+    tile = image.tile[0] if image.tile else None
+    return image.mode.startswith("I") or (tile is not None and "16" in str(tile[3]))
+
+
+def _open_pillow(path: Path) -> Image.Image:
+    """Open lazily: only the header is read, and its size checked."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
+            image = Image.open(path)
+    except (Image.DecompressionBombError, OSError, SyntaxError, ValueError) as error:
+        raise FormatError(f"{path}: cannot be read as a picture ({error})") from error
+    if image.width * image.height > exr.MAX_PIXELS:
+        raise FormatError(
+            f"{path}: claims {image.width} x {image.height} pixels; "
+            f"at most {exr.MAX_PIXELS} are read"
+        )
+    return image
+
+
+def _decoded(path: Path, image: Image.Image) -> Image.Image:
+    try:
+        image.load()
+    except (OSError, SyntaxError, ValueError) as error:
+        raise FormatError(f"{path}: cut off or damaged picture ({error})") from error
+    return image

@@ -1,0 +1,250 @@
+"""Surface normals from depth: least-squares planes in windows that do not cross depth gaps.
+
+The method of Schwandt et al., "Natural Environment Illumination", section 5 (one plane per texel,
+small normal equations solved by determinants instead of an SVD), fitted in inverse depth: with
+tangent coordinates (a, b) about a texel's direction, a plane `n . p = 1` is
+`1 / z = n_c + n_a a + n_b b`, linear in the unknowns and exact for planes at any slant.
+"""
+
+from __future__ import annotations
+
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.scene.camera import equirect_direction
+
+Plane = NDArray[np.float32]
+Scalar = TypeVar("Scalar", bound=np.generic)
+
+WINDOW_REACH = 2
+"""The window is 5 x 5 texels; columns spread by 1 / sin(theta) so that it stays square."""
+GAP_TOLERANCE = (3e-4, 0.05)
+"""Largest distance from the local plane within a window, as a fraction of the depth: on clean
+depth, where a tight bound keeps windows from reaching around edges, and on the noisiest."""
+_NOISE_FACTOR = 4.0
+_BLOCK_ROWS = 32
+_MIN_SAMPLES = 3
+
+
+def estimate_normals(depth: Plane, same: NDArray[np.uint8]) -> Plane:
+    """Unit normals facing the capture centre; (H, W, 3) float32, zero where depth is infinite.
+
+    Parameters
+    ----------
+    depth : (H, W) float32
+        Metres; +inf where there is no surface.
+    same : (H, W) uint8
+        Windows join texels of equal value only (what is interpolated must not bend what is
+        measured).
+    """
+    height, width = depth.shape
+    with np.errstate(divide="ignore"):
+        inverse = (np.float32(1.0) / depth).astype(np.float32)
+    spread = _column_spread(width, height)
+    tolerance = float(np.clip(_NOISE_FACTOR * _noise(inverse), *GAP_TOLERANCE))
+    padded_inverse, padded_same = (_over_poles(plane, WINDOW_REACH) for plane in (inverse, same))
+    normal = np.empty((height, width, 3), np.float32)
+    for first, last in _blocks(spread):
+        window = _Window(padded_inverse, padded_same, first, last, int(spread[first]))
+        fit = window.fit_planes(tolerance)
+        normal[first:last] = np.where(inverse[first:last, :, None] > 0.0, fit, 0.0)
+    return normal
+
+
+def sanitise_normals(given: Plane, estimate: Plane) -> Plane:
+    """Given normals made unit length and facing the centre; the estimate where there are none.
+
+    Parameters
+    ----------
+    given : (H, W, 3) float32
+        As read: any length, possibly NaN or zero.
+    estimate : (H, W, 3) float32
+        From `estimate_normals`; zero marks texels without a surface, which get no normal.
+    """
+    height, width = given.shape[:2]
+    with np.errstate(invalid="ignore", over="ignore"):
+        length = np.linalg.norm(given, axis=-1, keepdims=True)
+        unit = given / length
+    usable = np.isfinite(unit).all(-1, keepdims=True) & (length > 0.1)
+    surface = np.any(estimate != 0.0, axis=-1, keepdims=True)
+    away = np.sum(unit * _directions(width, 0, height, height), axis=-1, keepdims=True) > 0.0
+    facing = np.where(away, -unit, unit)
+    return np.where(surface & usable, facing, estimate).astype(np.float32)
+
+
+def _column_spread(width: int, height: int) -> NDArray[np.intp]:
+    """(H,) columns per step of the window: 1 at the equator, up to W / 8 at the poles."""
+    sin_theta = np.sin((np.arange(height) + 0.5) / height * np.pi)
+    ratio = (width / (2.0 * height)) / sin_theta
+    spread: NDArray[np.intp] = np.clip(np.rint(ratio), 1, max(1, width // 8)).astype(np.intp)
+    return spread
+
+
+def _noise(inverse: Plane) -> float:
+    """Median departure of inverse depth from a plane over three rows, as a fraction of it.
+
+    Along a meridian a plane's inverse depth is a cosine of the angle, so that the sum of a texel's
+    two neighbours is exactly 2 cos(step) times its own.
+    """
+    if inverse.shape[0] < 3:
+        return 0.0
+    above, middle, below = inverse[:-2], inverse[1:-1], inverse[2:]
+    surface = middle > 0.0
+    if not surface.any():
+        return 0.0
+    bend = above + below - np.float32(2.0 * np.cos(np.pi / inverse.shape[0])) * middle
+    return float(np.median(np.abs(bend[surface]) / middle[surface]))
+
+
+def _blocks(spread: NDArray[np.intp]) -> list[tuple[int, int]]:
+    """Row ranges of equal spread, short enough to stay in the cache."""
+    starts = [0, *(np.nonzero(np.diff(spread))[0] + 1).tolist(), spread.size]
+    return [
+        (first, min(first + _BLOCK_ROWS, end))
+        for start, end in zip(starts[:-1], starts[1:], strict=True)
+        for first in range(start, end, _BLOCK_ROWS)
+    ]
+
+
+def _over_poles(plane: NDArray[Scalar], rows: int) -> NDArray[Scalar]:
+    """(H + 2 rows, W): continued over the poles, where a column goes on half a turn away."""
+    height, width = plane.shape
+    cycle = np.mod(np.arange(-rows, height + rows), 2 * height)
+    beyond = cycle >= height
+    extended = plane[np.where(beyond, 2 * height - 1 - cycle, cycle)]
+    extended[beyond] = np.roll(extended[beyond], width // 2, axis=1)
+    return extended
+
+
+def _directions(width: int, first: int, last: int, height: int) -> NDArray[np.float64]:
+    """(last - first, W, 3) unit directions of the texels of some rows."""
+    x, y = np.meshgrid(np.arange(width) + 0.5, np.arange(first, last) + 0.5)
+    return equirect_direction(np.stack([x, y], axis=-1), width, height)
+
+
+class _Window:
+    """The windows around the texels of some rows, in tangent coordinates.
+
+    Parameters
+    ----------
+    inverse : (H + 2 reach, W) float32
+        Inverse depth, continued over the poles.
+    same : (H + 2 reach, W) uint8
+    first, last : int
+        Rows of the unpadded image.
+    spread : int
+        Columns per step.
+    """
+
+    def __init__(
+        self, inverse: Plane, same: NDArray[np.uint8], first: int, last: int, spread: int
+    ) -> None:
+        self._inverse, self._same = inverse, same
+        self._first, self._last, self._spread = first, last, spread
+        self._height, self._width = inverse.shape[0] - 2 * WINDOW_REACH, inverse.shape[1]
+        self._center = self._shifted(inverse, 0, 0)
+
+    def fit_planes(self, tolerance: float) -> Plane:
+        """(rows, W, 3) unit normals facing the centre; towards it where no plane fits."""
+        slope_b = self._slope([self._sample(down, 0) for down in (2, 1, -1, -2)], axis=2)
+        parallel = [self._sample(0, steps) for steps in (-2, -1, 1, 2)]
+        # A parallel bends away from the great circle: its texels do not lie at b = 0.
+        level = [(rise - slope_b * b, a, b) for rise, a, b in parallel]
+        slope_a = self._slope(level, axis=1)
+        sums = self._sums(slope_a, slope_b, np.float32(tolerance) * self._center)
+        n, a, b, aa, ab, bb, f, af, bf = sums
+        # Moments about the mean: the plane need not pass through the texel itself.
+        aa, ab, bb = aa - a * a / n, ab - a * b / n, bb - b * b / n
+        af, bf = af - a * f / n, bf - b * f / n
+        determinant = aa * bb - ab * ab
+        solvable = (n >= _MIN_SAMPLES) & (determinant > 1e-3 * (aa + bb) ** 2)
+        scale = 1.0 / np.where(solvable, determinant, 1.0)
+        across, up = (bb * af - ab * bf) * scale, (aa * bf - ab * af) * scale
+        ahead = self._center + (f - across * a - up * b) / n
+        solvable &= ahead > 0.0
+        return self._to_world(
+            np.where(solvable, across, 0.0),
+            np.where(solvable, up, 0.0),
+            np.where(solvable, ahead, 1.0),
+        )
+
+    def _sums(self, slope_a: Plane, slope_b: Plane, tolerance: Plane) -> list[Plane]:
+        """Count and moments of a, b and inverse depth over the texels on the local plane."""
+        shape = self._center.shape
+        sums = [np.zeros(shape, np.float32) for _ in range(9)]
+        sums[0] += 1.0
+        own = self._shifted(self._same, 0, 0)
+        reach = range(-WINDOW_REACH, WINDOW_REACH + 1)
+        for down, steps in ((d, s) for d in reach for s in reach if (d, s) != (0, 0)):
+            rise, a, b = self._sample(down, steps)
+            member = np.abs(rise - slope_a * a - slope_b * b) <= tolerance
+            member &= self._shifted(self._same, down, steps) == own
+            weight = member.astype(np.float32)
+            rise = np.where(member, rise, np.float32(0.0))
+            for total, factor in zip(sums[:6], (1.0, a, b, a * a, a * b, b * b), strict=True):
+                total += weight * factor
+            for total, factor in zip(sums[6:], (1.0, a, b), strict=True):
+                total += rise * factor
+        return sums
+
+    def _slope(self, line: list[tuple[Plane, Plane, Plane]], axis: int) -> Plane:
+        """Slope of inverse depth along a line of samples, from the smoother side (as ENO schemes).
+
+        Parameters
+        ----------
+        line : samples at -2, -1, +1, +2 steps
+        axis : 1 for a, 2 for b
+        """
+        sides = []
+        for far, near in ((line[0], line[1]), (line[3], line[2])):
+            slope = near[0] / near[axis]
+            bend = np.abs((far[0] - near[0]) / (far[axis] - near[axis]) - slope)
+            sides.append((slope, bend))
+        (before, before_bend), (after, after_bend) = sides
+        return np.where(before_bend <= after_bend, before, after)
+
+    def _sample(self, down: int, steps: int) -> tuple[Plane, Plane, Plane]:
+        """Rise of 1/z over the centre (rows, W), and tangent coordinates a, b (rows, 1).
+
+        A neighbour more than about 75° away gets a rise that no plane has.
+        """
+        step = np.pi / self._height
+        theta = (np.arange(self._first, self._last) + 0.5) * step
+        phi = steps * self._spread * 2.0 * np.pi / self._width
+        to = theta + down * step
+        ahead = np.cos(theta) * np.cos(to) + np.sin(theta) * np.sin(to) * np.cos(phi)
+        across = np.sin(to) * np.sin(phi)
+        up = np.sin(theta) * np.cos(to) - np.cos(theta) * np.sin(to) * np.cos(phi)
+        near = ahead > 0.25
+        ahead = np.where(near, ahead, 1e-6)
+        scale, a, b = (
+            column.astype(np.float32)[:, None]
+            for column in (1.0 / ahead, across / ahead, up / ahead)
+        )
+        return self._shifted(self._inverse, down, steps) * scale - self._center, a, b
+
+    def _shifted(self, plane: NDArray[Scalar], down: int, steps: int) -> NDArray[Scalar]:
+        top = WINDOW_REACH + down
+        rows = plane[self._first + top : self._last + top]
+        return np.roll(rows, -steps * self._spread, axis=1) if steps else rows
+
+    def _to_world(self, across: Plane, up: Plane, ahead: Plane) -> Plane:
+        """Unit vectors facing the centre, from components east, north and away from it."""
+        ahead_dir = _directions(self._width, self._first, self._last, self._height)
+        ahead_dir = ahead_dir.astype(np.float32)
+        phi = ((np.arange(self._width) + 0.5) / self._width - 0.5) * 2.0 * np.pi
+        theta = (np.arange(self._first, self._last) + 0.5)[:, None] / self._height * np.pi
+        sin_phi, cos_phi = np.sin(phi).astype(np.float32), np.cos(phi).astype(np.float32)
+        sin_theta, cos_theta = np.sin(theta).astype(np.float32), np.cos(theta).astype(np.float32)
+        scale = -1.0 / np.sqrt(across * across + up * up + ahead * ahead)
+        across, up, ahead = across * scale, up * scale, ahead * scale
+        return np.stack(
+            [
+                ahead * ahead_dir[..., 0] + across * cos_phi - up * cos_theta * sin_phi,
+                ahead * ahead_dir[..., 1] + up * sin_theta,
+                ahead * ahead_dir[..., 2] + across * sin_phi + up * cos_theta * cos_phi,
+            ],
+            axis=-1,
+        )
