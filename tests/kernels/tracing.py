@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import pyopencl as cl
 from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice, Kernel
+from iprt.passes.object_layers import EMPTY, NO_LAYERS, TracedLayers, int4
 from iprt.passes.panorama import Panorama
+from iprt.raster.layers import Layer, ObjectLayers
 from iprt.resources import CL
+from iprt.scene.camera import View
+from iprt.scene.frame import Frame
+from tests.oracles.worlds import Solid
 
 SURFACE, SIDE, BACK_FACE, SKY, UNKNOWN = range(5)
 
@@ -96,8 +101,115 @@ def random_directions(rng: np.random.Generator, n: int) -> NDArray[np.float32]:
     return (d / np.linalg.norm(d, axis=1, keepdims=True)).astype(np.float32)
 
 
-def panorama_of(device: ComputeDevice, frame: Any) -> Panorama:
+def panorama_of(device: ComputeDevice, frame: Frame) -> Panorama:
     """The frame's panorama, uploaded and built."""
     panorama = Panorama(device, frame.width, frame.height)
     panorama.load(frame)
     return panorama
+
+
+OBJECT_KERNEL = """
+#include "scene.h"
+__kernel void trace(const int n, __global const float4 *origin, __global const float4 *direction,
+                    __global float *found, __global int2 *what, __global const float *view,
+                    OBJECT_PARAMETERS)
+{
+    const int i = get_global_id(0);
+    if (i >= n)
+        return;
+    const Objects world = OBJECTS(view);
+    ObjectHit hit;
+    const int met = trace_objects(world, origin[i].xyz, direction[i].xyz, INFINITY, &hit);
+    found[i] = met ? hit.t : INFINITY;
+    what[i] = met ? (int2)(hit.index, hit.on_screen) : (int2)(-1, -1);
+}
+"""
+
+
+@dataclass(frozen=True)
+class ObjectHits:
+    """What `trace_objects` returned: t (N,), inf for a miss; index (N,); on_screen (N,)."""
+
+    t: NDArray[np.float32]
+    index: NDArray[np.int32]
+    on_screen: NDArray[np.int32]
+
+
+class ObjectTracer:
+    """`trace_objects` over solids whose layers are intersected analytically."""
+
+    def __init__(
+        self, device: ComputeDevice, view: View, solids: Sequence[Solid], equirect: View
+    ) -> None:
+        """Perspective `view`: screen and `equirect` layers. Equirect `view`: these alone."""
+        self._device = device
+        seen_equirect = view.projection == "equirect"
+        flags = ["-DVIEW_EQUIRECT"] if seen_equirect else []
+        self._kernel = build(device, OBJECT_KERNEL, "trace", *flags)
+        self._view = device.upload("view", view.kernel_constants())
+        around = view if seen_equirect else equirect
+        self.equirect = TracedLayers(device, around, "equirect")
+        self.equirect.load(
+            layers_of(solids, around), device.upload("around", around.kernel_constants())
+        )
+        self.screen = None if seen_equirect else TracedLayers(device, view, "screen")
+        if self.screen:
+            self.screen.load(layers_of(solids, view), self._view)
+        self._bounds = device.upload("bounds", bounds_of(solids))
+
+    def __call__(
+        self, origins: NDArray[np.floating], directions: NDArray[np.floating]
+    ) -> ObjectHits:
+        """Trace (N, 3) rays."""
+        device, n = self._device, len(directions)
+        found = device.empty("found", (n,))
+        what = device.empty("what", (n, 2), np.int32)
+        self._kernel(
+            (n,),
+            n,
+            device.upload("origins", four(np.broadcast_to(origins, directions.shape))),
+            device.upload("directions", four(directions)),
+            found,
+            what,
+            self._view,
+            *(self.screen.arguments() if self.screen else NO_LAYERS),
+            *self.equirect.arguments(),
+            int4(self.screen.rect if self.screen else EMPTY),
+            self._bounds,
+            len(self._bounds),
+            None,
+        )
+        w = device.read(what)
+        return ObjectHits(device.read(found), w[:, 0], w[:, 1])
+
+
+def layers_of(solids: Sequence[Solid], view: View) -> ObjectLayers:
+    """Front and back layers as the rasterizer defines them, with exact depths and normals."""
+    d = view.directions()
+    shape = (*d.shape[:2], 4)
+    front, back = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
+    nearest = np.full(d.shape[:2], np.inf)
+    inside = np.full(d.shape[:2], np.inf)
+    for solid in solids:
+        t0, t1, n0, n1 = solid.interval(np.zeros(3), d)
+        enters = (t0 > 0.0) & (t0 < nearest)
+        front[enters] = np.concatenate([n0, t0[..., None]], axis=-1)[enters]
+        back[enters] = np.concatenate([n1, t1[..., None]], axis=-1)[enters]
+        nearest = np.where(enters, t0, nearest)
+        # From within, the first surface is the far side: front and back are the same.
+        leaves = (t0 <= 0.0) & (t1 > 0.0) & (t1 < np.minimum(nearest, inside))
+        front[leaves] = back[leaves] = np.concatenate([n1, t1[..., None]], axis=-1)[leaves]
+        inside = np.where(leaves, t1, inside)
+        nearest = np.minimum(nearest, inside)
+    blank = np.zeros(shape, np.float32)
+    return ObjectLayers(Layer(front, blank), Layer(back, blank))
+
+
+def bounds_of(solids: Sequence[Solid]) -> NDArray[np.float32]:
+    """(N, 2, 4) float32 corners of boxes that hold the solids, as `object_bounds` makes them."""
+    bounds = np.zeros((len(solids), 2, 4), np.float32)
+    for box, solid in zip(bounds, solids, strict=True):
+        low, high = solid.bounds()
+        margin = 0.02 * float(np.linalg.norm(high - low))
+        box[0, :3], box[1, :3] = low - margin, high + margin
+    return bounds

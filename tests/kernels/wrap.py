@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,11 @@ def _scalar_and_width(kind: str) -> tuple[str, int]:
 def _kind(values: NDArray[Any]) -> str:
     names = {np.dtype(t): name for name, t in _SCALARS.items()}
     return names[values.dtype] + (str(values.shape[1]) if values.ndim == 2 else "")
+
+
+@lru_cache
+def _kernel(context: cl.Context, source: str, options: tuple[str, ...]) -> cl.Kernel:
+    return cl.Kernel(cl.Program(context, source).build(list(options)), "run")
 
 
 def evaluate(
@@ -74,7 +80,7 @@ def evaluate(
         ]
     )
     options = ["-cl-std=CL1.2", "-I", str(CL / "lib"), *(f"-D{name}" for name in defines)]
-    kernel = cl.Kernel(cl.Program(device.context, source).build(options), "run")
+    kernel = _kernel(device.context, source, tuple(options))
 
     read_only = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
     given = [*tables.values(), *inputs.values()]

@@ -1,0 +1,127 @@
+"""How much light crosses a rough dielectric coat, averaged over its visible normals.
+
+Mitsuba 3's `roughplastic` scales its diffuse base with these averages; so do we, because the
+values for a smooth coat differ: at alpha = 0.1, ior = 1.5 they make the base 11% brighter at normal
+view and 30% darker at a cosine of 0.1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+_OUTSIDE_NODES = 64
+"""Quadrature nodes per axis for light from outside, where the integrand is smooth."""
+_INSIDE_NODES = 128
+"""The same from inside, where total reflection makes it kink."""
+
+
+def fresnel_dielectric(cosine: Array, eta: float) -> Array:
+    """Unpolarized reflectance of a smooth boundary.
+
+    Parameters
+    ----------
+    cosine : (...) float64
+        Cosine of the angle of incidence, in [0, 1].
+    eta : float
+        Index of refraction beyond the boundary over that before it.
+    """
+    c = np.maximum(cosine, 1e-12)
+    g = np.sqrt(np.maximum(eta**2 - 1 + c**2, 0))
+    s = (c - g) / (c + g)
+    p = (eta**2 * c - g) / (eta**2 * c + g)
+    reflectance: Array = 0.5 * (s**2 + p**2)
+    return reflectance
+
+
+def rough_transmittance(cosine: Array, alpha: float, ior: float) -> Array:
+    """Share of the light arriving from outside at `cosine` that crosses the coat.
+
+    Parameters
+    ----------
+    cosine : (N,) float64
+        In [0, 1].
+    alpha : float
+        GGX roughness; 0 for a smooth coat.
+    ior : float
+        Index of refraction of the coat; outside is 1.
+
+    Returns
+    -------
+    (N,) float64
+        Integral over the visible normals of (1 - F) G1(refracted direction): Walter et al.,
+        "Microfacet Models for Refraction through Rough Surfaces", EGSR 2007, with separable G.
+    """
+    if alpha == 0:
+        return 1 - fresnel_dielectric(cosine, ior)
+
+    def transmitted(o: Array, m: Array, cos_m: Array) -> Array:
+        cos_t = np.sqrt(np.maximum(1 - (1 - cos_m**2) / ior**2, 0))
+        z = m[..., 2] * (cos_m / ior - cos_t) - o[..., 2] / ior
+        return np.where(z < 0, (1 - fresnel_dielectric(cos_m, ior)) * _masking(z, alpha), 0)
+
+    return _mean_over_normals(cosine, alpha, _OUTSIDE_NODES, transmitted)
+
+
+@lru_cache(maxsize=256)
+def internal_reflectance(alpha: float, ior: float) -> float:
+    """Share of diffuse light from the base that the coat reflects back down.
+
+    For a rough coat this is the mean over 64 equidistant cosines that Mitsuba 3 takes, not the
+    integral, which is 1.5% higher at alpha = 0.1: the base would be 2% brighter than the truth.
+    """
+    if alpha == 0:
+        # What leaves is what enters, over ior² (reciprocity), integrated over the hemisphere.
+        nodes, weights = _unit_quadrature(256)
+        entering = np.sum(2 * nodes * weights * (1 - fresnel_dielectric(nodes, ior)))
+        return float(1 - entering / ior**2)
+
+    def reflected(o: Array, m: Array, cos_m: Array) -> Array:
+        z = 2 * cos_m * m[..., 2] - o[..., 2]
+        return np.where(z > 0, fresnel_dielectric(cos_m, 1 / ior) * _masking(z, alpha), 0)
+
+    cosine = np.linspace(0, 1, 64)
+    return float(2 * np.mean(cosine * _mean_over_normals(cosine, alpha, _INSIDE_NODES, reflected)))
+
+
+def _unit_quadrature(count: int) -> tuple[Array, Array]:
+    nodes, weights = np.polynomial.legendre.leggauss(count)
+    return (nodes + 1) / 2, weights / 2
+
+
+def _masking(z: Array, alpha: float) -> Array:
+    """Smith's G1 of GGX for unit directions whose cosine is `z`."""
+    tan2 = (1 - z**2) / np.maximum(z**2, 1e-24)
+    return 2 / (1 + np.sqrt(1 + alpha**2 * np.maximum(tan2, 0)))
+
+
+def _mean_over_normals(
+    cosine: Array, alpha: float, count: int, function: Callable[[Array, Array, Array], Array]
+) -> Array:
+    """Mean of function(o, m, o·m) over the GGX normals m visible from o, for each cosine of o.
+
+    Normals by spherical caps (Dupuy and Benyoub, HPG 2023); the azimuth of o does not matter, and
+    the integrand is even in the cap's azimuth.
+    """
+    nodes, weights = _unit_quadrature(count)
+    phi = (np.pi * nodes)[None, :]
+    means = np.empty(len(cosine))
+    for i, mu in enumerate(np.clip(cosine, 1e-6, 1)):
+        o = np.array([np.sqrt(1 - mu**2), 0, mu])
+        stretched = o * (alpha, alpha, 1)
+        stretched /= np.linalg.norm(stretched)
+        height = (nodes * (1 + stretched[2]))[:, None]
+        radius = np.sqrt(np.maximum(1 - (height - stretched[2]) ** 2, 0))
+        m = np.stack(
+            np.broadcast_arrays(
+                alpha * (radius * np.cos(phi) + stretched[0]), alpha * radius * np.sin(phi), height
+            ),
+            axis=-1,
+        )
+        m /= np.linalg.norm(m, axis=-1, keepdims=True)
+        means[i] = weights @ function(o, m, m @ o) @ weights
+    return means

@@ -1,0 +1,65 @@
+"""`cl/lib/brdf.h` called from Python, in the local frame (normal +z) unless told otherwise."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.device.compute import ComputeDevice
+from iprt.scene.material import Material, material_defines, material_table
+from tests.kernels.wrap import evaluate
+
+Array = NDArray[np.float32]
+Z = np.float32([0, 0, 1])
+ALL_KINDS = [f"MATERIAL_{kind}" for kind in ("DIFFUSE", "CONDUCTOR", "MIRROR", "PLASTIC")]
+OUTPUTS = {
+    "sample": {"wi": "float3", "weight": "float3", "specular": "int"},
+    "eval": {"diffuse": "float", "specular": "float3"},
+    "pdf": {"density": "float2"},
+}
+BODY = {
+    "sample": "const BrdfSample s = brdf_sample(load_material(materials, 0), albedo, n, wo, u);"
+    "wi = s.wi; weight = s.weight; specular = s.specular;",
+    "eval": "const BrdfValue v = brdf_eval(load_material(materials, 0), albedo, n, wo, wi);"
+    "diffuse = v.diffuse; specular = v.specular;",
+    "pdf": "density = brdf_pdf(load_material(materials, 0), albedo, n, wo, wi);",
+}
+
+
+def needed_defines(material: Material) -> list[str]:
+    return [name for name, on in material_defines([material]).items() if on]
+
+
+def call(
+    device: ComputeDevice,
+    function: str,
+    material: Material,
+    wo: NDArray[np.floating],
+    last: NDArray[np.floating],
+    normal: NDArray[np.floating] = Z,
+    defines: list[str] | None = None,
+) -> dict[str, NDArray]:
+    """brdf_sample (`last` = u), brdf_eval or brdf_pdf (`last` = wi); (3,) arguments repeat."""
+    count = len(last)
+    inputs = {
+        "albedo": np.tile(np.float32(material.albedo), (count, 1)),
+        "n": np.broadcast_to(np.float32(normal), (count, 3)),
+        "wo": np.broadcast_to(np.float32(wo), (count, 3)),
+        "u" if function == "sample" else "wi": np.float32(last),
+    }
+    return evaluate(
+        device,
+        ["brdf.h"],
+        BODY[function],
+        inputs,
+        OUTPUTS[function],
+        {"materials": material_table([material])},
+        ALL_KINDS if defines is None else defines,
+    )
+
+
+def grid(side: int, choices: int = 1) -> Array:
+    """(choices side², 3) midpoints of a regular grid over [0, 1)³."""
+    x = (np.arange(side) + 0.5) / side
+    z = (np.arange(choices) + 0.5) / choices
+    return np.stack(np.meshgrid(x, x, z), -1).reshape(-1, 3).astype(np.float32)

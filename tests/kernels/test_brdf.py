@@ -1,0 +1,220 @@
+"""cl/lib/brdf.h: values against float64 twins, energy, reciprocity, extremes, build variants."""
+
+import numpy as np
+import pyopencl as cl
+import pytest
+
+from iprt.scene.coat import rough_transmittance
+from iprt.scene.material import Material, material_defines
+from tests.kernels.brdf import call, grid, needed_defines
+from tests.kernels.wrap import evaluate
+from tests.oracles import brdf as oracle
+
+WHITE = (1.0, 1.0, 1.0)
+DIFFUSE = Material("diffuse", (0.6, 0.3, 0.2))
+MATERIALS = [
+    DIFFUSE,
+    Material("conductor", (0.9, 0.8, 0.6), 0.1),
+    Material("conductor", (0.9, 0.8, 0.6), 0.5),
+    Material("plastic", (0.5, 0.1, 0.2), 0.1, 1.5),
+    Material("plastic", (0.0, 0.0, 0.0), 0.3, 1.8),
+    Material("plastic", (0.5, 0.1, 0.2), 0.0, 1.5),
+]
+rng = np.random.default_rng(7)
+
+
+def hemisphere(count, least=0.02):
+    z = rng.uniform(least, 1, count)
+    phi = rng.uniform(0, 2 * np.pi, count)
+    r = np.sqrt(1 - z**2)
+    return np.stack([r * np.cos(phi), r * np.sin(phi), z], -1)
+
+
+def near_mirror(o, alpha, count):
+    """Directions where a lobe of this roughness has its weight."""
+    h = oracle.normalized(np.array([0, 0, 1]) + alpha * rng.normal(size=(count, 3)))
+    i = 2 * (h @ o)[:, None] * h - o
+    return i[i[:, 2] > 0.02]
+
+
+@pytest.mark.parametrize("material", MATERIALS)
+@pytest.mark.parametrize("angle", [0, 30, 75])
+def test_values_and_densities_equal_the_twin(device, material, angle):
+    o = oracle.direction(angle, 40)
+    lobe = near_mirror(o, max(material.alpha, 1e-3), 500)
+    i = np.concatenate([hemisphere(500), lobe]).astype(np.float32).astype(np.float64)
+    value = call(device, "eval", material, o, i)
+    pdf = call(device, "pdf", material, o, i)["density"]
+    np.testing.assert_allclose(
+        value["diffuse"], oracle.evaluate_diffuse(material, np.broadcast_to(o, i.shape), i), 2e-5
+    )
+    np.testing.assert_allclose(pdf, oracle.density(material, o, i), 2e-4, 1e-6)
+    expected = np.zeros_like(i)
+    if material.kind != "diffuse" and material.alpha > 0:
+        expected = oracle.evaluate_specular(material, o, i)
+    np.testing.assert_allclose(value["specular"], expected, 2e-4, 1e-6)
+
+
+def test_the_least_roughness_is_evaluated_accurately(device):
+    material = Material("conductor", WHITE, 1e-3)
+    o = oracle.direction(50, 20).astype(np.float32).astype(np.float64)
+    i = near_mirror(o, 1e-3, 2000).astype(np.float32).astype(np.float64)
+    value = call(device, "eval", material, o, i)["specular"][:, 0]
+    expected = oracle.evaluate_specular(material, o, i)[:, 0]
+    strong = expected > expected.max() * 1e-3
+    np.testing.assert_allclose(value[strong], expected[strong], rtol=5e-3)
+
+
+@pytest.mark.parametrize("material", MATERIALS)
+def test_reflectance_is_reciprocal(device, material):
+    a, b = hemisphere(4000, 0.01), hemisphere(4000, 0.01)
+    forth, back = call(device, "eval", material, a, b), call(device, "eval", material, b, a)
+    for lobe in ("diffuse", "specular"):
+        scale = np.maximum(1, np.abs(forth[lobe]))
+        assert np.max(np.abs(forth[lobe] - back[lobe]) / scale) < 1e-5
+
+
+@pytest.mark.parametrize("material", MATERIALS)
+@pytest.mark.parametrize("angle", [10, 80])
+def test_weights_are_value_times_cosine_over_density(device, material, angle):
+    normal = oracle.normalized(np.array([0.3, -0.5, -0.8]))
+    tangent = oracle.normalized(np.cross(normal, [1, 0, 0]))
+    o = np.cos(np.radians(angle)) * normal + np.sin(np.radians(angle)) * tangent
+    drawn = call(device, "sample", material, o, rng.random((4000, 3)), normal)
+    np.testing.assert_allclose(np.linalg.norm(drawn["wi"], axis=1), 1, atol=1e-5)
+    cosine = drawn["wi"] @ normal
+    value = call(device, "eval", material, o, drawn["wi"], normal)
+    density = call(device, "pdf", material, o, drawn["wi"], normal)["density"]
+    specular = drawn["specular"] != 0
+    diffuse = ~specular & (cosine > 0.01)
+    np.testing.assert_allclose(
+        drawn["weight"][diffuse],
+        np.tile((value["diffuse"] * cosine)[diffuse, None] / density[diffuse, :1], (1, 3)),
+        rtol=1e-3,
+    )
+    if material.alpha > 0:
+        glossy = specular & (cosine > 0.01)
+        expected = value["specular"] * (cosine / np.maximum(density[:, 1], 1e-9))[:, None]
+        np.testing.assert_allclose(drawn["weight"][glossy], expected[glossy], rtol=5e-3)
+
+
+@pytest.mark.parametrize("alpha", [0.0, 1e-4, 0.01, 0.5, 1.0])
+@pytest.mark.parametrize("angle", [0, 30, 60, 85])
+def test_white_furnace_of_a_conductor(device, alpha, angle):
+    material = Material("conductor", WHITE, alpha)
+    o = oracle.direction(angle, 15)
+    weight = call(device, "sample", material, o, grid(256))["weight"]
+    assert weight.max() <= 1 + 1e-6
+    mean = weight.astype(np.float64).mean(axis=0)
+    if alpha == 0:
+        np.testing.assert_array_equal(weight, 1)
+    else:
+        np.testing.assert_allclose(mean, oracle.specular_albedo(material, o), rtol=2e-3)
+
+
+@pytest.mark.parametrize("alpha", [0.0, 0.05, 0.2, 1.0])
+@pytest.mark.parametrize("angle", [0, 60, 80, 88])
+def test_plastic_reflects_what_its_lobes_integrate_to_and_never_more_than_arrives(
+    device, alpha, angle
+):
+    material = Material("plastic", WHITE, alpha, 1.5)
+    o = oracle.direction(angle, 100)
+    drawn = call(device, "sample", material, o, grid(64, 64))
+    specular = drawn["specular"] != 0
+    mean = [
+        drawn["weight"][lobe, 0].sum(dtype=float) / len(specular) for lobe in (~specular, specular)
+    ]
+    expected = oracle.fresnel(o[2], 1.5)
+    if alpha > 0:
+        expected = oracle.specular_albedo(material, o)[0]
+    # The choice of the lobe is quantized to 1/64 here.
+    p = oracle.specular_probability(material, o)
+    quantized = np.mean((np.arange(64) + 0.5) / 64 < p)
+    np.testing.assert_allclose(mean[1] * p / quantized, expected, rtol=4e-3)
+    np.testing.assert_allclose(
+        mean[0] * (1 - p) / (1 - quantized), oracle.diffuse_albedo(material, o), rtol=2e-3
+    )
+    # A smooth white coat and base reflect all: 1e-3 is the error of the table's interpolation.
+    assert oracle.diffuse_albedo(material, o) + expected <= 1 + 1e-3
+
+
+def test_the_coat_table_interpolates_the_integral():
+    cosine = np.linspace(0.02, 1, 300)
+    for alpha in (0.0, 0.02, 0.1, 0.5):
+        material = Material("plastic", WHITE, alpha, 1.5)
+        exact = rough_transmittance(cosine, alpha, 1.5)
+        np.testing.assert_allclose(oracle.transmittance(material, cosine), exact, atol=2e-3)
+
+
+@pytest.mark.parametrize("kind", ["diffuse", "conductor", "plastic"])
+@pytest.mark.parametrize("ior", [1.0, 1.5, 3.0])
+def test_extreme_inputs_stay_finite(device, kind, ior):
+    cosines = np.float64([1, 0.5, 1e-3, 1e-7, 0, -1e-3, -0.3, -1])
+    corners = [0, 2**-24, 0.5, 1 - 2**-24]
+    planes = [([0, 0, 1], [1, 0, 0]), ([0, 0, -1], [0, 1, 0]), ([0, 1, 0], [0, 0, 1])]
+    u = np.stack(np.meshgrid(corners, corners, corners, cosines, [0, 1, 2]), -1).reshape(-1, 5)
+    n, tangent = np.array(planes)[u[:, 4].astype(int)].transpose(1, 0, 2)
+    wo = u[:, 3:4] * n + np.sqrt(1 - u[:, 3:4] ** 2) * tangent
+    for alpha in (0.0, 1e-5, 1e-4, 1e-3, 0.01, 0.5, 1.0):
+        material = Material(kind, WHITE, alpha, ior)
+        drawn = call(device, "sample", material, wo, u[:, :3], n)
+        assert np.all(np.isfinite(drawn["weight"]))
+        assert drawn["weight"].min() >= 0
+        np.testing.assert_allclose(np.linalg.norm(drawn["wi"], axis=1), 1, atol=1e-4)
+        lit = drawn["weight"].max(axis=1) > 0
+        assert np.all(np.sum(drawn["wi"] * n, axis=1)[lit] > 0)
+        value = call(device, "eval", material, wo, drawn["wi"], n)
+        density = call(device, "pdf", material, wo, drawn["wi"], n)
+        assert all(np.all(np.isfinite(v)) for v in (*value.values(), *density.values()))
+
+
+def test_a_mirror_reflects_about_the_normal(device):
+    material = Material("conductor", (0.9, 0.8, 0.7), 0.0)
+    o = hemisphere(1000)
+    drawn = call(device, "sample", material, o, rng.random((1000, 3)), defines=["MATERIAL_MIRROR"])
+    np.testing.assert_allclose(drawn["wi"], o * [-1, -1, 1], atol=1e-6)
+    np.testing.assert_allclose(drawn["weight"], np.tile([0.9, 0.8, 0.7], (1000, 1)), rtol=1e-6)
+    assert np.all(drawn["specular"] == 1)
+
+
+@pytest.mark.parametrize("material", [*MATERIALS, Material("conductor", WHITE, 0.0)])
+def test_a_build_for_one_kind_equals_the_build_for_all(device, material):
+    o, u, i = oracle.direction(35), rng.random((500, 3)), hemisphere(500)
+    for function, last in (("sample", u), ("eval", i), ("pdf", i)):
+        lean = call(device, function, material, o, last, defines=needed_defines(material))
+        full = call(device, function, material, o, last)
+        for name in lean:
+            np.testing.assert_allclose(lean[name], full[name], rtol=1e-6, atol=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("define", "absent", "present"),
+    [
+        ("MATERIAL_DIFFUSE", "ggx_slope(v, 1.0f)", "u01(0u)"),
+        ("MATERIAL_DIFFUSE", "specular_probability(m, v, 1.0f)", "diffuse_factor(m, 1.0f, 1.0f)"),
+        ("MATERIAL_CONDUCTOR", "diffuse_factor(m, 1.0f, 1.0f)", "ggx_slope(v, 1.0f)"),
+        ("MATERIAL_CONDUCTOR", "fresnel_dielectric(1.0f, 1.5f)", "ggx_slope(v, 1.0f)"),
+        ("MATERIAL_MIRROR", "ggx_slope(v, 1.0f)", "specular_probability(m, v, 1.0f)"),
+    ],
+)
+def test_a_build_holds_no_code_of_other_kinds(device, define, absent, present):
+    def build(expression):
+        body = f"const float3 v = (float3)(x); Material m; m.kind = 0; y = {expression};"
+        evaluate(
+            device, ["brdf.h"], body, {"x": np.ones(1, np.float32)}, {"y": "float"}, {}, [define]
+        )
+
+    build(present)
+    with pytest.raises(cl.RuntimeError):
+        build(absent)
+
+
+def test_defines_name_what_the_scene_holds():
+    def on(*materials):
+        return {name[9:].lower() for name, flag in material_defines(materials).items() if flag}
+
+    assert on() == set()
+    assert on(DIFFUSE) == {"diffuse"}
+    assert on(Material("conductor", alpha=0.0), DIFFUSE) == {"mirror", "diffuse"}
+    assert on(Material("conductor", alpha=1e-4)) == {"conductor"}
+    assert on(Material("plastic", alpha=0.0)) == {"plastic"}

@@ -1,0 +1,160 @@
+"""Float64 twins of `cl/lib/brdf.h`, in the local frame of the surface (normal +z).
+
+Everything is written from the textbook definitions (angles, tangents, explicit half vectors), not
+from the rearranged forms that the kernels use.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.scene.material import MIN_ALPHA, MIRROR_ALPHA, Material, material_table
+
+Array = NDArray[np.float64]
+MIN_LOBE = 0.25
+
+
+def roughness(material: Material) -> float:
+    return 0.0 if material.alpha < MIRROR_ALPHA else max(material.alpha, MIN_ALPHA)
+
+
+def normalized(v: Array) -> Array:
+    return v / np.linalg.norm(v, axis=-1, keepdims=True)
+
+
+def direction(theta_deg: float, phi_deg: float = 0.0) -> Array:
+    theta, phi = np.radians([theta_deg, phi_deg])
+    return np.array([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)])
+
+
+def fresnel(cosine: Array, ior: float) -> Array:
+    """From Snell's law and the Fresnel equations for both polarizations."""
+    theta_i = np.arccos(np.clip(cosine, 0, 1))
+    theta_t = np.arcsin(np.sin(theta_i) / ior)
+    cos_i, cos_t = np.cos(theta_i), np.cos(theta_t)
+    s = (cos_i - ior * cos_t) / (cos_i + ior * cos_t)
+    p = (cos_t - ior * cos_i) / (cos_t + ior * cos_i)
+    return (s**2 + p**2) / 2
+
+
+def smith_lambda(v: Array, alpha: float) -> Array:
+    tan2 = (v[..., 0] ** 2 + v[..., 1] ** 2) / v[..., 2] ** 2
+    return (np.sqrt(1 + alpha**2 * tan2) - 1) / 2
+
+
+def ggx(h: Array, alpha: float) -> Array:
+    cos2 = h[..., 2] ** 2
+    tan2 = (h[..., 0] ** 2 + h[..., 1] ** 2) / cos2
+    return 1 / (np.pi * alpha**2 * cos2**2 * (1 + tan2 / alpha**2) ** 2)
+
+
+def half(o: Array, i: Array) -> Array:
+    return normalized(o + i)
+
+
+def reflectance(material: Material, cos_h: Array) -> Array:
+    if material.kind == "plastic":
+        return np.broadcast_to(fresnel(cos_h, material.ior)[..., None], (*cos_h.shape, 3))
+    return np.broadcast_to(np.array(material.albedo), (*cos_h.shape, 3))
+
+
+def evaluate_specular(material: Material, o: Array, i: Array, separable: bool = False) -> Array:
+    """f of the rough specular lobe: D F G2 / (4 cos_i cos_o), G2 height-correlated, or the
+    product of two G1 as in Mitsuba if `separable`."""
+    alpha = roughness(material)
+    h = half(o, i)
+    lambda_o, lambda_i = smith_lambda(o, alpha), smith_lambda(i, alpha)
+    g2 = 1 / (1 + lambda_o + lambda_i + separable * lambda_o * lambda_i)
+    value = ggx(h, alpha) * g2 / (4 * o[..., 2] * i[..., 2])
+    return reflectance(material, np.sum(o * h, -1)) * value[..., None]
+
+
+@lru_cache
+def table(material: Material) -> Array:
+    return material_table([material]).astype(np.float64)
+
+
+def transmittance(material: Material, cosine: Array) -> Array:
+    """The table's piecewise linear transmittance at these cosines."""
+    nodes = table(material)[1:].ravel()
+    return np.interp(np.sqrt(cosine), np.linspace(0, 1, len(nodes)), nodes)
+
+
+def base(material: Material) -> float:
+    return float(table(material)[0, 3])
+
+
+def evaluate_diffuse(material: Material, o: Array, i: Array) -> Array:
+    """f of the diffuse lobe, without the albedo."""
+    if material.kind == "diffuse":
+        return np.full(i.shape[:-1], 1 / np.pi)
+    if material.kind == "conductor":
+        return np.zeros(i.shape[:-1])
+    crossed = transmittance(material, o[..., 2]) * transmittance(material, i[..., 2])
+    return crossed * base(material) / np.pi
+
+
+def specular_probability(material: Material, o: Array) -> float:
+    if material.kind != "plastic":
+        return float(material.kind == "conductor")
+    crossed = float(transmittance(material, o[..., 2]))
+    luminance = float(np.dot([0.2126, 0.7152, 0.0722], material.albedo))
+    share = (1 - crossed) / (1 - crossed + luminance * base(material) * crossed)
+    return float(np.clip(share, MIN_LOBE, 1 - MIN_LOBE))
+
+
+def density(material: Material, o: Array, i: Array) -> Array:
+    """(..., 2): 1/sr of the diffuse and the specular lobe, probabilities included; i above."""
+    p = specular_probability(material, o)
+    out = np.zeros((*i.shape[:-1], 2))
+    out[..., 0] = (1 - p) * i[..., 2] / np.pi
+    alpha = roughness(material)
+    if material.kind != "diffuse" and alpha > 0:
+        h = half(o, i)
+        cos_h = np.sum(o * h, -1)
+        visible = ggx(h, alpha) * cos_h / (1 + smith_lambda(o, alpha)) / o[..., 2]
+        out[..., 1] = p * visible / (4 * cos_h)
+    return out
+
+
+def specular_albedo(
+    material: Material, o: Array, separable: bool = False, nodes: int = 500
+) -> Array:
+    """(3,) share of light from direction o that the rough lobe reflects, by quadrature over the
+    distribution's slopes: independent of any sampling routine."""
+    alpha = roughness(material)
+    o = np.array([np.hypot(o[0], o[1]), 0, o[2]])  # so that half a turn of azimuth suffices
+    # Normals by tan(theta_h) = alpha tan(w): the lobe's width is divided out. dw_h carries D.
+    x, weight = np.polynomial.legendre.leggauss(nodes)
+    w = (x + 1) * np.pi / 4
+    phi = (np.arange(nodes) + 0.5) * np.pi / nodes
+    theta = np.arctan(alpha * np.tan(w))
+    jacobian = alpha / np.cos(w) ** 2 / (1 + (alpha * np.tan(w)) ** 2)
+    h = np.stack(
+        np.broadcast_arrays(
+            np.sin(theta)[:, None] * np.cos(phi),
+            np.sin(theta)[:, None] * np.sin(phi),
+            np.cos(theta)[:, None],
+        ),
+        axis=-1,
+    )
+    cos_h = h @ o
+    i = 2 * cos_h[..., None] * h - o
+    seen = (cos_h > 0) & (i[..., 2] > 0)
+    i = np.where(seen[..., None], i, [0, 0, 1])
+    f = evaluate_specular(material, o, i, separable)
+    f = f * np.where(seen, i[..., 2] * 4 * cos_h, 0)[..., None]
+    solid_angle = weight * np.pi / 4 * np.sin(theta) * jacobian * 2 * np.pi / nodes
+    return np.einsum("wpc,w->c", f, solid_angle)
+
+
+def diffuse_albedo(material: Material, o: Array) -> float:
+    """Share of light from o that the diffuse lobe reflects at albedo 1."""
+    x, weight = np.polynomial.legendre.leggauss(256)
+    cosine = (x + 1) / 2
+    i = np.stack([np.sqrt(1 - cosine**2), 0 * cosine, cosine], -1)
+    f = evaluate_diffuse(material, np.broadcast_to(o, i.shape), i)
+    return float(np.sum(f * cosine * weight / 2) * 2 * np.pi)
