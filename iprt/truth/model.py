@@ -1,0 +1,109 @@
+"""Ground truth of scenes that come with their full geometry, by Mitsuba's path tracer.
+
+A model is a dictionary of Mitsuba scene parts (shapes, emitters) in the world of the scene format:
+its capture centre is the origin. Inserted objects are parts too, added under names of their own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.scene.camera import View
+from iprt.truth.backend import SCALAR, mitsuba
+from iprt.truth.denoise import denoise
+from iprt.truth.sensor import sensor
+
+Image = NDArray[np.float32]
+Parts = Mapping[str, Any]
+
+PATHS_AT_ONCE = 1 << 22
+"""Paths per kernel launch: bounds the memory of the wavefront."""
+MAX_DEPTH = 24
+GUIDE_SAMPLES = 32
+MASK_SAMPLES = 64
+
+
+def render_color(parts: Parts, view: View, *, spp: int, seed: int, clean: bool = True) -> Image:
+    """Radiance (H, W, 3) of a view, box-filtered, by unidirectional path tracing.
+
+    Parameters
+    ----------
+    parts : mapping of name to Mitsuba dict or object
+    view : View
+    spp : int
+        Paths per pixel.
+    seed : int
+        Two renderings with one seed agree where the same surfaces and light are met.
+    clean : bool
+        Denoise with albedo and normal guides.
+    """
+    mi = mitsuba()
+    scene = mi.load_dict({"type": "scene", **parts})
+    paths = mi.load_dict({"type": "path", "max_depth": MAX_DEPTH, "rr_depth": 5})
+    color = _render(scene, sensor(view), paths, spp, seed)[..., :3]
+    if not clean:
+        return color
+    guides = mi.load_dict({"type": "aov", "aovs": "a:albedo,n:sh_normal"})
+    guide = _render(scene, sensor(view), guides, min(spp, GUIDE_SAMPLES), seed)
+    wrap = view.projection == "equirect"
+    return np.maximum(denoise(color, guide[..., :3], guide[..., 3:6], wrap=wrap), 0.0)
+
+
+def render_geometry(parts: Parts, view: View) -> tuple[Image, Image]:
+    """Radial distance (H, W) in metres and unit normal (H, W, 3) along the pixel-centre rays.
+
+    Both are 0 where the ray meets no surface. Normals face the capture centre.
+    """
+    mi = mitsuba()
+    scene = mi.load_dict({"type": "scene", **parts})
+    layers = mi.load_dict({"type": "aov", "aovs": "d:depth,n:geo_normal"})
+    image = _render(scene, sensor(view, pixel_centres=True), layers, 1, 0)
+    normal = image[..., 1:4]
+    facing = np.sum(normal * view.directions(), axis=-1, keepdims=True) > 0.0
+    return image[..., 0], np.where(facing, -normal, normal)
+
+
+def render_mask(parts: Parts, objects: Parts, view: View, *, seed: int) -> Image:
+    """Fraction (H, W) of each pixel in which one of the `objects` is the nearest surface.
+
+    The `objects` are Mitsuba shapes, not dictionaries: they are recognised by identity.
+    """
+    scene = mitsuba().load_dict({"type": "scene", **parts, **objects}, optimize=False)
+    return _render(scene, sensor(view), _coverage(list(objects.values())), MASK_SAMPLES, seed)[..., 0]
+
+
+def _coverage(shapes: list[Any]) -> Any:
+    """An integrator whose radiance is 1 where a primary ray meets one of `shapes` first."""
+    mi = mitsuba()
+
+    class Coverage(mi.SamplingIntegrator):  # type: ignore[misc]
+        def sample(
+            self, scene: Any, sampler: Any, ray: Any, medium: Any = None, active: Any = True
+        ) -> Any:
+            shape = scene.ray_intersect(ray, active).shape
+            met = mi.Bool(False)
+            for candidate in shapes:
+                met = met | (shape == candidate)
+            return mi.Spectrum(mi.Float(met)), mi.Bool(True), []
+
+    return Coverage(mi.Properties())
+
+
+def _render(scene: Any, camera: Any, integrator: Any, spp: int, seed: int) -> Image:
+    """Mean of `spp` samples per pixel, in launches that fit memory."""
+    mi = mitsuba()
+    pixels = int(np.prod(camera.film().size()))
+    per_launch = spp if mi.variant() == SCALAR else max(1, min(spp, PATHS_AT_ONCE // pixels))
+    total: NDArray[np.float64] | float = 0.0
+    for done in range(0, spp, per_launch):
+        count = min(per_launch, spp - done)
+        # Distinct seeds per launch, and far from a caller's next seed.
+        image = mi.render(
+            scene, sensor=camera, integrator=integrator, spp=count, seed=seed + 7919 * done
+        )
+        total = total + count * np.asarray(image, np.float64)
+    return np.asarray(total / spp, np.float32)

@@ -1,0 +1,85 @@
+"""Meshes and materials in Mitsuba's terms, meaning the same as in the renderer."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.scene.material import MIRROR_ALPHA, Material
+from iprt.truth.backend import mitsuba
+
+
+class Triangles(Protocol):
+    """Anything with indexed triangles, smooth normals and texture coordinates."""
+
+    @property
+    def positions(self) -> NDArray[Any]: ...
+    @property
+    def normals(self) -> NDArray[Any]: ...
+    @property
+    def uvs(self) -> NDArray[Any]: ...
+    @property
+    def triangles(self) -> NDArray[Any]: ...
+
+
+def mitsuba_mesh(mesh: Triangles, bsdf: Any, emitter: Any = None) -> Any:
+    """A Mitsuba mesh in world space, smoothly shaded.
+
+    Parameters
+    ----------
+    mesh : Triangles
+        Positions and normals (V, 3), texture coordinates (V, 2), triangles (F, 3).
+    bsdf, emitter : dict or Mitsuba object
+    """
+    mi = mitsuba()
+    props = mi.Properties()
+    props["bsdf"] = mi.load_dict(bsdf) if isinstance(bsdf, dict) else bsdf
+    if emitter is not None:
+        props["emitter"] = mi.load_dict(emitter) if isinstance(emitter, dict) else emitter
+    shape = mi.Mesh(
+        "mesh",
+        vertex_count=len(mesh.positions),
+        face_count=len(mesh.triangles),
+        has_vertex_normals=True,
+        has_vertex_texcoords=True,
+        props=props,
+    )
+    params = mi.traverse(shape)
+    params["vertex_positions"] = np.ascontiguousarray(mesh.positions, np.float32).ravel()
+    params["vertex_normals"] = np.ascontiguousarray(mesh.normals, np.float32).ravel()
+    params["vertex_texcoords"] = np.ascontiguousarray(mesh.uvs, np.float32).ravel()
+    params["faces"] = np.ascontiguousarray(mesh.triangles, np.uint32).ravel()
+    params.update()
+    return shape
+
+
+def bsdf_of(material: Material) -> dict[str, Any]:
+    """The Mitsuba BSDF of a virtual object's material."""
+    mi = mitsuba()
+    colour: dict[str, Any] = {"type": "rgb", "value": list(material.albedo)}
+    if material.texture is not None:
+        tinted = material.texture[::-1] * np.float32(material.albedo)
+        colour = {
+            "type": "bitmap",
+            "bitmap": mi.Bitmap(np.ascontiguousarray(tinted, np.float32)),
+            "raw": True,
+        }
+    smooth = material.alpha < MIRROR_ALPHA
+    if material.kind == "diffuse":
+        return {"type": "diffuse", "reflectance": colour}
+    if material.kind == "conductor":
+        metal = {"material": "none", "specular_reflectance": colour}
+        if smooth:
+            return {"type": "conductor", **metal}
+        return {
+            "type": "roughconductor",
+            "distribution": "ggx",
+            "alpha": material.alpha,
+            **metal,
+        }
+    coat = {"int_ior": material.ior, "nonlinear": False, "diffuse_reflectance": colour}
+    if smooth:
+        return {"type": "plastic", **coat}
+    return {"type": "roughplastic", "distribution": "ggx", "alpha": material.alpha, **coat}

@@ -1,0 +1,65 @@
+"""What a scene folder holds, written small."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.output.atomic import replacing
+
+DEPTH_BITS = 14
+"""Bits of the mantissa kept in depth files: 0.06 mm in a metre, and half the bytes."""
+
+
+def write_planes(path: Path, planes: Mapping[str, NDArray[np.generic]]) -> None:
+    """Write an EXR whose channels (H, W) are exactly `planes`, ZIP compressed."""
+    import OpenEXR
+
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    channels = {name: np.ascontiguousarray(plane) for name, plane in planes.items()}
+    with replacing(path) as temporary, OpenEXR.File(header, channels) as file:
+        file.write(str(temporary))
+
+
+def rounded(depth: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Depth (H, W) with its mantissa rounded to `DEPTH_BITS`."""
+    drop = 23 - DEPTH_BITS
+    bits = depth.astype(np.float32).view(np.uint32)
+    kept = (bits + np.uint32(1 << (drop - 1))) & np.uint32(0xFFFFFFFF << drop & 0xFFFFFFFF)
+    return np.asarray(kept.view(np.float32))
+
+
+def cuts(
+    mask: NDArray[np.float32], change: NDArray[np.float32], *, margin: int = 6
+) -> list[list[int]]:
+    """Two crops x0, y0, x1, y1: tight around the objects, and wider, with what they change.
+
+    Parameters
+    ----------
+    mask : (H, W) float32
+        Fraction of the pixel that objects cover.
+    change : (H, W) float32
+        Largest difference of the displayed channels between the picture with and without them.
+    """
+    return [_bounds(mask > 0.0, margin), _bounds((mask > 0.0) | (change > 0.04), margin)]
+
+
+def _bounds(inside: NDArray[np.bool_], margin: int) -> list[int]:
+    # Single noisy pixels do not widen a crop: a row or column counts from four pixels on.
+    rows, columns = np.nonzero(inside.sum(1) >= 4)[0], np.nonzero(inside.sum(0) >= 4)[0]
+    height, width = inside.shape
+    return [
+        max(int(columns[0]) - margin, 0),
+        max(int(rows[0]) - margin, 0),
+        min(int(columns[-1]) + 1 + margin, width),
+        min(int(rows[-1]) + 1 + margin, height),
+    ]
+
+
+def toml_matrix(matrix: Sequence[Sequence[float]] | NDArray[np.float64]) -> str:
+    """A 4x4 matrix as the lines of a TOML array."""
+    rows = [", ".join(f"{value:.7g}" for value in row) for row in np.asarray(matrix) + 0.0]
+    return "[\n  " + ",\n  ".join(rows) + ",\n]"

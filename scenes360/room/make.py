@@ -1,0 +1,153 @@
+"""Render `scenes360/room`: `python -m scenes360.room.make` from the repository's root.
+
+Writes the panorama, its depth, the objects' meshes, the truth of the views and the scene.toml.
+Needs the `reference` extra.
+"""
+
+from __future__ import annotations
+
+import argparse
+import logging
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from iprt.output.exr import write_exr
+from iprt.scene.camera import View
+from iprt.scene.material import Material
+from iprt.truth.model import Parts, render_color, render_geometry, render_mask
+from iprt.truth.shapes import bsdf_of, mitsuba_mesh
+from scenes360.files import cuts, rounded, toml_matrix, write_planes
+from scenes360.modelling import Solid, write_ply
+from scenes360.room import model
+
+FOLDER = Path(__file__).resolve().parent
+PANORAMA = View(1024, 512, projection="equirect")
+VIEW_SIZE = 512
+SEED = 1
+LOG = logging.getLogger("scenes360")
+
+
+@dataclass(frozen=True)
+class Placed:
+    """An inserted object: what it is made of, its turn about +Y and where it stands."""
+
+    material: Material
+    turn_deg: float
+    foot: tuple[float, float, float]
+
+    @property
+    def to_world(self) -> np.ndarray:
+        c, s = np.cos(np.deg2rad(self.turn_deg)), np.sin(np.deg2rad(self.turn_deg))
+        x, y, z = self.foot
+        return np.array([[c, 0, s, x], [0, 1, 0, y], [-s, 0, c, z], [0, 0, 0, 1.0]])
+
+
+OBJECTS = {
+    "pot": Placed(Material("plastic", (0.50, 0.05, 0.04), 0.08), 35, (0.10, model.TABLE_TOP, -1.36)),
+    "vase": Placed(Material("diffuse", (0.75, 0.70, 0.60)), 0, (0.34, model.TABLE_TOP, -1.58)),
+    "knot": Placed(
+        Material("conductor", (0.95, 0.73, 0.38), 0.15), -25, (1.30, model.FLOOR, 0.62)
+    ),
+    "ball": Placed(Material("conductor", (0.92, 0.92, 0.92), 0.0), 0, (1.72, model.FLOOR, 1.05)),
+}
+VIEWS = {
+    "table": (View(VIEW_SIZE, VIEW_SIZE, 8.0, -33.0, 42.0), ("pot", "vase")),
+    "floor": (View(VIEW_SIZE, VIEW_SIZE, 119.0, -37.0, 46.0), ("knot", "ball")),
+}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--spp", type=int, default=256, help="paths per pixel")
+    parser.add_argument("--out", type=Path, default=FOLDER, help="folder to write to")
+    options = parser.parse_args()
+    logging.basicConfig(level=logging.INFO, format="%(message)s")
+    meshes = model.objects()
+    for name, solid in meshes.items():
+        write_ply(options.out / "meshes" / f"{name}.ply", solid)
+    parts = model.build()
+    LOG.info("panorama")
+    write_exr(
+        options.out / "color.exr",
+        render_color(parts, PANORAMA, spp=options.spp, seed=SEED),
+        half=True,
+    )
+    write_planes(options.out / "depth.exr", {"Z": rounded(render_geometry(parts, PANORAMA)[0])})
+    manifest = [HEAD, *(object_toml(name, placed) for name, placed in OBJECTS.items())]
+    for name, (view, names) in VIEWS.items():
+        LOG.info("view %s", name)
+        inserted = {n: mitsuba_object(meshes[n], OBJECTS[n]) for n in names}
+        crops = render_view(options.out / "truth", name, view, parts, inserted, options.spp)
+        manifest.append(view_toml(name, view, names, crops))
+    (options.out / "scene.toml").write_text("\n".join(manifest))
+
+
+def mitsuba_object(solid: Solid, placed: Placed) -> object:
+    world = solid.turned("y", placed.turn_deg).at(*placed.foot)
+    return mitsuba_mesh(world, bsdf_of(placed.material))
+
+
+def render_view(
+    folder: Path, name: str, view: View, parts: Parts, inserted: Parts, spp: int
+) -> list[list[int]]:
+    """Write truth, background and mask of a view; the cuts around its objects."""
+    truth = render_color({**parts, **inserted}, view, spp=spp, seed=SEED)
+    background = render_color(parts, view, spp=spp, seed=SEED)
+    mask = render_mask(parts, inserted, view, seed=SEED)
+    write_exr(folder / f"{name}.exr", truth, half=True)
+    write_exr(folder / f"{name}_background.exr", background, half=True)
+    write_planes(folder / f"{name}_mask.exr", {"Y": mask.astype(np.float16)})
+    shown = [np.clip(image, 0, 1) ** (1 / 2.2) for image in (truth, background)]
+    return cuts(mask, np.abs(shown[0] - shown[1]).max(axis=-1))
+
+
+HEAD = """# Written by make.py.
+format = 1
+name = "room"
+exposure = 1.0
+
+[video]
+color = "color.exr"
+depth = "depth.exr"
+frames = [0, 0]
+fps = 30.0
+loop = false
+"""
+
+
+def object_toml(name: str, placed: Placed) -> str:
+    material = placed.material
+    colour = ", ".join(f"{c:g}" for c in material.albedo)
+    looks = {
+        "diffuse": f"albedo = [{colour}]",
+        "conductor": f"reflectance = [{colour}], alpha = {material.alpha:g}",
+        "plastic": f"albedo = [{colour}], alpha = {material.alpha:g}, ior = {material.ior:g}",
+    }[material.kind]
+    return f"""[[objects]]
+name = "{name}"
+mesh = "meshes/{name}.ply"
+to_world = {toml_matrix(placed.to_world)}
+material = {{ kind = "{material.kind}", {looks} }}
+"""
+
+
+def view_toml(name: str, view: View, objects: tuple[str, ...], crops: list[list[int]]) -> str:
+    names = ", ".join(f'"{n}"' for n in objects)
+    return f"""[[views]]
+name = "{name}"
+yaw_deg = {view.yaw_deg:g}
+pitch_deg = {view.pitch_deg:g}
+fov_y_deg = {view.fov_y_deg:g}
+size = [{view.width}, {view.height}]
+objects = [{names}]
+truth = "truth/{name}.exr"
+truth_background = "truth/{name}_background.exr"
+truth_mask = "truth/{name}_mask.exr"
+cuts = {crops}
+"""
+
+
+if __name__ == "__main__":
+    main()
