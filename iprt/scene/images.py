@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -110,19 +111,19 @@ def read_normal(path: Path) -> Image2D:
     return np.stack(planes, axis=-1).astype(np.float32)
 
 
-def decode_srgb(coded: NDArray[np.generic]) -> Image2D:
+def decode_srgb(coded: NDArray[Any]) -> Image2D:
     """Linear float32 in [0, 1] of uint8 or uint16 sRGB values (IEC 61966-2-1)."""
     steps = np.iinfo(coded.dtype).max
     value = np.arange(steps + 1, dtype=np.float64) / steps
     linear = np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
-    table: Image2D = linear.astype(np.float32)
-    return table[coded]
+    decoded: Image2D = linear.astype(np.float32)[coded]
+    return decoded
 
 
 def _is_16_bit(image: Image.Image) -> bool:
     # Pillow reports mode RGB for 16-bit colour; the decoder's raw mode tells.
-    tile = image.tile[0] if image.tile else None
-    return image.mode.startswith("I") or (tile is not None and "16" in str(tile[3]))
+    tiles = getattr(image, "tile", [])
+    return image.mode.startswith("I") or (bool(tiles) and "16" in str(tiles[0][3]))
 
 
 def _open_pillow(path: Path) -> Image.Image:

@@ -8,7 +8,8 @@ tangent coordinates (a, b) about a texel's direction, a plane `n . p = 1` is
 
 from __future__ import annotations
 
-from typing import TypeVar
+from itertools import pairwise
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,7 +45,8 @@ def estimate_normals(depth: Plane, same: NDArray[np.uint8]) -> Plane:
         inverse = (np.float32(1.0) / depth).astype(np.float32)
     spread = _column_spread(width, height)
     tolerance = float(np.clip(_NOISE_FACTOR * _noise(inverse), *GAP_TOLERANCE))
-    padded_inverse, padded_same = (_over_poles(plane, WINDOW_REACH) for plane in (inverse, same))
+    padded_inverse = _over_poles(inverse, WINDOW_REACH)
+    padded_same = _over_poles(same, WINDOW_REACH)
     normal = np.empty((height, width, 3), np.float32)
     for first, last in _blocks(spread):
         window = _Window(padded_inverse, padded_same, first, last, int(spread[first]))
@@ -103,7 +105,7 @@ def _blocks(spread: NDArray[np.intp]) -> list[tuple[int, int]]:
     starts = [0, *(np.nonzero(np.diff(spread))[0] + 1).tolist(), spread.size]
     return [
         (first, min(first + _BLOCK_ROWS, end))
-        for start, end in zip(starts[:-1], starts[1:], strict=True)
+        for start, end in pairwise(starts)
         for first in range(start, end, _BLOCK_ROWS)
     ]
 
@@ -121,7 +123,8 @@ def _over_poles(plane: NDArray[Scalar], rows: int) -> NDArray[Scalar]:
 def _directions(width: int, first: int, last: int, height: int) -> NDArray[np.float64]:
     """(last - first, W, 3) unit directions of the texels of some rows."""
     x, y = np.meshgrid(np.arange(width) + 0.5, np.arange(first, last) + 0.5)
-    return equirect_direction(np.stack([x, y], axis=-1), width, height)
+    directions: NDArray[np.float64] = equirect_direction(np.stack([x, y], -1), width, height)
+    return directions
 
 
 class _Window:
@@ -183,10 +186,11 @@ class _Window:
             member &= self._shifted(self._same, down, steps) == own
             weight = member.astype(np.float32)
             rise = np.where(member, rise, np.float32(0.0))
-            for total, factor in zip(sums[:6], (1.0, a, b, a * a, a * b, b * b), strict=True):
-                total += weight * factor
-            for total, factor in zip(sums[6:], (1.0, a, b), strict=True):
-                total += rise * factor
+            powers: list[Any] = [1.0, a, b, a * a, a * b, b * b]
+            for total, power in zip(sums[:6], powers, strict=True):
+                total += weight * power
+            for total, power in zip(sums[6:], powers[:3], strict=True):
+                total += rise * power
         return sums
 
     def _slope(self, line: list[tuple[Plane, Plane, Plane]], axis: int) -> Plane:
@@ -219,10 +223,8 @@ class _Window:
         up = np.sin(theta) * np.cos(to) - np.cos(theta) * np.sin(to) * np.cos(phi)
         near = ahead > 0.25
         ahead = np.where(near, ahead, 1e-6)
-        scale, a, b = (
-            column.astype(np.float32)[:, None]
-            for column in (1.0 / ahead, across / ahead, up / ahead)
-        )
+        columns = (1.0 / ahead, across / ahead, up / ahead)
+        scale, a, b = (column.astype(np.float32)[:, None] for column in columns)
         return self._shifted(self._inverse, down, steps) * scale - self._center, a, b
 
     def _shifted(self, plane: NDArray[Scalar], down: int, steps: int) -> NDArray[Scalar]:

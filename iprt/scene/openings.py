@@ -55,7 +55,7 @@ def classify_holes(hole: Mask, color: NDArray[np.float32]) -> Holes:
     color : (H, W, 3) float32
         Linear radiance, finite.
     """
-    height = hole.shape[0]
+    height, width = hole.shape
     label, count = _components(hole)
     rows, columns = np.nonzero(hole)
     of_texel = label[rows, columns]
