@@ -6,7 +6,8 @@ pyopencl's wheel brings its own loader. It reads `/etc/OpenCL/vendors`, or the f
 - Intel's CPU runtime from PyPI: its own ICD file names a path that exists nowhere.
 - NVIDIA's driver in containers: the library is mounted, its ICD file often is not.
 
-For these we write a vendors folder of our own, which also holds the system's entries.
+For these we write a vendors folder of our own, which also holds the system's entries. PoCL in turn
+reports no device at all where it cannot write its kernel cache.
 """
 
 from __future__ import annotations
@@ -33,8 +34,11 @@ NVIDIA = "libnvidia-opencl.so.1"
 def register_drivers() -> None:
     """Point `OCL_ICD_VENDORS` at our vendors folder, where the system's own would miss a driver.
 
-    Does nothing if the user set one of `OVERRIDES`: that choice stands.
+    If the user set one of `OVERRIDES`, that choice stands. PoCL gets a temporary kernel cache
+    where the user's cache folder is not writable, as in containers without a home.
     """
+    if "POCL_CACHE_DIR" not in os.environ and not _cache_is_writable():
+        os.environ["POCL_CACHE_DIR"] = str(_temporary_folder("iprt-pocl-"))
     if any(os.environ.get(name) for name in OVERRIDES):
         return
     system = read_vendors(SYSTEM_VENDORS)
@@ -80,9 +84,7 @@ def write_vendors(entries: Mapping[str, str], cache: Path | None) -> Path:
     if cache is not None:
         with contextlib.suppress(OSError):
             return _fill(cache / name, entries)
-    folder = Path(tempfile.mkdtemp(prefix="iprt-vendors-"))
-    atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    return _fill(folder, entries)
+    return _fill(_temporary_folder("iprt-vendors-"), entries)
 
 
 def _fill(folder: Path, entries: Mapping[str, str]) -> Path:
@@ -94,6 +96,23 @@ def _fill(folder: Path, entries: Mapping[str, str]) -> Path:
         with os.fdopen(handle, "w", encoding="utf-8") as file:
             file.write(library + "\n")
         os.replace(temporary, folder / name)
+    return folder
+
+
+def _cache_is_writable() -> bool:
+    cache = cache_folder()
+    if cache is None:
+        return False
+    try:
+        cache.parent.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        return False
+    return os.access(cache.parent, os.W_OK | os.X_OK)
+
+
+def _temporary_folder(prefix: str) -> Path:
+    folder = Path(tempfile.mkdtemp(prefix=prefix))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
     return folder
 
 

@@ -12,6 +12,7 @@ import pytest
 from iprt.device import icd
 
 SYSTEM = {"pocl.icd": "libpocl.so.2", "intel64.icd": "/opt/intel/libintelocl.so"}
+CACHES = ("XDG_CACHE_HOME", "POCL_CACHE_DIR")
 OURS = Path("/venv/lib/libintelocl.so")
 
 
@@ -102,7 +103,7 @@ def test_the_users_folder_stands(machine: Path, monkeypatch: pytest.MonkeyPatch,
     icd.register_drivers()
     assert os.environ[name] == "/mine"
     assert sum(other in os.environ for other in icd.OVERRIDES) == 1
-    assert not (machine / "cache").exists()
+    assert not (machine / "cache" / "iprt").exists()
 
 
 def test_nothing_is_registered_where_nothing_is_missing(
@@ -111,6 +112,21 @@ def test_nothing_is_registered_where_nothing_is_missing(
     monkeypatch.setattr(icd, "intel_runtime", lambda: None)
     icd.register_drivers()
     assert "OCL_ICD_VENDORS" not in os.environ
+
+
+def test_pocl_works_without_a_home() -> None:
+    """PoCL lists no device where it cannot write its cache; /proc refuses even root."""
+    code = "from iprt.device.choose import choose; print(choose('pocl').info.kind)"
+    environment = {k: v for k, v in os.environ.items() if k not in CACHES}
+    result = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=Path(__file__).parents[2],
+        env=environment | {"HOME": "/proc/none"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert result.stdout == "cpu\n", result.stderr
 
 
 def platforms(vendors: Path | None) -> str:
