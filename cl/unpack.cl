@@ -4,11 +4,12 @@
 //      material  [H*W]     albedo, 1 + material index
 //      coverage  [H*W]     fraction of the pixel where an object is in front
 //      motion    [H*W]     previous image point, pixels
-//      materials [2*N]     material table (lib/brdf.h)
+//      materials           material table (lib/brdf.h)
 // out  normal 3, depth 1 (0: not visible), id 1 (1 + material index), roughness 1 (GGX alpha; 1:
 //      diffuse), albedo 3, coverage 1, motion 2 planes
 //
 // Normals are turned towards the viewer: interpolated ones may face away near silhouettes.
+#include "brdf.h"
 #include "planes.h"
 #include "view.h"
 
@@ -46,8 +47,8 @@ __kernel void unpack_objects(
     normal[2 * size + pixel] = n.z;
     depth[pixel] = geometry.w;
     id[pixel] = surface.w;
-    const float4 parameters = visible ? materials[2 * ((int)surface.w - 1)] : (float4)(0.0f);
-    roughness[pixel] = parameters.x == 0.0f ? 1.0f : parameters.y;
+    const Material parameters = load_material(materials, max((int)surface.w - 1, 0));
+    roughness[pixel] = parameters.kind == KIND_DIFFUSE ? 1.0f : parameters.alpha;
     albedo[pixel] = surface.x;
     albedo[size + pixel] = surface.y;
     albedo[2 * size + pixel] = surface.z;

@@ -267,15 +267,21 @@ inline int trace_objects(const Objects world, float3 o, float3 d, float t_max, O
 #else
     const float3 o_view = view_rotate_to_local(world.view, o);
     const float3 d_view = view_rotate_to_local(world.view, d);
-    const float2 seen = clip_to_rectangle(world, o_view, d_view, reach.x, reach.y);
+    float2 seen = clip_to_rectangle(world, o_view, d_view, reach.x, reach.y);
     if (!(seen.x < seen.y))
-        return trace_equirect_objects(world.equirect, o, d, reach.x, reach.y, hit);
-    if (trace_equirect_objects(world.equirect, o, d, reach.x, seen.x, hit))
-        return 1;
-    hit->on_screen = 1;
-    if (march_screen_objects(world, o_view, d_view, seen.x, seen.y, o, d, hit))
-        return 1;
-    return trace_equirect_objects(world.equirect, o, d, seen.y, reach.y, hit);
+        seen = (float2)(reach.y);
+    // Before, on and after the screen. A loop, because each march is inlined where it is called.
+    for (int part = 0; part < 3; part++) {
+        const float t0 = part == 0 ? reach.x : part == 1 ? seen.x : seen.y;
+        const float t1 = part == 0 ? seen.x : part == 1 ? seen.y : reach.y;
+        if (!(t0 < t1))
+            continue;
+        hit->on_screen = part == 1;
+        if (part == 1 ? march_screen_objects(world, o_view, d_view, t0, t1, o, d, hit)
+                      : trace_equirect_objects(world.equirect, o, d, t0, t1, hit))
+            return 1;
+    }
+    return 0;
 #endif
 }
 

@@ -30,6 +30,8 @@ class Panorama:
         Min/max pyramid of radial distances, level 0 first.
     median_depth, nearest, farthest : float
         Of the finite depths, in metres; `farthest` is 0 where all is open sky.
+    mean_radiance : float
+        Over the sphere and the three channels.
     """
 
     def __init__(self, device: ComputeDevice, width: int, height: int) -> None:
@@ -50,7 +52,7 @@ class Panorama:
         self.row = device.upload("panorama.row", row)
         self._build = device.kernel("surface.cl", "build_surface")
         self._pyramid = Pyramid(device)
-        self.median_depth = self.nearest = self.farthest = 0.0
+        self.median_depth = self.nearest = self.farthest = self.mean_radiance = 0.0
 
     def load(self, frame: Frame) -> None:
         """Upload a video frame and build what the tracer needs of it."""
@@ -58,6 +60,10 @@ class Panorama:
         self.median_depth = frame.median_depth
         self.nearest = float(finite.min()) if finite.size else 0.0
         self.farthest = float(finite.max()) if finite.size else 0.0
+        rows = np.sin((np.arange(frame.height) + 0.5) / frame.height * np.pi)
+        self.mean_radiance = float(
+            np.average(frame.color.mean(axis=(1, 2), dtype=np.float64), weights=rows)
+        )
         color = np.zeros((self.height, self.width, 4), np.float32)
         color[..., :3] = self._enlarged(frame.color)
         with self._device.profile.section("upload"):

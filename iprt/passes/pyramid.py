@@ -28,7 +28,7 @@ class PyramidShape:
     def of(cls, width: int, height: int, coarsest_columns: int) -> PyramidShape:
         """Halve until a level would have fewer than `coarsest_columns` columns."""
         columns, rows = [width], [height]
-        while (columns[-1] + 1) // 2 >= coarsest_columns:
+        while columns[-1] > 1 and (columns[-1] + 1) // 2 >= coarsest_columns:
             columns.append((columns[-1] + 1) // 2)
             rows.append((rows[-1] + 1) // 2)
         return cls(tuple(columns), tuple(rows))

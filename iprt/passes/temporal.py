@@ -43,9 +43,6 @@ class TemporalSettings(BaseModel):
         le=1.0,
         description="Least cosine of the angle between present and past normal.",
     )
-    clamp_radius: int = Field(
-        default=2, ge=1, le=3, description="Half width in pixels of the clamping neighbourhood."
-    )
     clamp_sigma: float = Field(
         default=2.0,
         gt=0.0,
@@ -97,11 +94,10 @@ class Temporal:
         self._device = device
         self._guide = guide
         defines = plane_defines(
-            equirect=guide.equirect,
-            SIGNAL_PLANES=signal_planes(kind),
-            DIFFERENCE=kind == "real",
-            CLAMP_RADIUS=settings.clamp_radius,
+            equirect=guide.equirect, SIGNAL_PLANES=signal_planes(kind), DIFFERENCE=kind == "real"
         )
+        self._reproject = device.kernel("temporal.cl", "reproject", defines)
+        self._clamp = device.kernel("temporal.cl", "clamp_history", defines)
         self._accumulate = device.kernel("temporal.cl", "accumulate", defines)
         self._estimate = device.kernel("temporal.cl", "estimate_variance", defines)
 
@@ -152,23 +148,42 @@ class Temporal:
         width, height = guide.layout.width, guide.layout.height
         loose = changed and self.kind != "real"
         with self._device.profile.section("temporal"):
-            if changed:
-                guide.wrap(signal)
-            self._accumulate(
+            self._reproject(
                 (width, height),
                 guide.current,
                 guide.previous,
                 motion,
-                signal,
                 *self._before,
+                *self._now,
+                settings.moved_tolerance if loose else settings.plane_tolerance,
+                settings.normal_agreement,
+                width,
+                height,
+            )
+            if changed:
+                guide.wrap(signal)
+                history, length, _ = self._now
+                for plane in reversed(range(signal_planes(self.kind))):
+                    self._clamp(
+                        (width, height),
+                        guide.current,
+                        signal,
+                        history,
+                        length,
+                        settings.clamp_sigma,
+                        settings.clamped_length,
+                        plane,
+                        1,
+                        width,
+                        height,
+                    )
+            self._accumulate(
+                (width, height),
+                guide.current,
+                signal,
                 *self._now,
                 self._scalar,
                 float(fading),
-                settings.moved_tolerance if loose else settings.plane_tolerance,
-                settings.normal_agreement,
-                changed,
-                settings.clamp_sigma,
-                settings.clamped_length,
                 width,
                 height,
             )

@@ -1,0 +1,139 @@
+// Paths through the mixed scene: what arrives along a ray that meets real surfaces, which end it
+// with the radiance that the panorama shows, and virtual ones, which scatter it on.
+//
+// Real surfaces are taken as diffuse emitters (IPRT, "Interactive panoramic ray tracing"): the
+// panorama already holds every bounce between them. -D MAX_BOUNCES is how many virtual surfaces a
+// path may meet; the ray after the last one sees real surfaces only (Algorithm 1, lines 4-6).
+// -D RELIT multiplies real radiance by what objects do to it in the view (UpdateGbuffer).
+// -D DISTANT_ENVIRONMENT takes the panorama as infinitely far: image-based lighting.
+#ifndef IPRT_PATH_H
+#define IPRT_PATH_H
+
+#include "brdf.h"
+#include "panorama.h"
+#include "sampling.h"
+#include "scene.h"
+
+// Rays leave a surface this many texel footprints of its layer above it.
+#define REAL_LIFT 2.0f
+#define OBJECT_LIFT 2.0f
+
+typedef struct {
+    RealLayer real;
+    __global const float4 *color;       // panorama radiance
+#ifdef RELIT
+    __global const float4 *ratio;       // E_RV / E_R per pixel of the view
+    int view_width;
+    int view_height;
+#endif
+    Objects objects;
+    __global const float4 *materials;   // lib/brdf.h
+} World;
+
+// A surface point that scatters, seen along d.
+typedef struct {
+    float3 position;
+    float3 normal;     // towards the viewer
+    float3 albedo;
+    int material;
+    float lift;        // metres to leave it by
+} Scatterer;
+
+inline float3 sky_radiance(const World world, float3 d)
+{
+    return panorama_bilinear(world.color, world.real.grid.width, world.real.grid.height,
+                             equirect_uv(d));
+}
+
+inline float3 real_radiance(const World world, const RealHit hit)
+{
+    float3 radiance = sky_radiance(world, hit.direction);
+#ifdef RELIT
+    if (hit.kind <= HIT_BACK_FACE) {
+        const float2 p = view_project(world.objects.view, hit.direction);
+        if (p.x >= 0.0f && p.y >= 0.0f && p.x < world.view_width && p.y < world.view_height)
+            radiance *= world.ratio[(int)p.y * world.view_width + (int)p.x].xyz;
+    }
+#endif
+    return radiance;
+}
+
+#ifndef DISTANT_ENVIRONMENT
+inline Scatterer object_point(const World world, const ObjectHit hit, float3 o, float3 d)
+{
+    const float4 geometry = hit.on_screen ? world.objects.screen.geometry[hit.index]
+                                          : world.objects.equirect.geometry[hit.index];
+    const float4 material = hit.on_screen ? world.objects.screen.material[hit.index]
+                                          : world.objects.equirect.material[hit.index];
+    const float footprint = hit.on_screen ? world.objects.screen.footprint
+                                          : world.objects.equirect.footprint;
+    Scatterer point;
+    point.position = o + hit.t * d;
+    point.normal = dot(geometry.xyz, d) > 0.0f ? -geometry.xyz : geometry.xyz;
+    point.albedo = material.xyz;
+    point.material = (int)material.w - 1;
+    point.lift = OBJECT_LIFT * footprint * geometry.w;
+    return point;
+}
+
+// One path from a point, from direction d on. Objects are looked for from o_object, real surfaces
+// from o.
+typedef struct {
+    float3 arriving;    // radiance at the start, objects included
+    float3 real;        // radiance at the start if there were no objects
+    int met;            // an object is the first thing that the path meets
+} PathResult;
+
+// All of a path is one loop with one call of each march, because OpenCL compilers inline them.
+// `real` is only filled with -D WITHOUT_OBJECTS, which costs tracing past the objects.
+inline PathResult trace_path(const World world, float3 o, float3 o_object, float3 d, uint seed,
+                             uint index)
+{
+    PathResult result;
+    result.met = 0;
+    result.real = result.arriving = (float3)(0.0f);
+    float3 throughput = (float3)(1.0f);
+    for (int bounce = 0;; bounce++) {
+        ObjectHit hit;
+        hit.t = INFINITY;
+        const int object = bounce < MAX_BOUNCES
+            && trace_objects(world.objects, o_object, d, INFINITY, &hit);
+#ifdef WITHOUT_OBJECTS
+        const float t_max = object && bounce > 0 ? hit.t : INFINITY;
+#else
+        const float t_max = object ? hit.t : INFINITY;
+#endif
+        const RealHit real = trace_real_layer(world.real, o, d, t_max);
+        const int at_object = object && !(real.t < hit.t);
+#ifdef WITHOUT_OBJECTS
+        if (bounce == 0)
+            result.real = real_radiance(world, real);
+#endif
+        if (!at_object) {
+            // The same value bit for bit where no object is met.
+#ifdef WITHOUT_OBJECTS
+            if (bounce == 0) {
+                result.arriving = result.real;
+                return result;
+            }
+#endif
+            result.arriving = throughput * real_radiance(world, real);
+            return result;
+        }
+        result.met = 1;
+        const Scatterer at = object_point(world, hit, o_object, d);
+        const uint stream = hash_combine(seed, 2 * bounce + 2);
+        const float2 u = sobol_2d(index, stream);
+        const BrdfSample sample =
+            brdf_sample(load_material(world.materials, at.material), at.albedo, at.normal, -d,
+                        (float3)(u, sobol_1d(index, hash_combine(stream, 1))));
+        throughput *= sample.specular ? sample.weight : sample.weight * at.albedo;
+        if (!(throughput.x + throughput.y + throughput.z > 0.0f))
+            return result;
+        d = sample.wi;
+        o = o_object = at.position + at.lift * at.normal;
+    }
+}
+#endif
+
+#endif

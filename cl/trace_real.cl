@@ -1,0 +1,66 @@
+// Irradiance of real surfaces with and without the virtual objects: IPRT Algorithm 1, lines 1-9,
+// with the same rays for both (common random numbers), so that E_RV = E_R bit for bit wherever no
+// ray meets an object.
+//
+// in   list, count    pixels to trace (y * width + x) and how many
+//      guide          7 planes (lib/guide.h): world normal, position, id
+//      real, objects  lib/scene.h
+// out  signal         6 planes: E_R rgb, E_RV rgb; irradiance / pi
+//      touched         1 plane: TOUCHED_FRAMES where a ray met an object
+//      samples        1 plane: rays that the pixel has sent since the start, in and out
+#define WITHOUT_OBJECTS
+#include "path.h"
+#include "planes.h"
+
+__kernel void trace_real(
+    const int width,
+    const int height,
+    const int rays,                              // per pixel
+    const int frame_seed,
+    __global const int *restrict list,
+    __global const int *restrict count,
+    __global const float *restrict guide,
+    __global const float *restrict view,         // lib/view.h
+    REAL_PARAMETERS,
+    OBJECT_PARAMETERS,
+    __global uint *restrict samples,
+    __global float *restrict signal,
+    __global float *restrict touched)
+{
+    const int item = get_global_id(0);
+    if (item >= count[0])
+        return;
+    const World world = {REAL_LAYER, real_color, OBJECTS(view), materials};
+    const int x = list[item] % width, y = list[item] / width;
+    const int pixel = plane_index(x, y, width), size = plane_size(width, height);
+    const float3 n = (float3)(guide[pixel], guide[size + pixel], guide[2 * size + pixel]);
+    const float3 p = (float3)(guide[3 * size + pixel], guide[4 * size + pixel],
+                              guide[5 * size + pixel]);
+    const float footprint = IPRT_PI / world.real.grid.height;
+    const float3 o = p + fmax(world.real.bias, REAL_LIFT * footprint * length(p)) * n;
+    const float3 o_object = p + world.real.bias * n;
+    const Frame frame = build_frame(n);
+    const uint seed = hash_combine(hash_combine((uint)list[item], 0x7265616cu), (uint)frame_seed);
+
+    float3 real_sum = (float3)(0.0f), both_sum = (float3)(0.0f);
+    int met = 0;
+    const uint first = samples[pixel];
+    for (int ray = 0; ray < rays; ray++) {
+        const uint index = first + ray;
+        const float3 d = frame_to_world(frame, sample_cosine(sobol_2d(index, seed)));
+        const PathResult path = trace_path(world, o, o_object, d, seed, index);
+        real_sum += path.real;
+        both_sum += path.arriving;
+        met |= path.met;
+    }
+    samples[pixel] = first + rays;
+    const float3 real_mean = real_sum / (float)rays, both_mean = both_sum / (float)rays;
+    signal[pixel] = real_mean.x;
+    signal[size + pixel] = real_mean.y;
+    signal[2 * size + pixel] = real_mean.z;
+    signal[3 * size + pixel] = both_mean.x;
+    signal[4 * size + pixel] = both_mean.y;
+    signal[5 * size + pixel] = both_mean.z;
+    if (met)
+        touched[pixel] = TOUCHED_FRAMES;
+}

@@ -1,0 +1,66 @@
+"""A device that builds nothing: it records what a renderer would build and allocate."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+
+from iprt.device.compute import ComputeDevice, Define
+from iprt.device.profile import Profile
+
+
+@dataclass(frozen=True)
+class PlannedBuffer:
+    """Shape and dtype of a buffer that would be allocated."""
+
+    shape: tuple[int, ...]
+    dtype: np.dtype[Any]
+
+    @property
+    def ndim(self) -> int:
+        return len(self.shape)
+
+    @property
+    def nbytes(self) -> int:
+        return int(np.prod(self.shape)) * self.dtype.itemsize
+
+
+class PlanDevice(ComputeDevice):
+    """Stands in for a `ComputeDevice` while a renderer is constructed, on any machine.
+
+    Attributes
+    ----------
+    buffers : dict of str to int
+        Bytes by buffer name.
+    kernels : list of (file, kernel, defines)
+        In the order of construction; `defines` holds what is passed as `-D`.
+    """
+
+    def __init__(self) -> None:
+        self.profile = Profile()
+        self.buffers: dict[str, int] = {}
+        self.kernels: list[tuple[str, str, dict[str, Define]]] = []
+
+    def kernel(  # type: ignore[override]
+        self, file: str, name: str, defines: Mapping[str, Define] | None = None
+    ) -> Callable[..., None]:
+        used = {key: value for key, value in (defines or {}).items() if value is not False}
+        self.kernels.append((file, name, used))
+        return lambda *_: None
+
+    def empty(  # type: ignore[override]
+        self, name: str, shape: tuple[int, ...], dtype: DTypeLike = np.float32
+    ) -> PlannedBuffer:
+        buffer = PlannedBuffer(shape, np.dtype(dtype))
+        self.buffers[name] = buffer.nbytes
+        return buffer
+
+    def fill_zero(self, array: Any) -> None:
+        pass
+
+    def write(self, array: Any, values: NDArray[Any]) -> None:
+        pass

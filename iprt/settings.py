@@ -1,0 +1,69 @@
+"""Every knob of the renderer, in one model: what TOML, flags and sliders set."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from iprt.passes.atrous import AtrousSettings
+from iprt.passes.interpolate import InterpolateSettings
+from iprt.passes.mask import MaskSettings
+from iprt.passes.temporal import TemporalSettings
+
+Method = Literal["iprt", "ibl"]
+"""The published method, or its baseline: the panorama as distant environment, no shadows."""
+
+
+class TraceSettings(BaseModel):
+    """What rays assume of the scene, and how far paths go."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    rays: int = Field(
+        default=1, ge=1, le=1024, description="Rays per traced pixel and frame; noise ∝ 1/√rays."
+    )
+    bounces: int = Field(
+        default=4,
+        ge=1,
+        le=16,
+        description="Virtual surfaces that a path may meet before it sees real ones only.",
+    )
+    thickness: float = Field(
+        default=0.05,
+        ge=0.0,
+        le=10.0,
+        description="Least thickness of real surfaces in metres, in a room (median depth 2 m).",
+    )
+    thickness_ratio: float = Field(
+        default=0.05,
+        ge=0.0,
+        le=1.0,
+        description="Least thickness of real surfaces as a fraction of their distance.",
+    )
+    back_faces: bool = Field(
+        default=True, description="Substitute back faces that the camera never saw (BASSRT)."
+    )
+    relight_reflections: bool = Field(
+        default=True, description="Objects reflect shadows and light that objects cast."
+    )
+
+
+class Settings(BaseModel):
+    """Settings of a renderer; immutable, so that a picture's settings can be stored with it."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    method: Method = Field(default="iprt", description="Rendering method.")
+    seed: int = Field(default=0, ge=0, le=2**31 - 1, description="Seed of all random numbers.")
+    fading: float = Field(
+        default=0.1,
+        ge=0.0,
+        le=1.0,
+        description="Least share of a new frame in the temporal mean; 0 averages all frames.",
+    )
+    trace: TraceSettings = TraceSettings()
+    mask: MaskSettings = MaskSettings()
+    interpolate: InterpolateSettings = InterpolateSettings()
+    temporal: TemporalSettings = TemporalSettings()
+    atrous: AtrousSettings = AtrousSettings()
