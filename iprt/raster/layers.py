@@ -40,7 +40,9 @@ class ObjectLayers:
     coverage : (H, W) float32 or None
         Fraction of the pixel in which an object is in front of the real surface (1 - M of IPRT
         Eq. 2). Where it is positive, `front` holds a surface, borrowed from a neighbour if the
-        pixel's own centre misses it. None for layers that are only traced.
+        pixel's own centre misses it; there, and only there, `front` has a surface and `back` has
+        none, so that tracing can tell and objects do not grow. Slivers without a neighbour to
+        borrow from count as 0. None for layers that are only traced.
     motion : (H, W, 2) float32 or None
         Where the front surface was in the previous frame's picture, in pixels; (-1e9, -1e9)
         where there is none.

@@ -1,0 +1,113 @@
+// The displayed layer from the front layer: coverage, borrowed edges, motion.
+//
+// Coverage is the fraction of SAMPLES x SAMPLES sub-samples whose nearest object is in front of the
+// real surface: r <= r_real (1 + tolerance), where r_real = 1 / (g . d) is the tangent plane g of
+// the panorama's texel (g . d <= 0: nothing there). It is 1 - M of IPRT Eq. 2. A covered pixel
+// whose centre has no surface borrows a neighbour's: its normal and material, and its tangent
+// plane's distance along this pixel's ray. Motion is the image point, in the previous view, of the
+// surface point before its object moved.
+#version 330
+#include "view.glsl"
+#include "depth.glsl"
+
+uniform sampler2D geometry_in;       // front layer
+uniform sampler2D material_in;
+uniform sampler2D samples;           // encoded depth, SAMPLES x SAMPLES texels per pixel
+uniform ivec2 samples_origin;        // pixel of its corner
+uniform sampler2D surface;           // tangent planes of the real scene, equirect
+uniform sampler2D table;             // per material: albedo, then three rows of its object's motion
+uniform float tolerance;             // of the comparison of distances, relative
+
+uniform mat3 previous_world_from_view;
+uniform float previous_focal_px;
+uniform vec2 previous_size;
+
+layout(location = 0) out vec4 geometry;
+layout(location = 1) out vec4 material;
+layout(location = 2) out vec4 display;   // coverage, previous image point, 0
+
+const float NOWHERE = -1e9;
+const float BORROW_RANGE = 0.03;         // relative change of distance that borrowing may make
+
+const ivec2 NEIGHBOURS[8] = ivec2[8](ivec2(-1, 0), ivec2(1, 0), ivec2(0, -1), ivec2(0, 1),
+                                     ivec2(-1, -1), ivec2(1, -1), ivec2(-1, 1), ivec2(1, 1));
+
+vec3 tangent_plane(vec3 d)
+{
+    vec2 uv = vec2(atan(d.x, -d.z) / (2.0 * PI) + 0.5, atan(length(d.xz), d.y) / PI);
+    ivec2 size = textureSize(surface, 0);
+    return texelFetch(surface, min(ivec2(uv * vec2(size)), size - 1), 0).xyz;
+}
+
+float visible_fraction(ivec2 pixel)
+{
+    ivec2 corner = (pixel - samples_origin) * SAMPLES;
+    float visible = 0.0;
+    for (int y = 0; y < SAMPLES; ++y) {
+        for (int x = 0; x < SAMPLES; ++x) {
+            float z = texelFetch(samples, corner + ivec2(x, y), 0).r;
+            if (z == 0.0)
+                continue;
+            vec2 inside = (vec2(x, y) + 0.5) / float(SAMPLES);
+            vec3 d = world_from_view * view_direction(vec2(pixel) + inside);
+            if (decode_depth(z) * dot(tangent_plane(d), d) <= 1.0 + tolerance)
+                visible += 1.0;
+        }
+    }
+    return visible / float(SAMPLES * SAMPLES);
+}
+
+void borrow(ivec2 pixel, vec3 d)
+{
+    ivec2 size = ivec2(view_size);
+    for (int i = 0; i < 8; ++i) {
+        ivec2 from = pixel + NEIGHBOURS[i];
+#ifdef EQUIRECT
+        from.x = (from.x + size.x) % size.x;
+#endif
+        if (any(lessThan(from, ivec2(0))) || any(greaterThanEqual(from, size)))
+            continue;
+        vec4 lent = texelFetch(geometry_in, from, 0);
+        if (lent.w == 0.0)
+            continue;
+        vec3 lender = world_from_view * view_direction(vec2(from) + 0.5);
+        float ratio = dot(lent.xyz, lender) / dot(lent.xyz, d);
+        // A plane seen edge-on gives no ratio, or one of any size.
+        ratio = ratio > 0.0 ? clamp(ratio, 1.0 - BORROW_RANGE, 1.0 + BORROW_RANGE) : 1.0;
+        geometry = vec4(lent.xyz, lent.w * ratio);
+        material = texelFetch(material_in, from, 0);
+        return;
+    }
+}
+
+vec2 previous_image_point(vec3 point, int index)
+{
+    vec4 p = vec4(point, 1.0);
+    vec3 before = vec3(dot(texelFetch(table, ivec2(1, index), 0), p),
+                       dot(texelFetch(table, ivec2(2, index), 0), p),
+                       dot(texelFetch(table, ivec2(3, index), 0), p));
+    vec3 local = before * previous_world_from_view;
+#ifdef EQUIRECT
+    float u = atan(local.x, -local.z) / (2.0 * PI) + 0.5;
+    return vec2(u - floor(u), atan(length(local.xz), local.y) / PI) * previous_size;
+#else
+    if (local.z >= 0.0)
+        return vec2(NOWHERE);
+    return 0.5 * previous_size + previous_focal_px * vec2(local.x, -local.y) / -local.z;
+#endif
+}
+
+void main()
+{
+    ivec2 pixel = ivec2(gl_FragCoord.xy);
+    vec3 d = world_from_view * view_direction(gl_FragCoord.xy);
+    geometry = texelFetch(geometry_in, pixel, 0);
+    material = texelFetch(material_in, pixel, 0);
+    float coverage = visible_fraction(pixel);
+    if (geometry.w == 0.0 && coverage > 0.0)
+        borrow(pixel, d);
+    if (geometry.w == 0.0)
+        display = vec4(0.0, NOWHERE, NOWHERE, 0.0);
+    else
+        display = vec4(coverage, previous_image_point(geometry.w * d, int(material.w) - 1), 0.0);
+}

@@ -1,0 +1,23 @@
+// The triangles of all instances, in world space, as textures.
+
+uniform isampler2D triangles;   // three vertex numbers, material index
+uniform sampler2D vertices;     // two texels per vertex: (position, u), (normal, v)
+
+// Widths of the two textures in texels, as powers of two.
+const int TRIANGLES_WIDTH_LOG2 = 11;
+const int VERTICES_WIDTH_LOG2 = 11;
+
+ivec4 fetch_triangle(int index)
+{
+    int column = index & ((1 << TRIANGLES_WIDTH_LOG2) - 1);
+    return texelFetch(triangles, ivec2(column, index >> TRIANGLES_WIDTH_LOG2), 0);
+}
+
+vec4 fetch_vertex(int texel)
+{
+    int column = texel & ((1 << VERTICES_WIDTH_LOG2) - 1);
+    return texelFetch(vertices, ivec2(column, texel >> VERTICES_WIDTH_LOG2), 0);
+}
+
+vec4 position_u(int vertex) { return fetch_vertex(2 * vertex); }
+vec4 normal_v(int vertex) { return fetch_vertex(2 * vertex + 1); }

@@ -1,0 +1,81 @@
+// One layer from the visible triangles: normal, radial distance, albedo and material.
+//
+// Everything is evaluated where the pixel-centre ray meets the triangle's plane; nothing is
+// interpolated by the rasterizer. With TEXTURED, only the pixels of one textured material.
+#version 330
+#include "view.glsl"
+#include "mesh.glsl"
+#include "triangle.glsl"
+
+uniform sampler2D seen_facing; // nearest triangle that faces the capture centre: 1 + number, or 0
+uniform sampler2D seen_away;   // nearest triangle that faces away
+uniform bool back_layer;       // the nearest that faces away, else the nearest of either
+uniform sampler2D table;       // per material: albedo, then three rows of its object's motion
+#ifdef TEXTURED
+uniform sampler2D image;
+uniform int textured;          // the material that has it
+#endif
+
+layout(location = 0) out vec4 geometry;   // world normal, radial distance
+layout(location = 1) out vec4 material;   // albedo, 1 + material index
+
+float distance_along(vec3 d, int number)
+{
+    ivec4 triangle = fetch_triangle(number - 1);
+    vec3 a = position_u(triangle.x).xyz, b = position_u(triangle.y).xyz;
+    vec3 c = position_u(triangle.z).xyz;
+    return dot(barycentric(edge_functions(d, a, b, c)), vec3(dot(a, d), dot(b, d), dot(c, d)));
+}
+
+int choose(int facing, int away, vec3 d)
+{
+    if (facing == 0 || away == 0)
+        return facing + away;
+    if (back_layer || distance_along(d, away) < distance_along(d, facing))
+        return away;
+    return facing;
+}
+
+void main()
+{
+    geometry = vec4(0.0);
+    material = vec4(0.0);
+    ivec2 texel = ivec2(gl_FragCoord.xy);
+    vec2 at = image_point(gl_FragCoord.xy);
+    vec3 d = world_from_view * view_direction(at);
+    int number = choose(int(texelFetch(seen_facing, texel, 0).r),
+                        int(texelFetch(seen_away, texel, 0).r), d);
+    if (number == 0) {
+#ifdef TEXTURED
+        discard;
+#endif
+        return;
+    }
+    ivec4 triangle = fetch_triangle(number - 1);
+    vec4 p0 = position_u(triangle.x), p1 = position_u(triangle.y), p2 = position_u(triangle.z);
+    vec4 n0 = normal_v(triangle.x), n1 = normal_v(triangle.y), n2 = normal_v(triangle.z);
+
+    vec3 edges = edge_functions(d, p0.xyz, p1.xyz, p2.xyz);
+    vec3 weights = barycentric(edges);
+    vec3 normal = weights.x * n0.xyz + weights.y * n1.xyz + weights.z * n2.xyz;
+    float size = length(normal);
+    normal = size > 1e-6 ? normal / size : -d;
+    geometry = vec4(normal, dot(weights, vec3(dot(p0.xyz, d), dot(p1.xyz, d), dot(p2.xyz, d))));
+    vec3 albedo = texelFetch(table, ivec2(0, triangle.w), 0).rgb;
+
+#ifdef TEXTURED
+    if (triangle.w != textured)
+        discard;
+    // v points up, rows run down.
+    mat3x2 uv = mat3x2(p0.w, -n0.w, p1.w, -n1.w, p2.w, -n2.w);
+    vec3 right = edge_functions(world_from_view * view_direction(at + vec2(1.0, 0.0)),
+                                p0.xyz, p1.xyz, p2.xyz);
+    vec3 below = edge_functions(world_from_view * view_direction(at + vec2(0.0, 1.0)),
+                                p0.xyz, p1.xyz, p2.xyz);
+    vec3 one = vec3(1.0);
+    vec3 here = edges / dot(edges, one);
+    albedo *= textureGrad(image, uv * weights, uv * (right / dot(right, one) - here),
+                          uv * (below / dot(below, one) - here)).rgb;
+#endif
+    material = vec4(albedo, float(triangle.w + 1));
+}

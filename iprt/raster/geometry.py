@@ -1,0 +1,238 @@
+"""The triangles of all instances on the graphics device, in world space."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.errors import SceneError
+from iprt.raster.region import box_corners
+from iprt.scene.material import Material
+from iprt.scene.mesh import Instance
+
+Float = NDArray[np.float64]
+
+_TRIANGLES_WIDTH = 2048
+_VERTICES_WIDTH = 2048
+"""Texels; `glsl/mesh.glsl` has their logarithms. A vertex takes two texels."""
+
+_VERTICES_PER_ROW = _VERTICES_WIDTH // 2
+_CORNERS_BYTES = 3 * 3 * 4
+_MAX_TRIANGLES = 1 << 24
+"""Triangle numbers pass through a float32 image."""
+
+
+@dataclass
+class Part:
+    """One instance's share of the buffers.
+
+    Attributes
+    ----------
+    instance : Instance
+    vertex_row : int
+        Of the vertex texture; every instance starts a row, so that it can be rewritten alone.
+    first_triangle : int
+    triangles : (F, 3) int32
+        Those drawn, of the mesh.
+    materials : slice
+        Of the materials of all instances.
+    object_box : (8, 3) float64
+        Corners, object space.
+    to_world, previous : (4, 4) float64
+        This frame's and the previous frame's transform.
+    """
+
+    instance: Instance
+    vertex_row: int
+    first_triangle: int
+    triangles: NDArray[np.int32]
+    materials: slice
+    object_box: Float
+    to_world: Float
+    previous: Float
+
+    @property
+    def vertex_rows(self) -> int:
+        return _rows(len(self.instance.mesh.positions), _VERTICES_PER_ROW)
+
+    @property
+    def mirrored(self) -> bool:
+        """Whether the transform turns counter-clockwise triangles clockwise."""
+        return float(np.linalg.det(self.to_world[:3, :3])) < 0.0
+
+    @property
+    def corners(self) -> Float:
+        """(8, 3) world-space corners of a box around the part, as `region.box_rects` reads."""
+        return _transform(self.to_world, self.object_box)
+
+    @property
+    def motion(self) -> Float:
+        """(3, 4) affine map of this frame's world points to the previous frame's."""
+        if np.array_equal(self.previous, self.to_world):
+            return np.eye(4)[:3]
+        # The pseudo-inverse serves transforms that flatten.
+        linear = self.previous[:3, :3] @ np.linalg.pinv(self.to_world[:3, :3])
+        offset = self.previous[:3, 3] - linear @ self.to_world[:3, 3]
+        return np.concatenate([linear, offset[:, None]], axis=1)
+
+
+class WorldGeometry:
+    """Vertices, triangles and materials of all instances, as the shaders read them.
+
+    Vertices are transformed here, in double precision, when an instance moves: then all passes
+    and both projections see the same float32 triangles.
+
+    Attributes
+    ----------
+    parts : tuple of Part
+        Instances that have triangles.
+    materials : tuple of Material
+    material_object : (M,) int32
+        Index of the instance that each material belongs to.
+    positions : moderngl.Buffer
+        World-space corners, three per triangle: drawing them unindexed numbers the triangles
+        for less than gl_PrimitiveID costs on software renderers.
+    triangles, vertices, table : moderngl.Texture
+        See `glsl/mesh.glsl` and `glsl/shade.frag`.
+    images : dict of int to moderngl.Texture
+        Texture by material.
+    """
+
+    def __init__(self, context: moderngl.Context, instances: Sequence[Instance]) -> None:
+        parts: list[Part] = []
+        materials: list[Material] = []
+        owners: list[int] = []
+        drawn = [np.zeros((0, 4), np.int32)]
+        row = count = 0
+        for index, instance in enumerate(instances):
+            first_material = len(materials)
+            materials.extend(instance.mesh.materials)
+            owners.extend([index] * len(instance.mesh.materials))
+            matrix = _affine(instance.name, instance.to_world)
+            mesh = instance.mesh
+            drawable = np.isfinite(mesh.positions[mesh.triangles]).all(axis=(1, 2))
+            if not drawable.any():
+                continue
+            triangles = mesh.triangles[drawable]
+            used = mesh.positions[triangles.ravel()].astype(np.float64)
+            part = Part(
+                instance,
+                row,
+                count,
+                triangles,
+                slice(first_material, len(materials)),
+                box_corners(used.min(axis=0), used.max(axis=0)),
+                matrix,
+                matrix,
+            )
+            parts.append(part)
+            material = mesh.material_index[drawable, None] + first_material
+            drawn.append(np.concatenate([triangles + row * _VERTICES_PER_ROW, material], axis=1))
+            count += len(triangles)
+            row += part.vertex_rows
+        if max(count, row * _VERTICES_PER_ROW) > _MAX_TRIANGLES:
+            raise SceneError(
+                f"the objects have {count} triangles, more than {_MAX_TRIANGLES}: simplify them"
+            )
+        self.parts = tuple(parts)
+        self.materials = tuple(materials)
+        self.material_object = np.array(owners, np.int32)
+        self._names = [instance.name for instance in instances]
+
+        table = np.concatenate(drawn).astype(np.int32)
+        self.positions = context.buffer(reserve=max(count, 1) * _CORNERS_BYTES)
+        self.triangles = context.texture(
+            (_TRIANGLES_WIDTH, max(_rows(count, _TRIANGLES_WIDTH), 1)), 4, dtype="i4"
+        )
+        self.triangles.write(_padded(table, _TRIANGLES_WIDTH))
+        self.vertices = context.texture((_VERTICES_WIDTH, max(row, 1)), 4, dtype="f4")
+        self.table = context.texture((4, max(len(materials), 1)), 4, dtype="f4")
+        self.images = {
+            index: _mipmapped(context, material.texture)
+            for index, material in enumerate(materials)
+            if material.texture is not None
+        }
+        for part in self.parts:
+            self._upload(part)
+        self._upload_table()
+
+    def move(self, to_world: Mapping[str, Float]) -> None:
+        """Start a frame: current transforms become previous ones, then the named ones change."""
+        unknown = sorted(set(to_world) - set(self._names))
+        if unknown:
+            raise SceneError(
+                f"cannot move {', '.join(unknown)}: the objects are {', '.join(self._names)}"
+            )
+        for part in self.parts:
+            part.previous = part.to_world
+            name = part.instance.name
+            if name in to_world:
+                part.to_world = _affine(name, to_world[name])
+                if not np.array_equal(part.to_world, part.previous):
+                    self._upload(part)
+        self._upload_table()
+
+    def _upload(self, part: Part) -> None:
+        """Write one instance's world-space vertices."""
+        mesh = part.instance.mesh
+        linear = part.to_world[:3, :3]
+        # Normals go by the inverse transpose. The cofactors are a multiple of it that flattening
+        # transforms have too.
+        cofactors = np.stack([np.cross(linear[i - 2], linear[i - 1]) for i in range(3)])
+        normals = mesh.normals @ (-cofactors if part.mirrored else cofactors).T
+        length = np.linalg.norm(normals, axis=1, keepdims=True)
+        texels = np.zeros((len(mesh.positions), 2, 4), np.float32)
+        with np.errstate(invalid="ignore", over="ignore"):  # corners of triangles left out
+            texels[:, 0, :3] = _transform(part.to_world, mesh.positions)
+        corners = texels[:, 0, :3][part.triangles]
+        self.positions.write(corners, offset=part.first_triangle * _CORNERS_BYTES)
+        np.divide(normals, length, out=texels[:, 1, :3], where=length > 0.0, casting="same_kind")
+        texels[:, :, 3] = mesh.uvs
+        self.vertices.write(
+            _padded(texels, _VERTICES_PER_ROW),
+            viewport=(0, part.vertex_row, _VERTICES_WIDTH, part.vertex_rows),
+        )
+
+    def _upload_table(self) -> None:
+        table = np.zeros((max(len(self.materials), 1), 4, 4), np.float32)
+        for row, material in zip(table, self.materials, strict=False):
+            row[0, :3] = material.albedo
+        for part in self.parts:
+            table[part.materials, 1:] = part.motion
+        self.table.write(table)
+
+
+def _affine(name: str, matrix: NDArray[np.floating]) -> Float:
+    checked = np.array(matrix, np.float64)
+    if checked.shape != (4, 4) or not np.isfinite(checked).all():
+        raise SceneError(f"object {name}: to_world must be 4x4 finite numbers, got {matrix!r}")
+    return checked
+
+
+def _transform(matrix: Float, points: NDArray[np.floating]) -> Float:
+    moved: Float = points @ matrix[:3, :3].T + matrix[:3, 3]
+    return moved
+
+
+def _rows(count: int, width: int) -> int:
+    return -(-count // width)
+
+
+def _padded(array: NDArray[np.generic], width: int) -> bytes:
+    """Bytes of `array`, zeros appended up to whole rows of `width` items, at least one row."""
+    missing = max(_rows(len(array), width), 1) * width - len(array)
+    return array.tobytes() + bytes(missing * array.itemsize * int(np.prod(array.shape[1:])))
+
+
+def _mipmapped(context: moderngl.Context, image: NDArray[np.float32]) -> moderngl.Texture:
+    """Half floats: an albedo in [0, 1] keeps 11 bits."""
+    height, width = image.shape[:2]
+    data = np.ascontiguousarray(image, np.float16).tobytes()
+    texture = context.texture((width, height), 3, data, dtype="f2")
+    texture.build_mipmaps()
+    texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
+    return texture

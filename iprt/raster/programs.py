@@ -1,0 +1,57 @@
+"""The shader programs of each projection."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import moderngl
+
+from iprt.raster.context import load_program
+from iprt.scene.camera import Projection
+
+SAMPLES = 4
+"""Coverage takes SAMPLES x SAMPLES sub-samples per pixel."""
+
+
+@dataclass(frozen=True)
+class Programs:
+    """The passes of one projection.
+
+    Attributes
+    ----------
+    visibility, distances : moderngl.Program
+        Triangles to a target's window: which is nearest; depth alone.
+    shade, shade_textured, finish : moderngl.Program
+        Over the target's pixels: a layer; what of it has one texture; the displayed layer.
+    """
+
+    visibility: moderngl.Program
+    distances: moderngl.Program
+    shade: moderngl.Program
+    shade_textured: moderngl.Program
+    finish: moderngl.Program
+
+    @classmethod
+    def build(cls, context: moderngl.Context, projection: Projection) -> Programs:
+        defines = {"EQUIRECT": 1} if projection == "equirect" else {}
+        stages = f"visibility_{projection}"
+
+        def visibility(**extra: int) -> moderngl.Program:
+            return load_program(
+                context,
+                f"{stages}.frag",
+                vertex=f"{stages}.vert",
+                geometry=f"{stages}.geom" if projection == "equirect" else None,
+                defines=defines | extra,
+            )
+
+        def screen(fragment: str, **extra: int) -> moderngl.Program:
+            return load_program(context, fragment, vertex="screen.vert", defines=defines | extra)
+
+        return cls(
+            visibility(),
+            visibility(DEPTH_ONLY=1),
+            screen("shade.frag"),
+            screen("shade.frag", TEXTURED=1),
+            screen("finish.frag", SAMPLES=SAMPLES),
+        )

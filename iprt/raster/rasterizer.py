@@ -1,0 +1,323 @@
+"""Rasterization of the virtual objects into depth layers, in both projections (OpenGL 3.3)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.raster.context import bind_textures, create_context, set_uniforms
+from iprt.raster.geometry import Part, WorldGeometry
+from iprt.raster.layers import Layer, ObjectLayers
+from iprt.raster.programs import SAMPLES, Programs
+from iprt.raster.region import Rect, box_rects, merge
+from iprt.raster.targets import Target, Targets
+from iprt.scene.camera import Projection, View
+from iprt.scene.material import Material
+from iprt.scene.mesh import Instance
+
+COVERAGE_TOLERANCE = 0.005
+"""An object is in front of the real surface up to this fraction of the distance behind it: noise
+in measured depth must not eat an object's foot."""
+
+NO_MOTION = -1e9
+"""Both motion components where there is no surface."""
+
+_TILE = 512
+"""Pixels; coverage is rendered in tiles, so that its target stays small in any view."""
+
+
+@dataclass(frozen=True)
+class _Frame:
+    """What one call of `render` works on.
+
+    Attributes
+    ----------
+    programs : Programs
+    targets : Targets
+    visible : list of (Part, list of Rect)
+        Instances that the view may show, and where.
+    regions : list of Rect
+        Disjoint rectangles that cover them all.
+    """
+
+    programs: Programs
+    targets: Targets
+    visible: list[tuple[Part, list[Rect]]]
+    regions: list[Rect]
+
+
+class Rasterizer:
+    """Renders what is seen of virtual objects from the capture centre.
+
+    Per view: (1) visibility: the nearest triangle that faces the capture centre and the nearest
+    that faces away, per pixel centre; (2) shade: normal, distance and albedo of both layers, by
+    intersecting the pixel's ray with the triangle; for display also (3) sub-sampled distances, and
+    (4) finish: coverage against the real scene, borrowed edge pixels, motion. Only rectangles
+    around objects are touched.
+
+    Parameters
+    ----------
+    instances : sequence of Instance
+        Meshes and textures are uploaded here.
+
+    Attributes
+    ----------
+    materials : tuple of Material
+        Of all instances, one after the other; `Layer.material[..., 3] - 1` indexes it.
+    material_object : (M,) int32
+        Index of the instance that each material belongs to.
+    device_name : str
+        The OpenGL renderer.
+
+    Raises
+    ------
+    DeviceError
+        Without EGL or OpenGL 3.3.
+    SceneError
+        A transform is not 4x4 finite numbers, or there are more than 2^24 triangles.
+    """
+
+    def __init__(self, instances: Sequence[Instance]) -> None:
+        self._context = create_context()
+        self.device_name: str = self._context.info["GL_RENDERER"]
+        with self._context:
+            self._geometry = WorldGeometry(self._context, instances)
+            self._samples = self._context.depth_texture((_TILE * SAMPLES,) * 2)
+            self._samples.compare_func = ""
+            self._samples.filter = (moderngl.NEAREST, moderngl.NEAREST)
+            self._samples_target = self._context.framebuffer(depth_attachment=self._samples)
+            self._surface = self._context.texture((1, 1), 4, bytes(16), dtype="f4")
+        self.materials: tuple[Material, ...] = self._geometry.materials
+        self.material_object: NDArray[np.int32] = self._geometry.material_object
+        self._programs: dict[Projection, Programs] = {}
+        self._targets: dict[Projection, Targets] = {}
+
+    def move(self, to_world: Mapping[str, NDArray[np.float64]]) -> None:
+        """Start a frame with new transforms; the current ones become the previous ones.
+
+        Call it once per frame while objects move, and once more (`move({})`) when they stop:
+        motion is measured from the transforms before the last call.
+
+        Parameters
+        ----------
+        to_world : mapping of str to (4, 4) float64
+            By instance name. The others stay where they are.
+
+        Raises
+        ------
+        SceneError
+            An unknown name, or a matrix that is not 4x4 finite numbers.
+        """
+        with self._context:
+            self._geometry.move(to_world)
+
+    def set_surface(self, surface: NDArray[np.float32]) -> None:
+        """Set the real scene that `coverage` compares with. Until then there is none.
+
+        Parameters
+        ----------
+        surface : (H, W, 4) float32
+            Panorama; xyz = g such that the real surface is at radial distance 1 / (g . d) along
+            the unit direction d (0: nothing there). w is not read.
+        """
+        height, width = surface.shape[:2]
+        with self._context:
+            if self._surface.size != (width, height):
+                self._surface.release()
+                self._surface = self._context.texture((width, height), 4, dtype="f4")
+            self._surface.write(np.ascontiguousarray(surface, np.float32))
+
+    def render(self, view: View, previous: View | None = None, *, shade: bool) -> ObjectLayers:
+        """Render the objects' layers in a view.
+
+        Parameters
+        ----------
+        view : View
+            Of either projection.
+        previous : View, optional
+            The previous frame's view, of the same projection; by default `view` itself.
+        shade : bool
+            Whether to add coverage and motion, and to borrow surfaces for covered edge pixels.
+
+        Returns
+        -------
+        ObjectLayers
+            New arrays of the view's size.
+        """
+        previous = previous or view
+        if previous.projection != view.projection:
+            raise ValueError("the previous view must have the same projection")
+        with self._context:
+            return self._render(view, previous, shade)
+
+    def close(self) -> None:
+        """Free the context and all that it holds."""
+        self._context.release()
+
+    def _render(self, view: View, previous: View, shade: bool) -> ObjectLayers:
+        placed = [(part, box_rects(view, part.corners)) for part in self._geometry.parts]
+        visible = [(part, rects) for part, rects in placed if rects]
+        regions = merge([rect for _, rects in visible for rect in rects])
+        frame = _Frame(self._programs_for(view), self._targets_for(view), visible, regions)
+        for program in vars(frame.programs).values():
+            set_uniforms(program, _view_uniforms(view) | {"depth_scale": self._depth_scale()})
+        self._see(frame)
+        self._shade(frame)
+        targets = frame.targets
+        back = Layer(targets.back.read(0, regions), targets.back.read(1, regions))
+        if not shade:
+            front = Layer(targets.front.read(0, regions), targets.front.read(1, regions))
+            return ObjectLayers(front, back)
+
+        set_uniforms(frame.programs.finish, _previous_uniforms(previous))
+        for region in regions:
+            for tile in region.tiles(_TILE):
+                self._finish(frame, tile)
+        front = Layer(targets.display.read(0, regions), targets.display.read(1, regions))
+        display = targets.display.read(2, regions)
+        motion = np.full((view.height, view.width, 2), NO_MOTION, np.float32)
+        for region in regions:
+            motion[region.pixels] = display[region.pixels][..., 1:3]
+        return ObjectLayers(front, back, np.ascontiguousarray(display[..., 0]), motion)
+
+    def _see(self, frame: _Frame) -> None:
+        """Nearest triangles that face the capture centre, and nearest that face away."""
+        program, targets = frame.programs.visibility, frame.targets
+        set_uniforms(program, _window(0, 0, 1, targets.size))
+        for target, side in ((targets.facing, -1), (targets.away, 1)):
+            for region in frame.regions:
+                target.framebuffer.clear(depth=0.0, viewport=region.viewport)
+            target.framebuffer.use()
+            self._draw(program, [part for part, _ in frame.visible], side)
+
+    def _draw(self, program: moderngl.Program, parts: Sequence[Part], side: int) -> None:
+        """Draw triangles into the bound target; `program` knows its window.
+
+        `side` is 1 for those that face away from the capture centre, -1 for the others, 0 for all.
+        The perspective projection leaves the choice to OpenGL, the equirect one makes it itself.
+        """
+        context = self._context
+        context.enable_only(moderngl.DEPTH_TEST)
+        context.depth_func = ">"
+        if side != 0 and "side" not in program:
+            context.enable(moderngl.CULL_FACE)
+            context.cull_face = "front" if side > 0 else "back"
+        vertices = context.vertex_array(program, [(self._geometry.positions, "3f", "position")])
+        for part in parts:
+            # Rows run down, which turns every triangle over.
+            context.front_face = "ccw" if part.mirrored else "cw"
+            set_uniforms(program, {"side": -side if part.mirrored else side})
+            first, count = 3 * part.first_triangle, 3 * len(part.triangles)
+            vertices.render(moderngl.TRIANGLES, count, first=first)
+        vertices.release()
+
+    def _shade(self, frame: _Frame) -> None:
+        """Both layers from their visible triangles; then again where a material has a texture."""
+        geometry, programs, targets = self._geometry, frame.programs, frame.targets
+        textures = {
+            "triangles": geometry.triangles,
+            "vertices": geometry.vertices,
+            "table": geometry.table,
+            "seen_facing": targets.facing.images[0],
+            "seen_away": targets.away.images[0],
+        }
+        for layer in (targets.front, targets.back):
+            which = {"back_layer": layer is targets.back}
+            bind_textures(programs.shade, textures)
+            self._fill(programs.shade, layer, frame.regions, which)
+            for part, rects in frame.visible:
+                for index in range(part.materials.start, part.materials.stop):
+                    if index in geometry.images:
+                        image = {"image": geometry.images[index]}
+                        bind_textures(programs.shade_textured, textures | image)
+                        textured = {"textured": index}
+                        self._fill(programs.shade_textured, layer, rects, which | textured)
+
+    def _finish(self, frame: _Frame, tile: Rect) -> None:
+        """The displayed layer within a tile: sub-sampled distances first, then the rest."""
+        _, _, width, height = tile.viewport
+        window = (0, 0, width * SAMPLES, height * SAMPLES)
+        samples, distances = self._samples_target, frame.programs.distances
+        samples.clear(depth=0.0, viewport=window)
+        samples.scissor = window
+        samples.use()
+        set_uniforms(distances, _window(tile.x0, tile.y0, SAMPLES, samples.size))
+        parts = [p for p, rects in frame.visible if any(rect.touches(tile) for rect in rects)]
+        self._draw(distances, parts, side=0)
+
+        program, targets = frame.programs.finish, frame.targets
+        textures = {
+            "geometry_in": targets.front.images[0],
+            "material_in": targets.front.images[1],
+            "samples": self._samples,
+            "surface": self._surface,
+            "table": self._geometry.table,
+        }
+        bind_textures(program, textures)
+        self._fill(program, targets.display, [tile], {"samples_origin": (tile.x0, tile.y0)})
+
+    def _fill(
+        self,
+        program: moderngl.Program,
+        target: Target,
+        rects: Sequence[Rect],
+        uniforms: Mapping[str, Any],
+    ) -> None:
+        """Run a fragment shader on the pixels of `rects`."""
+        framebuffer = target.framebuffer
+        set_uniforms(program, {**_window(0, 0, 1, framebuffer.size), **uniforms})
+        self._context.enable_only(moderngl.NOTHING)
+        vertices = self._context.vertex_array(program, [])
+        for rect in rects:
+            framebuffer.scissor = rect.viewport
+            framebuffer.use()
+            vertices.render(moderngl.TRIANGLES, 3)
+        vertices.release()
+
+    def _depth_scale(self) -> float:
+        """A distance around which objects lie, for the depth buffer."""
+        reach = [float(np.abs(part.corners).max()) for part in self._geometry.parts]
+        return max([1e-30, *(r / 16.0 for r in reach)])
+
+    def _programs_for(self, view: View) -> Programs:
+        if view.projection not in self._programs:
+            self._programs[view.projection] = Programs.build(self._context, view.projection)
+        return self._programs[view.projection]
+
+    def _targets_for(self, view: View) -> Targets:
+        """Targets of the view's size; one set per projection is kept."""
+        size = (view.width, view.height)
+        held = self._targets.get(view.projection)
+        if held is not None and held.size == size:
+            return held
+        if held is not None:
+            held.release()
+        self._targets[view.projection] = Targets.create(self._context, size)
+        return self._targets[view.projection]
+
+
+def _view_uniforms(view: View) -> dict[str, Any]:
+    return {
+        "world_from_view": tuple(view.world_from_view.T.ravel()),  # columns
+        "focal_px": view.focal_px,
+        "view_size": (view.width, view.height),
+        "tolerance": COVERAGE_TOLERANCE,
+    }
+
+
+def _previous_uniforms(view: View) -> dict[str, Any]:
+    return {
+        "previous_world_from_view": tuple(view.world_from_view.T.ravel()),
+        "previous_focal_px": view.focal_px,
+        "previous_size": (view.width, view.height),
+    }
+
+
+def _window(x: int, y: int, samples_per_pixel: int, size: tuple[int, int]) -> dict[str, Any]:
+    """What a target of `size` samples shows: from pixel (x, y), so many samples per pixel."""
+    return {"window": (x, y, samples_per_pixel), "target_size": size}
