@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -80,7 +79,7 @@ def render(
     from iprt.output.atomic import require_writable
     from iprt.output.picture import check_output
 
-    _require("--spp", spp, 1, 65536)
+    _require("--spp", spp, 1, 1024)
     _require("--accumulate", accumulate, 1, 2**20)
     _require("--seed", seed, 0, 2**31 - 1)
     check_output(output, aovs=aov)
@@ -95,12 +94,19 @@ def render(
     from iprt.output.metadata import picture_metadata
     from iprt.output.picture import write_picture
     from iprt.output.table import pass_table, write_profile
-    from iprt.renderer import Renderer, Settings
+    from iprt.renderer import AOVS, Renderer
     from iprt.scene.scene import Scene
+    from iprt.settings import Settings, TraceSettings
 
+    for name in aov:
+        if name not in AOVS:
+            raise IprtError(f"--aov {name}: no such layer; the layers are: {', '.join(AOVS)}")
     opened = Scene.open(scene)
     chosen, objects = choose_view(opened, view, yaw=yaw, pitch=pitch, fov=fov, size=size)
-    settings = Settings(method=method, spp=spp, seed=seed)
+    # Nothing moves, so the mean of all frames is the best picture: no fading.
+    settings = Settings(method=method, seed=seed, fading=0.0, trace=TraceSettings(rays=spp))
+    instances = opened.instances if objects is None else opened.instances_named(objects)
+    frame = opened.frame()
     compute = ComputeDevice(choose_device(device))
     columns = (
         TextColumn("{task.description}"),
@@ -111,34 +117,34 @@ def render(
     )
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("rendering", total=accumulate)
-        renderer = Renderer(opened, view=chosen, objects=objects, device=compute, settings=settings)
-        picture = renderer.render(
-            frames=accumulate, progress=lambda done: bar.update(task, completed=done)
-        )
-    missing = [name for name in aov if name not in picture.aovs]
-    if missing:
-        raise IprtError(
-            f"--aov {missing[0]}: no such layer; the layers are: {', '.join(picture.aovs)}"
-        )
+        with Renderer(compute, frame, instances, chosen, settings) as renderer:
+            compute.finish()
+            prepare_ms = sum(entry.ms for entry in compute.profile.passes())
+            compute.profile.reset()
+            picture = renderer.render(
+                frames=accumulate,
+                aovs=aov,
+                progress=lambda done: bar.update(task, completed=done),
+            )
     write_picture(
         output,
         picture.color,
-        aovs={name: picture.aovs[name] for name in aov},
+        aovs=picture.aovs,
         exposure=opened.exposure,
         metadata=picture_metadata(
             scene=opened.name,
             view=chosen,
             objects=objects,
-            settings=asdict(settings),
+            settings=settings.model_dump(mode="json"),
             seed=seed,
             frames=accumulate,
             device=compute.name,
         ),
     )
     if profile is not None:
-        write_profile(profile, compute.profile, compute.name)
+        write_profile(profile, compute.profile, compute.name, prepare_ms=prepare_ms)
     console = Console()
-    console.print(pass_table(compute.profile, compute.name))
+    console.print(pass_table(compute.profile, compute.name, prepare_ms=prepare_ms))
     console.print(str(output), highlight=False, soft_wrap=True)
     return 0
 
@@ -168,10 +174,11 @@ def choose_view(
         raise IprtError(f"--size {size[0]} {size[1]}: expected 1 to {MAX_SIZE} pixels a side")
     if fov is not None and not 1.0 < fov < 179.0:
         raise IprtError(f"--fov {fov:g}: expected more than 1 and less than 179 degrees")
-    for flag, angle in (("--yaw", yaw), ("--pitch", pitch)):
-        # Written so that NaN, which compares false, is rejected too.
-        if angle is not None and not abs(angle) <= 360.0:
-            raise IprtError(f"{flag} {angle:g}: expected -360 to 360 degrees")
+    # Written so that NaN, which compares false, is rejected too.
+    if yaw is not None and not abs(yaw) <= 360.0:
+        raise IprtError(f"--yaw {yaw:g}: expected -360 to 360 degrees")
+    if pitch is not None and not abs(pitch) <= 90.0:
+        raise IprtError(f"--pitch {pitch:g}: expected -90 to 90 degrees")
     if name == "equirect":
         width, height = size or (scene.width, scene.height)
         return View(width, height, projection="equirect"), None

@@ -15,9 +15,11 @@ from iprt.errors import FormatError, SceneError
 from iprt.measure import metrics
 from iprt.output.table import pass_rows
 from iprt.scene.images import read_color
+from iprt.scene.source import frame_path
 
 if TYPE_CHECKING:
     from iprt.device.compute import ComputeDevice
+    from iprt.scene.frame import Frame
     from iprt.scene.scene import Scene
 
 Method = Literal["iprt", "ibl"]
@@ -47,7 +49,7 @@ class Comparison:
     flip : float or None
         None where the evaluator is not installed.
     ms : dict of str to float
-        Milliseconds per frame of each pass.
+        Milliseconds per frame of each pass; the panorama's own, once per video frame, apart.
     """
 
     view: str
@@ -91,6 +93,9 @@ class Compared:
 
 @dataclass(frozen=True)
 class _Truth:
+    """What a view is compared with: display-referred, of the frame `index` of the video."""
+
+    index: int
     shown: metrics.Image
     background: NDArray[np.float32] | None
 
@@ -134,7 +139,8 @@ def compare_views(
 ) -> Iterator[Compared]:
     """Render each view with each method, accumulating `frames` frames, and score it.
 
-    Truths are read, and faults in them reported, before anything is rendered.
+    Truths are read, and faults in them reported, before anything is rendered. Of a video, a view
+    is compared at the first frame that has a truth.
 
     Parameters
     ----------
@@ -153,10 +159,15 @@ def compare_views(
         Sizes differ, a cut does not suit, or a picture holds NaN or infinity.
     """
     truths = {name: _read_truth(scene, name, background) for name in views}
+    frames_read: dict[int, Frame] = {}
     for name in views:
+        index = truths[name].index
+        if index not in frames_read:
+            frames_read = {index: scene.frame(index)}
         for method in methods:
             yield _compare_view(
                 scene,
+                frames_read[index],
                 name,
                 method,
                 truths[name],
@@ -170,6 +181,7 @@ def compare_views(
 
 def _compare_view(
     scene: Scene,
+    frame: Frame,
     name: str,
     method: Method,
     truth: _Truth,
@@ -180,19 +192,19 @@ def _compare_view(
     seed: int,
     progress: Callable[[int], None] | None,
 ) -> Compared:
-    from iprt.renderer import Renderer, Settings
+    from iprt.renderer import Renderer
+    from iprt.settings import Settings
 
     entry = scene.views[name]
-    device.profile.reset()
-    renderer = Renderer(
-        scene,
-        view=entry.view,
-        objects=entry.objects,
-        device=device,
-        settings=Settings(method=method, seed=seed),
-        background=truth.background,
-    )
-    picture = renderer.render(frames=frames, progress=progress)
+    # Nothing moves, so the mean of all frames is the best picture: no fading.
+    settings = Settings(method=method, seed=seed, fading=0.0)
+    instances = scene.instances_named(entry.objects)
+    with Renderer(
+        device, frame, instances, entry.view, settings, background=truth.background
+    ) as renderer:
+        device.finish()
+        device.profile.reset()
+        picture = renderer.render(frames=frames, progress=progress)
     try:
         shown = metrics.display(picture.color, scene.exposure)
         comparison = Comparison(
@@ -218,27 +230,32 @@ def _read_truth(scene: Scene, name: str, background: Background) -> _Truth:
         metrics.check_cuts(entry.cuts, entry.view.width, entry.view.height)
     except FormatError as error:
         raise FormatError(f"{scene.name}: views.{name}.cuts: {error}") from error
-    radiance = _read_picture(scene, name, "truth", entry.truth)
-    try:
-        shown = metrics.display(radiance, scene.exposure)
-    except FormatError as error:
-        raise FormatError(f"{entry.truth}: {error}") from error
+    index, radiance = _read_picture(scene, name, "truth", entry.truth)
     behind = None
     if background == "truth":
-        behind = _read_picture(scene, name, "truth_background", entry.truth_background)
-    return _Truth(shown, behind)
+        _, behind = _read_picture(scene, name, "truth_background", entry.truth_background, index)
+    return _Truth(index, metrics.display(radiance, scene.exposure), behind)
 
 
-def _read_picture(scene: Scene, name: str, key: str, path: Path | None) -> NDArray[np.float32]:
+def _read_picture(
+    scene: Scene, name: str, key: str, path: Path | None, index: int | None = None
+) -> tuple[int, NDArray[np.float32]]:
+    """The picture of frame `index`, or else of the first frame that has one, and that frame."""
     if path is None:
         raise SceneError(f"{scene.name}: views.{name}.{key} is not set")
-    if not path.is_file():
-        raise SceneError(f"{scene.name}: views.{name}.{key}: there is no file {path}")
-    radiance: NDArray[np.float32] = read_color(path)
+    pattern = str(path.relative_to(scene.root))
+    indices = scene.frame_indices if index is None else [index]
+    files = [(i, frame_path(scene.root, pattern, i)) for i in indices]
+    found = next(((i, file) for i, file in files if file.is_file()), None)
+    if found is None:
+        raise SceneError(f"{scene.name}: views.{name}.{key}: there is no file {files[0][1]}")
+    radiance: NDArray[np.float32] = read_color(found[1])
     view = scene.views[name].view
     if radiance.shape != (view.height, view.width, 3):
         raise FormatError(
-            f"{path}: {radiance.shape[1]}x{radiance.shape[0]} pixels, "
+            f"{found[1]}: {radiance.shape[1]}x{radiance.shape[0]} pixels, "
             f"but views.{name}.size is {view.width}x{view.height}"
         )
-    return radiance
+    if not np.isfinite(radiance).all():
+        raise FormatError(f"{found[1]}: holds NaN or infinite radiance; render it again")
+    return found[0], radiance

@@ -53,12 +53,21 @@ def pass_rows(profile: Profile) -> list[PassRow]:
     ]
 
 
-def pass_table(profile: Profile, device: str) -> Table:
-    """A table of milliseconds per frame and pass; compile time stands apart in its caption."""
+def pass_table(profile: Profile, device: str, *, prepare_ms: float) -> Table:
+    """A table of milliseconds per frame and pass; what is done once stands in its caption.
+
+    Parameters
+    ----------
+    prepare_ms : float
+        Time spent once per video frame, before the first of the frames that `profile` covers.
+    """
     rows = pass_rows(profile)
     table = Table(
         title=f"{profile.frames} frames on {device}",
-        caption=f"kernel compilation, once: {profile.compile_ms:.0f} ms",
+        caption=(
+            f"once: compiling kernels {profile.compile_ms:.0f} ms, "
+            f"preparing the panorama {prepare_ms:.0f} ms"
+        ),
         title_justify="left",
         caption_justify="left",
         show_footer=True,
@@ -85,19 +94,20 @@ def pass_table(profile: Profile, device: str) -> Table:
     return table
 
 
-def profile_record(profile: Profile, device: str) -> dict[str, object]:
-    """The same numbers as plain data: `device, frames, compile_ms, ms, passes`."""
+def profile_record(profile: Profile, device: str, *, prepare_ms: float) -> dict[str, object]:
+    """The same numbers as plain data: `device, frames, compile_ms, prepare_ms, ms, passes`."""
     rows = pass_rows(profile)
     return {
         "device": device,
         "frames": profile.frames,
         "compile_ms": profile.compile_ms,
+        "prepare_ms": prepare_ms,
         "ms": sum(row.ms for row in rows),
         "passes": [asdict(row) for row in rows],
     }
 
 
-def write_profile(path: Path, profile: Profile, device: str) -> None:
+def write_profile(path: Path, profile: Profile, device: str, *, prepare_ms: float) -> None:
     """Write `profile_record` as JSON, atomically.
 
     Raises
@@ -105,6 +115,6 @@ def write_profile(path: Path, profile: Profile, device: str) -> None:
     FormatError
         The file cannot be written.
     """
-    text = json.dumps(profile_record(profile, device), indent=2)
+    text = json.dumps(profile_record(profile, device, prepare_ms=prepare_ms), indent=2)
     with replacing(path) as temporary:
         temporary.write_text(text + "\n", encoding="utf-8")

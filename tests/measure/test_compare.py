@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
@@ -22,26 +21,17 @@ from iprt.measure import metrics
 from iprt.measure.compare import Compared, compare_views, views_with_truth
 from iprt.output.exr import write_exr
 from iprt.scene.camera import View
+from iprt.settings import Settings
 
 KEYS = ["view", "method", "background", "ssim", "ssim_cuts", "psnr", "mse", "flip", "ms"]
 CUTS = ((2, 3, 20, 22), (0, 0, 40, 32))
 
 
 class FakeProfile(Profile):
-    """`frames` frames of 3 ms in two passes."""
+    """Two passes that take 20 ms together, however many the frames."""
 
     def passes(self) -> list[PassTime]:
-        return [
-            PassTime("march", 2.0 * self.frames, 0.0, self.frames),
-            PassTime("raster", 0.0, 1.0 * self.frames, 0),
-        ]
-
-
-@dataclass
-class FakeSettings:
-    method: str = "iprt"
-    spp: int = 1
-    seed: int = 0
+        return [PassTime("march", 15.0, 0.0, 1), PassTime("raster", 0.0, 5.0, 0)]
 
 
 class FakeRenderer:
@@ -50,14 +40,30 @@ class FakeRenderer:
     calls: list[dict[str, Any]]
     picture: NDArray[np.float32]
 
-    def __init__(self, scene: Any, **kwargs: Any) -> None:
-        self.calls.append({"scene": scene, **kwargs})
-        self.device, self.settings = kwargs["device"], kwargs["settings"]
-        self.background = kwargs["background"]
+    def __init__(
+        self,
+        device: Any,
+        frame: Any,
+        instances: Any,
+        view: View,
+        settings: Settings,
+        *,
+        background: NDArray[np.float32] | None,
+    ) -> None:
+        self.device, self.settings, self.background = device, settings, background
+        given = {"frame": frame, "instances": instances, "view": view, "settings": settings}
+        self.calls.append({**given, "background": background})
+        device.profile.frames = 99  # preparation, which must not count
+
+    def __enter__(self) -> FakeRenderer:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        pass
 
     def render(self, frames: int, progress: Callable[[int], None] | None) -> SimpleNamespace:
         self.calls[-1]["frames"] = frames
-        self.device.profile.frames = frames
+        self.device.profile.frames += frames
         if progress is not None:
             progress(frames)
         color = self.picture if self.background is None else self.background
@@ -69,7 +75,7 @@ def renderer(monkeypatch: pytest.MonkeyPatch, truth: NDArray[np.float32]) -> typ
     monkeypatch.setattr(FakeRenderer, "calls", [], raising=False)
     monkeypatch.setattr(FakeRenderer, "picture", truth, raising=False)
     module = ModuleType("iprt.renderer")
-    module.Renderer, module.Settings = FakeRenderer, FakeSettings  # type: ignore[attr-defined]
+    module.Renderer = FakeRenderer  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, "iprt.renderer", module)
     return FakeRenderer
 
@@ -95,11 +101,19 @@ def scene(tmp_path: Path, truth: NDArray[np.float32]) -> Any:
     plain = SimpleNamespace(
         view=View(40, 32), truth=None, truth_background=None, cuts=(), objects=()
     )
-    return SimpleNamespace(name="room", exposure=1.5, views={"plain": plain, "table": compared})
+    return SimpleNamespace(
+        name="room",
+        exposure=1.5,
+        views={"plain": plain, "table": compared},
+        frame=lambda index: f"frame {index}",
+        instances_named=lambda names: names,
+        root=tmp_path,
+        frame_indices=range(1),
+    )
 
 
 def run(scene: Any, methods: tuple[str, ...] = ("iprt",), **kwargs: Any) -> list[Compared]:
-    device: Any = SimpleNamespace(profile=FakeProfile(), name="a device")
+    device: Any = SimpleNamespace(profile=FakeProfile(), name="a device", finish=lambda: None)
     names = views_with_truth(scene)
     return list(compare_views(scene, names, methods, device=device, **kwargs))  # type: ignore[arg-type]
 
@@ -112,13 +126,17 @@ def test_perfect_render_scores_perfectly(scene: Any, renderer: type[FakeRenderer
     assert record["ssim"] == pytest.approx(1.0)
     assert record["ssim_cuts"] == pytest.approx([1.0, 1.0])
     assert (record["mse"], record["psnr"]) == (0.0, None)
-    assert record["ms"] == {"march": 2.0, "raster": 1.0}
-    (call,) = renderer.calls
-    assert call["objects"] == ("bunny",)
-    assert call["view"] == scene.views["table"].view
-    assert call["background"] is None
-    assert call["frames"] == 5
-    assert call["settings"] == FakeSettings(method="iprt", seed=9)
+    assert record["ms"] == {"march": 3.0, "raster": 1.0}
+    assert renderer.calls == [
+        {
+            "frame": "frame 0",
+            "instances": ("bunny",),
+            "view": scene.views["table"].view,
+            "settings": Settings(method="iprt", seed=9, fading=0.0),
+            "background": None,
+            "frames": 5,
+        }
+    ]
 
 
 def test_scores_are_those_of_the_displayed_images(
@@ -174,7 +192,7 @@ def test_scene_without_truth_is_one_line(scene: Any) -> None:
 @pytest.mark.parametrize(
     ("spoil", "message"),
     [
-        ({"truth": Path("gone.exr")}, r"views\.table\.truth: there is no file"),
+        ({"truth": "gone.exr"}, r"views\.table\.truth: there is no file"),
         ({"truth_background": None}, r"views\.table\.truth_background is not set"),
         ({"view": View(41, 32)}, r"truth\.exr: 40x32 pixels, but views\.table\.size is 41x32"),
         ({"cuts": ((0, 0, 8, 20),)}, r"views\.table\.cuts: the cut .* too few for SSIM"),
@@ -184,19 +202,39 @@ def test_scene_without_truth_is_one_line(scene: Any) -> None:
 def test_faults_of_the_truth_are_found_before_rendering(
     spoil: dict[str, Any], message: str, scene: Any, renderer: type[FakeRenderer]
 ) -> None:
+    if "truth" in spoil:
+        spoil["truth"] = scene.root / spoil["truth"]
     vars(scene.views["table"]).update(spoil)
     with pytest.raises((SceneError, FormatError), match=message):
         run(scene, background="truth")
     assert renderer.calls == []
 
 
-def test_truth_with_nan_is_named(
+def test_video_is_compared_at_the_first_frame_with_a_truth(
     scene: Any, renderer: type[FakeRenderer], truth: NDArray[np.float32]
 ) -> None:
+    scene.frame_indices = range(3, 9)
+    write_exr(scene.root / "truth.0005.exr", 0.9 * truth)
+    write_exr(scene.root / "truth.0007.exr", 0.8 * truth)
+    write_exr(scene.root / "background.5.exr", 0.9 * truth)
+    entry = scene.views["table"]
+    entry.truth = scene.root / "truth.%04d.exr"
+    entry.truth_background = scene.root / "background.%d.exr"
+    (result,) = run(scene, background="truth", frames=1)
+    assert renderer.calls[0]["frame"] == "frame 5"
+    assert result.comparison.mse == 0.0
+
+
+@pytest.mark.parametrize("key", ["truth", "truth_background"])
+def test_truth_with_nan_is_named(
+    key: str, scene: Any, renderer: type[FakeRenderer], truth: NDArray[np.float32]
+) -> None:
     truth[0, 0] = np.nan
-    write_exr(scene.views["table"].truth, truth)
-    with pytest.raises(FormatError, match=r"truth\.exr: the image holds 1 pixels"):
-        run(scene)
+    write_exr(getattr(scene.views["table"], key), truth)
+    name = getattr(scene.views["table"], key).name
+    with pytest.raises(FormatError, match=f"{name}: holds NaN"):
+        run(scene, background="truth")
+    assert renderer.calls == []
 
 
 def test_render_with_nan_gets_no_score(
@@ -220,7 +258,7 @@ def command(
         vars(fake).update(members)
         monkeypatch.setitem(sys.modules, name, fake)
 
-    device = SimpleNamespace(profile=FakeProfile(), name="a device")
+    device = SimpleNamespace(profile=FakeProfile(), name="a device", finish=lambda: None)
     module("iprt.scene.scene", Scene=SimpleNamespace(open=lambda path: scene))
     module("iprt.device.choose", choose_device=lambda spec: spec)
     module("iprt.device.compute", ComputeDevice=lambda spec: device)

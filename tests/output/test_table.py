@@ -38,7 +38,7 @@ def test_nothing_measured_divides_by_nothing() -> None:
 
 def test_table_shows_passes_sum_and_compile_time() -> None:
     stream = io.StringIO()
-    Console(file=stream, width=100).print(pass_table(FakeProfile(), "a device"))
+    Console(file=stream, width=100).print(pass_table(FakeProfile(), "a device", prepare_ms=56.0))
     text = stream.getvalue()
     rows = {line.split()[1]: line for line in text.splitlines() if line[:1] in "│┃"}
     assert "75.0%" in rows["march"]
@@ -46,12 +46,14 @@ def test_table_shows_passes_sum_and_compile_time() -> None:
     assert "8.00" in rows["sum"]
     assert "4 frames on a device" in text
     assert "1234 ms" in text
+    assert "56 ms" in text
 
 
 def test_profile_file(tmp_path: Path) -> None:
-    write_profile(tmp_path / "new" / "profile.json", FakeProfile(), "a device")
+    write_profile(tmp_path / "new" / "profile.json", FakeProfile(), "a device", prepare_ms=56.0)
     record = json.loads((tmp_path / "new" / "profile.json").read_text())
     assert (record["device"], record["frames"], record["compile_ms"]) == ("a device", 4, 1234.0)
+    assert record["prepare_ms"] == 56.0
     assert record["ms"] == pytest.approx(8.0)
     assert [entry["name"] for entry in record["passes"]] == ["raster", "march"]
     assert sum(entry["ms"] for entry in record["passes"]) == pytest.approx(record["ms"])
