@@ -78,6 +78,12 @@ def read_exr(path: Path, choices: Sequence[tuple[str, ...]]) -> list[NDArray[np.
     return planes
 
 
+def exr_size(path: Path) -> tuple[int, int]:
+    """Width and height, from the header; the file is checked for completeness."""
+    header = _checked_header(path)
+    return header.width, header.height
+
+
 def _choose(path: Path, present: list[str], choices: Sequence[tuple[str, ...]]) -> list[str]:
     prefixes = {name.rpartition(".")[0] for name in present}
     for prefix in sorted(prefixes):

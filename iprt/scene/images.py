@@ -111,6 +111,19 @@ def read_normal(path: Path) -> Image2D:
     return np.stack(planes, axis=-1).astype(np.float32)
 
 
+def picture_size(path: Path) -> tuple[int, int]:
+    """Width and height of an EXR, PNG or JPEG picture, from its header.
+
+    Raises
+    ------
+    FormatError
+    """
+    if file_kind(path) == "exr":
+        return exr.exr_size(path)
+    image = _open_pillow(path)
+    return image.width, image.height
+
+
 def decode_srgb(coded: NDArray[Any]) -> Image2D:
     """Linear float32 in [0, 1] of uint8 or uint16 sRGB values (IEC 61966-2-1)."""
     steps = np.iinfo(coded.dtype).max

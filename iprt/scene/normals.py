@@ -14,8 +14,6 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.scene.camera import equirect_direction
-
 Plane = NDArray[np.float32]
 Scalar = TypeVar("Scalar", bound=np.generic)
 
@@ -66,14 +64,14 @@ def sanitise_normals(given: Plane, estimate: Plane) -> Plane:
         From `estimate_normals`; zero marks texels without a surface, which get no normal.
     """
     height, width = given.shape[:2]
-    with np.errstate(invalid="ignore", over="ignore"):
-        length = np.linalg.norm(given, axis=-1, keepdims=True)
-        unit = given / length
-    usable = np.isfinite(unit).all(-1, keepdims=True) & (length > 0.1)
-    surface = np.any(estimate != 0.0, axis=-1, keepdims=True)
-    away = np.sum(unit * _directions(width, 0, height, height), axis=-1, keepdims=True) > 0.0
-    facing = np.where(away, -unit, unit)
-    return np.where(surface & usable, facing, estimate).astype(np.float32)
+    sin_theta, cos_theta, sin_phi, cos_phi = _frame_angles(width, 0, height, height)
+    x, y, z = given[..., 0], given[..., 1], given[..., 2]
+    with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
+        length = np.sqrt(x * x + y * y + z * z)
+        usable = (length > 0.1) & np.isfinite(length) & np.any(estimate != 0.0, axis=-1)
+        away = sin_theta * (x * sin_phi - z * cos_phi) + y * cos_theta > 0.0
+        facing = given * np.where(away, -1.0 / length, 1.0 / length)[..., None]
+    return np.where(usable[..., None], facing, estimate).astype(np.float32)
 
 
 def _column_spread(width: int, height: int) -> NDArray[np.intp]:
@@ -115,16 +113,20 @@ def _over_poles(plane: NDArray[Scalar], rows: int) -> NDArray[Scalar]:
     height, width = plane.shape
     cycle = np.mod(np.arange(-rows, height + rows), 2 * height)
     beyond = cycle >= height
-    extended = plane[np.where(beyond, 2 * height - 1 - cycle, cycle)]
+    extended: NDArray[Scalar] = plane[np.where(beyond, 2 * height - 1 - cycle, cycle)]
     extended[beyond] = np.roll(extended[beyond], width // 2, axis=1)
     return extended
 
 
-def _directions(width: int, first: int, last: int, height: int) -> NDArray[np.float64]:
-    """(last - first, W, 3) unit directions of the texels of some rows."""
-    x, y = np.meshgrid(np.arange(width) + 0.5, np.arange(first, last) + 0.5)
-    directions: NDArray[np.float64] = equirect_direction(np.stack([x, y], -1), width, height)
-    return directions
+def _frame_angles(
+    width: int, first: int, last: int, height: int
+) -> tuple[Plane, Plane, Plane, Plane]:
+    """sin and cos of theta (rows, 1) and of phi (W,) at texel centres; see `equirect_direction`."""
+    theta = (np.arange(first, last) + 0.5)[:, None] / height * np.pi
+    phi = ((np.arange(width) + 0.5) / width - 0.5) * 2.0 * np.pi
+    tables = (np.sin(theta), np.cos(theta), np.sin(phi), np.cos(phi))
+    sin_theta, cos_theta, sin_phi, cos_phi = (table.astype(np.float32) for table in tables)
+    return sin_theta, cos_theta, sin_phi, cos_phi
 
 
 class _Window:
@@ -234,19 +236,17 @@ class _Window:
 
     def _to_world(self, across: Plane, up: Plane, ahead: Plane) -> Plane:
         """Unit vectors facing the centre, from components east, north and away from it."""
-        ahead_dir = _directions(self._width, self._first, self._last, self._height)
-        ahead_dir = ahead_dir.astype(np.float32)
-        phi = ((np.arange(self._width) + 0.5) / self._width - 0.5) * 2.0 * np.pi
-        theta = (np.arange(self._first, self._last) + 0.5)[:, None] / self._height * np.pi
-        sin_phi, cos_phi = np.sin(phi).astype(np.float32), np.cos(phi).astype(np.float32)
-        sin_theta, cos_theta = np.sin(theta).astype(np.float32), np.cos(theta).astype(np.float32)
+        sin_theta, cos_theta, sin_phi, cos_phi = _frame_angles(
+            self._width, self._first, self._last, self._height
+        )
         scale = -1.0 / np.sqrt(across * across + up * up + ahead * ahead)
         across, up, ahead = across * scale, up * scale, ahead * scale
+        outward = ahead * sin_theta - up * cos_theta
         return np.stack(
             [
-                ahead * ahead_dir[..., 0] + across * cos_phi - up * cos_theta * sin_phi,
-                ahead * ahead_dir[..., 1] + up * sin_theta,
-                ahead * ahead_dir[..., 2] + across * sin_phi + up * cos_theta * cos_phi,
+                outward * sin_phi + across * cos_phi,
+                ahead * cos_theta + up * sin_theta,
+                across * sin_phi - outward * cos_phi,
             ],
             axis=-1,
         )

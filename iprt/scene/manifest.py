@@ -1,0 +1,239 @@
+"""`scene.toml`, format 1: what it may say, and every problem with it at once.
+
+The models hold what the file says; what other files say (sizes, missing files) is the scene's
+business.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path, PurePosixPath, PureWindowsPath
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Discriminator,
+    Field,
+    Tag,
+    ValidationError,
+)
+
+from iprt.errors import SceneError
+from iprt.scene.camera import View
+from iprt.scene.manifest_problems import FRAME_PATTERN, cross_problems, describe, problems_error
+from iprt.scene.material import Material
+
+MANIFEST_NAME = "scene.toml"
+MAX_SIDE = 16384
+
+
+def _relative_path(text: str) -> str:
+    """A path that stays in the scene's folder."""
+    path = PurePosixPath(text.replace("\\", "/"))
+    depth = 0
+    for part in path.parts:
+        depth += -1 if part == ".." else 1
+        if depth < 0:
+            break
+    if path.is_absolute() or PureWindowsPath(text).drive or depth < 0:
+        raise ValueError(f"'{text}' leaves the scene's folder; copy the file into it")
+    if not text or text.endswith("/"):
+        raise ValueError("expected the name of a file")
+    return text
+
+
+def _frame_path(text: str) -> str:
+    """A path that may hold the frame's number."""
+    if "%" in FRAME_PATTERN.sub("", text, count=1):
+        raise ValueError(f"'{text}': expected at most one %d or %04d and no other %")
+    return _relative_path(text)
+
+
+def _plain_name(text: str) -> str:
+    if not text.strip() or any(letter in text for letter in "/\\\0\n"):
+        raise ValueError(f"'{text}': expected a name without slashes")
+    return text
+
+
+RelativePath = Annotated[str, AfterValidator(_relative_path)]
+FramePath = Annotated[str, AfterValidator(_frame_path)]
+Name = Annotated[str, AfterValidator(_plain_name)]
+Unit = Annotated[float, Field(ge=0.0, le=1.0)]
+Color = Annotated[list[Unit], Field(min_length=3, max_length=3)]
+Side = Annotated[int, Field(ge=1, le=MAX_SIDE)]
+Pixel = Annotated[int, Field(ge=0)]
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+
+
+class VideoTable(_Table):
+    """`[video]`: pictures of one frame, or printf patterns and a range of frames."""
+
+    color: FramePath
+    depth: FramePath
+    depth_scale: Annotated[float, Field(gt=0.0)] | None = None
+    normal: FramePath | None = None
+    yaw_offset_deg: float = 0.0
+    frames: Annotated[list[Pixel], Field(min_length=2, max_length=2)] = Field(default=[0, 0])
+    fps: Annotated[float, Field(gt=0.0)] = 30.0
+    loop: bool = False
+
+
+class DiffuseTable(_Table):
+    kind: Literal["diffuse"]
+    albedo: Color
+    texture: RelativePath | None = None
+
+    def material(self, texture: NDArray[np.float32] | None = None) -> Material:
+        return Material("diffuse", _triple(self.albedo), texture=texture)
+
+
+class ConductorTable(_Table):
+    kind: Literal["conductor"]
+    reflectance: Color
+    alpha: Unit = 0.1
+
+    def material(self) -> Material:
+        return Material("conductor", _triple(self.reflectance), alpha=self.alpha)
+
+
+class PlasticTable(_Table):
+    kind: Literal["plastic"]
+    albedo: Color
+    alpha: Unit = 0.1
+    ior: Annotated[float, Field(gt=1.0, le=4.0)] = 1.5
+
+    def material(self) -> Material:
+        return Material("plastic", _triple(self.albedo), alpha=self.alpha, ior=self.ior)
+
+
+def _kind_of(table: Any) -> str | None:
+    kind = table.get("kind") if isinstance(table, dict) else getattr(table, "kind", None)
+    return kind if isinstance(kind, str) else None
+
+
+MaterialTable = Annotated[
+    Annotated[DiffuseTable, Tag("diffuse")]
+    | Annotated[ConductorTable, Tag("conductor")]
+    | Annotated[PlasticTable, Tag("plastic")],
+    Discriminator(
+        _kind_of,
+        custom_error_type="material_kind",
+        custom_error_message="expected kind = 'diffuse', 'conductor' or 'plastic'",
+    ),
+]
+
+
+def _transform(values: list[float]) -> list[float]:
+    matrix = np.array(values, np.float64).reshape(4, 4)
+    if list(matrix[3]) != [0.0, 0.0, 0.0, 1.0]:
+        raise ValueError("the last row must be 0, 0, 0, 1 (row-major, column vectors)")
+    scale = np.linalg.svd(matrix[:3, :3], compute_uv=False)
+    if not scale[2] > 1e-6 * scale[0]:
+        raise ValueError("the matrix is singular: it flattens the object")
+    return values
+
+
+class ObjectTable(_Table):
+    """`[[objects]]`: a mesh and where it stands."""
+
+    name: Name
+    mesh: RelativePath
+    to_world: Annotated[
+        list[float], Field(min_length=16, max_length=16), AfterValidator(_transform)
+    ]
+    material: MaterialTable | None = None
+
+
+class ViewTable(_Table):
+    """`[[views]]`: a picture to render, and what it ought to look like."""
+
+    name: Name
+    yaw_deg: float = 0.0
+    pitch_deg: Annotated[float, Field(ge=-90.0, le=90.0)] = 0.0
+    fov_y_deg: Annotated[float, Field(gt=0.0, lt=180.0)] = 60.0
+    size: Annotated[list[Side], Field(min_length=2, max_length=2)]
+    objects: list[str] | None = None
+    truth: FramePath | None = None
+    truth_background: FramePath | None = None
+    truth_mask: FramePath | None = None
+    cuts: list[Annotated[list[Pixel], Field(min_length=4, max_length=4)]] = Field(default=[])
+
+    @property
+    def view(self) -> View:
+        width, height = self.size
+        return View(width, height, self.yaw_deg, self.pitch_deg, self.fov_y_deg)
+
+
+class Manifest(_Table):
+    """A whole `scene.toml`."""
+
+    format: Literal[1]
+    name: Name
+    exposure: Annotated[float, Field(gt=0.0)] = 1.0
+    video: VideoTable
+    objects: list[ObjectTable] = Field(default=[])
+    views: list[ViewTable] = Field(default=[])
+
+
+def read_manifest(path: Path) -> Manifest:
+    """Read and check `scene.toml`.
+
+    Raises
+    ------
+    SceneError
+        Not readable, not TOML, or any number of problems with it, each named with its key.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError as error:
+        raise SceneError(f"{path}: no such file; `iprt scene new` makes a scene") from error
+    except (OSError, UnicodeDecodeError) as error:
+        raise SceneError(f"{path}: cannot be read as UTF-8 text ({error})") from error
+    return parse_manifest(text, str(path))
+
+
+def parse_manifest(text: str, source: str) -> Manifest:
+    """As `read_manifest`, of text; `source` names it in errors."""
+    try:
+        data = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise SceneError(f"{source}: not valid TOML: {error}") from error
+    problems = []
+    manifest = None
+    try:
+        manifest = Manifest.model_validate(data)
+    except ValidationError as error:
+        problems = [describe(problem, data, _models(problem["loc"])) for problem in error.errors()]
+    problems += cross_problems(data)
+    if problems or manifest is None:
+        raise problems_error(source, problems)
+    return manifest
+
+
+def _models(location: tuple[Any, ...]) -> list[type[BaseModel]]:
+    """The tables whose keys a problem's innermost key may have meant."""
+    kinds: dict[Any, type[BaseModel]] = {
+        "diffuse": DiffuseTable,
+        "conductor": ConductorTable,
+        "plastic": PlasticTable,
+    }
+    if "material" in location:
+        return [kinds[step] for step in location if step in kinds][:1]
+    tables: dict[Any, type[BaseModel]] = {
+        "video": VideoTable,
+        "objects": ObjectTable,
+        "views": ViewTable,
+    }
+    return [tables.get(location[0], Manifest) if len(location) > 1 else Manifest]
+
+
+def _triple(values: list[float]) -> tuple[float, float, float]:
+    r, g, b = values
+    return r, g, b

@@ -1,0 +1,150 @@
+"""Problems with a manifest in words: one line each, with the path of the key."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from difflib import get_close_matches
+from typing import Any
+
+from pydantic import BaseModel
+
+from iprt.errors import SceneError
+
+FRAME_PATTERN = re.compile(r"%(0\d)?d")
+"""The printf conversions that a frame's number may take: %d, %04d."""
+
+
+def problems_error(source: str, problems: Sequence[str]) -> SceneError:
+    """One error for all problems: a line each."""
+    if len(problems) == 1:
+        return SceneError(f"{source}: {problems[0]}")
+    return SceneError("\n  ".join([f"{source}: {len(problems)} problems", *problems]))
+
+
+def describe(
+    problem: Mapping[str, Any], data: dict[str, Any], models: Iterable[type[BaseModel]]
+) -> str:
+    """One line for one pydantic error: the key's path and what is wrong.
+
+    Parameters
+    ----------
+    problem : mapping
+        An entry of `ValidationError.errors()`.
+    data : dict
+        The manifest as read.
+    models : iterable of pydantic model classes
+        Tables whose keys an unknown key may have meant.
+    """
+    kind, location, value = problem["type"], list(problem["loc"]), problem["input"]
+    if "material" in location:
+        # pydantic inserts the tag of the union's member, which is no key of the file.
+        del location[location.index("material") + 1 : location.index("material") + 2]
+    key = _key_path(location, data)
+    if kind == "extra_forbidden":
+        known = [name for model in models for name in model.model_fields]
+        close = get_close_matches(str(location[-1]), known, n=1)
+        return f"{key}: unknown key" + (f"; did you mean {close[0]}?" if close else "")
+    if kind == "missing":
+        return f"{key}: required key is missing"
+    if kind == "value_error":
+        return f"{key}: {problem['msg'].removeprefix('Value error, ')}"
+    if kind in ("too_short", "too_long"):
+        count = problem["ctx"].get("min_length") or problem["ctx"].get("max_length")
+        return f"{key}: expected {count} values, got {len(value)}"
+    if kind == "model_type":
+        return f"{key}: expected a table of keys, got {_shown(value)}"
+    message = problem["msg"].replace("Input should be", "expected")
+    return f"{key}: {message}, got {_shown(value)}"
+
+
+def cross_problems(data: dict[str, Any]) -> Iterator[str]:
+    """What is wrong between keys: names used twice, unknown objects, cuts, order of frames.
+
+    Reads the unchecked data, so that these come together with all other problems; entries of a
+    wrong type are passed over.
+    """
+    objects, views = (_tables(data.get(key)) for key in ("objects", "views"))
+    for key, tables in (("objects", objects), ("views", views)):
+        names = Counter(table["name"] for table in tables if isinstance(table.get("name"), str))
+        for name, count in names.items():
+            if count > 1:
+                yield f"{key}: {count} of them are named '{name}'; names must differ"
+    known = [str(table.get("name")) for table in objects]
+    for number, view in enumerate(views):
+        label = f"views.{view.get('name', number)}"
+        yield from _unknown_objects(label, view.get("objects"), known)
+        yield from _cut_problems(label, view.get("cuts"), view.get("size"))
+    yield from _frame_problems(data.get("video"))
+
+
+def _unknown_objects(label: str, names: Any, known: list[str]) -> Iterator[str]:
+    for name in names if isinstance(names, list) else []:
+        if isinstance(name, str) and name not in known:
+            has = f"the scene has {', '.join(known)}" if known else "the scene has none"
+            yield f"{label}.objects: no object is named '{name}'; {has}"
+
+
+def _cut_problems(label: str, cuts: Any, size: Any) -> Iterator[str]:
+    if not isinstance(cuts, list) or not _integers(size, 2):
+        return
+    width, height = size
+    for number, cut in enumerate(cuts):
+        if not _integers(cut, 4):
+            continue
+        x0, y0, x1, y1 = cut
+        if not (x0 < x1 <= width and y0 < y1 <= height):
+            yield (
+                f"{label}.cuts[{number}]: {cut} is empty or outside the {width} x {height} picture"
+            )
+
+
+def _frame_problems(video: Any) -> Iterator[str]:
+    if not isinstance(video, dict) or not _integers(video.get("frames"), 2):
+        return
+    first, last = video["frames"]
+    if first > last:
+        yield f"video.frames: the first, {first}, is after the last, {last}"
+    color = video.get("color")
+    if first < last and isinstance(color, str) and not FRAME_PATTERN.search(color):
+        yield (
+            f"video.color: '{color}' is one picture but frames = [{first}, {last}]; "
+            "write a pattern such as color.%04d.exr"
+        )
+
+
+def _key_path(location: Sequence[Any], data: dict[str, Any]) -> str:
+    """`objects.bunny.material.alpha`: by the name of an entry where it has one."""
+    parts: list[str] = []
+    at: Any = data
+    for step in location:
+        if isinstance(step, int):
+            at = at[step] if isinstance(at, list) and step < len(at) else None
+            name = at.get("name") if isinstance(at, dict) else None
+            if isinstance(name, str) and len(parts) == 1:
+                parts.append(name)
+            else:
+                parts[-1] += f"[{step}]"
+        else:
+            at = at.get(step) if isinstance(at, dict) else None
+            parts.append(str(step))
+    return ".".join(parts)
+
+
+def _tables(value: Any) -> list[dict[str, Any]]:
+    entries = value if isinstance(value, list) else []
+    return [entry for entry in entries if isinstance(entry, dict)]
+
+
+def _integers(value: Any, count: int) -> bool:
+    return (
+        isinstance(value, list)
+        and len(value) == count
+        and all(isinstance(entry, int) for entry in value)
+    )
+
+
+def _shown(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 40 else text[:37] + "..."

@@ -1,0 +1,165 @@
+"""Pictures of a 360° video to sanitised frames."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.errors import FormatError
+from iprt.scene.depth import sanitise_color, sanitise_depth
+from iprt.scene.frame import Frame
+from iprt.scene.images import file_kind, picture_size, read_color, read_depth, read_normal
+from iprt.scene.manifest import VideoTable
+from iprt.scene.manifest_problems import FRAME_PATTERN
+from iprt.scene.normals import estimate_normals, sanitise_normals
+
+Picture = NDArray[np.float32]
+
+
+def frame_path(root: Path, pattern: str, index: int) -> Path:
+    """The file of frame `index` that a printf pattern names."""
+    return root / FRAME_PATTERN.sub(lambda match: match[0] % index, pattern)
+
+
+@dataclass(frozen=True)
+class RawFrame:
+    """A frame as its files have it, in metres and turned to the scene's convention.
+
+    Attributes
+    ----------
+    color : (H, W, 3) float32
+        Linear radiance; possibly negative or not finite.
+    depth : (H, W) float32
+        Metres; 0, negative, NaN or inf where there is no surface.
+    normal : (H, W, 3) float32 or None
+    """
+
+    color: Picture
+    depth: Picture
+    normal: Picture | None
+
+    def sanitised(self) -> Frame:
+        """Fill holes and find normals; see `sanitise_depth` and `estimate_normals`."""
+        color = sanitise_color(self.color)
+        clean = sanitise_depth(self.depth, color)
+        normal = estimate_normals(clean.depth, clean.opening.astype(np.uint8))
+        if self.normal is not None:
+            normal = sanitise_normals(self.normal, normal)
+        return Frame(color, clean.depth, clean.opening, normal)
+
+
+class FrameSource:
+    """The pictures that `[video]` names.
+
+    Parameters
+    ----------
+    root : Path
+        The scene's folder.
+    video : VideoTable
+    """
+
+    def __init__(self, root: Path, video: VideoTable) -> None:
+        self._root, self._video = root, video
+        first, last = video.frames
+        self.indices = range(first, last + 1)
+
+    def files(self, index: int) -> dict[str, Path]:
+        """The files of a frame by their key: color, depth, and normal where there are any."""
+        video = self._video
+        named = {"color": video.color, "depth": video.depth, "normal": video.normal}
+        return {
+            key: frame_path(self._root, pattern, index)
+            for key, pattern in named.items()
+            if pattern is not None
+        }
+
+    def problems(self) -> list[str]:
+        """Missing files, and depth without a unit; one line each."""
+        problems = []
+        for key in self.files(self.indices[0]):
+            missing = [i for i in self.indices if not self.files(i)[key].is_file()]
+            if missing:
+                name = self.files(missing[0])[key].relative_to(self._root)
+                more = f" (and {len(missing) - 1} more frames)" if len(missing) > 1 else ""
+                problems.append(f"video.{key}: there is no file {name}{more}")
+        depth = self.files(self.indices[0])["depth"]
+        if self._video.depth_scale is None and depth.is_file():
+            try:
+                integers = file_kind(depth) == "png"
+            except FormatError as error:
+                return [*problems, f"video.depth: {error}"]
+            if integers:
+                problems.append(_scale_problem(depth.name))
+        return problems
+
+    def size(self) -> tuple[int, int]:
+        """Width and height of the first colour picture, from its header."""
+        return picture_size(self.files(self.indices[0])["color"])
+
+    def read(self, index: int) -> RawFrame:
+        """Read a frame's files.
+
+        Raises
+        ------
+        FormatError
+            Damaged files, sizes that differ or are not 2:1, integer depth without a scale.
+        """
+        files, video = self.files(index), self._video
+        color = read_color(files["color"])
+        height, width = color.shape[:2]
+        if width != 2 * height:
+            raise FormatError(
+                f"{files['color']}: {width} x {height} pixels; an equirect panorama is twice as "
+                "wide as high"
+            )
+        depth, integers = read_depth(files["depth"])
+        if integers and video.depth_scale is None:
+            raise FormatError(f"{files['depth']}: {_scale_problem(files['depth'].name)}")
+        _require_size(files["depth"], depth, color)
+        with np.errstate(over="ignore", invalid="ignore"):
+            depth = depth * np.float32(video.depth_scale or 1.0)
+        normal = None
+        if "normal" in files:
+            normal = read_normal(files["normal"])
+            _require_size(files["normal"], normal, color)
+        return turned(RawFrame(color, depth, normal), video.yaw_offset_deg)
+
+
+def turned(frame: RawFrame, yaw_deg: float) -> RawFrame:
+    """Turn the world to the right, towards +X: what lay at azimuth a comes to a + yaw.
+
+    Colour is interpolated between columns; depth and normals come from the nearest column, because
+    they jump at edges. Normals turn with the world.
+    """
+    columns = yaw_deg / 360.0 * frame.color.shape[1]
+    whole = int(np.floor(columns))
+    part = np.float32(columns - whole)
+    color = np.roll(frame.color, whole, axis=1)
+    if part > 1e-4:
+        color = (1 - part) * color + part * np.roll(color, 1, axis=1)
+    nearest = int(np.floor(columns + 0.5))
+    normal = frame.normal
+    if normal is not None and yaw_deg % 360.0 != 0.0:
+        angle = np.deg2rad(yaw_deg)
+        cos, sin = np.float32(np.cos(angle)), np.float32(np.sin(angle))
+        x, y, z = np.moveaxis(np.roll(normal, nearest, axis=1), -1, 0)
+        normal = np.stack([cos * x - sin * z, y, sin * x + cos * z], axis=-1)
+    return RawFrame(color, np.roll(frame.depth, nearest, axis=1), normal)
+
+
+def _scale_problem(name: str) -> str:
+    return (
+        f"video.depth_scale: {name} stores integers; say how many metres one step is "
+        "(0.001 for millimetres)"
+    )
+
+
+def _require_size(path: Path, picture: NDArray[np.generic], color: Picture) -> None:
+    if picture.shape[:2] != color.shape[:2]:
+        raise FormatError(
+            f"{path}: {picture.shape[1]} x {picture.shape[0]} pixels, "
+            f"but colour has {color.shape[1]} x {color.shape[0]}"
+        )
