@@ -82,10 +82,10 @@ def device_table(devices: list[Record]) -> Table:
         table.add_row(
             "→" if device["chosen"] else "",
             device["index"],
-            device["kind"] if device["usable"] else f"{device['kind']}, not usable",
+            device["kind"],
             f"{device['name']}, {device['compute_units']} units",
             device["platform"],
-            device["driver"],
+            device["driver"] + (f" (not usable: {device['problem']})" if device["problem"] else ""),
             f"{device['memory_mib'] / 1024:.1f} GiB",
         )
     return table

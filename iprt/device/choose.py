@@ -37,8 +37,8 @@ class DeviceInfo:
     compute_units : int
     discrete : bool
         The device has memory of its own.
-    usable : bool
-        The device is available and has a compiler.
+    problem : str
+        Why it cannot be used; empty if it can.
     """
 
     index: str
@@ -51,12 +51,13 @@ class DeviceInfo:
     memory_mib: int
     compute_units: int
     discrete: bool
-    usable: bool
+    problem: str
     handle: Any = field(default=None, compare=False, repr=False)
 
     @property
     def label(self) -> str:
-        return f"{self.index} {self.name} ({self.platform}, driver {self.driver})"
+        problem = f", not usable: {self.problem}" if self.problem else ""
+        return f"{self.index} {self.name} ({self.platform}, driver {self.driver}{problem})"
 
 
 @dataclass(frozen=True)
@@ -136,10 +137,12 @@ def select(spec: str | None, infos: Sequence[DeviceInfo]) -> Choice:
     """
     if spec is not None and re.fullmatch(r"\d+:\d+", spec):
         for info in infos:
+            if info.index == spec and info.problem:
+                raise DeviceError(f"cannot use the OpenCL device {info.label}")
             if info.index == spec:
                 return Choice(info, "named by its place")
         raise DeviceError(f"no OpenCL device {spec}; there are: {_listing(infos)}")
-    current = [info for info in _newest_copies(infos) if info.usable]
+    current = _newest_copies([info for info in infos if not info.problem])
     if not current:
         raise DeviceError(
             f"no usable OpenCL device among {_listing(infos)}: "
@@ -223,9 +226,24 @@ def _describe(index: str, device: cl.Device) -> DeviceInfo:
         memory_mib=device.global_mem_size // 2**20,
         compute_units=device.max_compute_units,
         discrete=not device.host_unified_memory,
-        usable=bool(device.available and device.compiler_available),
+        problem=_problem(device),
         handle=device,
     )
+
+
+def _problem(device: cl.Device) -> str:
+    if not device.available:
+        return "not available"
+    if not device.compiler_available:
+        return "it has no compiler"
+    # PoCL calls a processor that its LLVM does not know "generic", and old ones then fail to build
+    # anything on x86 (github.com/pocl/pocl/issues/1049). Newer ones may not: try.
+    if device.version.strip().endswith("-generic"):
+        try:
+            cl.Program(cl.Context([device]), "__kernel void nothing(void) {}").build()
+        except cl.Error:
+            return "its LLVM is too old for this processor"
+    return ""
 
 
 def _listing(infos: Sequence[DeviceInfo]) -> str:

@@ -73,7 +73,7 @@ def diagnose(
         if install is not None:
             missing.append({"what": what, "why": why, "install": install})
 
-    if not opencl.get("devices"):
+    if all(device["problem"] for device in opencl.get("devices", [])):
         lacks("OpenCL device", "nothing renders without one", opencl_command())
     if "error" in opengl and found["moderngl"]:
         lacks(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from types import SimpleNamespace
 
 import pyopencl as cl
 import pytest
@@ -22,7 +23,7 @@ POCL = DeviceInfo(
     memory_mib=8000,
     compute_units=2,
     discrete=False,
-    usable=True,
+    problem="",
 )
 POCL_WHEEL = dataclasses.replace(POCL, index="1:0", driver="3.0-rc2")
 INTEL = dataclasses.replace(
@@ -113,8 +114,12 @@ def test_ambiguous_and_unknown_names_list_the_devices() -> None:
 
 
 def test_unusable_devices_are_passed_over() -> None:
-    broken = dataclasses.replace(NVIDIA, usable=False)
+    broken = dataclasses.replace(NVIDIA, problem="no compiler")
     assert chosen(None, broken, POCL) == "0:0"
+    with pytest.raises(DeviceError, match=r"cannot use .*4:0 .*not usable: no compiler"):
+        chosen("4:0", broken, POCL)
+    stale = dataclasses.replace(POCL, index="6:0", driver="9.9", problem="no compiler")
+    assert chosen("pocl", POCL, stale) == "0:0"
     with pytest.raises(DeviceError, match=r"no usable OpenCL device among 4:0 .*install"):
         chosen(None, broken)
 
@@ -157,4 +162,30 @@ def test_the_real_list_is_in_the_loaders_order() -> None:
     devices = list_devices()
     assert devices == [device for p in cl.get_platforms() for device in p.get_devices()]
     for info, device in zip(module.describe_devices(), devices, strict=True):
-        assert choose_device(info.index) == device
+        assert info.problem or choose_device(info.index) == device
+
+
+@pytest.mark.parametrize("builds", [True, False])
+def test_a_processor_unknown_to_pocl_is_tried(
+    monkeypatch: pytest.MonkeyPatch, builds: bool
+) -> None:
+    class Program:
+        def __init__(self, context: object, source: str) -> None:
+            pass
+
+        def build(self) -> None:
+            if not builds:
+                raise cl.RuntimeError("error: unknown target CPU 'generic'")
+
+    monkeypatch.setattr(module.cl, "Context", lambda devices: None)
+    monkeypatch.setattr(module.cl, "Program", Program)
+    device = SimpleNamespace(
+        available=True,
+        compiler_available=True,
+        version="PoCL HSTR: pthread-x86_64-pc-linux-generic",
+    )
+    assert bool(module._problem(device)) != builds
+    device.version = "PoCL HSTR: pthread-x86_64-pc-linux-haswell"
+    assert not module._problem(device)
+    device.compiler_available = False
+    assert module._problem(device)

@@ -27,7 +27,7 @@ DEVICE: dict[str, Any] = {
     "memory_mib": 4096,
     "compute_units": 2,
     "discrete": False,
-    "usable": True,
+    "problem": "",
     "chosen": True,
 }
 OPENCL: dict[str, Any] = {
@@ -63,6 +63,12 @@ def test_a_wrong_environment_is_no_missing_driver() -> None:
     report = doctor.diagnose(opencl, OPENGL, None, VERSIONS)
     assert not report["ok"]
     assert "OpenCL device" not in lacking(report)
+
+
+def test_a_driver_that_cannot_be_used_is_no_driver() -> None:
+    opencl = OPENCL | {"devices": [DEVICE | {"problem": "its LLVM is too old"}], "error": "none"}
+    report = doctor.diagnose(opencl, OPENGL, None, VERSIONS)
+    assert "OpenCL device" in lacking(report)
 
 
 def test_a_missing_dependency_is_named_with_its_command() -> None:
