@@ -4,22 +4,27 @@
 // Pixel (x, y) has its centre at (x + 0.5, y + 0.5); row 0 is the top.
 //
 //   kernel             in                                        out
-//   accumulate         guide of this and the previous picture,   accumulated signal, length (how
-//                      motion (2 planes, previous position in    many samples it is worth), spread
-//                      pixels; -1e9 = nowhere), signal, history  (variance of single samples of g),
-//                      (signal, length, spread)                  scalar g
+//   reproject          guide of this and the previous picture,   history at this picture's pixels,
+//                      motion (2 planes, previous position in    0 where there is none: signal,
+//                      pixels; -1e9 = nowhere), history          length (how many samples it is
+//                                                                worth), spread (variance of single
+//                                                                samples of g)
+//   clamp_history      guide, samples, history                   history near this picture's samples
+//   accumulate         guide, samples, history                   history with the samples added,
+//                                                                scalar g of it
 //   estimate_variance  guide, g, spread, length                  variance of g's mean
 //
 // g is the scalar that the picture shows: the luminance of E_R - E_RV with -DDIFFERENCE (a real
 // layer: planes E_R rgb, E_RV rgb), else the signal's. Without clamping and fading, and motion
 // that stays on the pixel, the accumulated signal is the plain mean of the samples. A sample that
-// is not finite is dropped. Build with -DSIGNAL_PLANES=3|6, -DCLAMP_RADIUS=n, -DVIEW_EQUIRECT for
-// equirect views.
+// is not finite is dropped. Build with -DSIGNAL_PLANES=3|6, -DVIEW_EQUIRECT for equirect views.
 #include "guide.h"
 
+#define HUGE 1e30f            // samples from here on, and NaN, are not used
 #define MAX_LENGTH 1e6f
 #define SHORT_HISTORY 4.0f    // below, samples of one pixel do not tell their variance
 #define SPATIAL_RADIUS 3
+#define CLAMP_STEP 2
 
 inline float guide_scalar(const float *s)
 {
@@ -31,11 +36,11 @@ inline float guide_scalar(const float *s)
 }
 
 // Reads a pixel's signal; the planes from 3 on as differences to the first three.
-inline void load_box_sample(float *s, __global const float *restrict signal, int size, int p)
+inline void load_differences(float *s, __global const float *signal, int size, int p)
 {
     #pragma unroll
     for (int c = 0; c < SIGNAL_PLANES; c++)
-        s[c] = signal[c * size + p] - (c < 3 ? 0.0f : s[c - 3]);
+        s[c] = signal[c * size + p] - (c < 3 ? 0.0f : signal[(c - 3) * size + p]);
 }
 
 inline bool all_finite(const float *s)
@@ -44,88 +49,28 @@ inline bool all_finite(const float *s)
     #pragma unroll
     for (int c = 0; c < SIGNAL_PLANES; c++)
         total += fabs(s[c]);
-    return total < 1e30f;
+    return total < HUGE;
 }
 
-// Clamps the history to mean +- sigma of this picture's neighbourhood, which also holds `sample`.
-// E_RV is clamped by its difference to E_R: where no object has influence that box is a point,
-// so an old shadow goes at once although E_R itself is noisy. Returns whether anything moved.
-inline bool clamp_history(
-    float *history,
-    __global const float *restrict guide,
-    __global const float *restrict signal,
-    float sigma,
-    int p,
-    int size,
-    int stride)
-{
-    float mean[SIGNAL_PLANES], square[SIGNAL_PLANES], low[SIGNAL_PLANES], high[SIGNAL_PLANES];
-    load_box_sample(low, signal, size, p);
-    for (int c = 0; c < SIGNAL_PLANES; c++) {
-        mean[c] = square[c] = 0.0f;
-        high[c] = low[c];
-    }
-    float id = guide[GUIDE_ID * size + p], count = 0.0f;
-    for (int dy = -CLAMP_RADIUS; dy <= CLAMP_RADIUS; dy++)
-        for (int dx = -CLAMP_RADIUS; dx <= CLAMP_RADIUS; dx++) {
-            int q = p + dx + dy * stride;
-            float s[SIGNAL_PLANES];
-            load_box_sample(s, signal, size, q);
-            if (guide[GUIDE_ID * size + q] != id || !all_finite(s))
-                continue;
-            count += 1.0f;
-            for (int c = 0; c < SIGNAL_PLANES; c++) {
-                // Relative to the centre, whose value may be large against the spread.
-                mean[c] += s[c] - high[c];
-                square[c] += (s[c] - high[c]) * (s[c] - high[c]);
-            }
-        }
-    bool moved = false;
-    for (int c = 0; c < SIGNAL_PLANES; c++) {
-        float m = mean[c] / count;
-        float deviation = sigma * sqrt(fmax(square[c] / count - m * m, 0.0f));
-        low[c] += fmin(m - deviation, 0.0f);
-        high[c] += fmax(m + deviation, 0.0f);
-        float value = history[c] - (c < 3 ? 0.0f : history[c - 3]);
-        moved |= value < low[c] || value > high[c];
-    }
-    if (moved) {
-        // Differences first: they are taken to the base before it moves.
-        for (int c = SIGNAL_PLANES - 1; c >= 0; c--) {
-            float value = history[c] - (c < 3 ? 0.0f : history[c - 3]);
-            history[c] = fmin(fmax(value, low[c]), high[c]);
-        }
-        for (int c = 3; c < SIGNAL_PLANES; c++)
-            history[c] += history[c - 3];
-    }
-    return moved;
-}
-
-__kernel void accumulate(
+__kernel void reproject(
     __global const float *restrict guide,          // 7 planes
     __global const float *restrict guide_previous, // 7 planes
     __global const float *restrict motion,         // 2 planes
-    __global const float *restrict signal,         // SIGNAL_PLANES planes, border wrapped
-    __global const float *restrict history,        // SIGNAL_PLANES planes
+    __global const float *restrict signal_before,  // SIGNAL_PLANES planes
     __global const float *restrict length_before,  // 1 plane
     __global const float *restrict spread_before,  // 1 plane
-    __global float *restrict accumulated,          // out: SIGNAL_PLANES planes
-    __global float *restrict length_after,         // out: 1 plane
-    __global float *restrict spread_after,         // out: 1 plane
-    __global float *restrict scalar,               // out: 1 plane, g of the result
-    float fading,                                  // least share of the new sample, 0: plain mean
+    __global float *restrict signal,               // out: SIGNAL_PLANES planes
+    __global float *restrict length,               // out: 1 plane
+    __global float *restrict spread,               // out: 1 plane
     float plane_tolerance,                         // plane distance / depth of one surface
     float normal_agreement,                        // least cosine between its normals
-    int changed,                                   // whether to clamp the history
-    float clamp_sigma,                             // half width of the box
-    float clamped_length,                          // samples that a clamped history is worth
     int width,
     int height)
 {
     int x = get_global_id(0), y = get_global_id(1);
     if (x >= width || y >= height)
         return;
-    int size = plane_size(width, height), stride = plane_stride(width);
+    int size = plane_size(width, height);
     int p = plane_index(x, y, width);
     float nx = guide[p], ny = guide[size + p], nz = guide[2 * size + p];
     float px = guide[3 * size + p], py = guide[4 * size + p], pz = guide[5 * size + p];
@@ -135,7 +80,7 @@ __kernel void accumulate(
     float past[SIGNAL_PLANES];
     for (int c = 0; c < SIGNAL_PLANES; c++)
         past[c] = 0.0f;
-    float weights = 0.0f, length = 0.0f, spread = 0.0f;
+    float weights = 0.0f, samples = 0.0f, variation = 0.0f;
     float mx = motion[p] - 0.5f, my = motion[size + p] - 0.5f;
     if (id > 0.0f && fabs(mx) < 1e6f && fabs(my) < 1e6f) {
         int left = (int)floor(mx), top = (int)floor(my);
@@ -155,49 +100,122 @@ __kernel void accumulate(
                 || !(cosine >= normal_agreement) || !(length_before[q] > 0.0f))
                 continue;
             for (int c = 0; c < SIGNAL_PLANES; c++)
-                past[c] += w * history[c * size + q];
-            length += w * length_before[q];
-            spread += w * spread_before[q];
+                past[c] += w * signal_before[c * size + q];
+            samples += w * length_before[q];
+            variation += w * spread_before[q];
             weights += w;
         }
     }
-    if (weights > 0.01f) {
-        // A lone tap on the pixel centre has weight 1 and stays exact.
-        for (int c = 0; c < SIGNAL_PLANES; c++)
-            past[c] /= weights;
-        length /= weights;
-        spread /= weights;
-    } else {
-        length = 0.0f;
-        spread = 0.0f;
-    }
-
-    float sample[SIGNAL_PLANES];
+    // A lone tap on the pixel centre has weight 1 and stays exact.
+    bool found = weights > 0.01f;
     for (int c = 0; c < SIGNAL_PLANES; c++)
-        sample[c] = signal[c * size + p];
-    bool usable = id > 0.0f && all_finite(sample);
-    if (changed && usable && length > 0.0f
-        && clamp_history(past, guide, signal, clamp_sigma, p, size, stride))
-        length = fmin(length, clamped_length);
+        signal[c * size + p] = found ? past[c] / weights : 0.0f;
+    length[p] = found ? samples / weights : 0.0f;
+    spread[p] = found ? variation / weights : 0.0f;
+}
 
-    float share = fmax(1.0f / (length + 1.0f), fading);
+// Clamps the history to mean +- sigma deviations of this picture's neighbourhood, a box that also
+// holds the new sample (IPRT "Filtering"). Nine samples two pixels apart reach as far as a 5x5 box
+// for a third of its reads. E_RV is clamped by its difference to E_R: where no object has
+// influence that box is a point, so an old shadow goes at once although E_R itself is noisy.
+__kernel void clamp_history(
+    __global const float *restrict guide,   // 7 planes
+    __global const float *restrict samples, // SIGNAL_PLANES planes, border wrapped
+    __global float *restrict signal,        // in, out: SIGNAL_PLANES planes of history
+    __global float *restrict length,        // in, out: 1 plane, lowered where anything moved
+    float sigma,                            // half width of the box in deviations
+    float clamped_length,                   // samples that a clamped history is worth
+    int width,
+    int height)
+{
+    int x = get_global_id(0), y = get_global_id(1);
+    if (x >= width || y >= height)
+        return;
+    int size = plane_size(width, height), p = plane_index(x, y, width);
+    float id = guide[GUIDE_ID * size + p];
+    float centre[SIGNAL_PLANES], mean[SIGNAL_PLANES], square[SIGNAL_PLANES];
+    load_differences(centre, samples, size, p);
+    if (!(id > 0.0f && all_finite(centre)))
+        return;
+    #pragma unroll
+    for (int c = 0; c < SIGNAL_PLANES; c++)
+        mean[c] = square[c] = 0.0f;
+    float count = 0.0f;
+    #pragma unroll
+    for (int i = 0; i < 9; i++) {
+        int q = p + CLAMP_STEP * (i % 3 - 1 + (i / 3 - 1) * plane_stride(width));
+        float s[SIGNAL_PLANES];
+        load_differences(s, samples, size, q);
+        bool used = guide[GUIDE_ID * size + q] == id && all_finite(s);
+        count += used ? 1.0f : 0.0f;
+        #pragma unroll
+        for (int c = 0; c < SIGNAL_PLANES; c++) {
+            // About the centre, which may be large against the spread.
+            float d = used ? s[c] - centre[c] : 0.0f;
+            mean[c] += d;
+            square[c] += d * d;
+        }
+    }
+    float value[SIGNAL_PLANES], clamped[SIGNAL_PLANES], scale = 1.0f / count;
+    load_differences(value, signal, size, p);
+    bool moved = false;
+    #pragma unroll
+    for (int c = 0; c < SIGNAL_PLANES; c++) {
+        float m = scale * mean[c];
+        float deviation = sigma * sqrt(fmax(scale * square[c] - m * m, 0.0f));
+        float low = centre[c] + fmin(m - deviation, 0.0f);
+        float high = centre[c] + fmax(m + deviation, 0.0f);
+        clamped[c] = fmin(fmax(value[c], low), high);
+        moved = moved || clamped[c] != value[c];
+        clamped[c] += c < 3 ? 0.0f : clamped[c - 3];
+    }
+    if (!moved)
+        return;
+    #pragma unroll
+    for (int c = 0; c < SIGNAL_PLANES; c++)
+        signal[c * size + p] = clamped[c];
+    length[p] = fmin(length[p], clamped_length);
+}
+
+__kernel void accumulate(
+    __global const float *restrict guide,   // 7 planes
+    __global const float *restrict samples, // SIGNAL_PLANES planes
+    __global float *restrict signal,        // in: history, out: accumulated, SIGNAL_PLANES planes
+    __global float *restrict length,        // in, out: 1 plane
+    __global float *restrict spread,        // in, out: 1 plane
+    __global float *restrict scalar,        // out: 1 plane, g of the result
+    float fading,                           // least share of the new sample, 0: plain mean
+    int width,
+    int height)
+{
+    int x = get_global_id(0), y = get_global_id(1);
+    if (x >= width || y >= height)
+        return;
+    int size = plane_size(width, height);
+    int p = plane_index(x, y, width);
+    float past[SIGNAL_PLANES], sample[SIGNAL_PLANES];
+    #pragma unroll
+    for (int c = 0; c < SIGNAL_PLANES; c++) {
+        past[c] = signal[c * size + p];
+        sample[c] = samples[c * size + p];
+    }
+    float before = length[p], variation = spread[p];
+    bool usable = guide[GUIDE_ID * size + p] > 0.0f && all_finite(sample);
+    bool first = !(before > 0.0f);
+    float share = first ? 1.0f : fmax(1.0f / (before + 1.0f), fading);
     // Fading makes the mean worth (2 - fading) / fading samples at most: so a later, longer
     // average goes on from the right weight.
     float limit = fading > 0.0f ? fmin(2.0f / fading - 1.0f, MAX_LENGTH) : MAX_LENGTH;
-    if (usable) {
-        float step = guide_scalar(sample) - guide_scalar(past);
-        spread = length > 0.0f ? (1.0f - share) * (spread + share * step * step) : 0.0f;
-        for (int c = 0; c < SIGNAL_PLANES; c++)
-            past[c] = length > 0.0f ? past[c] + share * (sample[c] - past[c]) : sample[c];
-        length = fmin(length + 1.0f, limit);
-    } else if (!(length > 0.0f)) {
-        for (int c = 0; c < SIGNAL_PLANES; c++)
-            past[c] = 0.0f;
+    float step = guide_scalar(sample) - guide_scalar(past);
+    float varied = first ? 0.0f : (1.0f - share) * (variation + share * step * step);
+    #pragma unroll
+    for (int c = 0; c < SIGNAL_PLANES; c++) {
+        float mean = first ? sample[c] : past[c] + share * (sample[c] - past[c]);
+        past[c] = usable ? mean : signal[c * size + p];
+        signal[c * size + p] = past[c];
     }
-    for (int c = 0; c < SIGNAL_PLANES; c++)
-        accumulated[c * size + p] = past[c];
-    length_after[p] = length;
-    spread_after[p] = spread;
+    length[p] = usable ? fmin(before + 1.0f, limit) : before;
+    spread[p] = usable ? varied : variation;
     scalar[p] = guide_scalar(past);
 }
 

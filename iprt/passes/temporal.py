@@ -163,20 +163,17 @@ class Temporal:
             if changed:
                 guide.wrap(signal)
                 history, length, _ = self._now
-                for plane in reversed(range(signal_planes(self.kind))):
-                    self._clamp(
-                        (width, height),
-                        guide.current,
-                        signal,
-                        history,
-                        length,
-                        settings.clamp_sigma,
-                        settings.clamped_length,
-                        plane,
-                        1,
-                        width,
-                        height,
-                    )
+                self._clamp(
+                    (width, height),
+                    guide.current,
+                    signal,
+                    history,
+                    length,
+                    settings.clamp_sigma,
+                    settings.clamped_length,
+                    width,
+                    height,
+                )
             self._accumulate(
                 (width, height),
                 guide.current,

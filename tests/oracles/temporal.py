@@ -67,23 +67,23 @@ def clamp(
     past: History,
     signal: Array,
     ids: Array,
-    radius: int,
+    step: int,
     sigma: float,
     length: float,
     equirect: bool,
 ) -> History:
-    """Clamp E_R (or the signal) and E_RV - E_R to mean ± sigma deviations of the neighbourhood."""
+    """Clamp E_R (or the signal) and E_RV - E_R to mean ± sigma deviations of nine neighbours."""
 
     def split(s: Array) -> Array:
         return np.concatenate([s[:3], s[3:] - s[:3]]) if len(s) == 6 else s
 
     result = History(*(a.copy() for a in vars(past).values()))
-    wide = bordered(split(signal), radius, equirect)
-    wide_ids = bordered(ids, radius, equirect, fill=-1.0)
-    size = 2 * radius + 1
+    wide = bordered(split(signal), step, equirect)
+    wide_ids = bordered(ids, step, equirect, fill=-1.0)
+    size = 2 * step + 1
     for y, x in np.argwhere((ids > 0.0) & (past.length > 0.0)):
-        same = wide_ids[y : y + size, x : x + size] == ids[y, x]
-        values = wide[:, y : y + size, x : x + size][:, same]
+        same = wide_ids[y : y + size : step, x : x + size : step] == ids[y, x]
+        values = wide[:, y : y + size : step, x : x + size : step][:, same]
         centre = split(signal)[:, y, x]
         low = np.minimum(values.mean(1) - sigma * values.std(1), centre)
         high = np.maximum(values.mean(1) + sigma * values.std(1), centre)
