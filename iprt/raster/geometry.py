@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from iprt.errors import SceneError
 from iprt.raster.region import box_corners
-from iprt.scene.material import Material
-from iprt.scene.mesh import Instance
+from iprt.scene.mesh import Instance, Mesh
 
 Float = NDArray[np.float64]
 
@@ -22,6 +21,7 @@ _VERTICES_WIDTH = 2048
 
 _VERTICES_PER_ROW = _VERTICES_WIDTH // 2
 _CORNERS_BYTES = 3 * 3 * 4
+_CURVE_BITS = 6
 _MAX_TRIANGLES = 1 << 24
 """Triangle numbers pass through a float32 image."""
 
@@ -103,57 +103,23 @@ class WorldGeometry:
     """
 
     def __init__(self, context: moderngl.Context, instances: Sequence[Instance]) -> None:
-        parts: list[Part] = []
-        materials: list[Material] = []
-        owners: list[int] = []
-        drawn = [np.zeros((0, 4), np.int32)]
-        row = count = 0
-        for index, instance in enumerate(instances):
-            first_material = len(materials)
-            materials.extend(instance.mesh.materials)
-            owners.extend([index] * len(instance.mesh.materials))
-            matrix = _affine(instance.name, instance.to_world)
-            mesh = instance.mesh
-            drawable = np.isfinite(mesh.positions[mesh.triangles]).all(axis=(1, 2))
-            if not drawable.any():
-                continue
-            triangles = mesh.triangles[drawable]
-            used = mesh.positions[triangles.ravel()].astype(np.float64)
-            part = Part(
-                instance,
-                row,
-                count,
-                triangles,
-                slice(first_material, len(materials)),
-                box_corners(used.min(axis=0), used.max(axis=0)),
-                matrix,
-                matrix,
-            )
-            parts.append(part)
-            material = mesh.material_index[drawable, None] + first_material
-            drawn.append(np.concatenate([triangles + row * _VERTICES_PER_ROW, material], axis=1))
-            count += len(triangles)
-            row += part.vertex_rows
-        if max(count, row * _VERTICES_PER_ROW) > _MAX_TRIANGLES:
-            raise SceneError(
-                f"the objects have {count} triangles, more than {_MAX_TRIANGLES}: simplify them"
-            )
-        self.parts = tuple(parts)
-        self.materials = tuple(materials)
-        self.material_object = np.array(owners, np.int32)
+        self.parts, table, rows = _lay_out(instances)
+        self.materials = tuple(m for instance in instances for m in instance.mesh.materials)
+        self.material_object = np.repeat(
+            np.arange(len(instances), dtype=np.int32), [len(i.mesh.materials) for i in instances]
+        )
         self._names = [instance.name for instance in instances]
 
-        table = np.concatenate(drawn).astype(np.int32)
-        self.positions = context.buffer(reserve=max(count, 1) * _CORNERS_BYTES)
+        self.positions = context.buffer(reserve=max(len(table), 1) * _CORNERS_BYTES)
         self.triangles = context.texture(
-            (_TRIANGLES_WIDTH, max(_rows(count, _TRIANGLES_WIDTH), 1)), 4, dtype="i4"
+            (_TRIANGLES_WIDTH, max(_rows(len(table), _TRIANGLES_WIDTH), 1)), 4, dtype="i4"
         )
         self.triangles.write(_padded(table, _TRIANGLES_WIDTH))
-        self.vertices = context.texture((_VERTICES_WIDTH, max(row, 1)), 4, dtype="f4")
-        self.table = context.texture((4, max(len(materials), 1)), 4, dtype="f4")
+        self.vertices = context.texture((_VERTICES_WIDTH, max(rows, 1)), 4, dtype="f4")
+        self.table = context.texture((4, max(len(self.materials), 1)), 4, dtype="f4")
         self.images = {
             index: _mipmapped(context, material.texture)
-            for index, material in enumerate(materials)
+            for index, material in enumerate(self.materials)
             if material.texture is not None
         }
         for part in self.parts:
@@ -204,6 +170,54 @@ class WorldGeometry:
         for part in self.parts:
             table[part.materials, 1:] = part.motion
         self.table.write(table)
+
+
+def _lay_out(instances: Sequence[Instance]) -> tuple[tuple[Part, ...], NDArray[np.int32], int]:
+    """Parts, rows (three vertex numbers, material) per triangle, rows of the vertex texture."""
+    parts: list[Part] = []
+    table = [np.zeros((0, 4), np.int32)]
+    first_material = row = count = 0
+    for instance in instances:
+        mesh = instance.mesh
+        materials = slice(first_material, first_material + len(mesh.materials))
+        first_material = materials.stop
+        matrix = _affine(instance.name, instance.to_world)
+        order = _drawing_order(mesh)
+        if len(order) == 0:
+            continue
+        triangles = mesh.triangles[order]
+        used = mesh.positions[triangles.ravel()].astype(np.float64)
+        box = box_corners(used.min(axis=0), used.max(axis=0))
+        parts.append(Part(instance, row, count, triangles, materials, box, matrix, matrix))
+        numbers = triangles + row * _VERTICES_PER_ROW
+        material = mesh.material_index[order, None] + materials.start
+        table.append(np.concatenate([numbers, material], axis=1).astype(np.int32))
+        count += len(triangles)
+        row += parts[-1].vertex_rows
+    if max(count, row * _VERTICES_PER_ROW) > _MAX_TRIANGLES:
+        raise SceneError(
+            f"the objects have {count} triangles, more than {_MAX_TRIANGLES}: simplify them"
+        )
+    return tuple(parts), np.concatenate(table), row
+
+
+def _drawing_order(mesh: Mesh) -> NDArray[np.int64]:
+    """Triangles with finite corners, along a Morton curve through their centres.
+
+    Neighbours in the buffer are then neighbours in any image, which makes a third of the
+    difference in speed on a software renderer.
+    """
+    (drawable,) = np.nonzero(np.isfinite(mesh.positions[mesh.triangles]).all(axis=(1, 2)))
+    if len(drawable) == 0:
+        return drawable
+    centres = mesh.positions[mesh.triangles[drawable]].mean(axis=1, dtype=np.float64)
+    low = centres.min(axis=0)
+    extent = max(float((centres.max(axis=0) - low).max()), np.finfo(np.float64).tiny)
+    cells = np.minimum((centres - low) / extent * (1 << _CURVE_BITS), (1 << _CURVE_BITS) - 1)
+    bits = cells.astype(np.int64)[:, :, None] >> np.arange(_CURVE_BITS) & 1
+    code = (bits << (3 * np.arange(_CURVE_BITS) + np.arange(3)[:, None])).sum(axis=(1, 2))
+    order: NDArray[np.int64] = drawable[np.argsort(code, kind="stable")]
+    return order
 
 
 def _affine(name: str, matrix: NDArray[np.floating]) -> Float:
