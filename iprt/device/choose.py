@@ -146,7 +146,7 @@ def select(spec: str | None, infos: Sequence[DeviceInfo]) -> Choice:
     if not current:
         raise DeviceError(
             f"no usable OpenCL device among {_listing(infos)}: "
-            f"install a driver with `{opencl_command()}`"
+            f"install a driver with `{opencl_command(pocl_fails=True)}`"
         )
     if spec is None:
         return Choice(min(current, key=_rank), f"the first in the order {ORDER}")

@@ -73,8 +73,10 @@ def diagnose(
         if install is not None:
             missing.append({"what": what, "why": why, "install": install})
 
-    if all(device["problem"] for device in opencl.get("devices", [])):
-        lacks("OpenCL device", "nothing renders without one", opencl_command())
+    devices = opencl.get("devices", [])
+    if all(device["problem"] for device in devices):
+        command = opencl_command(pocl_fails=bool(devices))
+        lacks("OpenCL device", "nothing renders without one", command)
     if "error" in opengl and found["moderngl"]:
         lacks(
             "OpenGL through EGL",

@@ -22,11 +22,14 @@ def pip_command(*requirements: str) -> str:
     return shlex.join([sys.executable, "-m", "pip", "install", *requirements])
 
 
-def opencl_command() -> str:
-    """An OpenCL driver for the CPU. Debian's PoCL is two to three times as fast as PyPI's."""
-    if shutil.which("apt-get"):
+def opencl_command(*, pocl_fails: bool = False) -> str:
+    """An OpenCL driver for the CPU. Debian's PoCL is two to three times as fast as PyPI's.
+
+    `pocl_fails`: there is one already, which does not know this processor.
+    """
+    if shutil.which("apt-get") and not pocl_fails:
         return apt_command("pocl-opencl-icd")
-    return pip_command("pyopencl[pocl]")
+    return intel_command() or pip_command("pyopencl[pocl]")
 
 
 def intel_command() -> str | None:

@@ -68,7 +68,7 @@ def test_a_wrong_environment_is_no_missing_driver() -> None:
 def test_a_driver_that_cannot_be_used_is_no_driver() -> None:
     opencl = OPENCL | {"devices": [DEVICE | {"problem": "its LLVM is too old"}], "error": "none"}
     report = doctor.diagnose(opencl, OPENGL, None, VERSIONS)
-    assert "OpenCL device" in lacking(report)
+    assert "pip install" in lacking(report)["OpenCL device"]  # apt's PoCL may be what fails
 
 
 def test_a_missing_dependency_is_named_with_its_command() -> None:
