@@ -16,6 +16,7 @@
 #ifndef IPRT_BRDF_H
 #define IPRT_BRDF_H
 
+#include "equirect.h"
 #include "maths.h"
 #include "sampling.h"
 
@@ -70,7 +71,7 @@ typedef struct {
     float3 specular;
 } BrdfValue;
 
-inline Material load_material(__global const float4 *restrict materials, int index)
+static inline Material load_material(__global const float4 *restrict materials, int index)
 {
     __global const float4 *row = materials + index * MATERIAL_ROWS;
     const float4 head = row[0];
@@ -78,7 +79,7 @@ inline Material load_material(__global const float4 *restrict materials, int ind
     return material;
 }
 
-inline float3 brdf_local_wo(Frame frame, float3 wo)
+static inline float3 brdf_local_wo(Frame frame, float3 wo)
 {
     float3 o = frame_to_local(frame, wo);
     o.z = fmax(o.z, BRDF_MIN_COSINE);
@@ -88,7 +89,7 @@ inline float3 brdf_local_wo(Frame frame, float3 wo)
 #ifdef MATERIAL_PLASTIC
 
 // Share of light that crosses the rough coat from a direction at this cosine.
-inline float coat_transmittance(const Material material, float cosine)
+static inline float coat_transmittance(const Material material, float cosine)
 {
     const float x = sqrt(cosine) * (MATERIAL_NODES - 1);
     const int i = min((int)x, MATERIAL_NODES - 2);
@@ -96,7 +97,7 @@ inline float coat_transmittance(const Material material, float cosine)
 }
 
 // Unpolarized reflectance of a smooth dielectric boundary, light coming from the ior = 1 side.
-inline float fresnel_dielectric(float cosine, float ior)
+static inline float fresnel_dielectric(float cosine, float ior)
 {
     const float c = fmax(cosine, 1e-6f);
     const float g = sqrt(fmax(ior * ior - 1.0f + c * c, 0.0f));
@@ -110,7 +111,7 @@ inline float fresnel_dielectric(float cosine, float ior)
 #ifdef BRDF_SPECULAR_LOBE
 
 // Probability of sampling the specular lobe: its share of the reflected luminance.
-inline float specular_probability(const Material material, float3 albedo, float cos_o)
+static inline float specular_probability(const Material material, float3 albedo, float cos_o)
 {
 #ifdef MATERIAL_PLASTIC
     if (material.kind == KIND_PLASTIC) {
@@ -124,7 +125,7 @@ inline float specular_probability(const Material material, float3 albedo, float 
     return material.kind == KIND_CONDUCTOR ? 1.0f : 0.0f;
 }
 
-inline float3 specular_reflectance(const Material material, float3 albedo, float cos_h)
+static inline float3 specular_reflectance(const Material material, float3 albedo, float cos_h)
 {
 #ifdef MATERIAL_PLASTIC
     if (material.kind == KIND_PLASTIC)
@@ -138,13 +139,13 @@ inline float3 specular_reflectance(const Material material, float3 albedo, float
 #ifdef BRDF_GGX
 
 // z (1 + 2 Lambda(v)) of Smith's masking function.
-inline float ggx_slope(float3 v, float alpha)
+static inline float ggx_slope(float3 v, float alpha)
 {
     return sqrt(v.z * v.z + alpha * alpha * (v.x * v.x + v.y * v.y));
 }
 
 // Distribution of normals at the half vector of i and o.
-inline float ggx_distribution(float3 i, float3 o, float alpha)
+static inline float ggx_distribution(float3 i, float3 o, float alpha)
 {
     // Without normalizing h: its length cancels, and rounding hurts less when alpha is small.
     const float3 h = i + o;
@@ -153,16 +154,15 @@ inline float ggx_distribution(float3 i, float3 o, float alpha)
     return a2 / (IPRT_PI * spread * spread);
 }
 
-inline float3 ggx_sample_normal(float3 o, float alpha, float2 u)
+static inline float3 ggx_sample_normal(float3 o, float alpha, float2 u)
 {
     float3 stretched = (float3)(alpha * o.x, alpha * o.y, o.z);
     stretched /= sqrt(dot(stretched, stretched));
-    const float phi = 2.0f * IPRT_PI * u.x;
     const float height = (1.0f - u.y) * (1.0f + stretched.z);   // > 0: of the half vector
     const float z = height - stretched.z;
-    const float radius = sqrt(fmax(1.0f - z * z, 0.0f));
-    const float3 h = (float3)(alpha * (radius * cos(phi) + stretched.x),
-                              alpha * (radius * sin(phi) + stretched.y), height);
+    const float2 disk = sqrt(fmax(1.0f - z * z, 0.0f)) * unit_circle(u.x);
+    const float3 h = (float3)(alpha * (disk.x + stretched.x), alpha * (disk.y + stretched.y),
+                              height);
     return h / sqrt(dot(h, h));
 }
 
@@ -171,7 +171,7 @@ inline float3 ggx_sample_normal(float3 o, float alpha, float2 u)
 #ifdef BRDF_DIFFUSE_LOBE
 
 // pi times the diffuse lobe, without the albedo.
-inline float diffuse_factor(const Material material, float cos_i, float cos_o)
+static inline float diffuse_factor(const Material material, float cos_i, float cos_o)
 {
 #ifdef MATERIAL_PLASTIC
     if (material.kind == KIND_PLASTIC)
@@ -184,8 +184,8 @@ inline float diffuse_factor(const Material material, float cos_i, float cos_o)
 #endif
 
 // Choose a lobe with u.z, a direction in it with u.xy; u in [0, 1)^3.
-inline BrdfSample brdf_sample(const Material material, float3 albedo, float3 n, float3 wo,
-                              float3 u)
+static inline BrdfSample brdf_sample(const Material material, float3 albedo, float3 n, float3 wo,
+                                     float3 u)
 {
     const Frame frame = build_frame(n);
     BrdfSample sample;
@@ -234,7 +234,8 @@ inline BrdfSample brdf_sample(const Material material, float3 albedo, float3 n, 
     return sample;
 }
 
-inline BrdfValue brdf_eval(const Material material, float3 albedo, float3 n, float3 wo, float3 wi)
+static inline BrdfValue brdf_eval(const Material material, float3 albedo, float3 n, float3 wo,
+                                  float3 wi)
 {
     const Frame frame = build_frame(n);
     const float3 o = brdf_local_wo(frame, wo);
@@ -263,7 +264,8 @@ inline BrdfValue brdf_eval(const Material material, float3 albedo, float3 n, flo
 // Densities (1/sr) with which brdf_sample() draws wi by the diffuse (x) and the specular lobe (y),
 // the lobes' probabilities included: x + y is the density of the mixture. Directions below the
 // surface, which the specular lobe may draw with weight 0, have density 0 here.
-inline float2 brdf_pdf(const Material material, float3 albedo, float3 n, float3 wo, float3 wi)
+static inline float2 brdf_pdf(const Material material, float3 albedo, float3 n, float3 wo,
+                              float3 wi)
 {
     const Frame frame = build_frame(n);
     const float3 i = frame_to_local(frame, wi);

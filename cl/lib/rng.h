@@ -6,7 +6,7 @@
 // A bijection of 32-bit integers in which every input bit flips each output bit with probability
 // 1/2 to within 0.2% (two rounds of xorshift-multiply; multipliers by C. Wellons' search,
 // "lowbias32").
-inline uint hash_u32(uint x)
+static inline uint hash_u32(uint x)
 {
     x ^= x >> 16;
     x *= 0x7feb352du;
@@ -17,14 +17,14 @@ inline uint hash_u32(uint x)
 }
 
 // The hash of the pair; not symmetric. One-to-one in each argument when the other is fixed.
-inline uint hash_combine(uint seed, uint v)
+static inline uint hash_combine(uint seed, uint v)
 {
     // hash_u32(0) is 0: the constant keeps (0, 0), the first pixel of the first frame, from it.
     return hash_u32(hash_u32(seed + 0x9e3779b9u) ^ v);
 }
 
 // [0, 1), from the upper 24 bits: all that a float holds, so 1 is never reached by rounding.
-inline float u01(uint x)
+static inline float u01(uint x)
 {
     return (float)(x >> 8) * (1.0f / 16777216.0f);
 }

@@ -7,10 +7,10 @@
 #ifndef IPRT_SAMPLING_H
 #define IPRT_SAMPLING_H
 
-#include "equirect.h"
+#include "maths.h"
 #include "rng.h"
 
-inline uint reverse_bits(uint x)
+static inline uint reverse_bits(uint x)
 {
     x = (x >> 16) | (x << 16);
     x = ((x >> 8) & 0x00ff00ffu) | ((x & 0x00ff00ffu) << 8);
@@ -21,7 +21,7 @@ inline uint reverse_bits(uint x)
 
 // Owen scrambling of a number whose bits are reversed: each bit is flipped by a hash of the bits
 // below it (Burley, Listing 2: the Laine-Karras permutation with the constants found there).
-inline uint scramble_reversed(uint x, uint seed)
+static inline uint scramble_reversed(uint x, uint seed)
 {
     x += seed;
     x ^= x * 0x6c50b47cu;
@@ -34,7 +34,7 @@ inline uint scramble_reversed(uint x, uint seed)
 // Bit-reversed second dimension of the Sobol sequence. Its generator matrix is Pascal's triangle
 // modulo 2, whose entry (k, j) is 1 iff the bits of k are a subset of those of j (Lucas): a sum
 // over supersets, done for all 32 bits at once in five steps without the loop over the index.
-inline uint sobol_1_reversed(uint index)
+static inline uint sobol_1_reversed(uint index)
 {
     index ^= (index >> 1) & 0x55555555u;
     index ^= (index >> 2) & 0x33333333u;
@@ -45,13 +45,13 @@ inline uint sobol_1_reversed(uint index)
 }
 
 // Order of the points, shuffled so that sequences with different seeds can be paired.
-inline uint shuffled_index(uint index, uint seed)
+static inline uint shuffled_index(uint index, uint seed)
 {
     return reverse_bits(scramble_reversed(reverse_bits(index), seed));
 }
 
 // Point `index` of the 2D sequence `seed`, in [0, 1)^2.
-inline float2 sobol_2d(uint index, uint seed)
+static inline float2 sobol_2d(uint index, uint seed)
 {
     index = shuffled_index(index, hash_u32(seed ^ 0xa511e9b3u));
     // The first dimension is the reversed index; reversing it again for scrambling is the index.
@@ -61,7 +61,7 @@ inline float2 sobol_2d(uint index, uint seed)
 }
 
 // Point `index` of the 1D sequence `seed`, in [0, 1): for choices such as a lobe.
-inline float sobol_1d(uint index, uint seed)
+static inline float sobol_1d(uint index, uint seed)
 {
     index = shuffled_index(index, hash_u32(seed ^ 0xa511e9b3u));
     return u01(reverse_bits(scramble_reversed(index, hash_u32(seed ^ 0x63d83595u))));
@@ -75,7 +75,7 @@ typedef struct {
 
 // Right-handed orthonormal frame around a unit vector, for every one without a branch: Duff et
 // al., "Building an Orthonormal Basis, Revisited", JCGT 6(1), 2017.
-inline Frame build_frame(float3 n)
+static inline Frame build_frame(float3 n)
 {
     const float sign = copysign(1.0f, n.z);
     const float a = -1.0f / (sign + n.z);
@@ -87,22 +87,21 @@ inline Frame build_frame(float3 n)
     return frame;
 }
 
-inline float3 frame_to_world(Frame frame, float3 v)
+static inline float3 frame_to_world(Frame frame, float3 v)
 {
     return v.x * frame.x + v.y * frame.y + v.z * frame.z;
 }
 
-inline float3 frame_to_local(Frame frame, float3 v)
+static inline float3 frame_to_local(Frame frame, float3 v)
 {
     return (float3)(dot(v, frame.x), dot(v, frame.y), dot(v, frame.z));
 }
 
 // Unit direction around +z with density cos/pi. z is never 0, so cos/pdf stays defined.
-inline float3 sample_cosine(float2 u)
+static inline float3 sample_cosine(float2 u)
 {
-    const float phi = 2.0f * IPRT_PI * u.x;
-    const float radius = sqrt(u.y);
-    return (float3)(radius * cos(phi), radius * sin(phi), sqrt(1.0f - u.y));
+    const float2 disk = sqrt(u.y) * unit_circle(u.x);
+    return (float3)(disk.x, disk.y, sqrt(1.0f - u.y));
 }
 
 #endif

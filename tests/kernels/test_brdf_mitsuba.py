@@ -16,20 +16,31 @@ from tests.kernels.brdf import call
 from tests.oracles import brdf as oracle
 
 pytestmark = pytest.mark.mitsuba
+MATERIALS = [
+    Material("diffuse", (0.6, 0.3, 0.2)),
+    Material("conductor", (0.9, 0.8, 0.6), 0.02),
+    Material("conductor", (0.9, 0.8, 0.6), 0.1),
+    Material("conductor", (0.9, 0.8, 0.6), 0.5),
+    Material("plastic", (0.55, 0.06, 0.05), 0.05, 1.5),
+    Material("plastic", (0.55, 0.06, 0.05), 0.2, 1.5),
+    Material("plastic", (0.5, 0.4, 0.3), 0.5, 1.9),
+    Material("plastic", (0.5, 0.4, 0.3), 0.0, 1.5),
+]
 
 # In a process of its own: a variant is global to the process, and the truth tests choose theirs.
 SCRIPT = """
 import json, sys
 import mitsuba as mi
 mi.set_variant("scalar_rgb")
-job = json.load(sys.stdin)
-bsdf = mi.load_dict(job["bsdf"])
-values = []
-for o, i in job["pairs"]:
-    surface = mi.SurfaceInteraction3f()
-    surface.wi = mi.Vector3f(*o)
-    values.append([*bsdf.eval(mi.BSDFContext(), surface, mi.Vector3f(*i))])
-json.dump(values, sys.stdout)
+results = []
+for job in json.load(sys.stdin):
+    bsdf, values = mi.load_dict(job["bsdf"]), []
+    for o, i in job["pairs"]:
+        surface = mi.SurfaceInteraction3f()
+        surface.wi = mi.Vector3f(*o)
+        values.append([*bsdf.eval(mi.BSDFContext(), surface, mi.Vector3f(*i))])
+    results.append(values)
+json.dump(results, sys.stdout)
 """
 
 
@@ -46,15 +57,6 @@ def plugin(material):
     return {**named, **rough, "nonlinear": False, "diffuse_reflectance": rgb}
 
 
-def mitsuba_values(material, pairs):
-    """(N, 3) f cos for pairs (N, 2, 3) of wo, wi in the local frame."""
-    job = json.dumps({"bsdf": plugin(material), "pairs": pairs.tolist()})
-    done = subprocess.run(
-        [sys.executable, "-c", SCRIPT], input=job, capture_output=True, text=True, check=True
-    )
-    return np.array(json.loads(done.stdout))
-
-
 def random_pairs(alpha, count=300):
     """Half of them near the mirror direction, where the lobe is."""
     rng = np.random.default_rng(2)
@@ -67,25 +69,26 @@ def random_pairs(alpha, count=300):
     return pairs[(pairs[..., 2] > 0.03).all(1)].astype(np.float32).astype(float)
 
 
-@pytest.mark.parametrize(
-    "material",
-    [
-        Material("diffuse", (0.6, 0.3, 0.2)),
-        Material("conductor", (0.9, 0.8, 0.6), 0.02),
-        Material("conductor", (0.9, 0.8, 0.6), 0.1),
-        Material("conductor", (0.9, 0.8, 0.6), 0.5),
-        Material("plastic", (0.55, 0.06, 0.05), 0.05, 1.5),
-        Material("plastic", (0.55, 0.06, 0.05), 0.2, 1.5),
-        Material("plastic", (0.5, 0.4, 0.3), 0.5, 1.9),
-        Material("plastic", (0.5, 0.4, 0.3), 0.0, 1.5),
-    ],
-    ids=lambda m: f"{m.kind}-{m.alpha}",
-)
-def test_reflectance_equals_mitsubas(device, material):
+@pytest.fixture(scope="module")
+def mitsuba_values():
+    """Per material, (N, 3) f cos of its random pairs."""
     pytest.importorskip("mitsuba", reason="needs the `reference` extra")
+    jobs = [{"bsdf": plugin(m), "pairs": random_pairs(m.alpha).tolist()} for m in MATERIALS]
+    done = subprocess.run(
+        [sys.executable, "-c", SCRIPT],
+        input=json.dumps(jobs),
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return dict(zip(MATERIALS, map(np.array, json.loads(done.stdout)), strict=True))
+
+
+@pytest.mark.parametrize("material", MATERIALS, ids=lambda m: f"{m.kind}-{m.alpha}")
+def test_reflectance_equals_mitsubas(device, mitsuba_values, material):
     pairs = random_pairs(material.alpha)
     o, i = pairs[:, 0], pairs[:, 1]
-    truth = mitsuba_values(material, pairs) / i[:, 2:]
+    truth = mitsuba_values[material] / i[:, 2:]
     value = call(device, "eval", material, o, i)
     lambda_o, lambda_i = (oracle.smith_lambda(v, material.alpha) for v in (o, i))
     separable = (1 + lambda_o + lambda_i) / ((1 + lambda_o) * (1 + lambda_i))

@@ -8,7 +8,7 @@ from iprt.scene.material import Material
 from tests.kernels.brdf import call
 from tests.oracles import brdf as oracle
 
-SAMPLES = 1 << 18
+SAMPLES = 1 << 17
 BINS = 20
 NODES = 20  # quadrature nodes per bin and axis
 CASES = [

@@ -32,6 +32,13 @@ def test_exp2_of_anything_is_finite(device):
     assert y[-2] >= 2.0**127
 
 
+def test_the_unit_circle_keeps_its_stated_error(device):
+    u = np.linspace(0, 1, 100_001, dtype=np.float32)
+    p = evaluate(device, ["maths.h"], "p = unit_circle(u);", {"u": u}, {"p": "float2"})["p"]
+    turn = 2 * np.pi * u.astype(np.float64)
+    assert np.abs(p - np.stack([np.cos(turn), np.sin(turn)], 1)).max() < 3e-7
+
+
 def test_luminance_is_that_of_linear_rec709(device):
     rgb = np.float32([[1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1]])
     y = evaluate(device, ["maths.h"], "y = luminance(c);", {"c": rgb}, {"y": "float"})["y"]
