@@ -35,7 +35,12 @@ typedef struct {
     int index;        // into geometry and material, the layer included
     int on_screen;    // which ObjectLayer
     int outside;      // 0 while the ray is still inside the solid that it started in
+    int from;         // where the ray comes from: FROM_*
 } ObjectHit;
+
+#define FROM_NOWHERE 0   // beside the objects: nothing is rasterized in the last direction
+#define FROM_FRONT 1     // nearer than the front
+#define FROM_BACK 2      // farther than the back
 
 inline float plane_radius(float4 plane, float gx, float r, float slope)
 {
@@ -44,13 +49,16 @@ inline float plane_radius(float4 plane, float gx, float r, float slope)
 }
 
 // The solid interval of one texel against the part [t0, t1] of the ray, whose radii there are r0
-// and r1.
+// and r1. A ray enters once it is deeper than the tolerance, in this texel or in one after: solids
+// thinner than that, such as the shell that the camera sees from inside, are met because the ray
+// came from their other side.
 inline int object_leaf(const ObjectLayer layer, float3 o, float3 d, int texel, float t0, float t1,
                        float r0, float r1, ObjectHit *hit)
 {
     const float4 front = layer.planes[2 * texel], back = layer.planes[2 * texel + 1];
     if (!(front.w > 0.0f)) {
         hit->outside = 1;
+        hit->from = FROM_NOWHERE;
         return 0;
     }
     const float slope = OBJECT_SLOPE * layer.footprint;
@@ -62,28 +70,33 @@ inline int object_leaf(const ObjectLayer layer, float3 o, float3 d, int texel, f
     const float past1 = r1 - plane_radius(front, go + t1 * gd, r1, slope);
     const float before0 = plane_radius(back, ho + t0 * hd, r0, slope) - r0;
     const float before1 = plane_radius(back, ho + t1 * hd, r1, slope) - r1;
-    const int inside0 = past0 > tolerance && before0 > tolerance;
-    const int inside1 = past1 > tolerance && before1 > tolerance;
+    const int inside = past0 > tolerance && before0 > tolerance;
     if (!hit->outside) {
-        hit->outside = !inside0 || !inside1;
-        if (inside0)
+        hit->outside = !inside || past1 <= tolerance || before1 <= tolerance;
+        if (inside)
             return 0;
+    }
+    // A step no larger than the steepest plane's is the same surface; past others, and from beside
+    // the objects, the ray is where it is.
+    const float step = slope * front.w;
+    if (hit->from == FROM_NOWHERE || (hit->from == FROM_FRONT ? past0 : before0) > step) {
+        const int nearer = past0 <= 0.0f || (past0 <= tolerance && before0 > 0.0f);
+        hit->from = nearer || (inside && past0 <= before0) ? FROM_FRONT : FROM_BACK;
     }
     const int texels = layer.grid.width * layer.grid.height;
     float t = t0;
-    int through_back = 0;
-    if (inside0) {
-        through_back = before0 < past0;
-    } else if ((past0 <= 0.0f || (past0 <= tolerance && before0 > 0.0f)) && past1 > tolerance) {
+    if (hit->from == FROM_FRONT) {
+        if (!(fmax(past0, past1) > tolerance))
+            return 0;
         t = past0 <= 0.0f ? (1.0f - go) / gd : t0;
-    } else if (before0 <= tolerance && before1 > tolerance) {
-        t = before0 <= 0.0f ? (1.0f - ho) / hd : t0;
-        through_back = 1;
+        hit->index = texel;
     } else {
-        return 0;
+        if (!(fmax(before0, before1) > tolerance))
+            return 0;
+        t = before0 <= 0.0f ? (1.0f - ho) / hd : t0;
+        hit->index = texels + texel;
     }
     hit->t = t >= t0 && t <= t1 ? t : t0;
-    hit->index = through_back ? texels + texel : texel;
     return 1;
 }
 
@@ -101,11 +114,18 @@ inline int equirect_leaf(const ObjectLayer layer, const ObjectRay line, const Po
                        ray.b * at.root1, hit);
 }
 
+// Cells that the ray passes at one side of all that is in them; not where it comes from the other
+// side, because a thin solid might lie between.
 inline int object_skip(float near, float far, float2 range, ObjectHit *hit)
 {
-    const int skip = far < range.x || near > range.y;
-    hit->outside |= skip;
-    return skip;
+    const int empty = range.x > range.y;
+    const int nearer = far < range.x && hit->from != FROM_BACK;
+    const int farther = near > range.y && hit->from != FROM_FRONT;
+    if (!(empty || nearer || farther))
+        return 0;
+    hit->outside = 1;
+    hit->from = empty ? FROM_NOWHERE : nearer ? FROM_FRONT : FROM_BACK;
+    return 1;
 }
 
 #define MARCH_NAME march_equirect_objects
@@ -262,6 +282,7 @@ inline int trace_objects(const Objects world, float3 o, float3 d, float t_max, O
     if (!(reach.x <= reach.y))
         return 0;
     hit->outside = 0;
+    hit->from = FROM_NOWHERE;
 #ifdef VIEW_EQUIRECT
     return trace_equirect_objects(world.equirect, o, d, reach.x, reach.y, hit);
 #else
