@@ -121,7 +121,7 @@ def density(material: Material, o: Array, i: Array) -> Array:
 
 
 def specular_albedo(
-    material: Material, o: Array, separable: bool = False, nodes: int = 500
+    material: Material, o: Array, separable: bool = False, nodes: int = 250
 ) -> Array:
     """(3,) share of light from direction o that the rough lobe reflects, by quadrature over the
     distribution's slopes: independent of any sampling routine."""
