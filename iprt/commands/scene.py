@@ -1,0 +1,254 @@
+"""`iprt scene`: look at a scene, check it, make one from pictures, and put objects into it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import tyro
+
+from iprt.errors import IprtError
+
+if TYPE_CHECKING:
+    from iprt.scene.report import ObjectReport, SceneReport, Share
+    from iprt.scene.scene import Scene
+
+
+def info(
+    scene: tyro.conf.Positional[Path],
+    /,
+    *,
+    json: bool = False,
+    thumbnail: Path | None = None,
+) -> int:
+    """Show what a scene holds: size, depth in metres, light through openings, objects, views.
+
+    Parameters
+    ----------
+    scene
+        Scene folder.
+    json
+        Print JSON instead of text.
+    thumbnail
+        PNG to write: the panorama with axes, views and objects drawn in.
+
+    Returns
+    -------
+    int
+        Exit status 0.
+    """
+    from iprt.scene.report import describe_scene
+    from iprt.scene.scene import Scene
+    from iprt.scene.thumbnail import write_thumbnail
+
+    opened = Scene.open(scene)
+    raw = opened.raw_frame()
+    frame = raw.sanitised()
+    report = describe_scene(opened, frame, raw)
+    if thumbnail is not None:
+        write_thumbnail(thumbnail, opened, frame)
+    if json:
+        import json as json_format
+
+        print(json_format.dumps({**report.record(), "renderer": render_plan(opened)}, indent=2))
+    else:
+        print("\n".join(report_lines(report) + plan_lines(render_plan(opened))))
+    return 0
+
+
+def check(scene: tyro.conf.Positional[Path], /) -> int:
+    """Read every file of a scene; name all problems, what is not read, and badly placed objects.
+
+    Parameters
+    ----------
+    scene
+        Scene folder.
+
+    Returns
+    -------
+    int
+        Exit status 0; problems end with status 2.
+    """
+    from iprt.scene.report import check_files, describe_scene
+    from iprt.scene.scene import Scene
+
+    opened = Scene.open(scene)
+    check_files(opened)
+    raw = opened.raw_frame()
+    report = describe_scene(opened, raw.sanitised(), raw)
+    for entry in report.objects:
+        for phrase in entry.dropped:
+            print(f"note: {entry.name}: not read from its file: {phrase}")
+        for phrase in entry.warnings:
+            print(f"warning: {entry.name}: {phrase}")
+    first, last = report.frames
+    warned = any(entry.warnings for entry in report.objects)
+    verdict = "usable, but see the warnings" if warned else "fine"
+    print(
+        f"{report.name}: {verdict}; {last - first + 1} frame(s), {len(report.objects)} object(s), "
+        f"{len(report.views)} view(s)"
+    )
+    return 0
+
+
+def new(
+    folder: tyro.conf.Positional[Path],
+    /,
+    *,
+    color: Path,
+    depth: Path,
+    depth_scale: float | None = None,
+    normal: Path | None = None,
+) -> int:
+    """Make a scene folder from a panorama and its depth.
+
+    Parameters
+    ----------
+    folder
+        Folder to make.
+    color
+        360° picture: EXR, PNG or JPEG, twice as wide as high; for video a pattern such as
+        color.%04d.png.
+    depth
+        Its depth: EXR, PFM or 16-bit PNG of the same size.
+    depth_scale
+        Metres per stored unit; 0.001 for millimetres. Required for PNG.
+    normal
+        World-space normals in an EXR file. Default: fitted to the depth.
+
+    Returns
+    -------
+    int
+        Exit status 0.
+    """
+    from iprt.scene.edit import new_scene
+
+    if depth_scale is not None and not 0.0 < depth_scale < float("inf"):
+        raise IprtError(f"--depth-scale {depth_scale:g}: expected a number above 0")
+    frames = new_scene(folder, color, depth, depth_scale, normal)
+    print(
+        f"{folder}: a scene of {frames} frame(s); next: iprt scene add {folder} MESH --look 0,-35"
+    )
+    return 0
+
+
+def add(
+    scene: tyro.conf.Positional[Path],
+    mesh: tyro.conf.Positional[Path],
+    /,
+    *,
+    look: str,
+    height: float | None = None,
+    material: str | None = None,
+    name: str | None = None,
+) -> int:
+    """Set an object down on the surface seen in a direction, and add a view of it.
+
+    Parameters
+    ----------
+    scene
+        Scene folder.
+    mesh
+        PLY, OBJ, glTF or GLB file, +Y up.
+    look
+        YAW,PITCH in degrees, right and up: the direction in which the surface is seen.
+    height
+        Height of the object in metres. Default: a fifth of its distance.
+    material
+        diffuse:R,G,B or conductor:R,G,B:ALPHA or plastic:R,G,B:ALPHA or mirror. Default: the mesh
+        file's own.
+    name
+        Name of the object. Default: the mesh file's.
+
+    Returns
+    -------
+    int
+        Exit status 0.
+    """
+    from iprt.scene.edit import add_object, parse_material
+
+    yaw, pitch = _direction(look)
+    if height is not None and not 0.0 < height < float("inf"):
+        raise IprtError(f"--height {height:g}: expected metres above 0")
+    table = None if material is None else parse_material(material)
+    added = add_object(scene, mesh, yaw, pitch, height=height, material=table, name=name)
+    x, y, z = added.base
+    print(f"{added.name}: stands at ({x:.2f}, {y:.2f}, {z:.2f}); seen in the view '{added.view}'")
+    return 0
+
+
+def render_plan(scene: Scene) -> dict[str, dict[str, bool]]:
+    """What the renderer builds for each view of a scene, by the view's name."""
+    from iprt.requirements import Requirements
+    from iprt.settings import Settings
+
+    plan = {}
+    for name, entry in scene.views.items():
+        materials = [m for one in scene.instances_of(name) for m in one.mesh.materials]
+        plan[name] = Requirements.of(materials, entry.view, Settings()).describe()
+    return plan
+
+
+def plan_lines(plan: dict[str, dict[str, bool]]) -> list[str]:
+    """The plan as text."""
+    return [
+        f"builds     {name}: {', '.join(part for part, built in parts.items() if built) or 'none'}"
+        for name, parts in plan.items()
+    ]
+
+
+def report_lines(report: SceneReport) -> list[str]:
+    """A report as text."""
+    first, last = report.frames
+    depth, radiance = report.depth_percentiles, report.radiance_percentiles
+    lines = [
+        f"{report.name}",
+        f"panorama   {report.width} x {report.height}, frames {first} to {last}, "
+        f"{report.fps:g} per second, exposure {report.exposure:g}",
+        f"depth      {report.metres_per_unit:g} m per stored unit; p1 {depth['p1']:.2f} m, "
+        f"p50 {depth['p50']:.2f} m, p99 {depth['p99']:.2f} m",
+        f"radiance   p1 {radiance['p1']:.3g}, p50 {radiance['p50']:.3g}, "
+        f"p99 {radiance['p99']:.3g}, highest {radiance['p100']:.3g}",
+        f"normals    {report.normals}",
+        _share_line("no depth", report.holes),
+        _share_line("  openings", report.openings),
+        _share_line("  open sky", report.open_sky),
+        _share_line("  dropouts", report.dropouts),
+    ]
+    lines += [line for entry in report.objects for line in _object_lines(entry)]
+    for name, view in report.views.items():
+        shown = ", ".join(view["objects"]) or "no objects"
+        lines.append(
+            f"view       {name}: {view['width']} x {view['height']}, yaw {view['yaw_deg']:g}, "
+            f"pitch {view['pitch_deg']:g}, fov {view['fov_y_deg']:g}; {shown}"
+            + ("; has a truth" if view["truth"] else "")
+        )
+    return lines
+
+
+def _share_line(label: str, share: Share) -> str:
+    return f"{label:<10} {100 * share.area:.2f}% of all directions, {100 * share.flux:.1f}% of flux"
+
+
+def _object_lines(entry: ObjectReport) -> list[str]:
+    size = [high - low for low, high in zip(entry.low, entry.high, strict=True)]
+    corner = ", ".join(f"{value:.2f}" for value in entry.low)
+    lines = [
+        f"object     {entry.name}: {entry.triangles} triangles, {', '.join(entry.materials)}; "
+        f"{size[0]:.2f} x {size[1]:.2f} x {size[2]:.2f} m from ({corner})"
+    ]
+    lines += [f"           not read: {phrase}" for phrase in entry.dropped]
+    lines += [f"           warning: {phrase}" for phrase in entry.warnings]
+    return lines
+
+
+def _direction(text: str) -> tuple[float, float]:
+    try:
+        yaw, pitch = (float(value) for value in text.split(","))
+        if not (abs(yaw) <= 360.0 and abs(pitch) <= 90.0):
+            raise ValueError
+    except ValueError:
+        raise IprtError(
+            f"--look {text}: expected YAW,PITCH in degrees, such as 30,-40 (pitch from -90 to 90)"
+        ) from None
+    return yaw, pitch

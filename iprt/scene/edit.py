@@ -1,0 +1,347 @@
+"""Make a scene folder from pictures, and put objects into one. Nothing is left half written."""
+
+from __future__ import annotations
+
+import filecmp
+import json
+import re
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.errors import FormatError, SceneError
+from iprt.output.atomic import replacing
+from iprt.scene.images import read_depth
+from iprt.scene.manifest import MANIFEST_NAME, VideoTable, parse_manifest
+from iprt.scene.manifest_problems import FRAME_PATTERN
+from iprt.scene.mesh import Mesh
+from iprt.scene.mesh_files import referenced_files
+from iprt.scene.meshes import load_mesh
+from iprt.scene.placement import RealSurfaces, set_down
+from iprt.scene.scene import Scene
+from iprt.scene.source import FrameSource, frame_path
+
+VIEW_SIZE = (1024, 768)
+
+
+@dataclass(frozen=True)
+class Added:
+    """What `add_object` wrote.
+
+    Attributes
+    ----------
+    name, view : str
+        Of the object, and of the view that frames it.
+    base : (3,) float64
+        World-space point below the object's middle, at the height of its lowest point.
+    """
+
+    name: str
+    view: str
+    base: NDArray[np.float64]
+
+
+def new_scene(
+    folder: Path, color: Path, depth: Path, depth_scale: float | None, normal: Path | None
+) -> int:
+    """Make a scene folder with copies of the pictures and a scene.toml.
+
+    Parameters
+    ----------
+    folder : Path
+        Made where it does not exist; must not hold a scene.
+    color, depth : Path
+        Pictures, or printf patterns for the frames of a video.
+    depth_scale : float or None
+        Metres per stored unit; needed where depth is stored as integers.
+    normal : Path or None
+
+    Returns
+    -------
+    int
+        The number of frames.
+
+    Raises
+    ------
+    SceneError, FormatError
+        Nothing has been written then.
+    """
+    if (folder / MANIFEST_NAME).exists():
+        raise SceneError(f"{folder}: holds a scene already; choose another folder")
+    sources = {"color": color, "depth": depth} | ({"normal": normal} if normal else {})
+    first, last = _frame_range(color)
+    if depth_scale is None and read_depth(frame_path(Path(), str(depth), first))[1]:
+        raise SceneError(
+            f"{depth}: stores integers; give --depth-scale, the metres of one step "
+            "(0.001 for millimetres)"
+        )
+    outside = VideoTable.model_construct(
+        color=str(color),
+        depth=str(depth),
+        normal=None if normal is None else str(normal),
+        depth_scale=depth_scale,
+        frames=[first, last],
+    )
+    source = FrameSource(Path(), outside)
+    for index in source.indices:
+        for path in source.files(index).values():
+            if not path.is_file():
+                raise FormatError(f"{path}: no such file")
+    source.read(first)
+    names = {key: _target_name(key, path) for key, path in sources.items()}
+    copies = {
+        frame_path(folder, names[key], index): frame_path(Path(), str(path), index)
+        for key, path in sources.items()
+        for index in source.indices
+    }
+    text = _manifest_text(_scene_name(folder), names, depth_scale, (first, last))
+    parse_manifest(text, str(folder / MANIFEST_NAME))
+    with _copied(copies), replacing(folder / MANIFEST_NAME) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+    return len(source.indices)
+
+
+def add_object(
+    scene_path: Path,
+    mesh_path: Path,
+    yaw_deg: float,
+    pitch_deg: float,
+    *,
+    height: float | None = None,
+    material: dict[str, Any] | None = None,
+    name: str | None = None,
+) -> Added:
+    """Stand a mesh on the surface seen in a direction, and add a view that frames it.
+
+    Parameters
+    ----------
+    scene_path, mesh_path : Path
+    yaw_deg, pitch_deg : float
+        Where to look from the capture centre: right and up.
+    height : float or None
+        Metres; by default a fifth of the distance.
+    material : dict or None
+        As in the manifest; by default the mesh file's own.
+    name : str or None
+        By default the mesh file's, numbered where taken.
+
+    Raises
+    ------
+    SceneError, FormatError
+        Nothing has been written then.
+    """
+    scene = Scene.open(scene_path)
+    if name is not None and name in {table.name for table in scene.manifest.objects}:
+        raise SceneError(f"{scene.root}: an object is named '{name}' already; choose another name")
+    chosen = name or _free_name(mesh_path.stem, {table.name for table in scene.manifest.objects})
+    view_name = _free_name(chosen, set(scene.views))
+    mesh = load_mesh(mesh_path)
+    bounds = _bounds(mesh)
+    to_world = set_down(RealSurfaces(scene.frame()), bounds, yaw_deg, pitch_deg, height)
+    copies, target = _mesh_copies(scene.root, mesh_path, chosen)
+    # Appending text keeps every comment; TOML lets [[objects]] follow other tables.
+    manifest_path = scene.root / MANIFEST_NAME
+    text = "\n".join(
+        [
+            manifest_path.read_text(encoding="utf-8").rstrip("\n") + "\n",
+            _object_text(chosen, target, to_world, material),
+            _view_text(view_name, chosen, bounds, to_world),
+        ]
+    )
+    try:
+        parse_manifest(text, str(manifest_path))
+    except SceneError as error:
+        raise SceneError(
+            f"{manifest_path}: cannot be extended; write objects and views as [[objects]] and "
+            "[[views]] tables"
+        ) from error
+    with _copied(copies), replacing(manifest_path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+    foot = np.array([*(0.5 * (bounds[0] + bounds[1]))], np.float64)
+    foot[1] = bounds[0][1]
+    return Added(chosen, view_name, to_world[:3, :3] @ foot + to_world[:3, 3])
+
+
+def parse_material(text: str) -> dict[str, Any]:
+    """`diffuse:R,G,B`, `conductor:R,G,B[:ALPHA]`, `plastic:R,G,B[:ALPHA]` or `mirror` as a table.
+
+    Raises
+    ------
+    SceneError
+    """
+    if text == "mirror":
+        return {"kind": "conductor", "reflectance": [0.95, 0.95, 0.95], "alpha": 0.0}
+    kind, *fields = text.split(":")
+    most = {"diffuse": 1, "conductor": 2, "plastic": 2}.get(kind, 0)
+    try:
+        color = [float(value) for value in fields[0].split(",")]
+        alpha = [float(value) for value in fields[1:]]
+        if not (len(color) == 3 and 1 <= len(fields) <= most):
+            raise ValueError
+        if not all(0.0 <= value <= 1.0 for value in [*color, *alpha]):
+            raise ValueError
+    except (ValueError, IndexError):
+        raise SceneError(
+            f"--material {text}: expected diffuse:R,G,B or conductor:R,G,B:ALPHA or "
+            "plastic:R,G,B:ALPHA with numbers from 0 to 1, or mirror"
+        ) from None
+    key = "reflectance" if kind == "conductor" else "albedo"
+    return {"kind": kind, key: color} | ({"alpha": alpha[0]} if alpha else {})
+
+
+@contextmanager
+def _copied(copies: dict[Path, Path]) -> Iterator[None]:
+    """Copy files (target -> source); take the new ones away again if what follows fails.
+
+    Raises
+    ------
+    SceneError
+        A different file is in the way.
+    """
+    for target, source in copies.items():
+        if target.exists() and not filecmp.cmp(source, target, shallow=False):
+            raise SceneError(f"{target}: another file has this name; move it away first")
+    folders = [folder for target in copies for folder in [target.parent, *target.parent.parents]]
+    new_folders = list(dict.fromkeys(folder for folder in folders if not folder.exists()))
+    new_files: list[Path] = []
+    try:
+        for target, source in copies.items():
+            if not target.exists():
+                new_files.append(target)
+                with replacing(target) as temporary:
+                    shutil.copyfile(source, temporary)
+        yield
+    except BaseException:
+        for file in new_files:
+            file.unlink(missing_ok=True)
+        for folder in sorted(new_folders, key=lambda path: -len(path.parts)):
+            if folder.is_dir():
+                folder.rmdir()
+        raise
+
+
+def _frame_range(color: Path) -> tuple[int, int]:
+    """First and last frame of a printf pattern, as found on disk; (0, 0) for one picture."""
+    conversion = FRAME_PATTERN.search(color.name)
+    if conversion is None:
+        return 0, 0
+    before, after = color.name[: conversion.start()], color.name[conversion.end() :]
+    matcher = re.compile(re.escape(before) + r"(\d+)" + re.escape(after))
+    siblings = color.parent.iterdir() if color.parent.is_dir() else iter(())
+    numbers = [int(match[1]) for path in siblings if (match := matcher.fullmatch(path.name))]
+    if not numbers:
+        raise FormatError(f"{color}: no file matches this pattern")
+    return min(numbers), max(numbers)
+
+
+def _target_name(key: str, path: Path) -> str:
+    conversion = FRAME_PATTERN.search(path.name)
+    number = f".{conversion[0]}" if conversion else ""
+    return f"{key}{number}{path.suffix.lower()}"
+
+
+def _scene_name(folder: Path) -> str:
+    return re.sub(r"[/\\\n]", "-", folder.resolve().name) or "scene"
+
+
+def _quoted(text: str) -> str:
+    # JSON strings are TOML basic strings.
+    return json.dumps(text, ensure_ascii=False)
+
+
+def _manifest_text(
+    name: str, files: dict[str, str], depth_scale: float | None, frames: tuple[int, int]
+) -> str:
+    lines = ["format = 1", f"name = {_quoted(name)}"]
+    lines += [
+        "exposure = 1.0            # display = sRGB of exposure times radiance",
+        "",
+        "[video]",
+    ]
+    lines += [f"{key} = {_quoted(file)}" for key, file in files.items()]
+    if depth_scale is not None:
+        lines.append(f"depth_scale = {depth_scale!r}       # metres per stored unit")
+    lines += [f"frames = [{frames[0]}, {frames[1]}]", "fps = 30.0", ""]
+    lines += ["[[views]]", 'name = "ahead"', "yaw_deg = 0.0", "pitch_deg = -15.0"]
+    lines += ["fov_y_deg = 75.0", f"size = [{VIEW_SIZE[0]}, {VIEW_SIZE[1]}]", ""]
+    return "\n".join(lines)
+
+
+def _object_text(
+    name: str, mesh: str, to_world: NDArray[np.float64], material: dict[str, Any] | None
+) -> str:
+    rows = [", ".join(f"{value:.7g}" for value in row) for row in to_world]
+    lines = ["[[objects]]", f"name = {_quoted(name)}", f"mesh = {_quoted(mesh)}"]
+    lines += ["to_world = [", *(f"  {row}," for row in rows), "]"]
+    if material is not None:
+        pairs = ", ".join(f"{key} = {json.dumps(value)}" for key, value in material.items())
+        lines.append(f"material = {{ {pairs} }}")
+    return "\n".join([*lines, ""])
+
+
+def _view_text(
+    name: str,
+    object_name: str,
+    bounds: tuple[NDArray[np.float64], NDArray[np.float64]],
+    to_world: NDArray[np.float64],
+) -> str:
+    """A view at the object's centre, two and a half times as high as the object appears."""
+    low, high = bounds
+    center = to_world[:3, :3] @ (0.5 * (low + high)) + to_world[:3, 3]
+    distance = max(float(np.linalg.norm(center)), 1e-6)
+    radius = 0.5 * float(np.linalg.norm(to_world[:3, :3] @ (high - low)))
+    fov = np.clip(2.5 * 2.0 * np.rad2deg(np.arctan2(radius, distance)), 15.0, 100.0)
+    yaw = np.rad2deg(np.arctan2(center[0], -center[2]))
+    pitch = np.rad2deg(np.arcsin(np.clip(center[1] / distance, -1.0, 1.0)))
+    return "\n".join(
+        [
+            "[[views]]",
+            f"name = {_quoted(name)}",
+            f"yaw_deg = {yaw:.2f}",
+            f"pitch_deg = {pitch:.2f}",
+            f"fov_y_deg = {fov:.2f}",
+            f"size = [{VIEW_SIZE[0]}, {VIEW_SIZE[1]}]",
+            f"objects = [{_quoted(object_name)}]",
+            "",
+        ]
+    )
+
+
+def _mesh_copies(root: Path, mesh: Path, name: str) -> tuple[dict[Path, Path], str]:
+    """Files to copy (target -> source) and the mesh's path in the manifest."""
+    if mesh.resolve().is_relative_to(root.resolve()):
+        return {}, mesh.resolve().relative_to(root.resolve()).as_posix()
+    references = referenced_files(mesh)
+    # Files that come together stay together, apart from other meshes' files of the same names.
+    folder = root / "meshes"
+    taken = {path.stem for path in folder.iterdir()} if folder.is_dir() else set()
+    if references:
+        folder = folder / _free_name(name, taken)
+        target = folder / mesh.name
+    else:
+        target = folder / mesh.name
+        if target.exists() and not filecmp.cmp(mesh, target, shallow=False):
+            target = folder / (_free_name(mesh.stem, taken) + mesh.suffix)
+    copies = {target: mesh} | {folder / path: mesh.parent / path for path in references}
+    return copies, target.relative_to(root).as_posix()
+
+
+def _free_name(wanted: str, taken: set[str]) -> str:
+    base = re.sub(r"[^\w. -]", "_", wanted) or "object"
+    number = 2
+    name = base
+    while name in taken:
+        name = f"{base}-{number}"
+        number += 1
+    return name
+
+
+def _bounds(mesh: Mesh) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    used = mesh.positions[np.unique(mesh.triangles)].astype(np.float64)
+    return used.min(axis=0), used.max(axis=0)

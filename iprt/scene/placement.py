@@ -1,0 +1,247 @@
+"""Where objects stand: the real surfaces as points, and objects set down on them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from iprt.errors import SceneError
+from iprt.scene.camera import View, equirect_direction, equirect_pixel
+from iprt.scene.frame import Frame
+from iprt.scene.mesh import Instance
+from iprt.scene.openings import solid_angles
+
+Array = NDArray[np.float64]
+
+UPRIGHT = 0.7
+"""Least |y| of the normal of a floor or ceiling."""
+_WALL = 0.9
+"""Least horizontal part of the normal of a wall, from which objects keep away."""
+_SMOOTHING_TEXELS = 9
+"""Normals are averaged over so many texels: depth of real captures is noisy."""
+_MAX_ROWS = 512
+_SETTLE = 0.01
+"""How far from its support an object counts as floating or sunk, over the median depth."""
+
+
+@dataclass(frozen=True)
+class Standing:
+    """How an object stands in the room.
+
+    Attributes
+    ----------
+    gap_m : float or None
+        Height of its lowest point over the surface below it; None where none is seen.
+    hidden : float
+        Fraction of its vertices that lie behind the real surfaces.
+    tolerance_m : float
+        Largest |gap| that a contact may have.
+    """
+
+    gap_m: float | None
+    hidden: float
+    tolerance_m: float
+
+    def warnings(self) -> list[str]:
+        """What looks wrong, one phrase each."""
+        found = []
+        if self.hidden > 0.95:
+            found.append("lies behind the real surfaces, outside the room")
+        elif self.gap_m is not None and abs(self.gap_m) > self.tolerance_m:
+            verb = "floats {} above" if self.gap_m > 0.0 else "sinks {} into"
+            found.append(f"{verb.format(f'{100 * abs(self.gap_m):.1f} cm')} the surface below it")
+        return found
+
+
+class RealSurfaces:
+    """The points that a frame's depth describes, thinned to 512 rows; openings left out.
+
+    Attributes
+    ----------
+    points, normals : (N, 3) float64
+        Metres, and unit vectors averaged over a few texels.
+    """
+
+    def __init__(self, frame: Frame) -> None:
+        self._frame = frame
+        step = max(1, -(-frame.height // _MAX_ROWS))
+        rows, columns = np.meshgrid(
+            np.arange(0, frame.height, step), np.arange(0, frame.width, step), indexing="ij"
+        )
+        depth = frame.depth[rows, columns].astype(np.float64)
+        kept = np.isfinite(depth) & ~frame.opening[rows, columns]
+        pixels: Array = np.stack([columns, rows], axis=-1)[kept].astype(np.float64) + 0.5
+        directions: Array = equirect_direction(pixels, frame.width, frame.height)
+        self._weights = solid_angles(frame.width, frame.height)[rows[kept]]
+        self.points = directions * depth[kept][:, None]
+        self._smooth = _smoothed(frame.normal[rows, columns])
+        self.normals = self._smooth[kept]
+        self._step = step
+        self._spacing = step * np.pi / frame.height
+
+    def hit(self, yaw_deg: float, pitch_deg: float) -> tuple[Array, Array]:
+        """Point (3,) and normal (3,) of the surface seen in a direction.
+
+        Raises
+        ------
+        SceneError
+            There is only open sky.
+        """
+        view = View(1, 1, yaw_deg, pitch_deg)
+        direction = view.world_from_view @ np.array([0.0, 0.0, -1.0])
+        row, column = _texel(direction, self._frame)
+        depth = float(self._frame.depth[row, column])
+        if not np.isfinite(depth):
+            raise SceneError(
+                f"there is open sky at yaw {yaw_deg:g}, pitch {pitch_deg:g}, and nothing to stand "
+                "on; look lower"
+            )
+        return direction * depth, self._smooth[row // self._step, column // self._step]
+
+    def height_below(self, x: float, z: float, radius: float, top: float) -> float | None:
+        """y of the highest upward-facing surface around (x, z), not above `top`."""
+        offset = self.points[:, [0, 2]] - (x, z)
+        reach = np.maximum(radius, self._spacing * np.linalg.norm(self.points, axis=1))
+        near = np.einsum("ij,ij->i", offset, offset) < reach**2
+        near &= (self.normals[:, 1] > UPRIGHT) & (self.points[:, 1] <= top)
+        heights = self.points[near, 1]
+        if heights.size == 0:
+            return None
+        # The level of the highest surface, not of its highest point: depth is noisy.
+        level = heights > heights.max() - 0.02 * max(abs(heights.max()), 1e-6)
+        return float(np.median(heights[level]))
+
+    def floor(self) -> float | None:
+        """y of the floor: below four fifths of what faces up, by solid angle."""
+        upward = self.normals[:, 1] > UPRIGHT
+        if not upward.any():
+            return None
+        heights = self.points[upward, 1]
+        order = np.argsort(heights)
+        share = np.cumsum(self._weights[upward][order])
+        return float(heights[order][np.searchsorted(share, 0.2 * share[-1])])
+
+    def push_out(self, base: Array, radius: float, height: float) -> Array:
+        """Horizontal shift (3,) that frees an upright cylinder from the wall it cuts deepest."""
+        offset = base - self.points
+        level = (-offset[:, 1] > 0.15 * height) & (-offset[:, 1] < height)
+        sideways = self.normals * (1.0, 0.0, 1.0)
+        length = np.linalg.norm(sideways, axis=1)
+        wall = level & (length > _WALL) & (np.hypot(*offset[:, [0, 2]].T) < radius)
+        if not wall.any():
+            return np.zeros(3)
+        out = sideways[wall] / length[wall, None]
+        depth = radius - np.einsum("ij,ij->i", offset[wall], out)
+        worst = int(depth.argmax())
+        shift: Array = out[worst] * max(float(depth[worst]), 0.0)
+        return shift
+
+    def standing(self, instance: Instance) -> Standing:
+        """How an object stands."""
+        matrix = instance.to_world
+        vertices = instance.mesh.positions.astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
+        row, column = _texel(vertices, self._frame)
+        distance = np.linalg.norm(vertices, axis=1)
+        hidden = float(np.mean(distance > 1.02 * self._frame.depth[row, column]))
+        low, high = vertices.min(axis=0), vertices.max(axis=0)
+        feet = vertices[vertices[:, 1] < low[1] + 0.02 * (high[1] - low[1])].mean(axis=0)
+        radius = 0.25 * float(np.hypot(high[0] - low[0], high[2] - low[2]))
+        support = self.height_below(
+            feet[0], feet[2], radius, low[1] + 0.5 * max(high[1] - low[1], 0.1 * distance.min())
+        )
+        gap = None if support is None else float(low[1] - support)
+        return Standing(gap, hidden, _SETTLE * self._frame.median_depth)
+
+
+def set_down(
+    surfaces: RealSurfaces,
+    bounds: tuple[Array, Array],
+    yaw_deg: float,
+    pitch_deg: float,
+    height: float | None,
+) -> Array:
+    """Stand an object upright (+Y) on the surface seen in a direction.
+
+    A floor or table is taken as it is; at a wall, the object goes to the surface at its foot, and
+    away from the wall until it does not cut it.
+
+    Parameters
+    ----------
+    surfaces : RealSurfaces
+    bounds : pair of (3,) float64
+        Lowest and highest corner of the mesh, in object space.
+    yaw_deg, pitch_deg : float
+    height : float or None
+        Metres; by default a fifth of the distance.
+
+    Returns
+    -------
+    (4, 4) float64
+        `to_world`.
+
+    Raises
+    ------
+    SceneError
+        Open sky in that direction, or no floor anywhere.
+    """
+    low, high = bounds
+    extent = high - low
+    point, normal = surfaces.hit(yaw_deg, pitch_deg)
+    size = 0.2 * float(np.linalg.norm(point)) if height is None else height
+    scale = size / float(extent[1] if extent[1] > 1e-3 * extent.max() else extent.max())
+    radius = 0.5 * scale * float(np.hypot(extent[0], extent[2]))
+    base = point.copy()
+    if normal[1] <= UPRIGHT:
+        wall = normal * (1.0, 0.0, 1.0)
+        length = float(np.linalg.norm(wall))
+        if length > 1.0 - UPRIGHT:
+            base += wall / length * radius
+    top = float(point[1]) + 0.02 * float(np.linalg.norm(point))
+    if normal[1] <= UPRIGHT:
+        base[1] = _support(surfaces, base, radius, top)
+    for _ in range(8):
+        push = surfaces.push_out(base, radius, scale * float(extent[1]))
+        moved = base + push
+        support = surfaces.height_below(moved[0], moved[2], 0.5 * radius, top)
+        # Better to touch a wall than to be pushed off a table, out of sight.
+        if np.linalg.norm(push) < 1e-3 * radius or support is None:
+            break
+        base = np.array([moved[0], support, moved[2]])
+    matrix = np.diag([scale, scale, scale, 1.0])
+    center = 0.5 * (low + high)
+    matrix[:3, 3] = base - scale * np.array([center[0], low[1], center[2]])
+    return matrix
+
+
+def _support(surfaces: RealSurfaces, base: Array, radius: float, top: float) -> float:
+    """y of the surface below; the floor's where none is seen (behind furniture)."""
+    height = surfaces.height_below(base[0], base[2], 0.5 * radius, top)
+    if height is None:
+        height = surfaces.floor()
+    if height is None:
+        raise SceneError("no surface of the scene faces up; there is nothing to stand on")
+    return height
+
+
+def _smoothed(normal: NDArray[np.float32]) -> Array:
+    """Normals (H, W, 3) averaged over a window that wraps around the seam, and unit again."""
+    mean = np.stack(
+        [
+            ndimage.uniform_filter(
+                normal[..., axis].astype(np.float64), _SMOOTHING_TEXELS, mode=("nearest", "wrap")
+            )
+            for axis in range(3)
+        ],
+        axis=-1,
+    )
+    unit: Array = mean / np.maximum(np.linalg.norm(mean, axis=-1, keepdims=True), 1e-12)
+    return unit
+
+
+def _texel(direction: Array, frame: Frame) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    pixel = equirect_pixel(direction, frame.width, frame.height)
+    row = np.minimum(pixel[..., 1].astype(np.intp), frame.height - 1)
+    return row, pixel[..., 0].astype(np.intp) % frame.width

@@ -1,0 +1,202 @@
+"""What a scene holds, in numbers: for `iprt scene info` and `iprt scene check`."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from iprt.errors import IprtError
+from iprt.scene.frame import Frame
+from iprt.scene.images import picture_size
+from iprt.scene.manifest import MANIFEST_NAME
+from iprt.scene.manifest_problems import problems_error
+from iprt.scene.mesh import Instance
+from iprt.scene.openings import classify_holes, solid_angles
+from iprt.scene.placement import RealSurfaces
+from iprt.scene.scene import Scene
+from iprt.scene.source import RawFrame, frame_path
+
+
+@dataclass(frozen=True)
+class Share:
+    """How much of the panorama something is: of its solid angle and of its flux, 0 to 1."""
+
+    area: float
+    flux: float
+
+
+@dataclass(frozen=True)
+class ObjectReport:
+    """An object: its size in metres, and what is lost of its file or wrong with its place."""
+
+    name: str
+    triangles: int
+    materials: tuple[str, ...]
+    low: tuple[float, float, float]
+    high: tuple[float, float, float]
+    dropped: tuple[str, ...]
+    warnings: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class SceneReport:
+    """A scene in numbers; depth percentiles in metres."""
+
+    name: str
+    width: int
+    height: int
+    frames: tuple[int, int]
+    fps: float
+    exposure: float
+    metres_per_unit: float
+    depth_percentiles: dict[str, float]
+    radiance_percentiles: dict[str, float]
+    holes: Share
+    openings: Share
+    open_sky: Share
+    dropouts: Share
+    normals: str
+    objects: tuple[ObjectReport, ...]
+    views: dict[str, dict[str, Any]]
+
+    def record(self) -> dict[str, Any]:
+        """Plain values, for JSON; no depth percentiles where nothing has a depth."""
+        record = asdict(self)
+        if any(np.isnan(value) for value in self.depth_percentiles.values()):
+            record["depth_percentiles"] = None
+        return record
+
+
+def describe_scene(scene: Scene, frame: Frame, raw: RawFrame) -> SceneReport:
+    """Numbers of a scene.
+
+    Parameters
+    ----------
+    scene : Scene
+    frame, raw : Frame, RawFrame
+        The first frame, sanitised and as read.
+    """
+    video = scene.manifest.video
+    measured = np.isfinite(raw.depth) & (raw.depth > 0.0)
+    holes = classify_holes(~measured, frame.color)
+    weight = np.broadcast_to(solid_angles(frame.width, frame.height)[:, None], measured.shape)
+    flux = weight * frame.color.mean(axis=-1)
+
+    def share(mask: Any) -> Share:
+        total = float(flux.sum())
+        return Share(
+            float(weight[mask].sum() / weight.sum()),
+            float(flux[mask].sum()) / total if total > 0.0 else 0.0,
+        )
+
+    surfaces = RealSurfaces(frame)
+    first, last = video.frames
+    return SceneReport(
+        name=scene.name,
+        width=frame.width,
+        height=frame.height,
+        frames=(first, last),
+        fps=video.fps,
+        exposure=scene.exposure,
+        metres_per_unit=video.depth_scale or 1.0,
+        depth_percentiles=_percentiles(raw.depth[measured], (1, 50, 99)),
+        radiance_percentiles=_percentiles(frame.color, (1, 50, 99, 100)),
+        holes=share(~measured),
+        openings=share(holes.opening),
+        open_sky=share(holes.open_sky),
+        dropouts=share(holes.dropout),
+        normals="fitted to the depth" if raw.normal is None else "given",
+        objects=tuple(_describe_object(instance, surfaces) for instance in scene.instances),
+        views={
+            name: {
+                "width": entry.view.width,
+                "height": entry.view.height,
+                "yaw_deg": entry.view.yaw_deg,
+                "pitch_deg": entry.view.pitch_deg,
+                "fov_y_deg": entry.view.fov_y_deg,
+                "objects": list(entry.objects),
+                "truth": entry.truth is not None,
+            }
+            for name, entry in scene.views.items()
+        },
+    )
+
+
+def check_files(scene: Scene) -> None:
+    """Read every file that the scene names.
+
+    Raises
+    ------
+    SceneError
+        All problems, a line each.
+    """
+    problems: list[str] = []
+    for index in scene.frame_indices:
+        _collect(problems, lambda index=index: scene.raw_frame(index))
+    sizes = {
+        picture_size(scene.source.files(index)["color"])
+        for index in (scene.frame_indices if not problems else ())
+    }
+    if len(sizes) > 1:
+        problems.append("video.color: the frames differ in size")
+    _collect(problems, lambda: scene.instances)
+    problems += _truth_problems(scene)
+    if problems:
+        raise problems_error(str(scene.root / MANIFEST_NAME), problems)
+
+
+def _truth_problems(scene: Scene) -> list[str]:
+    problems: list[str] = []
+    for entry in scene.views.values():
+        expected = (entry.view.width, entry.view.height)
+        for key in ("truth", "truth_background", "truth_mask"):
+            pattern = getattr(entry, key)
+            paths = [] if pattern is None else _frames_of(scene, str(pattern))
+            for path in paths:
+                try:
+                    size = picture_size(path)
+                except IprtError as error:
+                    problems.append(str(error))
+                    continue
+                if size != expected:
+                    problems.append(
+                        f"views.{entry.name}.{key}: {path.name} has {size[0]} x {size[1]} "
+                        f"pixels, but size = [{expected[0]}, {expected[1]}]"
+                    )
+    return problems
+
+
+def _frames_of(scene: Scene, pattern: str) -> list[Any]:
+    paths = (frame_path(scene.root, pattern, index) for index in scene.frame_indices)
+    return [path for path in dict.fromkeys(paths) if path.is_file()]
+
+
+def _collect(problems: list[str], action: Any) -> None:
+    try:
+        action()
+    except IprtError as error:
+        problems.append(str(error))
+
+
+def _describe_object(instance: Instance, surfaces: RealSurfaces) -> ObjectReport:
+    mesh, matrix = instance.mesh, instance.to_world
+    vertices = mesh.positions.astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    return ObjectReport(
+        name=instance.name,
+        triangles=len(mesh.triangles),
+        materials=tuple("mirror" if m.is_mirror else m.kind for m in mesh.materials),
+        low=(float(low[0]), float(low[1]), float(low[2])),
+        high=(float(high[0]), float(high[1]), float(high[2])),
+        dropped=mesh.dropped,
+        warnings=tuple(surfaces.standing(instance).warnings()),
+    )
+
+
+def _percentiles(values: Any, at: tuple[int, ...]) -> dict[str, float]:
+    if values.size == 0:
+        return {f"p{p}": float("nan") for p in at}
+    found = np.percentile(values, at)
+    return {f"p{p}": float(value) for p, value in zip(at, found, strict=True)}

@@ -1,0 +1,77 @@
+"""A small picture of the panorama with its directions, views and objects drawn in."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw
+
+from iprt.output.atomic import replacing
+from iprt.scene.camera import View, equirect_pixel
+from iprt.scene.frame import Frame
+from iprt.scene.scene import Scene
+
+WIDTH, HEIGHT = 1024, 512
+_AXES = ((0, "-Z"), (90, "+X"), (180, "+Z"), (-90, "-X"))
+_AXIS_COLOR, _VIEW_COLOR, _OBJECT_COLOR = (255, 255, 255), (255, 220, 60), (90, 230, 255)
+
+
+def write_thumbnail(path: Path, scene: Scene, frame: Frame) -> None:
+    """Write a 1024 x 512 PNG: the panorama as displayed, axes, outlines of views, objects.
+
+    Raises
+    ------
+    FormatError
+        The file cannot be written.
+    """
+    image = Image.fromarray(_displayed(frame, scene.exposure)).resize((WIDTH, HEIGHT))
+    draw = ImageDraw.Draw(image)
+    draw.line([(0, HEIGHT // 2), (WIDTH, HEIGHT // 2)], fill=_AXIS_COLOR)
+    for yaw, label in _AXES:
+        x = (yaw / 360.0 + 0.5) * WIDTH % WIDTH
+        draw.line([(x, HEIGHT // 2 - 8), (x, HEIGHT // 2 + 8)], fill=_AXIS_COLOR, width=2)
+        _label(draw, (x + 4, HEIGHT // 2 + 4), label, _AXIS_COLOR)
+    for entry in scene.views.values():
+        pixels = equirect_pixel(_border(entry.view), WIDTH, HEIGHT)
+        _polyline(draw, pixels)
+        _label(draw, tuple(pixels[0] + (4, 2)), entry.name, _VIEW_COLOR)
+    for instance in scene.instances:
+        matrix = instance.to_world
+        center = matrix[:3, :3] @ instance.mesh.positions.mean(axis=0) + matrix[:3, 3]
+        x, y = equirect_pixel(center, WIDTH, HEIGHT)
+        draw.ellipse([x - 4, y - 4, x + 4, y + 4], outline=_OBJECT_COLOR, width=2)
+        _label(draw, (x + 6, y - 6), instance.name, _OBJECT_COLOR)
+    with replacing(path) as temporary:
+        image.save(temporary, format="PNG")
+
+
+def _displayed(frame: Frame, exposure: float) -> NDArray[np.uint8]:
+    linear = np.clip(exposure * frame.color, 0.0, 1.0)
+    coded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+    display: NDArray[np.uint8] = np.rint(255.0 * coded).astype(np.uint8)
+    return display
+
+
+def _border(view: View) -> NDArray[np.float64]:
+    """Directions (N, 3) around the picture's edge, from the top left corner and back to it."""
+    t = np.linspace(0.0, 1.0, 65)
+    square = [(t, 0 * t), (0 * t + 1, t), (t[::-1], 0 * t + 1), (0 * t, t[::-1])]
+    pixels = np.concatenate([np.stack(side, axis=-1) for side in square])
+    directions: NDArray[np.float64] = view.unproject(pixels * (view.width, view.height))
+    return directions
+
+
+def _polyline(draw: ImageDraw.ImageDraw, pixels: NDArray[np.float64]) -> None:
+    """Lines between points, except where they jump across the seam."""
+    for start, end in pairwise(pixels):
+        if abs(start[0] - end[0]) < WIDTH / 2:
+            draw.line([tuple(start), tuple(end)], fill=_VIEW_COLOR, width=2)
+
+
+def _label(
+    draw: ImageDraw.ImageDraw, at: tuple[float, ...], text: str, color: tuple[int, int, int]
+) -> None:
+    draw.text((at[0], at[1]), text, fill=color, stroke_width=2, stroke_fill=(0, 0, 0))
