@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json as json_format
 import math
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -103,34 +104,42 @@ def compare(
     if json:
         print(json_format.dumps([result.record() for result in results], indent=2))
     else:
-        Console().print(score_table(results))
+        # A file or pipe has no width to fit in; rich would cut the numbers at 80 columns.
+        console = Console() if sys.stdout.isatty() else Console(width=120)
+        console.print(score_table(results))
     missed = fail_under_ssim is not None and any(r.ssim < fail_under_ssim for r in results)
     return 1 if missed else 0
 
 
 def score_table(results: Sequence[Comparison]) -> Table:
-    """One row per view and method."""
+    """One row per view and method; at least one result, all over one background."""
+    from rich.box import SIMPLE_HEAD
+    from rich.markup import escape
     from rich.table import Table
 
-    table = Table()
-    for column in ("view", "method", "background"):
-        table.add_column(column)
-    for column in ("SSIM", "SSIM of cuts", "PSNR dB", "MSE", "FLIP", "ms/frame"):
-        table.add_column(column, justify="right")
+    table = Table(
+        title=f"background: {results[0].background}",
+        title_justify="left",
+        box=SIMPLE_HEAD,
+        padding=0,
+    )
+    for column in ("view", "method"):
+        table.add_column(column, no_wrap=True)
+    for column in ("SSIM", "cuts", "PSNR", "MSE", "FLIP", "ms/frame"):
+        table.add_column(column, justify="right", no_wrap=True)
     for result in results:
         table.add_row(
             result.view,
             result.method,
-            result.background,
             f"{result.ssim:.4f}",
-            " ".join(f"{score:.4f}" for score in result.ssim_cuts) or "-",
+            " ".join(f"{score:.3f}" for score in result.ssim_cuts) or "-",
             f"{result.psnr:.2f}",
-            f"{result.mse:.3g}",
+            f"{result.mse:.1e}",
             "-" if result.flip is None else f"{result.flip:.4f}",
             f"{sum(result.ms.values()):.1f}",
         )
     if any(result.flip is None for result in results):
-        table.caption = "FLIP: pip install 'iprt[metrics]'"
+        table.caption = escape("FLIP: pip install 'iprt[metrics]'")
     return table
 
 

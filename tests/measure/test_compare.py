@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
+import io
 import json
 import sys
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
+from unittest.mock import ANY
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 from PIL import Image
+from rich.console import Console
 
-from iprt.commands.compare import compare
+from iprt.commands.compare import compare, score_table
 from iprt.device.profile import PassTime, Profile
 from iprt.errors import FormatError, IprtError, SceneError
 from iprt.measure import metrics
-from iprt.measure.compare import Compared, compare_views, views_with_truth
+from iprt.measure.compare import Compared, Comparison, compare_views, views_with_truth
 from iprt.output.exr import write_exr
 from iprt.scene.camera import View
 from iprt.settings import Settings
@@ -278,9 +281,22 @@ def test_table_has_a_row_per_method(
     command: Callable[..., int], capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert command(method=("ibl", "iprt", "ibl")) == 0
-    lines = [line for line in capsys.readouterr().out.splitlines() if "table" in line]
-    assert ["iprt" in lines[0], "ibl" in lines[1]] == [True, True]
-    assert len(lines) == 2
+    lines = [line.split() for line in capsys.readouterr().out.splitlines() if "table" in line]
+    assert [line[:3] for line in lines] == [["table", "iprt", "1.0000"], ["table", "ibl", ANY]]
+
+
+def test_table_fits_80_columns() -> None:
+    scores = (0.987654, 0.87654)
+    result = Comparison(
+        "floor_dragon", "iprt", "truth", 0.98765, scores, 36.876, 2.1e-4, None, {"march": 1234.56}
+    )
+    stream = io.StringIO()
+    Console(file=stream, width=80).print(score_table([result]))
+    text = stream.getvalue()
+    row = ["floor_dragon", "iprt", "0.9877", "0.988", "0.877", "36.88", "2.1e-04", "-", "1234.6"]
+    assert row in [line.split() for line in text.splitlines()]
+    assert "background: truth" in text
+    assert "pip install 'iprt[metrics]'" in text
 
 
 @pytest.mark.parametrize(("limit", "status"), [(1.0 - 1e-9, 0), (-1.0, 0), (None, 0)])
