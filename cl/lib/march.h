@@ -27,7 +27,8 @@ static int MARCH_NAME(const MARCH_LAYER layer, const PolarRay ray, float t_min, 
     at.u0 = polar_u(ray, t_min);
     at.root0 = sqrt(1.0f + at.u0 * at.u0);
     at.entry = ENTRY_START;
-    float2 uv = equirect_uv(ray.m + at.u0 * ray.d);
+    // A little ahead, because a start on the polar axis has the azimuth that it moves to.
+    float2 uv = equirect_uv(ray.m + (at.u0 + 1e-6f * at.root0) * ray.d);
     at.column = clamp((int)(uv.x * width), 0, width - 1);
     at.row = clamp((int)(uv.y * height), 0, height - 1);
 

@@ -42,23 +42,23 @@ typedef struct {
 #define SIDE_WITHIN 1   // started inside the thickness, and has not left it yet
 #define SIDE_BEHIND 2
 
-inline float real_thickness(const RealLayer layer, float r)
+static inline float real_thickness(const RealLayer layer, float r)
 {
     return fmax(layer.thickness, layer.thickness_ratio * r);
 }
 
-inline int real_skip(const RealLayer layer, int *side, float near, float far, float2 range)
+static inline int real_skip(const RealLayer layer, int *side, float near, float far, float2 range)
 {
-    if (far < range.x) {
+    // A ray that was on the other side of these surfaces has just crossed one, or a gap.
+    if (*side != SIDE_BEHIND && far < range.x) {
         *side = SIDE_FRONT;
         return 1;
     }
-    // Only a ray that is known to be behind may pass: the one that is not has just crossed a gap.
     return *side == SIDE_BEHIND && near > range.y + real_thickness(layer, range.y);
 }
 
 // Radial distance of the texel's surface in the direction of m + u d (root = |m + u d|).
-inline float surface_radius(float gm, float gd, float u, float root, float2 range)
+static inline float surface_radius(float gm, float gd, float u, float root, float2 range)
 {
     float inverse = gm + u * gd;
     return inverse > 0.0f ? clamp(root / inverse, range.x, range.y) : range.y;
@@ -69,7 +69,7 @@ inline float surface_radius(float gm, float gd, float u, float root, float2 rang
 // ray and the capture centre: it starts at the edge point g1 and is perpendicular to the surface.
 // The ray meets it at p; p' lies as far from g1 along the surface. Returns 1 and the hit when the
 // panorama shows p' on that same surface.
-inline int back_face(const RealLayer layer, const PolarRay ray, const Segment at, float3 g,
+static inline int back_face(const RealLayer layer, const PolarRay ray, const Segment at, float3 g,
                      float radius, RealHit *hit)
 {
     const float3 edge = (ray.m + at.u0 * ray.d) / at.root0;
@@ -115,7 +115,7 @@ inline int back_face(const RealLayer layer, const PolarRay ray, const Segment at
 
 // What happens to a ray in one texel. Surfaces are watertight across connected edges, because a
 // ray that is on different sides of two connected neighbours has met the surface between them.
-inline int real_leaf(const RealLayer layer, const PolarRay ray, const Segment at, int *side,
+static inline int real_leaf(const RealLayer layer, const PolarRay ray, const Segment at, int *side,
                      RealHit *hit)
 {
     const int texel = at.row * layer.grid.width + at.column;
@@ -197,7 +197,7 @@ inline int real_leaf(const RealLayer layer, const PolarRay ray, const Segment at
 
 // A ray whose line passes the capture centre so closely that the direction of closest approach is
 // rounding noise: it stays in the texel where it starts and in the one it heads for.
-inline int radial_real(const RealLayer layer, const PolarRay ray, int texel, RealHit *hit)
+static inline int radial_real(const RealLayer layer, const PolarRay ray, int texel, RealHit *hit)
 {
     const float4 surface = layer.surface[texel];
     if ((int)surface.w & SURFACE_NONE)
@@ -212,7 +212,7 @@ inline int radial_real(const RealLayer layer, const PolarRay ray, int texel, Rea
 
 // Nearest real surface along the ray, up to t_max. Always fills the hit: a ray that leaves the
 // scene takes what the panorama shows in its own direction.
-inline RealHit trace_real_layer(const RealLayer layer, float3 o, float3 d, float t_max)
+static inline RealHit trace_real_layer(const RealLayer layer, float3 o, float3 d, float t_max)
 {
     RealHit hit;
     if (!is_ray(o, d)) {
