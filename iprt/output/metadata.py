@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import asdict
-from importlib.metadata import PackageNotFoundError, version
 
+from iprt import __version__
 from iprt.scene.camera import View
 
 
@@ -34,7 +34,7 @@ def picture_metadata(
         Frames accumulated.
     """
     return {
-        "iprt:version": package_version(),
+        "iprt:version": __version__,
         "iprt:scene": scene,
         "iprt:view": json.dumps({**asdict(view), "objects": objects}),
         "iprt:settings": json.dumps(dict(settings), sort_keys=True),
@@ -42,11 +42,3 @@ def picture_metadata(
         "iprt:frames": str(frames),
         "iprt:device": device,
     }
-
-
-def package_version() -> str:
-    """Version of the installed package; "uninstalled" where it runs from a bare checkout."""
-    try:
-        return version("iprt")
-    except PackageNotFoundError:
-        return "uninstalled"
