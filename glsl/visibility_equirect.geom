@@ -71,26 +71,24 @@ void main()
     include_bulge(b, c, bc, rows);
     include_bulge(c, a, ca, rows);
 
-    // Without a pole inside, azimuths span less than half a turn and unwrap around the first.
-    float half_turn = 0.5 * view_size.x;
+    // Azimuths unwrap around the first. Only around a pole do they span half a turn or more.
     vec2 step = vec2(image[1].x, image[2].x) - image[0].x;
     step -= view_size.x * floor(step / view_size.x + 0.5);
     vec2 columns = image[0].x + vec2(min(min(step.x, step.y), 0.0), max(max(step.x, step.y), 0.0));
+    if (columns.y - columns.x > 0.4995 * view_size.x)
+        columns = vec2(0.0, view_size.x);
 
     // The vertical line through the origin passes the triangle where all edge functions of +Y
     // have one sign.
     vec3 slack = ROUNDING * vec3(length(b) * length(c - b), length(c) * length(a - c),
                                  length(a) * length(b - a));
     vec3 upright = vec3(bc.y, ca.y, ab.y);
-    bool on_axis = all(greaterThanEqual(upright, -slack)) || all(lessThanEqual(upright, slack));
-    if (on_axis) {
+    if (all(greaterThanEqual(upright, -slack)) || all(lessThanEqual(upright, slack))) {
         if (dot(abs(upright) + slack, vec3(a.y, b.y, c.y)) >= 0.0)
             rows.x = 0.0;
         else
             rows.y = view_size.y;
     }
-    if (on_axis || columns.y - columns.x > 0.999 * half_turn)
-        columns = vec2(0.0, view_size.x);
 
     // Only pixel centres inside count; in samples of the target, whose corner is on the grid.
     vec2 low = ceil((vec2(columns.x, rows.x) - window.xy) * window.z - 0.5 - PAD);

@@ -123,7 +123,7 @@ class Rasterizer:
         ----------
         surface : (H, W, 4) float32
             Panorama; xyz = g such that the real surface is at radial distance 1 / (g . d) along
-            the unit direction d (0: nothing there). w is not read.
+            the unit direction d (0: nothing there); finite. w is not read.
         """
         height, width = surface.shape[:2]
         with self._context:
@@ -162,6 +162,8 @@ class Rasterizer:
     def _render(self, view: View, previous: View, shade: bool) -> ObjectLayers:
         placed = [(part, box_rects(view, part.corners)) for part in self._geometry.parts]
         visible = [(part, rects) for part, rects in placed if rects]
+        if not visible:
+            return _nothing(view, shade)
         regions = merge([rect for _, rects in visible for rect in rects])
         frame = _Frame(self._programs_for(view), self._targets_for(view), visible, regions)
         for program in vars(frame.programs).values():
@@ -299,6 +301,18 @@ class Rasterizer:
             held.release()
         self._targets[view.projection] = Targets.create(self._context, size)
         return self._targets[view.projection]
+
+
+def _nothing(view: View, shade: bool) -> ObjectLayers:
+    shape = (view.height, view.width)
+
+    def empty() -> Layer:
+        return Layer(np.zeros((*shape, 4), np.float32), np.zeros((*shape, 4), np.float32))
+
+    if not shade:
+        return ObjectLayers(empty(), empty())
+    motion = np.full((*shape, 2), NO_MOTION, np.float32)
+    return ObjectLayers(empty(), empty(), np.zeros(shape, np.float32), motion)
 
 
 def _view_uniforms(view: View) -> dict[str, Any]:
