@@ -104,6 +104,9 @@ __kernel void build_surface(
         low = fmin(low, radius);
         high = fmax(high, radius);
     }
+    // Within the texel the radius bends away from that at the corners: second derivative
+    // r (1 + 2 tan^2) at the angle whose cosine is 1 / (|g| d).
+    const float bend = 0.25f * footprint * footprint * d * (2.0f * dot(g, g) * d * d - 1.0f);
     surface[texel] = (float4)(g, (float)flags);
-    range[texel] = (float2)(fmax(low, d - reach), fmin(high, d + reach));
+    range[texel] = (float2)(fmax(low - bend, d - reach), fmin(high + bend, d + reach));
 }

@@ -6,7 +6,7 @@
 #define IPRT_PI 3.14159265358979f
 
 // Unit direction of uv.
-inline float3 equirect_direction(float u, float v)
+static inline float3 equirect_direction(float u, float v)
 {
     float phi = (u - 0.5f) * (2.0f * IPRT_PI);
     float theta = v * IPRT_PI;
@@ -15,7 +15,7 @@ inline float3 equirect_direction(float u, float v)
 }
 
 // uv of a direction of any length.
-inline float2 equirect_uv(float3 d)
+static inline float2 equirect_uv(float3 d)
 {
     float u = atan2(d.x, -d.z) * (0.5f / IPRT_PI) + 0.5f;
     float v = atan2(sqrt(d.x * d.x + d.z * d.z), d.y) * (1.0f / IPRT_PI);

@@ -26,7 +26,7 @@ typedef struct {
     float od;
 } PolarRay;
 
-inline PolarRay polar_ray(float3 o, float3 d)
+static inline PolarRay polar_ray(float3 o, float3 d)
 {
     PolarRay ray;
     ray.od = dot(o, d);
@@ -38,14 +38,14 @@ inline PolarRay polar_ray(float3 o, float3 d)
 }
 
 // Is it a ray? Where o or d is not finite, or d has no length, no cell can be computed.
-inline int is_ray(float3 o, float3 d)
+static inline int is_ray(float3 o, float3 d)
 {
     const float length2 = dot(d, d);
     return length2 > 0.25f && length2 < 4.0f && dot(o, o) < 1e30f;
 }
 
-inline float polar_t(const PolarRay ray, float u) { return u * ray.b - ray.od; }
-inline float polar_u(const PolarRay ray, float t) { return (t + ray.od) / ray.b; }
+static inline float polar_t(const PolarRay ray, float u) { return u * ray.b - ray.od; }
+static inline float polar_u(const PolarRay ray, float t) { return (t + ray.od) / ray.b; }
 
 // Rays that graze a wall for metres, where no cell can be skipped, take a few hundred steps: up to
 // 640 of 400,000 random rays in a 2048x1024 panorama of a room.
@@ -71,7 +71,7 @@ typedef struct {
 
 // A crossing that rounding puts slightly behind the current point still counts, so that a ray
 // never gets stuck; it is clamped so that a step never goes backwards.
-inline float ahead(float crossing, float u)
+static inline float ahead(float crossing, float u)
 {
     return crossing >= u - 1e-3f * (1.0f + fabs(u)) ? fmax(crossing, u) : INFINITY;
 }
@@ -79,7 +79,7 @@ inline float ahead(float crossing, float u)
 // Where the ray crosses the meridian with normal (edge.x, 0, edge.y), on its way in or against the
 // sense of that normal (sign = 1 or -1). A ray that turns the other way never does, even if rounding
 // puts it next to the plane: that ends the turn of a ray that passes the polar axis.
-inline float meridian_crossing(const PolarRay ray, float2 edge, float sign, float u)
+static inline float meridian_crossing(const PolarRay ray, float2 edge, float sign, float u)
 {
     float nm = edge.x * ray.m.x + edge.y * ray.m.z;
     float nd = edge.x * ray.d.x + edge.y * ray.d.z;
@@ -88,7 +88,7 @@ inline float meridian_crossing(const PolarRay ray, float2 edge, float sign, floa
 
 // Where the ray crosses the cone cos(theta) = c upwards (sign = 1) or downwards (sign = -1). The
 // poles are no edge of a cell, though a2, which is at most 1, may be rounded above.
-inline float cone_crossing(const PolarRay ray, float a2, float c, float sign, float u)
+static inline float cone_crossing(const PolarRay ray, float a2, float c, float sign, float u)
 {
     float s = sign * sqrt(fmax(a2 - c * c, 0.0f));
     float denominator = ray.m.y * c + ray.d.y * s;
@@ -96,6 +96,6 @@ inline float cone_crossing(const PolarRay ray, float a2, float c, float sign, fl
     return c * c < fmin(a2, 1.0f) && denominator > 0.0f ? ahead(crossing, u) : INFINITY;
 }
 
-inline int cells_along(int texels, int level) { return (texels + (1 << level) - 1) >> level; }
+static inline int cells_along(int texels, int level) { return (texels + (1 << level) - 1) >> level; }
 
 #endif

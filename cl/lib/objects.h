@@ -42,7 +42,7 @@ typedef struct {
 #define FROM_FRONT 1     // nearer than the front
 #define FROM_BACK 2      // farther than the back
 
-inline float plane_radius(float4 plane, float gx, float r, float slope)
+static inline float plane_radius(float4 plane, float gx, float r, float slope)
 {
     const float radius = gx > 0.0f ? r / gx : INFINITY;
     return clamp(radius, plane.w * (1.0f - slope), plane.w * (1.0f + slope));
@@ -52,7 +52,7 @@ inline float plane_radius(float4 plane, float gx, float r, float slope)
 // and r1. A ray enters once it is deeper than the tolerance, in this texel or in one after: solids
 // thinner than that, such as the shell that the camera sees from inside, are met because the ray
 // came from their other side.
-inline int object_leaf(const ObjectLayer layer, float3 o, float3 d, int texel, float t0, float t1,
+static inline int object_leaf(const ObjectLayer layer, float3 o, float3 d, int texel, float t0, float t1,
                        float r0, float r1, ObjectHit *hit)
 {
     const float4 front = layer.planes[2 * texel], back = layer.planes[2 * texel + 1];
@@ -106,7 +106,7 @@ typedef struct {
     float t_max;
 } ObjectRay;
 
-inline int equirect_leaf(const ObjectLayer layer, const ObjectRay line, const PolarRay ray,
+static inline int equirect_leaf(const ObjectLayer layer, const ObjectRay line, const PolarRay ray,
                          const Segment at, ObjectHit *hit)
 {
     return object_leaf(layer, line.o, line.d, at.row * layer.grid.width + at.column,
@@ -116,7 +116,7 @@ inline int equirect_leaf(const ObjectLayer layer, const ObjectRay line, const Po
 
 // Cells that the ray passes at one side of all that is in them; not where it comes from the other
 // side, because a thin solid might lie between.
-inline int object_skip(float near, float far, float2 range, ObjectHit *hit)
+static inline int object_skip(float near, float far, float2 range, ObjectHit *hit)
 {
     const int empty = range.x > range.y;
     const int nearer = far < range.x && hit->from != FROM_BACK;
@@ -137,7 +137,7 @@ inline int object_skip(float near, float far, float2 range, ObjectHit *hit)
 #define MARCH_END(state) 0
 #include "march.h"
 
-inline int trace_equirect_objects(const ObjectLayer layer, float3 o, float3 d, float t0, float t1,
+static inline int trace_equirect_objects(const ObjectLayer layer, float3 o, float3 d, float t0, float t1,
                                   ObjectHit *hit)
 {
     if (!(t1 > t0))
@@ -155,7 +155,7 @@ inline int trace_equirect_objects(const ObjectLayer layer, float3 o, float3 d, f
 
 #ifndef VIEW_EQUIRECT
 // Cuts [*t0, *t1] to where a + t b >= 0.
-inline void clip_half_space(float a, float b, float *t0, float *t1)
+static inline void clip_half_space(float a, float b, float *t0, float *t1)
 {
     const float t = -a / b;
     if (b > 0.0f)
@@ -167,7 +167,7 @@ inline void clip_half_space(float a, float b, float *t0, float *t1)
 }
 
 // The part of the ray that projects into the rectangle of the screen that objects cover.
-inline float2 clip_to_rectangle(const Objects world, float3 o, float3 d, float t0, float t1)
+static inline float2 clip_to_rectangle(const Objects world, float3 o, float3 d, float t0, float t1)
 {
     const float focal = world.view[9], cx = world.view[10], cy = world.view[11];
     const float left = world.rectangle.x - cx, right = world.rectangle.z - cx;
@@ -181,7 +181,7 @@ inline float2 clip_to_rectangle(const Objects world, float3 o, float3 d, float t
 
 // Hierarchical march through the screen layers; o and d in view space. Cell edges are planes
 // through the capture centre, so crossings are exact in t.
-inline int march_screen_objects(const Objects world, float3 o, float3 d, float t0, float t1,
+static inline int march_screen_objects(const Objects world, float3 o, float3 d, float t0, float t1,
                                 float3 o_world, float3 d_world, ObjectHit *hit)
 {
     const ObjectLayer layer = world.screen;
@@ -257,7 +257,7 @@ inline int march_screen_objects(const Objects world, float3 o, float3 d, float t
 #endif
 
 // The stretch of the ray that lies in the objects' boxes.
-inline float2 bounds_interval(const Objects world, float3 o, float3 d, float t_max)
+static inline float2 bounds_interval(const Objects world, float3 o, float3 d, float t_max)
 {
     float2 interval = (float2)(INFINITY, -INFINITY);
     for (int i = 0; i < world.objects; i++) {
@@ -274,7 +274,7 @@ inline float2 bounds_interval(const Objects world, float3 o, float3 d, float t_m
 
 // Nearest virtual surface along the ray before t_max, 1 if there is one. `outside` = 0 for a ray
 // that starts on an object and might start below its rasterized surface.
-inline int trace_objects(const Objects world, float3 o, float3 d, float t_max, ObjectHit *hit)
+static inline int trace_objects(const Objects world, float3 o, float3 d, float t_max, ObjectHit *hit)
 {
     if (!is_ray(o, d))
         return 0;

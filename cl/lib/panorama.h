@@ -3,7 +3,7 @@
 #define IPRT_PANORAMA_H
 
 // Bilinear radiance at uv: wraps around in azimuth, holds the first and last row at the poles.
-inline float3 panorama_bilinear(__global const float4 *restrict color, int width, int height,
+static inline float3 panorama_bilinear(__global const float4 *restrict color, int width, int height,
                                 float2 uv)
 {
     const float x = uv.x * width - 0.5f, y = clamp(uv.y * height - 0.5f, 0.0f, height - 1.0f);

@@ -39,13 +39,13 @@ typedef struct {
     float lift;        // metres to leave it by
 } Scatterer;
 
-inline float3 sky_radiance(const World world, float3 d)
+static inline float3 sky_radiance(const World world, float3 d)
 {
     return panorama_bilinear(world.color, world.real.grid.width, world.real.grid.height,
                              equirect_uv(d));
 }
 
-inline float3 real_radiance(const World world, const RealHit hit)
+static inline float3 real_radiance(const World world, const RealHit hit)
 {
     float3 radiance = sky_radiance(world, hit.direction);
 #ifdef RELIT
@@ -59,7 +59,7 @@ inline float3 real_radiance(const World world, const RealHit hit)
 }
 
 #ifndef DISTANT_ENVIRONMENT
-inline Scatterer object_point(const World world, const ObjectHit hit, float3 o, float3 d)
+static inline Scatterer object_point(const World world, const ObjectHit hit, float3 o, float3 d)
 {
     const float4 geometry = hit.on_screen ? world.objects.screen.geometry[hit.index]
                                           : world.objects.equirect.geometry[hit.index];
@@ -86,7 +86,7 @@ typedef struct {
 
 // All of a path is one loop with one call of each march, because OpenCL compilers inline them.
 // `real` is only filled with -D WITHOUT_OBJECTS, which costs tracing past the objects.
-inline PathResult trace_path(const World world, float3 o, float3 o_object, float3 d, uint seed,
+static inline PathResult trace_path(const World world, float3 o, float3 o_object, float3 d, uint seed,
                              uint index)
 {
     PathResult result;

@@ -6,9 +6,9 @@
 
 // PLANE_PAD is set by -D from iprt.passes.layout.
 
-inline int plane_stride(int width) { return width + 2 * PLANE_PAD; }
-inline int plane_size(int width, int height) { return plane_stride(width) * (height + 2 * PLANE_PAD); }
-inline int plane_index(int x, int y, int width)
+static inline int plane_stride(int width) { return width + 2 * PLANE_PAD; }
+static inline int plane_size(int width, int height) { return plane_stride(width) * (height + 2 * PLANE_PAD); }
+static inline int plane_index(int x, int y, int width)
 {
     return (y + PLANE_PAD) * plane_stride(width) + x + PLANE_PAD;
 }

@@ -6,14 +6,14 @@
 
 #include "equirect.h"
 
-inline float3 view_rotate_to_world(__global const float *restrict view, float3 v)
+static inline float3 view_rotate_to_world(__global const float *restrict view, float3 v)
 {
     return (float3)(view[0] * v.x + view[1] * v.y + view[2] * v.z,
                     view[3] * v.x + view[4] * v.y + view[5] * v.z,
                     view[6] * v.x + view[7] * v.y + view[8] * v.z);
 }
 
-inline float3 view_rotate_to_local(__global const float *restrict view, float3 v)
+static inline float3 view_rotate_to_local(__global const float *restrict view, float3 v)
 {
     return (float3)(view[0] * v.x + view[3] * v.y + view[6] * v.z,
                     view[1] * v.x + view[4] * v.y + view[7] * v.z,
@@ -21,7 +21,7 @@ inline float3 view_rotate_to_local(__global const float *restrict view, float3 v
 }
 
 // Unit world direction through the image point p (pixels).
-inline float3 view_direction(__global const float *restrict view, float2 p)
+static inline float3 view_direction(__global const float *restrict view, float2 p)
 {
 #ifdef VIEW_EQUIRECT
     float3 local_dir = equirect_direction(p.x / view[12], p.y / view[13]);
@@ -32,7 +32,7 @@ inline float3 view_direction(__global const float *restrict view, float2 p)
 }
 
 // Image point (pixels) of a world point; (-1e9, -1e9) behind the camera.
-inline float2 view_project(__global const float *restrict view, float3 point)
+static inline float2 view_project(__global const float *restrict view, float3 point)
 {
     float3 p = view_rotate_to_local(view, point);
 #ifdef VIEW_EQUIRECT

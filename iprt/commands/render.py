@@ -89,12 +89,13 @@ def render(
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
+    from iprt.aovs import AOVS
     from iprt.device.choose import choose_device
     from iprt.device.compute import ComputeDevice
     from iprt.output.metadata import picture_metadata
     from iprt.output.picture import write_picture
     from iprt.output.table import pass_table, write_profile
-    from iprt.renderer import AOVS, Renderer
+    from iprt.renderer import Renderer
     from iprt.scene.scene import Scene
     from iprt.settings import Settings, TraceSettings
 

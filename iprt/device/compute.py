@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from typing import Any
 
@@ -74,19 +75,23 @@ class ComputeDevice:
             The program did not build; the message holds the device and the build log.
         """
         options = ["-cl-std=CL1.2", "-I", str(CL / "lib")]
-        for key, value in sorted((defines or {}).items()):
+        for define, value in sorted((defines or {}).items()):
             if value is not False:
-                text = _literal(value)
-                options.append(f"-D{key}={text}")
+                options.append(f"-D{define}={_literal(value)}")
         key = (file, " ".join(options))
         if key not in self._programs:
-            source = (CL / file).read_text()
-            try:
-                with self.profile.compiling():
-                    self._programs[key] = cl.Program(self.context, source).build(options)
-            except cl.RuntimeError as error:
-                raise KernelError(f"cl/{file} did not build on {self.name}: {error}") from error
+            self._programs[key] = self._build(file, options)
         return Kernel(self, cl.Kernel(self._programs[key], name))
+
+    def _build(self, file: str, options: list[str]) -> Any:
+        source = (CL / file).read_text()
+        try:
+            with self.profile.compiling(), warnings.catch_warnings():
+                # Some compilers report success at length; a failure raises with its log.
+                warnings.simplefilter("ignore", cl.CompilerWarning)
+                return cl.Program(self.context, source).build(options)
+        except cl.RuntimeError as error:
+            raise KernelError(f"cl/{file} did not build on {self.name}: {error}") from error
 
     @property
     def built_programs(self) -> list[tuple[str, str]]:
@@ -125,9 +130,7 @@ class ComputeDevice:
     def write(self, array: cla.Array, values: NDArray[Any]) -> None:
         """Overwrite a buffer with host values of its shape and dtype."""
         host = np.ascontiguousarray(values, dtype=array.dtype).reshape(array.shape)
-        self.profile.record(
-            cl.enqueue_copy(self.queue, array.data, host, is_blocking=True)
-        )
+        self.profile.record(cl.enqueue_copy(self.queue, array.data, host, is_blocking=True))
 
     def read(self, array: cla.Array) -> NDArray[Any]:
         """A host copy of a buffer, after all enqueued work on it."""

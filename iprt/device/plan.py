@@ -52,7 +52,7 @@ class PlanDevice(ComputeDevice):
         self.kernels.append((file, name, used))
         return lambda *_: None
 
-    def empty(  # type: ignore[override]
+    def empty(
         self, name: str, shape: tuple[int, ...], dtype: DTypeLike = np.float32
     ) -> PlannedBuffer:
         buffer = PlannedBuffer(shape, np.dtype(dtype))

@@ -94,8 +94,6 @@ class Profile:
         """Times per pass, in the order in which the passes first ran."""
         self.resolve()
         return [
-            PassTime(
-                name, self._device_ms.get(name, 0.0), self._host_ms.get(name, 0.0), launches
-            )
+            PassTime(name, self._device_ms.get(name, 0.0), self._host_ms.get(name, 0.0), launches)
             for name, launches in self._launches.items()
         ]

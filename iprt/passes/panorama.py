@@ -112,4 +112,3 @@ class Panorama:
     def scale(self) -> float:
         """Length in metres of what is one metre in a room (whose median depth is two)."""
         return 0.5 * self.median_depth
-

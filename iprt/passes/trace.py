@@ -23,13 +23,16 @@ class World:
         panorama: Panorama,
         screen: TracedLayers | None,
         equirect: TracedLayers | None,
+        *,
         materials: cla.Array,
+        bounds: cla.Array,
     ) -> None:
+        """`materials` holds `material_table()`, `bounds` `object_bounds()`."""
         self.panorama = panorama
         self.screen = screen
         self.equirect = equirect
         self.materials = materials
-        self.bounds: cla.Array | None = None
+        self.bounds = bounds
 
     def arguments(self, requirements: Requirements) -> tuple[Any, ...]:
         """What `REAL_PARAMETERS` and `OBJECT_PARAMETERS` of `cl/lib/scene.h` declare, in order."""
@@ -41,7 +44,7 @@ class World:
             *(self.equirect.arguments() if self.equirect else NO_LAYERS),
             int4(self.screen.rect if self.screen else EMPTY),
             self.bounds,
-            0 if self.bounds is None else self.bounds.shape[0],
+            self.bounds.shape[0],
             self.materials,
         )
 

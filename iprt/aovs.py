@@ -1,0 +1,117 @@
+"""Auxiliary pictures of a rendered frame, by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pyopencl.array as cla
+from numpy.typing import NDArray
+
+from iprt.passes.temporal import Kind
+
+if TYPE_CHECKING:
+    from iprt.renderer import Renderer
+
+Image = NDArray[np.float32]
+Reader = Callable[["Renderer"], Image | None]
+
+
+def _planes(renderer: Renderer, planes: cla.Array | None, channels: slice) -> Image | None:
+    if planes is None:
+        return None
+    image = renderer.layout.interior(renderer.device.read(planes))[channels].astype(np.float32)
+    return np.ascontiguousarray(image[0] if len(image) == 1 else np.moveaxis(image, 0, -1))
+
+
+def _visible(name: str, channels: slice) -> Reader:
+    """Planes of the visible objects."""
+
+    def image(renderer: Renderer) -> Image | None:
+        pixels = renderer.virtual_pixels
+        return _planes(renderer, getattr(pixels.visible, name), channels) if pixels else None
+
+    return image
+
+
+def _mixed(name: str, channels: slice) -> Reader:
+    """Planes of the real layer, replaced by the objects' where they cover half of the pixel."""
+
+    def image(renderer: Renderer) -> Image | None:
+        real = _planes(renderer, getattr(renderer.real, name), channels)
+        virtual = _visible(name, channels)(renderer)
+        coverage = _visible("coverage", slice(0, 1))(renderer)
+        if real is None or virtual is None or coverage is None:
+            return real
+        front = coverage > 0.5
+        return np.where(front if real.ndim == 2 else front[..., None], virtual, real)
+
+    return image
+
+
+def _irradiance(channels: slice) -> Reader:
+    def image(renderer: Renderer) -> Image | None:
+        pixels = renderer.real_pixels
+        return _planes(renderer, pixels.irradiance, channels) if pixels else None
+
+    return image
+
+
+def _reflected(kind: Kind) -> Reader:
+    def image(renderer: Renderer) -> Image | None:
+        pixels = renderer.virtual_pixels
+        planes = pixels.reflected.get(kind) if pixels else None
+        return _planes(renderer, planes, slice(0, 3))
+
+    return image
+
+
+def _tracing_level(renderer: Renderer) -> Image | None:
+    pixels = renderer.real_pixels
+    return _planes(renderer, pixels.mask.level, slice(0, 1)) if pixels else None
+
+
+def _ratio(renderer: Renderer) -> Image | None:
+    if renderer.real_pixels is None:
+        return None
+    shape = (renderer.view.height, renderer.view.width, 4)
+    ratio: Image = renderer.device.read(renderer.real_pixels.relight.ratio).reshape(shape)
+    return np.ascontiguousarray(ratio[..., :3])
+
+
+def _background(renderer: Renderer) -> Image | None:
+    return _planes(renderer, renderer.real.color, slice(0, 3))
+
+
+AOVS: dict[str, Reader] = {
+    "background": _background,
+    "normal": _mixed("normal", slice(0, 3)),
+    "depth": _mixed("depth", slice(0, 1)),
+    "albedo": _visible("albedo", slice(0, 3)),
+    "coverage": _visible("coverage", slice(0, 1)),
+    "ratio": _ratio,
+    "irradiance_real": _irradiance(slice(0, 3)),
+    "irradiance_mixed": _irradiance(slice(3, 6)),
+    "diffuse": _reflected("diffuse"),
+    "specular": _reflected("specular"),
+    "tracing_level": _tracing_level,
+}
+"""Name -> what reads it back. background: radiance without objects; normal (world) and depth
+(metres from the capture centre) of what is seen; albedo and coverage of the objects; ratio:
+E_RV / E_R; irradiance_*: E_R and E_RV over pi; diffuse: what the albedo is multiplied by;
+specular: radiance; tracing_level: 0, 1, 2, and 255 where nothing is traced."""
+
+
+def read_aov(renderer: Renderer, name: str) -> Image:
+    """(H, W) or (H, W, 3) float32; zeros where the scene requires no such pass.
+
+    Raises
+    ------
+    KeyError
+        No auxiliary picture has that name.
+    """
+    image = AOVS[name](renderer)
+    if image is None:
+        return np.zeros((renderer.view.height, renderer.view.width), np.float32)
+    return image
