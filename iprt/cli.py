@@ -27,6 +27,7 @@ VERBS = {
     "doctor": "iprt.commands.doctor:doctor",
     "render": "iprt.commands.render:render",
     "compare": "iprt.commands.compare:compare",
+    "reference": "iprt.commands.reference:reference",
 }
 """Words after `iprt` -> the function that does it. It returns the exit code, or None for 0."""
 

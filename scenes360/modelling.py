@@ -32,7 +32,7 @@ class Solid:
     triangles: NDArray[np.int64]
 
     def at(self, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Solid:
-        return replace(self, positions=self.positions + (x, y, z))
+        return replace(self, positions=self.positions + np.array([x, y, z]))
 
     def scaled(self, x: float, y: float, z: float) -> Solid:
         factors = np.array([x, y, z])
@@ -47,9 +47,7 @@ class Solid:
         matrix = np.eye(3)
         matrix[first, first] = matrix[second, second] = c
         matrix[first, second], matrix[second, first] = -s, s
-        return replace(
-            self, positions=self.positions @ matrix.T, normals=self.normals @ matrix.T
-        )
+        return replace(self, positions=self.positions @ matrix.T, normals=self.normals @ matrix.T)
 
 
 def join(solids: Sequence[Solid]) -> Solid:
@@ -65,8 +63,7 @@ def join(solids: Sequence[Solid]) -> Solid:
 def sheet(points: Float, *, closed: bool = False) -> Solid:
     """A surface through a grid of points (rows, columns, 3).
 
-    The outside is where rows (down) x columns (right) points: seen from there, rows run down and
-    columns to the right... normals by central differences.
+    Seen from the outside, rows run down and columns to the right. Normals by central differences.
 
     Parameters
     ----------
@@ -160,12 +157,22 @@ def lathe(profile: Sequence[tuple[float, float]], *, segments: int = 64, smooth:
 def _revolve(profile: Float, segments: int) -> Solid:
     angle = np.linspace(0.0, 2.0 * np.pi, segments + 1)
     r, y = profile[::-1, 0:1], profile[::-1, 1:2]
-    grid = np.stack([r * np.sin(angle), np.broadcast_to(y, (len(r), len(angle))), r * np.cos(angle)], -1)
+    grid = np.stack(
+        [r * np.sin(angle), np.broadcast_to(y, (len(r), len(angle))), r * np.cos(angle)], -1
+    )
     solid = sheet(grid, closed=True)
     # Exact normals, poles included: perpendicular to the profile.
-    d = np.gradient(profile, axis=0)[::-1] if len(profile) > 2 else np.tile(profile[1] - profile[0], (2, 1))
+    d = (
+        np.gradient(profile, axis=0)[::-1]
+        if len(profile) > 2
+        else np.tile(profile[1] - profile[0], (2, 1))
+    )
     normal = np.stack(
-        [d[:, 1:2] * np.sin(angle), np.broadcast_to(-d[:, 0:1], grid.shape[:2]), d[:, 1:2] * np.cos(angle)],
+        [
+            d[:, 1:2] * np.sin(angle),
+            np.broadcast_to(-d[:, 0:1], grid.shape[:2]),
+            d[:, 1:2] * np.cos(angle),
+        ],
         -1,
     )
     return replace(solid, normals=_unit(normal).reshape(-1, 3))
@@ -195,9 +202,7 @@ def tube(path: Float, radius: float | Float, *, segments: int = 16, closed: bool
         twist = -left * np.linspace(0.0, 1.0, len(curve))
     angle = twist[:, None] + np.linspace(0.0, 2.0 * np.pi, segments + 1)
     binormal = np.cross(tangent, side)
-    normal = (
-        np.cos(angle)[..., None] * side[:, None] + np.sin(angle)[..., None] * binormal[:, None]
-    )
+    normal = np.cos(angle)[..., None] * side[:, None] + np.sin(angle)[..., None] * binormal[:, None]
     r = np.broadcast_to(np.asarray(radius, np.float64), (len(curve),))
     solid = sheet(curve[:, None] + r[:, None, None] * normal, closed=True)
     # Rows run along the tangent and columns counter-clockwise about it: the outside.
@@ -215,7 +220,14 @@ def cylinder(radius: float, height: float, *, bevel: float = 0.003, segments: in
     """An upright cylinder from y = 0 to `height`."""
     b = min(bevel, 0.5 * height, radius)
     return lathe(
-        [(0, 0), (radius - b, 0), (radius, b), (radius, height - b), (radius - b, height), (0, height)],
+        [
+            (0, 0),
+            (radius - b, 0),
+            (radius, b),
+            (radius, height - b),
+            (radius - b, height),
+            (0, height),
+        ],
         segments=segments,
     )
 
@@ -272,7 +284,13 @@ def _catmull_rom(points: Float, steps: int) -> Float:
     ends = np.vstack([2 * points[0] - points[1], points, 2 * points[-1] - points[-2]])
     t = np.linspace(0.0, 1.0, steps, endpoint=False)[:, None]
     curve = [
-        0.5 * (2 * b + (c - a) * t + (2 * a - 5 * b + 4 * c - d) * t**2 + (3 * b - 3 * c + d - a) * t**3)
+        0.5
+        * (
+            2 * b
+            + (c - a) * t
+            + (2 * a - 5 * b + 4 * c - d) * t**2
+            + (3 * b - 3 * c + d - a) * t**3
+        )
         for a, b, c, d in zip(ends[:-3], ends[1:-2], ends[2:-1], ends[3:], strict=True)
     ]
     return np.vstack([*curve, points[-1:]])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -40,10 +42,10 @@ def mix(a: Colour, b: Colour, t: NDArray[np.float64]) -> Image:
 
 def wood(shape: tuple[int, int], dark: Colour, light: Colour, seed: int) -> Image:
     """Grain along the image's rows."""
-    rows, columns = shape
-    wave = noise(shape, (6, 2), seed, octaves=4)
+    rows = shape[0]
+    wave = noise(shape, (3, 1), seed, octaves=3)
     fibre = noise(shape, (rows // 4, 3), seed + 1, octaves=2)
-    rings = 0.5 + 0.5 * np.sin(2 * np.pi * (9 * wave + np.linspace(0, 4, rows)[:, None]))
+    rings = 0.5 + 0.5 * np.sin(2 * np.pi * (3 * wave + np.linspace(0, 6, rows)[:, None]))
     return mix(dark, light, np.clip(0.25 + 0.35 * rings + 0.5 * (fibre - 0.3), 0, 1))
 
 
@@ -59,8 +61,10 @@ def planks(
         band = np.roll(image[k * board : (k + 1) * board], rng.integers(columns), axis=1)
         cuts = (rng.random() + np.arange(int(lengths) + 1)) * columns / lengths
         edges = [0, *np.clip(cuts, 0, columns).astype(int), columns]
-        for start, stop in zip(edges[:-1], edges[1:], strict=True):
-            tone = rng.normal(1.0, 0.09) * np.array([1.0, rng.normal(1, 0.015), rng.normal(1, 0.03)])
+        for start, stop in pairwise(edges):
+            tone = rng.normal(1.0, 0.09) * np.array(
+                [1.0, rng.normal(1, 0.015), rng.normal(1, 0.03)]
+            )
             band[:, start:stop] *= tone.astype(np.float32)
             band[:, start : start + 2] *= 0.45
         band[:2] *= 0.45
@@ -70,9 +74,7 @@ def planks(
 
 def rug(shape: tuple[int, int], ground: Colour, accent: Colour, border: Colour, seed: int) -> Image:
     """A woven rug: rhombs on a ground, two border stripes, and the yarn's unevenness."""
-    v, u = np.meshgrid(
-        np.linspace(-1, 1, shape[0]), np.linspace(-1, 1, shape[1]), indexing="ij"
-    )
+    v, u = np.meshgrid(np.linspace(-1, 1, shape[0]), np.linspace(-1, 1, shape[1]), indexing="ij")
     aspect = shape[1] / shape[0]
     a, b = u * aspect * 3, v * 3
     rhomb = np.abs(np.mod(a + b, 1.0) - 0.5) + np.abs(np.mod(a - b, 1.0) - 0.5)
@@ -110,12 +112,16 @@ def discs(shape: tuple[int, int], palette: list[Colour], seed: int) -> Image:
     """A picture: overlapping discs on a plain ground."""
     rows, columns = shape
     rng = np.random.default_rng(seed)
-    y, x = np.meshgrid(np.linspace(0, rows / columns, rows), np.linspace(0, 1, columns), indexing="ij")
+    y, x = np.meshgrid(
+        np.linspace(0, rows / columns, rows), np.linspace(0, 1, columns), indexing="ij"
+    )
     image = np.broadcast_to(np.float32(palette[0]), (rows, columns, 3)).copy()
     for k in range(7):
         cx, cy = rng.uniform(0.2, 0.8), rng.uniform(0.2, 0.8) * rows / columns
         inside = (x - cx) ** 2 + (y - cy) ** 2 < rng.uniform(0.08, 0.22) ** 2
-        image[inside] = 0.35 * image[inside] + 0.65 * np.float32(palette[1 + k % (len(palette) - 1)])
+        image[inside] = 0.35 * image[inside] + 0.65 * np.float32(
+            palette[1 + k % (len(palette) - 1)]
+        )
     return image
 
 
@@ -130,28 +136,33 @@ def bands(shape: tuple[int, int], palette: list[Colour], seed: int) -> Image:
 
 
 def sky(
-    width: int, *, sun: tuple[float, float, float], sun_radiance: Colour, sun_radius_deg: float, seed: int
+    width: int,
+    *,
+    sun: tuple[float, float, float],
+    sun_radiance: Colour,
+    sun_radius_deg: float,
+    seed: int,
 ) -> Image:
     """An outside (width / 2, width, 3) in the scene format's equirect convention: a clear sky
     with thin clouds and a sun, over wooded hills in haze."""
     direction = View(width, width // 2, projection="equirect").directions()
     height = direction[..., 1]
     up = np.clip(height, 0, 1)[..., None]
-    horizon, zenith = np.array([2.4, 2.8, 3.2]), np.array([0.7, 1.4, 3.1])
+    horizon, zenith = np.array([7.5, 8.8, 10.2]), np.array([2.8, 5.2, 10.5])
     image = zenith + (horizon - zenith) * (1 - up) ** 4
     cloud = noise(height.shape, (6, 8), seed, octaves=6)
     cover = np.clip((cloud - 0.52) * 5, 0, 1) * np.clip(4 * height, 0, 1)
-    image = image + cover[..., None] * (np.array([3.6, 3.6, 3.7]) - image) * 0.8
+    image = image + cover[..., None] * (np.array([12.0, 12.0, 12.2]) - image) * 0.8
     cosine = direction @ (np.asarray(sun) / np.linalg.norm(sun))
     angle = np.rad2deg(np.arccos(np.clip(cosine, -1, 1)))
     image += np.clip(sun_radius_deg + 0.5 - angle, 0, 1)[..., None] * np.asarray(sun_radiance)
     image += 1.2 * np.exp(-((angle / 12) ** 2))[..., None] * np.array([1.0, 0.95, 0.85])
     crest = np.linspace(0.10, -0.10, 4)
-    haze = np.array([0.95, 1.15, 1.3])
+    haze = np.array([1.9, 2.2, 2.5])
     leaves = noise(height.shape, (64, 128), seed + 1, octaves=4)[..., None]
     for k, level in enumerate(crest):
         ridge = level + 0.10 * (noise((1, width), (1, 5 + 4 * k), seed + 2 + k, octaves=5)[0] - 0.5)
-        colour = np.array([0.16, 0.32, 0.08]) * (0.4 + 1.2 * leaves)
+        colour = np.array([0.22, 0.42, 0.11]) * (0.4 + 1.2 * leaves)
         hill = colour + (haze - colour) * (0.75 - 0.22 * k)
         image = np.where((height < ridge[None])[..., None], hill, image)
     return image.astype(np.float32)

@@ -73,14 +73,16 @@ def render_mask(parts: Parts, objects: Parts, view: View, *, seed: int) -> Image
     The `objects` are Mitsuba shapes, not dictionaries: they are recognised by identity.
     """
     scene = mitsuba().load_dict({"type": "scene", **parts, **objects}, optimize=False)
-    return _render(scene, sensor(view), _coverage(list(objects.values())), MASK_SAMPLES, seed)[..., 0]
+    return _render(scene, sensor(view), _coverage(list(objects.values())), MASK_SAMPLES, seed)[
+        ..., 0
+    ]
 
 
 def _coverage(shapes: list[Any]) -> Any:
     """An integrator whose radiance is 1 where a primary ray meets one of `shapes` first."""
     mi = mitsuba()
 
-    class Coverage(mi.SamplingIntegrator):  # type: ignore[misc]
+    class Coverage(mi.SamplingIntegrator):  # type: ignore[misc, name-defined]
         def sample(
             self, scene: Any, sampler: Any, ray: Any, medium: Any = None, active: Any = True
         ) -> Any:

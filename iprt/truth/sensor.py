@@ -54,7 +54,7 @@ def _register() -> None:
 
     mi = mitsuba()
 
-    class ViewSensor(mi.Sensor):  # type: ignore[misc]
+    class ViewSensor(mi.Sensor):  # type: ignore[misc, name-defined]
         def __init__(self, props: Any) -> None:
             super().__init__(props)
             self.equirect = props.get("equirect")

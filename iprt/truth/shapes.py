@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from iprt.scene.material import MIRROR_ALPHA, Material
+from iprt.scene.mesh import Instance
 from iprt.truth.backend import mitsuba
 
 
@@ -60,7 +63,7 @@ def bsdf_of(material: Material) -> dict[str, Any]:
     mi = mitsuba()
     colour: dict[str, Any] = {"type": "rgb", "value": list(material.albedo)}
     if material.texture is not None:
-        tinted = material.texture[::-1] * np.float32(material.albedo)
+        tinted = material.texture[::-1] * np.array(material.albedo, np.float32)
         colour = {
             "type": "bitmap",
             "bitmap": mi.Bitmap(np.ascontiguousarray(tinted, np.float32)),
@@ -83,3 +86,24 @@ def bsdf_of(material: Material) -> dict[str, Any]:
     if smooth:
         return {"type": "plastic", **coat}
     return {"type": "roughplastic", "distribution": "ggx", "alpha": material.alpha, **coat}
+
+
+def instance_shapes(instances: Sequence[Instance]) -> dict[str, Any]:
+    """Mitsuba shapes of placed meshes, one per material that triangles use."""
+    shapes = {}
+    for number, instance in enumerate(instances):
+        mesh, to_world = instance.mesh, instance.to_world
+        normals = mesh.normals @ np.linalg.inv(to_world[:3, :3])
+        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
+        positions = mesh.positions @ to_world[:3, :3].T + to_world[:3, 3]
+        placed = replace(
+            mesh, positions=positions.astype(np.float32), normals=normals.astype(np.float32)
+        )
+        for index, material in enumerate(mesh.materials):
+            triangles = mesh.triangles[mesh.material_index == index]
+            if len(triangles):
+                part = replace(placed, triangles=triangles)
+                bsdf = {"type": "twosided", "bsdf": bsdf_of(material)}
+                # Mitsuba gives dots in names a meaning of their own.
+                shapes[f"object_{number}_{index}"] = mitsuba_mesh(part, bsdf)
+    return shapes

@@ -20,7 +20,8 @@ from iprt.truth.model import Parts, render_color, render_geometry, render_mask
 from iprt.truth.shapes import bsdf_of, mitsuba_mesh
 from scenes360.files import cuts, rounded, toml_matrix, write_planes
 from scenes360.modelling import Solid, write_ply
-from scenes360.room import model
+from scenes360.room import model, plan
+from scenes360.room.objects import objects
 
 FOLDER = Path(__file__).resolve().parent
 PANORAMA = View(1024, 512, projection="equirect")
@@ -45,26 +46,26 @@ class Placed:
 
 
 OBJECTS = {
-    "pot": Placed(Material("plastic", (0.50, 0.05, 0.04), 0.08), 35, (0.10, model.TABLE_TOP, -1.36)),
-    "vase": Placed(Material("diffuse", (0.75, 0.70, 0.60)), 0, (0.34, model.TABLE_TOP, -1.58)),
-    "knot": Placed(
-        Material("conductor", (0.95, 0.73, 0.38), 0.15), -25, (1.30, model.FLOOR, 0.62)
-    ),
-    "ball": Placed(Material("conductor", (0.92, 0.92, 0.92), 0.0), 0, (1.72, model.FLOOR, 1.05)),
+    "pot": Placed(Material("plastic", (0.50, 0.05, 0.04), 0.08), 28, (0.08, plan.TABLE_TOP, -1.34)),
+    "vase": Placed(Material("diffuse", (0.75, 0.70, 0.60)), 0, (0.37, plan.TABLE_TOP, -1.60)),
+    "knot": Placed(Material("conductor", (0.95, 0.73, 0.38), 0.15), -25, (-0.80, plan.RUG, -1.02)),
+    "ball": Placed(Material("conductor", (0.92, 0.92, 0.92), 0.0), 0, (-0.68, plan.RUG, -1.55)),
 }
 VIEWS = {
     "table": (View(VIEW_SIZE, VIEW_SIZE, 8.0, -33.0, 42.0), ("pot", "vase")),
-    "floor": (View(VIEW_SIZE, VIEW_SIZE, 119.0, -37.0, 46.0), ("knot", "ball")),
+    "rug": (View(VIEW_SIZE, VIEW_SIZE, -34.0, -41.0, 46.0), ("knot", "ball")),
 }
+OVERVIEW = View(960, 640, -8.0, -18.0, 72.0)
+"""A view without truth, of everything."""
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--spp", type=int, default=256, help="paths per pixel")
+    parser.add_argument("--spp", type=int, default=128, help="paths per pixel")
     parser.add_argument("--out", type=Path, default=FOLDER, help="folder to write to")
     options = parser.parse_args()
     logging.basicConfig(level=logging.INFO, format="%(message)s")
-    meshes = model.objects()
+    meshes = objects()
     for name, solid in meshes.items():
         write_ply(options.out / "meshes" / f"{name}.ply", solid)
     parts = model.build()
@@ -80,7 +81,8 @@ def main() -> None:
         LOG.info("view %s", name)
         inserted = {n: mitsuba_object(meshes[n], OBJECTS[n]) for n in names}
         crops = render_view(options.out / "truth", name, view, parts, inserted, options.spp)
-        manifest.append(view_toml(name, view, names, crops))
+        manifest.append(view_toml(name, view, names) + truth_toml(name, crops))
+    manifest.append(view_toml("room", OVERVIEW, tuple(OBJECTS)))
     (options.out / "scene.toml").write_text("\n".join(manifest))
 
 
@@ -106,7 +108,7 @@ def render_view(
 HEAD = """# Written by make.py.
 format = 1
 name = "room"
-exposure = 1.0
+exposure = 1.5
 
 [video]
 color = "color.exr"
@@ -133,7 +135,7 @@ material = {{ kind = "{material.kind}", {looks} }}
 """
 
 
-def view_toml(name: str, view: View, objects: tuple[str, ...], crops: list[list[int]]) -> str:
+def view_toml(name: str, view: View, objects: tuple[str, ...]) -> str:
     names = ", ".join(f'"{n}"' for n in objects)
     return f"""[[views]]
 name = "{name}"
@@ -142,7 +144,11 @@ pitch_deg = {view.pitch_deg:g}
 fov_y_deg = {view.fov_y_deg:g}
 size = [{view.width}, {view.height}]
 objects = [{names}]
-truth = "truth/{name}.exr"
+"""
+
+
+def truth_toml(name: str, crops: list[list[int]]) -> str:
+    return f"""truth = "truth/{name}.exr"
 truth_background = "truth/{name}_background.exr"
 truth_mask = "truth/{name}_mask.exr"
 cuts = {crops}

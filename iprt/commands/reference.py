@@ -1,0 +1,138 @@
+"""`iprt reference`: a slow, independent picture of what a view ought to look like."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import tyro
+
+from iprt.commands.render import choose_view
+from iprt.errors import IprtError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from iprt.scene.camera import View
+    from iprt.scene.mesh import Instance
+
+    Layers = tuple[NDArray[np.float32], dict[str, NDArray[np.float32]]]
+
+
+def reference(
+    scene: tyro.conf.Positional[Path],
+    /,
+    *,
+    output: Annotated[Path, tyro.conf.arg(aliases=("-o",))],
+    view: str | None = None,
+    size: tuple[int, int] | None = None,
+    spp: int = 256,
+    seed: int = 0,
+    denoise: bool = True,
+    model: str | None = None,
+) -> int:
+    """Path-trace a view of a scene with Mitsuba, to a linear EXR file.
+
+    Without --model, the objects are traced in the world that the panorama describes: what the
+    renderer converges to. The layers are ratio, background, objects and coverage. With --model,
+    they are traced in the full geometry of the scene: ground truth. The layers are background and
+    coverage.
+
+    Parameters
+    ----------
+    scene
+        Scene folder.
+    output
+        EXR file to write.
+    view
+        Name of a view of the scene, or `equirect` for the whole panorama. Default: the scene's
+        first view.
+    size
+        Width and height in pixels. Default: the view's own.
+    spp
+        Paths per pixel.
+    seed
+        Seed of the random numbers.
+    denoise
+        Remove the rest of the noise with Open Image Denoise.
+    model
+        Python module with a function `build()` that returns the scene's parts for Mitsuba, such as
+        `scenes360.room.model`; looked for in the working directory too.
+
+    Returns
+    -------
+    int
+        Exit status 0.
+    """
+    from iprt.output.picture import check_output
+
+    if output.suffix.lower() != ".exr":
+        raise IprtError(f"{output}: a reference is written as .exr")
+    if not 1 <= spp <= 2**16:
+        raise IprtError(f"--spp {spp}: expected 1 to {2**16}")
+    if not 0 <= seed < 2**31:
+        raise IprtError(f"--seed {seed}: expected 0 to {2**31 - 1}")
+    check_output(output)
+
+    from iprt.output.exr import write_exr
+    from iprt.scene.scene import Scene
+    from iprt.truth.backend import mitsuba
+
+    opened = Scene.open(scene)
+    chosen, objects = choose_view(opened, view, size=size)
+    instances = opened.instances if objects is None else opened.instances_named(objects)
+    mitsuba()  # what is missing is said before anything is read
+    if model is not None:
+        color, layers = _with_model(_parts(model), instances, chosen, spp, seed, denoise)
+    else:
+        from iprt.truth.panorama import render_reference
+
+        result = render_reference(
+            opened.frame(), instances, chosen, spp=spp, seed=seed, clean=denoise
+        )
+        color = result.color
+        layers = {
+            name: getattr(result, name) for name in ("ratio", "background", "objects", "coverage")
+        }
+    write_exr(
+        output,
+        color,
+        aovs=layers,
+        metadata={"scene": opened.name, "spp": str(spp), "seed": str(seed)},
+    )
+    print(output)
+    return 0
+
+
+def _with_model(
+    parts: Mapping[str, Any],
+    instances: tuple[Instance, ...],
+    view: View,
+    spp: int,
+    seed: int,
+    clean: bool,
+) -> Layers:
+    from iprt.truth.model import render_color, render_mask
+    from iprt.truth.shapes import instance_shapes
+
+    shapes = instance_shapes(instances)
+    color = render_color({**parts, **shapes}, view, spp=spp, seed=seed, clean=clean)
+    background = render_color(parts, view, spp=spp, seed=seed, clean=clean)
+    coverage = render_mask(parts, shapes, view, seed=seed)
+    return color, {"background": background, "coverage": coverage}
+
+
+def _parts(model: str) -> Mapping[str, Any]:
+    sys.path.insert(0, str(Path.cwd()))
+    try:
+        build = import_module(model).build
+    except (ImportError, AttributeError, ValueError) as error:
+        raise IprtError(f"--model {model}: no such module with a build() ({error})") from None
+    finally:
+        sys.path.pop(0)
+    parts: Mapping[str, Any] = build()
+    return parts

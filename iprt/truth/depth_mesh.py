@@ -1,0 +1,111 @@
+"""The visible surfaces of a panorama as one triangle mesh."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.scene.camera import View
+from iprt.scene.frame import Frame
+
+STEP = 0.03
+"""A step in depth beyond what the tangent plane predicts, in units of the depth, that is a gap."""
+CREASE = 3.0
+"""The same in units of a texel's angle: at a room's edge neither plane predicts the other."""
+
+
+@dataclass(frozen=True)
+class DepthMesh:
+    """Triangles between neighbouring texels that lie on one surface.
+
+    Attributes
+    ----------
+    positions : (H * W + 2, 3) float64
+        World space; texel (row, column) is vertex `row * W + column`, the poles come last.
+    triangles : (F, 3) int64
+        Counter-clockwise seen from the capture centre.
+    """
+
+    positions: NDArray[np.float64]
+    triangles: NDArray[np.int64]
+
+
+def depth_mesh(frame: Frame) -> DepthMesh:
+    """Connect the texel centres of a frame, leaving gaps where the depth jumps.
+
+    Two texels are connected if either lies about on the other's tangent plane (`STEP`, `CREASE`). Texels
+    without depth have no triangles. Each pole is closed by a fan to its row's mean inverse depth.
+    """
+    height, width = frame.height, frame.width
+    directions = View(width, height, projection="equirect").directions()
+    finite = np.isfinite(frame.depth)
+    depth = np.where(finite, frame.depth, 1.0).astype(np.float64)
+    normal = frame.normal.astype(np.float64)
+    index = np.arange(height * width).reshape(height, width)
+    east = np.roll(index, -1, axis=1)
+    step = max(STEP, CREASE * np.pi / height)
+    flat = (directions.reshape(-1, 3), depth.ravel(), normal.reshape(-1, 3), finite.ravel(), step)
+    nw, ne, sw, se = index[:-1], east[:-1], index[1:], east[1:]
+    to_east, to_south = _joined(index, east, *flat), _joined(nw, sw, *flat)
+    # Each quad is cut along the diagonal whose ends fit each other better.
+    falling, rising = _misfit(nw, se, *flat[:3]), _misfit(ne, sw, *flat[:3])
+    fall_ok, rise_ok = _joined(nw, se, *flat), _joined(ne, sw, *flat)
+    falls = (falling <= rising) & fall_ok
+    rises = ~falls & rise_ok
+    north, south = to_east[:-1], to_east[1:]
+    west, right = to_south, np.roll(to_south, -1, axis=1)
+    triangles = [
+        np.stack([a, b, c], axis=-1)[keep]
+        for a, b, c, keep in (
+            (nw, sw, se, falls & west & south),
+            (nw, se, ne, falls & north & right),
+            (nw, sw, ne, rises & north & west),
+            (ne, sw, se, rises & south & right),
+        )
+    ]
+    zenith, nadir = height * width, height * width + 1
+    caps = []
+    for pole, row, start, stop in ((zenith, 0, index, east), (nadir, height - 1, east, index)):
+        keep = to_east[row] & finite[row]
+        fan = np.stack([start[row], stop[row], np.full(width, pole)], axis=-1)
+        triangles.append(fan[keep])
+        height_m = 1.0 / np.mean(1.0 / depth[row][finite[row]]) if finite[row].any() else 1.0
+        caps.append((0.0, height_m if pole == zenith else -height_m, 0.0))
+    positions = (directions * depth[..., None]).reshape(-1, 3)
+    return DepthMesh(np.vstack([positions, caps]), np.concatenate(triangles))
+
+
+def _misfit(
+    a: NDArray[np.int64],
+    b: NDArray[np.int64],
+    directions: NDArray[np.float64],
+    depth: NDArray[np.float64],
+    normal: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """How far, relative to the depth, one of two texels is off the other's tangent plane."""
+
+    def off(here: NDArray[np.int64], there: NDArray[np.int64]) -> NDArray[np.float64]:
+        n = normal[here]
+        across = np.sum(n * directions[there], axis=-1)
+        along = np.sum(n * directions[here], axis=-1)
+        # Planes seen from behind or edge-on predict nothing: infinitely off.
+        fits = np.minimum(across, along) < -1e-3
+        level = along / np.where(fits, across, 1.0)
+        predicted = np.where(fits & (along < 0), depth[here] * level, np.inf)
+        return np.abs(predicted - depth[there]) / np.minimum(depth[here], depth[there])
+
+    return np.minimum(off(a, b), off(b, a))
+
+
+def _joined(
+    a: NDArray[np.int64],
+    b: NDArray[np.int64],
+    directions: NDArray[np.float64],
+    depth: NDArray[np.float64],
+    normal: NDArray[np.float64],
+    finite: NDArray[np.bool_],
+    step: float,
+) -> NDArray[np.bool_]:
+    return finite[a] & finite[b] & (_misfit(a, b, directions, depth, normal) <= step)

@@ -1,0 +1,168 @@
+"""A slow reference of what the renderer converges to: objects in the world of a panorama."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.scene.camera import View
+from iprt.scene.frame import Frame
+from iprt.scene.mesh import Instance
+from iprt.truth.denoise import denoise
+from iprt.truth.shapes import instance_shapes
+
+Image = NDArray[np.float32]
+SAMPLES_AT_ONCE = 1 << 21
+RATIO_MAP_WIDTH = 512
+
+
+@dataclass(frozen=True)
+class Reference:
+    """Differential rendering of a view (IPRT Eq. 2), and what it is made of.
+
+    Attributes
+    ----------
+    color : (H, W, 3) float32
+        `ratio * background * (1 - coverage) + objects`, linear.
+    background : (H, W, 3) float32
+        The panorama, bilinear, averaged over what each pixel shows of it.
+    ratio : (H, W, 3) float32
+        E_RV / E_R of the real surfaces; exactly 1 where no ray met an object.
+    objects : (H, W, 3) float32
+        Radiance of the objects times their coverage.
+    coverage : (H, W) float32
+        Fraction of the pixel in which an object is in front of the real surfaces.
+    """
+
+    color: Image
+    background: Image
+    ratio: Image
+    objects: Image
+    coverage: Image
+
+
+def render_reference(
+    frame: Frame,
+    instances: Sequence[Instance],
+    view: View,
+    *,
+    spp: int,
+    seed: int = 0,
+    clean: bool = True,
+) -> Reference:
+    """Path-trace the objects in the world that the panorama describes.
+
+    Real surfaces are diffuse; they emit what the panorama shows and reflect nothing further.
+    Openings are surfaces that radiate and take no shadow. Rays that leave through a gap of the
+    depth take the radiance of their direction. What objects see of real surfaces holds the
+    objects' shadows and light (from a panorama-wide map of the ratio).
+
+    Parameters
+    ----------
+    spp : int
+        Samples per pixel.
+    clean : bool
+        Denoise objects and ratio.
+
+    Raises
+    ------
+    IprtError
+        If Mitsuba, or pyoidn for denoising, is not installed.
+    DeviceError
+        If Mitsuba's vectorized variant does not work.
+    """
+    from iprt.truth.transport import World
+
+    world = World(frame, instance_shapes(instances))
+    if instances:
+        width = min(RATIO_MAP_WIDTH, frame.width)
+        whole = View(width, width // 2, projection="equirect")
+        world.relight(_render(world, whole, spp, seed + 1, clean, ratio_only=True).ratio)
+    return _render(world, view, spp, seed, clean)
+
+
+@dataclass
+class _Sums:
+    """Sums over samples: (pixels, channels) float64 each."""
+
+    background: Any = 0.0
+    objects: Any = 0.0
+    without: Any = 0.0
+    both: Any = 0.0
+    covered: Any = 0.0
+    met: Any = 0.0
+    albedo: Any = 0.0
+    normal: Any = 0.0
+
+
+def _render(
+    world: Any, view: View, spp: int, seed: int, clean: bool, *, ratio_only: bool = False
+) -> Reference:
+    pixels = view.width * view.height
+    per_launch = max(1, min(spp, SAMPLES_AT_ONCE // pixels))
+    sums = _Sums()
+    for start in range(0, spp, per_launch):
+        count = min(per_launch, spp - start)
+        for name, values in _launch(world, view, count, seed * 65537 + start, ratio_only).items():
+            image = values.reshape(pixels, count, -1).sum(axis=1, dtype=np.float64)
+            setattr(sums, name, getattr(sums, name) + image)
+    shape = (view.height, view.width, -1)
+    mean = {name: (value / spp).reshape(shape) for name, value in vars(sums).items()}
+    coverage = mean["covered"].astype(np.float32)
+    real = np.maximum(1.0 - mean["covered"], 1.0 / spp)
+    background = (mean["background"] / real).astype(np.float32)
+    ratio = np.ones(background.shape, np.float32)
+    usable = (mean["met"] > 0.0) & (mean["without"] > 0.0)
+    np.divide(mean["both"], mean["without"], out=ratio, where=usable, casting="unsafe")
+    objects = mean["objects"].astype(np.float32)
+    if clean:
+        guides = [mean[name].astype(np.float32) for name in ("albedo", "normal")]
+        wrap = view.projection == "equirect"
+        objects = np.where(coverage > 0.0, denoise(objects, *guides, wrap=wrap), 0.0)
+        smooth = denoise(ratio, np.ones_like(ratio), guides[1], wrap=wrap)
+        ratio = np.where(usable, np.maximum(smooth, 0.0), 1.0).astype(np.float32)
+        objects = np.maximum(objects, 0.0).astype(np.float32)
+    color = ((1.0 - coverage) * background * ratio + objects).astype(np.float32)
+    return Reference(color, background, ratio, objects, coverage[..., 0])
+
+
+def _launch(
+    world: Any, view: View, count: int, seed: int, ratio_only: bool
+) -> dict[str, NDArray[np.float32]]:
+    """`count` samples of every pixel: arrays (pixels * count, channels)."""
+    from iprt.truth.transport import dr, mi, view_directions
+
+    samples = view.width * view.height * count
+    sampler = mi.load_dict({"type": "independent"})
+    sampler.seed(seed % 2**32, samples)
+    directions = view_directions(view, sampler, dr.arange(mi.UInt32, samples) // count)
+    ray = mi.Ray3f(mi.Point3f(0.0), directions)
+    everywhere = dr.full(mi.Bool, True, samples)
+    real = world.hit_real(ray.o, ray.d, everywhere)
+    si = world.objects.ray_intersect(ray, everywhere)
+    virtual = si.is_valid() & (si.t < real.t)
+    if ratio_only:  # what is behind the objects is seen by other rays
+        virtual &= False
+    shaded = real.valid & ~virtual & world.receives(real.direction)
+    normal = world.real_normal(real.direction)
+    without, both, met = world.irradiance(
+        mi.Point3f(real.direction * real.distance), normal, sampler, shaded
+    )
+    zero = mi.Color3f(0.0)
+    radiance = world.radiance(ray.d, relit=mi.Bool(False))
+    result = {
+        "background": dr.select(virtual, zero, radiance),
+        "without": dr.select(shaded, without, zero),
+        "both": dr.select(shaded, both, zero),
+        "objects": dr.select(virtual, world.reflected(ray, si, sampler, virtual), zero),
+        "covered": mi.Float(virtual),
+        "met": mi.Float(met & shaded),
+        "normal": mi.Color3f(dr.select(virtual, si.sh_frame.n, normal)),
+        "albedo": dr.select(virtual, si.bsdf().eval_diffuse_reflectance(si, virtual), zero),
+    }
+    dr.eval(result)
+    return {name: np.asarray(value).T.reshape(samples, -1) for name, value in result.items()}

@@ -1,0 +1,291 @@
+"""Light in the world that a panorama describes, by brute force with Mitsuba's ray casting.
+
+The same model as the renderer's, by other means: real surfaces are a triangle mesh that emits what
+the panorama shows and reflects nothing further, virtual objects are Mitsuba shapes with Mitsuba
+BSDFs. Importing this module starts Mitsuba.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.scene.camera import View
+from iprt.scene.frame import Frame
+from iprt.scene.openings import solid_angles
+from iprt.truth.backend import vector_mitsuba
+from iprt.truth.depth_mesh import depth_mesh
+
+mi: Any = vector_mitsuba()
+dr: Any = import_module("drjit")
+
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+BOUNCES = 6
+"""Virtual surfaces that a path may meet."""
+LIFT = 1e-3
+"""Rays leave real surfaces this far above them, in units of the panorama's median depth."""
+
+
+@dataclass
+class RealHit:
+    """Where rays meet the real scene; arrays over rays.
+
+    Attributes
+    ----------
+    valid : Bool
+        A surface is met; otherwise the ray leaves the scene.
+    t : Float
+        Metres; infinite where none is met.
+    direction : Vector3f
+        From the capture centre to the point met, or the ray's own.
+    cosine_centre, distance : Float
+        At that point, |cosine| of `direction` to the surface, and metres to the centre.
+    cosine_ray : Float
+        |cosine| of the ray to the surface.
+    """
+
+    valid: Any
+    t: Any
+    direction: Any
+    cosine_centre: Any
+    distance: Any
+    cosine_ray: Any
+
+
+class World:
+    """A frame and virtual objects, ready for rays.
+
+    Parameters
+    ----------
+    frame : Frame
+    shapes : dict of str to Mitsuba shape
+    """
+
+    def __init__(self, frame: Frame, shapes: dict[str, Any]) -> None:
+        self.scale = frame.median_depth
+        self.width, self.height = frame.width, frame.height
+        mesh = depth_mesh(frame)
+        self.real = mi.load_dict(
+            {"type": "scene", "surface": _shape(mesh.positions, mesh.triangles)}
+        )
+        self.has_objects = bool(shapes)
+        self.objects = mi.load_dict({"type": "scene", **shapes}, optimize=False)
+        self._color = _texture(frame.color)
+        self._normal = _texture(frame.normal)
+        receives = np.isfinite(frame.depth) & ~frame.opening
+        self._receives = _texture(receives[..., None].astype(np.float32), nearest=True)
+        self._ratio = _texture(np.ones((2, 4, 3), np.float32))
+        weight = frame.color.astype(np.float64) @ LUMINANCE
+        weight = (weight + 0.05 * weight.mean() + 1e-30) * solid_angles(self.width, self.height)[
+            :, None
+        ]
+        self._texels = mi.DiscreteDistribution(mi.Float(weight.ravel().astype(np.float32)))
+
+    def relight(self, ratio: NDArray[np.float32]) -> None:
+        """From now on, what objects see of real surfaces is multiplied by `ratio` (h, w, 3)."""
+        self._ratio = _texture(ratio)
+
+    def radiance(self, direction: Any, *, relit: Any) -> Any:
+        """Panorama radiance; with what objects do to it where `relit`."""
+        uv = _equirect_uv(direction)
+        radiance = _lookup(self._color, uv)
+        return dr.select(relit, radiance * _lookup(self._ratio, uv), radiance)
+
+    def receives(self, direction: Any) -> Any:
+        """Do objects cast shadows there: is it a surface, and no opening?"""
+        return _lookup(self._receives, _equirect_uv(direction), 1).x > 0.5
+
+    def real_normal(self, direction: Any) -> Any:
+        normal = dr.normalize(mi.Vector3f(_lookup(self._normal, _equirect_uv(direction))))
+        return dr.select(dr.dot(normal, direction) > 0.0, -normal, normal)
+
+    def hit_real(self, origin: Any, direction: Any, active: Any) -> RealHit:
+        si = self.real.ray_intersect(mi.Ray3f(origin, direction), active)
+        met = active & si.is_valid()
+        distance = dr.norm(si.p)
+        centre = dr.select(met, si.p / distance, direction)
+        return RealHit(
+            met,
+            dr.select(met, si.t, dr.inf),
+            centre,
+            dr.maximum(dr.abs(dr.dot(si.n, centre)), 1e-4),
+            distance,
+            dr.maximum(dr.abs(dr.dot(si.n, direction)), 1e-4),
+        )
+
+    def light_pdf(self, hit: RealHit, active: Any) -> Any:
+        """Density, per solid angle at the rays' origins, with which `sample_light` finds a hit."""
+        pdf = self._centre_pdf(hit.direction)
+        at_point = pdf * hit.cosine_centre / hit.distance**2 * hit.t**2 / hit.cosine_ray
+        # A ray that leaves is found only where the centre sees no surface either.
+        open_sky = ~self.real.ray_test(
+            mi.Ray3f(mi.Point3f(0.0), hit.direction), active & ~hit.valid
+        )
+        return dr.select(hit.valid, at_point, dr.select(open_sky, pdf, 0.0))
+
+    def sample_light(self, origin: Any, sampler: Any, active: Any) -> tuple[Any, Any, Any, RealHit]:
+        """A direction towards real light: direction, density, unblocked by real surfaces, hit.
+
+        A texel in proportion to its luminance and solid angle, a point in it, and the surface
+        seen there.
+        """
+        texel = self._texels.sample(sampler.next_1d(active), active)
+        jitter = sampler.next_2d(active)
+        column, row = mi.Float(texel % self.width), mi.Float(texel // self.width)
+        towards = _equirect_direction(
+            (column + jitter.x) / self.width, (row + jitter.y) / self.height
+        )
+        seen = self.hit_real(mi.Point3f(0.0), towards, active)
+        offset = seen.direction * seen.t - origin
+        distance = dr.select(seen.valid, dr.norm(offset), dr.inf)
+        direction = dr.select(seen.valid, offset / distance, towards)
+        # Again from the origin: the first surface met is the light, or else it is hidden.
+        hit = self.hit_real(origin, direction, active)
+        same = dr.select(
+            seen.valid,
+            hit.valid & (dr.abs(hit.t - distance) < 1e-3 * distance),
+            ~hit.valid,
+        )
+        pdf = self.light_pdf(hit, active & same)
+        return direction, pdf, active & same & (pdf > 0.0), hit
+
+    def _centre_pdf(self, direction: Any) -> Any:
+        """Density per solid angle at the capture centre of the texels that `sample_light` draws."""
+        uv = _equirect_uv(direction)
+        column = dr.minimum(mi.UInt32(uv.x * self.width), self.width - 1)
+        row = dr.minimum(mi.UInt32(uv.y * self.height), self.height - 1)
+        share = self._texels.eval_pmf_normalized(row * self.width + column)
+        sine = dr.maximum(dr.safe_sqrt(1.0 - direction.y**2), 1e-5)
+        texel = 2.0 * dr.pi / self.width * dr.pi / self.height
+        return share / (texel * sine)
+
+    @dr.syntax  # type: ignore[untyped-decorator]
+    def reflected(self, ray: Any, si: Any, sampler: Any, active: Any) -> Any:
+        """Radiance along `ray` from the virtual surfaces `si` that it meets."""
+        active = mi.Bool(active)
+        ray = mi.Ray3f(ray)
+        throughput = mi.Color3f(1.0)
+        total = mi.Color3f(0.0)
+        bounce = mi.UInt32(0)
+        context = mi.BSDFContext()
+        while active:
+            bsdf = si.bsdf()
+            smooth = mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth)
+            lift = self.scale * 1e-5
+            # Direct light from real surfaces.
+            lit = active & smooth
+            towards, pdf, free, hit = self.sample_light(si.p + lift * si.n, sampler, lit)
+            shadow = mi.Ray3f(si.spawn_ray(towards))
+            shadow.maxt = hit.t
+            free &= ~self.objects.ray_test(shadow, free)
+            local = si.to_local(towards)
+            value, pdf_bsdf = bsdf.eval_pdf(context, si, local, free)
+            weight = pdf / (pdf + pdf_bsdf)
+            light = self.radiance(hit.direction, relit=hit.valid)
+            total += dr.select(free, throughput * value * light * weight / pdf, 0.0)
+            # The BSDF's own choice of direction.
+            sample, value = bsdf.sample(
+                context, si, sampler.next_1d(active), sampler.next_2d(active), active
+            )
+            active &= sample.pdf > 0.0
+            throughput *= dr.select(active, value, 0.0)
+            active &= dr.max(throughput) > 0.0
+            ray = mi.Ray3f(si.spawn_ray(si.to_world(sample.wo)))
+            object_hit = self.objects.ray_intersect(ray, active)
+            real = self.hit_real(ray.o, ray.d, active)
+            again = active & object_hit.is_valid() & (object_hit.t < real.t)
+            ends = active & ~again
+            delta = mi.has_flag(sample.sampled_type, mi.BSDFFlags.Delta)
+            pdf = dr.select(delta | ~smooth, 0.0, self.light_pdf(real, ends))
+            weight = sample.pdf / (sample.pdf + pdf)
+            light = self.radiance(real.direction, relit=real.valid)
+            total += dr.select(ends, throughput * light * weight, 0.0)
+            si = object_hit
+            bounce += 1
+            active = again & (bounce < BOUNCES)
+        return total
+
+    def irradiance(
+        self, point: Any, normal: Any, sampler: Any, active: Any
+    ) -> tuple[Any, Any, Any]:
+        """Irradiance / pi at real surfaces, without and with objects, and whether one was met.
+
+        One cosine-distributed and one light sample with the balance heuristic; the same rays for
+        both irradiances.
+        """
+        origin = point + LIFT * self.scale * normal
+        frame = mi.Frame3f(normal)
+        local = mi.warp.square_to_cosine_hemisphere(sampler.next_2d(active))
+        ray = mi.Ray3f(origin, frame.to_world(local))
+        real = self.hit_real(ray.o, ray.d, active)
+        si = self.objects.ray_intersect(ray, active)
+        blocked = active & si.is_valid() & (si.t < real.t)
+        cosine = mi.warp.square_to_cosine_hemisphere_pdf(local)
+        light = self.radiance(real.direction, relit=mi.Bool(False))
+        light *= cosine / (cosine + self.light_pdf(real, active))
+        without = dr.select(active, light, 0.0)
+        both = dr.select(blocked, self.reflected(ray, si, sampler, blocked), without)
+
+        towards, pdf, free, hit = self.sample_light(origin, sampler, active)
+        cosine = dr.maximum(dr.dot(towards, normal), 0.0) / dr.pi
+        free &= cosine > 0.0
+        light = self.radiance(hit.direction, relit=mi.Bool(False)) * cosine / (cosine + pdf)
+        shadow = mi.Ray3f(origin, towards)
+        shadow.maxt = hit.t
+        hidden = free & self.objects.ray_test(shadow, free)
+        without += dr.select(free, light, 0.0)
+        both += dr.select(free & ~hidden, light, 0.0)
+        return without, both, blocked | hidden
+
+
+def view_directions(view: View, sampler: Any, pixel: Any) -> Any:
+    """Unit world directions through random points of pixels (row-major indices)."""
+    jitter = sampler.next_2d()
+    x = mi.Float(pixel % view.width) + jitter.x
+    y = mi.Float(pixel // view.width) + jitter.y
+    if view.projection == "equirect":
+        local = _equirect_direction(x / view.width, y / view.height)
+    else:
+        local = dr.normalize(
+            mi.Vector3f(x - 0.5 * view.width, 0.5 * view.height - y, -view.focal_px)
+        )
+    rows = [mi.Vector3f(*map(float, row)) for row in view.world_from_view]
+    return mi.Vector3f(*(dr.dot(row, local) for row in rows))
+
+
+def _shape(positions: NDArray[np.float64], triangles: NDArray[np.int64]) -> Any:
+    mesh = mi.Mesh("surface", vertex_count=len(positions), face_count=len(triangles))
+    params = mi.traverse(mesh)
+    params["vertex_positions"] = positions.astype(np.float32).ravel()
+    params["faces"] = triangles.astype(np.uint32).ravel()
+    params.update()
+    return mesh
+
+
+def _texture(image: NDArray[np.float32], *, nearest: bool = False) -> Any:
+    """A bilinear lookup table with texel centres as the scene format has them."""
+    wrapped = np.pad(image.astype(np.float32), ((0, 0), (1, 1), (0, 0)), mode="wrap")
+    kind = dr.FilterMode.Nearest if nearest else dr.FilterMode.Linear
+    return mi.Texture2f(mi.TensorXf(wrapped), filter_mode=kind, wrap_mode=dr.WrapMode.Clamp)
+
+
+def _lookup(texture: Any, uv: Any, channels: int = 3) -> Any:
+    width = texture.shape[1] - 2
+    values = texture.eval(mi.Point2f((uv.x * width + 1.0) / (width + 2), uv.y))
+    return mi.Color3f(*values[:3]) if channels == 3 else mi.Color3f(values[0])
+
+
+def _equirect_uv(direction: Any) -> Any:
+    u = dr.atan2(direction.x, -direction.z) / (2.0 * dr.pi) + 0.5
+    v = dr.atan2(dr.sqrt(direction.x**2 + direction.z**2), direction.y) / dr.pi
+    return mi.Point2f(dr.clip(u, 0.0, 1.0), dr.clip(v, 0.0, 1.0))
+
+
+def _equirect_direction(u: Any, v: Any) -> Any:
+    sin_phi, cos_phi = dr.sincos((u - 0.5) * 2.0 * dr.pi)
+    sin_theta, cos_theta = dr.sincos(v * dr.pi)
+    return mi.Vector3f(sin_theta * sin_phi, cos_theta, -sin_theta * cos_phi)

@@ -1,0 +1,149 @@
+"""The brute-force reference where the answer is known."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from iprt.scene.camera import View
+from iprt.scene.material import Material
+from iprt.scene.mesh import Instance, Mesh
+from scenes360.modelling import sphere
+from tests.truth.conftest import sphere_frame
+
+pytestmark = pytest.mark.mitsuba
+
+
+def ball(material: Material, centre: tuple[float, float, float], radius: float) -> Instance:
+    solid = sphere(1.0, segments=96)
+    mesh = Mesh(
+        solid.positions.astype(np.float32),
+        solid.normals.astype(np.float32),
+        solid.uvs.astype(np.float32),
+        solid.triangles.astype(np.int32),
+        np.zeros(len(solid.triangles), np.int32),
+        (material,),
+    )
+    to_world = np.diag([radius, radius, radius, 1.0])
+    to_world[:3, 3] = centre
+    return Instance("ball", mesh, to_world)
+
+
+@pytest.mark.parametrize(
+    ("material", "expected", "tolerance"),
+    [
+        (Material("diffuse", (0.8, 0.5, 0.2)), (0.8, 0.5, 0.2), 0.01),
+        (Material("conductor", (0.9, 0.6, 0.3), alpha=0.0), (0.9, 0.6, 0.3), 0.01),
+        # One scattering between microfacets only: a little is lost.
+        (Material("conductor", (0.9, 0.6, 0.3), alpha=0.2), (0.9, 0.6, 0.3), 0.03),
+    ],
+    ids=["diffuse", "mirror", "rough conductor"],
+)
+def test_furnace(
+    mi: Any, material: Material, expected: tuple[float, float, float], tolerance: float
+) -> None:
+    """In constant light an object shows its reflectance times the light."""
+    from iprt.truth.panorama import render_reference
+
+    # A far wall, so that the object's own shadow on it does not matter.
+    frame = sphere_frame(np.full((32, 64, 3), 2.0, np.float32), 40.0)
+    view = View(24, 24, fov_y_deg=30.0)
+    result = render_reference(
+        frame, [ball(material, (0.0, 0.0, -2.0), 0.4)], view, spp=64, clean=False
+    )
+    inside = result.coverage == 1.0
+    assert inside.sum() > 100
+    mean = result.objects[inside].mean(axis=0)
+    np.testing.assert_allclose(mean, 2.0 * np.array(expected), rtol=tolerance)
+    outside = result.coverage == 0.0
+    np.testing.assert_allclose(result.background[outside], 2.0, rtol=1e-5)
+
+
+def test_white_object_in_white_room_is_invisible(mi: Any) -> None:
+    from iprt.truth.panorama import render_reference
+
+    frame = sphere_frame(np.full((32, 64, 3), 0.7, np.float32), 3.0)
+    white = ball(Material("diffuse", (1.0, 1.0, 1.0)), (0.0, -0.9, -1.5), 0.5)
+    view = View(24, 24, pitch_deg=-30.0, fov_y_deg=70.0)
+    result = render_reference(frame, [white], view, spp=64, clean=False)
+    assert result.coverage.max() == 1.0
+    # BOUNCES virtual surfaces and a convex object: nothing is cut off.
+    np.testing.assert_allclose(result.color, 0.7, rtol=0.08)
+    assert result.color.mean() == pytest.approx(0.7, rel=0.003)
+
+
+def shadow_of_black_ball(
+    color: NDArray[np.float32], radius: float, centre: NDArray[np.float64], r: float, view: View
+) -> NDArray[np.float64]:
+    """E_RV / E_R inside a sphere, by summation over all texels.
+
+    Between two points of a sphere's inside, cos cos / (pi distance^2) is constant: irradiance is
+    the mean radiance of the sphere's area that is seen.
+    """
+    height, width = color.shape[:2]
+    whole = View(width, height, projection="equirect")
+    lights = radius * whole.directions().reshape(-1, 3)
+    weight = np.repeat(np.sin((np.arange(height) + 0.5) / height * np.pi), width)
+    light = (color[..., 0].ravel() * weight).astype(np.float64)
+    ratio = []
+    for point in radius * view.directions().reshape(-1, 3):
+        d = lights - point
+        length = np.linalg.norm(d, axis=-1)
+        d /= np.maximum(length, 1e-9)[:, None]
+        along = (d @ (centre - point)).clip(0.0, length)
+        near = np.linalg.norm(point + along[:, None] * d - centre, axis=-1)
+        ratio.append((light * (near > r)).sum() / light.sum())
+    return np.array(ratio).reshape(view.height, view.width)
+
+
+@pytest.mark.parametrize("lamp", [0.0, 60.0], ids=["constant light", "a lamp"])
+def test_shadow_of_a_black_ball_is_the_blocked_light(mi: Any, lamp: float) -> None:
+    from iprt.truth.panorama import render_reference
+
+    color = np.full((64, 128, 3), 0.5, np.float32)
+    color[8:13, 70:80] += lamp
+    centre, r = np.array([0.5, -1.4, -0.6]), 0.4
+    black = ball(Material("diffuse", (0.0, 0.0, 0.0)), tuple(centre), r)
+    view = View(32, 16, projection="equirect")
+    result = render_reference(sphere_frame(color, 2.5), [black], view, spp=512, clean=False)
+    expected = shadow_of_black_ball(color, 2.5, centre, r, view)
+    seen = result.coverage == 0.0
+    error = result.ratio[..., 0][seen] - expected[seen]
+    assert expected[seen].min() < 0.9, "the case has a shadow"
+    assert abs(error.mean()) < 0.002
+    assert np.sqrt((error**2).mean()) < 0.02
+    # A constant light has no edges: there each pixel agrees.
+    if lamp == 0.0:
+        assert np.abs(error).max() < 0.06
+
+
+def test_openings_take_no_shadow_and_cast_light(mi: Any) -> None:
+    from dataclasses import replace
+
+    from iprt.truth.panorama import render_reference
+
+    frame = sphere_frame(np.full((32, 64, 3), 0.5, np.float32), 2.5)
+    opening = np.zeros((32, 64), bool)
+    opening[16:] = True
+    black = ball(Material("diffuse", (0.0, 0.0, 0.0)), (0.0, -1.5, 0.0), 0.5)
+    view = View(32, 16, projection="equirect")
+    result = render_reference(replace(frame, opening=opening), [black], view, spp=32, clean=False)
+    assert (result.ratio[9:] == 1.0).all()
+    assert result.ratio[6].min() < 1.0
+
+
+def test_without_objects_the_panorama_is_shown(mi: Any) -> None:
+    from iprt.truth.panorama import render_reference
+
+    rng = np.random.default_rng(3)
+    color = rng.uniform(0.1, 1.0, (16, 32, 3)).astype(np.float32)
+    view = View(32, 16, projection="equirect")
+    result = render_reference(sphere_frame(color, 2.0), [], view, spp=64, clean=True)
+    assert (result.ratio == 1.0).all()
+    assert not result.coverage.any()
+    # Each pixel averages a bilinear interpolation: close to its texel, not equal.
+    np.testing.assert_allclose(result.color.mean((0, 1)), color.mean((0, 1)), rtol=0.01)
+    assert np.corrcoef(result.color.ravel(), color.ravel())[0, 1] > 0.9
