@@ -97,9 +97,10 @@ def test_agrees_with_brute_force(
     t, kind, texel = trace_flat(FlatLayer.read(device, panorama, 0.05, 0.05), o, d)
     finite = np.isfinite(t)
     assert finite.mean() > 0.02
-    close = np.abs(np.where(finite, hits.t, 0.0) - np.where(finite, t, 0.0)) < 1e-3 * np.abs(
-        np.where(finite, t, 1.0)
-    ) + 1e-5 * panorama.farthest
+    close = (
+        np.abs(np.where(finite, hits.t, 0.0) - np.where(finite, t, 0.0))
+        < 1e-3 * np.abs(np.where(finite, t, 1.0)) + 1e-5 * panorama.farthest
+    )
     apart = np.abs(
         np.stack([hits.texel // panorama.width - texel // panorama.width,
                   (hits.texel - texel + panorama.width // 2) % panorama.width
@@ -111,9 +112,7 @@ def test_agrees_with_brute_force(
     assert (hits.texel == texel)[finite].mean() >= 0.9985
 
 
-def test_room_is_met_to_rounding_and_never_leaks(
-    device: ComputeDevice, trace: RealTracer
-) -> None:
+def test_room_is_met_to_rounding_and_never_leaks(device: ComputeDevice, trace: RealTracer) -> None:
     panorama = panorama_of(device, ROOM.frame(256, 128))
     low, high = 0.98 * np.asarray(ROOM.low), 0.98 * np.asarray(ROOM.high)
     o, d = rays_in(200_000, 1, low, high)
@@ -202,7 +201,7 @@ def test_axis_and_zero_components(device: ComputeDevice, trace: RealTracer) -> N
     for zero in (0.0, -0.0):
         directions = np.where(d == 0.0, zero, d)
         origins = [np.zeros(3), np.array([0.0, 0.7, 0.0]), np.array([0.0, -0.9, 0.0])]
-        origins += [s * e for s in (-0.5, 1.0) for e in np.eye(3)]   # on axes and on texel edges
+        origins += [s * e for s in (-0.5, 1.0) for e in np.eye(3)]  # on axes and on texel edges
         origins += list(rng.uniform(-1.2, 1.2, (50, 3)))
         for origin in origins:
             o = np.broadcast_to(origin, directions.shape)
@@ -242,9 +241,7 @@ def test_panorama_rolled_rolls_the_hits(
     angle = columns * 2.0 * np.pi / 256
     c, s = np.cos(angle), np.sin(angle)
     turn = np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]])
-    rolled = frame_of(
-        np.roll(frame.depth, columns, 1), np.roll(frame.normal, columns, 1) @ turn.T
-    )
+    rolled = frame_of(np.roll(frame.depth, columns, 1), np.roll(frame.normal, columns, 1) @ turn.T)
     o, d = rays_in(20_000, 9, -1.2, 1.2)
     # Some start on the seam, and some on texel edges.
     o[:200] = [[0.0, y, 1.0] for y in np.linspace(-1.0, 1.0, 200)]

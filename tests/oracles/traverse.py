@@ -104,7 +104,6 @@ def _crossings(layer: FlatLayer, o: Float, d: Float, t_max: Float) -> Float:
 
 def _trace_block(layer: FlatLayer, o: Float, d: Float) -> tuple[Float, Int, Int]:
     height, width = layer.low.shape
-    n = len(o)
     t_max = np.abs((o * d).sum(-1)) + 1.25 * layer.farthest
     edges = _crossings(layer, o, d, t_max)
     walk = _Walk(layer, o, d)

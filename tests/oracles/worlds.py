@@ -24,7 +24,7 @@ class Box:
     def interval(self, o: Float, d: Float) -> tuple[Float, Float, Float, Float]:
         """Entry and exit distance along the line (inf, -inf: missed) and outward normals there."""
         c, s = np.cos(self.yaw), np.sin(self.yaw)
-        turn = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])   # world from box
+        turn = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])  # world from box
         p, v = (o - np.asarray(self.centre)) @ turn, d @ turn
         with np.errstate(divide="ignore", invalid="ignore"):
             a, b = (-np.asarray(self.half) - p) / v, (np.asarray(self.half) - p) / v
@@ -37,7 +37,6 @@ class Box:
         return (
             np.where(hit, t0, np.inf), np.where(hit, t1, -np.inf), enter @ turn.T, leave @ turn.T
         )  # fmt: skip
-
 
     def bounds(self) -> tuple[Float, Float]:
         """Lowest and highest corner of the axis-aligned box around it."""
@@ -109,7 +108,9 @@ class World:
 
 
 def frame_of(
-    depth: NDArray[np.floating], normal: Float | None = None, opening: NDArray[np.bool_] | None = None
+    depth: NDArray[np.floating],
+    normal: Float | None = None,
+    opening: NDArray[np.bool_] | None = None,
 ) -> Frame:
     """A white frame; normals by central differences of the surface points where not given."""
     height, width = depth.shape

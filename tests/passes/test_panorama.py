@@ -29,7 +29,7 @@ def test_planes_are_the_walls(device: ComputeDevice) -> None:
     g, _, _ = read(device, panorama_of(device, frame))
     v = View(64, 32, projection="equirect").directions()
     depth, normal, _ = World().first_hit(np.zeros(3), v)
-    wall = -(normal * v * depth[..., None]).sum(-1)   # distance of the wall's plane
+    wall = -(normal * v * depth[..., None]).sum(-1)  # distance of the wall's plane
     assert np.abs(g - -normal / wall[..., None]).max() < 1e-5
 
 
