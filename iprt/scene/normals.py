@@ -152,7 +152,7 @@ class _Window:
         self._center = self._shifted(inverse, 0, 0)
 
     def fit_planes(self, tolerance: float) -> Plane:
-        """(rows, W, 3) unit normals facing the centre; towards it where no plane fits."""
+        """(rows, W, 3) unit normals facing the centre; from the local slopes where too few fit."""
         slope_b = self._slope([self._sample(down, 0) for down in (2, 1, -1, -2)], axis=2)
         parallel = [self._sample(0, steps) for steps in (-2, -1, 1, 2)]
         # A parallel bends away from the great circle: its texels do not lie at b = 0.
@@ -165,14 +165,15 @@ class _Window:
         af, bf = af - a * f / n, bf - b * f / n
         determinant = aa * bb - ab * ab
         solvable = (n >= _MIN_SAMPLES) & (determinant > 1e-3 * (aa + bb) ** 2)
+        solvable &= determinant > np.finfo(np.float32).tiny
         scale = 1.0 / np.where(solvable, determinant, 1.0)
         across, up = (bb * af - ab * bf) * scale, (aa * bf - ab * af) * scale
         ahead = self._center + (f - across * a - up * b) / n
         solvable &= ahead > 0.0
         return self._to_world(
-            np.where(solvable, across, 0.0),
-            np.where(solvable, up, 0.0),
-            np.where(solvable, ahead, 1.0),
+            np.where(solvable, across, slope_a),
+            np.where(solvable, up, slope_b),
+            np.where(solvable, ahead, np.where(self._center > 0.0, self._center, 1.0)),
         )
 
     def _sums(self, slope_a: Plane, slope_b: Plane, tolerance: Plane) -> list[Plane]:
@@ -196,7 +197,10 @@ class _Window:
         return sums
 
     def _slope(self, line: list[tuple[Plane, Plane, Plane]], axis: int) -> Plane:
-        """Slope of inverse depth along a line of samples, from the smoother side (as ENO schemes).
+        """Slope of inverse depth along a line of samples.
+
+        The mean of both sides where they differ no more than either bends; else, at an edge, that
+        of the smoother side (as ENO schemes choose their stencils). 0 where gaps are on both.
 
         Parameters
         ----------
@@ -205,11 +209,17 @@ class _Window:
         """
         sides = []
         for far, near in ((line[0], line[1]), (line[3], line[2])):
-            slope = near[0] / near[axis]
-            bend = np.abs((far[0] - near[0]) / (far[axis] - near[axis]) - slope)
+            with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+                slope = near[0] / near[axis]
+                bend = np.abs((far[0] - near[0]) / (far[axis] - near[axis]) - slope)
             sides.append((slope, bend))
         (before, before_bend), (after, after_bend) = sides
-        return np.where(before_bend <= after_bend, before, after)
+        smooth = np.abs(before - after) <= 2.0 * np.minimum(before_bend, after_bend)
+        one_sided = np.where(before_bend <= after_bend, before, after)
+        step = np.maximum(np.abs(line[1][axis]), np.abs(line[2][axis]))
+        surface = np.fmin(before_bend, after_bend) * step <= GAP_TOLERANCE[1] * self._center
+        slope = np.where(smooth, 0.5 * (before + after), one_sided)
+        return np.where(surface & np.isfinite(slope), slope, np.float32(0.0))
 
     def _sample(self, down: int, steps: int) -> tuple[Plane, Plane, Plane]:
         """Rise of 1/z over the centre (rows, W), and tangent coordinates a, b (rows, 1).
