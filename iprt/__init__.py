@@ -1,3 +1,47 @@
-"""Insert virtual objects into 360° RGBD video, lit by the video and casting shadows into it."""
+"""Insert virtual objects into 360° RGBD video, lit by the video and casting shadows into it.
+
+The public names below are imported when they are first used, so that `import iprt` is quick.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from iprt.device.choose import choose_device
+    from iprt.device.compute import ComputeDevice
+    from iprt.renderer import Renderer
+    from iprt.scene.camera import View
+    from iprt.scene.scene import Scene
+    from iprt.settings import Settings
 
 __version__ = "0.1.0"
+__all__ = [
+    "ComputeDevice",
+    "Renderer",
+    "Scene",
+    "Settings",
+    "View",
+    "__version__",
+    "choose_device",
+]
+
+_HOMES = {
+    "ComputeDevice": "iprt.device.compute",
+    "Renderer": "iprt.renderer",
+    "Scene": "iprt.scene.scene",
+    "Settings": "iprt.settings",
+    "View": "iprt.scene.camera",
+    "choose_device": "iprt.device.choose",
+}
+
+
+def __getattr__(name: str) -> object:
+    if name in _HOMES:
+        return getattr(import_module(_HOMES[name]), name)
+    raise AttributeError(f"module 'iprt' has no attribute '{name}'")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

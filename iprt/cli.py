@@ -27,7 +27,12 @@ VERBS = {
     "doctor": "iprt.commands.doctor:doctor",
     "render": "iprt.commands.render:render",
     "compare": "iprt.commands.compare:compare",
+    "bench": "iprt.commands.bench:bench",
     "reference": "iprt.commands.reference:reference",
+    "scene info": "iprt.commands.scene:info",
+    "scene check": "iprt.commands.scene:check",
+    "scene new": "iprt.commands.scene:new",
+    "scene add": "iprt.commands.scene:add",
 }
 """Words after `iprt` -> the function that does it. It returns the exit code, or None for 0."""
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -61,13 +62,21 @@ def pass_table(profile: Profile, device: str, *, prepare_ms: float) -> Table:
     prepare_ms : float
         Time spent once per video frame, before the first of the frames that `profile` covers.
     """
-    rows = pass_rows(profile)
-    table = Table(
+    return rows_table(
+        pass_rows(profile),
         title=f"{profile.frames} frames on {device}",
         caption=(
             f"once: compiling kernels {profile.compile_ms:.0f} ms, "
             f"preparing the panorama {prepare_ms:.0f} ms"
         ),
+    )
+
+
+def rows_table(rows: Sequence[PassRow], *, title: str, caption: str) -> Table:
+    """A table of passes with the sums of their columns."""
+    table = Table(
+        title=title,
+        caption=caption,
         title_justify="left",
         caption_justify="left",
         show_footer=True,
