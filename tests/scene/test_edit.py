@@ -1,0 +1,328 @@
+"""`iprt scene`: own footage in two commands, and reports that say what is wrong."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+from tyro.extras import SubcommandApp
+
+from iprt.commands import scene as commands
+from iprt.errors import FormatError, IprtError, SceneError
+from iprt.scene.edit import add_object, new_scene, parse_material
+from iprt.scene.placement import RealSurfaces
+from iprt.scene.scene import Scene
+from tests.scene.files import (
+    CUBE,
+    HIGH,
+    LOW,
+    MANIFEST,
+    OBJECT,
+    SHARED,
+    VIEW,
+    box_room,
+    write_channels,
+    write_png16_grey,
+    write_rgb,
+    write_scene,
+)
+
+
+def run(*words: str) -> None:
+    app = SubcommandApp()
+    for name in ("info", "check", "new", "add"):
+        app.command(name=name)(getattr(commands, name))
+    app.cli(args=list(words))
+
+
+@pytest.fixture
+def footage(tmp_path: Path) -> Path:
+    """A photograph (8-bit) and depth (16-bit, millimetres) of the box room, and a cube."""
+    folder = tmp_path / "footage"
+    folder.mkdir()
+    depth, _ = box_room(256, 128)
+    Image.new("RGB", (256, 128), (99, 120, 140)).save(folder / "photo.PNG")
+    write_png16_grey(folder / "depth.png", np.rint(depth * 1000).astype(np.uint16))
+    (folder / "cube.obj").write_text(CUBE)
+    return folder
+
+
+def make(tmp_path: Path, footage: Path) -> Path:
+    new_scene(tmp_path / "own", footage / "photo.PNG", footage / "depth.png", 0.001, None)
+    return tmp_path / "own"
+
+
+def vertices(scene: Scene, name: str) -> Any:
+    (instance,) = scene.instances_named((name,))
+    matrix = instance.to_world
+    return instance.mesh.positions @ matrix[:3, :3].T + matrix[:3, 3]
+
+
+def test_own_footage_takes_two_commands(
+    tmp_path: Path, footage: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    own = str(tmp_path / "own")
+    photo, depth = str(footage / "photo.PNG"), str(footage / "depth.png")
+    run("new", own, "--color", photo, "--depth", depth, "--depth-scale", "0.001")
+    words = ("--look", "-20,-50", "--height", "0.3", "--material", "plastic:0.5,0.1,0.1:0.2")
+    run("add", own, str(footage / "cube.obj"), *words)
+    assert "seen in the view 'cube'" in capsys.readouterr().out
+    scene = Scene.open(Path(own))
+    assert list(scene.views) == ["ahead", "cube"]
+    (material,) = scene.instances[0].mesh.materials
+    assert (material.kind, material.alpha) == ("plastic", 0.2)
+    corners = vertices(scene, "cube")
+    assert corners[:, 1].min() == pytest.approx(LOW[1], abs=5e-3)
+    assert np.ptp(corners[:, 1]) == pytest.approx(0.3, abs=1e-4)
+    center = corners.mean(axis=0)
+    assert np.degrees(np.arctan2(center[0], -center[2])) == pytest.approx(-20, abs=1)
+    # The view's centre is the object's.
+    view = scene.views["cube"].view
+    assert view.project(center) == pytest.approx([view.width / 2, view.height / 2], abs=1)
+    pixels = view.project(corners.astype(np.float64))
+    assert ((pixels > 0) & (pixels < (view.width, view.height))).all()
+    run("check", own)
+    assert "fine" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("look", [(0, -20), (90, 10), (180, 0), (-60, -30), (40, -24), (-33, -10)])
+def test_objects_stand_on_the_floor_and_cut_no_wall(
+    tmp_path: Path, footage: Path, look: tuple[float, float]
+) -> None:
+    own = make(tmp_path, footage)
+    add_object(own, footage / "cube.obj", *look, height=0.5)
+    corners = vertices(Scene.open(own), "cube")
+    assert corners[:, 1].min() == pytest.approx(LOW[1], abs=0.01)
+    assert (corners > LOW - 0.02).all()
+    assert (corners < HIGH + 0.02).all()
+
+
+def test_default_height_follows_the_distance(tmp_path: Path, footage: Path) -> None:
+    own = make(tmp_path, footage)
+    add_object(own, footage / "cube.obj", 0, -45)
+    distance = -LOW[1] * np.sqrt(2)
+    height = np.ptp(vertices(Scene.open(own), "cube")[:, 1])
+    assert height == pytest.approx(0.2 * distance, rel=0.02)
+
+
+def test_adding_keeps_comments_and_what_was_there(tmp_path: Path) -> None:
+    text = "# my scene\n" + MANIFEST + "# the cube\n" + OBJECT + VIEW + "# the end\n"
+    folder = write_scene(tmp_path / "s", text)
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / "cube.obj").write_text(CUBE)
+    added = add_object(folder, tmp_path / "other" / "cube.obj", 0, -45)
+    assert added.name == "cube-2"
+    assert (folder / "scene.toml").read_text().startswith(text.rstrip("\n"))
+    scene = Scene.open(folder)
+    assert [table.name for table in scene.manifest.objects] == ["cube", "cube-2"]
+    assert scene.views["cube-2"].objects == ("cube-2",)
+
+
+def test_meshes_of_one_name_do_not_overwrite_each_other(tmp_path: Path, footage: Path) -> None:
+    own = make(tmp_path, footage)
+    add_object(own, footage / "cube.obj", 0, -45)
+    (footage / "cube.obj").write_text(CUBE.replace("v 1 1 1", "v 2 2 2"))
+    add_object(own, footage / "cube.obj", 90, -45)
+    meshes = [table.mesh for table in Scene.open(own).manifest.objects]
+    assert meshes == ["meshes/cube.obj", "meshes/cube-2.obj"]
+    assert (own / "meshes/cube.obj").read_text() == CUBE
+
+
+def test_textures_travel_with_the_mesh(tmp_path: Path, footage: Path) -> None:
+    Image.new("RGB", (2, 2), (255, 0, 0)).save(footage / "t.png")
+    (footage / "m.mtl").write_text("newmtl a\nKd 1 1 1\nmap_Kd t.png\n")
+    (footage / "cube.obj").write_text("mtllib m.mtl\nusemtl a\n" + CUBE)
+    own = make(tmp_path, footage)
+    add_object(own, footage / "cube.obj", 0, -45)
+    (material,) = Scene.open(own).instances[0].mesh.materials
+    assert material.texture is not None
+
+
+def snapshot(folder: Path) -> dict[str, bytes]:
+    return {
+        str(path.relative_to(folder)): path.read_bytes() if path.is_file() else b"/"
+        for path in folder.rglob("*")
+    }
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"name": "cube"}, "an object is named 'cube' already"),
+        ({"mesh": "none.obj"}, "no such mesh file"),
+        ({"mesh": "bad.obj"}, "bad.obj"),
+        ({"pitch": 60.0}, "open sky"),
+    ],
+)
+def test_failing_to_add_changes_nothing(
+    tmp_path: Path, change: dict[str, Any], message: str
+) -> None:
+    folder = write_scene(tmp_path / "s", MANIFEST + OBJECT)
+    depth, _ = box_room(64, 32)
+    depth[:14] = 0.0
+    write_channels(folder / "depth.exr", Z=depth.astype(np.float32))
+    (tmp_path / "box.obj").write_text(CUBE)
+    (tmp_path / "bad.obj").write_text("v 0 0 0\n")
+    before = snapshot(folder)
+    mesh = tmp_path / change.get("mesh", "box.obj")
+    with pytest.raises(IprtError, match=message):
+        add_object(folder, mesh, 0, change.get("pitch", -45), name=change.get("name"))
+    assert snapshot(folder) == before
+
+
+def test_inline_objects_cannot_be_extended_but_stay_whole(tmp_path: Path) -> None:
+    folder = write_scene(tmp_path / "s", "objects = []\n" + MANIFEST)
+    before = snapshot(folder)
+    with pytest.raises(SceneError, match=r"write objects and views as \[\[objects\]\]"):
+        add_object(folder, folder / "cube.obj", 0, -45)
+    assert snapshot(folder) == before
+
+
+def test_new_refuses_to_overwrite(tmp_path: Path, footage: Path) -> None:
+    own = make(tmp_path, footage)
+    before = snapshot(own)
+    with pytest.raises(SceneError, match="holds a scene already"):
+        make(tmp_path, footage)
+    (own / "scene.toml").unlink()
+    (own / "color.png").write_bytes(b"mine")
+    with pytest.raises(SceneError, match="another file has this name"):
+        make(tmp_path, footage)
+    assert (own / "color.png").read_bytes() == b"mine"
+    assert (own / "depth.png").read_bytes() == before["depth.png"]
+
+
+@pytest.mark.parametrize(
+    ("color", "depth", "scale", "message"),
+    [
+        ("none.png", "depth.png", 0.001, "no such file"),
+        ("photo.PNG", "none.png", 0.001, "no such file"),
+        ("photo.PNG", "depth.png", None, "give --depth-scale"),
+        ("photo.PNG", "photo.PNG", 0.001, "8 bits per channel"),
+        ("depth.png", "photo.PNG", 0.001, "8 bits per channel"),
+        ("cube.obj", "depth.png", 0.001, "not an EXR, PNG, JPEG or PFM"),
+        ("c.%04d.png", "depth.png", 0.001, "no file matches this pattern"),
+    ],
+)
+def test_failing_to_make_a_scene_leaves_no_folder(
+    tmp_path: Path, footage: Path, color: str, depth: str, scale: float | None, message: str
+) -> None:
+    with pytest.raises((SceneError, FormatError), match=message):
+        new_scene(tmp_path / "own", footage / color, footage / depth, scale, None)
+    assert not (tmp_path / "own").exists()
+
+
+def test_new_makes_a_scene_of_a_video(tmp_path: Path) -> None:
+    depth, _ = box_room(32, 16)
+    for index in (5, 6):
+        write_rgb(tmp_path / f"c{index:03d}.exr", np.full((16, 32, 3), index, np.float32))
+    write_channels(tmp_path / "d.exr", Z=depth.astype(np.float32))
+    own = tmp_path / "own"
+    assert new_scene(own, tmp_path / "c%03d.exr", tmp_path / "d.exr", None, None) == 2
+    scene = Scene.open(own)
+    assert list(scene.frame_indices) == [5, 6]
+    assert scene.frame(6).color[0, 0, 0] == 6
+
+
+def test_info_says_what_matters(
+    tmp_path: Path, footage: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    own = make(tmp_path, footage)
+    add_object(own, footage / "cube.obj", 0, -45, material=parse_material("mirror"))
+    run("info", str(own), "--thumbnail", str(tmp_path / "t.png"))
+    text = capsys.readouterr().out
+    for part in (
+        "256 x 128",
+        "0.001 m per stored unit",
+        "p50",
+        "% of flux",
+        "12 triangles, mirror",
+    ):
+        assert part in text
+    assert Image.open(tmp_path / "t.png").size == (1024, 512)
+    run("info", str(own), "--json")
+    record = json.loads(capsys.readouterr().out)
+    depth, _ = box_room(256, 128)
+    assert record["depth_percentiles"]["p50"] == pytest.approx(np.median(depth), abs=2e-3)
+    assert record["objects"][0]["triangles"] == 12
+    assert record["holes"] == {"area": 0.0, "flux": 0.0}
+    assert set(record["renderer"]) == {"ahead", "cube"}
+
+
+@pytest.mark.parametrize(
+    ("offset", "warning"),
+    [
+        ((0.0, 0.2, 0.0), "floats 20.0 cm above"),
+        ((0.0, -0.1, 0.0), "sinks 10.0 cm into"),
+        ((0.0, 0.0, -4.0), "outside the room"),
+        ((0.3, 0.0, 0.2), None),
+    ],
+)
+def test_check_warns_of_objects_badly_placed(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    offset: tuple[float, float, float],
+    warning: str | None,
+) -> None:
+    x, y, z = np.array([0.2, LOW[1] + 0.2, -1.5]) + offset
+    matrix = f"[0.2,0,0,{x}, 0,0.2,0,{y}, 0,0,0.2,{z}, 0,0,0,1]"
+    text = MANIFEST + f'[[objects]]\nname = "cube"\nmesh = "cube.obj"\nto_world = {matrix}\n'
+    run("check", str(write_scene(tmp_path / "s", text, width=512)))
+    out = capsys.readouterr().out
+    assert ("warning" in out) == (warning is not None)
+    if warning is not None:
+        assert warning in out
+
+
+def test_check_names_every_problem_in_every_frame(tmp_path: Path) -> None:
+    text = MANIFEST.replace("color.exr", "c%d.exr") + "frames = [0, 2]\n" + OBJECT + VIEW
+    text += 'truth = "t.exr"\n'
+    folder = write_scene(tmp_path / "s", text)
+    color = (folder / "color.exr").read_bytes()
+    for index, data in enumerate((color, color[: len(color) // 2], color)):
+        (folder / f"c{index}.exr").write_bytes(data)
+    write_rgb(folder / "t.exr", np.zeros((8, 8, 3), np.float32))
+    (folder / "cube.obj").write_text("v 0 0 0\n")
+    with pytest.raises(SceneError) as error:
+        run("check", str(folder))
+    message = str(error.value)
+    assert "3 problems" in message
+    for part in ("c1.exr: cut off", "cube.obj", "views.ahead.truth: t.exr has 8 x 8"):
+        assert part in message
+
+
+def test_check_names_what_was_not_read(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = write_scene(tmp_path / "s")
+    (folder / "cube.obj").write_text(CUBE + "l 1 2\n")
+    run("check", str(folder))
+    assert "note: cube: not read from its file: lines" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    "text", ["", "glass:1,1,1", "diffuse", "diffuse:1,1", "diffuse:1,1,2", "diffuse:1,1,1:0.1",
+             "plastic:0,0,0:nan", "plastic:0,0,0:2", "conductor:a,b,c", "mirror:1"],
+)  # fmt: skip
+def test_materials_that_make_no_sense(text: str) -> None:
+    with pytest.raises(SceneError, match="--material"):
+        parse_material(text)
+
+
+@pytest.mark.parametrize("look", ["", "3", "1,2,3", "a,b", "nan,0", "0,91", "400,0"])
+def test_directions_that_make_no_sense(tmp_path: Path, look: str) -> None:
+    with pytest.raises(IprtError, match="--look"):
+        commands.add(tmp_path, tmp_path / "m.obj", look=look)
+
+
+def test_shared_objects_rest_on_their_surfaces() -> None:
+    if not (SHARED / "livingroom").is_dir():
+        pytest.skip("the scene `livingroom` is not beside the repository")
+    scene = Scene.open(SHARED / "livingroom")
+    surfaces = RealSurfaces(scene.frame())
+    assert surfaces.floor() == pytest.approx(-1.35, abs=0.005)
+    for instance in scene.instances:
+        standing = surfaces.standing(instance)
+        assert standing.gap_m == pytest.approx(0.0, abs=0.005)
+        assert standing.warnings() == []
