@@ -30,7 +30,11 @@ __kernel void trace_real(
     const int item = get_global_id(0);
     if (item >= count[0])
         return;
-    const World world = {REAL_LAYER, real_color, OBJECTS(view), materials};
+    const World world = {REAL_LAYER, real_color,
+#ifdef OPENING_ENVIRONMENT
+                         real_outside,
+#endif
+                         OBJECTS(view), materials};
     const int x = list[item] % width, y = list[item] / width;
     const int pixel = plane_index(x, y, width), size = plane_size(width, height);
     const float3 n = (float3)(guide[pixel], guide[size + pixel], guide[2 * size + pixel]);

@@ -35,6 +35,9 @@ __kernel void trace_virtual(
     if (item >= count[0])
         return;
     const World world = {REAL_LAYER, real_color,
+#ifdef OPENING_ENVIRONMENT
+                         real_outside,
+#endif
 #ifdef RELIT
                          ratio, width, height,
 #endif

@@ -91,7 +91,7 @@ class RealPixels:
         self.mask.run(grid_offset(tick.index), motion=motion, metre=panorama.scale)
         self._trace.run(world, self.mask, tick.view)
         self.irradiance = self._filter.run(self._trace.signal, self.mask, motion, tick)
-        self.relight.run(self.irradiance, scale=panorama.mean_radiance)
+        self.relight.run(self.irradiance, layer.color, scale=panorama.mean_radiance)
         return self.relight.ratio
 
 
@@ -116,7 +116,10 @@ class VirtualPixels:
         settings = requirements.settings
         self.visible = VisibleLayer(device, layout, equirect=equirect)
         self._guide = Guide(device, layout, equirect=equirect, name="object")
-        self._mask = Mask(device, self._guide, settings.mask, name="object")
+        # Eq. 3 measures how alike diffuse pixels are; reflections differ from pixel to pixel.
+        sparse = settings.mask.sparse and not requirements.specular_signal
+        mask_settings = settings.mask.model_copy(update={"sparse": sparse})
+        self._mask = Mask(device, self._guide, mask_settings, name="object")
         self._trace = TraceVirtual(device, self._guide, requirements)
         kinds: list[Kind] = ["diffuse"] if requirements.diffuse_signal else []
         kinds += ["specular"] if requirements.specular_signal else []

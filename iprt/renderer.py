@@ -93,7 +93,9 @@ class Renderer:
         self.view = view
         self.background = background
         materials = [m for instance in self.instances for m in instance.mesh.materials]
-        self.requirements = Requirements.of(materials, view, self.settings)
+        self.requirements = Requirements.of(
+            materials, view, self.settings, openings=bool(frame.opening.any())
+        )
         self._equirect = view.projection == "equirect"
         self._rasterizer: Rasterizer | None = None
         self._frame_index = 0
@@ -103,7 +105,12 @@ class Renderer:
         self._objects_stale = True
 
         self.layout = PlaneLayout(view.width, view.height)
-        self.panorama = Panorama(device, frame.width, frame.height)
+        self.panorama = Panorama(
+            device,
+            frame.width,
+            frame.height,
+            outside=self.requirements.opening_environment,
+        )
         self._view_constants = [device.zeros(f"view {i}", (16,)) for i in range(2)]
         self.real = RealLayer(device, self.layout, equirect=self._equirect)
         self.composite = Composite(

@@ -9,6 +9,7 @@ from iprt.device.compute import Define
 from iprt.passes.mask import TOUCHED_FRAMES
 from iprt.scene.camera import View
 from iprt.scene.material import Material
+from iprt.scene.outside import OUTSIDE_ROWS
 from iprt.settings import Settings
 
 
@@ -26,6 +27,8 @@ class Requirements:
         Material kinds among the inserted objects.
     equirect_view : bool
         The picture is the whole panorama.
+    opening_environment : bool
+        There are windows, and what lies behind them is assembled as a distant environment.
     settings : Settings
     """
 
@@ -36,19 +39,30 @@ class Requirements:
     mirror: bool
     plastic: bool
     equirect_view: bool
+    opening_environment: bool
     settings: Settings
 
     @classmethod
-    def of(cls, materials: Iterable[Material], view: View, settings: Settings) -> Requirements:
+    def of(
+        cls,
+        materials: Iterable[Material],
+        view: View,
+        settings: Settings,
+        *,
+        openings: bool,
+    ) -> Requirements:
+        """`openings`: the video frame has windows."""
         kinds = list(materials)
+        tracing = bool(kinds) and settings.method == "iprt"
         return cls(
             objects=bool(kinds),
-            tracing=bool(kinds) and settings.method == "iprt",
+            tracing=tracing,
             diffuse=any(m.kind == "diffuse" for m in kinds),
             conductor=any(m.kind == "conductor" and not m.is_mirror for m in kinds),
             mirror=any(m.is_mirror for m in kinds),
             plastic=any(m.kind == "plastic" for m in kinds),
             equirect_view=view.projection == "equirect",
+            opening_environment=tracing and settings.trace.openings == "environment" and openings,
             settings=settings,
         )
 
@@ -77,6 +91,8 @@ class Requirements:
             "HAS_DIFFUSE": self.diffuse_signal,
             "HAS_SPECULAR": self.specular_signal,
             "DISTANT_ENVIRONMENT": not self.tracing,
+            "OPENING_ENVIRONMENT": self.opening_environment,
+            "OUTSIDE_ROWS": OUTSIDE_ROWS,
             "BASSRT": self.settings.trace.back_faces,
             "MAX_BOUNCES": self.settings.trace.bounces,
             "TOUCHED_FRAMES": TOUCHED_FRAMES,
@@ -90,5 +106,6 @@ class Requirements:
             "diffuse reflection": self.diffuse_signal,
             "glossy reflection": self.conductor or self.plastic,
             "mirror reflection": self.mirror,
+            "distant environment behind windows": self.opening_environment,
             "equirect layers for rays off screen": self.equirect_layers,
         }

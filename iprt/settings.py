@@ -44,6 +44,10 @@ class TraceSettings(BaseModel):
     back_faces: bool = Field(
         default=True, description="Substitute back faces that the camera never saw (BASSRT)."
     )
+    openings: Literal["environment", "surface"] = Field(
+        default="environment",
+        description="What windows show: what is far behind them, or their own radiance.",
+    )
     relight_reflections: bool = Field(
         default=True, description="Objects reflect shadows and light that objects cast."
     )

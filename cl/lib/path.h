@@ -5,6 +5,8 @@
 // panorama already holds every bounce between them. -D MAX_BOUNCES is how many virtual surfaces a
 // path may meet; the ray after the last one sees real surfaces only (Algorithm 1, lines 4-6).
 // -D RELIT multiplies real radiance by what objects do to it in the view (UpdateGbuffer).
+// -D OPENING_ENVIRONMENT lets windows show what is far behind them in the ray's direction, rather
+// than the radiance of the point where the ray crosses them.
 // -D DISTANT_ENVIRONMENT takes the panorama as infinitely far: image-based lighting.
 #ifndef IPRT_PATH_H
 #define IPRT_PATH_H
@@ -21,6 +23,9 @@
 typedef struct {
     RealLayer real;
     __global const float4 *color;       // panorama radiance
+#ifdef OPENING_ENVIRONMENT
+    __global const float4 *outside;     // [OUTSIDE_ROWS * 2 OUTSIDE_ROWS], seen through windows
+#endif
 #ifdef RELIT
     __global const float4 *ratio;       // E_RV / E_R per pixel of the view
     int view_width;
@@ -45,8 +50,27 @@ static inline float3 sky_radiance(const World world, float3 d)
                              equirect_uv(d));
 }
 
-static inline float3 real_radiance(const World world, const RealHit hit)
+#ifdef OPENING_ENVIRONMENT
+// What lies behind windows in direction d: as the camera saw it, or else extrapolated.
+static inline float3 outside_radiance(const World world, float3 d)
 {
+    const int width = world.real.grid.width, height = world.real.grid.height;
+    const float2 uv = equirect_uv(d);
+    const int texel = min((int)(uv.y * height), height - 1) * width
+        + min((int)(uv.x * width), width - 1);
+    if ((int)world.real.surface[texel].w & SURFACE_OPENING)
+        return panorama_bilinear(world.color, width, height, uv);
+    return panorama_bilinear(world.outside, 2 * OUTSIDE_ROWS, OUTSIDE_ROWS, uv);
+}
+#endif
+
+// Radiance of what a ray in direction d has hit.
+static inline float3 real_radiance(const World world, const RealHit hit, float3 d)
+{
+#ifdef OPENING_ENVIRONMENT
+    if ((int)world.real.surface[hit.texel].w & SURFACE_OPENING && hit.kind <= HIT_BACK_FACE)
+        return outside_radiance(world, d);
+#endif
     float3 radiance = sky_radiance(world, hit.direction);
 #ifdef RELIT
     if (hit.kind <= HIT_BACK_FACE) {
@@ -61,12 +85,23 @@ static inline float3 real_radiance(const World world, const RealHit hit)
 #ifndef DISTANT_ENVIRONMENT
 static inline Scatterer object_point(const World world, const ObjectHit hit, float3 o, float3 d)
 {
-    const float4 geometry = hit.on_screen ? world.objects.screen.geometry[hit.index]
-                                          : world.objects.equirect.geometry[hit.index];
-    const float4 material = hit.on_screen ? world.objects.screen.material[hit.index]
-                                          : world.objects.equirect.material[hit.index];
+    __global const float4 *geometries = hit.on_screen ? world.objects.screen.geometry
+                                                      : world.objects.equirect.geometry;
+    __global const float4 *materials = hit.on_screen ? world.objects.screen.material
+                                                     : world.objects.equirect.material;
     const float footprint = hit.on_screen ? world.objects.screen.footprint
                                           : world.objects.equirect.footprint;
+    const int texels = hit.on_screen
+        ? world.objects.screen.grid.width * world.objects.screen.grid.height
+        : world.objects.equirect.grid.width * world.objects.equirect.grid.height;
+    // Beside the layers, where the solid's flank is, the one that faces the ray stands for it: off
+    // the other, the ray would be scattered into the solid.
+    const int opposite = hit.index < texels ? hit.index + texels : hit.index - texels;
+    const int flank = dot(geometries[hit.index].xyz, d) > 0.0f
+        && dot(geometries[opposite].xyz, d) < 0.0f;
+    const int index = flank ? opposite : hit.index;
+    const float4 geometry = geometries[index];
+    const float4 material = materials[index];
     Scatterer point;
     point.position = o + hit.t * d;
     point.normal = dot(geometry.xyz, d) > 0.0f ? -geometry.xyz : geometry.xyz;
@@ -107,7 +142,7 @@ static inline PathResult trace_path(const World world, float3 o, float3 o_object
         const int at_object = object && !(real.t < hit.t);
 #ifdef WITHOUT_OBJECTS
         if (bounce == 0)
-            result.real = real_radiance(world, real);
+            result.real = real_radiance(world, real, d);
 #endif
         if (!at_object) {
             // The same value bit for bit where no object is met.
@@ -117,7 +152,7 @@ static inline PathResult trace_path(const World world, float3 o, float3 o_object
                 return result;
             }
 #endif
-            result.arriving = throughput * real_radiance(world, real);
+            result.arriving = throughput * real_radiance(world, real, d);
             return result;
         }
         result.met = 1;

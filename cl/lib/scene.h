@@ -12,7 +12,7 @@
         __global const float *restrict real_row, __global const float4 *restrict real_surface,     \
         const float real_thickness_m, const float real_thickness_ratio, const float real_bias,     \
         const float real_nearest, const float real_farthest,                                       \
-        __global const float4 *restrict real_color
+        __global const float4 *restrict real_color, __global const float4 *restrict real_outside
 
 #define REAL_LAYER                                                                                 \
     {                                                                                              \

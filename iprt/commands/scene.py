@@ -10,6 +10,8 @@ import tyro
 from iprt.errors import IprtError
 
 if TYPE_CHECKING:
+    from iprt.scene.frame import Frame
+    from iprt.scene.frame import Frame
     from iprt.scene.report import ObjectReport, SceneReport, Share
     from iprt.scene.scene import Scene
 
@@ -47,12 +49,13 @@ def info(
     report = describe_scene(opened, frame, raw)
     if thumbnail is not None:
         write_thumbnail(thumbnail, opened, frame)
+    plan = render_plan(opened, frame)
     if json:
         import json as json_format
 
-        print(json_format.dumps({**report.record(), "renderer": render_plan(opened)}, indent=2))
+        print(json_format.dumps({**report.record(), "renderer": plan}, indent=2))
     else:
-        print("\n".join(report_lines(report) + plan_lines(render_plan(opened))))
+        print("\n".join(report_lines(report) + plan_lines(plan)))
     return 0
 
 
@@ -177,24 +180,30 @@ def add(
     return 0
 
 
-def render_plan(scene: Scene) -> dict[str, dict[str, bool]]:
-    """What the renderer builds for each view of a scene, by the view's name."""
-    from iprt.requirements import Requirements
-    from iprt.settings import Settings
+def render_plan(scene: Scene, frame: Frame) -> dict[str, dict[str, object]]:
+    """What the renderer builds for each view of a scene and the memory that takes, by name."""
+    from iprt.device.plan import PlanDevice
+    from iprt.renderer import Renderer
 
-    plan = {}
+    plan: dict[str, dict[str, object]] = {}
     for name, entry in scene.views.items():
-        materials = [m for one in scene.instances_of(name) for m in one.mesh.materials]
-        plan[name] = Requirements.of(materials, entry.view, Settings()).describe()
+        device = PlanDevice()
+        renderer = Renderer(device, frame, scene.instances_of(name), entry.view)
+        memory = sum(device.buffers.values()) / 2**20
+        plan[name] = {"parts": renderer.requirements.describe(), "device_memory_mib": memory}
     return plan
 
 
-def plan_lines(plan: dict[str, dict[str, bool]]) -> list[str]:
+def plan_lines(plan: dict[str, dict[str, object]]) -> list[str]:
     """The plan as text."""
-    return [
-        f"builds     {name}: {', '.join(part for part, built in parts.items() if built) or 'none'}"
-        for name, parts in plan.items()
-    ]
+    lines = []
+    for name, entry in plan.items():
+        parts = entry["parts"]
+        assert isinstance(parts, dict)
+        built = ", ".join(part for part, needed in parts.items() if needed) or "resampling only"
+        memory = entry["device_memory_mib"]
+        lines.append(f"builds     {name}: {built}; {memory:.0f} MiB on the device")
+    return lines
 
 
 def report_lines(report: SceneReport) -> list[str]:

@@ -9,6 +9,7 @@ import numpy as np
 from iprt.device.compute import ComputeDevice
 from iprt.passes.pyramid import Pyramid, PyramidShape, equirect_edges
 from iprt.scene.frame import Frame
+from iprt.scene.outside import OUTSIDE_ROWS, outside_radiance
 
 COARSEST_COLUMNS = 8
 """Cells span at most π/4 of azimuth, so that one plane per meridian decides a crossing."""
@@ -26,6 +27,8 @@ class Panorama:
         Linear radiance; the fourth channel is unused.
     surface : (H, W, 4) float32
         Tangent plane and flags per texel, see `cl/lib/real.h`.
+    outside : (OUTSIDE_ROWS, 2 OUTSIDE_ROWS, 4) float32 or None
+        What lies behind windows, as a distant environment, where asked for.
     range : (cells, 2) float32
         Min/max pyramid of radial distances, level 0 first.
     median_depth, nearest, farthest : float
@@ -34,7 +37,9 @@ class Panorama:
         Over the sphere and the three channels.
     """
 
-    def __init__(self, device: ComputeDevice, width: int, height: int) -> None:
+    def __init__(
+        self, device: ComputeDevice, width: int, height: int, *, outside: bool = False
+    ) -> None:
         # Tiny panoramas are repeated texel by texel until the coarsest cells are narrow enough.
         self._repeat = max(1, -(-COARSEST_COLUMNS // width))
         self.width, self.height = width * self._repeat, height * self._repeat
@@ -44,6 +49,9 @@ class Panorama:
         self.color = device.empty("panorama.color", (*texels, 4))
         self.surface = device.empty("panorama.surface", (*texels, 4))
         self.range = device.empty("panorama.range", (self.shape.offsets[-1], 2))
+        self.outside = None
+        if outside:
+            self.outside = device.empty("panorama.outside", (OUTSIDE_ROWS, 2 * OUTSIDE_ROWS, 4))
         self._depth = device.empty("panorama.depth", texels)
         self._normal = device.empty("panorama.normal", (*texels, 3))
         self._opening = device.empty("panorama.opening", texels, np.uint8)
@@ -67,6 +75,10 @@ class Panorama:
         color = np.zeros((self.height, self.width, 4), np.float32)
         color[..., :3] = self._enlarged(frame.color)
         with self._device.profile.section("upload"):
+            if self.outside is not None:
+                environment = np.zeros(self.outside.shape, np.float32)
+                environment[..., :3] = outside_radiance(frame.color, frame.opening)
+                self._device.write(self.outside, environment)
             self._device.write(self.color, color)
             self._device.write(self._depth, self._enlarged(frame.depth))
             self._device.write(self._normal, self._enlarged(frame.normal))

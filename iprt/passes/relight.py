@@ -28,14 +28,23 @@ class Relight:
         pixels = guide.layout.width * guide.layout.height
         self.ratio = device.empty("relighting ratio", (pixels, 4))
 
-    def run(self, signal: cla.Array, *, scale: float) -> None:
-        """Fill `ratio` from the 6 planes of E_R and E_RV; `scale` is the scene's mean E_R."""
+    def run(self, signal: cla.Array, colour: cla.Array, *, scale: float) -> None:
+        """Fill `ratio`.
+
+        Parameters
+        ----------
+        signal : 6 planes, E_R and E_RV over π
+        colour : 3 planes, radiance of the real layer, L_cam
+        scale : float
+            The scene's mean radiance.
+        """
         width, height = self._guide.layout.width, self._guide.layout.height
         with self._device.profile.section("relight"):
             self._kernel(
                 (width, height),
                 self._guide.current,
                 signal,
+                colour,
                 self.ratio,
                 BLACK * scale,
                 width,

@@ -40,6 +40,7 @@ class World:
         return (
             *self.panorama.layer_arguments(trace.thickness, trace.thickness_ratio),
             self.panorama.color,
+            self.panorama.outside,
             *(self.screen.arguments() if self.screen else NO_LAYERS),
             *(self.equirect.arguments() if self.equirect else NO_LAYERS),
             int4(self.screen.rect if self.screen else EMPTY),

@@ -10,10 +10,14 @@ from iprt.passes.relight import Relight
 from tests.passes.gbuffer import SIZES, GBuffer, flat_gbuffer, random_gbuffer, upload
 
 
-def run(device: ComputeDevice, gbuffer: GBuffer, signal: np.ndarray) -> np.ndarray:
-    """(4, H, W) ratio."""
+def run(
+    device: ComputeDevice, gbuffer: GBuffer, signal: np.ndarray, seen: float = 0.0
+) -> np.ndarray:
+    """(4, H, W) ratio, where the camera saw the radiance `seen`."""
     relight = Relight(device, gbuffer.guide(device))
-    relight.run(upload(device, gbuffer.layout, signal), scale=2.0)
+    colour = np.full((3, *signal.shape[1:]), seen)
+    planes = (upload(device, gbuffer.layout, image) for image in (signal, colour))
+    relight.run(*planes, scale=2.0)
     shape = (gbuffer.layout.height, gbuffer.layout.width, 4)
     return np.moveaxis(device.read(relight.ratio).reshape(shape), -1, 0)
 
@@ -56,3 +60,13 @@ def test_extremes(device: ComputeDevice, real: float, both: float, expected: flo
     signal = np.full((6, 2, 2), real)
     signal[3:] = both
     assert np.all(run(device, flat_gbuffer(2, 2), signal)[:3] == np.float32(expected))
+
+
+def test_light_that_the_panorama_lacks_is_not_blocked(device: ComputeDevice) -> None:
+    """A spot seen at 3 that receives 1, of which objects take 0.5: (0.5 + 2) / (1 + 2)."""
+    signal = np.full((6, 2, 2), 1.0)
+    signal[3:] = 0.5
+    ratio = run(device, flat_gbuffer(2, 2), signal, seen=3.0)[:3]
+    np.testing.assert_allclose(ratio, 2.5 / 3.0, rtol=1e-6)
+    explained = run(device, flat_gbuffer(2, 2), signal, seen=0.9)[:3]
+    np.testing.assert_allclose(explained, 0.5, rtol=1e-6)
