@@ -72,7 +72,7 @@ def render_mask(parts: Parts, objects: Parts, view: View, *, seed: int) -> Image
 
     The `objects` are Mitsuba shapes, not dictionaries: they are recognised by identity.
     """
-    scene = mitsuba().load_dict({"type": "scene", **parts, **objects}, optimize=False)
+    scene = mitsuba().load_dict({"type": "scene", **parts, **objects})
     return _render(scene, sensor(view), _coverage(list(objects.values())), MASK_SAMPLES, seed)[
         ..., 0
     ]

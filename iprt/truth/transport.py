@@ -73,7 +73,7 @@ class World:
             {"type": "scene", "surface": _shape(mesh.positions, mesh.triangles)}
         )
         self.has_objects = bool(shapes)
-        self.objects = mi.load_dict({"type": "scene", **shapes}, optimize=False)
+        self.objects = mi.load_dict({"type": "scene", **shapes})
         self._color = _texture(frame.color)
         self._normal = _texture(frame.normal)
         receives = np.isfinite(frame.depth) & ~frame.opening

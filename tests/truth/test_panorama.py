@@ -38,7 +38,7 @@ def ball(material: Material, centre: tuple[float, float, float], radius: float) 
         (Material("diffuse", (0.8, 0.5, 0.2)), (0.8, 0.5, 0.2), 0.01),
         (Material("conductor", (0.9, 0.6, 0.3), alpha=0.0), (0.9, 0.6, 0.3), 0.01),
         # One scattering between microfacets only: a little is lost.
-        (Material("conductor", (0.9, 0.6, 0.3), alpha=0.2), (0.9, 0.6, 0.3), 0.03),
+        (Material("conductor", (0.9, 0.6, 0.3), alpha=0.05), (0.9, 0.6, 0.3), 0.015),
     ],
     ids=["diffuse", "mirror", "rough conductor"],
 )
@@ -68,11 +68,26 @@ def test_white_object_in_white_room_is_invisible(mi: Any) -> None:
     frame = sphere_frame(np.full((32, 64, 3), 0.7, np.float32), 3.0)
     white = ball(Material("diffuse", (1.0, 1.0, 1.0)), (0.0, -0.9, -1.5), 0.5)
     view = View(24, 24, pitch_deg=-30.0, fov_y_deg=70.0)
-    result = render_reference(frame, [white], view, spp=64, clean=False)
+    result = render_reference(frame, [white], view, spp=256, clean=False)
     assert result.coverage.max() == 1.0
     # BOUNCES virtual surfaces and a convex object: nothing is cut off.
     np.testing.assert_allclose(result.color, 0.7, rtol=0.08)
     assert result.color.mean() == pytest.approx(0.7, rel=0.003)
+
+
+def test_white_objects_that_shade_and_light_each_other_are_invisible(mi: Any) -> None:
+    from iprt.truth.panorama import render_reference
+
+    frame = sphere_frame(np.full((32, 64, 3), 0.7, np.float32), 3.0)
+    white = Material("diffuse", (1.0, 1.0, 1.0))
+    pair = [ball(white, (x, 0.0, -1.5), 0.4) for x in (-0.42, 0.42)]
+    view = View(24, 16, fov_y_deg=40.0)
+    result = render_reference(frame, pair, view, spp=256, clean=False)
+    between = result.color[7:9, 10:14]
+    assert result.coverage[7:9, 10:14].mean() > 0.7
+    # Paths end after BOUNCES surfaces, which few that start between the balls reach.
+    assert between.mean() == pytest.approx(0.7, rel=0.03)
+    assert result.color.mean() == pytest.approx(0.7, rel=0.005)
 
 
 def shadow_of_black_ball(

@@ -9,6 +9,7 @@ import pytest
 
 from iprt.scene.camera import View
 from iprt.scene.material import Material
+from scenes360.modelling import sphere
 
 pytestmark = pytest.mark.mitsuba
 
@@ -69,14 +70,16 @@ def test_no_surface_is_depth_zero(mi: Any) -> None:
 
 def test_mask_is_the_share_of_the_pixel_in_front(mi: Any) -> None:
     from iprt.truth.model import render_mask
+    from iprt.truth.shapes import mitsuba_mesh
 
     def ball(x: float, z: float) -> Any:
-        return mi.load_dict({"type": "sphere", "center": [x, 0.0, z], "radius": 0.5})
+        return mitsuba_mesh(sphere(0.5, segments=128).at(x, 0.0, z), {"type": "diffuse"})
 
     view = View(64, 64, fov_y_deg=40.0)
     mask = render_mask({"real": ball(0.0, -2.0)}, {"near": ball(0.0, -4.0)}, view, seed=0)
     assert not mask.any(), "the real ball hides the object"
-    mask = render_mask({}, {"object": ball(0.0, -4.0)}, view, seed=0)
+    beside = {"real": ball(0.0, -9.0), "other": ball(5.0, -4.0)}
+    mask = render_mask(beside, {"object": ball(0.0, -4.0)}, view, seed=0)
     # The silhouette of a centred sphere is a circle of tangent radius / sqrt(d^2 - radius^2).
     area = np.pi * (view.focal_px * 0.5 / np.sqrt(16 - 0.25)) ** 2
     assert mask.sum() == pytest.approx(area, rel=0.01)
