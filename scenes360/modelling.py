@@ -34,12 +34,6 @@ class Solid:
     def at(self, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Solid:
         return replace(self, positions=self.positions + np.array([x, y, z]))
 
-    def scaled(self, x: float, y: float, z: float) -> Solid:
-        factors = np.array([x, y, z])
-        return replace(
-            self, positions=self.positions * factors, normals=_unit(self.normals / factors)
-        )
-
     def turned(self, axis: str, degrees: float) -> Solid:
         """Rotated about a coordinate axis through the origin, counter-clockwise seen from it."""
         first, second = {"x": (1, 2), "y": (2, 0), "z": (0, 1)}[axis]

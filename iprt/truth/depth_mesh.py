@@ -35,8 +35,9 @@ class DepthMesh:
 def depth_mesh(frame: Frame) -> DepthMesh:
     """Connect the texel centres of a frame, leaving gaps where the depth jumps.
 
-    Two texels are connected if either lies about on the other's tangent plane (`STEP`, `CREASE`). Texels
-    without depth have no triangles. Each pole is closed by a fan to its row's mean inverse depth.
+    Two texels are connected if either lies about on the other's tangent plane (`STEP`, `CREASE`).
+    Texels without depth have no triangles. Each pole is closed by a fan to its row's mean inverse
+    depth.
     """
     height, width = frame.height, frame.width
     directions = View(width, height, projection="equirect").directions()
