@@ -11,7 +11,6 @@ from iprt.errors import IprtError
 
 if TYPE_CHECKING:
     from iprt.scene.frame import Frame
-    from iprt.scene.frame import Frame
     from iprt.scene.report import ObjectReport, SceneReport, Share
     from iprt.scene.scene import Scene
 

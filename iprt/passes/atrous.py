@@ -37,7 +37,7 @@ class AtrousSettings(BaseModel):
         description="Falloff per (distance from the pixel's plane / depth); higher keeps steps.",
     )
     deviations: float = Field(
-        default=3.0,
+        default=6.0,
         gt=0.0,
         le=100.0,
         description="Differences of so many standard deviations count as noise; lower keeps more "

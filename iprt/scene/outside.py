@@ -32,18 +32,16 @@ def outside_radiance(color: NDArray[np.float32], opening: NDArray[np.bool_]) -> 
     """
     height, width = opening.shape
     sine = np.sin((np.arange(height) + 0.5) / height * np.pi)[:, None]
-    weight = opening * sine
+    weight = np.where(opening, sine, 0.0)
     rows = np.arange(height) * OUTSIDE_ROWS // height
     columns = np.arange(width) * 2 * OUTSIDE_ROWS // width
     cell = (rows[:, None] * 2 * OUTSIDE_ROWS + columns)[opening]
     size = 2 * OUTSIDE_ROWS**2
+    light = weight[opening][:, None] * color[opening]
     shape = (OUTSIDE_ROWS, 2 * OUTSIDE_ROWS)
-    total = np.bincount(cell, weight[opening], size).reshape(shape)
+    total = np.bincount(cell, weight[opening], size).astype(np.float64).reshape(shape)
     sums = np.stack(
-        [
-            np.bincount(cell, weight[opening] * color[opening][:, c], size).reshape(shape)
-            for c in range(3)
-        ],
+        [np.bincount(cell, light[:, c], size).astype(np.float64).reshape(shape) for c in range(3)],
         axis=-1,
     )
     return _push_pull(sums, total).astype(np.float32)
