@@ -30,7 +30,7 @@ def filter_level(
     step: int,
     *,
     sharpness: tuple[float, float] = (128.0, 100.0),
-    deviations: float = 3.0,
+    deviations: float = 6.0,
     floor: float = 0.002,
     roughness: Array | None = None,
     lobe_fraction: float = 0.5,
