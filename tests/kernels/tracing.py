@@ -90,6 +90,7 @@ class RealTracer:
             what,
             *panorama.layer_arguments(thickness, ratio),
             panorama.color,
+            panorama.outside,
         )
         f, w = device.read(found), device.read(what)
         return Hits(f[:, 3], w[:, 0], w[:, 1], f[:, :3])

@@ -1,0 +1,162 @@
+"""Only what a scene requires is built: kernels, variants and buffers, read from a plan."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from iprt.device.plan import PlanDevice, PlannedBuffer
+from iprt.renderer import Renderer
+from iprt.requirements import Requirements
+from iprt.scene.camera import View
+from iprt.scene.material import Material
+from iprt.settings import Settings
+from tests.worlds import ball, sphere_frame
+
+FRAME = sphere_frame(2.0, 32, 16, 1.0)
+VIEW = View(24, 16)
+PANORAMA = View(32, 16, projection="equirect")
+
+DIFFUSE = Material()
+GLOSSY = Material("conductor", alpha=0.2)
+MIRROR = Material("conductor", alpha=0.0)
+PLASTIC = Material("plastic")
+
+KIND_OF = {
+    "MATERIAL_DIFFUSE": DIFFUSE,
+    "MATERIAL_CONDUCTOR": GLOSSY,
+    "MATERIAL_MIRROR": MIRROR,
+    "MATERIAL_PLASTIC": PLASTIC,
+}
+
+
+def plan(*materials: Material, view: View = VIEW, settings: Settings | None = None) -> PlanDevice:
+    """What a renderer of one ball per material would build."""
+    balls = [ball((i, 0.0, -1.5), 0.3, m, subdivisions=1) for i, m in enumerate(materials)]
+    device = PlanDevice()
+    Renderer(device, FRAME, balls, view, settings)
+    return device
+
+
+def files(device: PlanDevice) -> set[str]:
+    return {file for file, _, _ in device.kernels}
+
+
+def defines(device: PlanDevice, file: str) -> dict[str, object]:
+    """The `-D` of the one variant of a file."""
+    variants = [used for built, _, used in device.kernels if built == file]
+    assert variants
+    assert all(used == variants[0] for used in variants)
+    return dict(variants[0])
+
+
+def buffers(device: PlanDevice, word: str) -> list[str]:
+    return [name for name in device.buffers if word in name]
+
+
+def test_a_diffuse_scene_builds_and_stores_nothing_glossy() -> None:
+    device = plan(DIFFUSE, DIFFUSE)
+    built = {define for _, _, used in device.kernels for define in used}
+    assert "MATERIAL_DIFFUSE" in built
+    for glossy in ("MATERIAL_CONDUCTOR", "MATERIAL_MIRROR", "MATERIAL_PLASTIC"):
+        assert glossy not in built
+    assert not {"HAS_SPECULAR", "SPECULAR"} & built
+    assert not buffers(device, "specular")
+
+
+def test_a_mirror_stores_nothing_diffuse() -> None:
+    device = plan(MIRROR)
+    built = {define for _, _, used in device.kernels for define in used}
+    assert not {"MATERIAL_DIFFUSE", "MATERIAL_CONDUCTOR", "MATERIAL_PLASTIC", "HAS_DIFFUSE"} & built
+    assert not buffers(device, "diffuse")
+    assert buffers(device, "specular")
+
+
+@pytest.mark.parametrize("file", ["trace_real.cl", "trace_virtual.cl"])
+@pytest.mark.parametrize("left_out", [*KIND_OF, None])
+def test_tracing_knows_the_materials_that_are_there(file: str, left_out: str | None) -> None:
+    kinds = {define: m for define, m in KIND_OF.items() if define != left_out}
+    used = defines(plan(*kinds.values()), file)
+    assert {define for define in used if define.startswith("MATERIAL_")} == set(kinds)
+
+
+@pytest.mark.parametrize("view", [VIEW, PANORAMA])
+def test_without_objects_the_panorama_is_resampled_and_that_is_all(view: View) -> None:
+    device = plan(view=view)
+    assert files(device) == {"surface.cl", "pyramid.cl", "resample.cl", "composite.cl"}
+    assert {name.split(".")[0].split()[0] for name in device.buffers} == {
+        "panorama",
+        "view",
+        "real",
+        "picture",
+    }
+    assert not {"HAS_OBJECTS", "HAS_RATIO"} & set(defines(device, "composite.cl"))
+
+
+@pytest.mark.parametrize("view", [VIEW, PANORAMA])
+def test_the_distant_environment_traces_nothing(view: View) -> None:
+    device = plan(DIFFUSE, GLOSSY, view=view, settings=Settings(method="ibl"))
+    assert not {"trace_real.cl", "object_surface.cl", "relight.cl"} & files(device)
+    assert "DISTANT_ENVIRONMENT" in defines(device, "trace_virtual.cl")
+    assert "RELIT" not in defines(device, "trace_virtual.cl")
+    assert "HAS_RATIO" not in defines(device, "composite.cl")
+    assert not buffers(device, "layers")
+    assert not buffers(device, "ratio")
+    assert not buffers(device, "real signal")
+
+
+def test_a_view_has_layers_of_its_own_and_of_the_panorama() -> None:
+    device = plan(DIFFUSE)
+    assert buffers(device, "screen layers")
+    assert buffers(device, "equirect layers")
+    assert "DISTANT_ENVIRONMENT" not in defines(device, "trace_virtual.cl")
+
+
+def test_the_whole_panorama_has_one_set_of_layers() -> None:
+    device = plan(DIFFUSE, view=PANORAMA)
+    layers = {name.split()[0] for name in buffers(device, "layers")}
+    assert len(layers) == 1
+    assert len([file for file, _, _ in device.kernels if file == "object_surface.cl"]) == 1
+    assert "VIEW_EQUIRECT" in defines(device, "object_surface.cl")
+
+
+def test_settings_choose_variants() -> None:
+    bounces = Settings.model_validate({"trace": {"bounces": 2, "back_faces": False}})
+    used = defines(plan(DIFFUSE, settings=bounces), "trace_real.cl")
+    assert used["MAX_BOUNCES"] == 2
+    assert "BASSRT" not in used
+    assert "BASSRT" in defines(plan(DIFFUSE), "trace_real.cl")
+    plain = Settings.model_validate({"trace": {"relight_reflections": False}})
+    assert "RELIT" not in defines(plan(DIFFUSE, settings=plain), "trace_virtual.cl")
+    assert "RELIT" in defines(plan(DIFFUSE), "trace_virtual.cl")
+
+
+class CountingPlan(PlanDevice):
+    """Remembers every allocation."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.allocated: list[str] = []
+
+    def empty(self, name: str, *args: Any) -> PlannedBuffer:
+        self.allocated.append(name)
+        return super().empty(name, *args)
+
+
+@pytest.mark.parametrize("view", [VIEW, PANORAMA])
+def test_a_plan_tells_the_memory(view: View) -> None:
+    """No two buffers share a name, under which one would hide the other's bytes."""
+    device = CountingPlan()
+    objects = [ball((0.0, 0.0, -1.5), 0.3, m, subdivisions=1) for m in KIND_OF.values()]
+    Renderer(device, FRAME, objects, view)
+    assert sorted(device.allocated) == sorted(device.buffers)
+    assert all(size > 0 for size in device.buffers.values())
+
+
+def test_described_parts_are_those_that_are_built() -> None:
+    described = Requirements.of([DIFFUSE], VIEW, Settings(), openings=False).describe()
+    assert described["diffuse reflection"]
+    assert not described["glossy reflection"]
+    assert not described["mirror reflection"]
+    assert not any(Requirements.of([], VIEW, Settings(), openings=True).describe().values())

@@ -1,0 +1,132 @@
+"""Small scenes for tests of the whole frame: analytic rooms that shine, meshes placed in them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+from iprt.scene.camera import View
+from iprt.scene.frame import Frame
+from iprt.scene.material import Material
+from iprt.scene.mesh import Instance, Mesh
+from tests.oracles.worlds import World, frame_of
+
+Float = NDArray[np.float64]
+Radiance = Callable[[Float, Float], Float]
+"""Radiance (..., 3) of a room's surface at points (..., 3) with normals (..., 3)."""
+
+
+def bright_walls(points: Float, normals: Float) -> Float:
+    """Another colour on each wall, with gentle waves."""
+    axis = np.abs(normals).argmax(-1)
+    side = np.take_along_axis(normals, axis[..., None], -1)[..., 0] > 0.0
+    left_right = [[0.9, 0.2, 0.2], [0.2, 0.8, 0.3]]
+    up_down = [[0.3, 0.3, 0.9], [0.9, 0.8, 0.4]]
+    front_back = [[0.6, 0.6, 0.6], [0.2, 0.7, 0.8]]
+    colors = np.array(left_right + up_down + front_back)
+    waves = 1.0 + 0.1 * np.sin(np.pi * points).sum(-1)
+    return np.asarray(colors[2 * axis + side] * waves[..., None])
+
+
+def ceiling_lamp(points: Float, normals: Float) -> Float:
+    """A bright square in the ceiling of a dim room."""
+    beside = np.maximum(np.abs(points[..., 0] - 0.2), np.abs(points[..., 2] + 1.4))
+    lit = (beside < 0.8) & (normals[..., 1] < -0.5)
+    dim = np.where(normals[..., 1] > 0.5, 0.1, 0.2)
+    return np.asarray(np.where(lit, 10.0, dim)[..., None] * np.ones(3))
+
+
+def room_frame(world: World, width: int, height: int, radiance: Radiance) -> Frame:
+    """The panorama that the capture centre sees."""
+    d = View(width, height, projection="equirect").directions()
+    t, normal, _ = world.first_hit(np.zeros(3), d)
+    frame = world.frame(width, height)
+    return replace(frame, color=radiance(t[..., None] * d, normal).astype(np.float32))
+
+
+def sphere_frame(radius: float, width: int, height: int, radiance: float) -> Frame:
+    """The inside of a sphere about the capture centre, with the same light everywhere."""
+    d = View(width, height, projection="equirect").directions()
+    frame = frame_of(np.full((height, width), radius), -d)
+    return replace(frame, color=np.full((height, width, 3), radiance, np.float32))
+
+
+def landscape_frame(width: int, height: int) -> Frame:
+    """A plain, 1.5 m below the capture centre, under an open sky of many colours."""
+    d = View(width, height, projection="equirect").directions()
+    down = d[..., 1] < 0.0
+    depth = np.where(down, -1.5 / np.where(down, d[..., 1], -1.0), np.inf)
+    normal = np.broadcast_to([0.0, 1.0, 0.0], d.shape)
+    sky = 1.0 + 0.5 * np.sin(3.0 * d)
+    frame = frame_of(depth, normal)
+    return replace(frame, color=np.where(down[..., None], 0.3, sky).astype(np.float32))
+
+
+def ball(
+    centre: Sequence[float], radius: float, material: Material, *, subdivisions: int = 4
+) -> Instance:
+    """A sphere with smooth normals."""
+    shape = trimesh.creation.icosphere(subdivisions=subdivisions)
+    return _instance("ball", shape.vertices, shape.vertices, shape.faces, material, centre, radius)
+
+
+def cuboid(centre: Sequence[float], half: Sequence[float], material: Material) -> Instance:
+    """An axis-aligned box with flat faces."""
+    shape = trimesh.creation.box(extents=2.0 * np.asarray(half, np.float64))
+    corners = shape.triangles.reshape(-1, 3)
+    normals = shape.face_normals.repeat(3, axis=0)
+    faces = np.arange(len(corners)).reshape(-1, 3)
+    return _instance("box", corners, normals, faces, material, centre, 1.0)
+
+
+def _instance(
+    name: str,
+    positions: Float,
+    normals: Float,
+    faces: NDArray[np.integer],
+    material: Material,
+    centre: Sequence[float],
+    scale: float,
+) -> Instance:
+    mesh = Mesh(
+        np.asarray(positions, np.float32),
+        np.asarray(normals, np.float32),
+        np.zeros((len(positions), 2), np.float32),
+        np.asarray(faces, np.int32),
+        np.zeros(len(faces), np.int32),
+        (material,),
+    )
+    matrix = np.diag([scale, scale, scale, 1.0])
+    matrix[:3, 3] = centre
+    return Instance(name, mesh, matrix)
+
+
+def scaled(
+    frame: Frame, instances: Sequence[Instance], factor: float
+) -> tuple[Frame, list[Instance]]:
+    """The same scene with lengths in another unit."""
+    larger = np.diag([factor, factor, factor, 1.0])
+    return (
+        replace(frame, depth=(frame.depth * np.float32(factor)).astype(np.float32)),
+        [replace(i, to_world=larger @ i.to_world) for i in instances],
+    )
+
+
+def turned(
+    frame: Frame, instances: Sequence[Instance], columns: int
+) -> tuple[Frame, list[Instance], float]:
+    """The scene turned to the right by columns of the panorama; and by how many degrees."""
+    yaw_deg = columns * 360.0 / frame.width
+    turn = np.eye(4)
+    turn[:3, :3] = View(1, 1, yaw_deg).world_from_view
+    rolled = Frame(
+        color=np.roll(frame.color, columns, 1),
+        depth=np.roll(frame.depth, columns, 1),
+        opening=np.roll(frame.opening, columns, 1),
+        normal=(np.roll(frame.normal, columns, 1) @ turn[:3, :3].T).astype(np.float32),
+    )
+    return rolled, [replace(i, to_world=turn @ i.to_world) for i in instances], yaw_deg
