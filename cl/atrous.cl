@@ -16,18 +16,9 @@
 // Build with -DSIGNAL_PLANES=3|6, -DDIFFERENCE for a real layer (planes E_R rgb, E_RV rgb),
 // -DSPECULAR for specular radiance. Work groups of (n, 1) vectorize best on CPUs.
 #include "guide.h"
+#include "signal.h"
 
 #define MIRROR_ALPHA 1e-4f
-
-// The scalar that differences are judged by, and what "small" means for it.
-inline float guide_scalar(const float *s)
-{
-#ifdef DIFFERENCE
-    return luminance(s[0] - s[3], s[1] - s[4], s[2] - s[5]);
-#else
-    return luminance(s[0], s[1], s[2]);
-#endif
-}
 
 __kernel void filter_level(
     __global const float *restrict guide,        // 7 planes
@@ -73,7 +64,7 @@ __kernel void filter_level(
     float weights = 0.140625f;
     float variances = 0.140625f * 0.140625f * variance[p];
     float g = guide_scalar(centre);
-    float tolerance = floor_fraction * luminance(centre[0], centre[1], centre[2]);
+    float tolerance = floor_fraction * luminance((float3)(centre[0], centre[1], centre[2]));
     tolerance = variance_scale * variance[p] + tolerance * tolerance + 1e-30f;
     // No tap matches -2, so that a pixel without a surface keeps what it has.
     float same = id > 0.0f ? id : -2.0f;

@@ -7,19 +7,21 @@
 //        (nothing there, or an opening: id 0)
 //
 // No diffuse surface reflects more than it receives. Where the camera saw more than E_R, the rest
-// came from light that the panorama does not hold (a clipped lamp) or shone at the camera only (a
-// highlight). It is added to E_R and E_RV alike, as light that no object blocks; otherwise such
-// spots would light themselves up by way of the objects near them.
+// came from light that the panorama does not hold (a clipped window) or shone at the camera only (a
+// highlight). Objects are taken to block as much of it as of the known light, without colour, and
+// never to add to it; otherwise such spots would light themselves up by way of objects near them.
 #include "guide.h"
 
 // Objects at most add light to a spot that was dark; beyond 4 a real surface's radiance is mostly
 // noise of a small E_R, and its colour was captured too dark to be trusted.
 #define MAX_RATIO 4.0f
 
-inline float channel_ratio(float real, float both, float seen, float black)
+inline float channel_ratio(float real, float both, float seen, float passing, float explained,
+                           float black)
 {
     float unexplained = fmax(seen - real, 0.0f);
-    float ratio = (both + unexplained) / (real + unexplained);
+    float ratio = (both + passing * unexplained) / (real + unexplained);
+    ratio = mix(passing, ratio, explained);
     bool usable = real > black && real < 1e30f && fabs(both) < 1e30f && both != real;
     return usable ? fmin(fmax(ratio, 0.0f), MAX_RATIO) : 1.0f;
 }
@@ -37,11 +39,15 @@ __kernel void relight(
     if (x >= width || y >= height)
         return;
     int size = plane_size(width, height), p = plane_index(x, y, width);
-    float4 result = (float4)(channel_ratio(signal[p], signal[3 * size + p], colour[p], black),
-                             channel_ratio(signal[size + p], signal[4 * size + p],
-                                           colour[size + p], black),
-                             channel_ratio(signal[2 * size + p], signal[5 * size + p],
-                                           colour[2 * size + p], black),
-                             1.0f);
+    float3 real = (float3)(signal[p], signal[size + p], signal[2 * size + p]);
+    float3 both = (float3)(signal[3 * size + p], signal[4 * size + p], signal[5 * size + p]);
+    float3 seen = (float3)(colour[p], colour[size + p], colour[2 * size + p]);
+    float passing = fmin(fmax(luminance(both) / fmax(luminance(real), black), 0.0f), 1.0f);
+    float3 shares = real / fmax(fmax(real, seen), black);
+    float explained = clamp(fmin(shares.x, fmin(shares.y, shares.z)), 0.0f, 1.0f);
+    float4 result = (float4)(
+        channel_ratio(real.x, both.x, seen.x, passing, explained, black),
+        channel_ratio(real.y, both.y, seen.y, passing, explained, black),
+        channel_ratio(real.z, both.z, seen.z, passing, explained, black), 1.0f);
     ratio[y * width + x] = guide[GUIDE_ID * size + p] > 0.0f ? result : (float4)(1.0f);
 }

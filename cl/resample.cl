@@ -3,7 +3,8 @@
 // in   view       [16]       lib/view.h
 //      previous   [16]       view of the previous picture
 //      panorama   lib/real.h surface, range; color
-// out  color      3 planes   linear radiance, bilinear: L_cam of IPRT Eq. 2
+// out  color      3 planes   linear radiance, bilinear: L_cam of IPRT Eq. 2; the panorama's own bits
+//                            in an equirect view of its size
 //      normal     3 planes   world, facing the capture centre
 //      depth      1 plane    metres from the capture centre; 0: open sky
 //      id         1 plane    1: surface that takes shadows; 0: opening or open sky
@@ -35,13 +36,21 @@ __kernel void resample_panorama(
     const int pixel = plane_index(x, y, width), size = plane_size(width, height);
     const float3 v = view_direction(view, (float2)(x + 0.5f, y + 0.5f));
     const float2 uv = equirect_uv(v);
-    const float3 radiance = panorama_bilinear(panorama_color, panorama_width, panorama_height, uv);
+    int texel = min((int)(uv.y * panorama_height), panorama_height - 1) * panorama_width
+        + min((int)(uv.x * panorama_width), panorama_width - 1);
+    float3 radiance = panorama_bilinear(panorama_color, panorama_width, panorama_height, uv);
+#ifdef VIEW_EQUIRECT
+    // The panorama at its own size keeps its bits: rounded directions would blend in neighbours.
+    if (width == panorama_width && height == panorama_height
+        && view[0] == 1.0f && view[4] == 1.0f && view[8] == 1.0f) {
+        texel = y * width + x;
+        radiance = panorama_color[texel].xyz;
+    }
+#endif
     color[pixel] = radiance.x;
     color[size + pixel] = radiance.y;
     color[2 * size + pixel] = radiance.z;
 
-    const int texel = min((int)(uv.y * panorama_height), panorama_height - 1) * panorama_width
-        + min((int)(uv.x * panorama_width), panorama_width - 1);
     const float4 surface = panorama_surface[texel];
     const int flags = (int)surface.w;
     const int visible = !(flags & SURFACE_NONE);

@@ -19,21 +19,13 @@
 // that stays on the pixel, the accumulated signal is the plain mean of the samples. A sample that
 // is not finite is dropped. Build with -DSIGNAL_PLANES=3|6, -DVIEW_EQUIRECT for equirect views.
 #include "guide.h"
+#include "signal.h"
 
 #define HUGE 1e30f            // samples from here on, and NaN, are not used
 #define MAX_LENGTH 1e6f
 #define SHORT_HISTORY 4.0f    // below, samples of one pixel do not tell their variance
 #define SPATIAL_RADIUS 3
 #define CLAMP_STEP 2
-
-inline float guide_scalar(const float *s)
-{
-#ifdef DIFFERENCE
-    return luminance(s[0] - s[3], s[1] - s[4], s[2] - s[5]);
-#else
-    return luminance(s[0], s[1], s[2]);
-#endif
-}
 
 // Reads a pixel's signal; the planes from 3 on as differences to the first three.
 inline void load_differences(float *s, __global const float *signal, int size, int p)

@@ -5,6 +5,7 @@
 #ifndef IPRT_GUIDE_H
 #define IPRT_GUIDE_H
 
+#include "maths.h"
 #include "planes.h"
 
 #define GUIDE_NORMAL 0
@@ -22,11 +23,6 @@ inline float falloff(float x)
     w *= w;
     w *= w;
     return w * w;
-}
-
-inline float luminance(float r, float g, float b)
-{
-    return 0.2126f * r + 0.7152f * g + 0.0722f * b;
 }
 
 // Spacing in pixels of the rays at a tracing level (IPRT Eq. 4 and Figure 5).

@@ -9,13 +9,15 @@ from iprt.device.compute import ComputeDevice
 from iprt.passes.relight import Relight
 from tests.passes.gbuffer import SIZES, GBuffer, flat_gbuffer, random_gbuffer, upload
 
+BLACK = np.zeros(3)
+
 
 def run(
-    device: ComputeDevice, gbuffer: GBuffer, signal: np.ndarray, seen: float = 0.0
+    device: ComputeDevice, gbuffer: GBuffer, signal: np.ndarray, seen: np.ndarray = BLACK
 ) -> np.ndarray:
-    """(4, H, W) ratio, where the camera saw the radiance `seen`."""
+    """(4, H, W) ratio, where the camera saw the radiance `seen`, one colour."""
     relight = Relight(device, gbuffer.guide(device))
-    colour = np.full((3, *signal.shape[1:]), seen)
+    colour = np.tile(seen[:, None, None], (1, *signal.shape[1:]))
     planes = (upload(device, gbuffer.layout, image) for image in (signal, colour))
     relight.run(*planes, scale=2.0)
     shape = (gbuffer.layout.height, gbuffer.layout.width, 4)
@@ -62,11 +64,33 @@ def test_extremes(device: ComputeDevice, real: float, both: float, expected: flo
     assert np.all(run(device, flat_gbuffer(2, 2), signal)[:3] == np.float32(expected))
 
 
-def test_light_that_the_panorama_lacks_is_not_blocked(device: ComputeDevice) -> None:
-    """A spot seen at 3 that receives 1, of which objects take 0.5: (0.5 + 2) / (1 + 2)."""
-    signal = np.full((6, 2, 2), 1.0)
-    signal[3:] = 0.5
-    ratio = run(device, flat_gbuffer(2, 2), signal, seen=3.0)[:3]
-    np.testing.assert_allclose(ratio, 2.5 / 3.0, rtol=1e-6)
-    explained = run(device, flat_gbuffer(2, 2), signal, seen=0.9)[:3]
-    np.testing.assert_allclose(explained, 0.5, rtol=1e-6)
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+
+
+@pytest.mark.parametrize(
+    ("real", "both", "seen"),
+    [
+        ((1.0, 1.0, 1.0), (0.5, 0.5, 0.5), (3.0, 3.0, 3.0)),
+        ((0.46, 0.26, 0.19), (0.40, 0.24, 0.21), (0.59, 0.67, 0.82)),
+        ((0.46, 0.26, 0.19), (0.40, 0.36, 0.41), (0.59, 0.67, 0.82)),
+        ((1.0, 0.5, 0.2), (0.2, 0.6, 0.3), (0.9, 0.45, 0.18)),
+    ],
+)
+def test_light_that_the_panorama_lacks_is_blocked_like_the_rest(
+    device: ComputeDevice,
+    real: tuple[float, ...],
+    both: tuple[float, ...],
+    seen: tuple[float, ...],
+) -> None:
+    r, b, c = (np.array(rgb) for rgb in (real, both, seen))
+    signal = np.tile(np.concatenate([r, b])[:, None, None], (1, 2, 2))
+    ratio = run(device, flat_gbuffer(2, 2), signal, c)[:3, 0, 0]
+    unexplained = np.maximum(c - r, 0.0)
+    passing = min(LUMINANCE @ b / (LUMINANCE @ r), 1.0)
+    share = (r / np.maximum(r, c)).min()
+    blocked = (b + passing * unexplained) / (r + unexplained)
+    np.testing.assert_allclose(ratio, passing + share * (blocked - passing), rtol=1e-5)
+    # At most what a white surface would add of the light that objects send it.
+    assert (ratio <= 1.0 + np.maximum(b - r, 0.0) / np.maximum(r, c) + 1e-6).all()
+    if (c <= r).all():
+        np.testing.assert_allclose(ratio, b / r, rtol=1e-5)
