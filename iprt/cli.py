@@ -16,6 +16,7 @@ from importlib import import_module
 
 from tyro.extras import SubcommandApp
 
+from iprt.commands.help import CONFIG, explained
 from iprt.errors import IprtError
 
 DEFECT = 70
@@ -48,7 +49,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     logging.basicConfig(stream=sys.stderr, format="iprt: %(message)s")
     logging.getLogger("iprt").setLevel(logging.DEBUG if debug else logging.INFO)
     try:
-        code = application(words).cli(prog="iprt", description=DESCRIPTION, args=words)
+        code = application(words).cli(
+            prog="iprt", description=DESCRIPTION, args=words, config=CONFIG
+        )
         sys.stdout.flush()
         return code or 0
     except IprtError as error:
@@ -56,6 +59,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
             traceback.print_exc()
         print(f"iprt: error: {error}", file=sys.stderr)
         return error.exit_code
+    except MemoryError:
+        print("iprt: error: out of memory; lower --size or use a smaller panorama", file=sys.stderr)
+        return IprtError.exit_code
     except KeyboardInterrupt:
         print("iprt: interrupted", file=sys.stderr)
         return INTERRUPTED
@@ -84,7 +90,7 @@ def application(arguments: Sequence[str]) -> SubcommandApp:
                 groups[group] = SubcommandApp()
                 root.command(groups[group], name=group, help=GROUPS[group])
             parent = groups[group]
-        function = _load(target)
+        function = explained(_load(target))
         asked = list(arguments[: words.count(" ") + 1]) == words.split()
         first_line = (inspect.getdoc(function) or "").partition("\n")[0]
         parent.command(name=verb, help=None if asked else first_line)(function)

@@ -27,7 +27,7 @@ def bench(
     frames: int = 30,
     method: Literal["iprt", "ibl"] = "iprt",
     device: str | None = None,
-    json: tyro.conf.FlagCreatePairsOff[bool] = False,
+    json: bool = False,
 ) -> int:
     """Time the frames of a head that turns slowly, after a warm-up, pass by pass.
 
@@ -49,7 +49,8 @@ def bench(
         How virtual objects are lit; `ibl` is the baseline: a distant environment without real
         geometry.
     device
-        gpu, cpu, PLATFORM:DEVICE or a part of a device's name.
+        gpu, cpu, a place such as 0:0 (see `iprt doctor`), or part of a device's name. Default: the
+        fastest kind there is.
     json
         Print a JSON object instead of a table.
 
@@ -62,8 +63,9 @@ def bench(
         raise IprtError(f"--frames {frames}: expected 1 to {MAX_FRAMES}")
 
     from rich.console import Console
-    from rich.progress import Progress
 
+    from iprt.commands.memory import require_memory
+    from iprt.commands.progress import progress_bar
     from iprt.commands.render import choose_view
     from iprt.device.choose import choose_device
     from iprt.device.compute import ComputeDevice
@@ -75,17 +77,18 @@ def bench(
     chosen, objects = choose_view(opened, view, size=size)
     instances = opened.instances if objects is None else opened.instances_named(objects)
     frame = opened.frame()
+    settings = Settings(method=method)
     compute = ComputeDevice(choose_device(device))
-    with Progress(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("timing", total=WARM_UP + frames)
+    require_memory(compute, frame, instances, chosen, settings)
+    with progress_bar("timing", WARM_UP + frames) as progress:
         result = benchmark(
             compute,
             frame,
             instances,
             chosen,
-            Settings(method=method),
+            settings,
             frames=frames,
-            progress=lambda done: bar.update(task, completed=done),
+            progress=progress,
         )
     if json:
         print(json_format.dumps({"scene": opened.name, **result.record()}, indent=2))

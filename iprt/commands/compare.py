@@ -29,7 +29,7 @@ def compare(
     frames: int = 64,
     seed: int = 0,
     device: str | None = None,
-    json: tyro.conf.FlagCreatePairsOff[bool] = False,
+    json: bool = False,
     fail_under_ssim: float | None = None,
     save: Path | None = None,
 ) -> int:
@@ -54,7 +54,8 @@ def compare(
     seed
         Seed of the random numbers; the same seed gives the same picture on the same device.
     device
-        gpu, cpu, PLATFORM:DEVICE or a part of a device's name.
+        gpu, cpu, a place such as 0:0 (see `iprt doctor`), or part of a device's name. Default: the
+        fastest kind there is.
     json
         Print a JSON list instead of a table.
     fail_under_ssim
@@ -69,8 +70,8 @@ def compare(
     """
     _check_arguments(frames, seed, fail_under_ssim)
     from rich.console import Console
-    from rich.progress import Progress
 
+    from iprt.commands.progress import progress_bar
     from iprt.device.choose import choose_device
     from iprt.device.compute import ComputeDevice
     from iprt.measure.compare import METHODS, compare_views, views_with_truth
@@ -85,9 +86,7 @@ def compare(
         require_writable(save / "x.png")
     compute = ComputeDevice(choose_device(device))
     results: list[Comparison] = []
-    with Progress(console=Console(stderr=True), transient=True) as bar:
-        pictures = len(views) * len(methods)
-        task = bar.add_task("comparing", total=pictures * frames)
+    with progress_bar("comparing", len(views) * len(methods) * frames) as progress:
         for compared in compare_views(
             opened,
             views,
@@ -96,7 +95,7 @@ def compare(
             background=background,
             frames=frames,
             seed=seed,
-            progress=lambda done: bar.update(task, completed=len(results) * frames + done),
+            progress=lambda done: progress(len(results) * frames + done),
         ):
             results.append(compared.comparison)
             if save is not None:

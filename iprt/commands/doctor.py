@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import json as json_format
-from typing import TYPE_CHECKING, Annotated, Any
-
-import tyro
+from typing import TYPE_CHECKING, Any
 
 from iprt.errors import DeviceError
 
@@ -15,9 +13,7 @@ if TYPE_CHECKING:
 Record = dict[str, Any]
 
 
-def doctor(
-    *, json: Annotated[bool, tyro.conf.arg(name="json"), tyro.conf.FlagCreatePairsOff] = False
-) -> int:
+def doctor(*, json: bool = False) -> int:
     """Show OpenCL devices, the OpenGL renderer, versions, and how to install what is missing.
 
     Parameters

@@ -58,7 +58,7 @@ def reference(
     seed
         Seed of the random numbers.
     denoise
-        Remove the rest of the noise with Open Image Denoise.
+        Remove the rest of the noise with Open Image Denoise; --no-denoise keeps it.
     model
         Python module with a function `build()` that returns the scene's parts for Mitsuba, such as
         `scenes360.room.model`; looked for in the working directory too.
@@ -83,6 +83,7 @@ def reference(
     from iprt.truth.backend import mitsuba
 
     opened = Scene.open(scene)
+    opened.require_not_ours(output)
     chosen, objects = choose_view(opened, view, size=size)
     instances = opened.instances if objects is None else opened.instances_named(objects)
     mitsuba()  # what is missing is said before anything is read

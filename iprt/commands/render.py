@@ -64,7 +64,8 @@ def render(
         How virtual objects are lit; `ibl` is the baseline: a distant environment without real
         geometry.
     device
-        gpu, cpu, PLATFORM:DEVICE or a part of a device's name.
+        gpu, cpu, a place such as 0:0 (see `iprt doctor`), or part of a device's name. Default: the
+        fastest kind there is.
     aov
         Auxiliary layer to add to an EXR file, for example normal or depth; may be given several
         times.
@@ -85,11 +86,14 @@ def render(
     check_output(output, aovs=aov)
     if profile is not None:
         require_writable(profile)
+        if profile.resolve() == output.resolve():
+            raise IprtError(f"--profile {profile}: is the picture's name too; name another file")
 
     from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
     from iprt.aovs import AOVS
+    from iprt.commands.memory import require_memory
+    from iprt.commands.progress import progress_bar
     from iprt.device.choose import choose_device
     from iprt.device.compute import ComputeDevice
     from iprt.output.metadata import picture_metadata
@@ -103,30 +107,24 @@ def render(
         if name not in AOVS:
             raise IprtError(f"--aov {name}: no such layer; the layers are: {', '.join(AOVS)}")
     opened = Scene.open(scene)
+    for path in (output, profile):
+        if path is not None:
+            opened.require_not_ours(path)
     chosen, objects = choose_view(opened, view, yaw=yaw, pitch=pitch, fov=fov, size=size)
     # Nothing moves, so the mean of all frames is the best picture: no fading.
     settings = Settings(method=method, seed=seed, fading=0.0, trace=TraceSettings(rays=spp))
     instances = opened.instances if objects is None else opened.instances_named(objects)
     frame = opened.frame()
     compute = ComputeDevice(choose_device(device))
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("frames"),
-        TimeElapsedColumn(),
-    )
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("rendering", total=accumulate)
-        with Renderer(compute, frame, instances, chosen, settings) as renderer:
-            compute.finish()
-            prepare_ms = sum(entry.ms for entry in compute.profile.passes())
-            compute.profile.reset()
-            picture = renderer.render(
-                frames=accumulate,
-                aovs=aov,
-                progress=lambda done: bar.update(task, completed=done),
-            )
+    require_memory(compute, frame, instances, chosen, settings)
+    with (
+        progress_bar("rendering", accumulate) as progress,
+        Renderer(compute, frame, instances, chosen, settings) as renderer,
+    ):
+        compute.finish()
+        prepare_ms = sum(entry.ms for entry in compute.profile.passes())
+        compute.profile.reset()
+        picture = renderer.render(frames=accumulate, aovs=aov, progress=progress)
     write_picture(
         output,
         picture.color,

@@ -38,11 +38,18 @@ def info(
     int
         Exit status 0.
     """
+    from iprt.output.atomic import require_writable
     from iprt.scene.report import describe_scene
     from iprt.scene.scene import Scene
     from iprt.scene.thumbnail import write_thumbnail
 
+    if thumbnail is not None:
+        if thumbnail.suffix.lower() != ".png":
+            raise IprtError(f"--thumbnail {thumbnail}: expected a name that ends in .png")
+        require_writable(thumbnail)
     opened = Scene.open(scene)
+    if thumbnail is not None:
+        opened.require_not_ours(thumbnail)
     raw = opened.raw_frame()
     frame = raw.sanitised()
     report = describe_scene(opened, frame, raw)
@@ -71,6 +78,8 @@ def check(scene: tyro.conf.Positional[Path], /) -> int:
     int
         Exit status 0; problems end with status 2.
     """
+    import numpy as np
+
     from iprt.scene.report import check_files, describe_scene
     from iprt.scene.scene import Scene
 
@@ -78,13 +87,16 @@ def check(scene: tyro.conf.Positional[Path], /) -> int:
     check_files(opened)
     raw = opened.raw_frame()
     report = describe_scene(opened, raw.sanitised(), raw)
+    lost = 1.0 - float(np.isfinite(raw.color).all(axis=-1).mean())
+    if lost > 0.0:
+        print(f"warning: colour: {lost:.2%} of the picture is NaN or infinite and shown black")
     for entry in report.objects:
         for phrase in entry.dropped:
             print(f"note: {entry.name}: not read from its file: {phrase}")
         for phrase in entry.warnings:
             print(f"warning: {entry.name}: {phrase}")
     first, last = report.frames
-    warned = any(entry.warnings for entry in report.objects)
+    warned = lost > 0.0 or any(entry.warnings for entry in report.objects)
     verdict = "usable, but see the warnings" if warned else "fine"
     print(
         f"{report.name}: {verdict}; {last - first + 1} frame(s), {len(report.objects)} object(s), "

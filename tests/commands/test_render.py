@@ -67,6 +67,7 @@ def scene() -> Any:
         frame=lambda: "first frame",
         instances="all objects",
         instances_named=lambda names: names,
+        require_not_ours=lambda path: None,
     )
 
 
@@ -81,6 +82,7 @@ def command(monkeypatch: pytest.MonkeyPatch, scene: Any) -> Callable[..., int]:
 
     device = SimpleNamespace(profile=FakeProfile(), name="a device", finish=lambda: None)
     monkeypatch.setattr(FakeRenderer, "calls", [], raising=False)
+    module("iprt.commands.memory", require_memory=lambda *_: None)
     module("iprt.scene.scene", Scene=SimpleNamespace(open=lambda path: scene))
     module("iprt.device.choose", choose_device=lambda spec: spec)
     module("iprt.device.compute", ComputeDevice=lambda spec: device)
