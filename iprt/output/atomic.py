@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import tempfile
 import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -34,7 +35,7 @@ def replacing(path: Path) -> Iterator[Path]:
         finally:
             temporary.unlink(missing_ok=True)
     except (OSError, RuntimeError) as error:  # OpenEXR reports system errors as RuntimeError
-        reason = getattr(error, "strerror", None) or str(error)
+        reason = getattr(error, "strerror", None) or str(error).replace(str(temporary), path.name)
         raise FormatError(f"{path}: cannot be written: {reason}") from error
 
 
@@ -60,5 +61,8 @@ def require_writable(path: Path) -> None:
         folder = folder.parent
     if not folder.is_dir():
         raise FormatError(f"{path}: {folder} is a file, not a folder")
-    if not os.access(folder, os.W_OK | os.X_OK):
-        raise FormatError(f"{path}: no permission to write in {folder}")
+    try:
+        # Only trying tells: root may write everywhere, except where no file can be.
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError as error:
+        raise FormatError(f"{path}: cannot write in {folder}: {error.strerror}") from error

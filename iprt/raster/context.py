@@ -7,6 +7,7 @@ from typing import Any
 
 import moderngl
 
+from iprt.device.install import GL_PACKAGES, apt_command
 from iprt.errors import DeviceError
 from iprt.resources import GLSL
 
@@ -28,8 +29,8 @@ def create_context() -> moderngl.Context:
     except Exception as error:  # glcontext and moderngl raise bare Exception and ValueError
         reason = " ".join(str(error).split())
         raise DeviceError(
-            f"no OpenGL 3.3 context through EGL ({reason}); "
-            "install a driver: apt install libegl1 libgl1-mesa-dri"
+            f"no OpenGL 3.3 context through EGL ({reason}): "
+            f"install a driver with `{apt_command(*GL_PACKAGES)}`"
         ) from error
     for name in _INCLUDES:
         context.includes[name] = (GLSL / name).read_text(encoding="utf-8")

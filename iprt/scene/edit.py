@@ -7,7 +7,7 @@ import json
 import re
 import shutil
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import FormatError, SceneError
-from iprt.output.atomic import replacing
+from iprt.output.atomic import replacing, require_writable
 from iprt.scene.images import read_depth
-from iprt.scene.manifest import MANIFEST_NAME, VideoTable, parse_manifest
+from iprt.scene.manifest import MANIFEST_NAME, VideoTable, manifest_text, parse_manifest
 from iprt.scene.manifest_problems import FRAME_PATTERN
 from iprt.scene.mesh import Mesh
 from iprt.scene.mesh_files import referenced_files
@@ -74,6 +74,7 @@ def new_scene(
     """
     if (folder / MANIFEST_NAME).exists():
         raise SceneError(f"{folder}: holds a scene already; choose another folder")
+    require_writable(folder / MANIFEST_NAME)
     sources = {"color": color, "depth": depth} | ({"normal": normal} if normal else {})
     first, last = _frame_range(color)
     if depth_scale is None and read_depth(frame_path(Path(), str(depth), first))[1]:
@@ -137,9 +138,12 @@ def add_object(
         Nothing has been written then.
     """
     scene = Scene.open(scene_path)
-    if name is not None and name in {table.name for table in scene.manifest.objects}:
+    taken = {table.name for table in scene.manifest.objects}
+    if name is not None and name in taken:
         raise SceneError(f"{scene.root}: an object is named '{name}' already; choose another name")
-    chosen = name or _free_name(mesh_path.stem, {table.name for table in scene.manifest.objects})
+    if name is not None and name != _free_name(name, set()):
+        raise SceneError(f"--name '{name}': expected letters, digits, blanks, and any of _ . -")
+    chosen = name or _free_name(mesh_path.stem, taken)
     view_name = _free_name(chosen, set(scene.views))
     mesh = load_mesh(mesh_path)
     bounds = _bounds(mesh)
@@ -149,7 +153,7 @@ def add_object(
     manifest_path = scene.root / MANIFEST_NAME
     text = "\n".join(
         [
-            manifest_path.read_text(encoding="utf-8").rstrip("\n") + "\n",
+            manifest_text(manifest_path).rstrip("\r\n") + "\n",
             _object_text(chosen, target, to_world, material),
             _view_text(view_name, chosen, bounds, to_world),
         ]
@@ -162,7 +166,7 @@ def add_object(
             "[[views]] tables"
         ) from error
     with _copied(copies), replacing(manifest_path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+        temporary.write_bytes(text.encode("utf-8"))
     foot = np.array([*(0.5 * (bounds[0] + bounds[1]))], np.float64)
     foot[1] = bounds[0][1]
     return Added(chosen, view_name, to_world[:3, :3] @ foot + to_world[:3, 3])
@@ -219,9 +223,10 @@ def _copied(copies: dict[Path, Path]) -> Iterator[None]:
         yield
     except BaseException:
         for file in new_files:
-            file.unlink(missing_ok=True)
+            with suppress(OSError):
+                file.unlink()
         for folder in sorted(new_folders, key=lambda path: -len(path.parts)):
-            if folder.is_dir():
+            with suppress(OSError):
                 folder.rmdir()
         raise
 

@@ -29,6 +29,8 @@ from iprt.scene.material import Material
 
 MANIFEST_NAME = "scene.toml"
 MAX_SIDE = 16384
+FARTHEST = 1e6
+"""Largest number in a transform: beyond, 32-bit floats have no centimetres left."""
 
 
 def _relative_path(text: str) -> str:
@@ -132,6 +134,10 @@ MaterialTable = Annotated[
 
 def _transform(values: list[float]) -> list[float]:
     matrix = np.array(values, np.float64).reshape(4, 4)
+    if np.abs(matrix).max() > FARTHEST:
+        raise ValueError(
+            f"holds {max(values, key=abs):g}; at most {FARTHEST:g} (metres) is allowed"
+        )
     if list(matrix[3]) != [0.0, 0.0, 0.0, 1.0]:
         raise ValueError("the last row must be 0, 0, 0, 1 (row-major, column vectors)")
     scale = np.linalg.svd(matrix[:3, :3], compute_uv=False)
@@ -190,13 +196,27 @@ def read_manifest(path: Path) -> Manifest:
     SceneError
         Not readable, not TOML, or any number of problems with it, each named with its key.
     """
+    return parse_manifest(manifest_text(path), str(path))
+
+
+def manifest_text(path: Path) -> str:
+    """The text of `scene.toml`, its line ends as they are; the mark that some editors put first
+    in UTF-8 files is left out.
+
+    Raises
+    ------
+    SceneError
+        Not readable, or not UTF-8.
+    """
     try:
-        text = path.read_text(encoding="utf-8")
+        return path.read_bytes().decode("utf-8-sig")
     except FileNotFoundError as error:
         raise SceneError(f"{path}: no such file; `iprt scene new` makes a scene") from error
-    except (OSError, UnicodeDecodeError) as error:
-        raise SceneError(f"{path}: cannot be read as UTF-8 text ({error})") from error
-    return parse_manifest(text, str(path))
+    except OSError as error:
+        raise SceneError(f"{path}: cannot be read ({error.strerror})") from error
+    except UnicodeDecodeError as error:
+        line = error.object[: error.start].count(b"\n") + 1
+        raise SceneError(f"{path}: line {line} is not UTF-8; save the file as UTF-8") from error
 
 
 def parse_manifest(text: str, source: str) -> Manifest:
@@ -205,6 +225,8 @@ def parse_manifest(text: str, source: str) -> Manifest:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise SceneError(f"{source}: not valid TOML: {error}") from error
+    except RecursionError as error:
+        raise SceneError(f"{source}: not valid: brackets are nested too deep") from error
     problems = []
     manifest = None
     try:

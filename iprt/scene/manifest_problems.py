@@ -55,6 +55,9 @@ def describe(
         return f"{key}: expected {count} values, got {len(value)}"
     if kind == "model_type":
         return f"{key}: expected a table of keys, got {_shown(value)}"
+    if kind == "list_type":
+        hint = f"; write [[{key}]]" if key in ("objects", "views") else ""
+        return f"{key}: expected a list, got {_shown(value)}{hint}"
     message = problem["msg"].replace("Input should be", "expected")
     return f"{key}: {message}, got {_shown(value)}"
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -134,14 +137,14 @@ def check_files(scene: Scene) -> None:
     """
     problems: list[str] = []
     for index in scene.frame_indices:
-        _collect(problems, lambda index=index: scene.raw_frame(index))
+        _collect(problems, scene, partial(scene.raw_frame, index))
     sizes = {
         picture_size(scene.source.files(index)["color"])
         for index in (scene.frame_indices if not problems else ())
     }
     if len(sizes) > 1:
         problems.append("video.color: the frames differ in size")
-    _collect(problems, lambda: scene.instances)
+    _collect(problems, scene, lambda: scene.instances)
     problems += _truth_problems(scene)
     if problems:
         raise problems_error(str(scene.root / MANIFEST_NAME), problems)
@@ -155,12 +158,8 @@ def _truth_problems(scene: Scene) -> list[str]:
             pattern = getattr(entry, key)
             paths = [] if pattern is None else _frames_of(scene, str(pattern))
             for path in paths:
-                try:
-                    size = picture_size(path)
-                except IprtError as error:
-                    problems.append(str(error))
-                    continue
-                if size != expected:
+                size = _collect(problems, scene, partial(picture_size, path))
+                if size is not None and size != expected:
                     problems.append(
                         f"views.{entry.name}.{key}: {path.name} has {size[0]} x {size[1]} "
                         f"pixels, but size = [{expected[0]}, {expected[1]}]"
@@ -173,11 +172,13 @@ def _frames_of(scene: Scene, pattern: str) -> list[Any]:
     return [path for path in dict.fromkeys(paths) if path.is_file()]
 
 
-def _collect(problems: list[str], action: Any) -> None:
+def _collect(problems: list[str], scene: Scene, action: Callable[[], Any]) -> Any:
+    """What `action` returns; None if it fails, with the problem noted, by the file's short name."""
     try:
-        action()
+        return action()
     except IprtError as error:
-        problems.append(str(error))
+        problems.append(str(error).removeprefix(f"{scene.root}{os.sep}"))
+        return None
 
 
 def _describe_object(instance: Instance, surfaces: RealSurfaces) -> ObjectReport:

@@ -186,6 +186,22 @@ class Scene:
             return table.material.material(read_color(self.root / table.material.texture))
         return table.material.material()
 
+    def require_not_ours(self, path: Path) -> None:
+        """Keep an output from replacing what the scene is made of; truths may be replaced.
+
+        Raises
+        ------
+        SceneError
+            `path` is the manifest, or a picture, mesh or texture that it names.
+        """
+        names = [MANIFEST_NAME, *(table.mesh for table in self.manifest.objects)]
+        names += [getattr(table.material, "texture", None) or "" for table in self.manifest.objects]
+        ours = {self.root / name for name in names if name}
+        for index in self.frame_indices:
+            ours.update(self.source.files(index).values())
+        if path.resolve() in {file.resolve() for file in ours}:
+            raise SceneError(f"{path}: belongs to the scene and is not overwritten; name another")
+
     def _missing_files(self) -> list[str]:
         problems = self.source.problems()
         for table in self.manifest.objects:

@@ -105,7 +105,8 @@ class FrameSource:
         Raises
         ------
         FormatError
-            Damaged files, sizes that differ or are not 2:1, integer depth without a scale.
+            Damaged files, sizes that differ or are not 2:1, integer depth without a scale, colour
+            or depth without a single usable value.
         """
         files, video = self.files(index), self._video
         color = read_color(files["color"])
@@ -119,6 +120,12 @@ class FrameSource:
         if integers and video.depth_scale is None:
             raise FormatError(f"{files['depth']}: {_scale_problem(files['depth'].name)}")
         _require_size(files["depth"], depth, color)
+        _require_any(files["color"], np.isfinite(color), "colour is NaN or infinite everywhere")
+        _require_any(
+            files["depth"],
+            np.isfinite(depth) & (depth > 0.0),
+            "no depth: all values are 0, negative, NaN or infinite",
+        )
         with np.errstate(over="ignore", invalid="ignore"):
             depth = depth * np.float32(video.depth_scale or 1.0)
         normal = None
@@ -163,3 +170,8 @@ def _require_size(path: Path, picture: NDArray[np.generic], color: Picture) -> N
             f"{path}: {picture.shape[1]} x {picture.shape[0]} pixels, "
             f"but colour has {color.shape[1]} x {color.shape[0]}"
         )
+
+
+def _require_any(path: Path, usable: NDArray[np.bool_], problem: str) -> None:
+    if not usable.any():
+        raise FormatError(f"{path}: {problem}; export it again")
