@@ -9,7 +9,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from iprt.scene.camera import View
+from iprt.scene.camera import View, equirect_pixel
 from iprt.scene.frame import Frame
 from iprt.scene.material import Material
 from iprt.scene.mesh import Instance, Mesh
@@ -64,6 +64,19 @@ def landscape_frame(width: int, height: int) -> Frame:
     sky = 1.0 + 0.5 * np.sin(3.0 * d)
     frame = frame_of(depth, normal)
     return replace(frame, color=np.where(down[..., None], 0.3, sky).astype(np.float32))
+
+
+def panorama_at(image: NDArray[np.floating], d: Float) -> Float:
+    """Bilinear lookup (..., C) of an equirect image (H, W, C): around the seam, not over a pole."""
+    height, width = image.shape[:2]
+    column, row = np.moveaxis(equirect_pixel(d, width, height) - 0.5, -1, 0)
+    row = np.clip(row, 0.0, height - 1.0)
+    x0, y0 = np.floor(column).astype(int), np.floor(row).astype(int)
+    fx, fy = (column - x0)[..., None], (row - y0)[..., None]
+    y1 = np.minimum(y0 + 1, height - 1)
+    upper = image[y0, x0 % width] * (1.0 - fx) + image[y0, (x0 + 1) % width] * fx
+    lower = image[y1, x0 % width] * (1.0 - fx) + image[y1, (x0 + 1) % width] * fx
+    return np.asarray(upper * (1.0 - fy) + lower * fy)
 
 
 def ball(
