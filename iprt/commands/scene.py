@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -141,7 +142,8 @@ def new(
         raise IprtError(f"--depth-scale {depth_scale:g}: expected a number above 0")
     frames = new_scene(folder, color, depth, depth_scale, normal)
     print(
-        f"{folder}: a scene of {frames} frame(s); next: iprt scene add {folder} MESH --look 0,-35"
+        f"{folder}: a scene of {frames} frame(s); next: "
+        f"iprt scene add {shlex.quote(str(folder))} MESH --look 0,-35"
     )
     return 0
 
@@ -167,7 +169,8 @@ def add(
     look
         YAW,PITCH in degrees, right and up: the direction in which the surface is seen.
     height
-        Height of the object in metres. Default: a fifth of its distance.
+        Height of the object in metres. Default: so that its longest side is a fifth of its
+        distance.
     material
         diffuse:R,G,B or conductor:R,G,B:ALPHA or plastic:R,G,B:ALPHA or mirror. Default: the mesh
         file's own.
@@ -187,7 +190,10 @@ def add(
     table = None if material is None else parse_material(material)
     added = add_object(scene, mesh, yaw, pitch, height=height, material=table, name=name)
     x, y, z = added.base
-    print(f"{added.name}: stands at ({x:.2f}, {y:.2f}, {z:.2f}); seen in the view '{added.view}'")
+    for phrase in added.dropped:
+        print(f"note: {added.name}: not read from its file: {phrase}")
+    next_words = ["iprt", "render", str(scene), "--view", added.view, "-o", f"{added.view}.png"]
+    print(f"{added.name}: stands at ({x:.2f}, {y:.2f}, {z:.2f}); next: {shlex.join(next_words)}")
     return 0
 
 

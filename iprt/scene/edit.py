@@ -40,11 +40,14 @@ class Added:
         Of the object, and of the view that frames it.
     base : (3,) float64
         World-space point below the object's middle, at the height of its lowest point.
+    dropped : tuple of str
+        What the mesh file holds and is not read.
     """
 
     name: str
     view: str
     base: NDArray[np.float64]
+    dropped: tuple[str, ...]
 
 
 def new_scene(
@@ -126,7 +129,7 @@ def add_object(
     yaw_deg, pitch_deg : float
         Where to look from the capture centre: right and up.
     height : float or None
-        Metres; by default a fifth of the distance.
+        Metres; by default such that the longest side is a fifth of the distance.
     material : dict or None
         As in the manifest; by default the mesh file's own.
     name : str or None
@@ -169,7 +172,8 @@ def add_object(
         temporary.write_bytes(text.encode("utf-8"))
     foot = np.array([*(0.5 * (bounds[0] + bounds[1]))], np.float64)
     foot[1] = bounds[0][1]
-    return Added(chosen, view_name, to_world[:3, :3] @ foot + to_world[:3, 3])
+    base = to_world[:3, :3] @ foot + to_world[:3, 3]
+    return Added(chosen, view_name, base, mesh.dropped)
 
 
 def parse_material(text: str) -> dict[str, Any]:

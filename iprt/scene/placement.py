@@ -177,7 +177,7 @@ def set_down(
         Lowest and highest corner of the mesh, in object space.
     yaw_deg, pitch_deg : float
     height : float or None
-        Metres; by default a fifth of the distance.
+        Metres; by default such that the longest side is a fifth of the distance.
 
     Returns
     -------
@@ -192,8 +192,11 @@ def set_down(
     low, high = bounds
     extent = high - low
     point, normal = surfaces.hit(yaw_deg, pitch_deg)
-    size = 0.2 * float(np.linalg.norm(point)) if height is None else height
-    scale = size / float(extent[1] if extent[1] > 1e-3 * extent.max() else extent.max())
+    longest = float(extent.max())
+    if height is None:
+        scale = 0.2 * float(np.linalg.norm(point)) / longest
+    else:
+        scale = height / float(extent[1] if extent[1] > 1e-3 * longest else longest)
     radius = 0.5 * scale * float(np.hypot(extent[0], extent[2]))
     base = point.copy()
     if normal[1] <= UPRIGHT:
