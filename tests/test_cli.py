@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from iprt import cli
+from iprt.commands.help import unwrapped
 from iprt.errors import DeviceError, SceneError
 
 ROOT = Path(__file__).parents[1]
@@ -41,7 +42,10 @@ def test_every_verb_loads_and_explains_itself(capsys: pytest.CaptureFixture[str]
         with pytest.raises(SystemExit) as caught:
             cli.main([*words.split(), "--help"])
         assert caught.value.code == 0
-        assert f"usage: iprt {words} " in capsys.readouterr().out
+        text = capsys.readouterr().out
+        assert f"usage: iprt {words} " in text
+        assert "None" not in text, "no value is explained in words"
+        assert "(default: )" not in text
 
 
 def test_words_of_one_and_two_parts_reach_the_function(install: Install) -> None:
@@ -159,6 +163,11 @@ def test_the_list_is_brief_and_the_verbs_help_is_not(
         assert caught.value.code == 0
         assert "First line." in text
         assert ("More to say." in text) == told
+
+
+def test_help_texts_wrap_anew() -> None:
+    text = "First.\n\nParameters\n---\na\n    One\n    two.\nb\n    Three."
+    assert unwrapped(text) == "First.\n\nParameters\n---\na\n    One two.\nb\n    Three."
 
 
 def test_a_missing_device_is_one_line_and_exit_code_3(tmp_path: Path) -> None:

@@ -70,7 +70,7 @@ def test_own_footage_takes_two_commands(
     run("new", own, "--color", photo, "--depth", depth, "--depth-scale", "0.001")
     words = ("--look", "-20,-50", "--height", "0.3", "--material", "plastic:0.5,0.1,0.1:0.2")
     run("add", own, str(footage / "cube.obj"), *words)
-    assert "seen in the view 'cube'" in capsys.readouterr().out
+    assert "--view cube -o cube.png" in capsys.readouterr().out
     scene = Scene.open(Path(own))
     assert list(scene.views) == ["ahead", "cube"]
     (material,) = scene.instances[0].mesh.materials

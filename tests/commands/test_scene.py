@@ -1,0 +1,66 @@
+"""What the verbs tell a new user: next steps that work, and JSON that is nothing else."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from iprt import cli
+from iprt.scene.scene import Scene
+from tests.scene.files import write_scene
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Path:
+    return write_scene(tmp_path / "my room")
+
+
+def test_the_next_step_is_a_command_that_runs(
+    scene: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    ball = trimesh.creation.icosphere(1, 0.5)
+    ball.visual.vertex_colors = np.full((len(ball.vertices), 4), 99, np.uint8)
+    ball.export(tmp_path / "my ball.ply")
+    assert (
+        cli.main(["scene", "add", str(scene), str(tmp_path / "my ball.ply"), "--look=0,-40"]) == 0
+    )
+    note, line = capsys.readouterr().out.splitlines()
+    assert note == "note: my ball: not read from its file: vertex colours"
+    program, *words = shlex.split(line.partition("next: ")[2])
+    assert program == "iprt"
+    monkeypatch.chdir(tmp_path)
+    assert cli.main([*words, "--size", "24", "16", "--accumulate", "1"]) == 0
+    assert (tmp_path / "my ball.png").is_file()
+
+
+def test_flat_things_are_no_larger_than_others(scene: Path, tmp_path: Path) -> None:
+    """Scaled to a height, a plate would be wider than the room."""
+    trimesh.creation.box((1.0, 0.02, 0.5)).export(tmp_path / "plate.ply")
+    words = ["scene", "add", str(scene), str(tmp_path / "plate.ply"), "--look=0,-40"]
+    assert cli.main(words) == 0
+    (plate,) = Scene.open(scene).instances_named(("plate",))
+    distance = 1.3 / np.sin(np.deg2rad(40.0))
+    assert plate.to_world[0, 0] == pytest.approx(0.2 * distance, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [["scene", "info", "SCENE"], ["bench", "SCENE", "--size", "24", "16", "--frames", "1"]],
+    ids=["info", "bench"],
+)
+def test_json_is_all_that_is_printed(
+    words: list[str], scene: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    given = [str(scene) if word == "SCENE" else word for word in words]
+    assert cli.main([*given, "--json"]) == 0
+    captured = capfd.readouterr()
+    assert isinstance(json.loads(captured.out), dict)
+    assert captured.err == ""

@@ -1,0 +1,435 @@
+"""Bad input through the command line: one line that names the file or key, exit code 2 or 3."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from PIL import Image
+
+from iprt import cli
+from tests.scene.files import (
+    CUBE,
+    IDENTITY,
+    MANIFEST,
+    OBJECT,
+    VIEW,
+    box_room,
+    write_channels,
+    write_png16_grey,
+    write_rgb,
+    write_scene,
+)
+
+ROOT = Path(__file__).parents[1]
+WHOLE = MANIFEST + OBJECT + VIEW
+Change = Callable[[Path], object]
+NOISE = np.random.default_rng(3).integers(0, 256, 400, np.uint8).tobytes()
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Path:
+    return write_scene(tmp_path / "room")
+
+
+@pytest.fixture
+def fails(capsys: pytest.CaptureFixture[str]) -> Callable[..., str]:
+    """Run a verb that must fail, and return its only line."""
+
+    def run(*words: object, code: int = 2) -> str:
+        assert cli.main([str(word) for word in words]) == code
+        captured = capsys.readouterr()
+        assert captured.out == ""
+        assert captured.err.startswith("iprt: error: ")
+        assert captured.err.count("\n") == 1, captured.err
+        return captured.err
+
+    return run
+
+
+def cut(name: str, part: float = 0.5) -> Change:
+    """Keep the first `part` of a file."""
+
+    def change(folder: Path) -> None:
+        data = (folder / name).read_bytes()
+        (folder / name).write_bytes(data[: int(len(data) * part)])
+
+    return change
+
+
+def holds(name: str, data: bytes | str) -> Change:
+    content = data.encode() if isinstance(data, str) else data
+    return lambda folder: (folder / name).write_bytes(content)
+
+
+def depth_is(value: float) -> Change:
+    return lambda folder: write_channels(folder / "depth.exr", Z=np.full((32, 64), value, "f4"))
+
+
+def color_is(value: float) -> Change:
+    return lambda folder: write_rgb(folder / "color.exr", np.full((32, 64, 3), value, "f4"))
+
+
+def replaced(old: str, new: str, *more: Change) -> Change:
+    """Change the manifest, then whatever else."""
+
+    def change(folder: Path) -> None:
+        assert WHOLE.count(old) == 1
+        (folder / "scene.toml").write_text(WHOLE.replace(old, new))
+        for step in more:
+            step(folder)
+
+    return change
+
+
+def picture(name: str, kind: str) -> Change:
+    image = Image.fromarray(np.random.default_rng(1).integers(0, 256, (32, 64, 3), np.uint8))
+    return lambda folder: image.save(folder / name, format=kind)
+
+
+def depth_png(folder: Path) -> None:
+    write_png16_grey(folder / "depth.png", np.rint(box_room(64, 32)[0] * 1000).astype(np.uint16))
+
+
+def depth_pfm(folder: Path) -> None:
+    values = np.ones((32, 64), "<f4")
+    (folder / "depth.pfm").write_bytes(b"Pf\n64 32\n-1.0\n" + values.tobytes())
+
+
+def grey_png(folder: Path) -> None:
+    Image.new("L", (64, 32), 9).save(folder / "depth.png")
+
+
+def square(folder: Path) -> None:
+    write_rgb(folder / "color.exr", np.ones((64, 64, 3), np.float32))
+
+
+def box(suffix: str) -> bytes:
+    data: bytes = trimesh.creation.box().export(file_type=suffix)
+    return data
+
+
+def cut_mesh(suffix: str) -> Change:
+    data = box(suffix)
+    return replaced("cube.obj", f"m.{suffix}", holds(f"m.{suffix}", data[: len(data) * 2 // 3]))
+
+
+SCALED = 'depth = "depth.png"\ndepth_scale = 0.001'
+BAD_SCENES: dict[str, tuple[Change, str]] = {
+    "colour missing": (lambda f: (f / "color.exr").unlink(), "video.color: there is no file"),
+    "depth missing": (lambda f: (f / "depth.exr").unlink(), "video.depth: there is no file"),
+    "mesh missing": (lambda f: (f / "cube.obj").unlink(), "objects.cube.mesh: there is no file"),
+    "EXR cut off": (cut("color.exr"), "color.exr: cut off or damaged"),
+    "EXR empty": (cut("depth.exr", 0.0), "depth.exr: empty"),
+    "EXR is text": (holds("color.exr", "hello"), "color.exr: not an EXR, PNG"),
+    "PNG cut off": (
+        replaced("color.exr", "c.png", picture("c.png", "PNG"), cut("c.png")),
+        "c.png: cut off",
+    ),
+    "PNG is text": (replaced("color.exr", "c.png", holds("c.png", "hi")), "c.png: not an EXR"),
+    "JPEG cut off": (
+        replaced("color.exr", "c.jpg", picture("c.jpg", "JPEG"), cut("c.jpg", 0.9)),
+        "c.jpg: cut off",
+    ),
+    "PFM cut off": (
+        replaced("depth.exr", "depth.pfm", depth_pfm, cut("depth.pfm")),
+        "depth.pfm: cut off",
+    ),
+    "depth PNG cut off": (
+        replaced('depth = "depth.exr"', SCALED, depth_png, cut("depth.png")),
+        "depth.png: cut off",
+    ),
+    "depth PNG unscaled": (replaced("depth.exr", "depth.png", depth_png), "video.depth_scale: "),
+    "depth of 8 bits": (
+        replaced('depth = "depth.exr"', SCALED, grey_png),
+        "depth.png: L picture with 8 bits",
+    ),
+    "depth in colours": (
+        replaced('depth = "depth.exr"', SCALED, picture("depth.png", "PNG")),
+        "depth needs a 16-bit grey PNG",
+    ),
+    "sizes differ": (
+        lambda f: write_channels(f / "depth.exr", Z=np.ones((16, 32), np.float32)),
+        "depth.exr: 32 x 16 pixels, but colour has 64 x 32",
+    ),
+    "not 2:1": (square, "color.exr: 64 x 64 pixels; an equirect panorama is twice as wide"),
+    "depth all NaN": (depth_is(np.nan), "depth.exr: no depth"),
+    "depth all zero": (depth_is(0.0), "depth.exr: no depth"),
+    "depth all negative": (depth_is(-2.0), "depth.exr: no depth"),
+    "colour all NaN": (color_is(np.nan), "color.exr: colour is NaN or infinite"),
+    "colour all infinite": (color_is(np.inf), "color.exr: colour is NaN or infinite"),
+    "mesh without faces": (holds("cube.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n"), "no triangles"),
+    "mesh of NaN": (holds("cube.obj", CUBE.replace(" 1 ", " nan ")), "cube.obj"),
+    "mesh of unknown kind": (replaced("cube.obj", "m.fbx", holds("m.fbx", "x")), "m.fbx: not a"),
+    "PLY of noise": (replaced("cube.obj", "m.ply", holds("m.ply", NOISE)), "m.ply: cut off"),
+    "GLB of noise": (replaced("cube.obj", "m.glb", holds("m.glb", NOISE)), "m.glb: cut off"),
+    "PLY cut off": (cut_mesh("ply"), "m.ply: cut off"),
+    "GLB cut off": (cut_mesh("glb"), "m.glb: cut off"),
+    "texture missing": (
+        replaced(
+            IDENTITY, f'{IDENTITY}\nmaterial = {{kind="diffuse", albedo=[1,1,1], texture="t.png"}}'
+        ),
+        "objects.cube.material.texture: there is no file t.png",
+    ),
+    "texture is text": (
+        replaced(
+            IDENTITY,
+            f'{IDENTITY}\nmaterial = {{kind="diffuse", albedo=[1,1,1], texture="t.png"}}',
+            holds("t.png", "hi"),
+        ),
+        "t.png: not an EXR, PNG",
+    ),
+}
+
+
+@pytest.mark.parametrize(("change", "message"), BAD_SCENES.values(), ids=BAD_SCENES)
+def test_bad_scenes(change: Change, message: str, scene: Path, fails: Callable[..., str]) -> None:
+    change(scene)
+    for verb in ("check", "info"):
+        line = fails("scene", verb, scene)
+        assert message in line
+        assert line.count(str(scene)) == 1 or "video." in line, "no path is said twice"
+
+
+BAD_MANIFESTS: dict[str, tuple[bytes, str]] = {
+    "no TOML": (b"format = = 1", "not valid TOML"),
+    "not UTF-8": (b'format = 1\nname = "caf\xe9"', "line 2 is not UTF-8"),
+    "nested too deep": (b"a = " + b"[" * 5000 + b"]" * 5000, "nested too deep"),
+    "one table": (WHOLE.replace("[[views]]", "[views]").encode(), "views: expected a list"),
+    "type": (WHOLE.replace("[32, 24]", '"big"').encode(), "views.ahead.size: expected a list"),
+    "object": (WHOLE.encode() + b'objects = ["cub"]', "no object is named 'cub'; the scene has"),
+    "NaN": (WHOLE.replace("[1,", "[nan,").encode(), "objects.cube.to_world[0]: expected a finite"),
+    "singular": (WHOLE.replace("[1,", "[0,").encode(), "objects.cube.to_world: the matrix is"),
+    "far": (WHOLE.replace("[1, 0, 0, 0", "[1, 0, 0, 1e30").encode(), "holds 1e+30; at most 1e+06"),
+}
+
+
+@pytest.mark.parametrize(("text", "message"), BAD_MANIFESTS.values(), ids=BAD_MANIFESTS)
+def test_bad_manifests(text: bytes, message: str, scene: Path, fails: Callable[..., str]) -> None:
+    (scene / "scene.toml").write_bytes(text)
+    line = fails("scene", "info", scene)
+    assert line.startswith(f"iprt: error: {scene}{os.sep}scene.toml: ")
+    assert message in line
+
+
+def test_all_problems_at_once_with_suggestions(
+    scene: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = WHOLE.replace("format = 1", "format = 1\nexposur = 2").replace("size", "sise")
+    material = 'material = {kind = "plastic", albedo = [1, 1, 1], alfa = 0.1}'
+    text = text.replace(IDENTITY, f"{IDENTITY}\n{material}").replace("[video]", "[video]\nfsp = 3")
+    (scene / "scene.toml").write_text(text)
+    assert cli.main(["scene", "info", str(scene)]) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert "5 problems" in lines[0]
+    for wanted in (
+        "exposur: unknown key; did you mean exposure?",
+        "video.fsp: unknown key; did you mean fps?",
+        "objects.cube.material.alfa: unknown key; did you mean alpha?",
+        "views.ahead.sise: unknown key; did you mean size?",
+        "views.ahead.size: required key is missing",
+    ):
+        assert f"  {wanted}" in lines
+
+
+def test_a_manifest_with_a_byte_order_mark_and_windows_line_ends_is_read_and_kept(
+    scene: Path, tmp_path: Path
+) -> None:
+    text = WHOLE.replace("\n", "\r\n")
+    (scene / "scene.toml").write_bytes(b"\xef\xbb\xbf" + text.encode())
+    (tmp_path / "m.obj").write_text(CUBE)
+    words = ["scene", "add", str(scene), str(tmp_path / "m.obj"), "--look=-10,-40"]
+    assert cli.main(words) == 0
+    assert (scene / "scene.toml").read_bytes().startswith(text.rstrip().encode())
+    assert cli.main(["scene", "check", str(scene)]) == 0
+
+
+def test_partly_bad_colour_is_a_warning(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    color = np.full((32, 64, 3), 0.5, np.float32)
+    color[:8] = np.nan
+    write_rgb(scene / "color.exr", color)
+    assert cli.main(["scene", "check", str(scene)]) == 0
+    assert "25.00% of the picture is NaN or infinite" in capsys.readouterr().out
+
+
+BAD_RENDERS: dict[str, tuple[list[str], str]] = {
+    "view": (["--view", "a"], "--view a: box has no such view; the views are: ahead, equirect"),
+    "size 0": (["--size", "0", "0"], "--size 0 0: expected 1 to"),
+    "size huge": (["--size", "100000", "100000"], "--size 100000 100000: expected 1 to"),
+    "frames": (["--accumulate", "0"], "--accumulate 0: expected 1 to"),
+    "layer": (["-o", "OUT/a.exr", "--aov", "wrm"], "--aov wrm: no such layer; the layers are: "),
+    "kind": (["-o", "OUT/a.jpg"], "a.jpg: unknown output format '.jpg'"),
+    "no kind": (["-o", "OUT/a"], "unknown output format ''"),
+    "folder": (["-o", "OUT"], "unknown output format"),
+    "below a file": (["-o", "OUT/room/cube.obj/a.png"], "cube.obj is a file, not a folder"),
+    "the panorama": (["-o", "OUT/room/color.exr"], "color.exr: belongs to the scene"),
+    "the same twice": (["--profile", "OUT/a.png"], "--profile OUT/a.png: is the picture's name"),
+    "profile in place": (["--profile", "OUT/room/scene.toml"], "belongs to the scene"),
+}
+
+
+@pytest.mark.parametrize(("words", "message"), BAD_RENDERS.values(), ids=BAD_RENDERS)
+def test_bad_renders(
+    words: list[str], message: str, scene: Path, tmp_path: Path, fails: Callable[..., str]
+) -> None:
+    before = snapshot(tmp_path)
+    given = [word.replace("OUT", str(tmp_path)) for word in words]
+    output = [] if "-o" in words else ["-o", tmp_path / "a.png"]
+    line = fails("render", scene, *output, *given)
+    assert message.replace("OUT", str(tmp_path)) in line
+    assert snapshot(tmp_path) == before
+
+
+def snapshot(folder: Path) -> dict[Path, bytes]:
+    return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def test_pictures_larger_than_the_device_are_refused(
+    scene: Path, tmp_path: Path, fails: Callable[..., str]
+) -> None:
+    words = ["render", scene, "-o", tmp_path / "a.png", "--size", 16384, 16384]
+    line = fails(*words, code=3)
+    assert "16384 x 16384 pixels need" in line
+    assert "lower --size" in line
+
+
+@pytest.mark.parametrize("spec", ["zzz", "99:0", ""])
+def test_unknown_devices_list_those_there_are(
+    spec: str, scene: Path, tmp_path: Path, fails: Callable[..., str]
+) -> None:
+    line = fails("render", scene, "-o", tmp_path / "a.png", "--device", spec, code=3)
+    assert "there are: 0:0 " in line
+
+
+def test_a_bad_environment_variable_is_named(
+    scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fails: Callable[..., str]
+) -> None:
+    monkeypatch.setenv("PYOPENCL_CTX", "zzz")
+    line = fails("render", scene, "-o", tmp_path / "a.png", code=3)
+    assert "PYOPENCL_CTX='zzz' names no OpenCL device" in line
+    assert "there are: 0:0 " in line
+
+
+def test_compare_needs_truth_of_the_views_size(scene: Path, fails: Callable[..., str]) -> None:
+    assert "no view has a truth to compare with" in fails("compare", scene)
+    with (scene / "scene.toml").open("a") as file:
+        file.write('truth = "truth.exr"\n')
+    assert "views.ahead.truth: there is no file truth.exr" in fails("compare", scene)
+    write_rgb(scene / "truth.exr", np.ones((8, 8, 3), np.float32))
+    assert "truth.exr: 8x8 pixels, but views.ahead.size is 32x24" in fails("compare", scene)
+
+
+BAD_ADDS: dict[str, tuple[list[str], str]] = {
+    "sky": (["--look", "0,60"], "there is open sky at yaw 0, pitch 60"),
+    "direction": (["--look", "up"], "--look up: expected YAW,PITCH"),
+    "name taken": (["--look", "0,-40", "--name", "cube"], "named 'cube' already"),
+    "name with slash": (["--look", "0,-40", "--name", "a/b"], "--name 'a/b': expected letters"),
+    "name empty": (["--look", "0,-40", "--name", ""], "--name '': expected letters"),
+    "height": (["--look", "0,-40", "--height", "nan"], "--height nan: expected metres"),
+}
+
+
+@pytest.mark.parametrize(("words", "message"), BAD_ADDS.values(), ids=BAD_ADDS)
+def test_failing_to_add_leaves_the_scene_as_it_is(
+    words: list[str], message: str, scene: Path, tmp_path: Path, fails: Callable[..., str]
+) -> None:
+    depth = box_room(64, 32)[0].astype(np.float32)
+    depth[:14] = 0.0
+    write_channels(scene / "depth.exr", Z=depth)
+    (tmp_path / "m.obj").write_text(CUBE)
+    before = snapshot(tmp_path)
+    assert message in fails("scene", "add", scene, tmp_path / "m.obj", *words)
+    assert snapshot(tmp_path) == before
+
+
+@pytest.mark.parametrize("name", ["room", "file", "file/below", "taken"])
+def test_failing_to_make_a_scene_loses_nothing(
+    name: str, scene: Path, tmp_path: Path, fails: Callable[..., str]
+) -> None:
+    (tmp_path / "file").write_text("mine")
+    (tmp_path / "taken").mkdir()
+    (tmp_path / "taken" / "color.exr").write_text("mine")
+    before = snapshot(tmp_path)
+    pictures = ["--color", scene / "color.exr", "--depth", scene / "depth.exr"]
+    assert str(tmp_path / name) in fails("scene", "new", tmp_path / name, *pictures)
+    assert snapshot(tmp_path) == before
+
+
+@pytest.mark.parametrize(
+    ("name", "message"), [("t.jpg", "ends in .png"), ("room/color.png", "belongs to the scene")]
+)
+def test_bad_thumbnails(
+    name: str, message: str, tmp_path: Path, scene: Path, fails: Callable[..., str]
+) -> None:
+    picture("color.png", "PNG")(scene)
+    replaced("color.exr", "color.png")(scene)
+    before = snapshot(tmp_path)
+    assert message in fails("scene", "info", scene, "--thumbnail", tmp_path / name)
+    assert snapshot(tmp_path) == before
+
+
+def test_a_full_disk_leaves_nothing_behind(
+    scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fails: Callable[..., str]
+) -> None:
+    def full(source: Path, target: Path) -> None:
+        Path(target).write_bytes(b"half")
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("shutil.copyfile", full)
+    before = snapshot(tmp_path)
+    pictures = ["--color", scene / "color.exr", "--depth", scene / "depth.exr"]
+    line = fails("scene", "new", tmp_path / "new", *pictures)
+    assert "color.exr: cannot be written: No space left on device" in line
+    assert snapshot(tmp_path) == before
+    assert not (tmp_path / "new").exists()
+
+
+def test_no_egl_is_one_line_with_the_command_that_installs_it(scene: Path, tmp_path: Path) -> None:
+    """A child whose EGL knows no vendor; a driver without GLVND does not read the variable."""
+    result = subprocess.run(
+        [sys.executable, "-m", "iprt", "render", scene, "-o", tmp_path / "a.png"],
+        cwd=ROOT,
+        env={**os.environ, "__EGL_VENDOR_LIBRARY_DIRS": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if result.returncode == 0:
+        pytest.skip("EGL here is not GLVND's")
+    assert result.returncode == 3
+    assert result.stderr.startswith("iprt: error: no OpenGL 3.3 context through EGL (")
+    assert "apt-get install -y libegl1" in result.stderr
+    assert result.stderr.count("\n") == 1
+    assert not (tmp_path / "a.png").exists()
+
+
+def test_an_interrupted_render_leaves_no_picture(scene: Path, tmp_path: Path) -> None:
+    started = tmp_path / "started"
+    code = (
+        "import sys; from pathlib import Path; from iprt import cli, renderer\n"
+        "render = renderer.Renderer.render\n"
+        "def marked(self, *args, **kwargs):\n"
+        f"    Path({str(started)!r}).touch(); return render(self, *args, **kwargs)\n"
+        "renderer.Renderer.render = marked\n"
+        f"words = ['render', {str(scene)!r}, '-o', {str(tmp_path / 'a.png')!r}]\n"
+        "sys.exit(cli.main([*words, '--accumulate', '1000000']))"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", code], cwd=ROOT, stderr=subprocess.PIPE, text=True
+    ) as child:
+        until = time.monotonic() + 60.0
+        while not started.exists() and child.poll() is None and time.monotonic() < until:
+            time.sleep(0.05)
+        child.send_signal(signal.SIGINT)
+        _, error = child.communicate(timeout=60)
+    assert child.returncode == 130
+    assert error == "iprt: interrupted\n"
+    assert {path.name for path in tmp_path.iterdir()} == {"room", "started"}
