@@ -152,7 +152,7 @@ def test_both_projections_agree(device: ComputeDevice, view: View) -> None:
     covered = panorama_at(whole.aovs["coverage"][..., None], d)[..., 0]
     ground = (covered == 0.0) & real(part)
     error = (panorama_at(whole.aovs["ratio"], d) - part.aovs["ratio"])[ground]
-    assert part.aovs["ratio"][ground].min() < 0.9
+    assert part.aovs["ratio"][ground].min() < 0.95
     assert rms(error) < 0.015
     assert np.abs(error.mean()) < 2e-3
     assert np.median(np.abs(error)) < 5e-3
@@ -177,7 +177,7 @@ def test_the_seam_does_not_show(device: ComputeDevice) -> None:
 
     np.testing.assert_allclose(difference("coverage"), 0.0, atol=0.07)
     error = difference("ratio")
-    assert still.aovs["ratio"].min() < 0.9
+    assert still.aovs["ratio"].min() < 0.95
     assert rms(error) < 0.01
     # Noise averages out over 8 x 8 pixels, what is done otherwise at the seam would not.
     blocks = np.roll(error, 4, 1).reshape(8, 8, 16, 8, 3).mean((1, 3))
@@ -192,11 +192,15 @@ def test_the_seam_does_not_show(device: ComputeDevice) -> None:
 def test_the_seed_makes_the_picture(device: ComputeDevice, view: View) -> None:
     frame, objects = lit_room(bright_walls)
     objects.append(ball((0.7, -1.0, -1.0), 0.2, Material("plastic", (0.2, 0.5, 0.8), alpha=0.2)))
-    first, again, other = (render(device, frame, objects, view, 4, seed=seed) for seed in (7, 7, 8))
+    trace = {"relight_reflections": False}
+    first, again, other = (
+        render(device, frame, objects, view, 4, seed=seed, trace=trace) for seed in (7, 7, 8)
+    )
     np.testing.assert_array_equal(first.color, again.color)
     for name in AOVS:
         np.testing.assert_array_equal(first.aovs[name], again.aovs[name])
-    assert (first.color != other.color).mean() > 0.2
+    for pixels in (real(first), first.aovs["coverage"] == 1.0):
+        assert (first.color != other.color)[pixels].mean() > 0.2
     np.testing.assert_allclose(first.color.mean((0, 1)), other.color.mean((0, 1)), rtol=0.01)
 
 
@@ -274,7 +278,7 @@ def test_lengths_may_have_any_unit(device: ComputeDevice, factor: float, view: V
     assert rms(other.color / picture.color - 1.0) < 1e-3
 
 
-@pytest.mark.parametrize("factor", [2.0**7, 2.0**-9, 1e4, 1e-4])
+@pytest.mark.parametrize("factor", [2.0**30, 2.0**-30, 1e4, 1e-4])
 def test_light_may_have_any_unit(device: ComputeDevice, factor: float) -> None:
     frame, objects = lit_room()
     objects.append(ball((0.7, -1.0, -1.0), 0.2, Material("plastic", (0.2, 0.5, 0.8), alpha=0.2)))
