@@ -172,6 +172,7 @@ __kernel void clamp_history(
 __kernel void accumulate(
     __global const float *restrict guide,   // 7 planes
     __global const float *restrict samples, // SIGNAL_PLANES planes
+    __global const uchar *restrict level,   // 1 plane: how densely this picture was traced
     __global float *restrict signal,        // in: history, out: accumulated, SIGNAL_PLANES planes
     __global float *restrict length,        // in, out: 1 plane
     __global float *restrict spread,        // in, out: 1 plane
@@ -194,7 +195,11 @@ __kernel void accumulate(
     float before = length[p], variation = spread[p];
     bool usable = guide[GUIDE_ID * size + p] > 0.0f && all_finite(sample);
     bool first = !(before > 0.0f);
-    float share = first ? 1.0f : fmax(1.0f / (before + 1.0f), fading);
+    // Pixels that share one ray have a part of its weight: a lone hit that was spread over many of
+    // them gives way to the rays of their own that follow.
+    int spacing = level_spacing(usable ? level[p] : 0);
+    float worth = 1.0f / (spacing * spacing);
+    float share = first ? 1.0f : fmax(worth / (before + worth), fading * worth);
     // Fading makes the mean worth (2 - fading) / fading samples at most: so a later, longer
     // average goes on from the right weight.
     float limit = fading > 0.0f ? fmin(2.0f / fading - 1.0f, MAX_LENGTH) : MAX_LENGTH;
@@ -206,7 +211,7 @@ __kernel void accumulate(
         past[c] = usable ? mean : signal[c * size + p];
         signal[c * size + p] = past[c];
     }
-    length[p] = usable ? fmin(before + 1.0f, limit) : before;
+    length[p] = usable ? fmin(before + worth, limit) : before;
     spread[p] = usable ? varied : variation;
     scalar[p] = guide_scalar(past);
 }

@@ -61,7 +61,9 @@ class SignalFilter:
     ) -> cla.Array:
         """The filtered planes of `signal`, which holds values where `mask` had rays traced."""
         self._interpolate.run(mask.level, signal, grid_offset(tick.index))
-        accumulated = self._temporal.run(signal, motion, fading=self._fading, changed=tick.changed)
+        accumulated = self._temporal.run(
+            signal, motion, mask.level, fading=self._fading, changed=tick.changed
+        )
         return self._atrous.run(accumulated, roughness=roughness, rect=rect)
 
 

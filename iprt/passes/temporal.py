@@ -124,6 +124,7 @@ class Temporal:
         self,
         signal: cla.Array,
         motion: cla.Array,
+        level: cla.Array,
         *,
         fading: float,
         changed: bool,
@@ -137,6 +138,8 @@ class Temporal:
             equirect views.
         motion : 2 planes
             Previous position of each pixel's surface in pixels, -1e9 = nowhere.
+        level : 1 plane uint8
+            `Mask.level`: a sample of level l is worth 1 / 4**l.
         fading : float
             Least share of the new samples: 0 keeps the mean of all (for a still scene), 0.1 is
             IPRT's.
@@ -178,6 +181,7 @@ class Temporal:
                 (width, height),
                 guide.current,
                 signal,
+                level,
                 *self._now,
                 self._scalar,
                 float(fading),

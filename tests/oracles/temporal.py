@@ -96,15 +96,16 @@ def clamp(
     return result
 
 
-def accumulate(past: History, signal: Array, ids: Array, fading: float) -> History:
-    """Add samples, whose weight is the larger of 1 / (length + 1) and `fading`."""
-    share = np.maximum(1.0 / (past.length + 1.0), fading)
+def accumulate(past: History, signal: Array, ids: Array, level: Array, fading: float) -> History:
+    """Add samples worth w = 1 / 4**level, with the larger of w / (length + w) and w fading."""
+    worth = 0.25**level
+    share = np.maximum(worth / (past.length + worth), fading * worth)
     step = shown(signal) - shown(past.signal)
     first = past.length <= 0.0
     mean = np.where(first, signal, past.signal + share * (signal - past.signal))
     spread = np.where(first, 0.0, (1.0 - share) * (past.spread + share * step**2))
     limit = 2.0 / fading - 1.0 if fading > 0.0 else 1e6
-    length = np.minimum(past.length + 1.0, limit)
+    length = np.minimum(past.length + worth, limit)
     here = ids > 0.0
     return History(np.where(here, mean, 0.0), np.where(here, length, 0.0), here * spread)
 

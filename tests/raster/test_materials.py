@@ -98,7 +98,9 @@ def test_without_egl(monkeypatch: pytest.MonkeyPatch) -> None:
         raise Exception("libEGL.so not loaded\n")
 
     monkeypatch.setattr(moderngl, "create_context", fail)
-    with pytest.raises(DeviceError, match=r"libEGL\.so not loaded.*apt-get install -y libegl1") as caught:
+    with pytest.raises(
+        DeviceError, match=r"libEGL\.so not loaded.*apt-get install -y libegl1"
+    ) as caught:
         Rasterizer([])
     assert "\n" not in str(caught.value)
 
