@@ -70,7 +70,8 @@ __kernel void choose_level(
             bool inside = guide[6 * size + q] >= 0.0f, same = guide[6 * size + q] == id;
             turn = fmax(turn, same ? ax * ax + ay * ay + az * az : inside ? 1.0f : 0.0f);
             apart = fmax(apart, same ? bx * bx + by * by + bz * bz : 0.0f);
-            active = fmax(active, inside ? touched[q] : 0.0f);
+            if (abs(dx) <= 1 && abs(dy) <= 1 && inside)
+                active = fmax(active, touched[q]);
         }
     }
     float squared = fmax(turn, sigma_position * sigma_position * apart);

@@ -19,7 +19,7 @@ def tracing_weight(
             turn = np.linalg.norm(shifted(normal, dx, dy, equirect) - normal, axis=0)
             apart = np.linalg.norm(shifted(position, dx, dy, equirect) - position, axis=0)
             difference = np.where(other == ids, np.maximum(turn, sigma * apart), 1.0)
-            active = shifted(touched, dx, dy, equirect) > 0.0
+            active = (max(abs(dx), abs(dy)) <= 1) & (shifted(touched, dx, dy, equirect) > 0.0)
             weight = np.maximum(weight, np.where(inside, difference, 0.0))
             weight = np.maximum(weight, np.where(inside & active, 1.0, 0.0))
     return np.minimum(weight, 1.0)
