@@ -130,3 +130,28 @@ def test_the_sun_falls_through_the_window(device: ComputeDevice, openings: str) 
     shown = np.array([irradiance[r - 1 : r + 2, c - 1 : c + 2].mean()
                       for r, c in zip(row, column, strict=True)])  # fmt: skip
     np.testing.assert_allclose(shown, wanted, rtol=0.15)
+
+
+MATERIALS = {
+    "diffuse": [Material()],
+    "conductor": [Material("conductor", alpha=0.2)],
+    "mirror": [MIRROR],
+    "plastic": [Material("plastic")],
+    "all": [Material(), Material("conductor", alpha=0.2), MIRROR, Material("plastic")],
+}
+
+
+@pytest.mark.parametrize("names", MATERIALS)
+def test_light_from_outside_whatever_objects_are_made_of(device: ComputeDevice, names: str) -> None:
+    """E_R knows of no objects: each variant of the kernel finds what the one for black finds."""
+
+    def irradiance(materials: list[Material]) -> NDArray[np.float32]:
+        balls = [ball((i - 1.0, FLOOR + 0.3, -1.5), 0.3, m) for i, m in enumerate(materials)]
+        raw = {"atrous": {"levels": 0}, "mask": {"sparse": False}, "fading": 0.0}
+        view = View(96, 72, pitch_deg=-30.0)
+        chosen = Settings.model_validate(raw)
+        with Renderer(device, windowed(sky), balls, view, chosen) as renderer:
+            return renderer.render(1, ("irradiance_real",)).aovs["irradiance_real"]
+
+    found, plain = irradiance(MATERIALS[names]), irradiance([Material(albedo=(0.0, 0.0, 0.0))])
+    assert np.isclose(found, plain, rtol=1e-4).mean() > 0.995

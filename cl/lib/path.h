@@ -50,30 +50,29 @@ static inline float3 sky_radiance(const World world, float3 d)
                              equirect_uv(d));
 }
 
-#ifdef OPENING_ENVIRONMENT
-// What lies behind windows in direction d: as the camera saw it, or else extrapolated.
-static inline float3 outside_radiance(const World world, float3 d)
-{
-    const int width = world.real.grid.width, height = world.real.grid.height;
-    const float2 uv = equirect_uv(d);
-    const int texel = min((int)(uv.y * height), height - 1) * width
-        + min((int)(uv.x * width), width - 1);
-    if ((int)world.real.surface[texel].w & SURFACE_OPENING)
-        return panorama_bilinear(world.color, width, height, uv);
-    return panorama_bilinear(world.outside, 2 * OUTSIDE_ROWS, OUTSIDE_ROWS, uv);
-}
-#endif
-
-// Radiance of what a ray in direction d has hit.
+// Radiance of what a ray in direction d has hit. One lookup, whichever picture it is in.
 static inline float3 real_radiance(const World world, const RealHit hit, float3 d)
 {
+    __global const float4 *picture = world.color;
+    int width = world.real.grid.width, height = world.real.grid.height;
+    float2 uv = equirect_uv(hit.direction);
+    const int surface = hit.kind <= HIT_BACK_FACE;
 #ifdef OPENING_ENVIRONMENT
-    if ((int)world.real.surface[hit.texel].w & SURFACE_OPENING && hit.kind <= HIT_BACK_FACE)
-        return outside_radiance(world, d);
+    if (surface && (int)world.real.surface[hit.texel].w & SURFACE_OPENING) {
+        // Behind windows: as the camera saw it in that direction, or else extrapolated.
+        uv = equirect_uv(d);
+        const int texel = min((int)(uv.y * height), height - 1) * width
+            + min((int)(uv.x * width), width - 1);
+        if (!((int)world.real.surface[texel].w & SURFACE_OPENING)) {
+            picture = world.outside;
+            width = 2 * OUTSIDE_ROWS;
+            height = OUTSIDE_ROWS;
+        }
+    }
 #endif
-    float3 radiance = sky_radiance(world, hit.direction);
+    float3 radiance = panorama_bilinear(picture, width, height, uv);
 #ifdef RELIT
-    if (hit.kind <= HIT_BACK_FACE) {
+    if (surface) {
         const float2 p = view_project(world.objects.view, hit.direction);
         if (p.x >= 0.0f && p.y >= 0.0f && p.x < world.view_width && p.y < world.view_height)
             radiance *= world.ratio[(int)p.y * world.view_width + (int)p.x].xyz;
