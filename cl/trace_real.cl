@@ -12,7 +12,7 @@
 #include "path.h"
 #include "planes.h"
 
-__kernel void trace_real(
+TRACING_KERNEL void trace_real(
     const int width,
     const int height,
     const int rays,                              // per pixel

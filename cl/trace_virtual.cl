@@ -13,7 +13,7 @@
 #include "path.h"
 #include "planes.h"
 
-__kernel void trace_virtual(
+TRACING_KERNEL void trace_virtual(
     const int width,
     const int height,
     const int rays,                              // per pixel
