@@ -2,15 +2,40 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Callable
+from pathlib import Path
+
 import pytest
 
+from iprt import cli
 from iprt.device.choose import choose_device
 from iprt.device.compute import ComputeDevice
+from tests.scene.files import write_scene
 
 
 @pytest.fixture(scope="session")
 def device() -> ComputeDevice:
     """The device that the tests run on: `IPRT_TEST_DEVICE`, else PoCL, the baseline."""
-    import os
-
     return ComputeDevice(choose_device(os.environ.get("IPRT_TEST_DEVICE", "pocl")))
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Path:
+    """Folder of a small scene: a box room with a cube and a view."""
+    return write_scene(tmp_path / "room")
+
+
+@pytest.fixture
+def fails(capsys: pytest.CaptureFixture[str]) -> Callable[..., str]:
+    """Run a verb that must fail, and return its only line."""
+
+    def run(*words: object, code: int = 2) -> str:
+        assert cli.main([str(word) for word in words]) == code
+        captured = capsys.readouterr()
+        assert captured.out == ""
+        assert captured.err.startswith("iprt: error: ")
+        assert captured.err.count("\n") == 1, captured.err
+        return captured.err
+
+    return run

@@ -64,12 +64,12 @@ def bench(
 
     from rich.console import Console
 
-    from iprt.commands.memory import require_memory
     from iprt.commands.progress import progress_bar
     from iprt.commands.render import choose_view
     from iprt.device.choose import choose_device
     from iprt.device.compute import ComputeDevice
     from iprt.measure.bench import WARM_UP, benchmark
+    from iprt.memory import require_memory
     from iprt.scene.scene import Scene
     from iprt.settings import Settings
 

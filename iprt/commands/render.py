@@ -92,10 +92,10 @@ def render(
     from rich.console import Console
 
     from iprt.aovs import AOVS
-    from iprt.commands.memory import require_memory
     from iprt.commands.progress import progress_bar
     from iprt.device.choose import choose_device
     from iprt.device.compute import ComputeDevice
+    from iprt.memory import require_memory
     from iprt.output.metadata import picture_metadata
     from iprt.output.picture import write_picture
     from iprt.output.table import pass_table, write_profile

@@ -157,6 +157,8 @@ def compare_views(
         A file of a truth is not set or missing.
     FormatError
         Sizes differ, a cut does not suit, or a picture holds NaN or infinity.
+    DeviceError
+        A picture needs more memory than the device has.
     """
     truths = {name: _read_truth(scene, name, background) for name in views}
     frames_read: dict[int, Frame] = {}
@@ -192,6 +194,7 @@ def _compare_view(
     seed: int,
     progress: Callable[[int], None] | None,
 ) -> Compared:
+    from iprt.memory import require_memory
     from iprt.renderer import Renderer
     from iprt.settings import Settings
 
@@ -199,6 +202,7 @@ def _compare_view(
     # Nothing moves, so the mean of all frames is the best picture: no fading.
     settings = Settings(method=method, seed=seed, fading=0.0)
     instances = scene.instances_named(entry.objects)
+    require_memory(device, frame, instances, entry.view, settings)
     with Renderer(
         device, frame, instances, entry.view, settings, background=truth.background
     ) as renderer:

@@ -139,3 +139,8 @@ def write_scene(folder: Path, manifest: str = MANIFEST + OBJECT + VIEW, width: i
     (folder / "cube.obj").write_text(CUBE)
     (folder / "scene.toml").write_text(manifest)
     return folder
+
+
+def snapshot(folder: Path) -> dict[Path, bytes]:
+    """Contents of all files below a folder."""
+    return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}

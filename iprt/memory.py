@@ -40,5 +40,5 @@ def require_memory(
     if need > have:
         raise DeviceError(
             f"{view.width} x {view.height} pixels need {need / 2**30:.1f} GiB on {device.name}, "
-            f"which has {have / 2**30:.1f} GiB: lower --size"
+            f"which has {have / 2**30:.1f} GiB: make the picture smaller"
         )
