@@ -154,7 +154,9 @@ def test_no_egl_is_one_line_with_the_command_that_installs_it(scene: Path, tmp_p
 def test_an_interrupted_render_leaves_no_picture(scene: Path, tmp_path: Path) -> None:
     started = tmp_path / "started"
     code = (
-        "import sys; from pathlib import Path; from iprt import cli, renderer\n"
+        "import signal, sys; from pathlib import Path; from iprt import cli, renderer\n"
+        # A test run in the background of a shell ignores interrupts, and its children with it.
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         "render = renderer.Renderer.render\n"
         "def marked(self, *args, **kwargs):\n"
         f"    Path({str(started)!r}).touch(); return render(self, *args, **kwargs)\n"

@@ -111,6 +111,21 @@ def test_back_side_longer_than_the_face_is_not_substituted(
     assert (hits.kind[beyond] != BACK_FACE).all()
 
 
+def test_what_something_nearer_hides_is_not_substituted(
+    device: ComputeDevice, aware: RealTracer
+) -> None:
+    o, d, crossing = rays_into_the_gap(3000, 4)
+    substitute, _ = construction(o, d, crossing)
+    hider = Box((0.15, 0.0, -1.2), (0.06, 0.2, 0.02))
+    world = World(WORLD.low, WORLD.high, (DESK, hider))
+    hits = aware(panorama_of(device, world.frame(WIDTH, HEIGHT)), o, d)
+    shown = substitute / -substitute[:, 2:] * 1.18  # on the front of what is nearer
+    inside = np.abs(shown[:, :2] - [0.15, 0.0]) < np.array([0.04, 0.18])
+    hidden = on_face(substitute, 0.05) & inside.all(axis=1)
+    assert hidden.sum() > 100
+    assert (hits.kind[hidden] != BACK_FACE).all()
+
+
 def test_ray_away_from_the_back_face_goes_on(device: ComputeDevice, aware: RealTracer) -> None:
     """theta <= 0: g1 is no intersection, the ray is traced on to the wall behind."""
     # A small plate whose face recedes to the right: its far end is the edge that rays pass.

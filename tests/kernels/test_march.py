@@ -337,3 +337,41 @@ def test_slab_is_as_thick_as_assumed(device: ComputeDevice, trace: RealTracer) -
         else:
             assert (hits.kind == SURFACE).all(), behind
             assert np.abs(hits.t - 3.2).max() < 0.03
+
+
+@pytest.mark.parametrize("yaw_deg", [0.0, 11.25, 22.5, 191.25, 202.5])
+def test_ray_behind_a_surface_dips_into_its_thickness(
+    device: ComputeDevice, trace: RealTracer, yaw_deg: float
+) -> None:
+    """Where it passes closest, wherever that lies in the coarse cells that it is skipped by."""
+    yaw = np.deg2rad(yaw_deg)
+    ahead = np.array([np.sin(yaw), 0.0, -np.cos(yaw)])
+    right = np.array([np.cos(yaw), 0.0, np.sin(yaw)])
+    v = View(256, 128, projection="equirect").directions()
+    shell = (v @ ahead > 0.0) & (np.abs(v @ right) < np.sin(np.deg2rad(60.0)))
+    frame = frame_of(np.where(shell & (np.abs(v[..., 1]) < 0.5), 1.0, 5.0), -v)
+    n = 50
+    closest = 1.005 * ahead + np.linspace(-0.05, 0.05, n)[:, None] * [0.0, 1.0, 0.0]
+    panorama = panorama_of(device, frame)
+    thickness = 0.01 / panorama.scale
+    hits = trace(panorama, closest - 3.0 * right, np.tile(right, (n, 1)), thickness, 0.0)
+    assert (hits.kind == SIDE).all()
+    meets = 3.0 - np.sqrt(np.maximum(1.01**2 - (closest**2).sum(1), 0.0))
+    assert np.abs(hits.t - meets).max() < 0.05
+
+
+def test_a_start_just_below_a_surface_is_on_it(device: ComputeDevice, trace: RealTracer) -> None:
+    """Positions are rounded: within the bias, a ray into the wall meets it where it starts."""
+    panorama = panorama_of(device, ROOM.frame(256, 128))
+    bias = 1e-3 * panorama.scale
+    n = 100
+    rng = np.random.default_rng(8)
+    wall = np.stack([np.full(n, ROOM.high[0]), *rng.uniform(-0.8, 0.8, (2, n))], axis=1)
+    into = np.array([1.0, 0.0, 0.0])
+    d = np.array([1.0, 0.3, 0.2]) + rng.uniform(-0.2, 0.2, (n, 3))
+    d /= np.linalg.norm(d, axis=1, keepdims=True)
+    on = trace(panorama, wall + 0.4 * bias * into, d)
+    assert (on.kind == SURFACE).all()
+    assert on.t.max() < 1e-3
+    below = trace(panorama, wall + 4.0 * bias * into, d)
+    assert not ((below.kind == SURFACE) & (below.t < 1e-3)).any()
