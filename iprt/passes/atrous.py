@@ -25,7 +25,7 @@ class AtrousSettings(BaseModel):
         description="Levels: taps reach 2 (2^levels - 1) pixels, 62 at 5; 0 leaves the noise.",
     )
     normal_sharpness: float = Field(
-        default=128.0,
+        default=24.0,
         ge=0.0,
         le=1e5,
         description="Falloff per (1 - cosine) of the normals' angle; higher keeps creases.",

@@ -29,7 +29,7 @@ def filter_level(
     ids: Array,
     step: int,
     *,
-    sharpness: tuple[float, float] = (128.0, 100.0),
+    sharpness: tuple[float, float] = (24.0, 100.0),
     deviations: float = 6.0,
     floor: float = 0.002,
     roughness: Array | None = None,
