@@ -16,7 +16,8 @@ from iprt.passes.object_layers import VisibleLayer
 from iprt.passes.real_layer import RealLayer
 from iprt.passes.relight import Relight
 from iprt.passes.temporal import Kind, Temporal, signal_planes
-from iprt.passes.trace import TraceReal, TraceVirtual, World
+from iprt.passes.trace import TraceReal, TraceVirtual
+from iprt.passes.world import World
 from iprt.requirements import Requirements
 from iprt.settings import Settings
 

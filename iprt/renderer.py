@@ -23,7 +23,7 @@ from iprt.passes.layout import PlaneLayout
 from iprt.passes.object_layers import TracedLayers, object_bounds
 from iprt.passes.panorama import Panorama
 from iprt.passes.real_layer import RealLayer
-from iprt.passes.trace import World
+from iprt.passes.world import World
 from iprt.pixels import RealPixels, Tick, VirtualPixels
 from iprt.requirements import Requirements
 from iprt.scene.camera import View

@@ -9,6 +9,8 @@
 
 // A texel's tangent plane may leave its centre depth by this many footprints.
 #define OBJECT_SLOPE 6.0f
+// Rays leave a surface this many texel footprints of its layer above it.
+#define OBJECT_LIFT 2.0f
 // Depth errors up to this many texel footprints are no entry into a solid.
 #define OBJECT_TOLERANCE 1.0f
 
@@ -304,6 +306,43 @@ static inline int trace_objects(const Objects world, float3 o, float3 d, float t
     }
     return 0;
 #endif
+}
+
+// A surface point that scatters, seen along d.
+typedef struct {
+    float3 position;
+    float3 normal;     // towards the viewer
+    float3 albedo;
+    int material;
+    float lift;        // metres to leave it by
+} Scatterer;
+
+static inline Scatterer object_point(const Objects world, const ObjectHit hit, float3 o, float3 d)
+{
+    __global const float4 *geometries = hit.on_screen ? world.screen.geometry
+                                                      : world.equirect.geometry;
+    __global const float4 *materials = hit.on_screen ? world.screen.material
+                                                     : world.equirect.material;
+    const float footprint = hit.on_screen ? world.screen.footprint
+                                          : world.equirect.footprint;
+    const int texels = hit.on_screen
+        ? world.screen.grid.width * world.screen.grid.height
+        : world.equirect.grid.width * world.equirect.grid.height;
+    // Beside the layers, where the solid's flank is, the one that faces the ray stands for it: off
+    // the other, the ray would be scattered into the solid.
+    const int opposite = hit.index < texels ? hit.index + texels : hit.index - texels;
+    const int flank = dot(geometries[hit.index].xyz, d) > 0.0f
+        && dot(geometries[opposite].xyz, d) < 0.0f;
+    const int index = flank ? opposite : hit.index;
+    const float4 geometry = geometries[index];
+    const float4 material = materials[index];
+    Scatterer point;
+    point.position = o + hit.t * d;
+    point.normal = dot(geometry.xyz, d) > 0.0f ? -geometry.xyz : geometry.xyz;
+    point.albedo = material.xyz;
+    point.material = (int)material.w - 1;
+    point.lift = OBJECT_LIFT * footprint * geometry.w;
+    return point;
 }
 
 #endif

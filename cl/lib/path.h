@@ -27,9 +27,8 @@
 #define TRACING_KERNEL __kernel
 #endif
 
-// Rays leave a surface this many texel footprints of its layer above it.
+// Rays leave a real surface this many texel footprints above it.
 #define REAL_LIFT 2.0f
-#define OBJECT_LIFT 2.0f
 
 typedef struct {
     RealLayer real;
@@ -45,15 +44,6 @@ typedef struct {
     Objects objects;
     __global const float4 *materials;   // lib/brdf.h
 } World;
-
-// A surface point that scatters, seen along d.
-typedef struct {
-    float3 position;
-    float3 normal;     // towards the viewer
-    float3 albedo;
-    int material;
-    float lift;        // metres to leave it by
-} Scatterer;
 
 static inline float3 sky_radiance(const World world, float3 d)
 {
@@ -93,34 +83,6 @@ static inline float3 real_radiance(const World world, const RealHit hit, float3 
 }
 
 #ifndef DISTANT_ENVIRONMENT
-static inline Scatterer object_point(const World world, const ObjectHit hit, float3 o, float3 d)
-{
-    __global const float4 *geometries = hit.on_screen ? world.objects.screen.geometry
-                                                      : world.objects.equirect.geometry;
-    __global const float4 *materials = hit.on_screen ? world.objects.screen.material
-                                                     : world.objects.equirect.material;
-    const float footprint = hit.on_screen ? world.objects.screen.footprint
-                                          : world.objects.equirect.footprint;
-    const int texels = hit.on_screen
-        ? world.objects.screen.grid.width * world.objects.screen.grid.height
-        : world.objects.equirect.grid.width * world.objects.equirect.grid.height;
-    // Beside the layers, where the solid's flank is, the one that faces the ray stands for it: off
-    // the other, the ray would be scattered into the solid.
-    const int opposite = hit.index < texels ? hit.index + texels : hit.index - texels;
-    const int flank = dot(geometries[hit.index].xyz, d) > 0.0f
-        && dot(geometries[opposite].xyz, d) < 0.0f;
-    const int index = flank ? opposite : hit.index;
-    const float4 geometry = geometries[index];
-    const float4 material = materials[index];
-    Scatterer point;
-    point.position = o + hit.t * d;
-    point.normal = dot(geometry.xyz, d) > 0.0f ? -geometry.xyz : geometry.xyz;
-    point.albedo = material.xyz;
-    point.material = (int)material.w - 1;
-    point.lift = OBJECT_LIFT * footprint * geometry.w;
-    return point;
-}
-
 // One path from a point, from direction d on. Objects are looked for from o_object, real surfaces
 // from o.
 typedef struct {
@@ -166,7 +128,7 @@ static inline PathResult trace_path(const World world, float3 o, float3 o_object
             return result;
         }
         result.met = 1;
-        const Scatterer at = object_point(world, hit, o_object, d);
+        const Scatterer at = object_point(world.objects, hit, o_object, d);
         const uint stream = hash_combine(seed, 2 * bounce + 2);
         const float2 u = sobol_2d(index, stream);
         const BrdfSample sample =
