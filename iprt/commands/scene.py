@@ -12,7 +12,7 @@ from iprt.errors import IprtError
 
 if TYPE_CHECKING:
     from iprt.scene.frame import Frame
-    from iprt.scene.report import ObjectReport, SceneReport, Share
+    from iprt.scene.report import ObjectReport, RealMaterialReport, SceneReport, Share
     from iprt.scene.scene import Scene
 
 
@@ -52,7 +52,7 @@ def info(
     if thumbnail is not None:
         opened.require_not_ours(thumbnail)
     raw = opened.raw_frame()
-    frame = raw.sanitised()
+    frame = opened.sanitised(raw)
     report = describe_scene(opened, frame, raw)
     if thumbnail is not None:
         write_thumbnail(thumbnail, opened, frame)
@@ -87,17 +87,24 @@ def check(scene: tyro.conf.Positional[Path], /) -> int:
     opened = Scene.open(scene)
     check_files(opened)
     raw = opened.raw_frame()
-    report = describe_scene(opened, raw.sanitised(), raw)
+    report = describe_scene(opened, opened.sanitised(raw), raw)
     lost = 1.0 - float(np.isfinite(raw.color).all(axis=-1).mean())
     if lost > 0.0:
         print(f"warning: colour: {lost:.2%} of the picture is NaN or infinite and shown black")
+    empty = [
+        f"warning: {entry.name}: {phrase}"
+        for entry in report.real_materials
+        for phrase in entry.warnings()
+    ]
+    if empty:
+        print("\n".join(empty))
     for entry in report.objects:
         for phrase in entry.dropped:
             print(f"note: {entry.name}: not read from its file: {phrase}")
         for phrase in entry.warnings:
             print(f"warning: {entry.name}: {phrase}")
     first, last = report.frames
-    warned = lost > 0.0 or any(entry.warnings for entry in report.objects)
+    warned = lost > 0.0 or bool(empty) or any(entry.warnings for entry in report.objects)
     verdict = "usable, but see the warnings" if warned else "fine"
     print(
         f"{report.name}: {verdict}; {last - first + 1} frame(s), {len(report.objects)} object(s), "
@@ -241,6 +248,7 @@ def report_lines(report: SceneReport) -> list[str]:
         _share_line("  open sky", report.open_sky),
         _share_line("  dropouts", report.dropouts),
     ]
+    lines += [_real_material_line(entry) for entry in report.real_materials]
     lines += [line for entry in report.objects for line in _object_lines(entry)]
     for name, view in report.views.items():
         shown = ", ".join(view["objects"]) or "no objects"
@@ -250,6 +258,16 @@ def report_lines(report: SceneReport) -> list[str]:
             + ("; has a truth" if view["truth"] else "")
         )
     return lines
+
+
+def _real_material_line(entry: RealMaterialReport) -> str:
+    """`entry` as text."""
+    warned = "".join(f"; warning: {phrase}" for phrase in entry.warnings())
+    return (
+        f"glossy     {entry.name}: {entry.kind}, alpha {entry.alpha:g}; "
+        f"{100 * entry.share.area:.2f}% of all directions, {100 * entry.share.flux:.1f}% of flux"
+        f"{warned}"
+    )
 
 
 def _share_line(label: str, share: Share) -> str:

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from iprt.scene.material import Material
+
 
 @dataclass(frozen=True)
 class Frame:
@@ -23,12 +25,18 @@ class Frame:
         True where the source has no depth and a rim does: windows, mostly.
     normal : (H, W, 3) float32
         World-space unit vector facing the capture centre; zero where depth is infinite.
+    gloss : (H, W) uint8 or None
+        0 where the surface is diffuse, else 1 + its index in `real_materials`. None: nowhere.
+    real_materials : tuple of Material
+        The glossy materials of the real scene.
     """
 
     color: NDArray[np.float32]
     depth: NDArray[np.float32]
     opening: NDArray[np.bool_]
     normal: NDArray[np.float32]
+    gloss: NDArray[np.uint8] | None = None
+    real_materials: tuple[Material, ...] = ()
 
     @property
     def height(self) -> int:

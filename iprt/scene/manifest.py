@@ -6,6 +6,7 @@ business.
 
 from __future__ import annotations
 
+import math
 import tomllib
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Annotated, Any, Literal
@@ -24,6 +25,7 @@ from pydantic import (
 
 from iprt.errors import SceneError
 from iprt.scene.camera import View
+from iprt.scene.gloss import MAX_REAL_MATERIALS, Plane, RealMaterial
 from iprt.scene.manifest_problems import FRAME_PATTERN, cross_problems, describe, problems_error
 from iprt.scene.material import Material
 
@@ -66,8 +68,18 @@ FramePath = Annotated[str, AfterValidator(_frame_path)]
 Name = Annotated[str, AfterValidator(_plain_name)]
 Unit = Annotated[float, Field(ge=0.0, le=1.0)]
 Color = Annotated[list[Unit], Field(min_length=3, max_length=3)]
+Ior = Annotated[float, Field(gt=1.0, le=4.0)]
+Point = Annotated[
+    list[Annotated[float, Field(ge=-FARTHEST, le=FARTHEST)]], Field(min_length=3, max_length=3)
+]
 Side = Annotated[int, Field(ge=1, le=MAX_SIDE)]
 Pixel = Annotated[int, Field(ge=0)]
+
+
+def _not_null(values: list[float]) -> list[float]:
+    if not any(values):
+        raise ValueError("expected at least one value that is not 0")
+    return values
 
 
 class _Table(BaseModel):
@@ -109,7 +121,7 @@ class PlasticTable(_Table):
     kind: Literal["plastic"]
     albedo: Color
     alpha: Unit = 0.1
-    ior: Annotated[float, Field(gt=1.0, le=4.0)] = 1.5
+    ior: Ior = 1.5
 
     def material(self) -> Material:
         return Material("plastic", _triple(self.albedo), alpha=self.alpha, ior=self.ior)
@@ -157,6 +169,79 @@ class ObjectTable(_Table):
     material: MaterialTable | None = None
 
 
+Radiance = Annotated[
+    list[Annotated[float, Field(ge=0.0)]],
+    Field(min_length=3, max_length=3),
+    AfterValidator(_not_null),
+]
+
+
+class PlaneTable(_Table):
+    """A plane in the world, in metres."""
+
+    point: Point
+    normal: Annotated[Point, AfterValidator(_not_null)]
+    tolerance: Annotated[float, Field(gt=0.0)] = 0.02
+
+    @property
+    def plane(self) -> Plane:
+        length = math.hypot(*self.normal)
+        normal = [value / length for value in self.normal]
+        return Plane(_triple(self.point), _triple(normal), self.tolerance)
+
+
+class _RealMaterialTable(_Table):
+    """`[[real_materials]]`: where the panorama shows a glossy surface. All that is given holds."""
+
+    name: Name
+    mask: RelativePath | None = None
+    color: Radiance | None = None
+    color_tolerance: Annotated[float, Field(gt=0.0)] = 0.05
+    plane: PlaneTable | None = None
+
+    def real_material(self, mask: NDArray[np.bool_] | None) -> RealMaterial:
+        """`mask`: what the file that is named holds."""
+        return RealMaterial(
+            self.name,
+            self.material(),
+            mask=mask,
+            color=None if self.color is None else _triple(self.color),
+            color_tolerance=self.color_tolerance,
+            plane=None if self.plane is None else self.plane.plane,
+        )
+
+    def material(self) -> Material:
+        raise NotImplementedError
+
+
+class RealConductorTable(_RealMaterialTable):
+    kind: Literal["conductor"]
+    reflectance: Color
+    alpha: Unit = 0.1
+
+    def material(self) -> Material:
+        return Material("conductor", _triple(self.reflectance), alpha=self.alpha)
+
+
+class RealPlasticTable(_RealMaterialTable):
+    kind: Literal["plastic"]
+    alpha: Unit = 0.1
+    ior: Ior = 1.5
+
+    def material(self) -> Material:
+        return Material("plastic", alpha=self.alpha, ior=self.ior)
+
+
+RealMaterialTable = Annotated[
+    Annotated[RealConductorTable, Tag("conductor")] | Annotated[RealPlasticTable, Tag("plastic")],
+    Discriminator(
+        _kind_of,
+        custom_error_type="material_kind",
+        custom_error_message="expected kind = 'plastic' or 'conductor'",
+    ),
+]
+
+
 class ViewTable(_Table):
     """`[[views]]`: a picture to render, and what it ought to look like."""
 
@@ -185,6 +270,9 @@ class Manifest(_Table):
     exposure: Annotated[float, Field(gt=0.0)] = 1.0
     video: VideoTable
     objects: list[ObjectTable] = Field(default=[])
+    real_materials: Annotated[list[RealMaterialTable], Field(max_length=MAX_REAL_MATERIALS)] = (
+        Field(default=[])
+    )
     views: list[ViewTable] = Field(default=[])
 
 
@@ -246,6 +334,13 @@ def _models(location: tuple[Any, ...]) -> list[type[BaseModel]]:
         "conductor": ConductorTable,
         "plastic": PlasticTable,
     }
+    if location[0] == "real_materials":
+        real: dict[Any, type[BaseModel]] = {
+            "conductor": RealConductorTable,
+            "plastic": RealPlasticTable,
+            "plane": PlaneTable,
+        }
+        return [real[step] for step in location[:-1] if step in real][-1:]
     if "material" in location:
         return [kinds[step] for step in location if step in kinds][:1]
     tables: dict[Any, type[BaseModel]] = {

@@ -15,6 +15,9 @@ from iprt.errors import SceneError
 FRAME_PATTERN = re.compile(r"%(0\d)?d")
 """The printf conversions that a frame's number may take: %d, %04d."""
 
+TABLE_LISTS = ("objects", "real_materials", "views")
+"""Keys that hold lists of named tables."""
+
 
 def problems_error(source: str, problems: Sequence[str]) -> SceneError:
     """One error for all problems: a line each."""
@@ -41,6 +44,8 @@ def describe(
     if "material" in location:
         # pydantic inserts the tag of the union's member, which is no key of the file.
         del location[location.index("material") + 1 : location.index("material") + 2]
+    if location[0] == "real_materials":
+        del location[2:3]
     key = _key_path(location, data)
     if kind == "extra_forbidden":
         known = [name for model in models for name in model.model_fields]
@@ -56,7 +61,7 @@ def describe(
     if kind == "model_type":
         return f"{key}: expected a table of keys, got {_shown(value)}"
     if kind == "list_type":
-        hint = f"; write [[{key}]]" if key in ("objects", "views") else ""
+        hint = f"; write [[{key}]]" if key in TABLE_LISTS else ""
         return f"{key}: expected a list, got {_shown(value)}{hint}"
     message = problem["msg"].replace("Input should be", "expected")
     return f"{key}: {message}, got {_shown(value)}"
@@ -68,18 +73,28 @@ def cross_problems(data: dict[str, Any]) -> Iterator[str]:
     Reads the unchecked data, so that these come together with all other problems; entries of a
     wrong type are passed over.
     """
-    objects, views = (_tables(data.get(key)) for key in ("objects", "views"))
-    for key, tables in (("objects", objects), ("views", views)):
+    lists = {key: _tables(data.get(key)) for key in TABLE_LISTS}
+    for key, tables in lists.items():
         names = Counter(table["name"] for table in tables if isinstance(table.get("name"), str))
         for name, count in names.items():
             if count > 1:
                 yield f"{key}: {count} of them are named '{name}'; names must differ"
-    known = [str(table.get("name")) for table in objects]
-    for number, view in enumerate(views):
+    known = [str(table.get("name")) for table in lists["objects"]]
+    yield from _region_problems(lists["real_materials"])
+    for number, view in enumerate(lists["views"]):
         label = f"views.{view.get('name', number)}"
         yield from _unknown_objects(label, view.get("objects"), known)
         yield from _cut_problems(label, view.get("cuts"), view.get("size"))
     yield from _frame_problems(data.get("video"))
+
+
+def _region_problems(real_materials: list[dict[str, Any]]) -> Iterator[str]:
+    for number, table in enumerate(real_materials):
+        label = f"real_materials.{table.get('name', number)}"
+        if not {"mask", "color", "plane"} & table.keys():
+            yield f"{label}: say where the surface is: give a mask, a color or a plane"
+        if "color_tolerance" in table and "color" not in table:
+            yield f"{label}.color_tolerance: there is no color that it could be the tolerance of"
 
 
 def _unknown_objects(label: str, names: Any, known: list[str]) -> Iterator[str]:

@@ -44,6 +44,22 @@ class ObjectReport:
 
 
 @dataclass(frozen=True)
+class RealMaterialReport:
+    """A glossy real surface, and how much of the first frame shows it."""
+
+    name: str
+    kind: str
+    alpha: float
+    share: Share
+
+    def warnings(self) -> list[str]:
+        """What is wrong with its region."""
+        if self.share.area > 0.0:
+            return []
+        return ["no texel belongs to it; check its mask, color and plane, and later entries"]
+
+
+@dataclass(frozen=True)
 class SceneReport:
     """A scene in numbers; depth percentiles in metres."""
 
@@ -61,6 +77,7 @@ class SceneReport:
     open_sky: Share
     dropouts: Share
     normals: str
+    real_materials: tuple[RealMaterialReport, ...]
     objects: tuple[ObjectReport, ...]
     views: dict[str, dict[str, Any]]
 
@@ -111,6 +128,15 @@ def describe_scene(scene: Scene, frame: Frame, raw: RawFrame) -> SceneReport:
         open_sky=share(holes.open_sky),
         dropouts=share(holes.dropout),
         normals="fitted to the depth" if raw.normal is None else "given",
+        real_materials=tuple(
+            RealMaterialReport(
+                table.name,
+                "mirror" if table.material.is_mirror else table.material.kind,
+                table.material.alpha,
+                share(frame.gloss == index + 1),
+            )
+            for index, table in enumerate(scene.real_materials)
+        ),
         objects=tuple(_describe_object(instance, surfaces) for instance in scene.instances),
         views={
             name: {
@@ -144,6 +170,7 @@ def check_files(scene: Scene) -> None:
     }
     if len(sizes) > 1:
         problems.append("video.color: the frames differ in size")
+    _collect(problems, scene, lambda: scene.real_materials)
     _collect(problems, scene, lambda: scene.instances)
     problems += _truth_problems(scene)
     if problems:

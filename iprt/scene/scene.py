@@ -7,10 +7,12 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
-from iprt.errors import SceneError
+from iprt.errors import FormatError, SceneError
 from iprt.scene.camera import View
 from iprt.scene.frame import Frame
+from iprt.scene.gloss import RealMaterial, with_gloss
 from iprt.scene.images import read_color
 from iprt.scene.manifest import (
     MANIFEST_NAME,
@@ -128,7 +130,11 @@ class Scene:
         FormatError
             Its files cannot be used.
         """
-        return self.raw_frame(index).sanitised()
+        return self.sanitised(self.raw_frame(index))
+
+    def sanitised(self, raw: RawFrame) -> Frame:
+        """A frame as read to one as it is rendered: cleaned, its glossy surfaces known."""
+        return with_gloss(raw.sanitised(), self.real_materials)
 
     def raw_frame(self, index: int | None = None) -> RawFrame:
         """As `frame`, before anything is filled or cleaned."""
@@ -137,6 +143,32 @@ class Scene:
             first, last = self.manifest.video.frames
             raise SceneError(f"{self.name}: no frame {chosen}; the scene has {first} to {last}")
         return self.source.read(chosen)
+
+    @cached_property
+    def real_materials(self) -> tuple[RealMaterial, ...]:
+        """The glossy real surfaces, in the manifest's order.
+
+        Raises
+        ------
+        FormatError
+            A mask cannot be read, or is not twice as wide as high.
+        """
+        return tuple(
+            table.real_material(None if table.mask is None else self._mask(self.root / table.mask))
+            for table in self.manifest.real_materials
+        )
+
+    def _mask(self, path: Path) -> NDArray[np.bool_]:
+        """The mask (h, w) in a file, turned as the pictures of `[video]` are."""
+        mask = (read_color(path) > 0.0).any(axis=-1)
+        height, width = mask.shape
+        if width != 2 * height:
+            raise FormatError(
+                f"{path}: {width} x {height} pixels; a mask covers the whole panorama and is twice "
+                "as wide as high"
+            )
+        columns = self.manifest.video.yaw_offset_deg / 360.0 * width
+        return np.roll(mask, int(np.floor(columns + 0.5)), axis=1)
 
     @cached_property
     def instances(self) -> tuple[Instance, ...]:
@@ -192,9 +224,10 @@ class Scene:
         Raises
         ------
         SceneError
-            `path` is the manifest, or a picture, mesh or texture that it names.
+            `path` is the manifest, or a picture, mesh, texture or mask that it names.
         """
         names = [MANIFEST_NAME, *(table.mesh for table in self.manifest.objects)]
+        names += [table.mask or "" for table in self.manifest.real_materials]
         names += [getattr(table.material, "texture", None) or "" for table in self.manifest.objects]
         ours = {self.root / name for name in names if name}
         for index in self.frame_indices:
@@ -213,6 +246,11 @@ class Scene:
                 for key, name in named.items()
                 if not (self.root / name).is_file()
             ]
+        problems += [
+            f"real_materials.{table.name}.mask: there is no file {table.mask}"
+            for table in self.manifest.real_materials
+            if table.mask is not None and not (self.root / table.mask).is_file()
+        ]
         for view in self.manifest.views:
             for key in ("truth", "truth_background", "truth_mask"):
                 name = getattr(view, key)
