@@ -183,6 +183,34 @@ static inline float diffuse_factor(const Material material, float cos_i, float c
 
 #endif
 
+#ifdef BRDF_SPECULAR_LOBE
+// A direction of the specular lobe alone; u in [0, 1)^2, o towards the viewer, in the frame of n.
+static inline BrdfSample sample_specular(const Material material, float3 albedo, const Frame frame,
+                                         float3 o, float2 u)
+{
+    float3 h = (float3)(0.0f, 0.0f, 1.0f);
+#ifdef BRDF_GGX
+    if (material.alpha > 0.0f)
+        h = ggx_sample_normal(o, material.alpha, u);
+#endif
+    const float cos_h = dot(o, h);
+    const float3 i = 2.0f * cos_h * h - o;
+    float unshadowed = i.z > 0.0f ? 1.0f : 0.0f;
+#ifdef BRDF_GGX
+    if (i.z > 0.0f && material.alpha > 0.0f) {   // G2 / G1(o)
+        const float slope_o = ggx_slope(o, material.alpha);
+        const float slope_i = ggx_slope(i, material.alpha);
+        unshadowed = i.z * (o.z + slope_o) / (slope_o * i.z + slope_i * o.z);
+    }
+#endif
+    BrdfSample sample;
+    sample.specular = 1;
+    sample.wi = frame_to_world(frame, i);
+    sample.weight = specular_reflectance(material, albedo, cos_h) * unshadowed;
+    return sample;
+}
+#endif
+
 // Choose a lobe with u.z, a direction in it with u.xy; u in [0, 1)^3.
 static inline BrdfSample brdf_sample(const Material material, float3 albedo, float3 n, float3 wo,
                                      float3 u)
@@ -199,25 +227,8 @@ static inline BrdfSample brdf_sample(const Material material, float3 albedo, flo
     const float probability = specular_probability(material, albedo, o.z);
     diffuse_probability = 1.0f - probability;
     if (u.z < probability) {
-        float3 h = (float3)(0.0f, 0.0f, 1.0f);
-#ifdef BRDF_GGX
-        if (material.alpha > 0.0f)
-            h = ggx_sample_normal(o, material.alpha, u.xy);
-#endif
-        const float cos_h = dot(o, h);
-        const float3 i = 2.0f * cos_h * h - o;
-        float unshadowed = i.z > 0.0f ? 1.0f : 0.0f;
-#ifdef BRDF_GGX
-        if (i.z > 0.0f && material.alpha > 0.0f) {   // G2 / G1(o)
-            const float slope_o = ggx_slope(o, material.alpha);
-            const float slope_i = ggx_slope(i, material.alpha);
-            unshadowed = i.z * (o.z + slope_o) / (slope_o * i.z + slope_i * o.z);
-        }
-#endif
-        sample.specular = 1;
-        sample.wi = frame_to_world(frame, i);
-        sample.weight =
-            specular_reflectance(material, albedo, cos_h) * (unshadowed / probability);
+        sample = sample_specular(material, albedo, frame, o, u.xy);
+        sample.weight /= probability;
         return sample;
     }
 #endif
