@@ -1,9 +1,11 @@
 // Relighting ratio of real surfaces, E_RV / E_R (IPRT Eq. 2; Algorithm 1, UpdateGbuffer): what
 // the camera's radiance is multiplied by where objects cast shadows and light.
 //
-//   in   guide (7 planes, guide.h), signal (6 planes: E_R rgb, E_RV rgb), colour (3 planes: L_cam)
+//   in   guide (7 planes, guide.h), colour (3 planes: L_cam), signal (6 planes): E_R rgb, E_RV rgb,
+//        or, with -DDELTA, blocked / E_R rgb, bounce / E_R rgb, and the cache that holds E_R
+//        (irradiance.h): L = L_cam (1 + (bounce - blocked) / E_R)
 //   out  ratio, float4 per pixel (height x width, no border, row 0 the top), w = 1; exactly 1 where
-//        E_R and E_RV are equal, where E_R is black or not finite, and where no real surface is lit
+//        E_R and E_RV are equal or nothing is blocked or bounced, where E_R is black or not finite, and where no real surface is lit
 //        (nothing there, or an opening: id 0)
 //
 // No diffuse surface reflects more than it receives. Where the camera saw more than E_R, the rest
@@ -11,6 +13,9 @@
 // highlight). Objects are taken to block as much of it as of the known light, without colour, and
 // never to add to it; otherwise such spots would light themselves up by way of objects near them.
 #include "guide.h"
+#ifdef DELTA
+#include "irradiance.h"
+#endif
 
 // Objects at most add light to a spot that was dark; beyond 4 a real surface's radiance is mostly
 // noise of a small E_R, and its colour was captured too dark to be trusted.
@@ -31,7 +36,11 @@ __kernel void relight(
     __global const float *restrict signal, // 6 planes
     __global const float *restrict colour, // 3 planes
     __global float4 *restrict ratio,       // out: float4 per pixel
+#ifdef DELTA
+    CACHE_PARAMETERS,
+#else
     float black,                           // E_R up to this counts as black
+#endif
     int width,
     int height)
 {
@@ -39,9 +48,22 @@ __kernel void relight(
     if (x >= width || y >= height)
         return;
     int size = plane_size(width, height), p = plane_index(x, y, width);
-    float3 real = (float3)(signal[p], signal[size + p], signal[2 * size + p]);
-    float3 both = (float3)(signal[3 * size + p], signal[4 * size + p], signal[5 * size + p]);
-    float3 seen = (float3)(colour[p], colour[size + p], colour[2 * size + p]);
+    float3 seen = load_planes(colour, size, p);
+#ifdef DELTA
+    // Only filtered values are clamped: single samples may go beyond what can be.
+    const float3 blocked = clamp(load_planes(signal, size, p), 0.0f, 1.0f);
+    const float3 bounce = fmax(load_planes(signal + 3 * size, size, p), 0.0f);
+    const IrradianceCache cache = CACHE;
+    const float black = cache.black;
+    float3 real = (float3)(0.0f);
+    if (guide[GUIDE_ID * size + p] > 0.0f
+        && luminance(blocked) + luminance(bounce) > 0.0f)
+        real = cached_irradiance(cache, load_planes(guide + GUIDE_POSITION * size, size, p),
+                                 load_planes(guide + GUIDE_NORMAL * size, size, p));
+    float3 both = real * (1.0f - blocked + bounce);
+#else
+    float3 real = load_planes(signal, size, p), both = load_planes(signal + 3 * size, size, p);
+#endif
     float passing = fmin(fmax(luminance(both) / fmax(luminance(real), black), 0.0f), 1.0f);
     float3 shares = real / fmax(fmax(real, seen), black);
     float explained = clamp(fmin(shares.x, fmin(shares.y, shares.z)), 0.0f, 1.0f);

@@ -4,9 +4,9 @@
 //
 // in   list, count    pixels to trace (y * width + x) and how many
 //      guide          7 planes (lib/guide.h): world normal, position, id
-//      real, objects  lib/scene.h
+//      real, objects  lib/path.h
 // out  signal         6 planes: E_R rgb, E_RV rgb; irradiance / pi
-//      touched         1 plane: TOUCHED_FRAMES where a ray met an object
+//      touched        1 plane: TOUCHED_FRAMES where a ray met an object
 //      samples        1 plane: rays that the pixel has sent since the start, in and out
 #define WITHOUT_OBJECTS
 #include "path.h"
@@ -21,8 +21,7 @@ TRACING_KERNEL void trace_real(
     __global const int *restrict count,
     __global const float *restrict guide,
     __global const float *restrict view,         // lib/view.h
-    REAL_PARAMETERS,
-    OBJECT_PARAMETERS,
+    WORLD_PARAMETERS,
     __global uint *restrict samples,
     __global float *restrict signal,
     __global float *restrict touched)
@@ -30,18 +29,11 @@ TRACING_KERNEL void trace_real(
     const int item = get_global_id(0);
     if (item >= count[0])
         return;
-    const World world = {REAL_LAYER, real_color,
-#ifdef OPENING_ENVIRONMENT
-                         real_outside,
-#endif
-                         OBJECTS(view), materials};
+    const World world = WORLD(view);
     const int x = list[item] % width, y = list[item] / width;
     const int pixel = plane_index(x, y, width), size = plane_size(width, height);
-    const float3 n = (float3)(guide[pixel], guide[size + pixel], guide[2 * size + pixel]);
-    const float3 p = (float3)(guide[3 * size + pixel], guide[4 * size + pixel],
-                              guide[5 * size + pixel]);
-    const float footprint = IPRT_PI / world.real.grid.height;
-    const float3 o = p + fmax(world.real.bias, REAL_LIFT * footprint * length(p)) * n;
+    const float3 n = load_planes(guide, size, pixel), p = load_planes(guide + 3 * size, size, pixel);
+    const float3 o = real_start(world.real, p, n);
     const float3 o_object = p + world.real.bias * n;
     const Frame frame = build_frame(n);
     const uint seed = hash_combine(hash_combine((uint)list[item], 0x7265616cu), (uint)frame_seed);
@@ -52,19 +44,14 @@ TRACING_KERNEL void trace_real(
     for (int ray = 0; ray < rays; ray++) {
         const uint index = first + ray;
         const float3 d = frame_to_world(frame, sample_cosine(sobol_2d(index, seed)));
-        const PathResult path = trace_path(world, o, o_object, d, seed, index);
+        const PathResult path = trace_path(world, o, o_object, no_scatter(d), seed, index);
         real_sum += path.real;
         both_sum += path.arriving;
         met |= path.met;
     }
     samples[pixel] = first + rays;
-    const float3 real_mean = real_sum / (float)rays, both_mean = both_sum / (float)rays;
-    signal[pixel] = real_mean.x;
-    signal[size + pixel] = real_mean.y;
-    signal[2 * size + pixel] = real_mean.z;
-    signal[3 * size + pixel] = both_mean.x;
-    signal[4 * size + pixel] = both_mean.y;
-    signal[5 * size + pixel] = both_mean.z;
+    store_planes(signal, size, pixel, real_sum / (float)rays);
+    store_planes(signal + 3 * size, size, pixel, both_sum / (float)rays);
     if (met)
         touched[pixel] = TOUCHED_FRAMES;
 }

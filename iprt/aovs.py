@@ -50,12 +50,23 @@ def _mixed(name: str, channels: slice) -> Reader:
     return image
 
 
-def _irradiance(channels: slice) -> Reader:
-    def image(renderer: Renderer) -> Image | None:
-        pixels = renderer.real_pixels
-        return _planes(renderer, pixels.irradiance, channels) if pixels else None
+def _irradiance_real(renderer: Renderer) -> Image | None:
+    pixels, cache = renderer.real_pixels, renderer.cache
+    if pixels is None or pixels.change is None:
+        return None
+    shown = pixels.change if cache is None else cache.show(renderer.world, renderer.real_guide)
+    return _planes(renderer, shown, slice(0, 3))
 
-    return image
+
+def _irradiance_mixed(renderer: Renderer) -> Image | None:
+    pixels, real = renderer.real_pixels, _irradiance_real(renderer)
+    if pixels is None or real is None:
+        return None
+    second = _planes(renderer, pixels.change, slice(3, 6))
+    if renderer.cache is None or second is None:
+        return second
+    blocked = _planes(renderer, pixels.change, slice(0, 3))
+    return np.asarray(real * (1.0 - blocked + second), np.float32)
 
 
 def _reflected(kind: Kind) -> Reader:
@@ -91,8 +102,8 @@ AOVS: dict[str, Reader] = {
     "albedo": _visible("albedo", slice(0, 3)),
     "coverage": _visible("coverage", slice(0, 1)),
     "ratio": _ratio,
-    "irradiance_real": _irradiance(slice(0, 3)),
-    "irradiance_mixed": _irradiance(slice(3, 6)),
+    "irradiance_real": _irradiance_real,
+    "irradiance_mixed": _irradiance_mixed,
     "diffuse": _reflected("diffuse"),
     "specular": _reflected("specular"),
     "tracing_level": _tracing_level,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import pyopencl.array as cla
 
@@ -10,6 +10,7 @@ from iprt.device.compute import ComputeDevice
 from iprt.passes.atrous import Atrous
 from iprt.passes.guide import Guide
 from iprt.passes.interpolate import Interpolate
+from iprt.passes.irradiance import IrradianceCache
 from iprt.passes.layout import PlaneLayout
 from iprt.passes.mask import Mask, grid_offset
 from iprt.passes.object_layers import VisibleLayer
@@ -19,6 +20,7 @@ from iprt.passes.temporal import Kind, Temporal, signal_planes
 from iprt.passes.trace import TraceReal, TraceVirtual
 from iprt.passes.world import World
 from iprt.requirements import Requirements
+from iprt.scene.camera import View
 from iprt.settings import Settings
 
 
@@ -44,11 +46,13 @@ class Tick:
 class SignalFilter:
     """Sparse samples of one signal become a clean picture: interpolate, accumulate, filter."""
 
-    def __init__(self, device: ComputeDevice, guide: Guide, kind: Kind, settings: Settings) -> None:
+    def __init__(
+        self, device: ComputeDevice, guide: Guide, kind: Kind, settings: Settings, *, name: str
+    ) -> None:
         self._fading = settings.fading
         self._interpolate = Interpolate(device, guide, signal_planes(kind), settings.interpolate)
-        self._temporal = Temporal(device, guide, kind, settings.temporal, name=kind)
-        self._atrous = Atrous(device, guide, kind, settings.atrous, name=kind)
+        self._temporal = Temporal(device, guide, kind, settings.temporal, name=name)
+        self._atrous = Atrous(device, guide, kind, settings.atrous, name=name)
 
     def run(
         self,
@@ -69,33 +73,84 @@ class SignalFilter:
 
 
 class RealPixels:
-    """Irradiance of real surfaces with and without objects: Algorithm 1, lines 1-9.
+    """What objects do to the real surfaces of a picture: Algorithm 1, lines 1-9.
 
     Attributes
     ----------
+    layer : RealLayer
+        The picture without objects.
+    mask : Mask
     relight : Relight
-        Holds E_RV / E_R.
-    irradiance : 6 planes or None
-        E_R and E_RV over π, filtered, after the first frame.
+        Holds the ratio.
+    change : 6 planes or None
+        `TraceReal.signal`, filtered, after the first frame.
     """
 
-    def __init__(self, device: ComputeDevice, guide: Guide, requirements: Requirements) -> None:
+    def __init__(
+        self,
+        device: ComputeDevice,
+        layer: RealLayer,
+        guide: Guide,
+        requirements: Requirements,
+        *,
+        name: str,
+    ) -> None:
         settings = requirements.settings
+        self.layer = layer
         self._guide = guide
-        self.mask = Mask(device, guide, settings.mask, name="real")
-        self._trace = TraceReal(device, guide, requirements)
-        self._filter = SignalFilter(device, guide, "real", settings)
-        self.relight = Relight(device, guide)
-        self.irradiance: cla.Array | None = None
+        self.mask = Mask(device, guide, settings.mask, name=name)
+        self._trace = TraceReal(device, guide, requirements, name=name)
+        self._filter = SignalFilter(device, guide, "real", settings, name=name)
+        self.relight = Relight(device, guide, delta=requirements.delta, name=name)
+        self.change: cla.Array | None = None
 
-    def run(self, world: World, layer: RealLayer, tick: Tick) -> cla.Array:
-        """Relight the frame's real pixels and return the ratio per pixel."""
-        motion, panorama = layer.motion, world.panorama
-        self.mask.run(grid_offset(tick.index), motion=motion, metre=panorama.scale)
-        self._trace.run(world, self.mask, tick.view)
-        self.irradiance = self._filter.run(self._trace.signal, self.mask, motion, tick)
-        self.relight.run(self.irradiance, layer.color, scale=panorama.mean_radiance)
+    def run(self, world: World, cache: IrradianceCache | None, tick: Tick) -> cla.Array:
+        """Relight the frame's real pixels and return the ratio per pixel.
+
+        `cache` holds E_R for the estimator "delta".
+        """
+        layer, mask = self.layer, self.mask
+        mask.run(grid_offset(tick.index), motion=layer.motion, metre=world.panorama.scale)
+        if cache is not None:
+            cache.run(world, self._guide, mask, tick.view)
+        self._trace.run(world, mask, tick.view, cache)
+        self.change = self._filter.run(self._trace.signal, mask, layer.motion, tick)
+        self.relight.run(self.change, layer.color, world, cache)
         return self.relight.ratio
+
+
+class RatioMap:
+    """What objects do to all real surfaces around the capture centre, coarsely.
+
+    Virtual surfaces reflect real ones relit by it where the view does not show these.
+
+    Attributes
+    ----------
+    rows : int
+        Of an equirect grid with twice as many columns.
+    ratio : (2 * rows * rows, 4) float32
+    """
+
+    def __init__(self, device: ComputeDevice, requirements: Requirements) -> None:
+        self.rows = requirements.settings.trace.ratio_rows
+        self._device = device
+        self._view = View(2 * self.rows, self.rows, projection="equirect")
+        layout = PlaneLayout(self._view.width, self._view.height)
+        self._constants = device.upload("ratio map view", self._view.kernel_constants())
+        layer = RealLayer(device, layout, equirect=True, name="ratio map")
+        self._guide = Guide(device, layout, equirect=True, name="ratio map")
+        self._pixels = RealPixels(device, layer, self._guide, requirements, name="ratio map")
+        self.ratio = self._pixels.relight.ratio
+
+    def run(self, world: World, cache: IrradianceCache | None, tick: Tick) -> None:
+        """Follow the frame; `tick.view` is not used, the map does not turn."""
+        here = replace(tick, view=self._constants)
+        with self._device.profile.section("ratio map"):
+            if tick.index == 0 or tick.changed:
+                self._pixels.layer.run(world.panorama, self._constants, self._constants)
+            layer = self._pixels.layer
+            self._guide.run(self._constants, layer.normal, layer.depth, layer.id)
+            self._pixels.run(world, cache, here)
 
 
 class VirtualPixels:
@@ -126,15 +181,17 @@ class VirtualPixels:
         self._trace = TraceVirtual(device, self._guide, requirements)
         kinds: list[Kind] = ["diffuse"] if requirements.diffuse_signal else []
         kinds += ["specular"] if requirements.specular_signal else []
-        self._filters = {kind: SignalFilter(device, self._guide, kind, settings) for kind in kinds}
+        self._filters = {
+            kind: SignalFilter(device, self._guide, kind, settings, name=kind) for kind in kinds
+        }
         self.reflected: dict[Kind, cla.Array] = {}
 
-    def run(self, world: World, ratio: cla.Array | None, tick: Tick) -> None:
-        """Shade the frame's virtual pixels; `ratio` relights what they reflect."""
+    def run(self, world: World, tick: Tick) -> None:
+        """Shade the frame's virtual pixels; `world.relit` is what they reflect."""
         seen, trace = self.visible, self._trace
         self._guide.run(tick.view, seen.normal, seen.depth, seen.id)
         self._mask.run(grid_offset(tick.index), motion=seen.motion, metre=world.panorama.scale)
-        trace.run(world, self._mask, tick.view, seen.albedo, ratio)
+        trace.run(world, self._mask, tick.view, seen.albedo)
         signals = {"diffuse": trace.diffuse, "specular": trace.specular}
         for kind, signal_filter in self._filters.items():
             self.reflected[kind] = signal_filter.run(

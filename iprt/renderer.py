@@ -19,12 +19,14 @@ from iprt.aovs import read_aov
 from iprt.device.compute import ComputeDevice
 from iprt.passes.composite import Composite
 from iprt.passes.guide import Guide
+from iprt.passes.irradiance import IrradianceCache
 from iprt.passes.layout import PlaneLayout
+from iprt.passes.lights import Lights, flux_change
 from iprt.passes.object_layers import TracedLayers, object_bounds
 from iprt.passes.panorama import Panorama
 from iprt.passes.real_layer import RealLayer
 from iprt.passes.world import World
-from iprt.pixels import RealPixels, Tick, VirtualPixels
+from iprt.pixels import RatioMap, RealPixels, Tick, VirtualPixels
 from iprt.requirements import Requirements
 from iprt.scene.camera import View
 from iprt.scene.frame import Frame
@@ -112,7 +114,7 @@ class Renderer:
             outside=self.requirements.opening_environment,
         )
         self._view_constants = [device.zeros(f"view {i}", (16,)) for i in range(2)]
-        self.real = RealLayer(device, self.layout, equirect=self._equirect)
+        self.real = RealLayer(device, self.layout, equirect=self._equirect, name="real")
         self.composite = Composite(
             device,
             self.layout,
@@ -122,17 +124,27 @@ class Renderer:
         )
         self.real_pixels: RealPixels | None = None
         self.virtual_pixels: VirtualPixels | None = None
+        self.ratio_map: RatioMap | None = None
+        self.cache: IrradianceCache | None = None
+        self._lights: Lights | None = None
         if self.requirements.objects:
-            self._build_object_passes(material_table(materials))
-        self.panorama.load(frame)
+            self._build_object_passes(material_table(materials), frame)
+        self._frame = frame
+        self.load(frame)
 
-    def _build_object_passes(self, materials: NDArray[np.float32]) -> None:
+    def _build_object_passes(self, materials: NDArray[np.float32], frame: Frame) -> None:
         device, needs = self.device, self.requirements
+        if needs.light_sampling:
+            self._lights = Lights(device, frame.width, frame.height)
+        if needs.delta:
+            self.cache = IrradianceCache(device, needs)
+        if needs.ratio_map:
+            self.ratio_map = RatioMap(device, needs)
         self.virtual_pixels = VirtualPixels(device, self.layout, needs, equirect=self._equirect)
         screen = equirect = None
         if needs.tracing:
             self.real_guide = Guide(device, self.layout, equirect=self._equirect, name="real")
-            self.real_pixels = RealPixels(device, self.real_guide, needs)
+            self.real_pixels = RealPixels(device, self.real, self.real_guide, needs, name="real")
             traced = TracedLayers(device, self.view, "screen layers")
             screen, equirect = (None, traced) if self._equirect else (traced, None)
         if needs.equirect_layers:
@@ -148,6 +160,7 @@ class Renderer:
             equirect,
             materials=device.upload("materials", materials),
             bounds=device.upload("object bounds", object_bounds(self.instances)),
+            lights=self._lights,
         )
 
     def close(self) -> None:
@@ -175,7 +188,7 @@ class Renderer:
         else:
             self._rasterize_objects(self.virtual_pixels, tick)
             ratio = self._relight(tick)
-            self.virtual_pixels.run(self.world, ratio, tick)
+            self.virtual_pixels.run(self.world, tick)
             self._composite(self.virtual_pixels, ratio)
         self._frame_index += 1
         self._video_stale = self._objects_stale = False
@@ -227,7 +240,12 @@ class Renderer:
     def _relight(self, tick: Tick) -> cla.Array | None:
         if self.real_pixels is None:
             return None
-        return self.real_pixels.run(self.world, self.real, tick)
+        ratio = self.real_pixels.run(self.world, self.cache, tick)
+        if self.ratio_map is not None:
+            self.ratio_map.run(self.world, self.cache, tick)
+        if self.requirements.relit_reflections:
+            self.world.relight(ratio, self.view, tick.view, self.ratio_map)
+        return ratio
 
     def _composite(self, pixels: VirtualPixels, ratio: cla.Array | None) -> None:
         self.composite.run(
@@ -240,6 +258,16 @@ class Renderer:
         )
 
     # Use ------------------------------------------------------------------------------------
+
+    def load(self, frame: Frame) -> None:
+        """Go on with another frame of the video, of the same size and with the same openings."""
+        self.panorama.load(frame)
+        if self._lights is not None:
+            self._lights.load(frame.color)
+        if self.cache is not None:
+            self.cache.place(self.world, flux_change(self._frame.color, frame.color))
+        self._frame = frame
+        self._video_stale = True
 
     def look(self, view: View) -> None:
         """Turn the camera; size and projection stay."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from iprt.device.compute import Define
 from iprt.passes.mask import TOUCHED_FRAMES
 from iprt.scene.camera import View
-from iprt.scene.material import Material
+from iprt.scene.material import Material, material_defines
 from iprt.scene.outside import OUTSIDE_ROWS
 from iprt.settings import Settings
 
@@ -29,6 +29,8 @@ class Requirements:
         The picture is the whole panorama.
     opening_environment : bool
         There are windows, and what lies behind them is assembled as a distant environment.
+    real_materials : tuple of Material
+        Glossy materials of the real scene that objects are reflected in; empty: all is diffuse.
     settings : Settings
     """
 
@@ -40,6 +42,7 @@ class Requirements:
     plastic: bool
     equirect_view: bool
     opening_environment: bool
+    real_materials: tuple[Material, ...]
     settings: Settings
 
     @classmethod
@@ -50,8 +53,9 @@ class Requirements:
         settings: Settings,
         *,
         openings: bool,
+        real_materials: tuple[Material, ...] = (),
     ) -> Requirements:
-        """`openings`: the video frame has windows."""
+        """`openings`: the video frame has windows; `real_materials`: its glossy surfaces."""
         kinds = list(materials)
         tracing = bool(kinds) and settings.method == "iprt"
         return cls(
@@ -63,8 +67,14 @@ class Requirements:
             plastic=any(m.kind == "plastic" for m in kinds),
             equirect_view=view.projection == "equirect",
             opening_environment=tracing and settings.trace.openings == "environment" and openings,
+            real_materials=real_materials if tracing else (),
             settings=settings,
         )
+
+    @property
+    def gloss(self) -> bool:
+        """Real surfaces reflect objects."""
+        return bool(self.real_materials)
 
     @property
     def diffuse_signal(self) -> bool:
@@ -75,6 +85,26 @@ class Requirements:
     def specular_signal(self) -> bool:
         """Objects reflect glossily or as mirrors."""
         return self.conductor or self.mirror or self.plastic
+
+    @property
+    def delta(self) -> bool:
+        """Real surfaces are relit by what objects change in a cached irradiance."""
+        return self.tracing and self.settings.trace.estimator == "delta"
+
+    @property
+    def light_sampling(self) -> bool:
+        """Rays are aimed at lights."""
+        return self.tracing and self.settings.trace.light_sampling
+
+    @property
+    def relit_reflections(self) -> bool:
+        """Objects reflect what objects do to real surfaces."""
+        return self.tracing and self.settings.trace.relight_reflections
+
+    @property
+    def ratio_map(self) -> bool:
+        """They do so where the view does not show these, too."""
+        return self.relit_reflections and not self.equirect_view
 
     @property
     def equirect_layers(self) -> bool:
@@ -92,11 +122,18 @@ class Requirements:
             "HAS_SPECULAR": self.specular_signal,
             "DISTANT_ENVIRONMENT": not self.tracing,
             "OPENING_ENVIRONMENT": self.opening_environment,
+            "LIGHT_SAMPLING": self.light_sampling,
             "OUTSIDE_ROWS": OUTSIDE_ROWS,
             "BASSRT": self.settings.trace.back_faces,
             "MAX_BOUNCES": self.settings.trace.bounces,
             "TOUCHED_FRAMES": TOUCHED_FRAMES,
         }
+
+    def gloss_defines(self) -> dict[str, Define]:
+        """`-D` variants of the kernels that also know the materials of real surfaces."""
+        defines = self.trace_defines()
+        real = material_defines(self.real_materials)
+        return defines | {name: bool(defines[name]) or needed for name, needed in real.items()}
 
     def describe(self) -> dict[str, bool]:
         """What is built and what is not, by name."""
@@ -106,6 +143,10 @@ class Requirements:
             "diffuse reflection": self.diffuse_signal,
             "glossy reflection": self.conductor or self.plastic,
             "mirror reflection": self.mirror,
+            "reflections in glossy real surfaces": self.gloss,
             "distant environment behind windows": self.opening_environment,
+            "irradiance cache of the panorama": self.delta,
+            "aiming rays at lights": self.light_sampling,
+            "shadows in what objects reflect off screen": self.ratio_map,
             "equirect layers for rays off screen": self.equirect_layers,
         }

@@ -8,6 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from iprt.passes.atrous import AtrousSettings
 from iprt.passes.interpolate import InterpolateSettings
+from iprt.passes.irradiance import IrradianceSettings
 from iprt.passes.mask import MaskSettings
 from iprt.passes.temporal import TemporalSettings
 
@@ -20,6 +21,15 @@ class TraceSettings(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
+    estimator: Literal["delta", "ratio"] = Field(
+        default="delta",
+        description="How real surfaces are relit: by what objects change in a cached irradiance, "
+        "or by the quotient of irradiances with and without them (IPRT Eq. 2).",
+    )
+    light_sampling: bool = Field(
+        default=True,
+        description="Aim rays at the bright parts of the panorama too; off: by reflectance only.",
+    )
     rays: int = Field(
         default=1, ge=1, le=1024, description="Rays per traced pixel and frame; noise ∝ 1/√rays."
     )
@@ -51,6 +61,27 @@ class TraceSettings(BaseModel):
     relight_reflections: bool = Field(
         default=True, description="Objects reflect shadows and light that objects cast."
     )
+    ratio_rows: int = Field(
+        default=128,
+        ge=16,
+        le=2048,
+        description="Rows of the panorama that holds such shadows where the view does not show "
+        "them.",
+    )
+
+
+class GlossSettings(BaseModel):
+    """Glossy real surfaces, where a scene declares any (`[[real_materials]]`)."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    rays: int = Field(
+        default=16,
+        ge=1,
+        le=4096,
+        description="Rays per glossy texel, once per video frame, that find the highlight to take "
+        "off.",
+    )
 
 
 class Settings(BaseModel):
@@ -67,6 +98,8 @@ class Settings(BaseModel):
         description="Least share of a new frame in the temporal mean; 0 averages all frames.",
     )
     trace: TraceSettings = TraceSettings()
+    gloss: GlossSettings = GlossSettings()
+    irradiance: IrradianceSettings = IrradianceSettings()
     mask: MaskSettings = MaskSettings()
     interpolate: InterpolateSettings = InterpolateSettings()
     temporal: TemporalSettings = TemporalSettings()

@@ -4,14 +4,20 @@
 // Real surfaces are taken as diffuse emitters (IPRT, "Interactive panoramic ray tracing"): the
 // panorama already holds every bounce between them. -D MAX_BOUNCES is how many virtual surfaces a
 // path may meet; the ray after the last one sees real surfaces only (Algorithm 1, lines 4-6).
-// -D RELIT multiplies real radiance by what objects do to it in the view (UpdateGbuffer).
+// -D RELIT multiplies real radiance by what objects do to it (UpdateGbuffer): in the view where
+// that shows the surface, else in the panorama.
 // -D OPENING_ENVIRONMENT lets windows show what is far behind them in the ray's direction, rather
 // than the radiance of the point where the ray crosses them.
 // -D DISTANT_ENVIRONMENT takes the panorama as infinitely far: image-based lighting.
+// -D LIGHT_SAMPLING aims a share of the rays at the bright parts of the panorama; the densities of
+// both ways to choose a direction are mixed (one-sample balance heuristic: Veach and Guibas,
+// "Optimally Combining Sampling Techniques for Monte Carlo Rendering", SIGGRAPH 1995).
 #ifndef IPRT_PATH_H
 #define IPRT_PATH_H
 
+#include "boxes.h"
 #include "brdf.h"
+#include "lights.h"
 #include "panorama.h"
 #include "sampling.h"
 #include "scene.h"
@@ -29,27 +35,71 @@
 
 // Rays leave a real surface this many texel footprints above it.
 #define REAL_LIFT 2.0f
+// Rougher lobes than this are narrow enough to find lights better than aiming does.
+#define AIMED_ALPHA 0.1f
+
+// What objects do to the radiance of real surfaces, as factors.
+typedef struct {
+    __global const float4 *screen;      // per pixel of the view, [width * height]
+    __global const float *view;         // lib/view.h; of the screen
+    int width;
+    int height;
+    __global const float4 *panorama;    // [rows * 2 rows], equirect
+    int rows;
+} Relit;
 
 typedef struct {
     RealLayer real;
     __global const float4 *color;       // panorama radiance
-#ifdef OPENING_ENVIRONMENT
     __global const float4 *outside;     // [OUTSIDE_ROWS * 2 OUTSIDE_ROWS], seen through windows
-#endif
-#ifdef RELIT
-    __global const float4 *ratio;       // E_RV / E_R per pixel of the view
-    int view_width;
-    int view_height;
-#endif
     Objects objects;
     __global const float4 *materials;   // lib/brdf.h
+    Lights lights;
+    Relit relit;
 } World;
+
+// What every kernel that traces paths is given, in this order (iprt/passes/world.py).
+#define WORLD_PARAMETERS                                                                           \
+    REAL_PARAMETERS, OBJECT_PARAMETERS, LIGHT_PARAMETERS,                                          \
+        __global const float4 *restrict relit_screen, __global const float *restrict relit_view,   \
+        const int relit_width, const int relit_height,                                             \
+        __global const float4 *restrict relit_panorama, const int relit_rows
+
+#define WORLD(view)                                                                                \
+    {                                                                                              \
+        REAL_LAYER, real_color, real_outside, OBJECTS(view), materials, LIGHTS,                    \
+        {                                                                                          \
+            relit_screen, relit_view, relit_width, relit_height, relit_panorama, relit_rows        \
+        }                                                                                          \
+    }
+
+// Where rays leave a real surface.
+static inline float3 real_start(const RealLayer layer, float3 p, float3 n)
+{
+    const float footprint = IPRT_PI / layer.grid.height;
+    return p + fmax(layer.bias, REAL_LIFT * footprint * length(p)) * n;
+}
 
 static inline float3 sky_radiance(const World world, float3 d)
 {
     return panorama_bilinear(world.color, world.real.grid.width, world.real.grid.height,
                              equirect_uv(d));
 }
+
+#ifdef RELIT
+// Where d leads from the capture centre.
+static inline float3 relit_factor(const Relit relit, float3 d)
+{
+    if (relit.screen != 0) {
+        const float2 p = view_project(relit.view, d);
+        if (p.x >= 0.0f && p.y >= 0.0f && p.x < relit.width && p.y < relit.height)
+            return relit.screen[(int)p.y * relit.width + (int)p.x].xyz;
+    }
+    if (relit.panorama == 0)
+        return (float3)(1.0f);
+    return panorama_bilinear(relit.panorama, 2 * relit.rows, relit.rows, equirect_uv(d));
+}
+#endif
 
 // Radiance of what a ray in direction d has hit. One lookup, whichever picture it is in.
 static inline float3 real_radiance(const World world, const RealHit hit, float3 d)
@@ -73,72 +123,187 @@ static inline float3 real_radiance(const World world, const RealHit hit, float3 
 #endif
     float3 radiance = panorama_bilinear(picture, width, height, uv);
 #ifdef RELIT
-    if (surface) {
-        const float2 p = view_project(world.objects.view, hit.direction);
-        if (p.x >= 0.0f && p.y >= 0.0f && p.x < world.view_width && p.y < world.view_height)
-            radiance *= world.ratio[(int)p.y * world.view_width + (int)p.x].xyz;
-    }
+    if (surface)
+        radiance *= relit_factor(world.relit, hit.direction);
 #endif
     return radiance;
 }
 
-#ifndef DISTANT_ENVIRONMENT
-// One path from a point, from direction d on. Objects are looked for from o_object, real surfaces
-// from o.
+// A direction in which a surface passes light on, and what its density was.
 typedef struct {
-    float3 arriving;    // radiance at the start, objects included
-    float3 real;        // radiance at the start if there were no objects
-    int met;            // an object is the first thing that the path meets
+    float3 wi;
+    float3 diffuse;       // f cos, without the albedo
+    float3 specular;      // f cos
+    float density;        // with which wi was chosen, but for light sampling; 0: a perfect mirror's,
+                          // whose f cos holds the density already
+    float light_share;    // probability of aiming at lights instead
+    float box_share;      // and at objects' boxes (-D DELTA)
+    float3 light;         // where it was aimed at, from the capture centre
+    int aimed;            // at a light: nothing else counts
+} Scatter;
+
+static inline Scatter no_scatter(float3 wi)
+{
+    Scatter s;
+    s.wi = wi;
+    s.diffuse = s.specular = (float3)(0.0f);
+    s.density = s.light_share = s.box_share = 0.0f;
+    s.light = wi;
+    s.aimed = 0;
+    return s;
+}
+
+static inline float light_share(const World world, const Material material)
+{
+#ifdef LIGHT_SAMPLING
+    if (world.lights.count == 0)
+        return 0.0f;
+    if (material.kind == KIND_DIFFUSE)
+        return 0.5f;
+    return material.kind == KIND_PLASTIC ? 0.35f : material.alpha > AIMED_ALPHA ? 0.25f : 0.0f;
+#else
+    return 0.0f;
+#endif
+}
+
+// One direction off a virtual surface at x; u in [0, 1)^4.
+static inline Scatter scatter(const World world, const Material material, float3 albedo, float3 x,
+                              float3 n, float3 wo, float4 u)
+{
+    Scatter s = no_scatter(n);
+    s.light_share = light_share(world, material);
+    s.aimed = u.w < s.light_share;
+    const float rest = 1.0f - s.light_share;
+    if (s.aimed) {
+        s.light = sample_light(world.lights, u.xy);
+        s.wi = towards_light(world.real, s.light, x);
+    } else {
+        const BrdfSample sample = brdf_sample(material, albedo, n, wo, u.xyz);
+        s.wi = sample.wi;
+        if (sample.specular && !(material.alpha > 0.0f)) {
+            s.specular = sample.weight / rest;
+            return s;
+        }
+    }
+    const BrdfValue value = brdf_eval(material, albedo, n, wo, s.wi);
+    const float2 density = brdf_pdf(material, albedo, n, wo, s.wi);
+    const float cosine = fmax(dot(n, s.wi), 0.0f);
+    s.diffuse = (float3)(value.diffuse * cosine);
+    s.specular = value.specular * cosine;
+    // Directions below the surface pass no light on, whatever their density.
+    s.density = fmax(rest * (density.x + density.y), 1e-20f);
+    return s;
+}
+
+#ifndef DISTANT_ENVIRONMENT
+
+// 1 / density of what a ray from o met: 0 if it was aimed at a light and met something else.
+static inline float inverse_density(const World world, const Scatter s, float3 o, const RealHit hit)
+{
+    float density = s.density;
+    if (!(density > 0.0f))
+        return 1.0f;
+#ifdef LIGHT_SAMPLING
+    if (s.aimed && !reaches_light(world.real, hit, s.light))
+        return 0.0f;
+    if (s.light_share > 0.0f)
+        density += s.light_share * light_density(world.lights, world.real, hit, o, s.wi);
+#endif
+    return 1.0f / density;
+}
+
+// One path from a point. Objects are looked for from o_object, real surfaces from o.
+typedef struct {
+    float3 arriving;    // radiance over density at the start, objects included
+    float3 real;        // the same if there were no objects
+    float distance;     // to the first thing that the path meets, metres; INFINITY: sky
+    int met;            // that is an object
 } PathResult;
 
 // All of a path is one loop with one call of each march, because OpenCL compilers inline them.
-// `real` is only filled with -D WITHOUT_OBJECTS, which costs tracing past the objects.
-static inline PathResult trace_path(const World world, float3 o, float3 o_object, float3 d, uint seed,
-                             uint index)
+// -D WITHOUT_OBJECTS also fills `real`, which costs tracing past the objects.
+// -D DELTA is for what objects change only: paths whose first surface is none are not followed,
+// and `real` is what the first object hides. `boxes` are seen from o_object.
+static inline PathResult trace_path(const World world, float3 o, float3 o_object, Scatter s,
+#ifdef DELTA
+                                    const BoxView boxes,
+#endif
+                                    uint seed, uint index)
 {
     PathResult result;
     result.met = 0;
+    result.distance = INFINITY;
     result.real = result.arriving = (float3)(0.0f);
     float3 throughput = (float3)(1.0f);
     for (int bounce = 0;; bounce++) {
+        const float3 d = s.wi;
         ObjectHit hit;
         hit.t = INFINITY;
         const int object = bounce < MAX_BOUNCES
             && trace_objects(world.objects, o_object, d, INFINITY, &hit);
-#ifdef WITHOUT_OBJECTS
+#ifdef DELTA
+        if (bounce == 0) {
+            if (!object)
+                return result;
+            if (s.box_share > 0.0f)
+                s.density += s.box_share
+                    * box_density(world.objects.bounds, world.objects.objects, boxes, d);
+        }
+#endif
+#if defined(WITHOUT_OBJECTS) || defined(DELTA)
         const float t_max = object && bounce > 0 ? hit.t : INFINITY;
 #else
         const float t_max = object ? hit.t : INFINITY;
 #endif
         const RealHit real = trace_real_layer(world.real, o, d, t_max);
         const int at_object = object && !(real.t < hit.t);
+        if (bounce == 0)
+            result.distance = at_object ? hit.t : real.t;
 #ifdef WITHOUT_OBJECTS
         if (bounce == 0)
             result.real = real_radiance(world, real, d);
 #endif
         if (!at_object) {
-            // The same value bit for bit where no object is met.
+#ifdef DELTA
+            if (bounce == 0)
+                return result;
+#endif
 #ifdef WITHOUT_OBJECTS
+            // The same value bit for bit where no object is met.
             if (bounce == 0) {
                 result.arriving = result.real;
                 return result;
             }
 #endif
-            result.arriving = throughput * real_radiance(world, real, d);
+            const float share = inverse_density(world, s, o, real);
+            if (share > 0.0f)
+                result.arriving = throughput * share * real_radiance(world, real, d);
             return result;
         }
-        result.met = 1;
+#ifdef DELTA
+        if (bounce == 0) {
+            const float share = inverse_density(world, s, o, real);
+            if (!(share > 0.0f))
+                return result;
+            result.real = share * real_radiance(world, real, d);
+            throughput *= share;
+        } else
+#endif
+        {
+            if (s.aimed)
+                return result;
+            throughput *= s.density > 0.0f ? 1.0f / s.density : 1.0f;
+        }
+        result.met |= bounce == 0;
         const Scatterer at = object_point(world.objects, hit, o_object, d);
         const uint stream = hash_combine(seed, 2 * bounce + 2);
-        const float2 u = sobol_2d(index, stream);
-        const BrdfSample sample =
-            brdf_sample(load_material(world.materials, at.material), at.albedo, at.normal, -d,
-                        (float3)(u, sobol_1d(index, hash_combine(stream, 1))));
-        throughput *= sample.specular ? sample.weight : sample.weight * at.albedo;
+        const float2 u = sobol_2d(index, stream), v = sobol_2d(index, hash_combine(stream, 1));
+        o = o_object = at.position + at.lift * at.normal;
+        s = scatter(world, load_material(world.materials, at.material), at.albedo, o, at.normal, -d,
+                    (float4)(u, v));
+        throughput *= at.albedo * s.diffuse + s.specular;
         if (!(throughput.x + throughput.y + throughput.z > 0.0f))
             return result;
-        d = sample.wi;
-        o = o_object = at.position + at.lift * at.normal;
     }
 }
 #endif

@@ -13,4 +13,17 @@ static inline int plane_index(int x, int y, int width)
     return (y + PLANE_PAD) * plane_stride(width) + x + PLANE_PAD;
 }
 
+// Three planes' values at `pixel`.
+static inline float3 load_planes(__global const float *restrict planes, int size, int pixel)
+{
+    return (float3)(planes[pixel], planes[size + pixel], planes[2 * size + pixel]);
+}
+
+static inline void store_planes(__global float *restrict planes, int size, int pixel, float3 value)
+{
+    planes[pixel] = value.x;
+    planes[size + pixel] = value.y;
+    planes[2 * size + pixel] = value.z;
+}
+
 #endif

@@ -9,6 +9,10 @@ from dataclasses import dataclass
 from typing import Any
 
 
+OTHER = "other"
+"""The pass of what no section names."""
+
+
 @dataclass(frozen=True)
 class PassTime:
     """Time of one pass over the frames profiled.
@@ -38,7 +42,7 @@ class Profile:
     def __init__(self) -> None:
         self.compile_ms = 0.0
         self.frames = 0
-        self._pass = "other"
+        self._pass = OTHER
         self._events: list[tuple[str, Any]] = []
         self._device_ms: dict[str, float] = {}
         self._host_ms: dict[str, float] = {}
@@ -46,8 +50,9 @@ class Profile:
 
     @contextmanager
     def section(self, name: str) -> Iterator[None]:
-        """Device events recorded inside belong to the pass `name`."""
-        outer, self._pass = self._pass, name
+        """Device events recorded inside belong to the pass `name`, or to the one around it."""
+        outer = self._pass
+        self._pass = name if outer == OTHER else outer
         try:
             yield
         finally:

@@ -21,22 +21,68 @@ class RealLayer:
         Linear radiance, L_cam of IPRT Eq. 2.
     normal, depth, id, motion : 3, 1, 1, 2 planes
         See `cl/resample.cl`.
+    diffuse : 3 planes
+        What of `color` surfaces radiate to all sides: `color` itself, but without the highlight
+        where real surfaces are glossy.
+    gloss, roughness : 1 plane each, or None
+        Index of the real material + 1, 0 where diffuse, and its GGX alpha; where asked for.
     """
 
-    def __init__(self, device: ComputeDevice, layout: PlaneLayout, *, equirect: bool) -> None:
+    def __init__(
+        self,
+        device: ComputeDevice,
+        layout: PlaneLayout,
+        *,
+        equirect: bool,
+        name: str,
+        gloss: bool = False,
+    ) -> None:
+        """`name` tells layers apart; `gloss`: the panorama has glossy surfaces."""
         self._device = device
         self._layout = layout
         self._kernel = device.kernel(
-            "resample.cl", "resample_panorama", plane_defines(equirect=equirect)
+            "resample.cl",
+            "resample_panorama",
+            plane_defines(
+                equirect=equirect, GLOSS=gloss, MATERIAL_PLASTIC=gloss, MATERIAL_CONDUCTOR=gloss
+            ),
         )
-        self.color = device.zeros("real color", layout.shape(3))
-        self.normal = device.zeros("real normal", layout.shape(3))
-        self.depth = device.zeros("real depth", layout.shape(1))
-        self.id = device.zeros("real id", layout.shape(1))
-        self.motion = device.zeros("real motion", layout.shape(2))
+        self.color = device.zeros(f"{name} color", layout.shape(3))
+        self.normal = device.zeros(f"{name} normal", layout.shape(3))
+        self.depth = device.zeros(f"{name} depth", layout.shape(1))
+        self.id = device.zeros(f"{name} id", layout.shape(1))
+        self.motion = device.zeros(f"{name} motion", layout.shape(2))
+        self.diffuse = self.color
+        self.gloss = self.roughness = self._highlight = None
+        if gloss:
+            self._split = device.kernel("split_highlight.cl", "split_highlight", plane_defines())
+            self.diffuse = device.zeros(f"{name} diffuse", layout.shape(3))
+            self.gloss = device.zeros(f"{name} gloss", layout.shape(1))
+            self.roughness = device.zeros(f"{name} roughness", layout.shape(1))
+            self._highlight = device.zeros(f"{name} highlight", layout.shape(3))
 
-    def run(self, panorama: Panorama, view: cla.Array, previous: cla.Array) -> None:
-        """Fill the planes; `view` and `previous` are `View.kernel_constants()` on the device."""
+    def run(
+        self,
+        panorama: Panorama,
+        view: cla.Array,
+        previous: cla.Array,
+        *,
+        real_materials: cla.Array | None = None,
+    ) -> None:
+        """Fill the planes.
+
+        Parameters
+        ----------
+        panorama : Panorama
+        view, previous : (16,) float32
+            `View.kernel_constants()`.
+        real_materials : (rows, 4) float32 or None
+            `material_table()` of the glossy real surfaces, where there are any.
+        """
+        gloss = ()
+        if self.gloss is not None:
+            gloss = (panorama.gloss, panorama.highlight, real_materials)
+            gloss += (self.gloss, self.roughness, self._highlight)
         width, height = self._layout.width, self._layout.height
         with self._device.profile.section("resample"):
             self._kernel(
@@ -55,8 +101,16 @@ class RealLayer:
                 self.depth,
                 self.id,
                 self.motion,
+                *gloss,
             )
+            self._split_color()
 
     def replace_color(self, background: NDArray[np.float32]) -> None:
         """Use another picture (H, W, 3), linear radiance, as what the camera sees."""
         self._device.write(self.color, self._layout.padded(np.moveaxis(background, -1, 0)))
+        self._split_color()
+
+    def _split_color(self) -> None:
+        if self.gloss is not None:
+            width, height = self._layout.width, self._layout.height
+            self._split((width, height), self.color, self._highlight, self.diffuse, width, height)

@@ -6,13 +6,12 @@ import pyopencl.array as cla
 
 from iprt.device.compute import ComputeDevice
 from iprt.passes.guide import Guide, plane_defines
-
-BLACK = 1e-6
-"""E_R up to this fraction of the scene's radiance scale is black: its ratio is noise."""
+from iprt.passes.irradiance import BLACK, IrradianceCache
+from iprt.passes.world import World
 
 
 class Relight:
-    """Divides E_RV by E_R.
+    """What objects make of each pixel's radiance, as a factor.
 
     Attributes
     ----------
@@ -21,23 +20,32 @@ class Relight:
         exactly where E_R and E_RV are equal, E_R is black or not finite, or no surface is lit.
     """
 
-    def __init__(self, device: ComputeDevice, guide: Guide) -> None:
+    def __init__(self, device: ComputeDevice, guide: Guide, *, delta: bool, name: str) -> None:
+        """`delta`: signals are relative to a cached E_R."""
         self._device = device
         self._guide = guide
-        self._kernel = device.kernel("relight.cl", "relight", plane_defines())
+        defines = plane_defines(equirect=guide.equirect, DELTA=delta)
+        self._kernel = device.kernel("relight.cl", "relight", defines)
         pixels = guide.layout.width * guide.layout.height
-        self.ratio = device.empty("relighting ratio", (pixels, 4))
+        self.ratio = device.empty(f"{name} relighting ratio", (pixels, 4))
 
-    def run(self, signal: cla.Array, colour: cla.Array, *, scale: float) -> None:
+    def run(
+        self, signal: cla.Array, colour: cla.Array, world: World, cache: IrradianceCache | None
+    ) -> None:
         """Fill `ratio`.
 
         Parameters
         ----------
-        signal : 6 planes, E_R and E_RV over π
-        colour : 3 planes, radiance of the real layer, L_cam
-        scale : float
-            The scene's mean radiance.
+        signal : 6 planes
+            `TraceReal.signal`, filtered.
+        colour : 3 planes
+            Radiance of the real layer, L_cam.
+        world : World
+            Its panorama says what is black.
+        cache : IrradianceCache or None
+            E_R, where signals are relative to it.
         """
+        black = float(BLACK * world.panorama.mean_radiance)
         width, height = self._guide.layout.width, self._guide.layout.height
         with self._device.profile.section("relight"):
             self._kernel(
@@ -46,7 +54,7 @@ class Relight:
                 signal,
                 colour,
                 self.ratio,
-                BLACK * scale,
+                *(cache.arguments(world) if cache else (black,)),
                 width,
                 height,
             )

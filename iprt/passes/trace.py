@@ -7,31 +7,37 @@ import pyopencl.array as cla
 
 from iprt.device.compute import ComputeDevice
 from iprt.passes.guide import Guide, plane_defines
+from iprt.passes.irradiance import IrradianceCache
 from iprt.passes.mask import Mask
 from iprt.passes.world import World
 from iprt.requirements import Requirements
 
 
 class TraceReal:
-    """E_R and E_RV at the traced pixels of the real layer.
+    """What objects do to the irradiance at the traced pixels of a real layer.
 
     Attributes
     ----------
     signal : 6 planes
-        E_R rgb, E_RV rgb: irradiance over π; valid at the pixels that were traced.
+        Valid at the pixels that were traced. Estimator "delta": blocked / E_R rgb, bounce / E_R
+        rgb; "ratio": E_R rgb, E_RV rgb, irradiance over π.
     """
 
-    def __init__(self, device: ComputeDevice, guide: Guide, requirements: Requirements) -> None:
+    def __init__(
+        self, device: ComputeDevice, guide: Guide, requirements: Requirements, *, name: str
+    ) -> None:
         self._device = device
         self._guide = guide
         self._requirements = requirements
         defines = plane_defines(equirect=guide.equirect, **requirements.trace_defines())
-        self._kernel = device.kernel("trace_real.cl", "trace_real", defines)
+        kernel = "trace_delta" if requirements.delta else "trace_real"
+        self._kernel = device.kernel(f"{kernel}.cl", kernel, defines)
         layout = guide.layout
-        self.signal = device.zeros("real signal", layout.shape(6))
-        self._samples = device.zeros("real samples", layout.shape(1), np.uint32)
+        self.signal = device.zeros(f"{name} signal", layout.shape(6))
+        self._samples = device.zeros(f"{name} samples", layout.shape(1), np.uint32)
 
-    def run(self, world: World, mask: Mask, view: cla.Array) -> None:
+    def run(self, world: World, mask: Mask, view: cla.Array, cache: IrradianceCache | None) -> None:
+        """`cache` holds E_R for the estimator "delta"."""
         layout, settings = self._guide.layout, self._requirements.settings
         with self._device.profile.section("trace real"):
             self._kernel(
@@ -45,6 +51,7 @@ class TraceReal:
                 self._guide.current,
                 view,
                 *world.arguments(self._requirements),
+                *(cache.arguments(world) if cache else ()),
                 self._samples,
                 self.signal,
                 mask.touched,
@@ -66,9 +73,10 @@ class TraceVirtual:
         self._device = device
         self._guide = guide
         self._requirements = requirements
-        relit = requirements.tracing and requirements.settings.trace.relight_reflections
         defines = plane_defines(
-            equirect=guide.equirect, RELIT=relit, **requirements.trace_defines()
+            equirect=guide.equirect,
+            RELIT=requirements.relit_reflections,
+            **requirements.trace_defines(),
         )
         self._kernel = device.kernel("trace_virtual.cl", "trace_virtual", defines)
         layout = guide.layout
@@ -85,7 +93,6 @@ class TraceVirtual:
         mask: Mask,
         view: cla.Array,
         albedo: cla.Array,
-        ratio: cla.Array | None,
     ) -> None:
         layout, settings = self._guide.layout, self._requirements.settings
         with self._device.profile.section("trace virtual"):
@@ -100,7 +107,6 @@ class TraceVirtual:
                 self._guide.current,
                 albedo,
                 view,
-                ratio,
                 *world.arguments(self._requirements),
                 self._samples,
                 self.diffuse,

@@ -2,13 +2,24 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pyopencl.array as cla
 
+from iprt.passes.lights import Lights
 from iprt.passes.object_layers import EMPTY, NO_LAYERS, TracedLayers, int4
 from iprt.passes.panorama import Panorama
 from iprt.requirements import Requirements
+from iprt.scene.camera import View
+
+if TYPE_CHECKING:
+    from iprt.pixels import RatioMap
+
+
+NO_LIGHTS: tuple[Any, ...] = (None, None, None, 0, 1, 1)
+"""In place of `Lights.arguments()` where nothing is aimed at lights."""
+NOT_RELIT: tuple[Any, ...] = (None, None, 0, 0, None, 0)
+"""Where real surfaces radiate what the panorama shows."""
 
 
 class World:
@@ -22,20 +33,40 @@ class World:
         *,
         materials: cla.Array,
         bounds: cla.Array,
+        lights: Lights | None,
     ) -> None:
-        """`materials` holds `material_table()`, `bounds` `object_bounds()`."""
+        """`materials` holds `material_table()`, `bounds` `object_bounds()`; `lights` are those of
+        the panorama, where rays are aimed at them.
+        """
         self.panorama = panorama
         self.screen = screen
         self.equirect = equirect
         self.materials = materials
         self.bounds = bounds
+        self.lights = lights
+        self.relit: tuple[Any, ...] = NOT_RELIT
+
+    def relight(
+        self, screen: cla.Array, view: View, constants: cla.Array, around: RatioMap | None
+    ) -> None:
+        """Let virtual surfaces reflect real ones relit: by `screen` in the view, else by `around`.
+
+        Parameters
+        ----------
+        screen : (H * W, 4) float32
+            `Relight.ratio` of the view, whose constants on the device `constants` are.
+        around : RatioMap or None
+            None: the view shows the whole panorama.
+        """
+        there = (None, 0) if around is None else (around.ratio, around.rows)
+        self.relit = (screen, constants, view.width, view.height, *there)
 
     def arguments(self, requirements: Requirements) -> tuple[Any, ...]:
-        """What `REAL_PARAMETERS` and `OBJECT_PARAMETERS` of `cl/lib/scene.h` declare, in order."""
+        """What `WORLD_PARAMETERS` of `cl/lib/path.h` declares, in order."""
         trace = requirements.settings.trace
         return (
             *self.panorama.layer_arguments(trace.thickness, trace.thickness_ratio),
-            self.panorama.color,
+            self.panorama.radiated,
             self.panorama.outside,
             *(self.screen.arguments() if self.screen else NO_LAYERS),
             *(self.equirect.arguments() if self.equirect else NO_LAYERS),
@@ -43,4 +74,6 @@ class World:
             self.bounds,
             self.bounds.shape[0],
             self.materials,
+            *(self.lights.arguments() if self.lights else NO_LIGHTS),
+            *self.relit,
         )

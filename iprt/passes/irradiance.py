@@ -1,0 +1,184 @@
+"""E_R, the irradiance of real surfaces without objects, kept in panorama space."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pyopencl.array as cla
+from pydantic import BaseModel, ConfigDict, Field
+
+from iprt.device.compute import ComputeDevice
+from iprt.passes.guide import Guide, plane_defines
+from iprt.passes.mask import Mask
+
+if TYPE_CHECKING:
+    from iprt.passes.world import World
+    from iprt.requirements import Requirements
+
+
+BLACK = 1e-6
+"""E_R up to this fraction of the panorama's mean radiance is black: what is relative to it is
+noise."""
+
+
+class IrradianceSettings(BaseModel):
+    """How finely and how surely E_R is known."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    rows: int = Field(
+        default=256,
+        ge=16,
+        le=2048,
+        description="Rows of the grid around the capture centre; it has twice as many columns.",
+    )
+    first_rays: int = Field(
+        default=16, ge=1, le=4096, description="Rays with which a cell starts when it is needed."
+    )
+    rays: int = Field(
+        default=4,
+        ge=1,
+        le=1024,
+        description="Further rays per cell and frame, where objects have influence.",
+    )
+    samples: int = Field(
+        default=256,
+        ge=1,
+        le=2**20,
+        description="Rays after which a cell is not refined further; noise of E_R ∝ 1/√samples.",
+    )
+
+
+class IrradianceCache:
+    """Grid of E_R around the capture centre, refined where traced pixels need it.
+
+    It depends on the video only: all views share it, and the objects do not enter.
+
+    Attributes
+    ----------
+    rows, columns : int
+    plane : (rows * columns, 4) float32
+        Tangent plane g (g·x = 1) at each cell's centre, 1; all 0: no surface there, or a window.
+    mean, irradiance : (rows * columns, 4) float32
+        E_R / π as sampled, and after smoothing; number of samples.
+    """
+
+    def __init__(self, device: ComputeDevice, requirements: Requirements) -> None:
+        self._device = device
+        self._requirements = requirements
+        self.settings = requirements.settings.irradiance
+        self.rows, self.columns = self.settings.rows, 2 * self.settings.rows
+        defines = {**plane_defines(), **requirements.trace_defines()}
+
+        def kernel(name: str) -> Any:
+            return device.kernel("irradiance.cl", name, defines)
+
+        self._place = kernel("place_cells")
+        self._want = kernel("want_cells")
+        self._list = kernel("list_cells")
+        self._refine = kernel("refine_cells")
+        self._smooth = kernel("smooth_cells")
+        self._show = kernel("show_cells")
+        cells = self.rows * self.columns
+        self.plane = device.zeros("irradiance plane", (cells, 4))
+        self.mean = device.zeros("irradiance mean", (cells, 4))
+        self.irradiance = device.zeros("irradiance", (cells, 4))
+        self._wanted = device.zeros("irradiance wanted", (cells,), np.int32)
+        self._cells = device.empty("irradiance cells", (cells,), np.int32)
+        self._count = device.zeros("irradiance count", (1,), np.int32)
+
+    def place(self, world: World, changed: float) -> None:
+        """Follow the video to its new frame: forget what is elsewhere, doubt what is lit otherwise.
+
+        Parameters
+        ----------
+        changed : float
+            Share of the panorama's flux that changed, in [0, 1]. A mean of so many samples that its
+            error is as large as that is kept.
+        """
+        panorama = world.panorama
+        kept = 1.0 / max(changed, 1e-4) ** 2
+        with self._device.profile.section("irradiance"):
+            self._place(
+                (self.columns, self.rows),
+                self.columns,
+                self.rows,
+                panorama.width,
+                panorama.height,
+                panorama.surface,
+                float(kept),
+                self.plane,
+                self.mean,
+                self.irradiance,
+            )
+
+    def run(self, world: World, guide: Guide, mask: Mask, view: cla.Array) -> None:
+        """Refine the cells around the pixels that `mask` has listed.
+
+        A few rays do where objects have no noticeable influence yet.
+        """
+        settings, layout = self.settings, guide.layout
+        cells = self.rows * self.columns
+        with self._device.profile.section("irradiance"):
+            self._want(
+                (layout.width * layout.height,),
+                layout.width,
+                layout.height,
+                mask.traced,
+                mask.count,
+                guide.current,
+                mask.touched,
+                world.bounds,
+                world.bounds.shape[0],
+                self.columns,
+                self.rows,
+                self.plane,
+                self._wanted,
+            )
+            self._device.fill_zero(self._count)
+            self._list(
+                (cells,),
+                cells,
+                float(settings.first_rays),
+                float(settings.samples),
+                self.mean,
+                self._wanted,
+                self._cells,
+                self._count,
+            )
+            self._refine(
+                (cells,),
+                settings.rays,
+                settings.first_rays,
+                self._requirements.settings.seed,
+                self._cells,
+                self._count,
+                self.columns,
+                self.plane,
+                view,
+                *world.arguments(self._requirements),
+                self.mean,
+            )
+            self._smooth(
+                (cells,),
+                self._cells,
+                self._count,
+                self.columns,
+                self.rows,
+                self.plane,
+                self.mean,
+                self.irradiance,
+            )
+
+    def show(self, world: World, guide: Guide) -> cla.Array:
+        """E_R / π at a picture's pixels, 3 planes; 0 where no traced pixel has asked for it."""
+        width, height = guide.layout.width, guide.layout.height
+        planes = self._device.zeros("irradiance shown", guide.layout.shape(3))
+        self._show((width, height), width, height, guide.current, *self.arguments(world), planes)
+        return planes
+
+    def arguments(self, world: World) -> tuple[Any, ...]:
+        """What `CACHE_PARAMETERS` of `cl/lib/irradiance.h` declares, in order."""
+        black = BLACK * world.panorama.mean_radiance
+        return (self.plane, self.irradiance, self.columns, self.rows, float(black))
