@@ -1,20 +1,28 @@
 // Differential rendering (IPRT Eq. 2, with the radiance of glossy objects added):
 //   L = (1 - M) (k_V E_diffuse + L_specular) + M L_cam E_RV / E_R,  M = 1 - coverage.
 //
+// With -DHAS_GLOSS the real layer is L_cam + L_diffuse (E_RV / E_R - 1) + change: only what surfaces
+// radiate to all sides follows the irradiance, and what they reflect towards the camera changes apart.
+//
 //   in   colour (3 planes, radiance of the real layer),
 //        -DHAS_RATIO: ratio (float4 per pixel, no border),
+//        -DHAS_GLOSS: base (3 planes, L_diffuse), change (3 planes, radiance of either sign),
 //        -DHAS_OBJECTS: coverage (1 plane, [0, 1]),
 //        -DHAS_DIFFUSE: albedo (3 planes), diffuse (3 planes: what albedo is multiplied by),
 //        -DHAS_SPECULAR: specular (3 planes, radiance)
 //   out  picture (height x width x 4, row 0 the top): linear rgb, a = coverage
 //
-// Where coverage is 0 and the ratio 1, the output has the bits of the input.
+// Where coverage is 0, the ratio 1 and the change 0, the output has the bits of the input.
 #include "planes.h"
 
 __kernel void composite(
     __global const float *restrict colour,   // 3 planes
 #ifdef HAS_RATIO
     __global const float4 *restrict ratio,   // float4 per pixel
+#endif
+#ifdef HAS_GLOSS
+    __global const float *restrict base,     // 3 planes
+    __global const float *restrict change,   // 3 planes
 #endif
 #ifdef HAS_OBJECTS
     __global const float *restrict coverage, // 1 plane
@@ -35,7 +43,12 @@ __kernel void composite(
         return;
     int size = plane_size(width, height), p = plane_index(x, y, width), i = y * width + x;
     float4 background = (float4)(colour[p], colour[size + p], colour[2 * size + p], 0.0f);
-#ifdef HAS_RATIO
+#if defined(HAS_GLOSS)
+    const float4 diffuse_part = (float4)(base[p], base[size + p], base[2 * size + p], 0.0f);
+    background += diffuse_part * (ratio[i] - 1.0f)
+        + (float4)(change[p], change[size + p], change[2 * size + p], 0.0f);
+    background = fmax(background, 0.0f);
+#elif defined(HAS_RATIO)
     background *= ratio[i];
 #endif
 #ifdef HAS_OBJECTS

@@ -9,6 +9,14 @@
 //      depth      1 plane    metres from the capture centre; 0: open sky
 //      id         1 plane    1: surface that takes shadows; 0: opening or open sky
 //      motion     2 planes   where the point was in the previous picture, pixels; -1e9: nowhere
+// and with -D GLOSS, from the panorama's gloss, highlight and the table of real materials
+// (lib/brdf.h)
+//      gloss      1 plane    0: diffuse, else 1 + index of the real material
+//      roughness  1 plane    GGX alpha of that
+//      highlight  3 planes   specular part of what the camera saw; infinite where all of it is
+#ifdef GLOSS
+#include "brdf.h"
+#endif
 #include "panorama.h"
 #include "planes.h"
 #include "real.h"
@@ -28,7 +36,17 @@ __kernel void resample_panorama(
     __global float *restrict normal,
     __global float *restrict depth,
     __global float *restrict id,
-    __global float *restrict motion)
+    __global float *restrict motion
+#ifdef GLOSS
+    ,
+    __global const uchar *restrict panorama_gloss,
+    __global const float4 *restrict panorama_highlight,
+    __global const float4 *restrict real_materials,
+    __global float *restrict gloss,
+    __global float *restrict roughness,
+    __global float *restrict highlight
+#endif
+)
 {
     const int x = get_global_id(0), y = get_global_id(1);
     if (x >= width || y >= height)
@@ -65,4 +83,21 @@ __kernel void resample_panorama(
     const float2 before = view_project(previous, v);
     motion[pixel] = before.x;
     motion[size + pixel] = before.y;
+
+#ifdef GLOSS
+    const int index = panorama_gloss[texel];
+    gloss[pixel] = index;
+    roughness[pixel] = 0.0f;
+    float3 shine = (float3)(0.0f);
+    if (index) {
+        const Material material = load_material(real_materials, index - 1);
+        roughness[pixel] = material.alpha;
+        shine = material.kind == KIND_CONDUCTOR
+            ? (float3)(INFINITY)
+            : panorama_bilinear(panorama_highlight, panorama_width, panorama_height, uv);
+    }
+    highlight[pixel] = shine.x;
+    highlight[size + pixel] = shine.y;
+    highlight[2 * size + pixel] = shine.z;
+#endif
 }

@@ -29,6 +29,14 @@ class Panorama:
         Tangent plane and flags per texel, see `cl/lib/real.h`.
     outside : (OUTSIDE_ROWS, 2 OUTSIDE_ROWS, 4) float32 or None
         What lies behind windows, as a distant environment, where asked for.
+    gloss : (H, W) uint8 or None
+        0 where the surface is diffuse, else 1 + index of its real material, where asked for.
+    highlight : (H, W, 4) float32 or None
+        With `gloss`: the part of `color` that is specular reflection towards the capture centre
+        (`Highlight`).
+    radiated : (H, W, 4) float32
+        What rays find where they meet a real surface: `color` itself, but without highlights where
+        surfaces are glossy (`Highlight`).
     range : (cells, 2) float32
         Min/max pyramid of radial distances, level 0 first.
     median_depth, nearest, farthest : float
@@ -38,7 +46,13 @@ class Panorama:
     """
 
     def __init__(
-        self, device: ComputeDevice, width: int, height: int, *, outside: bool = False
+        self,
+        device: ComputeDevice,
+        width: int,
+        height: int,
+        *,
+        outside: bool = False,
+        gloss: bool = False,
     ) -> None:
         # Tiny panoramas are repeated texel by texel until the coarsest cells are narrow enough.
         self._repeat = max(1, -(-COARSEST_COLUMNS // width))
@@ -52,6 +66,12 @@ class Panorama:
         self.outside = None
         if outside:
             self.outside = device.empty("panorama.outside", (OUTSIDE_ROWS, 2 * OUTSIDE_ROWS, 4))
+        self.gloss = self.highlight = None
+        self.radiated = self.color
+        if gloss:
+            self.gloss = device.empty("panorama.gloss", texels, np.uint8)
+            self.highlight = device.empty("panorama.highlight", (*texels, 4))
+            self.radiated = device.empty("panorama.radiated", (*texels, 4))
         self._depth = device.empty("panorama.depth", texels)
         self._normal = device.empty("panorama.normal", (*texels, 3))
         self._opening = device.empty("panorama.opening", texels, np.uint8)
@@ -83,6 +103,10 @@ class Panorama:
             self._device.write(self._depth, self._enlarged(frame.depth))
             self._device.write(self._normal, self._enlarged(frame.normal))
             self._device.write(self._opening, self._enlarged(frame.opening))
+            if self.gloss is not None:
+                diffuse = np.zeros(frame.depth.shape, np.uint8)
+                gloss = diffuse if frame.gloss is None else frame.gloss
+                self._device.write(self.gloss, self._enlarged(gloss))
         with self._device.profile.section("surface"):
             self._build(
                 (self.width, self.height),

@@ -1,0 +1,254 @@
+// Highlights that the capture centre sees on glossy real surfaces, and the panorama without them.
+//
+// Equirect texels (row 0 the zenith), world-space, metres. `list` holds the glossy texels, row *
+// width + column; gloss 0 means diffuse, else 1 + index into the table of real materials.
+//
+//   kernel            in                                        out
+//   sample_highlight  real layer, color (float4 per texel)      highlight, list's texels: rgb
+//                                                               radiance, w variance of the mean's
+//                                                               luminance
+//   filter_highlight  highlight, surface                        highlight of the list's texels
+//   measure_cells     color, highlight, real layer              means over the glossy texels of
+//                                                               cells of CELL x CELL texels: color
+//                                                               (w: their gloss, 0 none), highlight,
+//                                                               irradiance / pi
+//   remove_highlight  color, highlight, gain (float4 per cell)  highlight, all texels: what is no
+//                                                               diffuse reflection, within [0, color];
+//                                                               radiated: what rays find there
+//
+// -D CELL: texels a side of a cell. The gain corrects what the panorama cannot tell, see
+// iprt/passes/highlight_gain.py.
+//
+// The reflection at x towards the centre is the integral of f_s(wo, wi) L(x, wi) cos over the
+// specular lobe, by rays of the lobe's visible normals (lib/brdf.h). L is what the camera saw where
+// the ray ends: a highlight in it counts as if it shone this way too. It is reflected once more to
+// get here, by a few percent of a coat, so that a second pass would change nothing that shows.
+//
+// Of a conductor all is reflection. What it sends elsewhere is not known; rays that meet one find
+// what the camera saw, which is what it reflects from another side, and nearer to that than black.
+#include "path.h"
+
+// Planes whose g (lib/real.h) differ by this part of it, in distance or angle, are of one surface.
+#define PLANE_TOLERANCE 0.1f
+// Differences of so many standard deviations count as noise.
+#define DEVIATIONS_SQUARED 9.0f
+// Taps span this part of the lobe's half width, 2 alpha.
+#define LOBE_FRACTION 0.25f
+
+// exp(-x) with compact support, as lib/guide.h has it.
+inline float likeness(float x)
+{
+    float w = x < 8.0f ? 1.0f - 0.125f * x : 0.0f;
+    w *= w;
+    w *= w;
+    return w * w;
+}
+
+inline float3 texel_direction(int texel, int width, int height)
+{
+    return equirect_direction((texel % width + 0.5f) / width, (texel / width + 0.5f) / height);
+}
+
+inline float3 texel_point(const RealLayer layer, int texel)
+{
+    const float3 v = texel_direction(texel, layer.grid.width, layer.grid.height);
+    const float3 g = layer.surface[texel].xyz;
+    return v * surface_radius(0.0f, dot(g, v), 1.0f, 1.0f, layer.grid.range[texel]);
+}
+
+// Where rays from a real surface start.
+inline float3 lifted(const RealLayer layer, float3 p, float3 n)
+{
+    const float footprint = IPRT_PI / layer.grid.height;
+    return p + fmax(layer.bias, REAL_LIFT * footprint * length(p)) * n;
+}
+
+TRACING_KERNEL void sample_highlight(
+    const int rays,
+    const int frame_seed,
+    __global const int *restrict list,
+    const int count,
+    __global const uchar *restrict gloss,
+    __global const float4 *restrict real_materials, // lib/brdf.h
+    __global const float4 *restrict reflectance,    // per real material: of conductors
+    REAL_PARAMETERS,
+    __global float4 *restrict highlight)
+{
+    const int item = get_global_id(0);
+    if (item >= count)
+        return;
+    World world;
+    const RealLayer layer = REAL_LAYER;
+    world.real = layer;
+    world.color = real_color;
+#ifdef OPENING_ENVIRONMENT
+    world.outside = real_outside;
+#endif
+    const int texel = list[item], index = gloss[texel] - 1;
+    const Material material = load_material(real_materials, index);
+    const float3 tint = reflectance[index].xyz;
+    const float3 n = -normalize(layer.surface[texel].xyz);
+    const float3 p = texel_point(layer, texel);
+    const float distance = length(p);
+    const float3 start = lifted(layer, p, n);
+    const Frame frame = build_frame(n);
+    const float3 o = brdf_local_wo(frame, -p / distance);
+    const uint seed = hash_combine(hash_combine((uint)texel, 0x676c6f73u), (uint)frame_seed);
+
+    float3 sum = (float3)(0.0f);
+    float mean = 0.0f, spread = 0.0f;   // of luminance, by Welford's recurrence
+    for (int ray = 0; ray < rays; ray++) {
+        const BrdfSample sample = sample_specular(material, tint, frame, o, sobol_2d(ray, seed));
+        float3 found = (float3)(0.0f);
+        if (sample.weight.x + sample.weight.y + sample.weight.z > 0.0f) {
+            const RealHit hit = trace_real_layer(layer, start, sample.wi, INFINITY);
+            found = sample.weight * real_radiance(world, hit, sample.wi);
+        }
+        sum += found;
+        const float step = luminance(found) - mean;
+        mean += step / (ray + 1);
+        spread += step * (luminance(found) - mean);
+    }
+    const float variance = spread / ((float)rays * max(rays - 1, 1));
+    highlight[texel] = (float4)(sum / (float)rays, variance);
+}
+
+// One level of an à-trous filter over the texels of one material (Dammertz et al. 2010; SVGF Eqs. 2
+// to 5): those on one plane, whose difference of luminance is within the noise, and no farther apart
+// than the lobe is wide. The first level pools variances, which few rays do not tell, and takes all
+// differences for noise.
+__kernel void filter_highlight(
+    const int step,                              // tap distance in texels
+    __global const int *restrict list,
+    const int count,
+    __global const uchar *restrict gloss,
+    __global const float4 *restrict real_materials,
+    REAL_PARAMETERS,
+    __global const float4 *restrict highlight,
+    __global float4 *restrict filtered)
+{
+    const int item = get_global_id(0);
+    if (item >= count)
+        return;
+    const RealLayer layer = REAL_LAYER;
+    const int texel = list[item], column = texel % real_width, row = texel / real_width;
+    const float4 centre = highlight[texel];
+    const float3 g = layer.surface[texel].xyz;
+    const float plane = 1.0f / (PLANE_TOLERANCE * PLANE_TOLERANCE * dot(g, g));
+    // In texels.
+    const float span = 2.0f * LOBE_FRACTION * real_height / IPRT_PI
+        * load_material(real_materials, gloss[texel] - 1).alpha;
+    const float lobe = 0.5f / fmax(span * span, 1e-30f);
+    const float c = 0.5f * (real_row[row] + real_row[row + 1]), squeeze = 1.0f - c * c;
+
+    float4 sum = (float4)(0.0f);
+    float weights = 0.0f;
+    for (int dy = -2; dy <= 2; dy++) {
+        const int y = row + dy * step;
+        if (y < 0 || y >= real_height)
+            continue;
+        for (int dx = -2; dx <= 2; dx++) {
+            int x = (column + dx * step) % real_width;
+            x = x < 0 ? x + real_width : x;
+            const int q = y * real_width + x;
+            if (gloss[q] != gloss[texel])
+                continue;
+            const float4 tap = highlight[q];
+            const float3 bend = layer.surface[q].xyz - g;
+            const float apart = step * step * (dx * dx * squeeze + dy * dy);
+            const float differ = step > 1 ? luminance(tap.xyz) - luminance(centre.xyz) : 0.0f;
+            const float noise = DEVIATIONS_SQUARED * (tap.w + centre.w) + 1e-30f;
+            const float kernel_weight = (dx == 0 ? 0.375f : abs(dx) == 1 ? 0.25f : 0.0625f)
+                * (dy == 0 ? 0.375f : abs(dy) == 1 ? 0.25f : 0.0625f);
+            const float weight = kernel_weight
+                * likeness(plane * dot(bend, bend) + lobe * apart + differ * differ / noise);
+            sum += (float4)(weight * tap.xyz, weight * weight * tap.w);
+            weights += weight;
+        }
+    }
+    filtered[texel] = (float4)(sum.xyz / weights, sum.w / (weights * weights));
+}
+
+TRACING_KERNEL void measure_cells(
+    const int rays,                                 // per cell, for the irradiance
+    const int frame_seed,
+    const int columns,
+    const int rows,
+    __global const uchar *restrict gloss,
+    REAL_PARAMETERS,
+    __global const float4 *restrict highlight,
+    __global float4 *restrict seen,                 // out: columns x rows
+    __global float4 *restrict shine,                // out
+    __global float4 *restrict irradiance)           // out
+{
+    const int cell_x = get_global_id(0), cell_y = get_global_id(1);
+    if (cell_x >= columns || cell_y >= rows)
+        return;
+    World world;
+    const RealLayer layer = REAL_LAYER;
+    world.real = layer;
+    world.color = real_color;
+#ifdef OPENING_ENVIRONMENT
+    world.outside = real_outside;
+#endif
+    const int x1 = min((cell_x + 1) * CELL, real_width), y1 = min((cell_y + 1) * CELL, real_height);
+    int index = 0, count = 0;
+    int texels[CELL * CELL];
+    float4 seen_sum = (float4)(0.0f), shine_sum = (float4)(0.0f);
+    for (int y = cell_y * CELL; y < y1; y++)
+        for (int x = cell_x * CELL; x < x1; x++) {
+            const int texel = y * real_width + x;
+            index = index ? index : gloss[texel];
+            if (!index || gloss[texel] != index)
+                continue;
+            texels[count++] = texel;
+            seen_sum += real_color[texel];
+            shine_sum += highlight[texel];
+        }
+    const int cell = cell_y * columns + cell_x;
+    const float scale = 1.0f / max(count, 1);
+    float3 sum = (float3)(0.0f);
+    const uint seed = hash_combine(hash_combine((uint)cell, 0x63656c6cu), (uint)frame_seed);
+    for (int ray = 0; ray < rays && count > 0; ray++) {
+        const int texel = texels[ray % count];
+        const float3 n = -normalize(layer.surface[texel].xyz), p = texel_point(layer, texel);
+        const float3 d = frame_to_world(build_frame(n), sample_cosine(sobol_2d(ray, seed)));
+        const RealHit hit = trace_real_layer(layer, lifted(layer, p, n), d, INFINITY);
+        sum += real_radiance(world, hit, d);
+    }
+    seen[cell] = (float4)(scale * seen_sum.xyz, (float)index);
+    shine[cell] = scale * shine_sum;
+    irradiance[cell] = (float4)(sum / (float)rays, 0.0f);
+}
+
+__kernel void remove_highlight(
+    const int width,
+    const int height,
+    __global const uchar *restrict gloss,
+    __global const float4 *restrict real_materials,
+    __global const float4 *restrict color,       // float4 per texel: what the camera saw
+    const int columns,                           // cells
+    const int rows,
+    __global const float4 *restrict gain,        // float4 per cell
+    __global float4 *restrict highlight,         // in, out
+    __global float4 *restrict radiated)          // out
+{
+    const int x = get_global_id(0), y = get_global_id(1);
+    if (x >= width || y >= height)
+        return;
+    const int texel = y * width + x;
+    const float4 seen = color[texel];
+    float4 shine = (float4)(0.0f), left = seen;
+    if (gloss[texel]) {
+        const int conductor =
+            load_material(real_materials, gloss[texel] - 1).kind == KIND_CONDUCTOR;
+        const float2 cell = (float2)(x + 0.5f, y + 0.5f) / CELL;
+        const float3 share = panorama_bilinear(gain, columns, rows,
+                                               cell / (float2)((float)columns, (float)rows));
+        shine.xyz = clamp(share * highlight[texel].xyz, (float3)(0.0f), seen.xyz);
+        shine = conductor ? seen : shine;
+        left = conductor ? seen : seen - shine;
+    }
+    highlight[texel] = shine;
+    radiated[texel] = left;
+}

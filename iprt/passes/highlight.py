@@ -1,0 +1,134 @@
+"""Highlights on glossy real surfaces, taken off what the camera saw: on the video's clock."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from iprt.device.compute import ComputeDevice
+from iprt.passes.highlight_gain import highlight_gain
+from iprt.passes.panorama import Panorama
+from iprt.requirements import Requirements
+from iprt.scene.material import Material, material_table
+
+CELL = 8
+"""Texels a side of the cells in which the highlight is compared with what the camera saw."""
+CELL_RAYS = 64
+"""Rays per cell that measure its irradiance."""
+LEVELS = 4
+"""Levels of the filter; an even number, so that the result ends up where it began."""
+
+
+class Highlight:
+    """Splits the panorama into what surfaces radiate to all sides and what only the camera saw.
+
+    Attributes
+    ----------
+    table : (rows, 4) float32
+        `material_table()` of the real materials.
+    reflectance : (materials, 4) float32
+        Of the conductors among them.
+    gain : (rows, columns, 4) float32
+        Per cell of the panorama, see `highlight_gain`.
+    """
+
+    def __init__(
+        self,
+        device: ComputeDevice,
+        panorama: Panorama,
+        materials: Sequence[Material],
+        requirements: Requirements,
+    ) -> None:
+        """`panorama` was built with gloss; `materials` are those that its `gloss` counts."""
+        self._device = device
+        self._panorama = panorama
+        self._settings = requirements.settings
+        defines = requirements.gloss_defines() | {"CELL": CELL}
+        self._sample = device.kernel("highlight.cl", "sample_highlight", defines)
+        self._filter = device.kernel("highlight.cl", "filter_highlight", defines)
+        self._measure = device.kernel("highlight.cl", "measure_cells", defines)
+        self._remove = device.kernel("highlight.cl", "remove_highlight", defines)
+        texels = panorama.width * panorama.height
+        self._list = device.empty("glossy texels", (texels,), np.int32)
+        cells = (-(-panorama.height // CELL), -(-panorama.width // CELL), 4)
+        self.gain = device.empty("highlight gain", cells)
+        self._cells = [
+            device.empty(f"highlight {name}", cells) for name in ("seen", "shine", "irradiance")
+        ]
+        self.table = device.upload("real materials", material_table(materials))
+        reflectance = [(*material.albedo, 0.0) for material in materials]
+        self.reflectance = device.upload(
+            "real materials' reflectance", np.array(reflectance, np.float32)
+        )
+
+    def run(self) -> None:
+        """Fill the panorama's `highlight` and `radiated` for the video frame that it holds."""
+        device, panorama = self._device, self._panorama
+        settings, gloss = self._settings, panorama.gloss
+        highlight, radiated = panorama.highlight, panorama.radiated
+        assert gloss is not None
+        with device.profile.section("highlights"):
+            glossy = np.flatnonzero(device.read(gloss)).astype(np.int32)
+            count = len(glossy)
+            if count:
+                device.write(self._list[:count], glossy)
+                texels = (self._list, count, gloss, self.table)
+                real = (
+                    *panorama.layer_arguments(
+                        settings.trace.thickness, settings.trace.thickness_ratio
+                    ),
+                    panorama.color,
+                    panorama.outside,
+                )
+                self._sample(
+                    (count,),
+                    settings.gloss.rays,
+                    settings.seed,
+                    *texels,
+                    self.reflectance,
+                    *real,
+                    highlight,
+                )
+                signal, filtered = highlight, radiated
+                for level in range(LEVELS):
+                    self._filter((count,), 1 << level, *texels, *real, signal, filtered)
+                    signal, filtered = filtered, signal
+                self._calibrate(real)
+            size = (panorama.width, panorama.height)
+            rows, columns, _ = self.gain.shape
+            self._remove(
+                size,
+                *size,
+                gloss,
+                self.table,
+                panorama.color,
+                columns,
+                rows,
+                self.gain,
+                highlight,
+                radiated,
+            )
+
+    def _calibrate(self, real: tuple[Any, ...]) -> None:
+        """Fill `gain`; `real` are the arguments that `REAL_PARAMETERS` declares."""
+        rows, columns, _ = self.gain.shape
+        panorama = self._panorama
+        self._measure(
+            (columns, rows),
+            CELL_RAYS,
+            self._settings.seed,
+            columns,
+            rows,
+            panorama.gloss,
+            *real,
+            panorama.highlight,
+            *self._cells,
+        )
+        seen, shine, irradiance = (self._device.read(cells) for cells in self._cells)
+        gain = highlight_gain(
+            *(cells[..., :3].astype(np.float64) for cells in (seen, shine, irradiance)),
+            gloss=seen[..., 3].astype(np.int64),
+        )
+        self._device.write(self.gain, gain)

@@ -1,0 +1,77 @@
+"""How much of a computed highlight the camera can have seen.
+
+What a glossy floor reflects towards the capture centre, the capture centre need not see: the sky
+above the window's upper edge, above all, which is extrapolated (`iprt.scene.outside`) and may be
+several times too bright, or of another hue. The camera's own picture of the highlight tells. A
+surface of one material is taken to have, in each place, at least the diffuse reflectance of its
+darker parts: what the camera saw beyond that is all that the highlight can have been.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
+
+Cells = NDArray[np.float64]
+
+DARKER = 0.25
+"""Quantile of a material's diffuse reflectance that all its places have at least."""
+FAINT = 0.25
+"""Highlights up to this fraction of what was seen leave the diffuse reflectance visible."""
+REACH = 1.5
+"""Cells: deviation of the Gaussian that evens out texture."""
+
+
+def highlight_gain(
+    seen: Cells, shine: Cells, irradiance: Cells, gloss: NDArray[np.integer]
+) -> NDArray[np.float32]:
+    """Factor on the computed highlight, in [0, 1], per cell and colour.
+
+    Parameters
+    ----------
+    seen, shine : (rows, columns, 3)
+        Means over a cell's glossy texels: radiance that the camera saw; highlight as computed.
+    irradiance : (rows, columns, 3)
+        Over π.
+    gloss : (rows, columns)
+        Index of their material + 1; 0: the cell has none.
+
+    Returns
+    -------
+    (rows, columns, 4) float32
+        1 where no cell near has gloss. The fourth is 0.
+    """
+    excess = np.zeros(seen.shape)
+    for index in range(1, int(gloss.max(initial=0)) + 1):
+        cells = (gloss == index) & (irradiance.min(axis=-1) > 0.0)
+        if cells.any():
+            reflectance = _reflectance(seen[cells], shine[cells], irradiance[cells])
+            excess[cells] = np.maximum(seen[cells] - reflectance * irradiance[cells], 0.0)
+    inside = (gloss > 0)[..., None]
+    could, computed = (
+        _blurred(np.where(inside, excess, 0.0)),
+        _blurred(np.where(inside, shine, 0.0)),
+    )
+    gain = np.ones((*gloss.shape, 4), np.float32)
+    np.divide(
+        could, computed, out=gain[..., :3], where=computed > 1e-6 * seen.max(), casting="unsafe"
+    )
+    gain[..., 3] = 0.0
+    return np.clip(gain, 0.0, 1.0)
+
+
+def _reflectance(seen: Cells, shine: Cells, irradiance: Cells) -> Cells:
+    """(3,) diffuse reflectance of the darker parts of a material, from cells (N, 3) of it."""
+    faint = shine.sum(axis=-1) <= FAINT * seen.sum(axis=-1)
+    if np.count_nonzero(faint) >= 0.1 * len(seen):
+        seen, shine, irradiance = seen[faint], shine[faint], irradiance[faint]
+    base = np.maximum(seen - shine, 0.0) / irradiance
+    return np.asarray(np.quantile(base, DARKER, axis=0))
+
+
+def _blurred(cells: Cells) -> Cells:
+    """Gaussian mean; around in azimuth, not over the poles."""
+    return np.asarray(
+        gaussian_filter(cells, (REACH, REACH, 0), mode=("nearest", "wrap", "nearest"))
+    )
