@@ -29,6 +29,7 @@ VERBS = {
     "render": "iprt.commands.render:render",
     "compare": "iprt.commands.compare:compare",
     "bench": "iprt.commands.bench:bench",
+    "settings": "iprt.commands.settings:settings",
     "reference": "iprt.commands.reference:reference",
     "scene info": "iprt.commands.scene:info",
     "scene check": "iprt.commands.scene:check",

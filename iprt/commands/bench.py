@@ -1,4 +1,4 @@
-"""`iprt bench`: how long a frame takes, pass by pass."""
+"""`iprt bench`: how long a frame takes, and what accuracy the time buys."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Literal
 
 import tyro
 
+from iprt.commands.knobs import BALANCED, KnobFlags, Knobs
 from iprt.errors import IprtError
 
 if TYPE_CHECKING:
@@ -16,23 +17,38 @@ if TYPE_CHECKING:
     from iprt.measure.bench import Benchmark
 
 MAX_FRAMES = 100_000
+MAX_SEEDS = 100
 
 
 def bench(
     scene: tyro.conf.Positional[Path],
     /,
     *,
-    view: str | None = None,
+    view: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
     size: tuple[int, int] | None = None,
     frames: int = 30,
-    method: Literal["iprt", "ibl"] = "iprt",
+    method: Literal["iprt", "ibl"] | None = None,
+    knobs: Knobs = BALANCED,
+    sweep: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
+    one_at_a_time: bool = False,
+    convergence: str | None = None,
+    reach: str = "0.8,0.85,0.9,0.95",
+    against: Literal["mitsuba"] | None = None,
+    model: str | None = None,
+    seeds: int = 3,
+    background: Literal["panorama", "truth"] = "truth",
     device: str | None = None,
     json: bool = False,
+    markdown: bool = False,
+    html: Path | None = None,
 ) -> int:
-    """Time the frames of a head that turns slowly, after a warm-up, pass by pass.
+    """Time the frames of a head that turns slowly; with --sweep or --convergence, score them too.
 
-    Every frame does all that a new direction asks for, rasterization included, at one ray per
-    pixel; the video and the objects stand still. Figures are medians over the frames.
+    Every frame does all that a new direction asks for, rasterization included; the video and the
+    objects stand still. Figures are medians over the frames, after a warm-up. --sweep does so for
+    every combination of settings, and scores still pictures made with them against the truth:
+    what time buys, with the Pareto front. --convergence scores one still picture as it gets
+    better, against the seconds spent.
 
     Parameters
     ----------
@@ -40,19 +56,46 @@ def bench(
         Scene folder.
     view
         Name of a view of the scene, or `equirect` for the whole panorama, which does not turn but
-        is made anew for every frame. Default: the scene's first view.
+        is made anew for every frame. Default: the scene's first view. With --sweep and
+        --convergence it may be given several times; default: all views that have a truth.
     size
-        Width and height in pixels. Default: the view's own.
+        Width and height in pixels. Default: the view's own. Against a truth, that of the truth
+        divided by a whole number.
     frames
-        Frames to time.
+        Frames to time; with --sweep also the frames accumulated in each picture.
     method
         How virtual objects are lit; `ibl` is the baseline: a distant environment without real
-        geometry.
+        geometry. Short for --set method=.
+    knobs
+        Quality preset and single knobs. Later ones win: preset, file, flags.
+    sweep
+        Values to measure, KEY=VALUE,VALUE: a knob, or quality=draft,balanced. Given several times:
+        all combinations.
+    one_at_a_time
+        Change one of the swept knobs at a time instead.
+    convergence
+        Frames after which the picture is scored, such as 1,2,4,8 or 1,2,...,256.
+    reach
+        With --convergence: SSIM of the cuts, separated by commas, for which the time is told.
+    against
+        With --convergence: the same curve for Mitsuba with Open Image Denoise, by samples per
+        pixel.
+    model
+        For Mitsuba: Python module with the scene's full geometry, as for `iprt reference`. Default:
+        the world that the panorama describes.
+    seeds
+        Pictures per combination, from one seed each, for means and confidence intervals.
+    background
+        What the camera sees behind the objects where pictures are scored, see `iprt compare`.
     device
         gpu, cpu, a place such as 0:0 (see `iprt doctor`), or part of a device's name. Default: the
         fastest kind there is.
     json
         Print a JSON object instead of a table.
+    markdown
+        Print Markdown tables, for a page.
+    html
+        Page to write: table, plot and pictures, in one file.
 
     Returns
     -------
@@ -61,7 +104,49 @@ def bench(
     """
     if not 1 <= frames <= MAX_FRAMES:
         raise IprtError(f"--frames {frames}: expected 1 to {MAX_FRAMES}")
+    if not 1 <= seeds <= MAX_SEEDS:
+        raise IprtError(f"--seeds {seeds}: expected 1 to {MAX_SEEDS}")
+    if json and markdown:
+        raise IprtError("--json and --markdown: give one of them")
+    against_truth = bool(sweep) or convergence is not None
+    _require_use(
+        against_truth, "--sweep or --convergence", {"--html": html, "--markdown": markdown}
+    )
+    _require_use(bool(sweep), "--sweep", {"--one-at-a-time": one_at_a_time})
+    _require_use(convergence is not None, "--convergence", {"--against": against})
+    _require_use(against is not None, "--against", {"--model": model})
+    if not against_truth:
+        return _time(scene, view, size, frames, method, knobs, device, json)
 
+    from iprt.commands.bench_truth import Output, Plan, measure_convergence, measure_sweep
+    from iprt.measure.sweep import combinations
+
+    assignments = knobs.assignments(method=method)
+    chosen = combinations(knobs.quality, assignments, sweep, one_at_a_time=one_at_a_time)
+    plan = Plan.of(scene, view, size, background, device, chosen, seeds)
+    output = Output(json=json, markdown=markdown, html=html)
+    output.require_writable(plan.scene)
+    if convergence is None:
+        return measure_sweep(plan, frames, output)
+    return measure_convergence(plan, convergence, reach, against, model, output)
+
+
+def _require_use(used: bool, flag: str, needing: dict[str, object]) -> None:
+    for name, value in needing.items():
+        if value and not used:
+            raise IprtError(f"{name}: is for {flag}")
+
+
+def _time(
+    scene: Path,
+    views: tuple[str, ...],
+    size: tuple[int, int] | None,
+    frames: int,
+    method: str | None,
+    knobs: KnobFlags,
+    device: str | None,
+    json: bool,
+) -> int:
     from rich.console import Console
 
     from iprt.commands.progress import progress_bar
@@ -71,13 +156,14 @@ def bench(
     from iprt.measure.bench import WARM_UP, benchmark
     from iprt.memory import require_memory
     from iprt.scene.scene import Scene
-    from iprt.settings import Settings
 
+    if len(views) > 1:
+        raise IprtError(f"--view {views[1]}: one view is timed; give several with --sweep")
+    settings = knobs.resolved(method=method)
     opened = Scene.open(scene)
-    chosen, objects = choose_view(opened, view, size=size)
+    chosen, objects = choose_view(opened, views[0] if views else None, size=size)
     instances = opened.instances if objects is None else opened.instances_named(objects)
     frame = opened.frame()
-    settings = Settings(method=method)
     compute = ComputeDevice(choose_device(device))
     require_memory(compute, frame, instances, chosen, settings)
     with progress_bar("timing", WARM_UP + frames) as progress:

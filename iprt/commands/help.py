@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable
-from typing import Annotated, get_type_hints
+from typing import Annotated, Any, get_type_hints
 
 import tyro
 
@@ -22,12 +22,16 @@ def explained(function: Callable[..., int | None]) -> Callable[..., int | None]:
     tyro breaks lines where the docstring does, and shows a default of None as it is.
     """
     function.__doc__ = unwrapped(inspect.getdoc(function) or "")
-    hint = tyro.conf.arg(help_behavior_hint=_default)
     function.__annotations__ = {
-        name: Annotated[kind, hint] if name != "return" else kind
+        name: Annotated[kind, plain_default()] if name != "return" else kind
         for name, kind in get_type_hints(function, include_extras=True).items()
     }
     return function
+
+
+def plain_default(metavar: str | None = None) -> Any:
+    """Annotation of a parameter that shows its default only where that says something."""
+    return tyro.conf.arg(help_behavior_hint=_default, metavar=metavar)
 
 
 def unwrapped(text: str) -> str:

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 
 @contextmanager
-def progress_bar(label: str, frames: int) -> Iterator[Callable[[int], None]]:
+def progress_bar(label: str, frames: int, unit: str = "frames") -> Iterator[Callable[[int], None]]:
     """Show a bar while the block runs; call what it yields with the number of frames done.
 
     Nothing is written where stderr is no terminal: a log would only get empty lines.
@@ -20,7 +20,7 @@ def progress_bar(label: str, frames: int) -> Iterator[Callable[[int], None]]:
         TextColumn("{task.description}"),
         BarColumn(),
         MofNCompleteColumn(),
-        TextColumn("frames"),
+        TextColumn(unit),
         TimeElapsedColumn(),
     )
     with Progress(

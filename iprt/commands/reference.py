@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Mapping
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -88,7 +86,9 @@ def reference(
     instances = opened.instances if objects is None else opened.instances_named(objects)
     mitsuba()  # what is missing is said before anything is read
     if model is not None:
-        color, layers = _with_model(_parts(model), instances, chosen, spp, seed, denoise)
+        from iprt.truth.model import load_parts
+
+        color, layers = _with_model(load_parts(model), instances, chosen, spp, seed, denoise)
     else:
         from iprt.truth.panorama import render_reference
 
@@ -125,15 +125,3 @@ def _with_model(
     background = render_color(parts, view, spp=spp, seed=seed, clean=clean)
     coverage = render_mask(parts, shapes, view, seed=seed)
     return color, {"background": background, "coverage": coverage}
-
-
-def _parts(model: str) -> Mapping[str, Any]:
-    sys.path.insert(0, str(Path.cwd()))
-    try:
-        build = import_module(model).build
-    except (ImportError, AttributeError, ValueError) as error:
-        raise IprtError(f"--model {model}: no such module with a build() ({error})") from None
-    finally:
-        sys.path.pop(0)
-    parts: Mapping[str, Any] = build()
-    return parts

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
+from iprt.commands.knobs import BALANCED, Knobs
 from iprt.errors import IprtError
 
 if TYPE_CHECKING:
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
     from iprt.scene.scene import Scene
 
 MAX_SIZE = 16384
+MAX_FRAMES = 2**20
 DEFAULT_SIZE = (1024, 1024)
 
 
@@ -27,10 +29,10 @@ def render(
     pitch: float | None = None,
     fov: float | None = None,
     size: tuple[int, int] | None = None,
-    spp: int = 1,
     accumulate: int = 64,
-    seed: int = 0,
-    method: Literal["iprt", "ibl"] = "iprt",
+    seed: int | None = None,
+    method: Literal["iprt", "ibl"] | None = None,
+    knobs: Knobs = BALANCED,
     device: str | None = None,
     aov: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
     profile: Path | None = None,
@@ -54,15 +56,16 @@ def render(
         Vertical field of view in degrees, above 1 and below 179.
     size
         Width and height in pixels. Default: the view's own.
-    spp
-        Rays per pixel and frame.
     accumulate
         Frames accumulated into the picture.
     seed
         Seed of the random numbers; the same seed gives the same picture on the same device.
+        Short for --set seed=.
     method
         How virtual objects are lit; `ibl` is the baseline: a distant environment without real
-        geometry.
+        geometry. Short for --set method=.
+    knobs
+        Quality preset and single knobs. Later ones win: preset, file, flags.
     device
         gpu, cpu, a place such as 0:0 (see `iprt doctor`), or part of a device's name. Default: the
         fastest kind there is.
@@ -80,9 +83,8 @@ def render(
     from iprt.output.atomic import require_writable
     from iprt.output.picture import check_output
 
-    _require("--spp", spp, 1, 1024)
-    _require("--accumulate", accumulate, 1, 2**20)
-    _require("--seed", seed, 0, 2**31 - 1)
+    if not 1 <= accumulate <= MAX_FRAMES:
+        raise IprtError(f"--accumulate {accumulate}: expected 1 to {MAX_FRAMES}")
     check_output(output, aovs=aov)
     if profile is not None:
         require_writable(profile)
@@ -101,8 +103,8 @@ def render(
     from iprt.output.table import pass_table, write_profile
     from iprt.renderer import Renderer
     from iprt.scene.scene import Scene
-    from iprt.settings import Settings, TraceSettings
 
+    settings = knobs.resolved(still=True, seed=seed, method=method)
     for name in aov:
         if name not in AOVS:
             raise IprtError(f"--aov {name}: no such layer; the layers are: {', '.join(AOVS)}")
@@ -111,8 +113,6 @@ def render(
         if path is not None:
             opened.require_not_ours(path)
     chosen, objects = choose_view(opened, view, yaw=yaw, pitch=pitch, fov=fov, size=size)
-    # Nothing moves, so the mean of all frames is the best picture: no fading.
-    settings = Settings(method=method, seed=seed, fading=0.0, trace=TraceSettings(rays=spp))
     instances = opened.instances if objects is None else opened.instances_named(objects)
     frame = opened.frame()
     compute = ComputeDevice(choose_device(device))
@@ -135,7 +135,7 @@ def render(
             view=chosen,
             objects=objects,
             settings=settings.model_dump(mode="json"),
-            seed=seed,
+            seed=settings.seed,
             frames=accumulate,
             device=compute.name,
         ),
@@ -191,8 +191,3 @@ def choose_view(
         raise IprtError(f"--view {name}: {scene.name} has no such view; the views are: {known}")
     entry = scene.views[name]
     return (entry.view if size is None else entry.view.resized(*size)), entry.objects
-
-
-def _require(flag: str, value: int, low: int, high: int) -> None:
-    if not low <= value <= high:
-        raise IprtError(f"{flag} {value}: expected {low} to {high}")

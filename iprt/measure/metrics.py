@@ -66,6 +66,15 @@ def mse(test: Image, truth: Image) -> float:
     return float(np.mean(np.square(test - truth)))
 
 
+def rmse(test: NDArray[Any], truth: NDArray[Any]) -> float:
+    """Root of the mean squared error over pixels and channels of two images of linear radiance."""
+    if test.shape != truth.shape:
+        raise FormatError(
+            f"the images differ in size: {_size(test)} against the truth's {_size(truth)}"
+        )
+    return float(np.sqrt(np.mean(np.square(test.astype(np.float64) - truth))))
+
+
 def psnr(test: Image, truth: Image) -> float:
     """Peak signal-to-noise ratio in dB of two display-referred images; inf if they are equal."""
     error = mse(test, truth)
@@ -137,21 +146,35 @@ def flip(test: Image, truth: Image) -> float | None:
 
     Source: Andersson et al., "FLIP: A Difference Evaluator for Alternating Images", HPG 2020.
     """
+    evaluated = _evaluate_flip(test, truth, colours=False)
+    return None if evaluated is None else float(evaluated[1])
+
+
+def flip_map(test: Image, truth: Image) -> Image | None:
+    """(H, W, 3) where and how much two images differ by `flip`, in the colours of magma.
+
+    None where the package `flip_evaluator` is not installed.
+    """
+    evaluated = _evaluate_flip(test, truth, colours=True)
+    return None if evaluated is None else np.asarray(evaluated[0], np.float64)
+
+
+def _evaluate_flip(test: Image, truth: Image, *, colours: bool) -> Any:
+    """Error map, mean error and parameters; None without the evaluator."""
     # The evaluator drops NaN pixels from its mean in silence, so both images are checked here.
     _require_comparable(test, truth)
     try:
         import flip_evaluator
     except ImportError:
         return None
-    _, mean, _ = flip_evaluator.evaluate(
+    return flip_evaluator.evaluate(
         np.ascontiguousarray(truth, np.float32),
         np.ascontiguousarray(test, np.float32),
         "LDR",
         inputsRGB=True,
-        applyMagma=False,
+        applyMagma=colours,
         parameters={"ppd": FLIP_PPD},
     )
-    return float(mean)
 
 
 def _require_comparable(test: Image, truth: Image) -> None:
@@ -175,5 +198,5 @@ def _require_window(width: int, height: int, what: str) -> None:
         )
 
 
-def _size(image: Image) -> str:
+def _size(image: NDArray[Any]) -> str:
     return "x".join(str(n) for n in (*image.shape[1::-1], *image.shape[2:]))

@@ -6,12 +6,16 @@ its capture centre is the origin. Inserted objects are parts too, added under na
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping
+from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from iprt.errors import IprtError
 from iprt.scene.camera import View
 from iprt.truth.backend import SCALAR, mitsuba
 from iprt.truth.denoise import denoise
@@ -25,6 +29,27 @@ PATHS_AT_ONCE = 1 << 22
 MAX_DEPTH = 24
 GUIDE_SAMPLES = 32
 MASK_SAMPLES = 64
+
+
+def load_parts(module: str) -> Parts:
+    """The parts of a scene, from the function `build()` of a Python module.
+
+    The module is looked for in the working directory too.
+
+    Raises
+    ------
+    IprtError
+        There is no such module, or no such function in it.
+    """
+    sys.path.insert(0, str(Path.cwd()))
+    try:
+        build = import_module(module).build
+    except (ImportError, AttributeError, ValueError) as error:
+        raise IprtError(f"--model {module}: no such module with a build() ({error})") from None
+    finally:
+        sys.path.pop(0)
+    parts: Parts = build()
+    return parts
 
 
 def render_color(parts: Parts, view: View, *, spp: int, seed: int, clean: bool = True) -> Image:

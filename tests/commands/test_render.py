@@ -13,6 +13,7 @@ import numpy as np
 import OpenEXR
 import pytest
 
+from iprt.commands.knobs import KnobFlags
 from iprt.commands.render import choose_view, render
 from iprt.device.profile import PassTime, Profile
 from iprt.errors import FormatError, IprtError
@@ -144,7 +145,13 @@ def test_picture_says_how_it_was_made(
 ) -> None:
     output, profile = tmp_path / "a.exr", tmp_path / "profile.json"
     status = command(
-        output=output, spp=2, accumulate=3, seed=7, method="ibl", aov=("depth",), profile=profile
+        output=output,
+        knobs=KnobFlags(set=("trace.rays=2",)),
+        accumulate=3,
+        seed=7,
+        method="ibl",
+        aov=("depth",),
+        profile=profile,
     )
     assert status == 0
     with OpenEXR.File(str(output), separate_channels=True) as file:
@@ -172,7 +179,7 @@ def test_picture_says_how_it_was_made(
         ({"output": "a.jpg"}, r"supported: \.exr, \.png"),
         ({"output": "a.png", "aov": ("depth",)}, r"write an \.exr"),
         ({"output": "a.exr", "accumulate": 0}, "--accumulate 0"),
-        ({"output": "a.exr", "spp": 0}, "--spp 0"),
+        ({"output": "a.exr", "knobs": KnobFlags(set=("trace.rays=0",))}, "--set trace.rays=0"),
         ({"output": "a.exr", "seed": -1}, "--seed -1"),
         ({"output": "a.exr", "view": "nowhere"}, "--view nowhere"),
         ({"output": "a.exr", "aov": ("wrmth",)}, "--aov wrmth: no such layer.*normal"),

@@ -17,16 +17,17 @@ from numpy.typing import NDArray
 from PIL import Image
 from rich.console import Console
 
-from iprt.commands.compare import compare, score_table
+from iprt.commands.compare import compare, score_grid
 from iprt.device.profile import PassTime, Profile
 from iprt.errors import FormatError, IprtError, SceneError
 from iprt.measure import metrics
-from iprt.measure.compare import Compared, Comparison, compare_views, views_with_truth
+from iprt.measure.compare import Compared, Comparison, compare_views
+from iprt.measure.target import Scores, views_with_truth
 from iprt.output.exr import write_exr
 from iprt.scene.camera import View
 from iprt.settings import Settings
 
-KEYS = ["view", "method", "background", "ssim", "ssim_cuts", "psnr", "mse", "flip", "ms"]
+KEYS = ["view", "method", "background", "ssim", "ssim_cuts", "psnr", "mse", "rmse", "flip", "ms"]
 CUTS = ((2, 3, 20, 22), (0, 0, 40, 32))
 
 
@@ -112,18 +113,22 @@ def scene(tmp_path: Path, truth: NDArray[np.float32]) -> Any:
         frame=lambda index: f"frame {index}",
         instances_named=lambda names: names,
         root=tmp_path,
+        require_not_ours=lambda path: None,
         frame_indices=range(1),
     )
 
 
-def run(scene: Any, methods: tuple[str, ...] = ("iprt",), **kwargs: Any) -> list[Compared]:
+IPRT, IBL = Settings(), Settings(method="ibl")
+
+
+def run(scene: Any, *variants: Settings, **kwargs: Any) -> list[Compared]:
     device: Any = SimpleNamespace(profile=FakeProfile(), name="a device", finish=lambda: None)
     names = views_with_truth(scene)
-    return list(compare_views(scene, names, methods, device=device, **kwargs))  # type: ignore[arg-type]
+    return list(compare_views(scene, names, variants or (IPRT,), device=device, **kwargs))
 
 
 def test_perfect_render_scores_perfectly(scene: Any, renderer: type[FakeRenderer]) -> None:
-    (result,) = run(scene, frames=5, seed=9)
+    (result,) = run(scene, Settings(seed=9), frames=5)
     record = result.comparison.record()
     assert list(record) == KEYS
     assert (record["view"], record["method"], record["background"]) == ("table", "iprt", "panorama")
@@ -136,7 +141,7 @@ def test_perfect_render_scores_perfectly(scene: Any, renderer: type[FakeRenderer
             "frame": "frame 0",
             "instances": ("bunny",),
             "view": scene.views["table"].view,
-            "settings": Settings(method="iprt", seed=9, fading=0.0),
+            "settings": Settings(seed=9),
             "background": None,
             "frames": 5,
         }
@@ -146,16 +151,16 @@ def test_perfect_render_scores_perfectly(scene: Any, renderer: type[FakeRenderer
 def test_scores_are_those_of_the_displayed_images(
     scene: Any, renderer: type[FakeRenderer], truth: NDArray[np.float32]
 ) -> None:
-    iprt, ibl = run(scene, ("iprt", "ibl"), frames=1)
+    iprt, ibl = run(scene, IPRT, IBL, frames=1)
     shown, target = metrics.display(2.0 * truth, 1.5), metrics.display(truth, 1.5)
     assert ibl.comparison.method == "ibl"
-    assert ibl.comparison.ssim == metrics.ssim(shown, target) < iprt.comparison.ssim
+    assert ibl.comparison.scores.ssim == metrics.ssim(shown, target) < iprt.comparison.scores.ssim
     x0, y0, x1, y1 = CUTS[0]
     cut = metrics.ssim(shown[y0:y1, x0:x1], target[y0:y1, x0:x1])
-    assert ibl.comparison.ssim_cuts[0] == cut
-    assert ibl.comparison.mse == pytest.approx(np.mean((shown - target) ** 2))
-    assert ibl.comparison.psnr == pytest.approx(-10 * np.log10(ibl.comparison.mse))
-    assert ibl.comparison.flip == metrics.flip(shown, target)
+    assert ibl.comparison.scores.ssim_cuts[0] == cut
+    assert ibl.comparison.scores.mse == pytest.approx(np.mean((shown - target) ** 2))
+    assert ibl.comparison.scores.psnr == pytest.approx(-10 * np.log10(ibl.comparison.scores.mse))
+    assert ibl.comparison.scores.flip == metrics.flip(shown, target)
     json.dumps(ibl.comparison.record(), allow_nan=False)
 
 
@@ -172,18 +177,18 @@ def test_panels_show_render_truth_and_difference(scene: Any, renderer: type[Fake
     (result,) = run(scene, background="truth", frames=1)
     render, truth, difference = np.split(result.panels(), 3, axis=1)
     np.testing.assert_array_equal(render, result.render)
-    np.testing.assert_array_equal(truth, result.truth)
+    np.testing.assert_array_equal(truth, result.target.shown)
     np.testing.assert_allclose(difference, np.minimum(4 * np.abs(render - truth), 1))
 
 
 def test_view_without_truth_is_an_error_naming_the_key(scene: Any) -> None:
     with pytest.raises(SceneError, match=r"views\.plain\.truth is not set"):
-        views_with_truth(scene, "plain")
+        views_with_truth(scene, ["plain"])
 
 
 def test_unknown_view_lists_the_views(scene: Any) -> None:
     with pytest.raises(SceneError, match=r"'tabel'.*plain, table"):
-        views_with_truth(scene, "tabel")
+        views_with_truth(scene, ["tabel"])
 
 
 def test_scene_without_truth_is_one_line(scene: Any) -> None:
@@ -226,7 +231,7 @@ def test_video_is_compared_at_the_first_frame_with_a_truth(
     entry.truth_background = scene.root / "background.%d.exr"
     (result,) = run(scene, background="truth", frames=1)
     assert renderer.calls[0]["frame"] == "frame 5"
-    assert result.comparison.mse == 0.0
+    assert result.comparison.scores.mse == 0.0
 
 
 @pytest.mark.parametrize("key", ["truth", "truth_background"])
@@ -287,14 +292,13 @@ def test_table_has_a_row_per_method(
 
 
 def test_table_fits_80_columns() -> None:
-    scores = (0.987654, 0.87654)
-    result = Comparison(
-        "floor_dragon", "iprt", "truth", 0.98765, scores, 36.876, 2.1e-4, None, {"march": 1234.56}
-    )
+    scores = Scores(0.98765, (0.987654, 0.87654), 36.876, 2.1e-4, 0.01234, None)
+    result = Comparison("floor_dragon", "iprt", "truth", scores, {"march": 1234.56})
     stream = io.StringIO()
-    Console(file=stream, width=80).print(score_table([result]))
+    Console(file=stream, width=80).print(score_grid([result]).table())
     text = stream.getvalue()
-    row = ["floor_dragon", "iprt", "0.9877", "0.988", "0.877", "36.88", "2.1e-04", "-", "1234.6"]
+    row = ["floor_dragon", "iprt", "0.9877", "0.988", "0.877", "36.88", "2.1e-04"]
+    row += ["0.0123", "-", "1234.6"]
     assert row in [line.split() for line in text.splitlines()]
     assert "background: truth" in text
     assert "pip install 'iprt[metrics]'" in text

@@ -1,0 +1,248 @@
+"""`iprt bench --sweep` and `--convergence`: measure against truth, print, and write a page."""
+
+from __future__ import annotations
+
+import json
+import logging
+import math
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from iprt.commands.progress import progress_bar
+from iprt.device.choose import choose_device
+from iprt.device.compute import ComputeDevice
+from iprt.errors import IprtError
+from iprt.measure.convergence import Curve, parse_counts, run_convergence
+from iprt.measure.convergence_report import convergence_grid, convergence_plots, reach_grid
+from iprt.measure.report import Report
+from iprt.measure.sweep import Combination, Outcome, frames_per_outcome, run_sweep
+from iprt.measure.sweep_report import passes_grid, sweep_figures, sweep_grid, sweep_plots
+from iprt.measure.target import Background, Target, read_target, views_with_truth
+from iprt.output.atomic import require_writable
+from iprt.output.grid import Grid, print_grid
+from iprt.scene.scene import Scene
+
+LOG = logging.getLogger("iprt.bench")
+MANY = 10
+"""Outcomes that a terminal has room for with all their passes."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is measured, and on what."""
+
+    scene: Scene
+    targets: tuple[Target, ...]
+    chosen: tuple[Combination, ...]
+    seeds: int
+    background: Background
+    device: ComputeDevice
+
+    @classmethod
+    def of(
+        cls,
+        path: Path,
+        views: Sequence[str],
+        size: tuple[int, int] | None,
+        background: Background,
+        device: str | None,
+        chosen: Sequence[Combination],
+        seeds: int,
+    ) -> Plan:
+        """Open the scene, read the truths and take the device."""
+        scene = Scene.open(path)
+        names = dict.fromkeys(views_with_truth(scene, views))
+        targets = tuple(read_target(scene, name, background, size) for name in names)
+        compute = ComputeDevice(choose_device(device))
+        return cls(scene, targets, tuple(chosen), seeds, background, compute)
+
+    def announce(self, what: str) -> None:
+        """Say on stderr what is going to be run."""
+        LOG.info(
+            "%d runs: %d combination(s) of settings, %d view(s), %d seed(s); %s",
+            len(self.chosen) * len(self.targets) * self.seeds,
+            len(self.chosen),
+            len(self.targets),
+            self.seeds,
+            what,
+        )
+
+    def lines(self) -> list[str]:
+        """How the figures were made, for a page."""
+        sizes = ", ".join(f"{t.name} {t.view.width}x{t.view.height}" for t in self.targets)
+        return [
+            f"{sizes}; on {self.device.name}.",
+            f"Scored over the background of the {self.background}, {self.seeds} seed(s). "
+            "SSIM, FLIP: as displayed. RMSE: linear radiance.",
+        ]
+
+    def record(self) -> dict[str, Any]:
+        """The same as plain data."""
+        return {
+            "scene": self.scene.name,
+            "device": self.device.name,
+            "background": self.background,
+            "seeds": self.seeds,
+        }
+
+
+@dataclass(frozen=True)
+class Output:
+    """Where results go: to stdout as JSON, Markdown or tables, and to a page."""
+
+    json: bool
+    markdown: bool
+    html: Path | None
+
+    def require_writable(self, scene: Scene) -> None:
+        """Fail before anything is measured if the page cannot be written.
+
+        Raises
+        ------
+        IprtError
+        """
+        if self.html is not None:
+            require_writable(self.html)
+            scene.require_not_ours(self.html)
+
+    def write(self, report: Report) -> None:
+        if self.html is not None:
+            report.write(self.html)
+
+    def print(self, record: dict[str, Any], grids: Sequence[Grid]) -> None:
+        if self.json:
+            print(json.dumps(record, indent=2))
+            return
+        for index, grid in enumerate(grids):
+            if self.markdown and index:
+                print()
+            print_grid(grid, markdown=self.markdown)
+
+
+def measure_sweep(plan: Plan, frames: int, output: Output) -> int:
+    """Sweep, print, and write the page anew after every outcome, so that nothing gets lost."""
+    plan.announce(f"{frames} frames each")
+    report = Report(f"{plan.scene.name}: speed and accuracy", plan.lines())
+    outcomes: list[Outcome] = []
+    total = len(plan.chosen) * len(plan.targets) * frames_per_outcome(frames, plan.seeds)
+
+    def finish() -> None:
+        grids = [sweep_grid(outcomes)]
+        if len(outcomes) <= MANY and not output.markdown:
+            grids.append(passes_grid(outcomes))
+        rows = [outcome.record() for outcome in outcomes]
+        output.print({**plan.record(), "frames": frames, "rows": rows}, grids)
+
+    with _printed_at_last(outcomes, finish), progress_bar("sweeping", total) as progress:
+        for outcome in run_sweep(
+            plan.scene,
+            plan.targets,
+            plan.chosen,
+            device=plan.device,
+            frames=frames,
+            seeds=plan.seeds,
+            progress=progress,
+        ):
+            outcomes.append(outcome)
+            if output.html is not None:
+                report.grids = [sweep_grid(outcomes), passes_grid(outcomes)]
+                report.plots = sweep_plots(outcomes)
+                report.figures.append(sweep_figures(len(outcomes), outcome))
+                output.write(report)
+    return 0
+
+
+def measure_convergence(
+    plan: Plan, text: str, reach: str, against: str | None, model: str | None, output: Output
+) -> int:
+    """Follow pictures as they get better, print, and write the page anew after every curve."""
+    counts, levels = parse_counts(text), parse_levels(reach)
+    rival = None if against is None else _mitsuba(plan, counts, model)
+    plan.announce(f"{counts[-1]} frames each")
+    report = Report(f"{plan.scene.name}: accuracy against time", plan.lines())
+    curves: list[Curve] = []
+
+    def finish() -> None:
+        record = {**plan.record(), "curves": [curve.record() for curve in curves]}
+        output.print(record, [convergence_grid(curves), reach_grid(curves, levels)])
+
+    def collect(found: Iterator[Curve]) -> None:
+        for curve in found:
+            curves.append(curve)
+            report.grids = [reach_grid(curves, levels), convergence_grid(curves)]
+            report.plots = convergence_plots(curves)
+            output.write(report)
+
+    runs = len(plan.targets) * plan.seeds
+    with _printed_at_last(curves, finish):
+        with progress_bar("rendering", len(plan.chosen) * runs * counts[-1]) as progress:
+            collect(
+                run_convergence(
+                    plan.scene,
+                    plan.targets,
+                    plan.chosen,
+                    counts,
+                    device=plan.device,
+                    seeds=plan.seeds,
+                    progress=progress,
+                )
+            )
+        if rival is not None:
+            with progress_bar("path tracing", runs * sum(counts), "samples") as progress:
+                collect(rival(progress))
+    return 0
+
+
+def parse_levels(text: str) -> list[float]:
+    """Values of SSIM separated by commas.
+
+    Raises
+    ------
+    IprtError
+        One is none.
+    """
+    try:
+        levels = [float(word) for word in text.split(",")]
+        if not all(math.isfinite(level) and 0.0 < level <= 1.0 for level in levels):
+            raise ValueError
+    except ValueError:
+        raise IprtError(
+            f"--reach {text}: expected values of SSIM, above 0 and at most 1, such as 0.9,0.95"
+        ) from None
+    return levels
+
+
+def _mitsuba(
+    plan: Plan, counts: Sequence[int], model: str | None
+) -> Callable[[Callable[[int], None]], Iterator[Curve]]:
+    """The rival, ready to run; what it lacks is said before anything is measured."""
+    from iprt.measure.against import run_mitsuba
+    from iprt.truth.backend import mitsuba
+    from iprt.truth.model import load_parts
+
+    mitsuba()
+    parts = None if model is None else load_parts(model)
+    return lambda progress: run_mitsuba(
+        plan.scene,
+        plan.targets,
+        counts,
+        parts=parts,
+        seeds=plan.seeds,
+        seed=plan.chosen[0].settings.seed,
+        progress=progress,
+    )
+
+
+@contextmanager
+def _printed_at_last(results: Sequence[object], finish: Callable[[], None]) -> Iterator[None]:
+    """Print what there is at the end, an interrupt or error included: no result is lost."""
+    try:
+        yield
+    except BaseException:
+        if results:
+            finish()
+        raise
+    finish()

@@ -1,0 +1,88 @@
+"""The flags by which verbs take a quality preset and single knobs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+
+from iprt.commands.help import plain_default
+from iprt.errors import IprtError
+from iprt.presets import STILL, Quality
+
+if TYPE_CHECKING:
+    from iprt.knobs import Assignment
+    from iprt.settings import Settings
+
+
+@dataclass(frozen=True)
+class KnobFlags:
+    """`iprt settings` prints all knobs. Later ones win: preset, file, flags."""
+
+    quality: Quality = "balanced"
+    """Preset of knobs: speed against accuracy."""
+    settings: Annotated[Path | None, plain_default()] = None
+    """TOML file of knobs, such as `iprt settings` prints."""
+    set: Annotated[tyro.conf.UseAppendAction[tuple[str, ...]], plain_default("KEY=VALUE")] = ()
+    """A knob's value, such as trace.rays=4; may be given several times."""
+
+    def resolved(self, *, still: bool = False, **short: object) -> Settings:
+        """The settings asked for.
+
+        Parameters
+        ----------
+        still : bool
+            For pictures in which nothing moves.
+        short
+            Values of the verb's own flags for knobs, by the knob's name; None: not given.
+
+        Raises
+        ------
+        IprtError
+            A key is no knob, a value is not allowed, or a knob is given twice.
+        """
+        from iprt.knobs import resolved
+
+        return resolved(self.quality, self.assignments(still=still, **short))
+
+    def assignments(self, *, still: bool = False, **short: object) -> list[Assignment]:
+        """What file and flags set, in the order in which it counts; see `resolved`."""
+        from iprt.knobs import Assignment, parse_assignment, read_settings
+
+        file = [] if self.settings is None else read_settings(self.settings)
+        flags = [parse_assignment("--set", text) for text in self.set]
+        given = {flag.key: flag for flag in flags}
+        for key, value in short.items():
+            if value is None:
+                continue
+            if key in given:
+                raise IprtError(f"{given[key].source} and --{key} {value}: give one of them")
+            flags.append(Assignment(key, value, f"--{key} {value}"))
+        return [*file, *flags, *(fixed_when_still(flags) if still else [])]
+
+
+def fixed_when_still(given: Sequence[Assignment]) -> list[Assignment]:
+    """What pictures in which nothing moves set, whatever a settings file says.
+
+    Raises
+    ------
+    IprtError
+        A flag sets it, in vain.
+    """
+    from iprt.knobs import Assignment
+
+    for item in given:
+        if item.key in STILL:
+            raise IprtError(
+                f"{item.source}: has no effect on a still picture, which averages all its frames"
+            )
+    return [Assignment(key, value, key) for key, value in STILL.items()]
+
+
+Knobs = tyro.conf.OmitArgPrefixes[KnobFlags]
+"""The same as a parameter of a verb: `--quality`, `--settings` and `--set`."""
+
+BALANCED = KnobFlags()

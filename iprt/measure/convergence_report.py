@@ -1,0 +1,96 @@
+"""Curves of accuracy against time as tables and plots."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from iprt.measure.convergence import Curve, seconds_to
+from iprt.measure.intervals import CONFIDENCE
+from iprt.measure.plot import Mark, Plot, Series
+from iprt.output.grid import Grid
+
+
+def convergence_grid(curves: Sequence[Curve]) -> Grid:
+    """A row per picture; at least one curve."""
+    cuts = max(len(curve.points[0].ssim_cuts) for curve in curves)
+    rows = [
+        (
+            curve.view,
+            curve.label,
+            str(point.count),
+            point.seconds.text(2),
+            *(cut.text() for cut in point.ssim_cuts),
+            *["-"] * (cuts - len(point.ssim_cuts)),
+            point.ssim.text(),
+        )
+        for curve in curves
+        for point in curve.points
+    ]
+    intervals = curves[0].points[0].ssim.half is not None
+    return Grid(
+        title="Accuracy after so many frames (Mitsuba: samples per pixel)",
+        columns=("view", "settings", "count", "s", *_cut_names(cuts), "SSIM"),
+        rows=tuple(rows),
+        notes=(f"±: {CONFIDENCE:.0%} confidence over seeds.",) if intervals else (),
+        words=2,
+    )
+
+
+def reach_grid(curves: Sequence[Curve], levels: Sequence[float]) -> Grid:
+    """Seconds until each cut has an SSIM of each of the levels; a row per curve and cut."""
+    rows = []
+    for curve in curves:
+        for cut in _cuts(curve):
+            times = [seconds_to(curve.points, cut, level) for level in levels]
+            rows.append(
+                (
+                    curve.view,
+                    "whole view" if cut is None else f"cut {cut + 1}",
+                    curve.label,
+                    *("-" if seconds is None else f"{seconds:.2f}" for seconds in times),
+                    f"{max(point.reached(cut) for point in curve.points):.4f}",
+                )
+            )
+    return Grid(
+        title="Seconds to reach an SSIM",
+        columns=("view", "cut", "settings", *(f"{level:g}" for level in levels), "best SSIM"),
+        rows=tuple(sorted(rows, key=lambda row: row[:2])),
+        notes=("-: not reached. Between pictures, SSIM is linear in the logarithm of time.",),
+        words=3,
+    )
+
+
+def convergence_plots(curves: Sequence[Curve]) -> list[Plot]:
+    """Seconds against SSIM, a plot per view and cut."""
+    plots = []
+    for view in dict.fromkeys(curve.view for curve in curves):
+        mine = [curve for curve in curves if curve.view == view]
+        for cut in _cuts(mine[0]):
+            what = "whole view" if cut is None else f"cut {cut + 1}"
+            plots.append(
+                Plot(
+                    title=f"{view}, {what}: accuracy against time",
+                    x_label="seconds",
+                    y_label="SSIM",
+                    series=tuple(_series(curve, cut) for curve in mine),
+                )
+            )
+    return plots
+
+
+def _series(curve: Curve, cut: int | None) -> Series:
+    marks = []
+    for point in curve.points:
+        estimate = point.ssim if cut is None else point.ssim_cuts[cut]
+        hint = f"{curve.label}: {point.count} in {point.seconds.mean:.2f} s: {estimate.text()}"
+        marks.append(Mark(point.seconds.mean, estimate.mean, estimate.half or 0.0, hint))
+    return Series(curve.label, tuple(marks), tuple((mark.x, mark.y) for mark in marks))
+
+
+def _cuts(curve: Curve) -> list[int | None]:
+    """The cuts of a curve's view; of a view without cuts the whole of it."""
+    return list(range(len(curve.points[0].ssim_cuts))) or [None]
+
+
+def _cut_names(count: int) -> list[str]:
+    return [f"SSIM cut {index + 1}" for index in range(count)]

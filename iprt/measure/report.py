@@ -1,0 +1,139 @@
+"""Reports as one HTML file: tables, plots and pictures, nothing fetched from elsewhere."""
+
+from __future__ import annotations
+
+import base64
+import io
+from dataclasses import dataclass, field
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from iprt.measure import metrics
+from iprt.measure.compare import DIFFERENCE_GAIN, Compared, difference
+from iprt.measure.plot import Plot
+from iprt.output.atomic import replacing
+from iprt.output.grid import Grid
+
+if TYPE_CHECKING:
+    from jinja2 import Template
+
+    from iprt.measure.target import Radiance, Target
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A PNG within the page: `data` is its data URI."""
+
+    label: str
+    width: int
+    height: int
+    data: str
+
+
+@dataclass(frozen=True)
+class Figures:
+    """Pictures side by side under a heading."""
+
+    title: str
+    caption: str
+    pictures: tuple[Picture, ...]
+
+
+@dataclass
+class Report:
+    """What a page shows, from top to bottom.
+
+    Attributes
+    ----------
+    title : str
+    lines : list of str
+        How the figures were made.
+    """
+
+    title: str
+    lines: list[str] = field(default_factory=list)
+    grids: list[Grid] = field(default_factory=list)
+    plots: list[Plot] = field(default_factory=list)
+    figures: list[Figures] = field(default_factory=list)
+
+    def html(self) -> str:
+        """The page."""
+        return _template().render(vars(self))
+
+    def write(self, path: Path) -> None:
+        """Write the page, whole or not at all.
+
+        Raises
+        ------
+        FormatError
+            The file cannot be written.
+        """
+        with replacing(path) as temporary:
+            temporary.write_text(self.html(), encoding="utf-8")
+
+
+def compared_figures(compared: Compared) -> Figures:
+    """Render, truth, difference and FLIP's map of a comparison."""
+    result = compared.comparison
+    scores = result.scores
+    flip = "" if scores.flip is None else f", FLIP {scores.flip:.4f}"
+    cuts = " / ".join(f"{value:.4f}" for value in scores.ssim_cuts)
+    return Figures(
+        title=f"{result.view}, method {result.method}",
+        caption=(
+            f"over the background of the {result.background}: SSIM {scores.ssim:.4f}"
+            + (f", cuts {cuts}" if cuts else "")
+            + f", PSNR {scores.psnr:.2f} dB, MSE {scores.mse:.2e}, RMSE {scores.rmse:.4g}{flip}"
+        ),
+        pictures=scored_pictures(compared.target, compared.color),
+    )
+
+
+def scored_pictures(target: Target, color: Radiance, *, crop: bool = False) -> tuple[Picture, ...]:
+    """A picture, its truth, their difference, and FLIP's map where FLIP is installed.
+
+    Parameters
+    ----------
+    color : (H, W, 3) float32
+        Linear radiance.
+    crop : bool
+        Show what the target's cuts hold, if it has any.
+    """
+    render, truth = metrics.display(color, target.exposure), target.shown
+    shown = {
+        "render": render,
+        "truth": truth,
+        f"difference x{DIFFERENCE_GAIN:g}": difference(render, truth),
+        "FLIP": metrics.flip_map(render, truth),
+    }
+    rows, columns = slice(None), slice(None)
+    if crop and target.cuts:
+        x0, y0, x1, y1 = np.array(target.cuts).T
+        rows, columns = slice(y0.min(), y1.max()), slice(x0.min(), x1.max())
+    return tuple(
+        png_picture(label, image[rows, columns])
+        for label, image in shown.items()
+        if image is not None
+    )
+
+
+def png_picture(label: str, image: metrics.Image) -> Picture:
+    """A display-referred image (H, W, 3) in [0, 1] as 8-bit PNG."""
+    from PIL import Image
+
+    stream = io.BytesIO()
+    Image.fromarray(np.rint(image * 255.0).astype(np.uint8)).save(stream, "PNG", optimize=True)
+    data = "data:image/png;base64," + base64.b64encode(stream.getvalue()).decode()
+    return Picture(label, image.shape[1], image.shape[0], data)
+
+
+@cache
+def _template() -> Template:
+    from jinja2 import Environment
+
+    text = files("iprt.measure").joinpath("report.html").read_text(encoding="utf-8")
+    return Environment(autoescape=True, trim_blocks=True).from_string(text)

@@ -1,0 +1,271 @@
+"""Speed against accuracy: the same views with many combinations of settings."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from typing import TYPE_CHECKING, Any, get_args
+
+from iprt.errors import IprtError
+from iprt.knobs import Assignment, changed, parse_assignment, resolved
+from iprt.measure.bench import WARM_UP, Benchmark, benchmark
+from iprt.measure.compare import render_target, scored
+from iprt.measure.intervals import Estimate
+from iprt.measure.pareto import pareto_front
+from iprt.measure.target import Radiance, Scores, Target
+from iprt.presets import STILL, Quality
+from iprt.settings import Settings
+
+if TYPE_CHECKING:
+    from iprt.device.compute import ComputeDevice
+    from iprt.scene.frame import Frame
+    from iprt.scene.scene import Scene
+
+QUALITY = "quality"
+"""What may be swept besides knobs: the preset that the others start from."""
+MAX_COMBINATIONS = 1000
+
+
+@dataclass(frozen=True)
+class Combination:
+    """Settings to measure, and the swept values in them by knob."""
+
+    values: Mapping[str, Any]
+    settings: Settings
+
+    @property
+    def label(self) -> str:
+        """`trace.rays=4, mask.sparse=false`; `base` where nothing was changed."""
+        return ", ".join(f"{k}={value_text(v)}" for k, v in self.values.items()) or "base"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """One combination on one view.
+
+    Attributes
+    ----------
+    combination : Combination
+    target : Target
+    bench : Benchmark
+        Times of a head that turns.
+    ssim, rmse : Estimate
+        Over seeds, of the still picture; see `Scores`.
+    ssim_cuts : tuple of Estimate
+    flip : Estimate or None
+        None where FLIP is not installed.
+    color : (H, W, 3) float32
+        The picture of the first seed, linear.
+    """
+
+    combination: Combination
+    target: Target
+    bench: Benchmark
+    ssim: Estimate
+    ssim_cuts: tuple[Estimate, ...]
+    rmse: Estimate
+    flip: Estimate | None
+    color: Radiance = field(repr=False, compare=False)
+
+    @property
+    def error(self) -> float:
+        """What is traded for time: 1 - SSIM, the mean over the cuts, or of a view without any."""
+        cuts = [cut.mean for cut in self.ssim_cuts] or [self.ssim.mean]
+        return 1.0 - sum(cuts) / len(cuts)
+
+    def record(self) -> dict[str, object]:
+        """Plain data, without the picture."""
+        return {
+            "view": self.target.name,
+            "values": dict(self.combination.values),
+            "ssim": asdict(self.ssim),
+            "ssim_cuts": [asdict(cut) for cut in self.ssim_cuts],
+            "rmse": asdict(self.rmse),
+            "flip": None if self.flip is None else asdict(self.flip),
+            **self.bench.record(),
+            "settings": self.combination.settings.model_dump(mode="json"),
+        }
+
+
+def combinations(
+    quality: Quality,
+    given: Sequence[Assignment],
+    sweeps: Sequence[str],
+    *,
+    one_at_a_time: bool = False,
+) -> list[Combination]:
+    """What `sweeps`, texts such as `trace.rays=1,2,4`, ask for; all are checked.
+
+    Parameters
+    ----------
+    quality, given
+        What is the same in all, unless it is swept.
+    one_at_a_time : bool
+        Change one knob at a time, after a combination that changes none; else the product.
+
+    Raises
+    ------
+    IprtError
+        A value is not allowed, a knob is swept twice, or there are too many combinations.
+    """
+    axes = [_axis(text) for text in sweeps]
+    keys = [axis[0].key for axis in axes]
+    twice = next((key for key in keys if keys.count(key) > 1), None)
+    if twice is not None:
+        raise IprtError(f"--sweep {twice}: is swept twice; give all its values at once")
+    count = sum(map(len, axes)) + 1 if one_at_a_time else math.prod(map(len, axes))
+    if count > MAX_COMBINATIONS:
+        raise IprtError(f"--sweep: {count} combinations; at most {MAX_COMBINATIONS} are run")
+    if not one_at_a_time:
+        return [_combination(quality, given, items) for items in itertools.product(*axes)]
+    found = [_combination(quality, given, ())]
+    for item in itertools.chain(*axes):
+        candidate = _combination(quality, given, (item,))
+        if candidate.settings != found[0].settings:
+            found.append(candidate)
+    return found
+
+
+def _axis(text: str) -> list[Assignment]:
+    """The assignments that a sweep goes through."""
+    key, equals, values = (part.strip() for part in text.partition("="))
+    if not equals or not key or not values:
+        raise IprtError(f"--sweep {text}: expected KEY=VALUE,VALUE,..., such as trace.rays=1,2,4")
+    words = [word.strip() for word in values.split(",")]
+    if key in STILL:
+        raise IprtError(
+            f"--sweep {text}: has no effect on a still picture, which averages all its frames"
+        )
+    if key != QUALITY:
+        return [parse_assignment("--sweep", f"{key}={word}") for word in words]
+    for word in words:
+        if word not in get_args(Quality):
+            known = ", ".join(get_args(Quality))
+            raise IprtError(f"--sweep {QUALITY}={word}: expected some of {known}")
+    return [Assignment(QUALITY, word, f"--sweep {QUALITY}={word}") for word in words]
+
+
+def _combination(
+    quality: Quality, given: Sequence[Assignment], items: Sequence[Assignment]
+) -> Combination:
+    preset = next((item.value for item in items if item.key == QUALITY), quality)
+    swept = [item for item in items if item.key != QUALITY]
+    settings = resolved(preset, [*given, *swept])
+    return Combination({item.key: item.value for item in items}, settings)
+
+
+def value_text(value: object) -> str:
+    """A swept value as it was given."""
+    return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def frames_per_outcome(frames: int, seeds: int) -> int:
+    """Frames rendered for one combination on one view."""
+    return WARM_UP + frames + seeds * frames
+
+
+def run_sweep(
+    scene: Scene,
+    targets: Sequence[Target],
+    chosen: Sequence[Combination],
+    *,
+    device: ComputeDevice,
+    frames: int,
+    seeds: int,
+    progress: Callable[[int], None] | None = None,
+) -> Iterator[Outcome]:
+    """Measure every combination on every view.
+
+    Parameters
+    ----------
+    frames : int
+        Frames timed, and frames accumulated in each picture that is scored.
+    seeds : int
+        Pictures per combination and view: with the settings' seed and those after it.
+    progress : callable, optional
+        Called with the number of frames rendered so far.
+
+    Raises
+    ------
+    IprtError
+        A picture needs more memory than the device has, or holds NaN.
+    """
+    done = 0
+
+    def forward(count: int) -> None:
+        if progress is not None:
+            progress(done + count)
+
+    for target, frame in with_frames(scene, targets):
+        instances = scene.instances_named(target.objects)
+        for combination in chosen:
+            scores, pictures = [], []
+            for seed in range(seeds):
+                settings = still_settings(combination.settings, seed)
+                color, _ = render_target(scene, frame, target, settings, device, frames, forward)
+                scores.append(scored(target, color, combination.label))
+                pictures.append(color)
+                done += frames
+            bench = benchmark(
+                device,
+                frame,
+                instances,
+                target.view,
+                combination.settings,
+                frames=frames,
+                progress=forward,
+            )
+            done += WARM_UP + frames
+            yield _outcome(combination, target, bench, scores, pictures[0])
+
+
+def with_frames(scene: Scene, targets: Sequence[Target]) -> Iterator[tuple[Target, Frame]]:
+    """Each target with its video frame; the frame is read once for targets that share it."""
+    index, frame = None, None
+    for target in targets:
+        if frame is None or target.index != index:
+            index, frame = target.index, scene.frame(target.index)
+        yield target, frame
+
+
+def still_settings(settings: Settings, seed: int) -> Settings:
+    """The settings for a still picture, of the seed that comes `seed` after theirs."""
+    return changed(settings, {**STILL, "seed": (settings.seed + seed) % 2**31})
+
+
+def _outcome(
+    combination: Combination,
+    target: Target,
+    bench: Benchmark,
+    scores: Sequence[Scores],
+    color: Radiance,
+) -> Outcome:
+    flips = [score.flip for score in scores if score.flip is not None]
+    return Outcome(
+        combination=combination,
+        target=target,
+        bench=bench,
+        ssim=Estimate.of([score.ssim for score in scores]),
+        ssim_cuts=cut_estimates(scores),
+        rmse=Estimate.of([score.rmse for score in scores]),
+        flip=Estimate.of(flips) if flips else None,
+        color=color,
+    )
+
+
+def cut_estimates(scores: Sequence[Scores]) -> tuple[Estimate, ...]:
+    """Over pictures, for each cut."""
+    return tuple(map(Estimate.of, zip(*(score.ssim_cuts for score in scores), strict=True)))
+
+
+def on_front(outcomes: Sequence[Outcome]) -> list[bool]:
+    """Whether no other combination on the same view is both as quick and as accurate."""
+    marks = [False] * len(outcomes)
+    for name in dict.fromkeys(outcome.target.name for outcome in outcomes):
+        places = [i for i, outcome in enumerate(outcomes) if outcome.target.name == name]
+        points = [(outcomes[i].bench.wall_ms, outcomes[i].error) for i in places]
+        for place, mark in zip(places, pareto_front(points), strict=True):
+            marks[place] = mark
+    return marks

@@ -1,0 +1,238 @@
+"""What a view's picture is scored against: its path-traced truth."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.errors import FormatError, IprtError, SceneError
+from iprt.measure import metrics
+from iprt.scene.images import read_color
+from iprt.scene.source import frame_path
+
+if TYPE_CHECKING:
+    from iprt.scene.camera import View
+    from iprt.scene.scene import Scene
+
+Radiance = NDArray[np.float32]
+Background = Literal["panorama", "truth"]
+"""What the camera sees behind the objects: the resampled panorama, or the truth's own, which
+leaves relighting as the only difference."""
+
+
+@dataclass(frozen=True)
+class Scores:
+    """How far a picture is from its truth; all but `rmse` are of display-referred images.
+
+    Attributes
+    ----------
+    ssim : float
+        Of the whole view.
+    ssim_cuts : tuple of float
+        Of the view's cuts, in the order of the manifest.
+    psnr : float
+        Decibel; inf for equal images.
+    mse : float
+    rmse : float
+        Root of the mean squared error of linear radiance.
+    flip : float or None
+        None where the evaluator is not installed.
+    """
+
+    ssim: float
+    ssim_cuts: tuple[float, ...]
+    psnr: float
+    mse: float
+    rmse: float
+    flip: float | None
+
+    def record(self) -> dict[str, object]:
+        """The same as plain data; `psnr` is None for equal images, as JSON has no infinity."""
+        psnr = self.psnr if np.isfinite(self.psnr) else None
+        return {**asdict(self), "ssim_cuts": list(self.ssim_cuts), "psnr": psnr}
+
+
+@dataclass(frozen=True)
+class Target:
+    """A view with its truth, ready to score pictures of it.
+
+    Attributes
+    ----------
+    scene, name : str
+    index : int
+        The video frame that the truth shows.
+    view : View
+    objects : tuple of str
+        Names of the objects that it shows.
+    exposure : float
+    radiance : (H, W, 3) float32
+        The truth, linear.
+    background : (H, W, 3) float32 or None
+        What to composite over; None: the panorama.
+    cuts : tuple of (x0, y0, x1, y1)
+        Crops around the objects, in pixels of `view`.
+    """
+
+    scene: str
+    name: str
+    index: int
+    view: View
+    objects: tuple[str, ...]
+    exposure: float
+    radiance: Radiance
+    background: Radiance | None
+    cuts: tuple[metrics.Cut, ...]
+
+    @cached_property
+    def shown(self) -> metrics.Image:
+        """The truth as displayed, (H, W, 3) in [0, 1]."""
+        return metrics.display(self.radiance, self.exposure)
+
+    def score(self, color: Radiance) -> Scores:
+        """Scores of linear radiance (H, W, 3).
+
+        Raises
+        ------
+        FormatError
+            It holds NaN or infinity.
+        """
+        shown, truth = metrics.display(color, self.exposure), self.shown
+        return Scores(
+            ssim=metrics.ssim(shown, truth),
+            ssim_cuts=metrics.ssim_cuts(shown, truth, self.cuts),
+            psnr=metrics.psnr(shown, truth),
+            mse=metrics.mse(shown, truth),
+            rmse=metrics.rmse(color, self.radiance),
+            flip=metrics.flip(shown, truth),
+        )
+
+
+def views_with_truth(scene: Scene, names: Sequence[str] = ()) -> list[str]:
+    """Names of the views that can be compared: `names`, or all that have a truth.
+
+    Raises
+    ------
+    SceneError
+        A view is unknown or has no truth, or no view of the scene has one.
+    """
+    for name in names:
+        if name not in scene.views:
+            known = ", ".join(scene.views) or "none"
+            raise SceneError(f"{scene.name}: no view is named '{name}'; the views are: {known}")
+        if scene.views[name].truth is None:
+            raise SceneError(
+                f"{scene.name}: views.{name}.truth is not set, so there is nothing to compare with"
+            )
+    found = list(names) or [name for name, entry in scene.views.items() if entry.truth is not None]
+    if not found:
+        raise SceneError(
+            f"{scene.name}: no view has a truth to compare with; "
+            "render one with `iprt reference` and name it in views.<name>.truth"
+        )
+    return found
+
+
+def read_target(
+    scene: Scene, name: str, background: Background, size: tuple[int, int] | None = None
+) -> Target:
+    """Read a view's truth and check all that can be checked before rendering.
+
+    Of a video, a view is compared at the first frame that has a truth.
+
+    Parameters
+    ----------
+    size : (int, int) or None
+        Width and height to compare at: the truth is averaged over blocks of whole pixels.
+
+    Raises
+    ------
+    SceneError
+        A file of a truth is not set or missing.
+    FormatError
+        Sizes differ, a cut does not suit, or a picture holds NaN or infinity.
+    IprtError
+        `size` does not divide that of the truth.
+    """
+    entry = scene.views[name]
+    factor = _reduction(entry.view, name, size)
+    view = entry.view.resized(entry.view.width // factor, entry.view.height // factor)
+    cuts = tuple(_reduced_cut(cut, factor) for cut in entry.cuts)
+    try:
+        metrics.check_cuts(entry.cuts, entry.view.width, entry.view.height)
+        metrics.check_cuts(cuts, view.width, view.height)
+    except FormatError as error:
+        raise FormatError(f"{scene.name}: views.{name}.cuts: {error}") from error
+    index, radiance = _read_picture(scene, name, "truth", entry.truth)
+    behind = None
+    if background == "truth":
+        _, behind = _read_picture(scene, name, "truth_background", entry.truth_background, index)
+        behind = _reduced(behind, factor)
+    return Target(
+        scene=scene.name,
+        name=name,
+        index=index,
+        view=view,
+        objects=entry.objects,
+        exposure=scene.exposure,
+        radiance=_reduced(radiance, factor),
+        background=behind,
+        cuts=cuts,
+    )
+
+
+def _reduction(view: View, name: str, size: tuple[int, int] | None) -> int:
+    """How many pixels of the truth's side make one of a picture of `size`."""
+    if size is None:
+        return 1
+    width, height = size
+    factor = view.width // width if width > 0 else 0
+    if factor < 1 or (factor * width, factor * height) != (view.width, view.height):
+        raise IprtError(
+            f"--size {width} {height}: the truth of view '{name}' has {view.width} x {view.height} "
+            "pixels; give it divided by a whole number"
+        )
+    return factor
+
+
+def _reduced(image: Radiance, factor: int) -> Radiance:
+    """Means of blocks of `factor` x `factor` pixels: what a box filter of that size shows."""
+    height, width = image.shape[0] // factor, image.shape[1] // factor
+    blocks = image.reshape(height, factor, width, factor, 3)
+    means: Radiance = blocks.mean(axis=(1, 3), dtype=np.float64).astype(np.float32)
+    return means
+
+
+def _reduced_cut(cut: metrics.Cut, factor: int) -> metrics.Cut:
+    """The cut in larger pixels, of which it keeps all that it touches."""
+    x0, y0, x1, y1 = cut
+    return x0 // factor, y0 // factor, -(-x1 // factor), -(-y1 // factor)
+
+
+def _read_picture(
+    scene: Scene, name: str, key: str, path: Path | None, index: int | None = None
+) -> tuple[int, Radiance]:
+    """The picture of frame `index`, or else of the first frame that has one, and that frame."""
+    if path is None:
+        raise SceneError(f"{scene.name}: views.{name}.{key} is not set")
+    pattern = str(path.relative_to(scene.root))
+    indices = scene.frame_indices if index is None else [index]
+    files = [(i, frame_path(scene.root, pattern, i)) for i in indices]
+    found = next(((i, file) for i, file in files if file.is_file()), None)
+    if found is None:
+        raise SceneError(f"{scene.name}: views.{name}.{key}: there is no file {files[0][1]}")
+    radiance: Radiance = read_color(found[1])
+    view = scene.views[name].view
+    if radiance.shape != (view.height, view.width, 3):
+        raise FormatError(
+            f"{found[1]}: {radiance.shape[1]}x{radiance.shape[0]} pixels, "
+            f"but views.{name}.size is {view.width}x{view.height}"
+        )
+    if not np.isfinite(radiance).all():
+        raise FormatError(f"{found[1]}: holds NaN or infinite radiance; render it again")
+    return found[0], radiance

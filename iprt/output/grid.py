@@ -1,0 +1,73 @@
+"""A table of texts, for people: in a terminal, as Markdown, or as HTML."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+WIDTH = 160
+"""Columns where the output is no terminal: rich would cut the numbers at 80."""
+
+
+@dataclass(frozen=True)
+class Grid:
+    """A table with a heading.
+
+    Attributes
+    ----------
+    title : str
+    columns : tuple of str
+    rows : tuple of tuple of str
+        One text per column each.
+    notes : tuple of str
+        What stands below.
+    words : int
+        Leading columns of words; all others hold numbers and stand to the right.
+    """
+
+    title: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    notes: tuple[str, ...] = ()
+    words: int = 1
+
+    def table(self) -> Table:
+        """For a terminal."""
+        table = Table(
+            title=escape(self.title),
+            title_justify="left",
+            caption=escape("\n".join(self.notes)) or None,
+            caption_justify="left",
+            box=SIMPLE_HEAD,
+            padding=0,
+        )
+        for index, column in enumerate(self.columns):
+            right = index >= self.words
+            table.add_column(escape(column), justify="right" if right else "left", no_wrap=right)
+        for row in self.rows:
+            table.add_row(*map(escape, row))
+        return table
+
+    def markdown(self) -> str:
+        """For a page; the title stays away, as pages have headings of their own."""
+        marks = ["---" if index < self.words else "---:" for index in range(len(self.columns))]
+        lines = [_line(self.columns), _line(marks), *map(_line, self.rows)]
+        return "\n".join([*lines, "", *self.notes]).rstrip() + "\n"
+
+
+def _line(cells: tuple[str, ...] | list[str]) -> str:
+    return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
+
+
+def print_grid(grid: Grid, *, markdown: bool = False) -> None:
+    """Print to stdout, as wide as it needs where that is no terminal."""
+    if markdown:
+        print(grid.markdown(), end="")
+        return
+    console = Console() if sys.stdout.isatty() else Console(width=WIDTH)
+    console.print(grid.table())
