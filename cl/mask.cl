@@ -45,6 +45,7 @@ __kernel void choose_level(
     float sigma_position,                   // sigma_p, per unit of the positions
     float low,                              // delta_1
     float high,                             // delta_2; 0 traces every pixel
+    float faint_frames,                     // touched for no longer: one ray for 4 pixels will do
     int width,
     int height)
 {
@@ -75,8 +76,8 @@ __kernel void choose_level(
         }
     }
     float squared = fmax(turn, sigma_position * sigma_position * apart);
-    squared = active > 0.0f ? 1.0f : fmin(squared, 1.0f);
-    int chosen = squared >= high * high ? 0 : squared >= low * low ? 1 : 2;
+    squared = active > faint_frames ? 1.0f : fmin(squared, 1.0f);
+    int chosen = squared >= high * high ? 0 : squared >= low * low || active > 0.0f ? 1 : 2;
     level[p] = id > 0.0f ? chosen : LEVEL_NONE;
 }
 

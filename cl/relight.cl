@@ -21,6 +21,11 @@
 // noise of a small E_R, and its colour was captured too dark to be trusted.
 #define MAX_RATIO 4.0f
 
+// Changes from these on deserve a ray for every fourth pixel, and for every pixel: noise is in
+// proportion to what is changed.
+#define FAINT 0.015f
+#define STRONG 0.06f
+
 inline float channel_ratio(float real, float both, float seen, float passing, float explained,
                            float black)
 {
@@ -38,6 +43,8 @@ __kernel void relight(
     __global float4 *restrict ratio,       // out: float4 per pixel
 #ifdef DELTA
     CACHE_PARAMETERS,
+    __global float *restrict touched,      // in, out: 1 plane, frames for which pixels are traced
+                                           // densely: more where objects change more
 #else
     float black,                           // E_R up to this counts as black
 #endif
@@ -71,5 +78,13 @@ __kernel void relight(
         channel_ratio(real.x, both.x, seen.x, passing, explained, black),
         channel_ratio(real.y, both.y, seen.y, passing, explained, black),
         channel_ratio(real.z, both.z, seen.z, passing, explained, black), 1.0f);
-    ratio[y * width + x] = guide[GUIDE_ID * size + p] > 0.0f ? result : (float4)(1.0f);
+    if (!(guide[GUIDE_ID * size + p] > 0.0f))
+        result = (float4)(1.0f);
+    ratio[y * width + x] = result;
+#ifdef DELTA
+    const float4 change = fabs(result - 1.0f);
+    const float most = fmax(change.x, fmax(change.y, change.z));
+    if (most > FAINT)
+        touched[p] = fmax(touched[p], most > STRONG ? STRONG_FRAMES : FAINT_FRAMES);
+#endif
 }

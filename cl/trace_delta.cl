@@ -7,7 +7,6 @@
 //      world          lib/path.h
 //      cache          lib/irradiance.h
 // out  signal         6 planes: blocked / E_R rgb, bounce / E_R rgb
-//      touched        1 plane: TOUCHED_FRAMES where that is a noticeable part of E_R
 //      samples        1 plane: rays that the pixel has sent since the start, in and out
 #define DELTA
 #include "irradiance.h"
@@ -18,8 +17,6 @@
 // cosine, which covers what is close.
 #define BOX_SHARE 0.5f
 #define BOX_SHARE_INSIDE 0.2f
-// Less than this part of E_R is not worth a denser tracing.
-#define NOTICEABLE 0.01f
 
 static inline Scatter sample_delta(const World world, const BoxView boxes, float3 o, float2 u,
                                    float2 v)
@@ -56,9 +53,9 @@ TRACING_KERNEL void trace_delta(
     __global const float *restrict view,         // lib/view.h
     WORLD_PARAMETERS,
     CACHE_PARAMETERS,
+    const float least,                           // solid angle of objects that matters, sr
     __global uint *restrict samples,
-    __global float *restrict signal,
-    __global float *restrict touched)
+    __global float *restrict signal)
 {
     const int item = get_global_id(0);
     if (item >= count[0])
@@ -75,7 +72,7 @@ TRACING_KERNEL void trace_delta(
 
     float3 blocked = (float3)(0.0f), bounce = (float3)(0.0f);
     const uint first = samples[pixel];
-    for (int ray = 0; ray < rays && boxes.above; ray++) {
+    for (int ray = 0; ray < rays && boxes_matter(boxes, least); ray++) {
         const uint index = first + ray;
         const Scatter s = sample_delta(world, boxes, o, sobol_2d(index, seed),
                                        sobol_2d(index, hash_combine(seed, 1)));
@@ -96,6 +93,4 @@ TRACING_KERNEL void trace_delta(
     bounce *= scale;
     store_planes(signal, size, pixel, blocked);
     store_planes(signal + 3 * size, size, pixel, bounce);
-    if (luminance(blocked + bounce) > NOTICEABLE)
-        touched[pixel] = TOUCHED_FRAMES;
 }

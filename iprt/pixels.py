@@ -24,6 +24,10 @@ from iprt.scene.camera import View
 from iprt.settings import Settings
 
 
+MAP_LEAST = 0.1
+"""sr: what objects do to surfaces from which they look smaller is not worth reflecting."""
+
+
 @dataclass(frozen=True)
 class Tick:
     """The view frame that is being rendered.
@@ -94,11 +98,14 @@ class RealPixels:
         requirements: Requirements,
         *,
         name: str,
+        least: float = 0.0,
     ) -> None:
+        """Objects that span less than `least` sr from a surface need not be taken into account."""
         settings = requirements.settings
         self.layer = layer
+        self._least = least
         self._guide = guide
-        self.mask = Mask(device, guide, settings.mask, name=name)
+        self.mask = Mask(device, guide, settings.mask, name=name, graded=requirements.delta)
         self._trace = TraceReal(device, guide, requirements, name=name)
         self._filter = SignalFilter(device, guide, "real", settings, name=name)
         self.relight = Relight(device, guide, delta=requirements.delta, name=name)
@@ -112,10 +119,10 @@ class RealPixels:
         layer, mask = self.layer, self.mask
         mask.run(grid_offset(tick.index), motion=layer.motion, metre=world.panorama.scale)
         if cache is not None:
-            cache.run(world, self._guide, mask, tick.view)
-        self._trace.run(world, mask, tick.view, cache)
+            cache.run(world, self._guide, mask, tick.view, least=self._least)
+        self._trace.run(world, mask, tick.view, cache, least=self._least)
         self.change = self._filter.run(self._trace.signal, mask, layer.motion, tick)
-        self.relight.run(self.change, layer.color, world, cache)
+        self.relight.run(self.change, layer.color, world, cache, mask.touched)
         return self.relight.ratio
 
 
@@ -139,7 +146,9 @@ class RatioMap:
         self._constants = device.upload("ratio map view", self._view.kernel_constants())
         layer = RealLayer(device, layout, equirect=True, name="ratio map")
         self._guide = Guide(device, layout, equirect=True, name="ratio map")
-        self._pixels = RealPixels(device, layer, self._guide, requirements, name="ratio map")
+        self._pixels = RealPixels(
+            device, layer, self._guide, requirements, name="ratio map", least=MAP_LEAST
+        )
         self.ratio = self._pixels.relight.ratio
 
     def run(self, world: World, cache: IrradianceCache | None, tick: Tick) -> None:

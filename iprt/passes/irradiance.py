@@ -28,13 +28,13 @@ class IrradianceSettings(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     rows: int = Field(
-        default=256,
+        default=128,
         ge=16,
         le=2048,
         description="Rows of the grid around the capture centre; it has twice as many columns.",
     )
     first_rays: int = Field(
-        default=16, ge=1, le=4096, description="Rays with which a cell starts when it is needed."
+        default=8, ge=1, le=4096, description="Rays with which a cell starts when it is needed."
     )
     rays: int = Field(
         default=4,
@@ -113,10 +113,11 @@ class IrradianceCache:
                 self.irradiance,
             )
 
-    def run(self, world: World, guide: Guide, mask: Mask, view: cla.Array) -> None:
+    def run(self, world: World, guide: Guide, mask: Mask, view: cla.Array, *, least: float) -> None:
         """Refine the cells around the pixels that `mask` has listed.
 
-        A few rays do where objects have no noticeable influence yet.
+        A few rays do where objects have no noticeable influence yet, and none are needed where
+        objects span less than `least` sr.
         """
         settings, layout = self.settings, guide.layout
         cells = self.rows * self.columns
@@ -131,6 +132,7 @@ class IrradianceCache:
                 mask.touched,
                 world.bounds,
                 world.bounds.shape[0],
+                least,
                 self.columns,
                 self.rows,
                 self.plane,

@@ -13,7 +13,9 @@ LEVEL_NONE = 255
 """Level of a pixel where there is nothing to trace."""
 
 TOUCHED_FRAMES = 10.0
-"""What tracing writes to `Mask.touched` where an object lit or shadowed the pixel."""
+"""For how long tracing remembers that an object lit or shadowed a pixel (`Mask.touched`)."""
+STRONG_FRAMES = 2.0 * TOUCHED_FRAMES
+"""The same where an object changes much, if pixels that it changes little are told apart."""
 
 _CHUNK = 64
 
@@ -64,7 +66,17 @@ class Mask:
     count : (1,) int32
     """
 
-    def __init__(self, device: ComputeDevice, guide: Guide, settings: MaskSettings, *, name: str):
+    def __init__(
+        self,
+        device: ComputeDevice,
+        guide: Guide,
+        settings: MaskSettings,
+        *,
+        name: str,
+        graded: bool = False,
+    ):
+        """`graded`: pixels touched for up to `TOUCHED_FRAMES` get one ray for four of them only."""
+        self._faint_frames = TOUCHED_FRAMES if graded else 0.0
         self.settings = settings
         self._device = device
         self._guide = guide
@@ -115,6 +127,7 @@ class Mask:
                 self.settings.sigma_position / metre,
                 low,
                 high,
+                self._faint_frames,
                 width,
                 height,
             )

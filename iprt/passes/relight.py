@@ -7,6 +7,7 @@ import pyopencl.array as cla
 from iprt.device.compute import ComputeDevice
 from iprt.passes.guide import Guide, plane_defines
 from iprt.passes.irradiance import BLACK, IrradianceCache
+from iprt.passes.mask import STRONG_FRAMES, TOUCHED_FRAMES
 from iprt.passes.world import World
 
 
@@ -24,13 +25,23 @@ class Relight:
         """`delta`: signals are relative to a cached E_R."""
         self._device = device
         self._guide = guide
-        defines = plane_defines(equirect=guide.equirect, DELTA=delta)
+        defines = plane_defines(
+            equirect=guide.equirect,
+            DELTA=delta,
+            FAINT_FRAMES=TOUCHED_FRAMES,
+            STRONG_FRAMES=STRONG_FRAMES,
+        )
         self._kernel = device.kernel("relight.cl", "relight", defines)
         pixels = guide.layout.width * guide.layout.height
         self.ratio = device.empty(f"{name} relighting ratio", (pixels, 4))
 
     def run(
-        self, signal: cla.Array, colour: cla.Array, world: World, cache: IrradianceCache | None
+        self,
+        signal: cla.Array,
+        colour: cla.Array,
+        world: World,
+        cache: IrradianceCache | None,
+        touched: cla.Array,
     ) -> None:
         """Fill `ratio`.
 
@@ -44,6 +55,8 @@ class Relight:
             Its panorama says what is black.
         cache : IrradianceCache or None
             E_R, where signals are relative to it.
+        touched : 1 plane
+            `Mask.touched`: written where objects change much; the estimator "ratio" has done that.
         """
         black = float(BLACK * world.panorama.mean_radiance)
         width, height = self._guide.layout.width, self._guide.layout.height
@@ -54,7 +67,7 @@ class Relight:
                 signal,
                 colour,
                 self.ratio,
-                *(cache.arguments(world) if cache else (black,)),
+                *((*cache.arguments(world), touched) if cache else (black,)),
                 width,
                 height,
             )

@@ -36,8 +36,18 @@ class TraceReal:
         self.signal = device.zeros(f"{name} signal", layout.shape(6))
         self._samples = device.zeros(f"{name} samples", layout.shape(1), np.uint32)
 
-    def run(self, world: World, mask: Mask, view: cla.Array, cache: IrradianceCache | None) -> None:
-        """`cache` holds E_R for the estimator "delta"."""
+    def run(
+        self,
+        world: World,
+        mask: Mask,
+        view: cla.Array,
+        cache: IrradianceCache | None,
+        *,
+        least: float,
+    ) -> None:
+        """`cache` holds E_R for the estimator "delta", which ignores objects that span less than
+        `least` sr.
+        """
         layout, settings = self._guide.layout, self._requirements.settings
         with self._device.profile.section("trace real"):
             self._kernel(
@@ -51,10 +61,10 @@ class TraceReal:
                 self._guide.current,
                 view,
                 *world.arguments(self._requirements),
-                *(cache.arguments(world) if cache else ()),
+                *((*cache.arguments(world), least) if cache else ()),
                 self._samples,
                 self.signal,
-                mask.touched,
+                *(() if cache else (mask.touched,)),
             )
 
 
