@@ -38,12 +38,7 @@ TRACING_KERNEL void trace_virtual(
     const Material material = load_material(materials, (int)guide[6 * size + pixel] - 1);
     const float3 color = load_planes(albedo, size, pixel);
     const float distance = length(p);
-#ifdef VIEW_EQUIRECT
-    const float footprint = equirect_footprint;
-#else
-    const float footprint = screen_footprint;
-#endif
-    const float3 o = p + OBJECT_LIFT * footprint * distance * n;
+    const float3 o = p + object_lift(world.objects, distance) * n;
     const float3 viewer = -p / distance;
     const uint seed = hash_combine(hash_combine((uint)list[item], 0x76697274u), (uint)frame_seed);
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from iprt.device.compute import Define
 from iprt.passes.mask import TOUCHED_FRAMES
+from iprt.passes.object_bvh import bvh_defines
 from iprt.scene.camera import View
 from iprt.scene.material import Material, material_defines
 from iprt.scene.outside import OUTSIDE_ROWS
@@ -25,6 +26,8 @@ class Requirements:
         Rays are traced (the method is not the distant environment).
     diffuse, conductor, mirror, plastic : bool
         Material kinds among the inserted objects.
+    textured : bool
+        One of them has a texture.
     equirect_view : bool
         The picture is the whole panorama.
     opening_environment : bool
@@ -40,6 +43,7 @@ class Requirements:
     conductor: bool
     mirror: bool
     plastic: bool
+    textured: bool
     equirect_view: bool
     opening_environment: bool
     real_materials: tuple[Material, ...]
@@ -65,6 +69,7 @@ class Requirements:
             conductor=any(m.kind == "conductor" and not m.is_mirror for m in kinds),
             mirror=any(m.is_mirror for m in kinds),
             plastic=any(m.kind == "plastic" for m in kinds),
+            textured=any(m.texture is not None for m in kinds),
             equirect_view=view.projection == "equirect",
             opening_environment=tracing and settings.trace.openings == "environment" and openings,
             real_materials=real_materials if tracing else (),
@@ -107,9 +112,19 @@ class Requirements:
         return self.relit_reflections and not self.equirect_view
 
     @property
+    def bvh(self) -> bool:
+        """Rays meet the objects' triangles."""
+        return self.tracing and self.settings.trace.objects == "bvh"
+
+    @property
+    def traced_layers(self) -> bool:
+        """Rays meet rasterized layers of the objects instead."""
+        return self.tracing and not self.bvh
+
+    @property
     def equirect_layers(self) -> bool:
         """Objects are rasterized in equirect space besides the screen, for rays off screen."""
-        return self.tracing and not self.equirect_view
+        return self.traced_layers and not self.equirect_view
 
     def trace_defines(self) -> dict[str, Define]:
         """`-D` variants of the tracing kernels."""
@@ -127,6 +142,7 @@ class Requirements:
             "BASSRT": self.settings.trace.back_faces,
             "MAX_BOUNCES": self.settings.trace.bounces,
             "TOUCHED_FRAMES": TOUCHED_FRAMES,
+            **(bvh_defines(textured=self.textured) if self.bvh else {}),
         }
 
     def gloss_defines(self) -> dict[str, Define]:
@@ -148,5 +164,6 @@ class Requirements:
             "irradiance cache of the panorama": self.delta,
             "aiming rays at lights": self.light_sampling,
             "shadows in what objects reflect off screen": self.ratio_map,
+            "bounding volume hierarchy of the objects": self.bvh,
             "equirect layers for rays off screen": self.equirect_layers,
         }

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from iprt.device.plan import PlanDevice, PlannedBuffer
@@ -22,6 +24,8 @@ DIFFUSE = Material()
 GLOSSY = Material("conductor", alpha=0.2)
 MIRROR = Material("conductor", alpha=0.0)
 PLASTIC = Material("plastic")
+
+RASTER = Settings.model_validate({"trace": {"objects": "raster"}})
 
 KIND_OF = {
     "MATERIAL_DIFFUSE": DIFFUSE,
@@ -106,15 +110,31 @@ def test_the_distant_environment_traces_nothing(view: View) -> None:
     assert not buffers(device, "real signal")
 
 
-def test_a_view_has_layers_of_its_own_and_of_the_panorama() -> None:
-    device = plan(DIFFUSE)
+def test_rasterized_a_view_has_layers_of_its_own_and_of_the_panorama() -> None:
+    device = plan(DIFFUSE, settings=RASTER)
     assert buffers(device, "screen layers")
     assert buffers(device, "equirect layers")
+    assert not buffers(device, "bvh")
+    assert "OBJECTS_BVH" not in defines(device, "trace_virtual.cl")
     assert "DISTANT_ENVIRONMENT" not in defines(device, "trace_virtual.cl")
 
 
-def test_the_whole_panorama_has_one_set_of_layers() -> None:
-    device = plan(DIFFUSE, view=PANORAMA)
+@pytest.mark.parametrize("view", [VIEW, PANORAMA])
+def test_triangles_are_traced_without_layers(view: View) -> None:
+    device = plan(DIFFUSE, view=view)
+    assert buffers(device, "bvh nodes")
+    assert not buffers(device, "layers")
+    assert "object_surface.cl" not in files(device)
+    assert "OBJECTS_BVH" in defines(device, "trace_virtual.cl")
+    assert "OBJECT_TEXTURES" not in defines(device, "trace_virtual.cl")
+    assert not buffers(device, "texels")
+    textured = plan(replace(DIFFUSE, texture=np.ones((4, 8, 3), np.float32)), view=view)
+    assert "OBJECT_TEXTURES" in defines(textured, "trace_virtual.cl")
+    assert textured.buffers["bvh texels"] == 4 * 8 * 4 * 2
+
+
+def test_rasterized_the_whole_panorama_has_one_set_of_layers() -> None:
+    device = plan(DIFFUSE, view=PANORAMA, settings=RASTER)
     layers = {name.split()[0] for name in buffers(device, "layers")}
     assert len(layers) == 1
     assert len([file for file, _, _ in device.kernels if file == "object_surface.cl"]) == 1

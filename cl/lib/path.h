@@ -21,6 +21,7 @@
 #include "panorama.h"
 #include "sampling.h"
 #include "scene.h"
+#include "view.h"
 
 // Kernels that trace, one ray per lane: rays part ways at once, so that Intel's CPU compiler, which
 // would pack sixteen of them into a vector, makes code that is half as fast.
@@ -298,7 +299,7 @@ static inline PathResult trace_path(const World world, float3 o, float3 o_object
         const Scatterer at = object_point(world.objects, hit, o_object, d);
         const uint stream = hash_combine(seed, 2 * bounce + 2);
         const float2 u = sobol_2d(index, stream), v = sobol_2d(index, hash_combine(stream, 1));
-        o = o_object = at.position + at.lift * at.normal;
+        o = o_object = at.position;
         s = scatter(world, load_material(world.materials, at.material), at.albedo, o, at.normal, -d,
                     (float4)(u, v));
         throughput *= at.albedo * s.diffuse + s.specular;

@@ -20,26 +20,4 @@
             real_thickness_m, real_thickness_ratio, real_bias, real_nearest, real_farthest         \
     }
 
-#define LAYER_PARAMETERS(name)                                                                     \
-    const int name##_width, const int name##_height, const int name##_levels,                      \
-        const float name##_footprint, __global const float2 *restrict name##_range,                \
-        __global const float2 *restrict name##_column, __global const float *restrict name##_row,  \
-        __global const float4 *restrict name##_planes,                                             \
-        __global const float4 *restrict name##_geometry,                                           \
-        __global const float4 *restrict name##_material
-
-#define LAYER(name)                                                                                \
-    {                                                                                              \
-        {name##_width, name##_height, name##_levels, name##_range, name##_column, name##_row},     \
-            name##_planes, name##_geometry, name##_material, name##_footprint                      \
-    }
-
-#define OBJECT_PARAMETERS                                                                          \
-    LAYER_PARAMETERS(screen), LAYER_PARAMETERS(equirect), const int4 objects_rectangle,            \
-        __global const float4 *restrict objects_bounds, const int objects_count,                   \
-        __global const float4 *restrict materials
-
-#define OBJECTS(view)                                                                              \
-    {LAYER(screen), LAYER(equirect), view, objects_rectangle, objects_bounds, objects_count}
-
 #endif

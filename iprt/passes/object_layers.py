@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,6 @@ from iprt.passes.layout import PlaneLayout
 from iprt.passes.pyramid import Pyramid, PyramidShape, equirect_edges
 from iprt.raster.layers import ObjectLayers
 from iprt.scene.camera import View
-from iprt.scene.mesh import Instance
 
 Rect = tuple[int, int, int, int]
 EMPTY: Rect = (0, 0, 0, 0)
@@ -161,18 +159,6 @@ def covered_rect(image: NDArray[np.float32]) -> Rect:
     if rows.size == 0:
         return EMPTY
     return int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1
-
-
-def object_bounds(instances: Sequence[Instance]) -> NDArray[np.float32]:
-    """(N, 2, 4) float32: opposite corners of each instance's box, world, slightly enlarged."""
-    bounds = np.zeros((len(instances), 2, 4), np.float32)
-    for box, instance in zip(bounds, instances, strict=True):
-        points = instance.mesh.positions @ instance.to_world[:3, :3].T + instance.to_world[:3, 3]
-        low, high = points.min(axis=0), points.max(axis=0)
-        # Rasterized surfaces are tangent planes per texel, which stand out a little.
-        margin = 0.02 * float(np.linalg.norm(high - low))
-        box[0, :3], box[1, :3] = low - margin, high + margin
-    return bounds
 
 
 def int4(rect: Rect) -> Any:

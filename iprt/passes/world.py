@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import pyopencl.array as cla
 
 from iprt.passes.lights import Lights
+from iprt.passes.object_bvh import ObjectBvh
 from iprt.passes.object_layers import EMPTY, NO_LAYERS, TracedLayers, int4
 from iprt.passes.panorama import Panorama
 from iprt.requirements import Requirements
@@ -23,7 +24,7 @@ NOT_RELIT: tuple[Any, ...] = (None, None, 0, 0, None, 0)
 
 
 class World:
-    """What rays meet: the real scene and the layers of the objects, as kernel arguments."""
+    """What rays meet: the real scene and the objects, as kernel arguments."""
 
     def __init__(
         self,
@@ -31,16 +32,20 @@ class World:
         screen: TracedLayers | None,
         equirect: TracedLayers | None,
         *,
+        bvh: ObjectBvh | None,
         materials: cla.Array,
         bounds: cla.Array,
         lights: Lights | None,
     ) -> None:
-        """`materials` holds `material_table()`, `bounds` `object_bounds()`; `lights` are those of
-        the panorama, where rays are aimed at them.
+        """Objects are the triangles of `bvh`, or else the layers `screen` and `equirect`.
+
+        `materials` holds `material_table()`, `bounds` `object_bounds()`; `lights` are those of the
+        panorama, where rays are aimed at them.
         """
         self.panorama = panorama
         self.screen = screen
         self.equirect = equirect
+        self.bvh = bvh
         self.materials = materials
         self.bounds = bounds
         self.lights = lights
@@ -68,12 +73,17 @@ class World:
             *self.panorama.layer_arguments(trace.thickness, trace.thickness_ratio),
             self.panorama.radiated,
             self.panorama.outside,
-            *(self.screen.arguments() if self.screen else NO_LAYERS),
-            *(self.equirect.arguments() if self.equirect else NO_LAYERS),
-            int4(self.screen.rect if self.screen else EMPTY),
+            *(self.bvh.arguments() if self.bvh else self._layers()),
             self.bounds,
             self.bounds.shape[0],
             self.materials,
             *(self.lights.arguments() if self.lights else NO_LIGHTS),
             *self.relit,
+        )
+
+    def _layers(self) -> tuple[Any, ...]:
+        return (
+            *(self.screen.arguments() if self.screen else NO_LAYERS),
+            *(self.equirect.arguments() if self.equirect else NO_LAYERS),
+            int4(self.screen.rect if self.screen else EMPTY),
         )

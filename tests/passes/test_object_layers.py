@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from iprt.bvh.scene import object_bounds
 from iprt.device.compute import ComputeDevice
 from iprt.passes.layout import PlaneLayout
-from iprt.passes.object_layers import EMPTY, TracedLayers, VisibleLayer, object_bounds
+from iprt.passes.object_layers import EMPTY, TracedLayers, VisibleLayer
 from iprt.passes.panorama import Panorama
 from iprt.raster.layers import Layer, ObjectLayers
 from iprt.scene.camera import View
@@ -319,7 +320,7 @@ def test_rectangle_and_boxes_hold_all(device: ComputeDevice, view: View) -> None
     geometry = device.read(layer.geometry)
     solid_texels = (geometry[..., 3] > 0.0).all(0)
     points = (view.directions() * geometry[..., 3:])[:, solid_texels]
-    bounds = object_bounds(chosen)
+    bounds = object_bounds(chosen, margin=0.02)
     held = [((points >= b[0, :3]) & (points <= b[1, :3])).all(-1) for b in bounds]
     assert np.any(held, axis=0).all()
     for box, solid in zip(bounds, SOLIDS, strict=True):

@@ -1,0 +1,12 @@
+// A surface point of a virtual object that scatters, seen along d.
+#ifndef IPRT_SCATTERER_H
+#define IPRT_SCATTERER_H
+
+typedef struct {
+    float3 position;   // just off the surface: rays that leave it do not meet it
+    float3 normal;     // towards the viewer
+    float3 albedo;
+    int material;
+} Scatterer;
+
+#endif

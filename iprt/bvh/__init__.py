@@ -1,0 +1,1 @@
+"""Bounding volume hierarchies of the virtual objects, built on the host."""

@@ -1,0 +1,107 @@
+"""Meshes as trees over packets of four triangles, in the layout of `cl/lib/bvh.h`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.bvh.tree import Tree, build_tree, fit
+from iprt.bvh.wide import widen
+from iprt.scene.mesh import Mesh
+
+Floats = NDArray[np.float32]
+
+PACKET = 4
+"""Triangles that are tested at once; a leaf is a packet."""
+MESH_DEPTH = 22
+"""Levels of a mesh's tree at most."""
+MAX_TRIANGLES = PACKET << MESH_DEPTH
+_PADDING = 2.0**-21
+"""Boxes grow by this fraction of the largest coordinate, several units in its last place."""
+
+
+@dataclass(frozen=True)
+class MeshBvh:
+    """The tree of one mesh.
+
+    Attributes
+    ----------
+    tree : Tree
+        Its leaves are packets.
+    slots : (4 * L,) int32
+        Triangle of the mesh at each place of each packet; -1: none.
+    nodes : (W, 7, 4) float32
+        References are numbers within this mesh.
+    packets : (L, 9, 4) float32
+    """
+
+    tree: Tree
+    slots: NDArray[np.int32]
+    nodes: Floats
+    packets: Floats
+
+    def refitted(self, positions: Floats, triangles: NDArray[np.int32]) -> MeshBvh:
+        """The same tree about moved vertices (V, 3); triangles are those of the mesh."""
+        nodes, packets = _fitted(self.tree, self.slots, positions, triangles)
+        return MeshBvh(self.tree, self.slots, nodes, packets)
+
+
+def drawable(positions: Floats, triangles: NDArray[np.int32]) -> NDArray[np.int64]:
+    """Indices of the triangles whose corners are finite."""
+    return np.flatnonzero(np.isfinite(positions)[triangles].all(axis=(1, 2)))
+
+
+def packet_count(triangles: int) -> int:
+    """Packets of a mesh with so many drawable triangles."""
+    return -(-triangles // PACKET)
+
+
+def build_mesh(
+    mesh: Mesh,
+    positions: Floats,
+    tree_of: Callable[[Floats, Floats], Tree] | None = None,
+) -> MeshBvh:
+    """Build the tree of a mesh that has drawable triangles.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    positions : (V, 3) float32
+        Of the mesh, as the tree shall hold them.
+    tree_of : callable, optional
+        In place of `mesh_tree`, of lower and upper corners (P, 3) of the drawable triangles.
+    """
+    used = drawable(positions, mesh.triangles)
+    corners = positions[mesh.triangles[used]]
+    tree = (tree_of or mesh_tree)(corners.min(axis=1), corners.max(axis=1))
+    slots = np.full(PACKET * (len(tree.first) - 1), -1, np.int32)
+    count = np.diff(tree.first)
+    leaf = np.repeat(np.arange(len(count)), count)
+    slots[PACKET * leaf + np.arange(len(leaf)) - tree.first[leaf]] = used[tree.order]
+    nodes, packets = _fitted(tree, slots, positions, mesh.triangles)
+    return MeshBvh(tree, slots, nodes, packets)
+
+
+def mesh_tree(low: Floats, high: Floats) -> Tree:
+    return build_tree(low, high, leaf=PACKET, max_depth=MESH_DEPTH)
+
+
+def _fitted(
+    tree: Tree, slots: NDArray[np.int32], positions: Floats, triangles: NDArray[np.int32]
+) -> tuple[Floats, Floats]:
+    """Nodes and packets of a tree about these vertices."""
+    corners = np.full((len(slots), 3, 3), np.nan, np.float32)
+    filled = slots >= 0
+    corners[filled] = positions[triangles[slots[filled]]]
+    # (packet, place, corner, axis) to (packet, corner and axis, place).
+    packets = corners.reshape(-1, PACKET, 9).transpose(0, 2, 1)
+    # Leaf by leaf is the order of the slots: the tree's primitives are their filled ones.
+    boxes = corners[filled]
+    low, high = np.empty_like(boxes[:, 0]), np.empty_like(boxes[:, 0])
+    low[tree.order], high[tree.order] = boxes.min(axis=1), boxes.max(axis=1)
+    padding = _PADDING * float(np.abs(boxes).max())
+    nodes = widen(tree, *fit(tree, low - np.float32(padding), high + np.float32(padding)))
+    return nodes, np.ascontiguousarray(packets)

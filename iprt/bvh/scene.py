@@ -1,0 +1,297 @@
+"""The two-level hierarchy of a scene: trees of meshes, and a tree over their instances."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.bvh.build import MAX_TRIANGLES, MESH_DEPTH, MeshBvh, build_mesh, drawable, packet_count
+from iprt.bvh.cache import cached_tree
+from iprt.bvh.tree import build_tree, fit
+from iprt.bvh.wide import (
+    NODE_ROWS,
+    STACK_PER_LEVEL,
+    relocated,
+    relocated_root,
+    wide_count,
+    widen,
+)
+from iprt.errors import SceneError
+from iprt.scene.mesh import Instance, Mesh
+
+Floats = NDArray[np.float32]
+Float = NDArray[np.float64]
+
+SCENE_DEPTH = 10
+"""Levels of the tree over instances at most."""
+MAX_INSTANCES = 1 << SCENE_DEPTH
+INSTANCE_ROWS = 7
+STACK = STACK_PER_LEVEL * (-(-MESH_DEPTH // 2) + -(-SCENE_DEPTH // 2))
+"""Places on a ray's stack, `-D BVH_STACK`: what both trees together may need."""
+_SPREAD = 4.0
+"""Rounding errors of a transform may come back from object space this many times larger."""
+
+
+@dataclass(frozen=True)
+class Shape:
+    """Triangles as a tree holds them: a mesh about the centre of its box, or placed in the world.
+
+    Attributes
+    ----------
+    mesh : Mesh
+    baked : (4, 4) float64 or None
+        Transform of the vertices, for instances whose transform has no good inverse.
+    """
+
+    mesh: Mesh
+    baked: Float | None
+
+    @property
+    def key(self) -> tuple[int, bytes]:
+        """Equal for shapes that can share a tree."""
+        return id(self.mesh), b"" if self.baked is None else self.baked.tobytes()
+
+    def place(self) -> tuple[Floats, Float]:
+        """Vertices (V, 3) for the tree, and the (4, 4) matrix from there to the mesh's space, or
+        to the world's if baked.
+        """
+        points = self.mesh.positions.astype(np.float64)
+        if self.baked is not None:
+            points = points @ self.baked[:3, :3].T + self.baked[:3, 3]
+        finite = points[np.isfinite(points).all(axis=1)]
+        centre = 0.5 * (finite.min(axis=0) + finite.max(axis=0))
+        back = np.eye(4)
+        back[:3, 3] = centre
+        return (points - centre).astype(np.float32), back
+
+    def normals(self) -> Floats:
+        """(V, 3), in the space of `place`."""
+        if self.baked is None:
+            return self.mesh.normals
+        linear = self.baked[:3, :3]
+        # Cofactors: the inverse transpose times the determinant, which flat transforms have too.
+        cofactors = np.stack([np.cross(linear[i - 2], linear[i - 1]) for i in range(3)])
+        turned: Floats = (self.mesh.normals @ cofactors.T).astype(np.float32)
+        return turned
+
+
+@dataclass(frozen=True)
+class SceneSizes:
+    """Rows of the buffers of a scene, known without building a tree."""
+
+    nodes: int
+    packets: int
+    instances: int
+    vertices: int
+
+
+@dataclass(frozen=True)
+class SceneBvh:
+    """What `cl/lib/objects_bvh.h` reads.
+
+    Attributes
+    ----------
+    nodes, packets, instances : (N, 7, 4), (L, 9, 4), (I, 7, 4) float32
+        See `cl/lib/bvh.h`; I counts the instances that have triangles.
+    triangles : (4 L, 4) int32
+        Three vertices and the material of the mesh, per place of a packet.
+    normals : (V, 4) float32
+    uvs : (V, 2) float32
+    instance_of : (I,) int32
+        Index of each among the instances given.
+    slots : (4 L,) int32
+        Triangle of the mesh per place of a packet; -1: none.
+    """
+
+    nodes: Floats
+    packets: Floats
+    instances: Floats
+    triangles: NDArray[np.int32]
+    normals: Floats
+    uvs: Floats
+    instance_of: NDArray[np.int32]
+    slots: NDArray[np.int32]
+
+
+def shapes_of(instances: Sequence[Instance]) -> list[Shape | None]:
+    """The shape of each instance; None where there is nothing to hit.
+
+    Raises
+    ------
+    SceneError
+        Too many instances, or too many triangles in one.
+    """
+    if len(instances) > MAX_INSTANCES:
+        raise SceneError(
+            f"the scene has {len(instances)} objects, more than {MAX_INSTANCES}: join their meshes"
+        )
+    shapes: list[Shape | None] = []
+    for instance in instances:
+        shape = Shape(instance.mesh, None if _invertible(instance.to_world) else instance.to_world)
+        triangles = len(drawable(instance.mesh.positions, instance.mesh.triangles))
+        if triangles > MAX_TRIANGLES:
+            raise SceneError(
+                f"object {instance.name} has {triangles} triangles, more than {MAX_TRIANGLES}: "
+                "simplify it"
+            )
+        shapes.append(shape if triangles > 0 else None)
+    return shapes
+
+
+def scene_sizes(shapes: Sequence[Shape | None]) -> SceneSizes:
+    unique = {shape.key: shape.mesh for shape in shapes if shape is not None}
+    packets = [packet_count(len(drawable(m.positions, m.triangles))) for m in unique.values()]
+    instances = sum(shape is not None for shape in shapes)
+    return SceneSizes(
+        nodes=wide_count(max(instances, 1)) + sum(wide_count(count) for count in packets),
+        packets=sum(packets),
+        instances=instances,
+        vertices=sum(len(mesh.positions) for mesh in unique.values()),
+    )
+
+
+class SceneBuilder:
+    """Builds hierarchies of a scene that moves, from one state to the next.
+
+    Trees of meshes that stay are kept; a mesh that takes the place of one with the same triangles
+    gets that one's tree, fitted to its vertices.
+    """
+
+    def __init__(self) -> None:
+        self._before: dict[int, tuple[Shape, MeshBvh]] = {}
+
+    def build(self, instances: Sequence[Instance]) -> SceneBvh:
+        shapes = shapes_of(instances)
+        built: dict[tuple[int, bytes], int] = {}
+        trees: list[tuple[Shape, MeshBvh]] = []
+        for index, shape in enumerate(shapes):
+            if shape is not None and shape.key not in built:
+                built[shape.key] = len(trees)
+                trees.append((shape, self._tree(index, shape)))
+        present = [index for index, shape in enumerate(shapes) if shape is not None]
+        numbers = [built[shape.key] for shape in shapes if shape is not None]
+        self._before = {i: trees[number] for i, number in zip(present, numbers, strict=True)}
+        return _assemble(instances, present, numbers, trees)
+
+    def _tree(self, index: int, shape: Shape) -> MeshBvh:
+        if index in self._before:
+            before, tree = self._before[index]
+            if before.key == shape.key:
+                return tree
+            if _same_triangles(before.mesh, shape.mesh):
+                return tree.refitted(shape.place()[0], shape.mesh.triangles)
+        return build_mesh(shape.mesh, shape.place()[0], cached_tree)
+
+
+def object_bounds(instances: Sequence[Instance], *, margin: float) -> Floats:
+    """(N, 2, 4) float32: opposite corners of each instance's box, world.
+
+    A box is enlarged by `margin` of its diagonal on all sides. It is a point, the instance's
+    origin, where there are no triangles.
+    """
+    bounds = np.zeros((len(instances), 2, 4), np.float32)
+    for box, instance in zip(bounds, instances, strict=True):
+        low, high = _world_box(instance)
+        size = margin * float(np.linalg.norm(high - low))
+        box[0, :3], box[1, :3] = low - size, high + size
+    return bounds
+
+
+def _world_box(instance: Instance) -> tuple[Float, Float]:
+    mesh, matrix = instance.mesh, instance.to_world
+    used = np.unique(mesh.triangles[drawable(mesh.positions, mesh.triangles)])
+    if len(used) == 0:
+        return matrix[:3, 3], matrix[:3, 3]
+    points = mesh.positions[used].astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
+    return points.min(axis=0), points.max(axis=0)
+
+
+def _assemble(
+    instances: Sequence[Instance],
+    present: Sequence[int],
+    numbers: Sequence[int],
+    trees: Sequence[tuple[Shape, MeshBvh]],
+) -> SceneBvh:
+    """Join the trees; `numbers` are those of the `present` instances."""
+    first_node, first_packet, first_vertex = wide_count(max(len(present), 1)), 0, 0
+    upper = np.zeros((first_node, NODE_ROWS, 4), np.float32)
+    nodes, packets = [upper], [np.zeros((0, 9, 4), np.float32)]
+    triangles, normals = [np.zeros((0, 4), np.int32)], [np.zeros((0, 4), np.float32)]
+    uvs, slots = [np.zeros((0, 2), np.float32)], [np.zeros(0, np.int32)]
+    roots = []
+    for shape, tree in trees:
+        mesh = shape.mesh
+        nodes.append(relocated(tree.nodes, first_node, first_packet))
+        roots.append(relocated_root(tree.nodes, first_node, first_packet))
+        packets.append(tree.packets)
+        corners = np.zeros((len(tree.slots), 4), np.int32)
+        filled = tree.slots >= 0
+        corners[filled, :3] = mesh.triangles[tree.slots[filled]] + first_vertex
+        corners[filled, 3] = mesh.material_index[tree.slots[filled]]
+        triangles.append(corners)
+        normals.append(np.pad(shape.normals(), ((0, 0), (0, 1))))
+        uvs.append(mesh.uvs)
+        slots.append(tree.slots)
+        first_node += len(tree.nodes)
+        first_packet += len(tree.packets)
+        first_vertex += len(mesh.positions)
+    first_material = np.cumsum([0, *(len(i.mesh.materials) for i in instances)])
+    rows = np.zeros((len(present), INSTANCE_ROWS, 4), np.float32)
+    for row, index, number in zip(rows, present, numbers, strict=True):
+        row[:6] = _transforms(trees[number][0], instances[index])
+        row[6].view(np.int32)[:2] = roots[number], first_material[index]
+    if present:
+        above = _instance_tree([instances[index] for index in present])
+        upper[: len(above)] = above
+    return SceneBvh(
+        np.concatenate(nodes),
+        np.concatenate(packets),
+        rows,
+        np.concatenate(triangles),
+        np.concatenate(normals),
+        np.concatenate(uvs),
+        np.array(present, np.int32),
+        np.concatenate(slots),
+    )
+
+
+def _transforms(shape: Shape, instance: Instance) -> Floats:
+    """(6, 4): rows of object from world, then of world from object."""
+    forward = shape.place()[1]
+    if shape.baked is None:
+        forward = instance.to_world @ forward
+    return np.concatenate([np.linalg.inv(forward)[:3], forward[:3]]).astype(np.float32)
+
+
+def _instance_tree(instances: Sequence[Instance]) -> Floats:
+    # Corners in object space are rounded, and so is the ray's start there.
+    boxes = object_bounds(instances, margin=1e-4)
+    slack = np.float32(1e-5) * np.abs(boxes).max(axis=(1, 2))[:, None]
+    low, high = boxes[:, 0, :3] - slack, boxes[:, 1, :3] + slack
+    tree = build_tree(low, high, leaf=1, max_depth=SCENE_DEPTH)
+    # Leaves are instances: their number is that of the only primitive.
+    nodes = widen(tree, *fit(tree, low, high))
+    references = nodes[:, 6].view(np.int32)
+    leaves = references < 0
+    references[leaves] = ~tree.order[~references[leaves]]
+    return nodes
+
+
+def _invertible(matrix: Float) -> bool:
+    """Whether float32 coordinates survive the way to object space and back."""
+    linear = matrix[:3, :3]
+    if not np.linalg.cond(linear) < 1e12:
+        return False
+    spread = np.abs(linear) @ np.abs(np.linalg.inv(linear))
+    return bool(spread.sum(axis=1).max() < _SPREAD)
+
+
+def _same_triangles(a: Mesh, b: Mesh) -> bool:
+    return (
+        a.positions.shape == b.positions.shape
+        and np.array_equal(a.triangles, b.triangles)
+        and np.array_equal(drawable(a.positions, a.triangles), drawable(b.positions, b.triangles))
+    )

@@ -1,0 +1,76 @@
+"""Trees with four children per node, as `cl/lib/bvh.h` reads them, from binary ones."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.bvh.tree import Tree
+
+Floats = NDArray[np.float32]
+
+NODE_ROWS = 7
+STACK_PER_LEVEL = 3
+
+
+def wide_count(leaves: int) -> int:
+    """Bound of the nodes of four children above so many leaves.
+
+    Binary nodes of even depth remain; below each of odd depth there are at most two of them.
+    """
+    return (2 * (leaves - 1) + 1) // 3
+
+
+def widen(tree: Tree, lower: Floats, upper: Floats) -> Floats:
+    """Join every other level with the one below it.
+
+    Parameters
+    ----------
+    tree : Tree
+    lower, upper : (N, 2, 3) float32
+        Boxes of both children, from `fit`.
+
+    Returns
+    -------
+    (W, 7, 4) float32
+        Nodes, level by level; references count from the first node, leaves as in the tree.
+    """
+    packed = [np.zeros((0, NODE_ROWS, 4), np.float32)]
+    level = np.arange(min(len(tree.children), 1))
+    count = 0
+    while len(level) > 0:
+        child = tree.children[level]
+        inner = child >= 0
+        # (node, child, grandchild); a leaf takes the place of its first child.
+        reference = np.full((*child.shape, 2), -1, np.int32)
+        low = np.full((*reference.shape, 3), np.inf, np.float32)
+        high = np.full((*reference.shape, 3), -np.inf, np.float32)
+        reference[inner] = tree.children[child[inner]]
+        low[inner], high[inner] = lower[child[inner]], upper[child[inner]]
+        reference[~inner, 0] = child[~inner]
+        low[~inner, 0], high[~inner, 0] = lower[level][~inner], upper[level][~inner]
+
+        below = reference >= 0
+        following = reference[below]
+        count += len(level)
+        reference[below] = count + np.arange(len(following))
+        nodes = np.empty((len(level), NODE_ROWS, 4), np.float32)
+        nodes[:, 0:6:2] = low.reshape(-1, 4, 3).transpose(0, 2, 1)
+        nodes[:, 1:6:2] = high.reshape(-1, 4, 3).transpose(0, 2, 1)
+        nodes[:, 6] = reference.reshape(-1, 4).view(np.float32)
+        packed.append(nodes)
+        level = following
+    return np.concatenate(packed)
+
+
+def relocated(nodes: Floats, first_node: int, first_leaf: int) -> Floats:
+    """The nodes with references for buffers in which this tree's nodes and leaves start later."""
+    moved = nodes.copy()
+    references = moved[:, 6].view(np.int32)
+    references += np.where(references >= 0, first_node, -first_leaf).astype(np.int32)
+    return moved
+
+
+def relocated_root(nodes: Floats, first_node: int, first_leaf: int) -> int:
+    """Reference of the tree's root: its first node, or its only leaf."""
+    return first_node if len(nodes) else ~first_leaf
