@@ -26,6 +26,7 @@
 //
 // Of a conductor all is reflection. What it sends elsewhere is not known; rays that meet one find
 // what the camera saw, which is what it reflects from another side, and nearer to that than black.
+#include "gloss.h"
 #include "path.h"
 
 // Planes whose g (lib/real.h) differ by this part of it, in distance or angle, are of one surface.
@@ -56,11 +57,15 @@ inline float3 texel_point(const RealLayer layer, int texel)
     return v * surface_radius(0.0f, dot(g, v), 1.0f, 1.0f, layer.grid.range[texel]);
 }
 
-// Where rays from a real surface start.
-inline float3 lifted(const RealLayer layer, float3 p, float3 n)
+// What the camera saw, and no objects.
+inline World captured(const RealLayer layer, __global const float4 *color,
+                      __global const float4 *outside)
 {
-    const float footprint = IPRT_PI / layer.grid.height;
-    return p + fmax(layer.bias, REAL_LIFT * footprint * length(p)) * n;
+    World world;
+    world.real = layer;
+    world.color = color;
+    world.outside = outside;
+    return world;
 }
 
 TRACING_KERNEL void sample_highlight(
@@ -77,20 +82,15 @@ TRACING_KERNEL void sample_highlight(
     const int item = get_global_id(0);
     if (item >= count)
         return;
-    World world;
     const RealLayer layer = REAL_LAYER;
-    world.real = layer;
-    world.color = real_color;
-#ifdef OPENING_ENVIRONMENT
-    world.outside = real_outside;
-#endif
+    const World world = captured(layer, real_color, real_outside);
     const int texel = list[item], index = gloss[texel] - 1;
     const Material material = load_material(real_materials, index);
     const float3 tint = reflectance[index].xyz;
     const float3 n = -normalize(layer.surface[texel].xyz);
     const float3 p = texel_point(layer, texel);
     const float distance = length(p);
-    const float3 start = lifted(layer, p, n);
+    const float3 start = real_start(layer, p, n);
     const Frame frame = build_frame(n);
     const float3 o = brdf_local_wo(frame, -p / distance);
     const uint seed = hash_combine(hash_combine((uint)texel, 0x676c6f73u), (uint)frame_seed);
@@ -184,13 +184,8 @@ TRACING_KERNEL void measure_cells(
     const int cell_x = get_global_id(0), cell_y = get_global_id(1);
     if (cell_x >= columns || cell_y >= rows)
         return;
-    World world;
     const RealLayer layer = REAL_LAYER;
-    world.real = layer;
-    world.color = real_color;
-#ifdef OPENING_ENVIRONMENT
-    world.outside = real_outside;
-#endif
+    const World world = captured(layer, real_color, real_outside);
     const int x1 = min((cell_x + 1) * CELL, real_width), y1 = min((cell_y + 1) * CELL, real_height);
     int index = 0, count = 0;
     int texels[CELL * CELL];
@@ -213,7 +208,7 @@ TRACING_KERNEL void measure_cells(
         const int texel = texels[ray % count];
         const float3 n = -normalize(layer.surface[texel].xyz), p = texel_point(layer, texel);
         const float3 d = frame_to_world(build_frame(n), sample_cosine(sobol_2d(ray, seed)));
-        const RealHit hit = trace_real_layer(layer, lifted(layer, p, n), d, INFINITY);
+        const RealHit hit = trace_real_layer(layer, real_start(layer, p, n), d, INFINITY);
         sum += real_radiance(world, hit, d);
     }
     seen[cell] = (float4)(scale * seen_sum.xyz, (float)index);
@@ -242,9 +237,7 @@ __kernel void remove_highlight(
     if (gloss[texel]) {
         const int conductor =
             load_material(real_materials, gloss[texel] - 1).kind == KIND_CONDUCTOR;
-        const float2 cell = (float2)(x + 0.5f, y + 0.5f) / CELL;
-        const float3 share = panorama_bilinear(gain, columns, rows,
-                                               cell / (float2)((float)columns, (float)rows));
+        const float3 share = gain_at(gain, columns, rows, (float2)(x + 0.5f, y + 0.5f));
         shine.xyz = clamp(share * highlight[texel].xyz, (float3)(0.0f), seen.xyz);
         shine = conductor ? seen : shine;
         left = conductor ? seen : seen - shine;

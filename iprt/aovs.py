@@ -95,6 +95,19 @@ def _background(renderer: Renderer) -> Image | None:
     return _planes(renderer, renderer.real.color, slice(0, 3))
 
 
+def _gloss(renderer: Renderer) -> Image | None:
+    pixels = renderer.gloss_pixels
+    return _planes(renderer, pixels.change, slice(0, 3)) if pixels else None
+
+
+def _highlight(renderer: Renderer) -> Image | None:
+    if renderer.gloss_pixels is None:
+        return None
+    seen = _background(renderer)
+    diffuse = _planes(renderer, renderer.real.diffuse, slice(0, 3))
+    return None if seen is None or diffuse is None else np.asarray(seen - diffuse)
+
+
 AOVS: dict[str, Reader] = {
     "background": _background,
     "normal": _mixed("normal", slice(0, 3)),
@@ -106,12 +119,16 @@ AOVS: dict[str, Reader] = {
     "irradiance_mixed": _irradiance_mixed,
     "diffuse": _reflected("diffuse"),
     "specular": _reflected("specular"),
+    "highlight": _highlight,
+    "gloss": _gloss,
     "tracing_level": _tracing_level,
 }
 """Name -> what reads it back. background: radiance without objects; normal (world) and depth
 (metres from the capture centre) of what is seen; albedo and coverage of the objects; ratio:
 E_RV / E_R; irradiance_*: E_R and E_RV over pi; diffuse: what the albedo is multiplied by;
-specular: radiance; tracing_level: 0, 1, 2, and 255 where nothing is traced."""
+specular: radiance; highlight: what glossy real surfaces reflect towards the camera, of the
+background; gloss: what objects change in it; tracing_level: 0, 1, 2, and 255 where nothing is
+traced."""
 
 
 def read_aov(renderer: Renderer, name: str) -> Image:

@@ -122,7 +122,7 @@ class RealPixels:
             cache.run(world, self._guide, mask, tick.view, least=self._least)
         self._trace.run(world, mask, tick.view, cache, least=self._least)
         self.change = self._filter.run(self._trace.signal, mask, layer.motion, tick)
-        self.relight.run(self.change, layer.color, world, cache, mask.touched)
+        self.relight.run(self.change, layer.diffuse, world, cache, mask.touched)
         return self.relight.ratio
 
 
@@ -144,7 +144,7 @@ class RatioMap:
         self._view = View(2 * self.rows, self.rows, projection="equirect")
         layout = PlaneLayout(self._view.width, self._view.height)
         self._constants = device.upload("ratio map view", self._view.kernel_constants())
-        layer = RealLayer(device, layout, equirect=True, name="ratio map")
+        layer = RealLayer(device, layout, equirect=True, name="ratio map", radiated=True)
         self._guide = Guide(device, layout, equirect=True, name="ratio map")
         self._pixels = RealPixels(
             device, layer, self._guide, requirements, name="ratio map", least=MAP_LEAST

@@ -16,15 +16,15 @@ import pyopencl.array as cla
 from numpy.typing import NDArray
 
 from iprt.aovs import read_aov
-from iprt.bvh.scene import object_bounds
 from iprt.device.compute import ComputeDevice
+from iprt.gloss_pixels import GlossPixels
 from iprt.passes.composite import Composite
 from iprt.passes.guide import Guide
+from iprt.passes.highlight import Highlight
 from iprt.passes.irradiance import IrradianceCache
 from iprt.passes.layout import PlaneLayout
 from iprt.passes.lights import Lights, flux_change
-from iprt.passes.object_bvh import ObjectBvh
-from iprt.passes.object_layers import TracedLayers
+from iprt.passes.object_layers import TracedLayers, object_bounds
 from iprt.passes.panorama import Panorama
 from iprt.passes.real_layer import RealLayer
 from iprt.passes.world import World
@@ -39,10 +39,6 @@ from iprt.settings import Settings
 if TYPE_CHECKING:
     from iprt.raster.rasterizer import Rasterizer
 
-BOX_MARGIN = 1e-3
-"""By which boxes around objects are enlarged, as a fraction of their diagonals."""
-LAYER_MARGIN = 0.02
-"""The same for rasterized surfaces: tangent planes per texel, which stand out a little."""
 MAX_LAYER_ROWS = 1024
 """Rows of the equirect layers that off-screen rays meet objects in, at most."""
 
@@ -102,7 +98,11 @@ class Renderer:
         self.background = background
         materials = [m for instance in self.instances for m in instance.mesh.materials]
         self.requirements = Requirements.of(
-            materials, view, self.settings, openings=bool(frame.opening.any())
+            materials,
+            view,
+            self.settings,
+            openings=bool(frame.opening.any()),
+            real_materials=frame.real_materials,
         )
         self._equirect = view.projection == "equirect"
         self._rasterizer: Rasterizer | None = None
@@ -118,17 +118,27 @@ class Renderer:
             frame.width,
             frame.height,
             outside=self.requirements.opening_environment,
+            gloss=self.requirements.gloss,
         )
         self._view_constants = [device.zeros(f"view {i}", (16,)) for i in range(2)]
-        self.real = RealLayer(device, self.layout, equirect=self._equirect, name="real")
+        self.real = RealLayer(
+            device,
+            self.layout,
+            equirect=self._equirect,
+            name="real",
+            gloss=self.requirements.gloss,
+        )
         self.composite = Composite(
             device,
             self.layout,
             relit=self.requirements.tracing,
             diffuse=self.requirements.diffuse_signal,
             specular=self.requirements.specular_signal,
+            gloss=self.requirements.gloss,
         )
         self.real_pixels: RealPixels | None = None
+        self.gloss_pixels: GlossPixels | None = None
+        self._highlight: Highlight | None = None
         self.virtual_pixels: VirtualPixels | None = None
         self.ratio_map: RatioMap | None = None
         self.cache: IrradianceCache | None = None
@@ -151,7 +161,11 @@ class Renderer:
         if needs.tracing:
             self.real_guide = Guide(device, self.layout, equirect=self._equirect, name="real")
             self.real_pixels = RealPixels(device, self.real, self.real_guide, needs, name="real")
-        if needs.traced_layers:
+            if needs.gloss:
+                self._highlight = Highlight(device, self.panorama, needs)
+                self.gloss_pixels = GlossPixels(
+                    device, self.layout, self._highlight, needs, equirect=self._equirect
+                )
             traced = TracedLayers(device, self.view, "screen layers")
             screen, equirect = (None, traced) if self._equirect else (traced, None)
         if needs.equirect_layers:
@@ -165,12 +179,8 @@ class Renderer:
             self.panorama,
             screen,
             equirect,
-            bvh=ObjectBvh(device, self.instances) if needs.bvh else None,
             materials=device.upload("materials", materials),
-            bounds=device.upload(
-                "object bounds",
-                object_bounds(self.instances, margin=BOX_MARGIN if needs.bvh else LAYER_MARGIN),
-            ),
+            bounds=device.upload("object bounds", object_bounds(self.instances)),
             lights=self._lights,
         )
 
@@ -197,8 +207,6 @@ class Renderer:
         if self.virtual_pixels is None:
             self.composite.run(self.real.color)
         else:
-            if self._objects_stale and self.world.bvh is not None:
-                self.world.bvh.load(self.instances)
             self._rasterize_objects(self.virtual_pixels, tick)
             ratio = self._relight(tick)
             self.virtual_pixels.run(self.world, tick)
@@ -217,8 +225,15 @@ class Renderer:
                 self.device.write(constants, view.kernel_constants())
 
     def _resample_real_layer(self, tick: Tick) -> None:
+        highlight = self._highlight
+        if highlight is not None and self._video_stale:
+            highlight.run()
         if self._view_stale or self._video_stale:
-            self.real.run(self.panorama, *self._view_constants)
+            self.real.run(
+                self.panorama,
+                *self._view_constants,
+                real_materials=None if highlight is None else highlight.table,
+            )
             if self.background is not None:
                 self.real.replace_color(self.background)
         if self.requirements.tracing:
@@ -254,6 +269,8 @@ class Renderer:
         if self.real_pixels is None:
             return None
         ratio = self.real_pixels.run(self.world, self.cache, tick)
+        if self.gloss_pixels is not None:
+            self.gloss_pixels.run(self.world, self.real, tick)
         if self.ratio_map is not None:
             self.ratio_map.run(self.world, self.cache, tick)
         if self.requirements.relit_reflections:
@@ -264,6 +281,8 @@ class Renderer:
         self.composite.run(
             self.real.color,
             ratio=ratio,
+            base=self.real.diffuse,
+            change=None if self.gloss_pixels is None else self.gloss_pixels.change,
             coverage=pixels.visible.coverage,
             albedo=pixels.visible.albedo,
             diffuse=pixels.reflected.get("diffuse"),

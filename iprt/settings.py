@@ -21,11 +21,6 @@ class TraceSettings(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    objects: Literal["bvh", "raster"] = Field(
-        default="bvh",
-        description="What rays meet of objects: their triangles, or two layers of them rasterized "
-        "from the capture centre.",
-    )
     estimator: Literal["delta", "ratio"] = Field(
         default="delta",
         description="How real surfaces are relit: by what objects change in a cached irradiance, "
@@ -81,7 +76,7 @@ class GlossSettings(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     rays: int = Field(
-        default=16,
+        default=4,
         ge=1,
         le=4096,
         description="Rays per glossy texel, once per video frame, that find the highlight to take "

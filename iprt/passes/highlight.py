@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -11,7 +10,7 @@ from iprt.device.compute import ComputeDevice
 from iprt.passes.highlight_gain import highlight_gain
 from iprt.passes.panorama import Panorama
 from iprt.requirements import Requirements
-from iprt.scene.material import Material, material_table
+from iprt.scene.material import material_table
 
 CELL = 8
 """Texels a side of the cells in which the highlight is compared with what the camera saw."""
@@ -38,10 +37,10 @@ class Highlight:
         self,
         device: ComputeDevice,
         panorama: Panorama,
-        materials: Sequence[Material],
         requirements: Requirements,
     ) -> None:
-        """`panorama` was built with gloss; `materials` are those that its `gloss` counts."""
+        """`panorama` was built with gloss."""
+        materials = requirements.real_materials
         self._device = device
         self._panorama = panorama
         self._settings = requirements.settings
@@ -58,6 +57,8 @@ class Highlight:
             device.empty(f"highlight {name}", cells) for name in ("seen", "shine", "irradiance")
         ]
         self.table = device.upload("real materials", material_table(materials))
+        # Of a conductor, nothing is known but its reflection: there is nothing to compare it with.
+        self._coated = np.array([False, *(material.kind == "plastic" for material in materials)])
         reflectance = [(*material.albedo, 0.0) for material in materials]
         self.reflectance = device.upload(
             "real materials' reflectance", np.array(reflectance, np.float32)
@@ -126,9 +127,14 @@ class Highlight:
             panorama.highlight,
             *self._cells,
         )
-        seen, shine, irradiance = (self._device.read(cells) for cells in self._cells)
+        seen, shine, irradiance = (
+            self._device.read(cells).astype(np.float64) for cells in self._cells
+        )
+        gloss = seen[..., 3].astype(np.int64)
         gain = highlight_gain(
-            *(cells[..., :3].astype(np.float64) for cells in (seen, shine, irradiance)),
-            gloss=seen[..., 3].astype(np.int64),
+            seen[..., :3],
+            shine[..., :3],
+            irradiance[..., :3],
+            np.where(self._coated[gloss], gloss, 0),
         )
         self._device.write(self.gain, gain)

@@ -36,8 +36,12 @@ class RealLayer:
         equirect: bool,
         name: str,
         gloss: bool = False,
+        radiated: bool = False,
     ) -> None:
-        """`name` tells layers apart; `gloss`: the panorama has glossy surfaces."""
+        """`name` tells layers apart; `gloss`: the panorama has glossy surfaces, and the view shows
+        their highlights; `radiated`: it shows what surfaces radiate to all sides.
+        """
+        self._radiated = radiated
         self._device = device
         self._layout = layout
         self._kernel = device.kernel(
@@ -79,7 +83,7 @@ class RealLayer:
         real_materials : (rows, 4) float32 or None
             `material_table()` of the glossy real surfaces, where there are any.
         """
-        gloss = ()
+        gloss: tuple[cla.Array | None, ...] = ()
         if self.gloss is not None:
             gloss = (panorama.gloss, panorama.highlight, real_materials)
             gloss += (self.gloss, self.roughness, self._highlight)
@@ -93,7 +97,7 @@ class RealLayer:
                 previous,
                 panorama.width,
                 panorama.height,
-                panorama.color,
+                panorama.radiated if self._radiated else panorama.color,
                 panorama.surface,
                 panorama.range,
                 self.color,

@@ -1,0 +1,78 @@
+// What objects change in the reflection that a glossy real surface shows the camera: for rays of the
+// specular lobe that meet an object first, its radiance in place of that of the real surface behind.
+// Exactly 0 where no ray does.
+//
+// in   list, count    pixels to trace (y * width + x) and how many
+//      guide          7 planes (lib/guide.h): world normal, position, 1 + index of the real material
+//      real_materials, reflectance, gain   iprt/passes/highlight.py
+//      world          lib/path.h; its real surfaces do not hold highlights
+// out  change         3 planes: radiance, of either sign
+//      touched        1 plane: TOUCHED_FRAMES where a ray met an object
+//      samples        1 plane: rays that the pixel has sent since the start, in and out
+//
+// The differential radiance of T. A. Franke, "Delta Voxel Cone Tracing" (ISMAR 2014), by rays.
+#define DELTA
+#include "gloss.h"
+#include "path.h"
+#include "planes.h"
+
+TRACING_KERNEL void trace_gloss(
+    const int width,
+    const int height,
+    const int rays,                              // per pixel
+    const int frame_seed,
+    __global const int *restrict list,
+    __global const int *restrict count,
+    __global const float *restrict guide,
+    __global const float *restrict view,         // lib/view.h
+    __global const float4 *restrict real_materials,
+    __global const float4 *restrict reflectance,
+    __global const float4 *restrict gain,
+    const int gain_columns,
+    const int gain_rows,
+    WORLD_PARAMETERS,
+    __global uint *restrict samples,
+    __global float *restrict change,
+    __global float *restrict touched)
+{
+    const int item = get_global_id(0);
+    if (item >= count[0])
+        return;
+    const World world = WORLD(view);
+    const int x = list[item] % width, y = list[item] / width;
+    const int pixel = plane_index(x, y, width), size = plane_size(width, height);
+    const float3 n = load_planes(guide, size, pixel), p = load_planes(guide + 3 * size, size, pixel);
+    const int index = (int)guide[6 * size + pixel] - 1;
+    const Material material = load_material(real_materials, index);
+    const float3 tint = reflectance[index].xyz;
+    const float3 o = real_start(world.real, p, n);
+    const float3 o_object = p + world.real.bias * n;
+    const Frame frame = build_frame(n);
+    const float3 viewer = brdf_local_wo(frame, -p / length(p));
+    const uint seed = hash_combine(hash_combine((uint)list[item], 0x676c6f73u), (uint)frame_seed);
+    const BoxView boxes = view_boxes(world.objects.bounds, world.objects.objects, o_object, n);
+
+    float3 hidden = (float3)(0.0f), shown = (float3)(0.0f);
+    int met = 0;
+    const uint first = samples[pixel];
+    for (int ray = 0; ray < rays && boxes.above; ray++) {
+        const uint number = first + ray;
+        const BrdfSample sample =
+            sample_specular(material, tint, frame, viewer, sobol_2d(number, seed));
+        if (!(sample.weight.x + sample.weight.y + sample.weight.z > 0.0f))
+            continue;
+        const PathResult path =
+            trace_path(world, o, o_object, no_scatter(sample.wi), boxes, seed, number);
+        hidden += sample.weight * path.real;
+        shown += sample.weight * path.arriving;
+        met |= path.met;
+    }
+    samples[pixel] = first + rays;
+    // A conductor shows nothing but its reflection: there is nothing to correct it by.
+    const float2 at = equirect_uv(p) * (float2)((float)real_width, (float)real_height);
+    const float3 seen = material.kind == KIND_CONDUCTOR
+        ? (float3)(1.0f) : gain_at(gain, gain_columns, gain_rows, at);
+    store_planes(change, size, pixel, (shown - seen * hidden) / (float)rays);
+    if (met)
+        touched[pixel] = TOUCHED_FRAMES;
+}

@@ -1,0 +1,54 @@
+"""Pixels of glossy real surfaces: what objects change in their reflections."""
+
+from __future__ import annotations
+
+import pyopencl.array as cla
+
+from iprt.device.compute import ComputeDevice
+from iprt.passes.gloss import TraceGloss
+from iprt.passes.guide import Guide
+from iprt.passes.highlight import Highlight
+from iprt.passes.layout import PlaneLayout
+from iprt.passes.mask import Mask, grid_offset
+from iprt.passes.real_layer import RealLayer
+from iprt.passes.world import World
+from iprt.pixels import SignalFilter, Tick
+from iprt.requirements import Requirements
+
+
+class GlossPixels:
+    """Reflections of objects in real surfaces, in place of what they hide from view.
+
+    Attributes
+    ----------
+    mask : Mask
+    change : 3 planes or None
+        Radiance to add to what the camera saw, of either sign, filtered; after the first frame.
+    """
+
+    def __init__(
+        self,
+        device: ComputeDevice,
+        layout: PlaneLayout,
+        highlight: Highlight,
+        requirements: Requirements,
+        *,
+        equirect: bool,
+    ) -> None:
+        settings = requirements.settings
+        self._guide = Guide(device, layout, equirect=equirect, name="gloss")
+        self.mask = Mask(device, self._guide, settings.mask, name="gloss")
+        self._trace = TraceGloss(device, self._guide, highlight, requirements)
+        self._filter = SignalFilter(device, self._guide, "specular", settings, name="gloss")
+        self.change: cla.Array | None = None
+
+    def run(self, world: World, layer: RealLayer, tick: Tick) -> cla.Array:
+        """Trace and filter a frame; `layer` was resampled with gloss."""
+        assert layer.gloss is not None
+        self._guide.run(tick.view, layer.normal, layer.depth, layer.gloss)
+        self.mask.run(grid_offset(tick.index), motion=layer.motion, metre=world.panorama.scale)
+        self._trace.run(world, self.mask, tick.view)
+        self.change = self._filter.run(
+            self._trace.change, self.mask, layer.motion, tick, roughness=layer.roughness
+        )
+        return self.change

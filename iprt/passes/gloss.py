@@ -1,0 +1,66 @@
+"""Tracing: what objects change in the reflections of glossy real surfaces."""
+
+from __future__ import annotations
+
+import numpy as np
+import pyopencl.array as cla
+
+from iprt.device.compute import ComputeDevice
+from iprt.passes.guide import Guide, plane_defines
+from iprt.passes.highlight import CELL, Highlight
+from iprt.passes.mask import Mask
+from iprt.passes.world import World
+from iprt.requirements import Requirements
+
+
+class TraceGloss:
+    """Reflected objects, less what they hide, at the traced pixels of glossy real surfaces.
+
+    Attributes
+    ----------
+    change : 3 planes
+        Radiance of either sign; valid at the pixels that were traced.
+    """
+
+    def __init__(
+        self,
+        device: ComputeDevice,
+        guide: Guide,
+        highlight: Highlight,
+        requirements: Requirements,
+    ) -> None:
+        """Ids of `guide` are indices of `highlight`'s materials + 1."""
+        self._device = device
+        self._guide = guide
+        self._highlight = highlight
+        self._requirements = requirements
+        defines = plane_defines(equirect=guide.equirect, CELL=CELL, **requirements.gloss_defines())
+        self._kernel = device.kernel("trace_gloss.cl", "trace_gloss", defines)
+        layout = guide.layout
+        self.change = device.zeros("gloss signal", layout.shape(3))
+        self._samples = device.zeros("gloss samples", layout.shape(1), np.uint32)
+
+    def run(self, world: World, mask: Mask, view: cla.Array) -> None:
+        layout, settings = self._guide.layout, self._requirements.settings
+        rows, columns, _ = self._highlight.gain.shape
+        with self._device.profile.section("trace gloss"):
+            self._kernel(
+                (layout.width * layout.height,),
+                layout.width,
+                layout.height,
+                settings.trace.rays,
+                settings.seed,
+                mask.traced,
+                mask.count,
+                self._guide.current,
+                view,
+                self._highlight.table,
+                self._highlight.reflectance,
+                self._highlight.gain,
+                columns,
+                rows,
+                *world.arguments(self._requirements),
+                self._samples,
+                self.change,
+                mask.touched,
+            )
