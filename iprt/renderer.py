@@ -16,6 +16,7 @@ import pyopencl.array as cla
 from numpy.typing import NDArray
 
 from iprt.aovs import read_aov
+from iprt.bvh.scene import object_bounds
 from iprt.device.compute import ComputeDevice
 from iprt.gloss_pixels import GlossPixels
 from iprt.passes.composite import Composite
@@ -24,7 +25,8 @@ from iprt.passes.highlight import Highlight
 from iprt.passes.irradiance import IrradianceCache
 from iprt.passes.layout import PlaneLayout
 from iprt.passes.lights import Lights, flux_change
-from iprt.passes.object_layers import TracedLayers, object_bounds
+from iprt.passes.object_bvh import ObjectBvh
+from iprt.passes.object_layers import TracedLayers
 from iprt.passes.panorama import Panorama
 from iprt.passes.real_layer import RealLayer
 from iprt.passes.world import World
@@ -39,6 +41,10 @@ from iprt.settings import Settings
 if TYPE_CHECKING:
     from iprt.raster.rasterizer import Rasterizer
 
+BOX_MARGIN = 1e-3
+"""By which boxes around objects are enlarged, as a fraction of their diagonals."""
+LAYER_MARGIN = 0.02
+"""The same for rasterized surfaces: tangent planes per texel, which stand out a little."""
 MAX_LAYER_ROWS = 1024
 """Rows of the equirect layers that off-screen rays meet objects in, at most."""
 
@@ -161,6 +167,7 @@ class Renderer:
         if needs.tracing:
             self.real_guide = Guide(device, self.layout, equirect=self._equirect, name="real")
             self.real_pixels = RealPixels(device, self.real, self.real_guide, needs, name="real")
+        if needs.traced_layers:
             if needs.gloss:
                 self._highlight = Highlight(device, self.panorama, needs)
                 self.gloss_pixels = GlossPixels(
@@ -179,8 +186,12 @@ class Renderer:
             self.panorama,
             screen,
             equirect,
+            bvh=ObjectBvh(device, self.instances) if needs.bvh else None,
             materials=device.upload("materials", materials),
-            bounds=device.upload("object bounds", object_bounds(self.instances)),
+            bounds=device.upload(
+                "object bounds",
+                object_bounds(self.instances, margin=BOX_MARGIN if needs.bvh else LAYER_MARGIN),
+            ),
             lights=self._lights,
         )
 
@@ -207,6 +218,8 @@ class Renderer:
         if self.virtual_pixels is None:
             self.composite.run(self.real.color)
         else:
+            if self._objects_stale and self.world.bvh is not None:
+                self.world.bvh.load(self.instances)
             self._rasterize_objects(self.virtual_pixels, tick)
             ratio = self._relight(tick)
             self.virtual_pixels.run(self.world, tick)

@@ -21,6 +21,11 @@ class TraceSettings(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
+    objects: Literal["bvh", "raster"] = Field(
+        default="bvh",
+        description="What rays meet of objects: their triangles, or two layers of them rasterized "
+        "from the capture centre.",
+    )
     estimator: Literal["delta", "ratio"] = Field(
         default="delta",
         description="How real surfaces are relit: by what objects change in a cached irradiance, "
