@@ -81,7 +81,8 @@ def resolved(quality: Quality, assignments: Iterable[Assignment] = ()) -> Settin
     IprtError
         A key is no knob, or a value is of the wrong type or out of its bounds.
     """
-    values: dict[str, Any] = {}
+    # All of them, as a group's default may differ from its fields' own.
+    values = dict(_flat(Settings().model_dump(mode="json")))
     sources: dict[str, str] = {}
     preset = [Assignment(k, v, f"preset {quality}: {k}") for k, v in PRESETS[quality].items()]
     for item in (*preset, *assignments):

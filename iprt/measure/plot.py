@@ -104,12 +104,12 @@ class Plot:
     @property
     def x_ticks(self) -> list[Tick]:
         low, high = self._x_range()
-        return [Tick(self._x(value), f"{value:g}") for value in log_ticks(low, high)]
+        return [Tick(round(self._x(value), 1), f"{value:g}") for value in log_ticks(low, high)]
 
     @property
     def y_ticks(self) -> list[Tick]:
         low, high = self._y_range()
-        return [Tick(self._y(value), f"{value:.10g}") for value in linear_ticks(low, high)]
+        return [Tick(round(self._y(value), 1), f"{value:.10g}") for value in linear_ticks(low, high)]
 
     @property
     def drawn(self) -> list[DrawnSeries]:

@@ -1,0 +1,385 @@
+"""`iprt bench` against truth: sweeps, convergence and their pages, on a scene of a few pixels.
+
+The truth is a picture that the renderer itself made, so that the best settings are known.
+"""
+
+from __future__ import annotations
+
+import base64
+import io
+import json
+import re
+from collections.abc import Callable
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+import pytest
+from PIL import Image
+from scipy import stats
+
+from iprt import cli
+from iprt.commands import bench_truth
+from iprt.commands.bench_truth import parse_levels
+from iprt.errors import IprtError
+from iprt.knobs import parse_assignment
+from iprt.measure.convergence import Point, parse_counts, seconds_to
+from iprt.measure.intervals import Estimate
+from iprt.measure.sweep import combinations
+from iprt.measure.target import read_target
+from iprt.output.exr import write_exr
+from iprt.presets import PRESETS
+from iprt.scene.images import read_color
+from iprt.scene.scene import Scene
+from tests.scene.files import MANIFEST, write_rgb, write_scene
+
+OBJECT = """
+[[objects]]
+name = "cube"
+mesh = "cube.obj"
+to_world = [0.2, 0, 0, 0.0, 0, 0.2, 0, -1.1, 0, 0, 0.2, -1.5, 0, 0, 0, 1]
+material = { kind = "diffuse", albedo = [0.7, 0.4, 0.2] }
+"""
+VIEW = """
+[[views]]
+name = "{name}"
+size = [48, 36]
+pitch_deg = -35
+cuts = [[10, 8, 38, 30], [4, 4, 44, 34]]
+truth = "truth.exr"
+truth_background = "truth.exr"
+"""
+FRAMES = 2
+QUICK = ["--method", "ibl", "--device", "pocl"]
+"""Objects are lit by rays in this method too, and by little else."""
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two equal views with one truth: the picture of two rays, two frames and seed 0."""
+    views = VIEW.format(name="near") + VIEW.format(name="again")
+    folder = write_scene(tmp_path_factory.mktemp("bench") / "room", MANIFEST + OBJECT + views)
+    light = np.random.default_rng(2).random((32, 64, 3), np.float32) ** 4
+    write_rgb(folder / "color.exr", light)
+    write_exr(folder / "truth.exr", np.zeros((36, 48, 3), np.float32))
+    render(folder, folder / "truth.exr", "trace.rays=2")
+    return folder
+
+
+def render(scene: Path, output: Path, *settings: str, frames: int = FRAMES) -> None:
+    words = ["render", str(scene), "-o", str(output), "--accumulate", str(frames), *QUICK]
+    assert cli.main([*words, *(word for text in settings for word in ("--set", text))]) == 0
+
+
+def run(*words: object) -> int:
+    return cli.main(["bench", *map(str, words), *QUICK, "--background", "panorama"])
+
+
+def measured(capsys: pytest.CaptureFixture[str], *words: object) -> dict[str, Any]:
+    capsys.readouterr()
+    assert run(*words, "--json") == 0
+    found: dict[str, Any] = json.loads(capsys.readouterr().out)
+    return found
+
+
+# What is asked for -----------------------------------------------------------------------------
+
+
+def test_all_combinations_or_one_change_at_a_time() -> None:
+    sweeps = ["trace.rays=1,2", "mask.sparse=true,false"]
+    product = [dict(c.values) for c in combinations("balanced", [], sweeps)]
+    assert product == [{"trace.rays": r, "mask.sparse": s} for r in (1, 2) for s in (True, False)]
+    base, *others = combinations(
+        "balanced", [parse_assignment("--set", "trace.rays=2")], sweeps, one_at_a_time=True
+    )
+    assert (base.label, base.settings.trace.rays) == ("base", 2)
+    assert [other.label for other in others] == ["trace.rays=1", "mask.sparse=false"]
+    assert others[1].settings.trace.rays == 2
+
+
+def test_presets_can_be_swept_below_what_is_set() -> None:
+    given = [parse_assignment("--set", "seed=4")]
+    found = combinations("draft", given, ["quality=accurate,balanced"])
+    key, value = next(iter(PRESETS["accurate"].items()))
+    assert knob_of(found[0].settings, key) == value != knob_of(found[1].settings, key)
+    assert [combination.settings.seed for combination in found] == [4, 4]
+
+
+def knob_of(settings: Any, key: str) -> Any:
+    for name in key.split("."):
+        settings = getattr(settings, name)
+    return settings
+
+
+BAD: dict[str, tuple[list[str], str]] = {
+    "no values": (["--sweep", "trace.rays"], "--sweep trace.rays: expected KEY=VALUE,VALUE"),
+    "a gap": (["--sweep", "trace.rays=1,,2"], "--sweep trace.rays=: expected KEY=VALUE"),
+    "bound": (["--sweep", "trace.rays=1,0"], "--sweep trace.rays=0: expected a whole number"),
+    "knob": (["--sweep", "trace.rais=1"], "did you mean trace.rays?"),
+    "quality": (["--sweep", "quality=best"], "--sweep quality=best: expected some of draft"),
+    "fading": (["--sweep", "fading=0.1,0.5"], "has no effect on a still picture"),
+    "twice": (["--sweep", "seed=1", "--sweep", "seed=2"], "--sweep seed: is swept twice"),
+    "many": (["--sweep", "seed=" + ",".join(map(str, range(1001)))], "1001 combinations; at most"),
+    "seeds": (["--sweep", "seed=1", "--seeds", "0"], "--seeds 0: expected 1 to 100"),
+    "size": (["--sweep", "seed=1", "--size", "40", "30"], "--size 40 30: the truth of view 'near'"),
+    "no size": (["--sweep", "seed=1", "--size", "0", "0"], "--size 0 0: the truth of view 'near'"),
+    "view": (["--sweep", "seed=1", "--view", "far"], "no view is named 'far'"),
+    "formats": (["--sweep", "seed=1", "--json", "--markdown"], "--json and --markdown"),
+    "page": (["--html", "a.html"], "--html: is for --sweep or --convergence"),
+    "page in place": (["--sweep", "seed=1", "--html", "ROOM/truth.exr/a.html"], "not a folder"),
+    "scene's file": (["--sweep", "seed=1", "--html", "ROOM/scene.toml"], "belongs to the scene"),
+    "alone": (["--one-at-a-time"], "--one-at-a-time: is for --sweep"),
+    "rival": (["--against", "mitsuba"], "--against: is for --convergence"),
+    "model": (["--convergence", "1", "--model", "m"], "--model: is for --against"),
+    "counts": (["--convergence", "4,2"], "--convergence 4,2: expected rising numbers"),
+    "levels": (["--convergence", "1", "--reach", "1.5"], "--reach 1.5: expected values of SSIM"),
+    "views": (["--view", "near", "--view", "again"], "--view again: one view is timed"),
+}
+
+
+@pytest.mark.parametrize(("words", "message"), BAD.values(), ids=BAD)
+def test_bad_values_are_one_line(
+    words: list[str], message: str, scene: Path, fails: Callable[..., str]
+) -> None:
+    given = [word.replace("ROOM", str(scene)) for word in words]
+    assert message in fails("bench", scene, *given)
+
+
+@pytest.mark.parametrize(
+    ("text", "counts"),
+    [("3", [3]), ("1,2,5", [1, 2, 5]), ("1, 2,...,12", [1, 2, 4, 8, 12]), ("1,...,4", [1, 2, 4])],
+)
+def test_counts(text: str, counts: list[int]) -> None:
+    assert parse_counts(text) == counts
+
+
+@pytest.mark.parametrize("text", ["", "0", "1,1", "a", "1,...", "...,8", "1,...,4,8", "70000"])
+def test_bad_counts(text: str) -> None:
+    with pytest.raises(IprtError, match="expected rising numbers"):
+        parse_counts(text)
+
+
+def test_levels() -> None:
+    assert parse_levels("0.9, 0.95") == [0.9, 0.95]
+    for text in ("", "0", "nan", "a"):
+        with pytest.raises(IprtError, match="--reach"):
+            parse_levels(text)
+
+
+# What is found ---------------------------------------------------------------------------------
+
+
+@pytest.mark.gl
+def test_sweep_finds_the_settings_that_made_the_truth(
+    scene: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["--sweep", "trace.rays=1,2", "--frames", FRAMES, "--seeds", 1, "--view", "near"]
+    found = measured(capsys, scene, *words)
+    one, two = found["rows"]
+    assert (one["values"], two["values"]) == ({"trace.rays": 1}, {"trace.rays": 2})
+    assert two["rmse"] == {"mean": 0.0, "half": None}
+    assert two["ssim"]["mean"] == pytest.approx(1.0)
+    assert one["rmse"]["mean"] > 1e-4
+    assert one["ssim"]["mean"] < 0.9999
+    assert len(one["ssim_cuts"]) == 2
+    assert one["wall_ms"] > 0.0
+    assert {"trace virtual", "composite"} <= {row["name"] for row in one["passes"]}
+    assert one["settings"]["trace"]["rays"] == 1
+
+
+@pytest.mark.gl
+def test_intervals_are_over_pictures_of_other_seeds(
+    scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["--sweep", "seed=5", "--frames", FRAMES, "--seeds", 3, "--view", "near"]
+    (row,) = measured(capsys, scene, *words)["rows"]
+    target = read_target(Scene.open(scene), "near", "panorama")
+    values = []
+    for seed in (5, 6, 7):
+        render(scene, tmp_path / "a.exr", f"seed={seed}")
+        values.append(target.score(read_color(tmp_path / "a.exr")).rmse)
+    assert row["rmse"]["mean"] == pytest.approx(np.mean(values))
+    half = stats.t.ppf(0.975, 2) * stats.sem(values)
+    assert row["rmse"]["half"] == pytest.approx(half)
+
+
+@pytest.mark.gl
+def test_convergence_passes_through_the_truth(
+    scene: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["--convergence", "1,2,4", "--set", "trace.rays=2", "--seeds", 1, "--view", "near"]
+    (curve,) = measured(capsys, scene, *words)["curves"]
+    points = curve["points"]
+    assert [point["count"] for point in points] == [1, 2, 4]
+    assert points[1]["ssim"]["mean"] == pytest.approx(1.0)
+    assert max(points[0]["ssim"]["mean"], points[2]["ssim"]["mean"]) < 0.9999
+    seconds = [point["seconds"]["mean"] for point in points]
+    assert 0.0 < seconds[0] < seconds[1] < seconds[2]
+
+
+def test_a_smaller_size_means_means_of_the_truth(scene: Path) -> None:
+    whole = read_target(Scene.open(scene), "near", "truth")
+    half = read_target(Scene.open(scene), "near", "truth", (24, 18))
+    assert (half.view.width, half.view.height) == (24, 18)
+    for small, large in ((half.radiance, whole.radiance), (half.background, whole.background)):
+        assert small is not None
+        assert large is not None
+        expected = sum(large[i::2, j::2].astype(np.float64) for i in (0, 1) for j in (0, 1)) / 4
+        np.testing.assert_allclose(small, expected, rtol=1e-6)
+    assert half.cuts == ((5, 4, 19, 15), (2, 2, 22, 17))
+
+
+def test_time_to_reach_is_between_the_pictures() -> None:
+    def point(seconds: float, ssim: float) -> Point:
+        cuts = (Estimate(ssim - 0.1, None),)
+        return Point(1, Estimate(seconds, None), Estimate(ssim, None), cuts)
+
+    points = [point(1.0, 0.8), point(4.0, 0.9), point(16.0, 0.85), point(64.0, 0.95)]
+    assert seconds_to(points, None, 0.7) == 1.0
+    assert seconds_to(points, None, 0.85) == pytest.approx(2.0)
+    assert seconds_to(points, None, 0.9) == pytest.approx(4.0)
+    assert seconds_to(points, None, 0.925) == pytest.approx(16.0 * 4**0.75)
+    assert seconds_to(points, 0, 0.75) == pytest.approx(2.0)
+    assert seconds_to(points, None, 0.96) is None
+
+
+# Output ----------------------------------------------------------------------------------------
+
+
+class Page(HTMLParser):
+    """Tags and attributes; fails where a tag is closed that is not open."""
+
+    VOID: ClassVar = {"meta", "img", "br", "line", "circle", "rect", "polyline"}
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.feed(text)
+        self.close()
+        assert self.open == []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+        if tag not in self.VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        if tag not in self.VOID:
+            assert self.open.pop() == tag
+
+    def named(self, name: str) -> list[dict[str, str | None]]:
+        return [attrs for tag, attrs in self.tags if tag == name]
+
+
+def page_of(path: Path) -> Page:
+    text = path.read_text(encoding="utf-8")
+    assert not re.search(r"https?:|//|url\(|@import|<script", re.sub(r"data:\S+", "", text))
+    page = Page(text)
+    sources = [attrs["src"] for attrs in page.named("img")]
+    for source in sources:
+        assert source is not None
+        assert source.startswith("data:image/png;base64,")
+        with Image.open(io.BytesIO(base64.b64decode(source.partition(",")[2]))) as image:
+            assert image.size[0] > 0
+            assert np.isfinite(np.asarray(image)).all()
+    return page
+
+
+@pytest.mark.gl
+def test_page_of_a_sweep_needs_nothing_else(
+    scene: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    html = tmp_path / "new" / "a.html"
+    words = ["--sweep", "trace.rays=1,2", "--frames", 1, "--seeds", 2, "--html", html]
+    assert run(scene, *words, "--markdown") == 0
+    table = [line for line in capsys.readouterr().out.splitlines() if line.startswith("|")]
+    assert len(table) == 2 + 4
+    assert "8 runs: 2 combination(s) of settings, 2 view(s), 2 seed(s)" in caplog.text
+    page = page_of(html)
+    assert len(page.named("svg")) == 2
+    assert len(page.named("circle")) == 4
+    assert len(page.named("img")) in (4 * 3, 4 * 4)
+    assert {attrs["width"] for attrs in page.named("img")} == {"40"}, "what the cuts hold"
+    assert [path.name for path in html.parent.iterdir()] == ["a.html"]
+
+
+@pytest.mark.gl
+def test_page_of_convergence_and_of_a_comparison(
+    scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["--convergence", "1,2", "--seeds", 1, "--view", "near", "--html", tmp_path / "a.html"]
+    assert run(scene, *words, "--sweep", "trace.rays=1,2") == 0
+    assert "Seconds to reach an SSIM" in capsys.readouterr().out
+    page = page_of(tmp_path / "a.html")
+    assert len(page.named("svg")) == 2, "one per cut"
+    assert len(page.named("polyline")) == 4
+    words = [
+        "compare",
+        str(scene),
+        "--frames",
+        "1",
+        "--view",
+        "near",
+        "--method",
+        "all",
+        *QUICK[2:],
+    ]
+    assert cli.main([*words, "--html", str(tmp_path / "b.html")]) == 0
+    page = page_of(tmp_path / "b.html")
+    assert len(page.named("img")) in (2 * 3, 2 * 4)
+    assert {attrs["width"] for attrs in page.named("img")} == {"48"}
+
+
+@pytest.mark.gl
+def test_what_was_measured_before_an_interrupt_is_kept(
+    scene: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    whole = bench_truth.run_sweep
+
+    def interrupted(*args: Any, **kwargs: Any) -> Any:
+        yield next(whole(*args, **kwargs))
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(bench_truth, "run_sweep", interrupted)
+    html = tmp_path / "a.html"
+    words = ["--sweep", "trace.rays=1,2", "--frames", 1, "--seeds", 1, "--view", "near"]
+    assert run(scene, *words, "--json", "--html", html) == 130
+    captured = capsys.readouterr()
+    assert len(json.loads(captured.out)["rows"]) == 1
+    assert captured.err.endswith("iprt: interrupted\n")
+    assert len(page_of(html).named("circle")) == 1
+
+
+@pytest.mark.mitsuba
+def test_mitsuba_is_measured_alike(
+    scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Its own picture as truth: found at the number of samples that made it."""
+    pytest.importorskip("mitsuba")
+    pytest.importorskip("pyoidn")
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "tiny_model.py").write_text(
+        'def build():\n    return {"sky": {"type": "constant", "radiance": 0.5}}\n'
+    )
+    before = (scene / "truth.exr").read_bytes()
+    truth = ["reference", scene, "-o", scene / "truth.exr", "--spp", 2, "--model", "tiny_model"]
+    words = ["--convergence", "1,2,4", "--against", "mitsuba", "--model", "tiny_model"]
+    try:
+        assert cli.main([str(word) for word in truth]) == 0
+        found = measured(capsys, scene, *words, "--seeds", 1, "--view", "near")
+    finally:
+        (scene / "truth.exr").write_bytes(before)
+    ours, theirs = found["curves"]
+    assert (ours["label"], theirs["label"]) == ("base", "Mitsuba + OIDN, full geometry")
+    scores = [point["ssim"]["mean"] for point in theirs["points"]]
+    assert scores[1] == pytest.approx(1.0, abs=1e-6)
+    assert max(scores[0], scores[2]) < 0.9999
+    assert all(point["seconds"]["mean"] > 0.0 for point in theirs["points"])

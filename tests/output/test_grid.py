@@ -1,0 +1,32 @@
+"""Tables say the same in a terminal and as Markdown."""
+
+from __future__ import annotations
+
+import io
+
+from rich.console import Console
+
+from iprt.output.grid import Grid
+
+GRID = Grid("a title", ("name", "ms"), (("a|b", "1.0"), ("[red]c", "22.0")), ("a note",))
+
+
+def test_terminal_shows_texts_as_they_are() -> None:
+    stream = io.StringIO()
+    Console(file=stream, width=40).print(GRID.table())
+    lines = [line.split() for line in stream.getvalue().splitlines()]
+    assert ["a|b", "1.0"] in lines
+    assert ["[red]c", "22.0"] in lines
+    assert ["a", "title"] in lines
+    assert ["a", "note"] in lines
+
+
+def test_markdown_is_a_table() -> None:
+    assert GRID.markdown().splitlines() == [
+        "| name | ms |",
+        "| --- | ---: |",
+        "| a\\|b | 1.0 |",
+        "| [red]c | 22.0 |",
+        "",
+        "a note",
+    ]
