@@ -4,7 +4,7 @@
 //
 // in   list, count    pixels to trace (y * width + x) and how many
 //      guide          7 planes (lib/guide.h): world normal, position, 1 + index of the real material
-//      real_materials, reflectance, gain   iprt/passes/highlight.py
+//      gain           float4 per cell, iprt/passes/highlight.py
 //      world          lib/path.h; its real surfaces do not hold highlights
 // out  change         3 planes: radiance, of either sign
 //      touched        1 plane: TOUCHED_FRAMES where a ray met an object
@@ -25,8 +25,6 @@ TRACING_KERNEL void trace_gloss(
     __global const int *restrict count,
     __global const float *restrict guide,
     __global const float *restrict view,         // lib/view.h
-    __global const float4 *restrict real_materials,
-    __global const float4 *restrict reflectance,
     __global const float4 *restrict gain,
     const int gain_columns,
     const int gain_rows,
@@ -44,7 +42,7 @@ TRACING_KERNEL void trace_gloss(
     const float3 n = load_planes(guide, size, pixel), p = load_planes(guide + 3 * size, size, pixel);
     const int index = (int)guide[6 * size + pixel] - 1;
     const Material material = load_material(real_materials, index);
-    const float3 tint = reflectance[index].xyz;
+    const float3 tint = real_reflectance[index].xyz;
     const float3 o = real_start(world.real, p, n);
     const float3 o_object = p + world.real.bias * n;
     const Frame frame = build_frame(n);

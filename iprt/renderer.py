@@ -167,12 +167,12 @@ class Renderer:
         if needs.tracing:
             self.real_guide = Guide(device, self.layout, equirect=self._equirect, name="real")
             self.real_pixels = RealPixels(device, self.real, self.real_guide, needs, name="real")
+        if needs.gloss:
+            self._highlight = Highlight(device, self.panorama, needs)
+            self.gloss_pixels = GlossPixels(
+                device, self.layout, self._highlight, needs, equirect=self._equirect
+            )
         if needs.traced_layers:
-            if needs.gloss:
-                self._highlight = Highlight(device, self.panorama, needs)
-                self.gloss_pixels = GlossPixels(
-                    device, self.layout, self._highlight, needs, equirect=self._equirect
-                )
             traced = TracedLayers(device, self.view, "screen layers")
             screen, equirect = (None, traced) if self._equirect else (traced, None)
         if needs.equirect_layers:
@@ -193,6 +193,7 @@ class Renderer:
                 object_bounds(self.instances, margin=BOX_MARGIN if needs.bvh else LAYER_MARGIN),
             ),
             lights=self._lights,
+            highlight=self._highlight,
         )
 
     def close(self) -> None:
@@ -282,12 +283,12 @@ class Renderer:
         if self.real_pixels is None:
             return None
         ratio = self.real_pixels.run(self.world, self.cache, tick)
-        if self.gloss_pixels is not None:
-            self.gloss_pixels.run(self.world, self.real, tick)
         if self.ratio_map is not None:
             self.ratio_map.run(self.world, self.cache, tick)
         if self.requirements.relit_reflections:
             self.world.relight(ratio, self.view, tick.view, self.ratio_map)
+        if self.gloss_pixels is not None:
+            self.gloss_pixels.run(self.world, self.real, tick)
         return ratio
 
     def _composite(self, pixels: VirtualPixels, ratio: cla.Array | None) -> None:

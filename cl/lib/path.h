@@ -6,6 +6,8 @@
 // path may meet; the ray after the last one sees real surfaces only (Algorithm 1, lines 4-6).
 // -D RELIT multiplies real radiance by what objects do to it (UpdateGbuffer): in the view where
 // that shows the surface, else in the panorama.
+// -D REAL_GLOSS lets glossy real surfaces reflect as well, once, what they show being what they radiate
+// to all sides only (iprt/passes/highlight.py).
 // -D OPENING_ENVIRONMENT lets windows show what is far behind them in the ray's direction, rather
 // than the radiance of the point where the ray crosses them.
 // -D DISTANT_ENVIRONMENT takes the panorama as infinitely far: image-based lighting.
@@ -38,6 +40,8 @@
 #define REAL_LIFT 2.0f
 // Rougher lobes than this are narrow enough to find lights better than aiming does.
 #define AIMED_ALPHA 0.1f
+// Reflections in real surfaces are followed by so many times their share of the paths.
+#define FAINT_PATHS 4.0f
 
 // What objects do to the radiance of real surfaces, as factors.
 typedef struct {
@@ -49,6 +53,13 @@ typedef struct {
     int rows;
 } Relit;
 
+// Glossy real surfaces.
+typedef struct {
+    __global const uchar *map;              // per texel: 0 diffuse, else 1 + index of the material
+    __global const float4 *materials;       // lib/brdf.h
+    __global const float4 *reflectance;     // per material: of conductors
+} Gloss;
+
 typedef struct {
     RealLayer real;
     __global const float4 *color;       // panorama radiance
@@ -57,6 +68,7 @@ typedef struct {
     __global const float4 *materials;   // lib/brdf.h
     Lights lights;
     Relit relit;
+    Gloss gloss;
 } World;
 
 // What every kernel that traces paths is given, in this order (iprt/passes/world.py).
@@ -64,13 +76,18 @@ typedef struct {
     REAL_PARAMETERS, OBJECT_PARAMETERS, LIGHT_PARAMETERS,                                          \
         __global const float4 *restrict relit_screen, __global const float *restrict relit_view,   \
         const int relit_width, const int relit_height,                                             \
-        __global const float4 *restrict relit_panorama, const int relit_rows
+        __global const float4 *restrict relit_panorama, const int relit_rows,                      \
+        __global const uchar *restrict real_gloss, __global const float4 *restrict real_materials, \
+        __global const float4 *restrict real_reflectance
 
 #define WORLD(view)                                                                                \
     {                                                                                              \
         REAL_LAYER, real_color, real_outside, OBJECTS(view), materials, LIGHTS,                    \
         {                                                                                          \
             relit_screen, relit_view, relit_width, relit_height, relit_panorama, relit_rows        \
+        },                                                                                         \
+        {                                                                                          \
+            real_gloss, real_materials, real_reflectance                                           \
         }                                                                                          \
     }
 
@@ -102,8 +119,9 @@ static inline float3 relit_factor(const Relit relit, float3 d)
 }
 #endif
 
-// Radiance of what a ray in direction d has hit. One lookup, whichever picture it is in.
-static inline float3 real_radiance(const World world, const RealHit hit, float3 d)
+// Radiance without objects of what a ray in direction d has hit. One lookup, whichever picture it is
+// in.
+static inline float3 captured_radiance(const World world, const RealHit hit, float3 d)
 {
     __global const float4 *picture = world.color;
     int width = world.real.grid.width, height = world.real.grid.height;
@@ -122,9 +140,15 @@ static inline float3 real_radiance(const World world, const RealHit hit, float3 
         }
     }
 #endif
-    float3 radiance = panorama_bilinear(picture, width, height, uv);
+    return panorama_bilinear(picture, width, height, uv);
+}
+
+// The same, with what objects do to it.
+static inline float3 real_radiance(const World world, const RealHit hit, float3 d)
+{
+    float3 radiance = captured_radiance(world, hit, d);
 #ifdef RELIT
-    if (surface)
+    if (hit.kind <= HIT_BACK_FACE)
         radiance *= relit_factor(world.relit, hit.direction);
 #endif
     return radiance;
@@ -221,6 +245,31 @@ typedef struct {
     int met;            // that is an object
 } PathResult;
 
+#ifdef REAL_GLOSS
+// Index + 1 of the material of a glossy real surface that a ray has hit, else 0.
+static inline int gloss_at(const World world, const RealHit hit)
+{
+    const int seen = hit.kind == HIT_SURFACE
+        && !((int)world.real.surface[hit.texel].w & SURFACE_OPENING);
+    return seen ? world.gloss.map[hit.texel] : 0;
+}
+
+// The direction in which a glossy real surface with normal n reflects a ray along d, and its weight.
+// Faint reflections are followed by as few paths as they are faint (Russian roulette).
+static inline BrdfSample reflect_real(const Gloss gloss, int index, float3 n, float3 d, float2 u,
+                                      float chance)
+{
+    const Frame frame = build_frame(n);
+    BrdfSample sample =
+        sample_specular(load_material(gloss.materials, index), gloss.reflectance[index].xyz, frame,
+                        brdf_local_wo(frame, -d), u);
+    const float3 w = sample.weight;
+    const float followed = fmin(FAINT_PATHS * fmax(w.x, fmax(w.y, w.z)), 1.0f);
+    sample.weight = chance < followed ? w / followed : (float3)(0.0f);
+    return sample;
+}
+#endif
+
 // All of a path is one loop with one call of each march, because OpenCL compilers inline them.
 // -D WITHOUT_OBJECTS also fills `real`, which costs tracing past the objects.
 // -D DELTA is for what objects change only: paths whose first surface is none are not followed,
@@ -236,6 +285,9 @@ static inline PathResult trace_path(const World world, float3 o, float3 o_object
     result.distance = INFINITY;
     result.real = result.arriving = (float3)(0.0f);
     float3 throughput = (float3)(1.0f);
+#ifdef REAL_GLOSS
+    int reflected = 0;
+#endif
     for (int bounce = 0;; bounce++) {
         const float3 d = s.wi;
         ObjectHit hit;
@@ -277,8 +329,32 @@ static inline PathResult trace_path(const World world, float3 o, float3 o_object
             }
 #endif
             const float share = inverse_density(world, s, o, real);
-            if (share > 0.0f)
-                result.arriving = throughput * share * real_radiance(world, real, d);
+            if (!(share > 0.0f))
+                return result;
+            throughput *= share;
+#ifdef REAL_GLOSS
+            const int gloss = reflected ? 0 : gloss_at(world, real);
+            if (gloss) {
+                // A conductor shows nothing but its reflection.
+                if (load_material(world.gloss.materials, gloss - 1).kind != KIND_CONDUCTOR)
+                    result.arriving += throughput * real_radiance(world, real, d);
+                const uint stream = hash_combine(seed, 2 * bounce + 3);
+                const float3 n = -normalize(world.real.surface[real.texel].xyz);
+                const BrdfSample shine =
+                    reflect_real(world.gloss, gloss - 1, n, d, sobol_2d(index, stream),
+                                 sobol_1d(index, hash_combine(stream, 1)));
+                throughput *= shine.weight;
+                if (!(throughput.x + throughput.y + throughput.z > 0.0f))
+                    return result;
+                const float3 p = o + real.t * d;
+                o = real_start(world.real, p, n);
+                o_object = p + world.real.bias * n;
+                s = no_scatter(shine.wi);
+                reflected = 1;
+                continue;
+            }
+#endif
+            result.arriving += throughput * real_radiance(world, real, d);
             return result;
         }
 #ifdef DELTA
@@ -286,7 +362,7 @@ static inline PathResult trace_path(const World world, float3 o, float3 o_object
             const float share = inverse_density(world, s, o, real);
             if (!(share > 0.0f))
                 return result;
-            result.real = share * real_radiance(world, real, d);
+            result.real = share * captured_radiance(world, real, d);
             throughput *= share;
         } else
 #endif

@@ -34,7 +34,12 @@ class TraceGloss:
         self._guide = guide
         self._highlight = highlight
         self._requirements = requirements
-        defines = plane_defines(equirect=guide.equirect, CELL=CELL, **requirements.gloss_defines())
+        defines = plane_defines(
+            equirect=guide.equirect,
+            RELIT=requirements.relit_reflections,
+            CELL=CELL,
+            **requirements.gloss_defines(),
+        )
         self._kernel = device.kernel("trace_gloss.cl", "trace_gloss", defines)
         layout = guide.layout
         self.change = device.zeros("gloss signal", layout.shape(3))
@@ -54,8 +59,6 @@ class TraceGloss:
                 mask.count,
                 self._guide.current,
                 view,
-                self._highlight.table,
-                self._highlight.reflectance,
                 self._highlight.gain,
                 columns,
                 rows,

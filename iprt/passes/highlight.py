@@ -112,6 +112,10 @@ class Highlight:
                 radiated,
             )
 
+    def arguments(self) -> tuple[Any, ...]:
+        """The glossy surfaces, as `WORLD_PARAMETERS` of `cl/lib/path.h` declares them, in order."""
+        return (self._panorama.gloss, self.table, self.reflectance)
+
     def _calibrate(self, real: tuple[Any, ...]) -> None:
         """Fill `gain`; `real` are the arguments that `REAL_PARAMETERS` declares."""
         rows, columns, _ = self.gain.shape

@@ -86,7 +86,8 @@ class TraceVirtual:
         defines = plane_defines(
             equirect=guide.equirect,
             RELIT=requirements.relit_reflections,
-            **requirements.trace_defines(),
+            REAL_GLOSS=requirements.gloss,
+            **requirements.gloss_defines(),
         )
         self._kernel = device.kernel("trace_virtual.cl", "trace_virtual", defines)
         layout = guide.layout

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import pyopencl.array as cla
 
+from iprt.passes.highlight import Highlight
 from iprt.passes.lights import Lights
 from iprt.passes.object_bvh import ObjectBvh
 from iprt.passes.object_layers import EMPTY, NO_LAYERS, TracedLayers, int4
@@ -22,6 +23,9 @@ NO_LIGHTS: tuple[Any, ...] = (None, None, None, 0, 1, 1)
 NOT_RELIT: tuple[Any, ...] = (None, None, 0, 0, None, 0)
 """Where real surfaces radiate what the panorama shows."""
 
+NO_GLOSS: tuple[Any, ...] = (None, None, None)
+"""In place of `Highlight.arguments()` where real surfaces are diffuse."""
+
 
 class World:
     """What rays meet: the real scene and the objects, as kernel arguments."""
@@ -36,11 +40,13 @@ class World:
         materials: cla.Array,
         bounds: cla.Array,
         lights: Lights | None,
+        highlight: Highlight | None = None,
     ) -> None:
         """Objects are the triangles of `bvh`, or else the layers `screen` and `equirect`.
 
         `materials` holds `material_table()`, `bounds` `object_bounds()`; `lights` are those of the
-        panorama, where rays are aimed at them.
+        panorama, where rays are aimed at them; `highlight` knows the glossy surfaces, where there
+        are any.
         """
         self.panorama = panorama
         self.screen = screen
@@ -49,6 +55,7 @@ class World:
         self.materials = materials
         self.bounds = bounds
         self.lights = lights
+        self.highlight = highlight
         self.relit: tuple[Any, ...] = NOT_RELIT
 
     def relight(
@@ -79,6 +86,7 @@ class World:
             self.materials,
             *(self.lights.arguments() if self.lights else NO_LIGHTS),
             *self.relit,
+            *(self.highlight.arguments() if self.highlight else NO_GLOSS),
         )
 
     def _layers(self) -> tuple[Any, ...]:
