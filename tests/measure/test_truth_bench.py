@@ -23,10 +23,10 @@ from iprt import cli
 from iprt.commands import bench_truth
 from iprt.commands.bench_truth import parse_levels
 from iprt.errors import IprtError
-from iprt.knobs import parse_assignment
+from iprt.knobs import parse_assignment, resolved
 from iprt.measure.convergence import Point, parse_counts, seconds_to
 from iprt.measure.intervals import Estimate
-from iprt.measure.sweep import combinations
+from iprt.measure.sweep import combinations, still_settings
 from iprt.measure.target import read_target
 from iprt.output.exr import write_exr
 from iprt.presets import PRESETS
@@ -46,7 +46,7 @@ VIEW = """
 name = "{name}"
 size = [48, 36]
 pitch_deg = -35
-cuts = [[10, 8, 38, 30], [4, 4, 44, 34]]
+cuts = [[11, 8, 39, 31], [4, 4, 44, 34]]
 truth = "truth.exr"
 truth_background = "truth.exr"
 """
@@ -104,6 +104,14 @@ def test_presets_can_be_swept_below_what_is_set() -> None:
     key, value = next(iter(PRESETS["accurate"].items()))
     assert knob_of(found[0].settings, key) == value != knob_of(found[1].settings, key)
     assert [combination.settings.seed for combination in found] == [4, 4]
+
+
+def test_still_pictures_average_all_frames_from_one_seed_each() -> None:
+    settings = resolved("accurate", [parse_assignment("--set", "seed=2147483646")])
+    for seed, expected in ((0, 2**31 - 2), (1, 2**31 - 1), (2, 0)):
+        still = still_settings(settings, seed)
+        assert (still.seed, still.fading) == (expected, 0.0)
+        assert still.trace == settings.trace
 
 
 def knob_of(settings: Any, key: str) -> Any:
@@ -227,7 +235,7 @@ def test_a_smaller_size_means_means_of_the_truth(scene: Path) -> None:
         assert large is not None
         expected = sum(large[i::2, j::2].astype(np.float64) for i in (0, 1) for j in (0, 1)) / 4
         np.testing.assert_allclose(small, expected, rtol=1e-6)
-    assert half.cuts == ((5, 4, 19, 15), (2, 2, 22, 17))
+    assert half.cuts == ((5, 4, 20, 16), (2, 2, 22, 17))
 
 
 def test_time_to_reach_is_between_the_pictures() -> None:
