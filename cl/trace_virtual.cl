@@ -34,12 +34,13 @@ TRACING_KERNEL void trace_virtual(
     const World world = WORLD(view);
     const int x = list[item] % width, y = list[item] / width;
     const int pixel = plane_index(x, y, width), size = plane_size(width, height);
-    const float3 n = load_planes(guide, size, pixel), p = load_planes(guide + 3 * size, size, pixel);
+    float3 n = load_planes(guide, size, pixel);
+    const float3 p = load_planes(guide + 3 * size, size, pixel);
     const Material material = load_material(materials, (int)guide[6 * size + pixel] - 1);
-    const float3 color = load_planes(albedo, size, pixel);
+    float3 color = load_planes(albedo, size, pixel);
     const float distance = length(p);
-    const float3 o = p + object_lift(world.objects, distance) * n;
-    const float3 viewer = -p / distance;
+    float3 o = p + object_lift(world.objects, distance) * n;
+    float3 viewer = -p / distance;
     const uint seed = hash_combine(hash_combine((uint)list[item], 0x76697274u), (uint)frame_seed);
 
     float3 diffuse_sum = (float3)(0.0f), specular_sum = (float3)(0.0f);
@@ -48,6 +49,21 @@ TRACING_KERNEL void trace_virtual(
     for (int ray = 0; ray < rays; ray++) {
         const uint index = first + ray;
         const float2 u = sobol_2d(index, seed), v = sobol_2d(index, hash_combine(seed, 1));
+#ifdef JITTER
+        // Somewhere else in the pixel, if that shows the same material.
+        const float2 within = sobol_2d(index, hash_combine(seed, 3));
+        const float3 d = view_direction(view, (float2)(x, y) + within);
+        ObjectHit hit;
+        if (trace_objects(world.objects, (float3)(0.0f), d, INFINITY, &hit)) {
+            const Scatterer at = object_point(world.objects, hit, (float3)(0.0f), d);
+            if (at.material == (int)guide[6 * size + pixel] - 1) {
+                o = at.position;
+                n = at.normal;
+                viewer = -d;
+                color = at.albedo;
+            }
+        }
+#endif
         const Scatter s = scatter(world, material, color, o, n, viewer, (float4)(u, v));
         if (!(s.diffuse.x + s.specular.x + s.specular.y + s.specular.z > 0.0f))
             continue;

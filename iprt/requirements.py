@@ -92,6 +92,11 @@ class Requirements:
         return self.conductor or self.mirror or self.plastic
 
     @property
+    def jitter(self) -> bool:
+        """Rays of virtual surfaces start anywhere in their pixel."""
+        return self.bvh and self.settings.trace.jitter
+
+    @property
     def delta(self) -> bool:
         """Real surfaces are relit by what objects change in a cached irradiance."""
         return self.tracing and self.settings.trace.estimator == "delta"

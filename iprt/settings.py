@@ -63,6 +63,11 @@ class TraceSettings(BaseModel):
         default="environment",
         description="What windows show: what is far behind them, or their own radiance.",
     )
+    jitter: bool = Field(
+        default=True,
+        description="Shade objects at points all over each pixel, which smooths reflections; with "
+        "objects = bvh.",
+    )
     relight_reflections: bool = Field(
         default=True, description="Objects reflect shadows and light that objects cast."
     )

@@ -86,6 +86,7 @@ class TraceVirtual:
         defines = plane_defines(
             equirect=guide.equirect,
             RELIT=requirements.relit_reflections,
+            JITTER=requirements.jitter,
             REAL_GLOSS=requirements.gloss,
             **requirements.gloss_defines(),
         )
