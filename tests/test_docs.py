@@ -1,0 +1,61 @@
+"""`docs/measure.py`: every table of the page about speed and accuracy can be made again."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from iprt import knobs
+
+DOCS = Path(__file__).parents[1] / "docs"
+PAGE = DOCS / "tradeoff.md"
+
+
+@pytest.fixture(scope="module")
+def measure() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("measure", DOCS / "measure.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_every_table_has_a_command_that_prints_markdown(measure: ModuleType) -> None:
+    text = PAGE.read_text(encoding="utf-8")
+    found = measure.commands(text)
+    assert len(found) == len(set(found)) == text.count("<!-- measured -->") > 4
+    assert all(command.endswith("--markdown") for command in found)
+
+
+def test_swept_values_are_allowed_and_not_the_default(measure: ModuleType) -> None:
+    for command in measure.commands(PAGE.read_text(encoding="utf-8")):
+        for key, values in re.findall(r"--sweep (\S+?)=(\S+)", command):
+            for value in values.split(",") if key != "quality" else ():
+                item = knobs.parse_assignment("--sweep", f"{key}={value}")
+                assert knobs.resolved("balanced", [item]) != knobs.resolved("balanced"), item
+
+
+def test_tables_are_replaced_and_nothing_else(
+    measure: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    page = "a\n```bash\niprt one\n```\nb\n<!-- measured -->\nold\n<!-- end -->\nc\n"
+    page += page.replace("iprt one", "iprt two")
+    file = tmp_path / "page.md"
+    file.write_text(page)
+    (tmp_path / "iprt.py").write_text("import sys; print(f'| {sys.argv[1]} |')")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    monkeypatch.chdir(tmp_path)
+    measure.main(file, "two")
+    assert file.read_text() == page[: len(page) // 2] + page[len(page) // 2 :].replace(
+        "old\n", "\n| two |\n\n"
+    )
+    filled = file.read_text()
+    measure.main(file, "two")
+    assert file.read_text() == filled, "the same again"
+    assert sys.executable
