@@ -19,6 +19,8 @@ PACKET = 4
 MESH_DEPTH = 22
 """Levels of a mesh's tree at most."""
 MAX_TRIANGLES = PACKET << MESH_DEPTH
+_LINE = 2.0**-22
+"""Triangles lower than this fraction of their longest edge are lines, and not hit."""
 _PADDING = 2.0**-21
 """Boxes grow by this fraction of the largest coordinate, several units in its last place."""
 
@@ -89,19 +91,29 @@ def mesh_tree(low: Floats, high: Floats) -> Tree:
     return build_tree(low, high, leaf=PACKET, max_depth=MESH_DEPTH)
 
 
+def _has_area(corners: Floats) -> NDArray[np.bool_]:
+    """(T, 1): which triangles (T, 3, 3) are more than lines, within rounding errors."""
+    exact = corners.astype(np.float64)
+    edges = exact - np.roll(exact, 1, axis=1)
+    longest = (edges**2).sum(axis=2).max(axis=1, keepdims=True)
+    height = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1, keepdims=True)
+    wide: NDArray[np.bool_] = height > _LINE * longest
+    return wide
+
+
 def _fitted(
     tree: Tree, slots: NDArray[np.int32], positions: Floats, triangles: NDArray[np.int32]
 ) -> tuple[Floats, Floats]:
     """Nodes and packets of a tree about these vertices."""
-    corners = np.full((len(slots), 3, 3), np.nan, np.float32)
     filled = slots >= 0
-    corners[filled] = positions[triangles[slots[filled]]]
-    # (packet, place, corner, axis) to (packet, corner and axis, place).
-    packets = corners.reshape(-1, PACKET, 9).transpose(0, 2, 1)
+    corners = positions[triangles[slots[filled]]]
     # Leaf by leaf is the order of the slots: the tree's primitives are their filled ones.
-    boxes = corners[filled]
-    low, high = np.empty_like(boxes[:, 0]), np.empty_like(boxes[:, 0])
-    low[tree.order], high[tree.order] = boxes.min(axis=1), boxes.max(axis=1)
-    padding = _PADDING * float(np.abs(boxes).max())
+    low, high = np.empty_like(corners[:, 0]), np.empty_like(corners[:, 0])
+    low[tree.order], high[tree.order] = corners.min(axis=1), corners.max(axis=1)
+    padding = _PADDING * float(np.abs(corners).max())
+    hittable = np.full((len(slots), 9), np.nan, np.float32)
+    hittable[filled] = np.where(_has_area(corners), corners.reshape(-1, 9), np.nan)
+    # (packet, place, corner and axis) to (packet, corner and axis, place).
+    packets = hittable.reshape(-1, PACKET, 9).transpose(0, 2, 1)
     nodes = widen(tree, *fit(tree, low - np.float32(padding), high + np.float32(padding)))
     return nodes, np.ascontiguousarray(packets)

@@ -37,7 +37,8 @@ _SPREAD = 4.0
 
 @dataclass(frozen=True)
 class Shape:
-    """Triangles as a tree holds them: a mesh about the centre of its box, or placed in the world.
+    """Triangles as a tree holds them: a mesh, moved to the origin if far from it, or placed in the
+    world.
 
     Attributes
     ----------
@@ -62,7 +63,10 @@ class Shape:
         if self.baked is not None:
             points = points @ self.baked[:3, :3].T + self.baked[:3, 3]
         finite = points[np.isfinite(points).all(axis=1)]
-        centre = 0.5 * (finite.min(axis=0) + finite.max(axis=0))
+        low, high = finite.min(axis=0), finite.max(axis=0)
+        # Only where that loses nothing: what is near the origin has digits to spare.
+        far = np.abs(0.5 * (low + high)) > high - low
+        centre = np.where(far, 0.5 * (low + high), 0.0)
         back = np.eye(4)
         back[:3, 3] = centre
         return (points - centre).astype(np.float32), back

@@ -101,10 +101,10 @@ def _albedo_table(
     materials: Sequence[Material],
 ) -> tuple[NDArray[np.float32], NDArray[np.float16]]:
     """(2 M, 4) rows of albedo and place of the texture; (T, 4) texels of all textures."""
-    table = np.zeros((len(materials), 2, 4), np.float32)
+    table = np.zeros((max(len(materials), 1), 2, 4), np.float32)
     texels: list[NDArray[np.float16]] = []
     first = 0
-    for row, material in zip(table, materials, strict=True):
+    for row, material in zip(table, materials, strict=False):
         row[0, :3] = material.albedo
         if material.texture is not None:
             height, width = material.texture.shape[:2]

@@ -1,0 +1,151 @@
+"""Trees hold every primitive once, boxes hold what is below them, and depth is bounded."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from iprt.bvh.build import MESH_DEPTH, PACKET, build_mesh, mesh_tree
+from iprt.bvh.cache import is_tree
+from iprt.bvh.scene import SCENE_DEPTH, STACK
+from iprt.bvh.tree import Tree, build_tree, fit
+from iprt.bvh.wide import wide_count, widen
+from iprt.scene.mesh import Mesh
+from tests.bvh.meshes import bumpy, fan, growing, same_centres
+
+Floats = NDArray[np.float32]
+
+
+def boxes_of(mesh: Mesh) -> tuple[Floats, Floats]:
+    corners = mesh.positions[mesh.triangles]
+    return corners.min(axis=1), corners.max(axis=1)
+
+
+def cloud(count: int, seed: int = 0) -> tuple[Floats, Floats]:
+    rng = np.random.default_rng(seed)
+    low = rng.random((count, 3)).astype(np.float32)
+    return low, low + np.float32(0.05) * rng.random((count, 3)).astype(np.float32)
+
+
+def wide_depth(nodes: Floats) -> int:
+    """Nodes on the longest way to a leaf; counts every node and leaf that is met."""
+    references = nodes[:, 6].view(np.int32)
+    used = np.isfinite(nodes[:, 0])
+    level, depth, seen, leaves = np.arange(min(len(nodes), 1)), 0, 0, 0
+    while len(level):
+        depth += 1
+        seen += len(level)
+        below = references[level][used[level]]
+        leaves += int((below < 0).sum())
+        level = below[below >= 0]
+        assert depth <= 100
+    assert seen == len(nodes)
+    return depth
+
+
+@pytest.mark.parametrize("count", [1, 2, 4, 5, 8, 9, 63, 64, 65, 257, 3000])
+@pytest.mark.parametrize("leaf", [1, 4])
+def test_every_primitive_is_in_one_leaf_below_its_boxes(count: int, leaf: int) -> None:
+    low, high = cloud(count)
+    tree = build_tree(low, high, leaf=leaf, max_depth=20)
+    assert sorted(tree.order) == list(range(count))
+    assert len(tree.first) - 1 == -(-count // leaf)
+    assert np.diff(tree.first).max() <= leaf
+    lower, upper = fit(tree, low, high)
+
+    def held(reference: int) -> set[int]:
+        if reference < 0:
+            return set(tree.order[tree.first[~reference] : tree.first[~reference + 1]].tolist())
+        found: set[int] = set()
+        for side in range(2):
+            below = held(int(tree.children[reference, side]))
+            members = list(below)
+            np.testing.assert_array_equal(lower[reference, side], low[members].min(axis=0))
+            np.testing.assert_array_equal(upper[reference, side], high[members].max(axis=0))
+            assert not below & found
+            found |= below
+        return found
+
+    assert held(0 if len(tree.children) else -1) == set(range(count))
+
+
+def test_the_heuristic_pays() -> None:
+    """Far fewer boxes are hit than in a tree that halves along the widest axis."""
+    low, high = cloud(3000)
+    low[:500] += np.float32([20.0, 0.0, 0.0])
+    high[:500] += np.float32([20.0, 0.0, 0.0])
+
+    def cost(tree: Tree) -> float:
+        lower, upper = fit(tree, low, high)
+        size = (upper - lower).astype(np.float64)
+        area = size[..., 0] * size[..., 1] + size[..., 2] * (size[..., 0] + size[..., 1])
+        return float(area.sum())
+
+    # At this depth every split must be a halving.
+    halved = build_tree(low, high, leaf=4, max_depth=int(np.ceil(np.log2(len(low) / 4))))
+    assert cost(mesh_tree(low, high)) < 0.8 * cost(halved)
+    small = slice(0, 1000)
+    assert is_tree(mesh_tree(low[small], high[small]), 1000)
+
+
+@pytest.mark.parametrize(
+    "mesh", [same_centres(5000), fan(5000), growing(120)], ids=["same", "fan", "growing"]
+)
+@pytest.mark.parametrize("spare", [0, 1, 3, MESH_DEPTH])
+def test_depth_is_bounded(mesh: Mesh, spare: int) -> None:
+    low, high = boxes_of(mesh)
+    least = int(np.ceil(np.log2(-(-len(low) // PACKET))))
+    tree = build_tree(low, high, leaf=PACKET, max_depth=min(least + spare, MESH_DEPTH))
+    assert tree.depth <= min(least + spare, MESH_DEPTH)
+    assert is_tree(tree, len(low))
+
+
+def test_the_stack_holds_what_both_trees_need() -> None:
+    """A node leaves at most three children to come back to."""
+    for depth, levels in ((MESH_DEPTH, 22), (SCENE_DEPTH, 10)):
+        assert depth == levels
+    low, high = boxes_of(growing(100))
+    deep = build_tree(low, high, leaf=1, max_depth=MESH_DEPTH)
+    assert deep.depth == MESH_DEPTH  # the heuristic asked for more
+    deepest = wide_depth(widen(deep, *fit(deep, low, high)))
+    assert deepest == MESH_DEPTH // 2
+    assert 3 * (deepest + SCENE_DEPTH // 2) <= STACK
+
+
+@pytest.mark.parametrize("count", [1, 4, 5, 16, 17, 100, 4096, 5000])
+def test_wide_nodes_are_as_many_as_planned(count: int) -> None:
+    low, high = cloud(count)
+    tree = mesh_tree(low, high)
+    nodes = widen(tree, *fit(tree, low, high))
+    assert len(nodes) <= wide_count(len(tree.first) - 1)
+    wide_depth(nodes)
+    references = nodes[:, 6].view(np.int32)[np.isfinite(nodes[:, 0])]
+    assert sorted(~references[references < 0]) == list(
+        range(len(tree.first) - 1 if len(nodes) else 0)
+    )
+
+
+@pytest.mark.parametrize("factor", [1e-30, 1e-3, 1e4, 1e15])
+def test_the_unit_of_length_does_not_matter(factor: float) -> None:
+    low, high = cloud(2000)
+    tree = mesh_tree(low, high)
+    other = mesh_tree(low * np.float32(2.0) ** 20, high * np.float32(2.0) ** 20)
+    np.testing.assert_array_equal(tree.order, other.order)
+    scaled = mesh_tree(low * np.float32(factor), high * np.float32(factor))
+    assert is_tree(scaled, 2000)
+
+
+@pytest.mark.slow
+def test_a_million_triangles_build_in_time() -> None:
+    mesh = bumpy(np.random.default_rng(2), 8)
+    start = time.process_time()
+    built = build_mesh(mesh, mesh.positions)
+    assert time.process_time() - start < 30.0
+    assert len(mesh.triangles) > 1e6
+    assert is_tree(built.tree, len(mesh.triangles))
+    start = time.process_time()
+    built.refitted(mesh.positions, mesh.triangles)
+    assert time.process_time() - start < 5.0
