@@ -37,6 +37,7 @@ class TraceGloss:
         defines = plane_defines(
             equirect=guide.equirect,
             RELIT=requirements.relit_reflections,
+            REAL_GLOSS=True,
             CELL=CELL,
             **requirements.gloss_defines(),
         )
