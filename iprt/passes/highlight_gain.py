@@ -18,7 +18,8 @@ Cells = NDArray[np.float64]
 DARKER = 0.25
 """Quantile of a material's diffuse reflectance that all its places have at least."""
 FAINT = 0.25
-"""Highlights up to this fraction of what was seen leave the diffuse reflectance visible."""
+"""Highlights up to this fraction of what was seen are faint: they leave the diffuse reflectance
+visible, and can be told from it only roughly."""
 REACH = 1.5
 """Cells: deviation of the Gaussian that evens out texture."""
 
@@ -42,22 +43,23 @@ def highlight_gain(
     (rows, columns, 4) float32
         1 where no cell near has gloss. The fourth is 0.
     """
-    excess = np.zeros(seen.shape)
+    base = np.zeros(seen.shape)
     for index in range(1, int(gloss.max(initial=0)) + 1):
         cells = (gloss == index) & (irradiance.min(axis=-1) > 0.0)
         if cells.any():
             reflectance = _reflectance(seen[cells], shine[cells], irradiance[cells])
-            excess[cells] = np.maximum(seen[cells] - reflectance * irradiance[cells], 0.0)
+            base[cells] = reflectance * irradiance[cells]
     inside = (gloss > 0)[..., None]
-    could, computed = (
-        _blurred(np.where(inside, excess, 0.0)),
-        _blurred(np.where(inside, shine, 0.0)),
+    mean, base, computed = (_blurred(np.where(inside, part, 0.0)) for part in (seen, base, shine))
+    # Faint highlights drown in what is uncertain of the base: they are believed.
+    doubt = FAINT * mean
+    gain = np.zeros((*gloss.shape, 4), np.float32)
+    gain[..., :3] = np.divide(
+        np.maximum(mean - base, 0.0) + doubt,
+        computed + doubt,
+        out=np.ones(seen.shape),
+        where=doubt > 0.0,
     )
-    gain = np.ones((*gloss.shape, 4), np.float32)
-    np.divide(
-        could, computed, out=gain[..., :3], where=computed > 1e-6 * seen.max(), casting="unsafe"
-    )
-    gain[..., 3] = 0.0
     return np.clip(gain, 0.0, 1.0)
 
 
