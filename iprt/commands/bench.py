@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json as json_format
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
 
 MAX_FRAMES = 100_000
 MAX_SEEDS = 100
+SEEDS, LEVELS = 3, "0.8,0.85,0.9,0.95"
+"""What --seeds and --reach are when they are not given."""
 
 
 def bench(
@@ -32,11 +35,11 @@ def bench(
     sweep: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
     one_at_a_time: bool = False,
     convergence: str | None = None,
-    reach: str = "0.8,0.85,0.9,0.95",
+    reach: str | None = None,
     against: Literal["mitsuba"] | None = None,
     model: str | None = None,
-    seeds: int = 3,
-    background: Literal["panorama", "truth"] = "truth",
+    seeds: int | None = None,
+    background: Literal["panorama", "truth"] | None = None,
     device: str | None = None,
     json: bool = False,
     markdown: bool = False,
@@ -76,7 +79,8 @@ def bench(
     convergence
         Frames after which the picture is scored, such as 1,2,4,8 or 1,2,...,256.
     reach
-        With --convergence: SSIM of the cuts, separated by commas, for which the time is told.
+        With --convergence: SSIM of the cuts for which the time is told. Default:
+        0.8,0.85,0.9,0.95.
     against
         With --convergence: the same curve for Mitsuba with Open Image Denoise, by samples per
         pixel.
@@ -85,8 +89,10 @@ def bench(
         the world that the panorama describes.
     seeds
         Pictures per combination, from one seed each, for means and confidence intervals.
+        Default: 3.
     background
-        What the camera sees behind the objects where pictures are scored, see `iprt compare`.
+        What the camera sees behind the objects where pictures are scored: the resampled panorama,
+        or the truth's own background. Default: truth.
     device
         gpu, cpu, a place such as 0:0 (see `iprt doctor`), or part of a device's name. Default: the
         fastest kind there is.
@@ -104,16 +110,21 @@ def bench(
     """
     if not 1 <= frames <= MAX_FRAMES:
         raise IprtError(f"--frames {frames}: expected 1 to {MAX_FRAMES}")
-    if not 1 <= seeds <= MAX_SEEDS:
+    if seeds is not None and not 1 <= seeds <= MAX_SEEDS:
         raise IprtError(f"--seeds {seeds}: expected 1 to {MAX_SEEDS}")
     if json and markdown:
         raise IprtError("--json and --markdown: give one of them")
     against_truth = bool(sweep) or convergence is not None
-    _require_use(
-        against_truth, "--sweep or --convergence", {"--html": html, "--markdown": markdown}
-    )
+    of_truth = {
+        "--html": html,
+        "--markdown": markdown,
+        "--seeds": seeds,
+        "--background": background,
+    }
+    _require_use(against_truth, "--sweep or --convergence", of_truth)
     _require_use(bool(sweep), "--sweep", {"--one-at-a-time": one_at_a_time})
-    _require_use(convergence is not None, "--convergence", {"--against": against})
+    curve = {"--against": against, "--reach": reach}
+    _require_use(convergence is not None, "--convergence", curve)
     _require_use(against is not None, "--against", {"--model": model})
     if not against_truth:
         return _time(scene, view, size, frames, method, knobs, device, json)
@@ -123,15 +134,15 @@ def bench(
 
     assignments = knobs.assignments(method=method)
     chosen = combinations(knobs.quality, assignments, sweep, one_at_a_time=one_at_a_time)
-    plan = Plan.of(scene, view, size, background, device, chosen, seeds)
+    plan = Plan.of(scene, view, size, background or "truth", device, chosen, seeds or SEEDS)
     output = Output(json=json, markdown=markdown, html=html)
     output.require_writable(plan.scene)
     if convergence is None:
         return measure_sweep(plan, frames, output)
-    return measure_convergence(plan, convergence, reach, against, model, output)
+    return measure_convergence(plan, convergence, reach or LEVELS, against, model, output)
 
 
-def _require_use(used: bool, flag: str, needing: dict[str, object]) -> None:
+def _require_use(used: bool, flag: str, needing: Mapping[str, object]) -> None:
     for name, value in needing.items():
         if value and not used:
             raise IprtError(f"{name}: is for {flag}")

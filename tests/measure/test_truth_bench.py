@@ -138,6 +138,8 @@ BAD: dict[str, tuple[list[str], str]] = {
     "page in place": (["--sweep", "seed=1", "--html", "ROOM/truth.exr/a.html"], "not a folder"),
     "scene's file": (["--sweep", "seed=1", "--html", "ROOM/scene.toml"], "belongs to the scene"),
     "alone": (["--one-at-a-time"], "--one-at-a-time: is for --sweep"),
+    "one seed": (["--seeds", "2"], "--seeds: is for --sweep or --convergence"),
+    "no levels": (["--reach", "0.9"], "--reach: is for --convergence"),
     "rival": (["--against", "mitsuba"], "--against: is for --convergence"),
     "model": (["--convergence", "1", "--model", "m"], "--model: is for --against"),
     "counts": (["--convergence", "4,2"], "--convergence 4,2: expected rising numbers"),
