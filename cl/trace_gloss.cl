@@ -4,15 +4,13 @@
 //
 // in   list, count    pixels to trace (y * width + x) and how many
 //      guide          7 planes (lib/guide.h): world normal, position, 1 + index of the real material
-//      gain           float4 per cell, iprt/passes/highlight.py
-//      world          lib/path.h; its real surfaces do not hold highlights
+//      world          lib/path.h, with -D REAL_GLOSS
 // out  change         3 planes: radiance, of either sign
 //      touched        1 plane: TOUCHED_FRAMES where a ray met an object
 //      samples        1 plane: rays that the pixel has sent since the start, in and out
 //
 // The differential radiance of T. A. Franke, "Delta Voxel Cone Tracing" (ISMAR 2014), by rays.
 #define DELTA
-#include "gloss.h"
 #include "path.h"
 #include "planes.h"
 
@@ -25,9 +23,6 @@ TRACING_KERNEL void trace_gloss(
     __global const int *restrict count,
     __global const float *restrict guide,
     __global const float *restrict view,         // lib/view.h
-    __global const float4 *restrict gain,
-    const int gain_columns,
-    const int gain_rows,
     WORLD_PARAMETERS,
     __global uint *restrict samples,
     __global float *restrict change,
@@ -66,11 +61,8 @@ TRACING_KERNEL void trace_gloss(
         met |= path.met;
     }
     samples[pixel] = first + rays;
-    // A conductor shows nothing but its reflection: there is nothing to correct it by.
-    const float2 at = equirect_uv(p) * (float2)((float)real_width, (float)real_height);
-    const float3 seen = material.kind == KIND_CONDUCTOR
-        ? (float3)(1.0f) : gain_at(gain, gain_columns, gain_rows, at);
-    store_planes(change, size, pixel, (shown - seen * hidden) / (float)rays);
+    const float3 share = seen_share(world, material, p);
+    store_planes(change, size, pixel, (shown - share * hidden) / (float)rays);
     if (met)
         touched[pixel] = TOUCHED_FRAMES;
 }

@@ -7,7 +7,6 @@ import pyopencl.array as cla
 from iprt.device.compute import ComputeDevice
 from iprt.passes.gloss import TraceGloss
 from iprt.passes.guide import Guide
-from iprt.passes.highlight import Highlight
 from iprt.passes.layout import PlaneLayout
 from iprt.passes.mask import Mask, grid_offset
 from iprt.passes.real_layer import RealLayer
@@ -30,7 +29,6 @@ class GlossPixels:
         self,
         device: ComputeDevice,
         layout: PlaneLayout,
-        highlight: Highlight,
         requirements: Requirements,
         *,
         equirect: bool,
@@ -38,7 +36,7 @@ class GlossPixels:
         settings = requirements.settings
         self._guide = Guide(device, layout, equirect=equirect, name="gloss")
         self.mask = Mask(device, self._guide, settings.mask, name="gloss")
-        self._trace = TraceGloss(device, self._guide, highlight, requirements)
+        self._trace = TraceGloss(device, self._guide, requirements)
         self._filter = SignalFilter(device, self._guide, "specular", settings, name="gloss")
         self.change: cla.Array | None = None
 

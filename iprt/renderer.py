@@ -169,9 +169,7 @@ class Renderer:
             self.real_pixels = RealPixels(device, self.real, self.real_guide, needs, name="real")
         if needs.gloss:
             self._highlight = Highlight(device, self.panorama, needs)
-            self.gloss_pixels = GlossPixels(
-                device, self.layout, self._highlight, needs, equirect=self._equirect
-            )
+            self.gloss_pixels = GlossPixels(device, self.layout, needs, equirect=self._equirect)
         if needs.traced_layers:
             traced = TracedLayers(device, self.view, "screen layers")
             screen, equirect = (None, traced) if self._equirect else (traced, None)

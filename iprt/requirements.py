@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from iprt.device.compute import Define
+from iprt.passes.highlight_gain import CELL
 from iprt.passes.mask import TOUCHED_FRAMES
 from iprt.passes.object_bvh import bvh_defines
 from iprt.scene.camera import View
@@ -151,10 +152,11 @@ class Requirements:
         }
 
     def gloss_defines(self) -> dict[str, Define]:
-        """`-D` variants of the kernels that also know the materials of real surfaces."""
+        """`-D` variants of the kernels that meet the materials of real surfaces too."""
         defines = self.trace_defines()
         real = material_defines(self.real_materials)
-        return defines | {name: bool(defines[name]) or needed for name, needed in real.items()}
+        defines |= {name: bool(defines[name]) or needed for name, needed in real.items()}
+        return defines | {"REAL_GLOSS": self.gloss, "CELL": CELL if self.gloss else False}
 
     def describe(self) -> dict[str, bool]:
         """What is built and what is not, by name."""

@@ -19,6 +19,9 @@
 
 #include "boxes.h"
 #include "brdf.h"
+#ifdef REAL_GLOSS
+#include "gloss.h"
+#endif
 #include "lights.h"
 #include "panorama.h"
 #include "sampling.h"
@@ -40,8 +43,6 @@
 #define REAL_LIFT 2.0f
 // Rougher lobes than this are narrow enough to find lights better than aiming does.
 #define AIMED_ALPHA 0.1f
-// Reflections in real surfaces are followed by so many times their share of the paths.
-#define FAINT_PATHS 4.0f
 
 // What objects do to the radiance of real surfaces, as factors.
 typedef struct {
@@ -58,6 +59,9 @@ typedef struct {
     __global const uchar *map;              // per texel: 0 diffuse, else 1 + index of the material
     __global const float4 *materials;       // lib/brdf.h
     __global const float4 *reflectance;     // per material: of conductors
+    __global const float4 *gain;            // per cell (lib/gloss.h): what was seen of highlights
+    int columns;                            // cells
+    int rows;
 } Gloss;
 
 typedef struct {
@@ -78,7 +82,8 @@ typedef struct {
         const int relit_width, const int relit_height,                                             \
         __global const float4 *restrict relit_panorama, const int relit_rows,                      \
         __global const uchar *restrict real_gloss, __global const float4 *restrict real_materials, \
-        __global const float4 *restrict real_reflectance
+        __global const float4 *restrict real_reflectance,                                          \
+        __global const float4 *restrict real_gain, const int gain_columns, const int gain_rows
 
 #define WORLD(view)                                                                                \
     {                                                                                              \
@@ -87,7 +92,7 @@ typedef struct {
             relit_screen, relit_view, relit_width, relit_height, relit_panorama, relit_rows        \
         },                                                                                         \
         {                                                                                          \
-            real_gloss, real_materials, real_reflectance                                           \
+            real_gloss, real_materials, real_reflectance, real_gain, gain_columns, gain_rows       \
         }                                                                                          \
     }
 
@@ -254,18 +259,25 @@ static inline int gloss_at(const World world, const RealHit hit)
     return seen ? world.gloss.map[hit.texel] : 0;
 }
 
-// The direction in which a glossy real surface with normal n reflects a ray along d, and its weight.
-// Faint reflections are followed by as few paths as they are faint (Russian roulette).
-static inline BrdfSample reflect_real(const Gloss gloss, int index, float3 n, float3 d, float2 u,
-                                      float chance)
+// How much of a computed reflection in a real surface at p the camera can have seen. Of a conductor
+// nothing else was seen that would tell.
+static inline float3 seen_share(const World world, const Material material, float3 p)
 {
+    const float2 texel = equirect_uv(p)
+        * (float2)((float)world.real.grid.width, (float)world.real.grid.height);
+    return material.kind == KIND_CONDUCTOR
+        ? (float3)(1.0f) : gain_at(world.gloss.gain, world.gloss.columns, world.gloss.rows, texel);
+}
+
+// The direction in which a glossy real surface at p with normal n reflects a ray along d.
+static inline BrdfSample reflect_real(const World world, int index, float3 p, float3 n, float3 d,
+                                      float2 u)
+{
+    const Material material = load_material(world.gloss.materials, index);
     const Frame frame = build_frame(n);
-    BrdfSample sample =
-        sample_specular(load_material(gloss.materials, index), gloss.reflectance[index].xyz, frame,
-                        brdf_local_wo(frame, -d), u);
-    const float3 w = sample.weight;
-    const float followed = fmin(FAINT_PATHS * fmax(w.x, fmax(w.y, w.z)), 1.0f);
-    sample.weight = chance < followed ? w / followed : (float3)(0.0f);
+    BrdfSample sample = sample_specular(material, world.gloss.reflectance[index].xyz, frame,
+                                        brdf_local_wo(frame, -d), u);
+    sample.weight *= seen_share(world, material, p);
     return sample;
 }
 #endif
@@ -338,15 +350,13 @@ static inline PathResult trace_path(const World world, float3 o, float3 o_object
                 // A conductor shows nothing but its reflection.
                 if (load_material(world.gloss.materials, gloss - 1).kind != KIND_CONDUCTOR)
                     result.arriving += throughput * real_radiance(world, real, d);
-                const uint stream = hash_combine(seed, 2 * bounce + 3);
-                const float3 n = -normalize(world.real.surface[real.texel].xyz);
+                const float3 n = -normalize(world.real.surface[real.texel].xyz), p = o + real.t * d;
                 const BrdfSample shine =
-                    reflect_real(world.gloss, gloss - 1, n, d, sobol_2d(index, stream),
-                                 sobol_1d(index, hash_combine(stream, 1)));
+                    reflect_real(world, gloss - 1, p, n, d,
+                                 sobol_2d(index, hash_combine(seed, 2 * bounce + 3)));
                 throughput *= shine.weight;
                 if (!(throughput.x + throughput.y + throughput.z > 0.0f))
                     return result;
-                const float3 p = o + real.t * d;
                 o = real_start(world.real, p, n);
                 o_object = p + world.real.bias * n;
                 s = no_scatter(shine.wi);

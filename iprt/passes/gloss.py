@@ -7,7 +7,6 @@ import pyopencl.array as cla
 
 from iprt.device.compute import ComputeDevice
 from iprt.passes.guide import Guide, plane_defines
-from iprt.passes.highlight import CELL, Highlight
 from iprt.passes.mask import Mask
 from iprt.passes.world import World
 from iprt.requirements import Requirements
@@ -26,19 +25,15 @@ class TraceGloss:
         self,
         device: ComputeDevice,
         guide: Guide,
-        highlight: Highlight,
         requirements: Requirements,
     ) -> None:
-        """Ids of `guide` are indices of `highlight`'s materials + 1."""
+        """Ids of `guide` are indices of the real materials + 1."""
         self._device = device
         self._guide = guide
-        self._highlight = highlight
         self._requirements = requirements
         defines = plane_defines(
             equirect=guide.equirect,
             RELIT=requirements.relit_reflections,
-            REAL_GLOSS=True,
-            CELL=CELL,
             **requirements.gloss_defines(),
         )
         self._kernel = device.kernel("trace_gloss.cl", "trace_gloss", defines)
@@ -48,7 +43,6 @@ class TraceGloss:
 
     def run(self, world: World, mask: Mask, view: cla.Array) -> None:
         layout, settings = self._guide.layout, self._requirements.settings
-        rows, columns, _ = self._highlight.gain.shape
         with self._device.profile.section("trace gloss"):
             self._kernel(
                 (layout.width * layout.height,),
@@ -60,9 +54,6 @@ class TraceGloss:
                 mask.count,
                 self._guide.current,
                 view,
-                self._highlight.gain,
-                columns,
-                rows,
                 *world.arguments(self._requirements),
                 self._samples,
                 self.change,

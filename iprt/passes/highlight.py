@@ -7,13 +7,11 @@ from typing import Any
 import numpy as np
 
 from iprt.device.compute import ComputeDevice
-from iprt.passes.highlight_gain import highlight_gain
+from iprt.passes.highlight_gain import CELL, highlight_gain
 from iprt.passes.panorama import Panorama
 from iprt.requirements import Requirements
 from iprt.scene.material import material_table
 
-CELL = 8
-"""Texels a side of the cells in which the highlight is compared with what the camera saw."""
 CELL_RAYS = 64
 """Rays per cell that measure its irradiance."""
 LEVELS = 4
@@ -44,7 +42,7 @@ class Highlight:
         self._device = device
         self._panorama = panorama
         self._settings = requirements.settings
-        defines = requirements.gloss_defines() | {"CELL": CELL}
+        defines = requirements.gloss_defines()
         self._sample = device.kernel("highlight.cl", "sample_highlight", defines)
         self._filter = device.kernel("highlight.cl", "filter_highlight", defines)
         self._measure = device.kernel("highlight.cl", "measure_cells", defines)
@@ -114,7 +112,8 @@ class Highlight:
 
     def arguments(self) -> tuple[Any, ...]:
         """The glossy surfaces, as `WORLD_PARAMETERS` of `cl/lib/path.h` declares them, in order."""
-        return (self._panorama.gloss, self.table, self.reflectance)
+        rows, columns, _ = self.gain.shape
+        return (self._panorama.gloss, self.table, self.reflectance, self.gain, columns, rows)
 
     def _calibrate(self, real: tuple[Any, ...]) -> None:
         """Fill `gain`; `real` are the arguments that `REAL_PARAMETERS` declares."""

@@ -87,7 +87,6 @@ class TraceVirtual:
             equirect=guide.equirect,
             RELIT=requirements.relit_reflections,
             JITTER=requirements.jitter,
-            REAL_GLOSS=requirements.gloss,
             **requirements.gloss_defines(),
         )
         self._kernel = device.kernel("trace_virtual.cl", "trace_virtual", defines)

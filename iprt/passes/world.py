@@ -23,7 +23,7 @@ NO_LIGHTS: tuple[Any, ...] = (None, None, None, 0, 1, 1)
 NOT_RELIT: tuple[Any, ...] = (None, None, 0, 0, None, 0)
 """Where real surfaces radiate what the panorama shows."""
 
-NO_GLOSS: tuple[Any, ...] = (None, None, None)
+NO_GLOSS: tuple[Any, ...] = (None, None, None, None, 1, 1)
 """In place of `Highlight.arguments()` where real surfaces are diffuse."""
 
 
