@@ -137,7 +137,7 @@ def measure_sweep(plan: Plan, frames: int, output: Output) -> int:
         output.print({**plan.record(), "frames": frames, "rows": rows}, grids)
 
     with _printed_at_last(outcomes, finish), progress_bar("sweeping", total) as progress:
-        for outcome in run_sweep(
+        for outcome, color in run_sweep(
             plan.scene,
             plan.targets,
             plan.chosen,
@@ -150,7 +150,7 @@ def measure_sweep(plan: Plan, frames: int, output: Output) -> int:
             if output.html is not None:
                 report.grids = [sweep_grid(outcomes), passes_grid(outcomes)]
                 report.plots = sweep_plots(outcomes)
-                report.figures.append(sweep_figures(len(outcomes), outcome))
+                report.figures.append(sweep_figures(len(outcomes), outcome, color))
                 output.write(report)
     return 0
 

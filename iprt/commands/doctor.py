@@ -24,7 +24,7 @@ def doctor(*, json: bool = False) -> int:
     Returns
     -------
     int
-        Exit status: 0 if an OpenCL device and EGL are usable, else 3.
+        Exit status: 0 if an OpenCL device is usable, else 3.
     """
     from iprt.device.doctor import examine
 

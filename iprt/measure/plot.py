@@ -109,7 +109,9 @@ class Plot:
     @property
     def y_ticks(self) -> list[Tick]:
         low, high = self._y_range()
-        return [Tick(round(self._y(value), 1), f"{value:.10g}") for value in linear_ticks(low, high)]
+        return [
+            Tick(round(self._y(value), 1), f"{value:.10g}") for value in linear_ticks(low, high)
+        ]
 
     @property
     def drawn(self) -> list[DrawnSeries]:

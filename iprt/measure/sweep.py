@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any, get_args
 
 from iprt.errors import IprtError
@@ -56,8 +56,6 @@ class Outcome:
     ssim_cuts : tuple of Estimate
     flip : Estimate or None
         None where FLIP is not installed.
-    color : (H, W, 3) float32
-        The picture of the first seed, linear.
     """
 
     combination: Combination
@@ -67,7 +65,6 @@ class Outcome:
     ssim_cuts: tuple[Estimate, ...]
     rmse: Estimate
     flip: Estimate | None
-    color: Radiance = field(repr=False, compare=False)
 
     @property
     def error(self) -> float:
@@ -76,7 +73,7 @@ class Outcome:
         return 1.0 - sum(cuts) / len(cuts)
 
     def record(self) -> dict[str, object]:
-        """Plain data, without the picture."""
+        """The same as plain data."""
         return {
             "view": self.target.name,
             "values": dict(self.combination.values),
@@ -175,8 +172,8 @@ def run_sweep(
     frames: int,
     seeds: int,
     progress: Callable[[int], None] | None = None,
-) -> Iterator[Outcome]:
-    """Measure every combination on every view.
+) -> Iterator[tuple[Outcome, Radiance]]:
+    """Measure every combination on every view: outcomes, with the first seed's linear picture.
 
     Parameters
     ----------
@@ -201,13 +198,14 @@ def run_sweep(
     for target, frame in with_frames(scene, targets):
         instances = scene.instances_named(target.objects)
         for combination in chosen:
-            scores, pictures = [], []
+            scores, first = [], None
             for seed in range(seeds):
                 settings = still_settings(combination.settings, seed)
                 color, _ = render_target(scene, frame, target, settings, device, frames, forward)
                 scores.append(scored(target, color, combination.label))
-                pictures.append(color)
+                first = color if first is None else first
                 done += frames
+            assert first is not None
             bench = benchmark(
                 device,
                 frame,
@@ -218,7 +216,7 @@ def run_sweep(
                 progress=forward,
             )
             done += WARM_UP + frames
-            yield _outcome(combination, target, bench, scores, pictures[0])
+            yield _outcome(combination, target, bench, scores), first
 
 
 def with_frames(scene: Scene, targets: Sequence[Target]) -> Iterator[tuple[Target, Frame]]:
@@ -240,7 +238,6 @@ def _outcome(
     target: Target,
     bench: Benchmark,
     scores: Sequence[Scores],
-    color: Radiance,
 ) -> Outcome:
     flips = [score.flip for score in scores if score.flip is not None]
     return Outcome(
@@ -251,7 +248,6 @@ def _outcome(
         ssim_cuts=cut_estimates(scores),
         rmse=Estimate.of([score.rmse for score in scores]),
         flip=Estimate.of(flips) if flips else None,
-        color=color,
     )
 
 

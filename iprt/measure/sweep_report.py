@@ -8,6 +8,7 @@ from iprt.measure.intervals import CONFIDENCE
 from iprt.measure.plot import Mark, Plot, Series, front_line
 from iprt.measure.report import Figures, scored_pictures
 from iprt.measure.sweep import Outcome, on_front, value_text
+from iprt.measure.target import Radiance
 from iprt.output.grid import Grid
 
 FRONT = "*"
@@ -110,13 +111,13 @@ def sweep_plots(outcomes: Sequence[Outcome]) -> list[Plot]:
     return plots
 
 
-def sweep_figures(number: int, outcome: Outcome) -> Figures:
-    """The pictures of one outcome, around its objects."""
+def sweep_figures(number: int, outcome: Outcome, color: Radiance) -> Figures:
+    """The pictures of one outcome, `color` linear, around its objects."""
     cuts = " / ".join(cut.text() for cut in outcome.ssim_cuts)
     return Figures(
         title=f"{number}: {outcome.target.name}, {outcome.combination.label}",
         caption=f"{outcome.bench.wall_ms:.1f} ms/frame, SSIM of the cuts {cuts or '-'}",
-        pictures=scored_pictures(outcome.target, outcome.color, crop=True),
+        pictures=scored_pictures(outcome.target, color, crop=True),
     )
 
 
