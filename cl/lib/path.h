@@ -26,23 +26,13 @@
 #include "panorama.h"
 #include "sampling.h"
 #include "scene.h"
+#include "tracing.h"
 #include "view.h"
-
-// Kernels that trace, one ray per lane: rays part ways at once, so that Intel's CPU compiler, which
-// would pack sixteen of them into a vector, makes code that is half as fast.
-#if defined(__has_attribute)
-#if __has_attribute(intel_vec_len_hint)
-#define TRACING_KERNEL __kernel __attribute__((intel_vec_len_hint(1)))
-#endif
-#endif
-#ifndef TRACING_KERNEL
-#define TRACING_KERNEL __kernel
-#endif
 
 // Rays leave a real surface this many texel footprints above it.
 #define REAL_LIFT 2.0f
-// Rougher lobes than this are narrow enough to find lights better than aiming does.
-#define AIMED_ALPHA 0.1f
+// Narrower lobes find lights better than aiming does.
+#define AIMED_ALPHA 0.02f
 
 // What objects do to the radiance of real surfaces, as factors.
 typedef struct {
@@ -234,10 +224,13 @@ static inline float inverse_density(const World world, const Scatter s, float3 o
     if (!(density > 0.0f))
         return 1.0f;
 #ifdef LIGHT_SAMPLING
-    if (s.aimed && !reaches_light(world.real, hit, s.light))
-        return 0.0f;
-    if (s.light_share > 0.0f)
-        density += s.light_share * light_density(world.lights, world.real, hit, o, s.wi);
+    if (s.light_share > 0.0f) {
+        const float light = light_density(world.lights, world.real, hit, o, s.wi);
+        // What has no density of light sampling is for the other ways to bring in, alone.
+        if (s.aimed && !(light > 0.0f && reaches_light(world.real, hit, s.light)))
+            return 0.0f;
+        density += s.light_share * light;
+    }
 #endif
     return 1.0f / density;
 }
