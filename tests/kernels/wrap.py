@@ -11,6 +11,7 @@ import pyopencl as cl
 from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
+from iprt.device.compute import _argument as kernel_argument
 from iprt.resources import CL
 
 _SCALARS = {"float": np.float32, "int": np.int32, "uint": np.uint32}
@@ -39,6 +40,8 @@ def evaluate(
     outputs: Mapping[str, str],
     tables: Mapping[str, NDArray[np.float32]] | None = None,
     defines: Sequence[str] = (),
+    parameters: str = "",
+    arguments: Sequence[Any] = (),
 ) -> dict[str, NDArray[Any]]:
     """Run statements once per row of the inputs.
 
@@ -49,29 +52,32 @@ def evaluate(
     inputs : (N,) or (N, 2..4) float32, int32 or uint32 each.
     outputs : OpenCL type of each output, e.g. ``{"p": "float2"}``.
     tables : (R, 4) float32 each, a ``__global const float4 *`` of that name.
-    defines : names given as ``-D``.
+    defines : names given as ``-D``, or ``NAME=value``.
+    parameters, arguments : further parameters of the kernel, such as ``WORLD_PARAMETERS``, and
+        what they are given, as to `iprt.device.compute.Kernel`.
     """
     tables = tables or {}
     count = len(next(iter(inputs.values())))
-    arguments = [f"__global const float4 *restrict {name}" for name in tables]
+    declared = [f"__global const float4 *restrict {name}" for name in tables]
     loads, stores = [], []
     for name, values in inputs.items():
         scalar, width = _scalar_and_width(_kind(values))
-        arguments.append(f"__global const {scalar} *restrict {name}_in")
+        declared.append(f"__global const {scalar} *restrict {name}_in")
         read = f"vload{width}(row, {name}_in)" if width > 1 else f"{name}_in[row]"
         loads.append(f"{_kind(values)} {name} = {read};")
     for name, kind in outputs.items():
         scalar, width = _scalar_and_width(kind)
-        arguments.append(f"__global {scalar} *restrict {name}_out")
+        declared.append(f"__global {scalar} *restrict {name}_out")
         loads.append(f"{kind} {name};")
         write = (
             f"vstore{width}({name}, row, {name}_out)" if width > 1 else f"{name}_out[row] = {name}"
         )
         stores.append(write + ";")
+    further = [parameters] if parameters else []
     source = "\n".join(
         [
             *(f'#include "{header}"' for header in headers),
-            f"__kernel void run({', '.join([*arguments, 'const int count'])})",
+            f"__kernel void run({', '.join([*declared, 'const int count', *further])})",
             "{ const int row = get_global_id(0); if (row >= count) return;",
             *loads,
             body,
@@ -94,7 +100,8 @@ def evaluate(
         shape = (count, width) if width > 1 else (count,)
         results[name] = np.empty(shape, _SCALARS[scalar])
         buffers.append(cl.Buffer(device.context, cl.mem_flags.WRITE_ONLY, results[name].nbytes))
-    kernel(device.queue, (-(-count // 64) * 64,), (64,), *buffers, np.int32(count))
+    given_more = map(kernel_argument, arguments)
+    kernel(device.queue, (-(-count // 64) * 64,), (64,), *buffers, np.int32(count), *given_more)
     for values, buffer in zip(results.values(), buffers[len(given) :], strict=True):
         cl.enqueue_copy(device.queue, values, buffer)
     return results

@@ -1,0 +1,78 @@
+"""Device functions of `cl/lib/path.h` that look at real scenes, called from Python."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.device.compute import ComputeDevice
+from iprt.passes.lights import Lights
+from iprt.passes.panorama import Panorama
+from iprt.passes.world import World
+from iprt.requirements import Requirements
+from iprt.scene.camera import View
+from iprt.scene.frame import Frame
+from iprt.scene.material import Material, material_table
+from iprt.settings import Settings
+from tests.kernels.wrap import evaluate
+
+
+class RealWorld:
+    """A frame without objects, as `World` of `cl/lib/path.h`; `materials` are there to scatter."""
+
+    def __init__(
+        self, device: ComputeDevice, frame: Frame, materials: tuple[Material, ...] = (Material(),)
+    ) -> None:
+        self._device = device
+        settings = Settings.model_validate({"trace": {"objects": "raster"}})
+        self._needs = Requirements.of(
+            materials, View(1, 1), settings, openings=bool(frame.opening.any())
+        )
+        self.panorama = Panorama(
+            device, frame.width, frame.height, outside=self._needs.opening_environment
+        )
+        self.panorama.load(frame)
+        self.lights = Lights(device, frame.width, frame.height)
+        self.lights.load(frame.color)
+        self._world = World(
+            self.panorama,
+            None,
+            None,
+            bvh=None,
+            materials=device.upload("materials", material_table(materials)),
+            bounds=device.upload("bounds", np.zeros((1, 2, 4), np.float32)),
+            lights=self.lights,
+        )
+
+    def run(
+        self,
+        body: str,
+        inputs: Mapping[str, NDArray[Any]],
+        outputs: Mapping[str, str],
+        *,
+        light_sampling: bool = True,
+    ) -> dict[str, NDArray[Any]]:
+        """`evaluate` with a variable `world`."""
+        defines = {**self._needs.trace_defines(), "LIGHT_SAMPLING": light_sampling}
+        return evaluate(
+            self._device,
+            ["path.h"],
+            "const World world = WORLD(0);" + body,
+            inputs,
+            outputs,
+            defines=[
+                name if value is True else f"{name}={value}"
+                for name, value in defines.items()
+                if value is not False
+            ],
+            parameters="WORLD_PARAMETERS",
+            arguments=self._world.arguments(self._needs),
+        )
+
+
+def numbers(seed: int, count: int, width: int) -> NDArray[np.float32]:
+    """(count, width) uniform in [0, 1)."""
+    return np.random.default_rng(seed).random((count, width), np.float32)
