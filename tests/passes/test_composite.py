@@ -65,3 +65,41 @@ def pixels(ratio: np.ndarray) -> np.ndarray:
     """(H * W, 4) float32 from (3, H, W), w = 1."""
     four = np.concatenate([ratio, np.ones_like(ratio[:1])])
     return np.moveaxis(four, 0, -1).reshape(-1, 4).astype(np.float32)
+
+
+def gloss_picture(
+    device: ComputeDevice, colour: np.ndarray, base: np.ndarray, change: np.ndarray, ratio: float
+) -> np.ndarray:
+    """(3, H, W): a real layer that reflects objects, none of which covers it."""
+    _, height, width = colour.shape
+    layout = PlaneLayout(width, height)
+    composite = Composite(device, layout, relit=True, diffuse=True, specular=False, gloss=True)
+    nothing = np.zeros((3, height, width))
+    composite.run(
+        upload(device, layout, colour),
+        ratio=device.upload("ratio", pixels(np.full(colour.shape, ratio))),
+        base=upload(device, layout, base),
+        change=upload(device, layout, change),
+        coverage=upload(device, layout, nothing[:1]),
+        albedo=upload(device, layout, nothing),
+        diffuse=upload(device, layout, nothing),
+    )
+    return np.moveaxis(device.read(composite.picture)[..., :3], -1, 0)
+
+
+def test_reflections_change_apart_from_the_diffuse_part(device: ComputeDevice) -> None:
+    rng = np.random.default_rng(2)
+    colour = rng.gamma(0.3, 2.0, (3, 17, 31))
+    base, change = colour * rng.random(colour.shape), rng.normal(size=colour.shape)
+    picture = gloss_picture(device, colour, base, change, 0.6)
+    expected = np.maximum(colour - 0.4 * base + change, 0.0)
+    np.testing.assert_allclose(picture, expected, rtol=1e-5, atol=1e-6)
+    assert (expected == 0.0).any()
+
+
+def test_unchanged_reflections_keep_their_bits(device: ComputeDevice) -> None:
+    colour = np.random.default_rng(3).gamma(0.3, 2.0, (3, 17, 31)).astype(np.float32)
+    colour.ravel()[:3] = 0.0, 1e-30, 65504.0
+    for base in (colour, 0.3 * colour, np.zeros_like(colour)):
+        picture = gloss_picture(device, colour, base, np.zeros_like(colour), 1.0)
+        np.testing.assert_array_equal(picture, colour)
