@@ -7,6 +7,7 @@ which passes exist for a scene.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Self
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 from iprt.aovs import read_aov
 from iprt.bvh.scene import object_bounds
 from iprt.device.compute import ComputeDevice
+from iprt.errors import DeviceError
 from iprt.gloss_pixels import GlossPixels
 from iprt.passes.composite import Composite
 from iprt.passes.guide import Guide
@@ -29,6 +31,7 @@ from iprt.passes.object_bvh import ObjectBvh
 from iprt.passes.object_layers import TracedLayers
 from iprt.passes.panorama import Panorama
 from iprt.passes.real_layer import RealLayer
+from iprt.passes.visibility import Visibility
 from iprt.passes.world import World
 from iprt.pixels import RatioMap, RealPixels, Tick, VirtualPixels
 from iprt.requirements import Requirements
@@ -40,6 +43,8 @@ from iprt.settings import Settings
 
 if TYPE_CHECKING:
     from iprt.raster.rasterizer import Rasterizer
+
+LOG = logging.getLogger("iprt.renderer")
 
 BOX_MARGIN = 1e-3
 """By which boxes around objects are enlarged, as a fraction of their diagonals."""
@@ -84,7 +89,7 @@ class Renderer:
     Raises
     ------
     DeviceError
-        No EGL, or too little device memory.
+        No EGL where rasterized layers are traced, or too little device memory.
     """
 
     def __init__(
@@ -112,6 +117,7 @@ class Renderer:
         )
         self._equirect = view.projection == "equirect"
         self._rasterizer: Rasterizer | None = None
+        self._visibility: Visibility | None = None
         self._frame_index = 0
         self._previous_view = view
         self._view_stale = 2  # steps for which what depends on the view must be made anew
@@ -149,6 +155,7 @@ class Renderer:
         self.ratio_map: RatioMap | None = None
         self.cache: IrradianceCache | None = None
         self._lights: Lights | None = None
+        self._bvh: ObjectBvh | None = None
         if self.requirements.objects:
             self._build_object_passes(material_table(materials), frame)
         self._frame = frame
@@ -180,19 +187,28 @@ class Renderer:
                 "equirect layer view", self._layer_view.kernel_constants()
             )
             equirect = TracedLayers(device, self._layer_view, "equirect layers")
+        if needs.bvh:
+            self._bvh = ObjectBvh(device, self.instances)
+        if needs.primary_rays:
+            self._build_primary_rays()
+        self._bounds = object_bounds(
+            self.instances, margin=LAYER_MARGIN if needs.traced_layers else BOX_MARGIN
+        )
         self.world = World(
             self.panorama,
             screen,
             equirect,
-            bvh=ObjectBvh(device, self.instances) if needs.bvh else None,
+            bvh=self._bvh if needs.bvh else None,
             materials=device.upload("materials", materials),
-            bounds=device.upload(
-                "object bounds",
-                object_bounds(self.instances, margin=BOX_MARGIN if needs.bvh else LAYER_MARGIN),
-            ),
+            bounds=device.upload("object bounds", self._bounds),
             lights=self._lights,
             highlight=self._highlight,
         )
+
+    def _build_primary_rays(self) -> None:
+        if self._bvh is None:
+            self._bvh = ObjectBvh(self.device, self.instances)
+        self._visibility = Visibility(self.device, self.view, self._bvh)
 
     def close(self) -> None:
         """Release the OpenGL context."""
@@ -217,9 +233,7 @@ class Renderer:
         if self.virtual_pixels is None:
             self.composite.run(self.real.color)
         else:
-            if self._objects_stale and self.world.bvh is not None:
-                self.world.bvh.load(self.instances)
-            self._rasterize_objects(self.virtual_pixels, tick)
+            self._place_objects(self.virtual_pixels, tick)
             ratio = self._relight(tick)
             self.virtual_pixels.run(self.world, tick)
             self._composite(self.virtual_pixels, ratio)
@@ -251,15 +265,41 @@ class Renderer:
         if self.requirements.tracing:
             self.real_guide.run(tick.view, self.real.normal, self.real.depth, self.real.id)
 
-    def _rasterize_objects(self, pixels: VirtualPixels, tick: Tick) -> None:
+    def _place_objects(self, pixels: VirtualPixels, tick: Tick) -> None:
+        """Follow the objects, and find what the view shows of them."""
+        rasterizer = self._rasterizer
+        if self._visibility is None or self.requirements.traced_layers:
+            rasterizer = self._open_rasterizer()
+        if self._bvh is not None and self._objects_stale:
+            self._bvh.load(self.instances)
+        if rasterizer is not None:
+            self._rasterize(rasterizer, pixels, tick)
+        if self._visibility is not None and self._view_changed:
+            now, before = self._view_constants
+            self._visibility.run(
+                pixels.visible,
+                self.view,
+                now,
+                before,
+                self.panorama,
+                self._bounds,
+                self.world.materials,
+            )
+
+    @property
+    def _view_changed(self) -> bool:
+        """What the view shows of the objects is to be found anew."""
+        return self._view_stale > 0 or self._video_stale or self._objects_stale
+
+    def _rasterize(self, rasterizer: Rasterizer, pixels: VirtualPixels, tick: Tick) -> None:
         profile, world = self.device.profile, self.world
-        rasterizer = self._open_rasterizer()
         if self._video_stale:
             rasterizer.set_surface(self.device.read(self.panorama.surface))
-        if self._view_stale or self._video_stale or self._objects_stale:
+        if self._view_changed:
             with profile.host("rasterize view"):
                 layers = rasterizer.render(self.view, self._previous_view, shade=True)
-            pixels.visible.load(layers, tick.view, world.materials)
+            if self._visibility is None:
+                pixels.visible.load(layers, tick.view, world.materials)
             traced = world.equirect if self._equirect else world.screen
             if traced is not None:
                 traced.load(layers, tick.view)
@@ -269,12 +309,19 @@ class Renderer:
                 layers = rasterizer.render(self._layer_view, shade=False)
             world.equirect.load(layers, self._layer_constants)
 
-    def _open_rasterizer(self) -> Rasterizer:
+    def _open_rasterizer(self) -> Rasterizer | None:
+        """OpenGL; None where it is missing and rays serve as well."""
         if self._rasterizer is None:
             from iprt.raster.rasterizer import Rasterizer
 
-            with self.device.profile.compiling():
-                self._rasterizer = Rasterizer(self.instances)
+            try:
+                with self.device.profile.compiling():
+                    self._rasterizer = Rasterizer(self.instances)
+            except DeviceError as error:
+                if self.requirements.traced_layers:
+                    raise
+                LOG.warning("objects are drawn by rays in OpenCL: %s", error)
+                self._build_primary_rays()
         return self._rasterizer
 
     def _relight(self, tick: Tick) -> cla.Array | None:

@@ -123,6 +123,11 @@ class Requirements:
         return self.tracing and self.settings.trace.objects == "bvh"
 
     @property
+    def primary_rays(self) -> bool:
+        """What the view shows of objects is found by rays rather than by OpenGL."""
+        return self.objects and self.settings.gbuffer == "cl"
+
+    @property
     def traced_layers(self) -> bool:
         """Rays meet rasterized layers of the objects instead."""
         return self.tracing and not self.bvh
@@ -171,6 +176,7 @@ class Requirements:
             "irradiance cache of the panorama": self.delta,
             "aiming rays at lights": self.light_sampling,
             "shadows in what objects reflect off screen": self.ratio_map,
-            "bounding volume hierarchy of the objects": self.bvh,
+            "bounding volume hierarchy of the objects": self.bvh or self.primary_rays,
+            "objects in the view by rays, without OpenGL": self.primary_rays,
             "equirect layers for rays off screen": self.equirect_layers,
         }

@@ -107,6 +107,11 @@ class Settings(BaseModel):
         le=1.0,
         description="Least share of a new frame in the temporal mean; 0 averages all frames.",
     )
+    gbuffer: Literal["gl", "cl"] = Field(
+        default="gl",
+        description="What draws the objects that the view shows: OpenGL, or rays in OpenCL, which "
+        "is also taken where OpenGL is missing.",
+    )
     trace: TraceSettings = TraceSettings()
     gloss: GlossSettings = GlossSettings()
     irradiance: IrradianceSettings = IrradianceSettings()

@@ -132,16 +132,32 @@ def test_a_full_disk_leaves_nothing_behind(
     assert not (tmp_path / "new").exists()
 
 
-def test_no_egl_is_one_line_with_the_command_that_installs_it(scene: Path, tmp_path: Path) -> None:
+def render_without_egl(scene: Path, picture: Path, *words: str) -> subprocess.CompletedProcess[str]:
     """A child whose EGL knows no vendor; a driver without GLVND does not read the variable."""
-    result = subprocess.run(
-        [sys.executable, "-m", "iprt", "render", scene, "-o", tmp_path / "a.png"],
+    words = ("--accumulate", "1", "--size", "32", "32", *words)
+    return subprocess.run(
+        [sys.executable, "-m", "iprt", "render", scene, "-o", picture, *words],
         cwd=ROOT,
-        env={**os.environ, "__EGL_VENDOR_LIBRARY_DIRS": str(tmp_path)},
+        env={**os.environ, "__EGL_VENDOR_LIBRARY_DIRS": str(picture.parent / "none")},
         capture_output=True,
         text=True,
         check=False,
     )
+
+
+def test_without_egl_rays_draw_the_objects(scene: Path, tmp_path: Path) -> None:
+    result = render_without_egl(scene, tmp_path / "a.png")
+    assert result.returncode == 0
+    if "OpenGL" not in result.stderr:
+        pytest.skip("EGL here is not GLVND's")
+    (line,) = [line for line in result.stderr.splitlines() if "OpenGL" in line]
+    assert line.startswith("iprt: objects are drawn by rays in OpenCL: no OpenGL 3.3 context")
+    assert (tmp_path / "a.png").exists()
+
+
+def test_no_egl_is_one_line_with_the_command_that_installs_it(scene: Path, tmp_path: Path) -> None:
+    """Where objects are to be rasterized for the rays to meet."""
+    result = render_without_egl(scene, tmp_path / "a.png", "--set", "trace.objects=raster")
     if result.returncode == 0:
         pytest.skip("EGL here is not GLVND's")
     assert result.returncode == 3

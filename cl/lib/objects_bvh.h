@@ -15,7 +15,7 @@
 // that the unit of length does not matter.
 #define OBJECT_ULPS 0x1p-18f
 // The same for surfaces that the view shows, whose position comes from a picture of depth.
-#define OBJECT_DEPTH_ERROR 0x1p-12f
+#define OBJECT_DEPTH_ERROR 0x1p-14f
 
 typedef struct {
     Bvh bvh;
@@ -74,6 +74,14 @@ static inline float3 packet_corner(__global const float4 *rows, int corner, int 
                     bvh_column(rows[3 * corner + 2], column));
 }
 
+// In world space, of unit length: by the inverse transpose of world from object.
+static inline float3 vertex_normal(const Objects world, __global const float4 *rows, int vertex)
+{
+    const float3 n = world.normals[vertex].xyz;
+    return safe_normalize(n.x * rows[0].xyz + n.y * rows[1].xyz + n.z * rows[2].xyz,
+                          (float3)(0.0f));
+}
+
 static inline float largest(float3 v)
 {
     return fmax(fabs(v.x), fmax(fabs(v.y), fabs(v.z)));
@@ -108,12 +116,10 @@ static inline ObjectSurface object_surface(const Objects world, const ObjectHit 
     at.flat_normal =
         safe_normalize(cross(safe_normalize(b - a, d), safe_normalize(c - a, d)), -d);
     at.flat_normal = dot(at.flat_normal, d) > 0.0f ? -at.flat_normal : at.flat_normal;
-    // By the inverse transpose of world from object.
-    const float3 n = at.weights.x * world.normals[at.vertices.x].xyz
-        + at.weights.y * world.normals[at.vertices.y].xyz
-        + at.weights.z * world.normals[at.vertices.z].xyz;
-    at.normal = safe_normalize(n.x * rows[0].xyz + n.y * rows[1].xyz + n.z * rows[2].xyz,
-                               at.flat_normal);
+    const float3 n = at.weights.x * vertex_normal(world, rows, at.vertices.x)
+        + at.weights.y * vertex_normal(world, rows, at.vertices.y)
+        + at.weights.z * vertex_normal(world, rows, at.vertices.z);
+    at.normal = safe_normalize(n, at.flat_normal);
     return at;
 }
 

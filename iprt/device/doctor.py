@@ -80,7 +80,7 @@ def diagnose(
     if "error" in opengl and found["moderngl"]:
         lacks(
             "OpenGL through EGL",
-            "virtual objects are rasterized with it",
+            "it draws objects; rays do instead, and `trace.objects=raster` does not work",
             apt_command(*GL_PACKAGES),
         )
     for name in CORE:
@@ -89,7 +89,7 @@ def diagnose(
     for part in optional:
         lacks(part["name"], part["purpose"], part.pop("install"))
     return {
-        "ok": not ("error" in opencl or "error" in opengl or any(found[n] is None for n in CORE)),
+        "ok": not ("error" in opencl or any(found[n] is None for n in CORE)),
         "opencl": opencl,
         "opengl": opengl,
         "versions": found,

@@ -12,7 +12,7 @@ from iprt.bvh.scene import INSTANCE_ROWS, STACK, SceneBuilder, scene_sizes, shap
 from iprt.bvh.wide import NODE_ROWS
 from iprt.device.compute import ComputeDevice, Define
 from iprt.scene.material import Material
-from iprt.scene.mesh import Instance
+from iprt.scene.mesh import Instance, motion_between
 
 
 class ObjectBvh:
@@ -23,6 +23,12 @@ class ObjectBvh:
     device : ComputeDevice
     instances : sequence of Instance
         They say how large the buffers are; nothing is built before `load`.
+
+    Attributes
+    ----------
+    motion : (3 M, 4) float32
+        Per material of all instances: rows that take world points of its object to where they were
+        before the last `load`.
 
     Raises
     ------
@@ -46,12 +52,17 @@ class ObjectBvh:
         self._uvs = self._texels = None
         table, texels = _albedo_table(materials)
         self._albedos = device.upload("bvh albedos", table)
+        self.motion = device.empty("bvh motion", (3 * max(len(materials), 1), 4))
+        self._before: Sequence[Instance] = instances
         if self._textured:
             self._uvs = device.empty("bvh uvs", (rows["vertices"], 2))
             self._texels = device.upload("bvh texels", texels)
 
     def load(self, instances: Sequence[Instance]) -> None:
-        """Follow the objects: transforms and vertices may have changed since the last call."""
+        """Follow the objects: transforms and vertices may have changed since the last call.
+
+        While objects move, call it once per frame, and once more when they stop.
+        """
         with self._device.profile.host("build bvh"):
             scene = self._builder.build(instances)
         with self._device.profile.section("upload"):
@@ -68,6 +79,15 @@ class ObjectBvh:
                     rows = np.zeros(buffer.shape, buffer.dtype)
                     rows[: len(values)] = values
                     self._device.write(buffer, rows)
+
+        moved = [
+            motion_between(old.to_world, new.to_world)
+            for old, new in zip(self._before, instances, strict=True)
+            for _ in new.mesh.materials
+        ]
+        if moved:
+            self._device.write(self.motion, np.concatenate(moved))
+        self._before = instances
 
     def defines(self) -> dict[str, Define]:
         """`-D` variants of kernels that trace the objects."""

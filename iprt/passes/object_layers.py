@@ -96,6 +96,8 @@ class VisibleLayer:
     ----------
     normal, depth, id, roughness, albedo, coverage, motion : 3, 1, 1, 1, 3, 1, 2 planes
         See `cl/unpack.cl`.
+    front, material, cover, moved : (H, W, 4), (H, W, 4), (H, W), (H, W, 2) float32
+        What is unpacked: images as in `ObjectLayers`.
     rect : (x0, y0, x1, y1)
         Pixels where an object is visible.
     """
@@ -107,10 +109,10 @@ class VisibleLayer:
             "unpack.cl", "unpack_objects", plane_defines(equirect=equirect)
         )
         pixels = (layout.height, layout.width)
-        self._front = device.empty("visible front", (*pixels, 4))
-        self._material = device.empty("visible material", (*pixels, 4))
-        self._coverage = device.empty("visible coverage", pixels)
-        self._motion = device.empty("visible motion", (*pixels, 2))
+        self.front = device.empty("visible front", (*pixels, 4))
+        self.material = device.empty("visible material", (*pixels, 4))
+        self.cover = device.empty("visible coverage", pixels)
+        self.moved = device.empty("visible motion", (*pixels, 2))
         self.normal = device.zeros("object normal", layout.shape(3))
         self.depth = device.zeros("object depth", layout.shape(1))
         self.id = device.zeros("object id", layout.shape(1))
@@ -124,12 +126,16 @@ class VisibleLayer:
         """Upload and unpack layers rasterized with `shade=True`."""
         assert layers.coverage is not None
         assert layers.motion is not None
-        self.rect = covered_rect(layers.coverage)
         with self._device.profile.section("upload"):
-            self._device.write(self._front, layers.front.geometry)
-            self._device.write(self._material, layers.front.material)
-            self._device.write(self._coverage, layers.coverage)
-            self._device.write(self._motion, layers.motion)
+            self._device.write(self.front, layers.front.geometry)
+            self._device.write(self.material, layers.front.material)
+            self._device.write(self.cover, layers.coverage)
+            self._device.write(self.moved, layers.motion)
+        self.unpack(covered_rect(layers.coverage), view, materials)
+
+    def unpack(self, rect: Rect, view: cla.Array, materials: cla.Array) -> None:
+        """Fill the planes from the images, in which `rect` holds all that is covered."""
+        self.rect = rect
         width, height = self._layout.width, self._layout.height
         with self._device.profile.section("unpack"):
             self._kernel(
@@ -137,10 +143,10 @@ class VisibleLayer:
                 width,
                 height,
                 view,
-                self._front,
-                self._material,
-                self._coverage,
-                self._motion,
+                self.front,
+                self.material,
+                self.cover,
+                self.moved,
                 materials,
                 self.normal,
                 self.depth,

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from iprt.errors import SceneError
 from iprt.raster.region import box_corners
-from iprt.scene.mesh import Instance, Mesh
+from iprt.scene.mesh import Instance, Mesh, motion_between
 
 Float = NDArray[np.float64]
 
@@ -72,12 +72,7 @@ class Part:
     @property
     def motion(self) -> Float:
         """(3, 4) affine map of this frame's world points to the previous frame's."""
-        if np.array_equal(self.previous, self.to_world):
-            return np.eye(4)[:3]
-        # The pseudo-inverse serves transforms that flatten.
-        linear = self.previous[:3, :3] @ np.linalg.pinv(self.to_world[:3, :3])
-        offset = self.previous[:3, 3] - linear @ self.to_world[:3, 3]
-        return np.concatenate([linear, offset[:, None]], axis=1)
+        return motion_between(self.previous, self.to_world)
 
 
 class WorldGeometry:

@@ -7,6 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+SAMPLES = 4
+"""Coverage takes SAMPLES x SAMPLES sub-samples per pixel."""
+
+COVERAGE_TOLERANCE = 0.005
+"""An object is in front of the real surface up to this fraction of the distance behind it: noise
+in measured depth must not eat an object's foot."""
+
+NO_MOTION = -1e9
+"""Both motion components where there is no surface."""
+
 
 @dataclass(frozen=True)
 class Layer:

@@ -7,10 +7,8 @@ from dataclasses import dataclass
 import moderngl
 
 from iprt.raster.context import load_program
+from iprt.raster.layers import SAMPLES
 from iprt.scene.camera import Projection
-
-SAMPLES = 4
-"""Coverage takes SAMPLES x SAMPLES sub-samples per pixel."""
 
 
 @dataclass(frozen=True)

@@ -12,20 +12,13 @@ from numpy.typing import NDArray
 
 from iprt.raster.context import bind_textures, create_context, set_uniforms
 from iprt.raster.geometry import Part, WorldGeometry
-from iprt.raster.layers import Layer, ObjectLayers
-from iprt.raster.programs import SAMPLES, Programs
+from iprt.raster.layers import COVERAGE_TOLERANCE, NO_MOTION, SAMPLES, Layer, ObjectLayers
+from iprt.raster.programs import Programs
 from iprt.raster.region import Rect, box_rects, merge
 from iprt.raster.targets import Target, Targets
 from iprt.scene.camera import Projection, View
 from iprt.scene.material import Material
 from iprt.scene.mesh import Instance
-
-COVERAGE_TOLERANCE = 0.005
-"""An object is in front of the real surface up to this fraction of the distance behind it: noise
-in measured depth must not eat an object's foot."""
-
-NO_MOTION = -1e9
-"""Both motion components where there is no surface."""
 
 _TILE = 512
 """Pixels; coverage is rendered in tiles, so that its target stays small in any view."""

@@ -39,6 +39,24 @@ class Mesh:
     dropped: tuple[str, ...] = ()
 
 
+def motion_between(
+    previous: NDArray[np.float64], current: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """(3, 4) affine map of world points of this frame to the frame before.
+
+    Parameters
+    ----------
+    previous, current : (4, 4) float64
+        `Instance.to_world` of an object in both.
+    """
+    if np.array_equal(previous, current):
+        return np.eye(4)[:3]
+    # The pseudo-inverse serves transforms that flatten.
+    linear = previous[:3, :3] @ np.linalg.pinv(current[:3, :3])
+    offset = previous[:3, 3] - linear @ current[:3, 3]
+    return np.concatenate([linear, offset[:, None]], axis=1)
+
+
 @dataclass(frozen=True)
 class Instance:
     """A mesh placed in the world.

@@ -58,6 +58,12 @@ def test_no_device_and_no_egl_come_with_commands() -> None:
     assert lacking(report)["OpenGL through EGL"].endswith("libegl1 libgl1 libgl1-mesa-dri")
 
 
+def test_opengl_is_not_required() -> None:
+    report = doctor.diagnose(OPENCL, {"error": "no libEGL"}, None, VERSIONS)
+    assert report["ok"]
+    assert "OpenGL through EGL" in lacking(report)
+
+
 def test_a_wrong_environment_is_no_missing_driver() -> None:
     opencl = {"devices": [DEVICE | {"chosen": False}], "error": "PYOPENCL_CTX='x'", "vendors": "/v"}
     report = doctor.diagnose(opencl, OPENGL, None, VERSIONS)

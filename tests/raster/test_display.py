@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from iprt.raster.programs import SAMPLES
-from iprt.raster.rasterizer import COVERAGE_TOLERANCE, NO_MOTION
+from iprt.raster.layers import COVERAGE_TOLERANCE, NO_MOTION, SAMPLES
 from iprt.scene.camera import View
 from iprt.scene.mesh import Instance
 from tests.raster.shapes import Float, direction, mesh, placed, quad, rasterizer, sphere
