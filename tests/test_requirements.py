@@ -48,11 +48,12 @@ def files(device: PlanDevice) -> set[str]:
 
 
 def defines(device: PlanDevice, file: str) -> dict[str, object]:
-    """The `-D` of the one variant of a file."""
-    variants = [used for built, _, used in device.kernels if built == file]
+    """The `-D` of a file's variant for the view; the map around it differs in the projection."""
+    variants = [dict(used) for built, _, used in device.kernels if built == file]
     assert variants
-    assert all(used == variants[0] for used in variants)
-    return dict(variants[0])
+    same = [{name: v for name, v in used.items() if name != "VIEW_EQUIRECT"} for used in variants]
+    assert all(used == same[0] for used in same)
+    return variants[0]
 
 
 def buffers(device: PlanDevice, word: str) -> list[str]:
@@ -77,7 +78,7 @@ def test_a_mirror_stores_nothing_diffuse() -> None:
     assert buffers(device, "specular")
 
 
-@pytest.mark.parametrize("file", ["trace_real.cl", "trace_virtual.cl"])
+@pytest.mark.parametrize("file", ["irradiance.cl", "trace_delta.cl", "trace_virtual.cl"])
 @pytest.mark.parametrize("left_out", [*KIND_OF, None])
 def test_tracing_knows_the_materials_that_are_there(file: str, left_out: str | None) -> None:
     kinds = {define: m for define, m in KIND_OF.items() if define != left_out}
@@ -101,7 +102,9 @@ def test_without_objects_the_panorama_is_resampled_and_that_is_all(view: View) -
 @pytest.mark.parametrize("view", [VIEW, PANORAMA])
 def test_the_distant_environment_traces_nothing(view: View) -> None:
     device = plan(DIFFUSE, GLOSSY, view=view, settings=Settings(method="ibl"))
-    assert not {"trace_real.cl", "object_surface.cl", "relight.cl"} & files(device)
+    unused = {"trace_real.cl", "trace_delta.cl", "irradiance.cl", "object_surface.cl", "relight.cl"}
+    assert not unused & files(device)
+    assert not buffers(device, "light cells")
     assert "DISTANT_ENVIRONMENT" in defines(device, "trace_virtual.cl")
     assert "RELIT" not in defines(device, "trace_virtual.cl")
     assert "HAS_RATIO" not in defines(device, "composite.cl")
@@ -141,15 +144,48 @@ def test_rasterized_the_whole_panorama_has_one_set_of_layers() -> None:
     assert "VIEW_EQUIRECT" in defines(device, "object_surface.cl")
 
 
-def test_settings_choose_variants() -> None:
-    bounces = Settings.model_validate({"trace": {"bounces": 2, "back_faces": False}})
-    used = defines(plan(DIFFUSE, settings=bounces), "trace_real.cl")
+def tracing(**trace: Any) -> Settings:
+    return Settings.model_validate({"trace": trace})
+
+
+@pytest.mark.parametrize("estimator", ["delta", "ratio"])
+def test_settings_choose_variants(estimator: str) -> None:
+    file = {"delta": "trace_delta.cl", "ratio": "trace_real.cl"}[estimator]
+    bounces = tracing(bounces=2, back_faces=False, light_sampling=False, estimator=estimator)
+    used = defines(plan(DIFFUSE, settings=bounces), file)
     assert used["MAX_BOUNCES"] == 2
-    assert "BASSRT" not in used
-    assert "BASSRT" in defines(plan(DIFFUSE), "trace_real.cl")
-    plain = Settings.model_validate({"trace": {"relight_reflections": False}})
+    assert not {"BASSRT", "LIGHT_SAMPLING"} & set(used)
+    assert {"BASSRT", "LIGHT_SAMPLING"} <= set(
+        defines(plan(DIFFUSE, settings=tracing(estimator=estimator)), file)
+    )
+    plain = tracing(relight_reflections=False, estimator=estimator)
     assert "RELIT" not in defines(plan(DIFFUSE, settings=plain), "trace_virtual.cl")
     assert "RELIT" in defines(plan(DIFFUSE), "trace_virtual.cl")
+
+
+@pytest.mark.parametrize("view", [VIEW, PANORAMA])
+def test_one_estimator_is_built(view: View) -> None:
+    """The cache of E_R with the one that is relative to it."""
+    delta = plan(DIFFUSE, view=view)
+    assert {"trace_delta.cl", "irradiance.cl"} <= files(delta)
+    assert "trace_real.cl" not in files(delta)
+    assert "irradiance" in delta.buffers
+    ratio = plan(DIFFUSE, view=view, settings=tracing(estimator="ratio"))
+    assert "trace_real.cl" in files(ratio)
+    assert not {"trace_delta.cl", "irradiance.cl"} & files(ratio)
+    assert not buffers(ratio, "irradiance")
+
+
+@pytest.mark.parametrize("estimator", ["delta", "ratio"])
+def test_lights_and_shadows_off_screen_are_built_where_they_are_used(estimator: str) -> None:
+    assert buffers(plan(DIFFUSE, settings=tracing(estimator=estimator)), "light cells")
+    without = tracing(light_sampling=False, estimator=estimator)
+    assert not buffers(plan(DIFFUSE, settings=without), "light cells")
+    assert buffers(plan(DIFFUSE, settings=tracing(estimator=estimator)), "ratio map")
+    # The whole panorama needs no map besides.
+    assert not buffers(plan(DIFFUSE, view=PANORAMA), "ratio map")
+    plain = tracing(relight_reflections=False, estimator=estimator)
+    assert not buffers(plan(DIFFUSE, settings=plain), "ratio map")
 
 
 class CountingPlan(PlanDevice):

@@ -20,8 +20,8 @@ def basis(axis: Float) -> Float:
 def cap_directions(
     axis: Float, cosine: float, count: int, rng: np.random.Generator
 ) -> tuple[NDArray[np.float32], float]:
-    """At least `count` directions (N, 3) evenly over the cap whose rim is at `cosine` from the axis,
-    one at random in each of equal parts; and the solid angle of each.
+    """At least `count` directions (N, 3), one at random in each of equal parts of the cap whose rim
+    is at `cosine` from the axis; and the solid angle of each.
     """
     side = int(np.ceil(np.sqrt(count)))
     i, j = np.meshgrid(np.arange(side), np.arange(side))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -53,7 +55,7 @@ def run(
     inputs: dict[str, NDArray[np.float32]],
     outputs: dict[str, str],
     scale: float = 1.0,
-) -> dict[str, NDArray[np.generic]]:
+) -> dict[str, NDArray[Any]]:
     statements = (SEEN + body).replace("count_", str(len(boxes)))
     return evaluate(
         device, ["boxes.h"], statements, inputs, outputs, {"boxes": table(boxes, scale)}
