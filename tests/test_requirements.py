@@ -49,7 +49,9 @@ def files(device: PlanDevice) -> set[str]:
 
 def defines(device: PlanDevice, file: str) -> dict[str, object]:
     """The `-D` of a file's variant for the view; the map around it differs in the projection."""
-    variants = [dict(used) for built, _, used in device.kernels if built == file]
+    variants: list[dict[str, object]] = [
+        dict(used) for built, _, used in device.kernels if built == file
+    ]
     assert variants
     same = [{name: v for name, v in used.items() if name != "VIEW_EQUIRECT"} for used in variants]
     assert all(used == same[0] for used in same)

@@ -8,9 +8,18 @@ from tests.oracles.guide import Array, shifted
 
 
 def tracing_weight(
-    normal: Array, position: Array, ids: Array, touched: Array, sigma: float, equirect: bool
+    normal: Array,
+    position: Array,
+    ids: Array,
+    touched: Array,
+    sigma: float,
+    equirect: bool,
+    faint: float = 0.0,
 ) -> Array:
-    """(H, W) weight w of Eq. 3 from (3, H, W) normal and position, (H, W) ids and touched."""
+    """(H, W) weight w of Eq. 3 from (3, H, W) normal and position, (H, W) ids and touched.
+
+    Touched counts where it is more than `faint`.
+    """
     weight = np.zeros(ids.shape)
     for dy in range(-2, 3):
         for dx in range(-2, 3):
@@ -19,16 +28,28 @@ def tracing_weight(
             turn = np.linalg.norm(shifted(normal, dx, dy, equirect) - normal, axis=0)
             apart = np.linalg.norm(shifted(position, dx, dy, equirect) - position, axis=0)
             difference = np.where(other == ids, np.maximum(turn, sigma * apart), 1.0)
-            active = (max(abs(dx), abs(dy)) <= 1) & (shifted(touched, dx, dy, equirect) > 0.0)
+            active = (max(abs(dx), abs(dy)) <= 1) & (shifted(touched, dx, dy, equirect) > faint)
             weight = np.maximum(weight, np.where(inside, difference, 0.0))
             weight = np.maximum(weight, np.where(inside & active, 1.0, 0.0))
     return np.minimum(weight, 1.0)
 
 
-def levels(weight: Array, ids: Array, low: float, high: float) -> Array:
-    """(H, W) tracing level of Eq. 4, 255 where there is nothing to trace."""
-    chosen = np.where(weight >= high, 0, np.where(weight >= low, 1, 2))
+def levels(weight: Array, ids: Array, low: float, high: float, touched: Array) -> Array:
+    """(H, W) tracing level of Eq. 4, 255 where there is nothing to trace.
+
+    `touched` pixels and their neighbours take one ray for four at least.
+    """
+    chosen = np.where(weight >= high, 0, np.where((weight >= low) | touched, 1, 2))
     return np.where(ids > 0.0, chosen, 255)
+
+
+def near(touched: Array, equirect: bool) -> Array:
+    """(H, W) bool, pixels of which one of 3x3 is touched."""
+    found = np.zeros(touched.shape, bool)
+    for dy in range(-1, 2):
+        for dx in range(-1, 2):
+            found |= shifted(touched, dx, dy, equirect) > 0.0
+    return found
 
 
 def traced(level: Array, offset: tuple[int, int]) -> Array:

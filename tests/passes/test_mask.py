@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 
 from iprt.device.compute import ComputeDevice
-from iprt.passes.mask import LEVEL_NONE, TOUCHED_FRAMES, Mask, MaskSettings, grid_offset
+from iprt.passes.mask import (
+    LEVEL_NONE,
+    STRONG_FRAMES,
+    TOUCHED_FRAMES,
+    Mask,
+    MaskSettings,
+    grid_offset,
+)
 from tests.oracles import mask as oracle
 from tests.passes.gbuffer import SIZES, GBuffer, flat_gbuffer, random_gbuffer, read, upload
 
@@ -17,10 +24,12 @@ def run(
     offset: tuple[int, int],
     touched: np.ndarray,
     sigma: float = 0.1,
+    graded: bool = False,
 ) -> tuple[Mask, np.ndarray, np.ndarray]:
     """Mask, (H, W) level, and (H, W) bool of the listed pixels."""
     layout = gbuffer.layout
-    mask = Mask(device, gbuffer.guide(device), MaskSettings(sigma_position=sigma), name="test")
+    settings = MaskSettings(sigma_position=sigma)
+    mask = Mask(device, gbuffer.guide(device), settings, name="test", graded=graded)
     device.write(mask.touched, layout.padded(touched[None]))
     mask.run(offset)
     count = int(device.read(mask.count)[0])
@@ -30,19 +39,25 @@ def run(
     return mask, level, listed.reshape(layout.height, layout.width) > 0
 
 
+@pytest.mark.parametrize("graded", [False, True], ids=["all alike", "graded"])
 @pytest.mark.parametrize("equirect", [False, True])
 @pytest.mark.parametrize(("width", "height"), SIZES)
-def test_equals_twin(device: ComputeDevice, width: int, height: int, equirect: bool) -> None:
+def test_equals_twin(
+    device: ComputeDevice, width: int, height: int, equirect: bool, graded: bool
+) -> None:
     gbuffer = random_gbuffer(width, height, equirect=equirect)
-    touched = (np.random.default_rng(1).random((height, width)) < 0.01) * 3.0
+    rng = np.random.default_rng(1)
+    touched = (rng.random((height, width)) < 0.01) * rng.choice([3.0, 10.0, 11.0], (height, width))
     sigma = 0.7 if equirect else 2.0
-    _, level, listed = run(device, gbuffer, (1, 2), touched, sigma)
+    _, level, listed = run(device, gbuffer, (1, 2), touched, sigma, graded)
     weight = oracle.tracing_weight(
-        gbuffer.normal, gbuffer.position, gbuffer.seen_ids, touched, sigma, equirect
-    )
+        gbuffer.normal, gbuffer.position, gbuffer.seen_ids, touched, sigma, equirect,
+        TOUCHED_FRAMES if graded else 0.0,
+    )  # fmt: skip
     low, high = (0.3, 0.5) if min(width, height) >= 4 else (0.0, 0.0)
     clear = np.minimum(abs(weight - low), abs(weight - high)) > 1e-4
-    expected = oracle.levels(weight, gbuffer.seen_ids, low, high)
+    near = oracle.near(touched, equirect)
+    expected = oracle.levels(weight, gbuffer.seen_ids, low, high, near)
     assert np.array_equal(level[clear], expected[clear])
     assert np.array_equal(listed, oracle.traced(level, (1, 2)))
     if width == 64:
@@ -60,6 +75,20 @@ def test_influence_is_remembered_for_ten_pictures(device: ComputeDevice) -> None
         mask.run((0, 0))
         level = read(device, gbuffer.layout, mask.level)[0]
     assert dense == [9] * 10 + [0, 0]
+
+
+def test_faint_influence_takes_a_quarter_of_the_rays(device: ComputeDevice) -> None:
+    """For as long as it is remembered, and after a strong one has faded."""
+    gbuffer = flat_gbuffer(32, 24)
+    touched = np.zeros((24, 32))
+    touched[10, 16], touched[10, 4] = STRONG_FRAMES, TOUCHED_FRAMES
+    mask, level, _ = run(device, gbuffer, (0, 0), touched, graded=True)
+    seen = []
+    for _ in range(22):
+        seen.append([int((level == number).sum()) for number in (0, 1)])
+        mask.run((0, 0))
+        level = read(device, gbuffer.layout, mask.level)[0]
+    assert seen == [[9, 9]] * 10 + [[0, 9]] * 10 + [[0, 0]] * 2
 
 
 def test_influence_moves_with_the_picture(device: ComputeDevice) -> None:

@@ -49,11 +49,11 @@ def run(
     layout = gbuffer.layout
     relight = Relight(device, gbuffer.guide(device), delta=irradiance is not None, name="test")
     colour = np.tile(seen[:, None, None], (1, *signal.shape[1:]))
-    planes = (upload(device, layout, image) for image in (signal, colour))
+    planes, seen_planes = (upload(device, layout, image) for image in (signal, colour))
     cache: Any = None if irradiance is None else EvenCache(device, irradiance)
     before = np.zeros((layout.height, layout.width)) if touched is None else touched
     remembered = upload(device, layout, before[None])
-    relight.run(*planes, WORLD, cache, remembered)
+    relight.run(planes, seen_planes, WORLD, cache, remembered)
     if touched is not None:
         touched[:] = read(device, layout, remembered)[0]
     shape = (layout.height, layout.width, 4)
