@@ -10,7 +10,7 @@ Quality = Literal["draft", "balanced", "accurate"]
 
 PRESETS: Mapping[Quality, Mapping[str, object]] = MappingProxyType(
     {
-        # What the eye misses least: coarser maps of E_R and of shadows off screen, a shorter filter.
+        # What is missed least: coarse maps of E_R and of shadows off screen, a shorter filter.
         "draft": {"trace.ratio_rows": 64, "irradiance.rows": 64, "atrous.levels": 3},
         # The defaults of `Settings`.
         "balanced": {},
