@@ -76,7 +76,9 @@ __kernel void choose_level(
         }
     }
     float squared = fmax(turn, sigma_position * sigma_position * apart);
-    squared = active > faint_frames ? 1.0f : fmin(squared, 1.0f);
+    // Where influence is graded, edges are worth rays only where objects change something.
+    squared = active > faint_frames ? 1.0f
+        : active > 0.0f || faint_frames == 0.0f ? fmin(squared, 1.0f) : 0.0f;
     int chosen = squared >= high * high ? 0 : squared >= low * low || active > 0.0f ? 1 : 2;
     level[p] = id > 0.0f ? chosen : LEVEL_NONE;
 }
