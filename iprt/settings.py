@@ -36,7 +36,13 @@ class TraceSettings(BaseModel):
         description="Aim rays at the bright parts of the panorama too; off: by reflectance only.",
     )
     rays: int = Field(
-        default=1, ge=1, le=1024, description="Rays per traced pixel and frame; noise ∝ 1/√rays."
+        default=1,
+        ge=1,
+        le=1024,
+        description="Rays per traced pixel of real surfaces and frame; noise ∝ 1/√rays.",
+    )
+    object_rays: int = Field(
+        default=4, ge=1, le=1024, description="The same for pixels of objects, which are fewer."
     )
     bounces: int = Field(
         default=4,

@@ -111,7 +111,7 @@ class TraceVirtual:
                 (layout.width * layout.height,),
                 layout.width,
                 layout.height,
-                settings.trace.rays,
+                settings.trace.object_rays,
                 settings.seed,
                 mask.traced,
                 mask.count,
