@@ -12,7 +12,7 @@
 //                                                               cells of CELL x CELL texels: color
 //                                                               (w: their gloss, 0 none), highlight,
 //                                                               irradiance / pi
-//   remove_highlight  color, highlight, gain (float4 per cell)  highlight, all texels: what is no
+//   remove_highlight  color, highlight, gain, least (per cell)  highlight, all texels: what is no
 //                                                               diffuse reflection, within [0, color];
 //                                                               radiated: what rays find there
 //
@@ -69,7 +69,7 @@ inline World captured(const RealLayer layer, __global const float4 *color,
 }
 
 TRACING_KERNEL void sample_highlight(
-    const int rays,
+    const int most_rays,                            // per texel; fewer where these crowd, at the poles
     const int frame_seed,
     __global const int *restrict list,
     const int count,
@@ -95,6 +95,8 @@ TRACING_KERNEL void sample_highlight(
     const float3 o = brdf_local_wo(frame, -p / distance);
     const uint seed = hash_combine(hash_combine((uint)texel, 0x676c6f73u), (uint)frame_seed);
 
+    const float c = p.y / distance;
+    const int rays = max((int)(most_rays * sqrt(fmax(1.0f - c * c, 0.0f)) + 0.5f), min(most_rays, 2));
     float3 sum = (float3)(0.0f);
     float mean = 0.0f, spread = 0.0f;   // of luminance, by Welford's recurrence
     for (int ray = 0; ray < rays; ray++) {
@@ -225,6 +227,7 @@ __kernel void remove_highlight(
     const int columns,                           // cells
     const int rows,
     __global const float4 *restrict gain,        // float4 per cell
+    __global const float4 *restrict least,       // float4 per cell: what the highlight leaves
     __global float4 *restrict highlight,         // in, out
     __global float4 *restrict radiated)          // out
 {
@@ -237,8 +240,10 @@ __kernel void remove_highlight(
     if (gloss[texel]) {
         const int conductor =
             load_material(real_materials, gloss[texel] - 1).kind == KIND_CONDUCTOR;
-        const float3 share = gain_at(gain, columns, rows, (float2)(x + 0.5f, y + 0.5f));
-        shine.xyz = clamp(share * highlight[texel].xyz, (float3)(0.0f), seen.xyz);
+        const float2 at = (float2)(x + 0.5f, y + 0.5f);
+        const float3 share = gain_at(gain, columns, rows, at);
+        const float3 most = fmax(seen.xyz - gain_at(least, columns, rows, at), 0.0f);
+        shine.xyz = clamp(share * highlight[texel].xyz, (float3)(0.0f), most);
         shine = conductor ? seen : shine;
         left = conductor ? seen : seen - shine;
     }

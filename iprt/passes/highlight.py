@@ -12,7 +12,7 @@ from iprt.passes.panorama import Panorama
 from iprt.requirements import Requirements
 from iprt.scene.material import material_table
 
-CELL_RAYS = 64
+CELL_RAYS = 32
 """Rays per cell that measure its irradiance."""
 LEVELS = 4
 """Levels of the filter; an even number, so that the result ends up where it began."""
@@ -51,6 +51,7 @@ class Highlight:
         self._list = device.empty("glossy texels", (texels,), np.int32)
         cells = (-(-panorama.height // CELL), -(-panorama.width // CELL), 4)
         self.gain = device.empty("highlight gain", cells)
+        self._least = device.empty("highlight least", cells)
         self._cells = [
             device.empty(f"highlight {name}", cells) for name in ("seen", "shine", "irradiance")
         ]
@@ -106,6 +107,7 @@ class Highlight:
                 columns,
                 rows,
                 self.gain,
+                self._least,
                 highlight,
                 radiated,
             )
@@ -134,10 +136,11 @@ class Highlight:
             self._device.read(cells).astype(np.float64) for cells in self._cells
         )
         gloss = seen[..., 3].astype(np.int64)
-        gain = highlight_gain(
+        gain, least = highlight_gain(
             seen[..., :3],
             shine[..., :3],
             irradiance[..., :3],
             np.where(self._coated[gloss], gloss, 0),
         )
         self._device.write(self.gain, gain)
+        self._device.write(self._least, least)

@@ -22,14 +22,16 @@ DARKER = 0.25
 FAINT = 0.25
 """Highlights up to this fraction of what was seen are faint: they leave the diffuse reflectance
 visible, and can be told from it only roughly."""
+LEAST = 0.5
+"""Of the diffuse reflectance of a material's darker parts, what even a dark speck of it has."""
 REACH = 1.5
 """Cells: deviation of the Gaussian that evens out texture."""
 
 
 def highlight_gain(
     seen: Cells, shine: Cells, irradiance: Cells, gloss: NDArray[np.integer]
-) -> NDArray[np.float32]:
-    """Factor on the computed highlight, in [0, 1], per cell and colour.
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Factor on the computed highlight, in [0, 1], and what it must leave, per cell and colour.
 
     Parameters
     ----------
@@ -42,8 +44,10 @@ def highlight_gain(
 
     Returns
     -------
-    (rows, columns, 4) float32
+    gain : (rows, columns, 4) float32
         1 where no cell near has gloss. The fourth is 0.
+    least : (rows, columns, 4) float32
+        Radiance that the highlight leaves wherever that much was seen.
     """
     base = np.zeros(seen.shape)
     for index in range(1, int(gloss.max(initial=0)) + 1):
@@ -52,17 +56,16 @@ def highlight_gain(
             reflectance = _reflectance(seen[cells], shine[cells], irradiance[cells])
             base[cells] = reflectance * irradiance[cells]
     inside = (gloss > 0)[..., None]
-    mean, base, computed = (_blurred(np.where(inside, part, 0.0)) for part in (seen, base, shine))
+    mean, dark, computed = (_blurred(np.where(inside, part, 0.0)) for part in (seen, base, shine))
+    there = (computed > 0.0) & (mean > 0.0)
+    could = np.divide(mean - dark, computed, out=np.ones(seen.shape), where=there)
     # Faint highlights drown in what is uncertain of the base: they are believed.
-    doubt = FAINT * mean
-    gain = np.zeros((*gloss.shape, 4), np.float32)
-    gain[..., :3] = np.divide(
-        np.maximum(mean - base, 0.0) + doubt,
-        computed + doubt,
-        out=np.ones(seen.shape),
-        where=doubt > 0.0,
-    )
-    return np.clip(gain, 0.0, 1.0)
+    strength = np.divide(computed, FAINT * mean, out=np.zeros(seen.shape), where=there)
+    trust = np.minimum(strength, 1.0) ** 2
+    gain, least = np.zeros((2, *gloss.shape, 4), np.float32)
+    gain[..., :3] = 1.0 + trust * (np.clip(could, 0.0, 1.0) - 1.0)
+    least[..., :3] = LEAST * base
+    return gain, least
 
 
 def _reflectance(seen: Cells, shine: Cells, irradiance: Cells) -> Cells:

@@ -219,7 +219,7 @@ def glow(peak: tuple[float, float, float]) -> Float:
 
 def test_a_highlight_that_was_seen_stays() -> None:
     seen, shine, irradiance, gloss = cells(glow((3.0, 2.0, 1.0)))
-    gain = highlight_gain(seen, shine, irradiance, gloss)
+    gain, _ = highlight_gain(seen, shine, irradiance, gloss)
     bright = shine.min(-1) > 0.05
     np.testing.assert_allclose(gain[bright][:, :3], 1.0, atol=0.05)
 
@@ -228,19 +228,20 @@ def test_a_highlight_is_held_to_what_was_seen_of_it() -> None:
     """The sky in the window's reflection was guessed four times too red, and twice too green."""
     seen, shine, irradiance, gloss = cells(glow((3.0, 2.0, 1.0)))
     guessed = shine * (4.0, 2.0, 1.0)
-    gain = highlight_gain(seen, guessed, irradiance, gloss)[..., :3]
-    np.testing.assert_allclose(gain[12, 10], (0.25, 0.5, 1.0), atol=0.1)
+    gain, least = highlight_gain(seen, guessed, irradiance, gloss)
+    np.testing.assert_allclose(gain[12, 10, :3], (0.25, 0.5, 1.0), atol=0.05)
+    np.testing.assert_allclose(least[12, 10, :3], 0.5 * 0.2 * 1.5, rtol=0.05)
 
 
 def test_textures_do_not_pass_for_highlights() -> None:
     """Dark and light boards: the gain stays what it is on an even floor."""
     seen, shine, irradiance, gloss = cells(glow((1.0, 1.0, 1.0)))
     boards = 1.0 + 0.3 * np.sign(np.sin(np.arange(32) * 2.0))[None, :, None]
-    gain = highlight_gain((seen - shine) * boards + shine, shine, irradiance, gloss)
+    gain, _ = highlight_gain((seen - shine) * boards + shine, shine, irradiance, gloss)
     assert gain[10:15, 8:13, :3].min() > 0.9
 
 
 def test_nothing_glossy_has_gain_one() -> None:
     nothing = np.zeros((4, 8, 3))
-    gain = highlight_gain(nothing, nothing, nothing, np.zeros((4, 8), np.int64))
+    gain, _ = highlight_gain(nothing, nothing, nothing, np.zeros((4, 8), np.int64))
     np.testing.assert_array_equal(gain[..., :3], 1.0)
