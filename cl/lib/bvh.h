@@ -181,12 +181,12 @@ static inline int bvh_trace(const Bvh bvh, float3 o, float3 d, float t_max, BvhH
             met = 1;
         }
         do {
+            if (top == 0)
+                return met;
             if (instance >= 0 && top == upper) {
                 instance = -1;
                 ray = bvh_ray(o, d);
             }
-            if (top == 0)
-                return met;
             top--;
         } while (as_float(stack[top].y & ~3) >= hit->t);
         reference = stack[top].x;
