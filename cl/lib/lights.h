@@ -13,9 +13,9 @@
 
 // Surfaces that the capture centre sees at less than this cosine are not aimed at.
 #define LIGHT_GRAZING 0.05f
-// A ray that meets the surface within so many texel footprints of the point it was aimed at has
-// reached it.
-#define LIGHT_FOOTPRINTS 3.0f
+// Rays that meet a surface this far off the texel's plane, as a fraction of its distance from the
+// centre, met it where two planes are joined: nothing is aimed there.
+#define LIGHT_OFF_PLANE 1e-3f
 
 typedef struct {
     __global const float *cumulative;   // [count + 1] of the listed cells' probabilities
@@ -55,26 +55,30 @@ static inline float3 sample_light(const Lights lights, float2 u)
     return (float3)(-s * azimuth.y, y, s * azimuth.x);
 }
 
-// Direction from x to the point that the panorama shows towards v.
-static inline float3 towards_light(const RealLayer layer, float3 v, float3 x)
+static inline int light_texel(const RealLayer layer, float3 v)
 {
     const float2 uv = equirect_uv(v);
-    const int texel = min((int)(uv.y * layer.grid.height), layer.grid.height - 1) * layer.grid.width
+    return min((int)(uv.y * layer.grid.height), layer.grid.height - 1) * layer.grid.width
         + min((int)(uv.x * layer.grid.width), layer.grid.width - 1);
+}
+
+// Direction from x to the point of the tangent plane that the panorama shows towards v.
+static inline float3 towards_light(const RealLayer layer, float3 v, float3 x)
+{
+    const int texel = light_texel(layer, v);
     const float4 surface = layer.surface[texel];
     if ((int)surface.w & SURFACE_NONE)
         return v;
-    const float radius =
-        surface_radius(0.0f, dot(surface.xyz, v), 1.0f, 1.0f, layer.grid.range[texel]);
+    const float inverse = dot(surface.xyz, v);
+    const float radius = inverse > 0.0f ? 1.0f / inverse : layer.grid.range[texel].y;
     return safe_normalize(radius * v - x, v);
 }
 
-// Whether a ray that was sent towards v's point met it, rather than something on the way.
+// Whether a ray that was sent towards v's point met it, rather than something on the way. It counts
+// where light_density() is positive only: the texel and its plane leave no point but that one.
 static inline int reaches_light(const RealLayer layer, const RealHit hit, float3 v)
 {
-    const float angle = LIGHT_FOOTPRINTS * IPRT_PI / layer.grid.height;
-    const float3 apart = hit.direction - v;
-    return (hit.kind == HIT_SURFACE || hit.kind == HIT_SKY) && dot(apart, apart) <= angle * angle;
+    return hit.texel == light_texel(layer, v);
 }
 
 // Density per solid angle at x with which light sampling sends a ray along d to what it has hit.
@@ -90,10 +94,10 @@ static inline float light_density(const Lights lights, const RealLayer layer, co
     if (!(density > 0.0f) || hit.kind == HIT_SKY)
         return density;
     const float3 g = layer.surface[hit.texel].xyz;
-    const float towards_centre = dot(g, hit.direction);
-    if (!(towards_centre > LIGHT_GRAZING * length(g)))
-        return 0.0f;
     const float3 y = x + hit.t * d;
+    const float towards_centre = dot(g, hit.direction);
+    if (!(towards_centre > LIGHT_GRAZING * length(g) && fabs(dot(g, y) - 1.0f) < LIGHT_OFF_PLANE))
+        return 0.0f;
     return density * towards_centre * hit.t * hit.t
         / (dot(y, y) * fmax(fabs(dot(g, d)), 1e-6f * towards_centre));
 }

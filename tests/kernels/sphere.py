@@ -2,89 +2,108 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
 Float = NDArray[np.float64]
+Density = Callable[[NDArray[np.float32]], NDArray[np.floating]]
+"""1/sr at directions (N, 3)."""
 
 
 def basis(axis: Float) -> Float:
     """(3, 3) rows x, y, z: right-handed, z the unit vector `axis`."""
-    axis = axis / np.linalg.norm(axis)
     x = np.cross(np.eye(3)[np.abs(axis).argmin()], axis)
     x /= np.linalg.norm(x)
     return np.stack([x, np.cross(axis, x), axis])
 
 
-def cap_directions(
-    axis: Float, cosine: float, count: int, rng: np.random.Generator
-) -> tuple[NDArray[np.float32], float]:
-    """At least `count` directions (N, 3), one at random in each of equal parts of the cap whose rim
-    is at `cosine` from the axis; and the solid angle of each.
-    """
-    side = int(np.ceil(np.sqrt(count)))
-    i, j = np.meshgrid(np.arange(side), np.arange(side))
-    u, v = (np.stack([i, j]).reshape(2, -1) + rng.random((2, side * side))) / side
-    z, phi = 1.0 - u * (1.0 - cosine), 2.0 * np.pi * v
-    s = np.sqrt(np.maximum(1.0 - z * z, 0.0))
-    local = np.stack([s * np.cos(phi), s * np.sin(phi), z], -1)
-    return (local @ basis(axis)).astype(np.float32), 2.0 * np.pi * (1.0 - cosine) / side**2
+def even_directions(count: int, seed: int = 0) -> NDArray[np.float32]:
+    """(count, 3) over the sphere."""
+    d = np.random.default_rng(seed).normal(size=(count, 3))
+    return np.asarray(d / np.linalg.norm(d, axis=1, keepdims=True), np.float32)
+
+
+def _edges(values: Float, parts: int, low: float, high: float) -> Float:
+    """(parts + 1,) between equal numbers of the values, and a little beyond these."""
+    edges = np.quantile(values, np.linspace(0.0, 1.0, parts + 1))
+    margin = 0.5 * (edges[-1] - edges[0]) / parts
+    edges[0], edges[-1] = max(edges[0] - margin, low), min(edges[-1] + margin, high)
+    return np.asarray(edges)
 
 
 class Bins:
-    """Parts of the sphere about an axis, as fine as `pilot` directions (N, 3) are dense."""
+    """Parts of the sphere around `pilot` directions (N, 3), fine where these are dense: rings about
+    their mean, each cut by azimuth.
+    """
 
-    def __init__(self, pilot: NDArray[np.floating], axis: Float, side: int = 20) -> None:
-        self._basis = basis(axis)
-        theta, phi = self._angles(pilot)
-        inner = np.linspace(0.0, 1.0, side + 1)[1:-1]
-        self._theta = np.concatenate([[-1.0], np.quantile(theta, inner), [4.0]])
-        self._phi = np.concatenate([[-4.0], np.quantile(phi, inner), [4.0]])
+    def __init__(self, pilot: NDArray[np.floating], side: int) -> None:
+        axis = pilot.mean(0, dtype=np.float64)
+        self._basis = basis(axis / np.linalg.norm(axis))
+        self._side = side
+        z, phi = self._coordinates(pilot)
+        self._z = _edges(z, side, -1.0, 1.0)
+        ring = np.searchsorted(self._z, z) - 1
+        self._phi = np.array([_edges(phi[ring == i], side, -np.pi, np.pi) for i in range(side)])
 
-    def _angles(self, d: NDArray[np.floating]) -> tuple[Float, Float]:
+    def _coordinates(self, d: NDArray[np.floating]) -> tuple[Float, Float]:
         x, y, z = (d.astype(np.float64) @ self._basis.T).T
-        return np.arctan2(np.hypot(x, y), z), np.arctan2(y, x)
+        return z / np.sqrt(x * x + y * y + z * z), np.arctan2(y, x)
 
-    def sums(self, d: NDArray[np.floating], weights: Float | None = None) -> Float:
-        """(side²,) sum of the weights of the directions (N, 3) in each bin."""
-        bins = (self._theta, self._phi)
-        return np.asarray(np.histogram2d(*self._angles(d), bins=bins, weights=weights)[0].ravel())
+    def counts(self, d: NDArray[np.floating]) -> Float:
+        """(side²,) directions (N, 3) in each."""
+        z, phi = self._coordinates(d)
+        ring = np.searchsorted(self._z, z) - 1
+        found = (ring >= 0) & (ring < self._side)
+        ring, phi = ring[found], phi[found]
+        column = (self._phi[ring] < phi[:, None]).sum(1) - 1
+        found = (column >= 0) & (column < self._side)
+        cell = (ring * self._side + column)[found]
+        return np.bincount(cell, minlength=self._side**2).astype(np.float64)
+
+    def integrals(self, density: Density, points: int) -> tuple[Float, Float]:
+        """(side²,) the density's integral over each part by so many points, and its variance."""
+        side = self._side
+        u = np.random.default_rng(0).random((2, side, side, points))
+        z = self._z[:-1, None, None] + u[0] * np.diff(self._z)[:, None, None]
+        width = np.diff(self._phi)
+        phi = self._phi[:, :-1, None] + u[1] * width[..., None]
+        s = np.sqrt(np.maximum(1.0 - z * z, 0.0))
+        local = np.stack([s * np.cos(phi), s * np.sin(phi), z], -1)
+        q = density((local.reshape(-1, 3) @ self._basis).astype(np.float32)).astype(np.float64)
+        solid_angle = (np.diff(self._z)[:, None] * width).ravel()
+        q = q.reshape(-1, points)
+        return solid_angle * q.mean(1), solid_angle**2 * q.var(1) / points
 
 
 def agreement(
-    drawn: NDArray[np.floating],
-    total: int,
-    reference: NDArray[np.floating],
-    density: NDArray[np.floating],
-    solid_angle: float,
-    axis: Float,
+    drawn: NDArray[np.floating], total: int, density: Density, *, side: int = 10, points: int = 4096
 ) -> float:
     """p-value of the hypothesis that directions were drawn with a density.
 
     Parameters
     ----------
     drawn : (N, 3)
-        Those of `total` independent draws that count; the others make up one more bin.
-    reference, density : (M, 3), (M,)
-        The density at directions of `solid_angle` each (`cap_directions`), which cover all where it
-        is positive. Its integral over a bin is known up to their scatter, which is allowed for.
+        Those of `total` independent draws that count; the others, and what the bins leave out, make
+        up one more bin, whose share is what the density's integral lacks of 1.
+    density : callable
+        Its integrals over the bins are known up to the scatter of so many `points` each, which is
+        allowed for.
     """
+    # Bins from one half of the draws, counts from the other: the edges are no fit to the counts.
     pilot, counted, total = drawn[::2], drawn[1::2], total // 2
-    bins = Bins(pilot, axis)
-    counts = bins.sums(counted)
-    q = density.astype(np.float64) * solid_angle
-    number = np.maximum(bins.sums(reference), 1.0)
-    share = bins.sums(reference, q)
-    scatter = np.maximum(bins.sums(reference, q * q) - share**2 / number, 0.0)
+    bins = Bins(pilot, side)
+    counts = bins.counts(counted)
+    share, scatter = bins.integrals(density, points)
     share, scatter = np.append(share, 1.0 - share.sum()), np.append(scatter, scatter.sum())
     counts = np.append(counts, total - counts.sum())
+    expected, variance = share * total, scatter * total**2
     # Small bins become one.
-    small = share * total < 25.0
-    pooled = [np.append(a[~small], a[small].sum()) for a in (share, scatter, counts)]
-    expected, scatter, counts = pooled[0] * total, pooled[1] * total**2, pooled[2]
-    kept = expected > 5.0
-    variance = np.maximum(expected, 0.0) + scatter
-    statistic = ((counts - expected) ** 2 / variance)[kept].sum()
-    assert counts[~kept].sum() <= 25.0, "drawn where the density is zero"
-    return float(chi2.sf(statistic, np.count_nonzero(kept) - 1))
+    small = expected < 25.0
+    expected, variance, counts = (
+        np.append(a[~small], a[small].sum()) for a in (expected, variance, counts)
+    )
+    variance += np.maximum(expected, 1.0)
+    return float(chi2.sf(((counts - expected) ** 2 / variance).sum(), len(counts) - 1))

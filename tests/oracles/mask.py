@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tests.oracles.guide import Array, shifted
 
@@ -34,16 +35,16 @@ def tracing_weight(
     return np.minimum(weight, 1.0)
 
 
-def levels(weight: Array, ids: Array, low: float, high: float, touched: Array) -> Array:
+def levels(weight: Array, ids: Array, low: float, high: float, touched: NDArray[np.bool_]) -> Array:
     """(H, W) tracing level of Eq. 4, 255 where there is nothing to trace.
 
     `touched` pixels and their neighbours take one ray for four at least.
     """
     chosen = np.where(weight >= high, 0, np.where((weight >= low) | touched, 1, 2))
-    return np.where(ids > 0.0, chosen, 255)
+    return np.asarray(np.where(ids > 0.0, chosen, 255))
 
 
-def near(touched: Array, equirect: bool) -> Array:
+def near(touched: Array, equirect: bool) -> NDArray[np.bool_]:
     """(H, W) bool, pixels of which one of 3x3 is touched."""
     found = np.zeros(touched.shape, bool)
     for dy in range(-1, 2):
@@ -57,4 +58,4 @@ def traced(level: Array, offset: tuple[int, int]) -> Array:
     y, x = np.mgrid[: level.shape[0], : level.shape[1]]
     spacing = np.where(level == 255, 1, 2 ** np.minimum(level, 2))
     on_grid = ((x - offset[0]) % spacing == 0) & ((y - offset[1]) % spacing == 0)
-    return on_grid & (level != 255)
+    return np.asarray(on_grid & (level != 255))
