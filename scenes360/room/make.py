@@ -55,6 +55,8 @@ VIEWS = {
     "table": (View(VIEW_SIZE, VIEW_SIZE, 8.0, -33.0, 42.0), ("pot", "vase")),
     "rug": (View(VIEW_SIZE, VIEW_SIZE, -34.0, -41.0, 46.0), ("knot", "ball")),
 }
+GLOSSY = {"floor": (plan.FLOOR, 0.25), "table": (plan.TABLE_TOP, 0.2)}
+"""Height and roughness of the coated surfaces that objects are reflected in, as modelled."""
 OVERVIEW = View(960, 640, -8.0, -18.0, 72.0)
 """A view without truth, of everything."""
 
@@ -76,7 +78,8 @@ def main() -> None:
         half=True,
     )
     write_planes(options.out / "depth.exr", {"Z": rounded(render_geometry(parts, PANORAMA)[0])})
-    manifest = [HEAD, *(object_toml(name, placed) for name, placed in OBJECTS.items())]
+    manifest = [HEAD, *(glossy_toml(name, *how) for name, how in GLOSSY.items())]
+    manifest += [object_toml(name, placed) for name, placed in OBJECTS.items()]
     for name, (view, names) in VIEWS.items():
         LOG.info("view %s", name)
         inserted = {n: mitsuba_object(meshes[n], OBJECTS[n]) for n in names}
@@ -116,6 +119,16 @@ depth = "depth.exr"
 frames = [0, 0]
 fps = 30.0
 loop = false
+"""
+
+
+def glossy_toml(name: str, height: float, alpha: float) -> str:
+    return f"""[[real_materials]]
+name = "{name}"
+kind = "plastic"
+alpha = {alpha:g}
+ior = 1.5
+plane = {{ point = [0, {height:g}, 0], normal = [0, 1, 0], tolerance = 0.006 }}
 """
 
 
