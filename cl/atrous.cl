@@ -3,22 +3,93 @@
 //
 // All planes of a signal share one set of weights, so that E_R and E_RV are averaged over the
 // same pixels before they are divided, and equal inputs give equal bits. The weight of a tap q is
-//   B3(q) * falloff(k_n (1 - n_p . n_q) + k_d |n_p . (x_q - x_p)| / |x_p|
-//                   + (g_p - g_q)^2 / (k_v^2 (v_p + v_q) + floor^2)) , 0 where ids differ,
-// where g is the scalar that the picture shows (luminance of E_R - E_RV on real surfaces, of the
-// signal on virtual ones) and v its variance. Both variances enter, so that a pixel which missed
+//   h(q) * falloff(k_n (1 - n_p . n_q) + k_d |n_p . (x_q - x_p)| / |x_p|
+//                   + (g_p - g_q)^2 / (k_v^2 (v_p + v_q) + floor^2)), 0 where ids differ,
+// where h is the B3 spline or, of 3x3 taps, that of ReLAX, g the scalar that the picture shows
+// (luminance of E_R - E_RV or of blocked - bounced light on real surfaces, of the signal on virtual
+// ones) and v its variance. Both variances enter, so that a pixel which missed
 // a rare event still takes part in what its noisy neighbours found.
 //
 //   in    guide (7 planes, guide.h), signal (SIGNAL_PLANES), variance (1) of g, roughness (1, GGX
 //         alpha; -DSPECULAR), borders wrapped in equirect views
 //   out   signal, variance: pixels without a surface are copied
 //
-// Build with -DSIGNAL_PLANES=3|6, -DDIFFERENCE for a real layer (planes E_R rgb, E_RV rgb),
-// -DSPECULAR for specular radiance. Work groups of (n, 1) vectorize best on CPUs.
+// Build with -DSIGNAL_PLANES=3|6, -DDIFFERENCE for a real layer (planes E_R rgb, E_RV rgb with
+// -DCOMMON too, else blocked / E_R rgb, bounce / E_R rgb), -DSPECULAR for specular radiance,
+// -DEXTENT to filter only where there is anything but 0, -DTAPS=3|5 in a row, and -DGUIDED, without
+// which luminance does not count (IPRT's joint bilateral filter). Work groups of (n, 1) vectorize
+// best on CPUs.
 #include "guide.h"
 #include "signal.h"
 
-#define MIRROR_ALPHA 1e-4f
+#define MIRROR_ALPHA 1e-4f     // below, and flat: a perfect mirror
+
+#if TAPS == 3
+#define MIDDLE 0.44198f       // weights of a row of taps, as in ReLAX
+#define SIDE 0.27901f
+#else
+#define MIDDLE 0.375f         // B3 spline, with 0.25 and 0.0625 to the sides
+#endif
+#define CENTRE (MIDDLE * MIDDLE)
+#define NORMAL_SPREAD 1.0f     // alpha^2 per sum of squared normal steps to the four neighbours
+#ifdef EXTENT
+// The columns of each row between which objects do anything, for all that is known.
+__kernel void find_extent(
+    __global const float *restrict signal,   // SIGNAL_PLANES planes
+    __global const float *restrict variance, // of the guide scalar's mean
+    __global int *restrict extent,           // out: per row first column and end; (width, 0): none
+    int width,
+    int height)
+{
+    int y = get_global_id(0);
+    if (y >= height)
+        return;
+    int size = plane_size(width, height), first = width, end = 0;
+    for (int x = 0; x < width; x++) {
+        int p = plane_index(x, y, width);
+        bool active = variance[p] > 0.0f;
+        #pragma unroll
+        for (int c = 0; c < SIGNAL_PLANES; c++)
+            active = active || signal[c * size + p] != 0.0f;
+        first = active ? min(first, x) : first;
+        end = active ? x + 1 : end;
+    }
+    extent[2 * y] = first;
+    extent[2 * y + 1] = end;
+}
+
+// The columns that the levels may change: those within their reach of active ones; and those that
+// they changed in the previous picture, which go back to 0 unless they are still within reach.
+__kernel void grow_extent(
+    __global const int *restrict found,    // per row first column and end, of find_extent
+    __global const int *restrict previous, // `grown` of the previous picture
+    __global int *restrict grown,          // out: per row
+    __global int *restrict extent,         // out: per row, what to filter
+    int reach,                             // of all levels together
+    int width,
+    int height)
+{
+    int y = get_global_id(0);
+    if (y >= height)
+        return;
+    int first = width, end = 0;
+    for (int row = max(y - reach, 0); row <= min(y + reach, height - 1); row++) {
+        first = min(first, found[2 * row]);
+        end = max(end, found[2 * row + 1]);
+    }
+    bool any = first < end, everywhere = false;
+#ifdef VIEW_EQUIRECT
+    everywhere = any && (first < reach || end > width - reach); // reaches across the seam
+#endif
+    first = !any ? width : everywhere ? 0 : max(first - reach, 0);
+    end = !any ? 0 : everywhere ? width : min(end + reach, width);
+    grown[2 * y] = first;
+    grown[2 * y + 1] = end;
+    bool before = previous[2 * y] < previous[2 * y + 1];
+    extent[2 * y] = before ? min(first, previous[2 * y]) : first;
+    extent[2 * y + 1] = before ? max(end, previous[2 * y + 1]) : end;
+}
+#endif
 
 __kernel void filter_level(
     __global const float *restrict guide,        // 7 planes
@@ -26,8 +97,11 @@ __kernel void filter_level(
     __global const float *restrict variance,     // of the guide scalar's mean
     __global float *restrict signal_out,         // SIGNAL_PLANES planes
     __global float *restrict variance_out,       // 1 plane
+#ifdef EXTENT
+    __global const int *restrict extent,         // per row first column and end; the rest is 0
+#endif
 #ifdef SPECULAR
-    __global const float *restrict roughness,    // GGX alpha, below 1e-4 a mirror: copied
+    __global const float *restrict roughness,    // of widen_lobes; below 1e-4 the pixel is copied
     float lobe_fraction,                         // of the lobe's half width that taps may span
 #endif
     int step,                                    // tap distance in pixels: 1, 2, 4, 8, 16
@@ -43,6 +117,10 @@ __kernel void filter_level(
     int height)
 {
     int x = x0 + (int)get_global_id(0), y = y0 + (int)get_global_id(1);
+#ifdef EXTENT
+    x += extent[2 * y];
+    x1 = extent[2 * y + 1];
+#endif
     if (x >= x1 || y >= y1)
         return;
     int size = plane_size(width, height), stride = plane_stride(width);
@@ -59,12 +137,16 @@ __kernel void filter_level(
     #pragma unroll
     for (int c = 0; c < SIGNAL_PLANES; c++) {
         centre[c] = signal[c * size + p];
-        sum[c] = 0.140625f * centre[c];
+        sum[c] = CENTRE * centre[c];
     }
-    float weights = 0.140625f;
-    float variances = 0.140625f * 0.140625f * variance[p];
+    float weights = CENTRE;
+    float variances = CENTRE * CENTRE * variance[p];
     float g = guide_scalar(centre);
+#if defined(DIFFERENCE) && !defined(COMMON)
+    float tolerance = floor_fraction; // the signal is a fraction of all light
+#else
     float tolerance = floor_fraction * luminance((float3)(centre[0], centre[1], centre[2]));
+#endif
     tolerance = variance_scale * variance[p] + tolerance * tolerance + 1e-30f;
     // No tap matches -2, so that a pixel without a surface keeps what it has.
     float same = id > 0.0f ? id : -2.0f;
@@ -83,6 +165,11 @@ __kernel void filter_level(
 #else
 #define LOBE_TERM(DX, DY, DZ)
 #endif
+#ifdef GUIDED
+#define NOISE_TERM(X) + X
+#else
+#define NOISE_TERM(X)
+#endif
 #define TAP(DX, DY, KERNEL)                                                                    \
     {                                                                                          \
         int q = p + step * (DX + DY * stride);                                                 \
@@ -94,13 +181,23 @@ __kernel void filter_level(
         float dg = guide_scalar(tap) - g;                                                      \
         float v = variance[q];                                                                 \
         float x = normal_sharpness * fmax(turn, 0.0f) + plane_scale * fabs(off_plane)          \
-                  + dg * dg / (variance_scale * v + tolerance)                                 \
+                  NOISE_TERM(dg * dg / (variance_scale * v + tolerance))                       \
                   LOBE_TERM(qx - px, qy - py, qz - pz);                                        \
         float w = guide[6 * size + q] == same ? KERNEL * falloff(x) : 0.0f;                    \
         _Pragma("unroll") for (int c = 0; c < SIGNAL_PLANES; c++) sum[c] += w * tap[c];        \
         weights += w;                                                                          \
         variances += w * w * v;                                                                \
     }
+#if TAPS == 3
+    TAP(-1, -1, SIDE * SIDE)
+    TAP(0, -1, MIDDLE * SIDE)
+    TAP(1, -1, SIDE * SIDE)
+    TAP(-1, 0, MIDDLE * SIDE)
+    TAP(1, 0, MIDDLE * SIDE)
+    TAP(-1, 1, SIDE * SIDE)
+    TAP(0, 1, MIDDLE * SIDE)
+    TAP(1, 1, SIDE * SIDE)
+#else
 #define ROW(DY, KERNEL)                                                                        \
     TAP(-2, DY, KERNEL * 0.0625f)                                                              \
     TAP(-1, DY, KERNEL * 0.25f)                                                                \
@@ -116,14 +213,48 @@ __kernel void filter_level(
     ROW(2, 0.0625f)
     TAP(0, 2, 0.0625f * 0.375f)
 
+#endif
     // The quotient need not give back a lone centre's bits: copy it.
-    bool alone = weights <= 0.140625f;
+    bool alone = weights <= CENTRE;
     float scale = 1.0f / weights;
     #pragma unroll
     for (int c = 0; c < SIGNAL_PLANES; c++)
         signal_out[c * size + p] = alone ? centre[c] : scale * sum[c];
     variance_out[p] = alone ? variance[p] : scale * scale * variances;
 }
+
+#ifdef SPECULAR
+// GGX alpha of the lobe of a whole pixel: the normals within it turn its reflections too, by twice
+// their angle, as alpha does (Kaplanyan et al. 2016; Tokuyoshi and Kaplanyan 2019, Eq. 1). Where
+// surfaces bend within a pixel, one normal stands for many, and neighbours show what it misses.
+__kernel void widen_lobes(
+    __global const float *restrict guide,     // 7 planes
+    __global const float *restrict roughness, // GGX alpha
+    __global float *restrict widened,         // out: 1 plane
+    int x0,                                   // rectangle's first column
+    int y0,                                   // and row
+    int x1,                                   // end column
+    int y1,                                   // and row
+    int width,
+    int height)
+{
+    int x = x0 + (int)get_global_id(0), y = y0 + (int)get_global_id(1);
+    if (x >= x1 || y >= y1)
+        return;
+    int size = plane_size(width, height), stride = plane_stride(width);
+    int p = plane_index(x, y, width);
+    float alpha = roughness[p], turned = 0.0f;
+    #pragma unroll
+    for (int i = 0; i < 4; i++) {
+        int q = p + (i < 2 ? 2 * i - 1 : (2 * i - 5) * stride);
+        float dx = guide[q] - guide[p], dy = guide[size + q] - guide[size + p];
+        float dz = guide[2 * size + q] - guide[2 * size + p];
+        bool same = guide[GUIDE_ID * size + q] == guide[GUIDE_ID * size + p];
+        turned += same ? dx * dx + dy * dy + dz * dz : 0.0f;
+    }
+    widened[p] = sqrt(alpha * alpha + NORMAL_SPREAD * turned);
+}
+#endif
 
 // 3x3 binomial mean of the variance over pixels of one id: single estimates are too noisy to
 // steer the weights (Schied et al. 2017, section 4.4).

@@ -1,5 +1,5 @@
-// Temporal accumulation with motion vectors, and the variance of its result (IPRT "Filtering",
-// fading and clamping; moments after Schied et al. 2017, SVGF section 4.2).
+// Temporal accumulation with motion vectors, and the variance of its result (moments after Schied
+// et al. 2017, SVGF section 4.2; two histories, after NVIDIA's ReLAX; IPRT "Filtering").
 //
 // Pixel (x, y) has its centre at (x + 0.5, y + 0.5); row 0 is the top.
 //
@@ -9,15 +9,22 @@
 //                      pixels; -1e9 = nowhere), history          length (how many samples it is
 //                                                                worth), spread (variance of single
 //                                                                samples of g)
-//   clamp_history      guide, samples, history                   history near this picture's samples
-//   accumulate         guide, samples, history                   history with the samples added,
+//   follow             guide, samples, level, fast history       fast history with the samples added
+//   measure            guide, signal                             scalar g of the signal
+//   correct            guide, fast history, g, history, spread   history that agrees with the fast
+//                                                                one
+//   clamp_history      guide, nearby signal, history             history near that signal
+//   accumulate         guide, samples, level, history            history with the samples added,
 //                                                                scalar g of it
 //   estimate_variance  guide, g, spread, length                  variance of g's mean
 //
-// g is the scalar that the picture shows: the luminance of E_R - E_RV with -DDIFFERENCE (a real
-// layer: planes E_R rgb, E_RV rgb), else the signal's. Without clamping and fading, and motion
-// that stays on the pixel, the accumulated signal is the plain mean of the samples. A sample that
-// is not finite is dropped. Build with -DSIGNAL_PLANES=3|6, -DVIEW_EQUIRECT for equirect views.
+// g is the scalar that the picture shows: the luminance of the first three planes less the last
+// three with -DDIFFERENCE (a real layer: E_R, E_RV, then -DCOMMON too; or blocked and bounced light over
+// E_R), else the signal's. Without
+// correction and fading, and motion that stays on the pixel, the accumulated signal is the plain
+// mean of the samples. A sample that is not finite is dropped. Where all samples are 0, or the
+// first three planes equal the last three, so is the result, bit for bit. Build with
+// -DSIGNAL_PLANES=3|6, -DVIEW_EQUIRECT for equirect views.
 #include "guide.h"
 #include "signal.h"
 
@@ -25,14 +32,25 @@
 #define MAX_LENGTH 1e6f
 #define SHORT_HISTORY 4.0f    // below, samples of one pixel do not tell their variance
 #define SPATIAL_RADIUS 3
-#define CLAMP_STEP 2
+#define NEAR_STEP 2           // nine pixels so far apart stand for a 5x5 neighbourhood
 
-// Reads a pixel's signal; the planes from 3 on as differences to the first three.
-inline void load_differences(float *s, __global const float *signal, int size, int p)
+inline void load_signal(float *s, __global const float *signal, int size, int p)
 {
     #pragma unroll
     for (int c = 0; c < SIGNAL_PLANES; c++)
-        s[c] = signal[c * size + p] - (c < 3 ? 0.0f : signal[(c - 3) * size + p]);
+        s[c] = signal[c * size + p];
+}
+
+// What is clamped, plane by plane: with -DCOMMON the last three planes by their differences to the
+// first three, with which they share their noise.
+inline void load_clamped(float *s, __global const float *signal, int size, int p)
+{
+    load_signal(s, signal, size, p);
+#ifdef COMMON
+    #pragma unroll
+    for (int c = 3; c < SIGNAL_PLANES; c++)
+        s[c] -= signal[(c - 3) * size + p];
+#endif
 }
 
 inline bool all_finite(const float *s)
@@ -42,6 +60,14 @@ inline bool all_finite(const float *s)
     for (int c = 0; c < SIGNAL_PLANES; c++)
         total += fabs(s[c]);
     return total < HUGE;
+}
+
+// What a history of `length` samples of variance `spread` is worth that is off by `bias`: as many
+// samples as have the same mean squared error.
+inline float worth_of_biased(float length, float spread, float bias_squared)
+{
+    float error = fmax(spread + length * bias_squared, 1e-30f);
+    return bias_squared > 0.0f ? spread * length / error : length;
 }
 
 __kernel void reproject(
@@ -106,17 +132,109 @@ __kernel void reproject(
     spread[p] = found ? variation / weights : 0.0f;
 }
 
-// Clamps the history to mean +- sigma deviations of this picture's neighbourhood, a box that also
-// holds the new sample (IPRT "Filtering"). Nine samples two pixels apart reach as far as a 5x5 box
-// for a third of its reads. E_RV is clamped by its difference to E_R: where no object has
-// influence that box is a point, so an old shadow goes at once although E_R itself is noisy.
-__kernel void clamp_history(
+// The fast history: a mean that forgets after a few samples.
+__kernel void follow(
     __global const float *restrict guide,   // 7 planes
-    __global const float *restrict samples, // SIGNAL_PLANES planes, border wrapped
-    __global float *restrict signal,        // in, out: SIGNAL_PLANES planes of history
-    __global float *restrict length,        // in, out: 1 plane, lowered where anything moved
-    float sigma,                            // half width of the box in deviations
-    float clamped_length,                   // samples that a clamped history is worth
+    __global const float *restrict samples, // SIGNAL_PLANES planes
+    __global const uchar *restrict level,   // 1 plane: how densely this picture was traced
+    __global float *restrict signal,        // in, out: SIGNAL_PLANES planes of fast history
+    __global float *restrict length,        // in, out: 1 plane
+    float limit,                            // samples that it is worth at most
+    int width,
+    int height)
+{
+    int x = get_global_id(0), y = get_global_id(1);
+    if (x >= width || y >= height)
+        return;
+    int size = plane_size(width, height), p = plane_index(x, y, width);
+    float sample[SIGNAL_PLANES];
+    load_signal(sample, samples, size, p);
+    bool usable = guide[GUIDE_ID * size + p] > 0.0f && all_finite(sample);
+    int spacing = level_spacing(usable ? level[p] : 0);
+    float worth = 1.0f / (spacing * spacing), before = length[p];
+    float share = before > 0.0f ? worth / fmin(before + worth, limit) : 1.0f;
+    #pragma unroll
+    for (int c = 0; c < SIGNAL_PLANES; c++) {
+        float past = signal[c * size + p];
+        float mean = share < 1.0f ? past + share * (sample[c] - past) : sample[c];
+        signal[c * size + p] = usable ? mean : past;
+    }
+    length[p] = usable ? fmin(before + worth, limit) : before;
+}
+
+__kernel void measure(
+    __global const float *restrict guide,  // 7 planes
+    __global const float *restrict signal, // SIGNAL_PLANES planes
+    __global float *restrict scalar,       // out: 1 plane
+    int width,
+    int height)
+{
+    int x = get_global_id(0), y = get_global_id(1);
+    if (x >= width || y >= height)
+        return;
+    int size = plane_size(width, height), p = plane_index(x, y, width);
+    float s[SIGNAL_PLANES];
+    load_signal(s, signal, size, p);
+    scalar[p] = guide_scalar(s);
+}
+
+// Antilag: where the fast history's mean over a neighbourhood differs from the slow one's by more
+// than noise explains, the slow one is off by the rest, and gives way to the fast one to the degree
+// that this bias makes it the worse estimate.
+__kernel void correct(
+    __global const float *restrict guide,       // 7 planes
+    __global const float *restrict fast,        // SIGNAL_PLANES planes, border wrapped
+    __global const float *restrict fast_length, // 1 plane
+    __global const float *restrict scalar,      // 1 plane, g of the slow history, border wrapped
+    __global float *restrict signal,            // in, out: SIGNAL_PLANES planes of slow history
+    __global float *restrict length,            // in, out: 1 plane
+    __global const float *restrict spread,      // 1 plane
+    float sigma,                                // differences of so many deviations are noise
+    int width,
+    int height)
+{
+    int x = get_global_id(0), y = get_global_id(1);
+    if (x >= width || y >= height)
+        return;
+    int size = plane_size(width, height), p = plane_index(x, y, width);
+    float id = guide[GUIDE_ID * size + p], before = length[p];
+    float count = 0.0f, sum = 0.0f, square = 0.0f;
+    #pragma unroll
+    for (int i = 0; i < 9; i++) {
+        int q = p + NEAR_STEP * (i % 3 - 1 + (i / 3 - 1) * plane_stride(width));
+        float s[SIGNAL_PLANES];
+        load_signal(s, fast, size, q);
+        float same = guide[GUIDE_ID * size + q] == id ? 1.0f : 0.0f;
+        float d = same * (guide_scalar(s) - scalar[q]);
+        count += same;
+        sum += d;
+        square += d * d;
+    }
+    float mean = sum / count;
+    float variance = fmax(square / count - mean * mean, 0.0f) / fmax(count - 1.0f, 1.0f);
+    float bias_squared = fmax(mean * mean - sigma * sigma * variance, 0.0f);
+    float worth = worth_of_biased(before, spread[p], bias_squared);
+    bool stale = id > 0.0f && before > 0.0f && fast_length[p] > 0.0f && worth < before;
+    float share = stale ? 1.0f - worth / before : 0.0f;
+    #pragma unroll
+    for (int c = 0; c < SIGNAL_PLANES; c++) {
+        float past = signal[c * size + p];
+        signal[c * size + p] = past + share * (fast[c * size + p] - past);
+    }
+    length[p] = before + share * (fmin(fast_length[p], before) - before);
+}
+
+// Clamps the history to mean +- sigma deviations of a neighbourhood, a box that also holds the
+// pixel's own value (IPRT "Filtering"). Where no object has influence the box of what objects do is
+// a point, so an old shadow goes at once: of E_RV (-DCOMMON) by its difference to E_R, although E_R
+// itself is noisy.
+__kernel void clamp_history(
+    __global const float *restrict guide,  // 7 planes
+    __global const float *restrict nearby, // SIGNAL_PLANES planes, border wrapped
+    __global float *restrict signal,       // in, out: SIGNAL_PLANES planes of history
+    __global float *restrict length,       // in, out: 1 plane, lowered where g moved
+    __global const float *restrict spread, // 1 plane
+    float sigma,                           // half width of the box in deviations
     int width,
     int height)
 {
@@ -126,18 +244,17 @@ __kernel void clamp_history(
     int size = plane_size(width, height), p = plane_index(x, y, width);
     float id = guide[GUIDE_ID * size + p];
     float centre[SIGNAL_PLANES], mean[SIGNAL_PLANES], square[SIGNAL_PLANES];
-    load_differences(centre, samples, size, p);
-    if (!(id > 0.0f && all_finite(centre)))
-        return;
+    load_clamped(centre, nearby, size, p);
+    bool usable = id > 0.0f && all_finite(centre);
     #pragma unroll
     for (int c = 0; c < SIGNAL_PLANES; c++)
         mean[c] = square[c] = 0.0f;
     float count = 0.0f;
     #pragma unroll
     for (int i = 0; i < 9; i++) {
-        int q = p + CLAMP_STEP * (i % 3 - 1 + (i / 3 - 1) * plane_stride(width));
+        int q = p + NEAR_STEP * (i % 3 - 1 + (i / 3 - 1) * plane_stride(width));
         float s[SIGNAL_PLANES];
-        load_differences(s, samples, size, q);
+        load_clamped(s, nearby, size, q);
         bool used = guide[GUIDE_ID * size + q] == id && all_finite(s);
         count += used ? 1.0f : 0.0f;
         #pragma unroll
@@ -148,8 +265,10 @@ __kernel void clamp_history(
             square[c] += d * d;
         }
     }
-    float value[SIGNAL_PLANES], clamped[SIGNAL_PLANES], scale = 1.0f / count;
-    load_differences(value, signal, size, p);
+    float past[SIGNAL_PLANES], value[SIGNAL_PLANES], clamped[SIGNAL_PLANES];
+    float scale = 1.0f / fmax(count, 1.0f);
+    load_signal(past, signal, size, p);
+    load_clamped(value, signal, size, p);
     bool moved = false;
     #pragma unroll
     for (int c = 0; c < SIGNAL_PLANES; c++) {
@@ -159,14 +278,16 @@ __kernel void clamp_history(
         float high = centre[c] + fmax(m + deviation, 0.0f);
         clamped[c] = fmin(fmax(value[c], low), high);
         moved = moved || clamped[c] != value[c];
+#ifdef COMMON
         clamped[c] += c < 3 ? 0.0f : clamped[c - 3];
+#endif
     }
-    if (!moved)
-        return;
+    moved = moved && usable;
     #pragma unroll
     for (int c = 0; c < SIGNAL_PLANES; c++)
-        signal[c * size + p] = clamped[c];
-    length[p] = fmin(length[p], clamped_length);
+        signal[c * size + p] = moved ? clamped[c] : past[c];
+    float step = guide_scalar(clamped) - guide_scalar(past);
+    length[p] = moved ? worth_of_biased(length[p], spread[p], step * step) : length[p];
 }
 
 __kernel void accumulate(
@@ -187,11 +308,8 @@ __kernel void accumulate(
     int size = plane_size(width, height);
     int p = plane_index(x, y, width);
     float past[SIGNAL_PLANES], sample[SIGNAL_PLANES];
-    #pragma unroll
-    for (int c = 0; c < SIGNAL_PLANES; c++) {
-        past[c] = signal[c * size + p];
-        sample[c] = samples[c * size + p];
-    }
+    load_signal(past, signal, size, p);
+    load_signal(sample, samples, size, p);
     float before = length[p], variation = spread[p];
     bool usable = guide[GUIDE_ID * size + p] > 0.0f && all_finite(sample);
     bool first = !(before > 0.0f);
@@ -208,7 +326,7 @@ __kernel void accumulate(
     #pragma unroll
     for (int c = 0; c < SIGNAL_PLANES; c++) {
         float mean = first ? sample[c] : past[c] + share * (sample[c] - past[c]);
-        past[c] = usable ? mean : signal[c * size + p];
+        past[c] = usable ? mean : past[c];
         signal[c * size + p] = past[c];
     }
     length[p] = usable ? fmin(before + worth, limit) : before;

@@ -107,7 +107,8 @@ class RealPixels:
         self._guide = guide
         self.mask = Mask(device, guide, settings.mask, name=name, graded=requirements.delta)
         self._trace = TraceReal(device, guide, requirements, name=name)
-        self._filter = SignalFilter(device, guide, "real", settings, name=name)
+        kind: Kind = "delta" if requirements.delta else "ratio"
+        self._filter = SignalFilter(device, guide, kind, settings, name=name)
         self.relight = Relight(device, guide, delta=requirements.delta, name=name)
         self.change: cla.Array | None = None
 

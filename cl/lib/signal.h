@@ -1,5 +1,6 @@
-// Signals that are accumulated and filtered: SIGNAL_PLANES values per pixel, E_R rgb and E_RV rgb of
-// real surfaces (-DDIFFERENCE) or reflected rgb of virtual ones.
+// Signals that are accumulated and filtered: SIGNAL_PLANES values per pixel: of real surfaces
+// (-DDIFFERENCE) E_R rgb and E_RV rgb, or blocked / E_R rgb and bounce / E_R rgb; of virtual ones
+// reflected rgb.
 #ifndef IPRT_SIGNAL_H
 #define IPRT_SIGNAL_H
 

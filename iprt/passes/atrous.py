@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pyopencl.array as cla
 from pydantic import BaseModel, ConfigDict, Field
 
-from iprt.device.compute import ComputeDevice
+from iprt.device.compute import ComputeDevice, Define
 from iprt.passes.guide import Guide, plane_defines
-from iprt.passes.temporal import Accumulated, Kind, signal_planes
+from iprt.passes.temporal import Accumulated, Kind, signal_defines, signal_planes
+
+ROW_GROUP = 16
+"""Rows of a work group, at most: those beyond the picture are read too."""
 
 Rect = tuple[int, int, int, int]
 """Pixels x0 <= x < x1, y0 <= y < y1, as (x0, y0, x1, y1)."""
@@ -22,7 +26,8 @@ class AtrousSettings(BaseModel):
         default=5,
         ge=0,
         le=5,
-        description="Levels: taps reach 2 (2^levels - 1) pixels, 62 at 5; 0 leaves the noise.",
+        description="Levels: taps reach 2^levels - 1 pixels on real surfaces, 31 at 5, twice as "
+        "far on objects; 0 leaves the noise.",
     )
     normal_sharpness: float = Field(
         default=24.0,
@@ -47,7 +52,8 @@ class AtrousSettings(BaseModel):
         default=0.002,
         ge=0.0,
         le=1.0,
-        description="Differences up to this fraction of a pixel's luminance count as noise always.",
+        description="Differences up to this fraction of a pixel's luminance, or of the light that "
+        "a real surface receives, count as noise always.",
     )
     lobe_fraction: float = Field(
         default=0.5,
@@ -68,17 +74,31 @@ class Atrous:
         settings: AtrousSettings,
         *,
         name: str,
+        guided: bool = True,
     ) -> None:
+        """Without `guided`, luminance does not count: IPRT's joint bilateral filter."""
         self.settings = settings
         self.kind = kind
         self._device = device
         self._guide = guide
+        self._real = kind in ("ratio", "delta")
+        self._taps = 3 if self._real and guided else 5
         channels = signal_planes(kind)
         defines = plane_defines(
-            SIGNAL_PLANES=channels, DIFFERENCE=kind == "real", SPECULAR=kind == "specular"
+            equirect=guide.equirect,
+            **signal_defines(kind),
+            SPECULAR=kind == "specular",
+            EXTENT=kind == "delta",
+            TAPS=self._taps,
+            GUIDED=guided,
         )
         self._filter = device.kernel("atrous.cl", "filter_level", defines)
         self._smooth = device.kernel("atrous.cl", "smooth_variance", defines)
+        if kind == "specular":
+            self._widen = device.kernel("atrous.cl", "widen_lobes", defines)
+            self._roughness = device.zeros(f"{name} widened roughness", guide.layout.shape(1))
+        if kind == "delta":
+            self._extent = Extent(device, guide, defines, name=name)
         self._scratch = [
             (
                 device.zeros(f"{name} filtered {i}", guide.layout.shape(channels)),
@@ -101,7 +121,7 @@ class Atrous:
         accumulated : Accumulated
             Not changed, but for borders in equirect views.
         roughness : 1 plane
-            GGX alpha of the specular lobe, needed by that kind; below 1e-4 the pixel is copied.
+            GGX alpha of the specular lobe, needed by that kind. Flat mirrors are copied.
         rect : Rect or None
             Where there are surfaces; outside it the result is undefined. None: everywhere.
         """
@@ -114,8 +134,8 @@ class Atrous:
         signal, (_, variance) = accumulated.signal, self._scratch[-1]
         if min(size) <= 0:
             return signal
-        lobe = (roughness, settings.lobe_fraction) if self.kind == "specular" else ()
-        with self._device.profile.section(f"filter {self.kind}"):
+        with self._device.profile.section(f"filter {'real' if self._real else self.kind}"):
+            extra = self._own_arguments(accumulated, roughness, rect)
             guide.wrap(accumulated.variance)
             self._smooth(size, guide.current, accumulated.variance, variance, *rect, width, height)
             for level in range(settings.levels):
@@ -129,7 +149,7 @@ class Atrous:
                     variance,
                     signal_out,
                     variance_out,
-                    *lobe,
+                    *extra,
                     1 << level,
                     settings.normal_sharpness,
                     settings.plane_sharpness,
@@ -141,3 +161,46 @@ class Atrous:
                 )
                 signal, variance = signal_out, variance_out
         return signal
+
+    def _own_arguments(
+        self, accumulated: Accumulated, roughness: cla.Array | None, rect: Rect
+    ) -> tuple[object, ...]:
+        """Arguments of `filter_level` that only this kind of signal has."""
+        settings, guide = self.settings, self._guide
+        width, height = guide.layout.width, guide.layout.height
+        if self.kind == "specular":
+            size = (rect[2] - rect[0], rect[3] - rect[1])
+            self._widen(size, guide.current, roughness, self._roughness, *rect, width, height)
+            return self._roughness, settings.lobe_fraction
+        if self.kind == "delta":
+            reach = self._taps // 2 * ((1 << settings.levels) - 1)
+            return (self._extent.run(accumulated, reach),)
+        return ()
+
+
+class Extent:
+    """Which columns of each row the filter may change: the rest is 0 before and after."""
+
+    def __init__(
+        self, device: ComputeDevice, guide: Guide, defines: dict[str, Define], *, name: str
+    ) -> None:
+        self._guide = guide
+        self._find = device.kernel("atrous.cl", "find_extent", defines)
+        self._grow = device.kernel("atrous.cl", "grow_extent", defines)
+        rows = guide.layout.height + ROW_GROUP
+
+        def columns(label: str) -> cla.Array:
+            return device.zeros(f"{name} {label}", (rows, 2), np.int32)
+
+        self._found, self._used = columns("extent found"), columns("extent used")
+        self._now, self._before = columns("extent"), columns("extent before")
+
+    def run(self, accumulated: Accumulated, reach: int) -> cla.Array:
+        """(rows, 2) int32: first column and end of what `filter_level` has to write."""
+        width, height = self._guide.layout.width, self._guide.layout.height
+        self._now, self._before = self._before, self._now
+        self._find((height,), accumulated.signal, accumulated.variance, self._found, width, height)
+        self._grow(
+            (height,), self._found, self._before, self._now, self._used, reach, width, height
+        )
+        return self._used

@@ -8,16 +8,35 @@ from typing import Literal
 import pyopencl.array as cla
 from pydantic import BaseModel, ConfigDict, Field
 
-from iprt.device.compute import ComputeDevice
+from iprt.device.compute import ComputeDevice, Define, Kernel
 from iprt.passes.guide import Guide, plane_defines
 
-Kind = Literal["real", "diffuse", "specular"]
-"""What a signal is: E_R rgb and E_RV rgb of real surfaces; irradiance or radiance of objects."""
+Kind = Literal["ratio", "delta", "diffuse", "specular"]
+"""What a signal is. Of real surfaces, by estimator: E_R rgb and E_RV rgb; or blocked / E_R rgb and
+bounce / E_R rgb. Of objects: irradiance or radiance."""
+
+Planes = tuple[cla.Array, cla.Array, cla.Array]
+"""A history: signal, length in samples, and spread, the variance of single samples of g."""
+
+FAST_LENGTH = 6.0
+"""Samples that the fast history is worth at most, as in ReLAX."""
+
+SETTLE_FRAMES = 8
+"""Frames after a change in which the slow history is still compared with the fast one."""
 
 
 def signal_planes(kind: Kind) -> int:
     """Number of planes of a signal."""
-    return 6 if kind == "real" else 3
+    return 6 if kind in ("ratio", "delta") else 3
+
+
+def signal_defines(kind: Kind) -> dict[str, Define]:
+    """Build flags of kernels that work on signals of a kind."""
+    return {
+        "SIGNAL_PLANES": signal_planes(kind),
+        "DIFFERENCE": kind in ("ratio", "delta"),
+        "COMMON": kind == "ratio",
+    }
 
 
 class TemporalSettings(BaseModel):
@@ -50,11 +69,12 @@ class TemporalSettings(BaseModel):
         description="Half width of the clamping box in deviations; lower: less ghosting, more "
         "noise.",
     )
-    clamped_length: float = Field(
-        default=4.0,
-        ge=1.0,
-        le=64.0,
-        description="Samples that a history is worth once clamped; lower: quicker, noisier.",
+    antilag_sigma: float = Field(
+        default=3.0,
+        gt=0.0,
+        le=100.0,
+        description="Differences between fast and slow history up to so many deviations count as "
+        "noise; lower: quicker, noisier.",
     )
 
 
@@ -78,7 +98,12 @@ class Accumulated:
 
 
 class Temporal:
-    """Accumulates one signal of one layer over pictures."""
+    """Accumulates one signal of one layer over pictures.
+
+    A slow history holds the mean. From the first picture after a change to the last but
+    `SETTLE_FRAMES`, a fast history of `FAST_LENGTH` samples is kept beside it, and the slow one
+    corrected by it. In other pictures every old sample is as true as a new one.
+    """
 
     def __init__(
         self,
@@ -93,28 +118,38 @@ class Temporal:
         self.kind = kind
         self._device = device
         self._guide = guide
-        defines = plane_defines(
-            equirect=guide.equirect, SIGNAL_PLANES=signal_planes(kind), DIFFERENCE=kind == "real"
-        )
-        self._reproject = device.kernel("temporal.cl", "reproject", defines)
-        self._clamp = device.kernel("temporal.cl", "clamp_history", defines)
-        self._accumulate = device.kernel("temporal.cl", "accumulate", defines)
-        self._estimate = device.kernel("temporal.cl", "estimate_variance", defines)
+        self._unsettled = 0
+        defines = plane_defines(equirect=guide.equirect, **signal_defines(kind))
+
+        def kernel(entry: str) -> Kernel:
+            return device.kernel("temporal.cl", entry, defines)
+
+        self._reproject = kernel("reproject")
+        self._follow = kernel("follow")
+        self._measure = kernel("measure")
+        self._correct = kernel("correct")
+        self._clamp = kernel("clamp_history")
+        self._accumulate = kernel("accumulate")
+        self._estimate = kernel("estimate_variance")
 
         def planes(label: str, channels: int = 1) -> cla.Array:
             return device.zeros(f"{name} {label}", guide.layout.shape(channels))
 
+        def histories(label: str) -> list[Planes]:
+            """Signal, length, spread: of this picture and of the one before."""
+            return [
+                (
+                    planes(f"{label} {i}", signal_planes(kind)),
+                    planes(f"{label} length {i}"),
+                    planes(f"{label} spread {i}"),
+                )
+                for i in range(2)
+            ]
+
         self._scalar = planes("scalar")
         self._variance = planes("variance")
-        # Signal, length, spread: of this picture and of the one before.
-        self._now, self._before = (
-            (
-                planes(f"history {i}", signal_planes(kind)),
-                planes(f"history length {i}"),
-                planes(f"history spread {i}"),
-            )
-            for i in range(2)
-        )
+        self._now, self._before = histories("history")
+        self._fast, self._fast_before = histories("fast history")
 
     def reset(self) -> None:
         """Forget everything, as after a cut."""
@@ -141,63 +176,54 @@ class Temporal:
         level : 1 plane uint8
             `Mask.level`: a sample of level l is worth 1 / 4**l.
         fading : float
-            Least share of the new samples: 0 keeps the mean of all (for a still scene), 0.1 is
-            IPRT's.
+            Least share of the new samples: 0 keeps the mean of all (for a still scene).
         changed : bool
-            Objects or the video moved: clamp the history to this picture's neighbourhoods.
+            Objects or the video moved.
         """
         self._now, self._before = self._before, self._now
-        guide, settings = self._guide, self.settings
-        width, height = guide.layout.width, guide.layout.height
-        loose = changed and self.kind != "real"
         with self._device.profile.section("temporal"):
-            self._reproject(
-                (width, height),
-                guide.current,
-                guide.previous,
-                motion,
-                *self._before,
-                *self._now,
-                settings.moved_tolerance if loose else settings.plane_tolerance,
-                settings.normal_agreement,
-                width,
-                height,
-            )
-            if changed:
-                guide.wrap(signal)
-                history, length, _ = self._now
-                self._clamp(
-                    (width, height),
-                    guide.current,
-                    signal,
-                    history,
-                    length,
-                    settings.clamp_sigma,
-                    settings.clamped_length,
-                    width,
-                    height,
-                )
-            self._accumulate(
-                (width, height),
-                guide.current,
-                signal,
-                level,
-                *self._now,
-                self._scalar,
-                float(fading),
-                width,
-                height,
-            )
-            guide.wrap(self._scalar)
+            self._fetch(self._before, self._now, motion, loose=changed)
+            if changed and not self._unsettled:
+                self._device.fill_zero(self._fast[1])
+            self._unsettled = SETTLE_FRAMES if changed else max(self._unsettled - 1, 0)
+            if self._unsettled:
+                self._fast, self._fast_before = self._fast_before, self._fast
+                self._fetch(self._fast_before, self._fast, motion, loose=changed)
+                self._run(self._follow, signal, level, *self._fast[:2], FAST_LENGTH)
+                self._agree()
+            self._run(self._accumulate, signal, level, *self._now, self._scalar, float(fading))
+            self._guide.wrap(self._scalar)
             accumulated, length, spread = self._now
-            self._estimate(
-                (width, height),
-                guide.current,
-                self._scalar,
-                spread,
-                length,
-                self._variance,
-                width,
-                height,
-            )
+            self._run(self._estimate, self._scalar, spread, length, self._variance)
         return Accumulated(accumulated, length, self._variance)
+
+    def _fetch(self, before: Planes, now: Planes, motion: cla.Array, *, loose: bool) -> None:
+        settings = self.settings
+        moved = loose and self.kind in ("diffuse", "specular")
+        tolerance = settings.moved_tolerance if moved else settings.plane_tolerance
+        self._run(
+            self._reproject,
+            self._guide.previous,
+            motion,
+            *before,
+            *now,
+            tolerance,
+            settings.normal_agreement,
+        )
+
+    def _agree(self) -> None:
+        """Correct the slow history by the fast one."""
+        guide, settings = self._guide, self.settings
+        history, length, spread = self._now
+        fast, fast_length, _ = self._fast
+        guide.wrap(fast)
+        self._run(self._measure, history, self._scalar)
+        guide.wrap(self._scalar)
+        self._run(
+            self._correct, fast, fast_length, self._scalar, *self._now, settings.antilag_sigma
+        )
+        self._run(self._clamp, fast, history, length, spread, settings.clamp_sigma)
+
+    def _run(self, kernel: Kernel, *arguments: object) -> None:
+        size = (self._guide.layout.width, self._guide.layout.height)
+        kernel(size, self._guide.current, *arguments, *size)

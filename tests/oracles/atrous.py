@@ -7,6 +7,16 @@ import numpy as np
 from tests.oracles.guide import Array, falloff, luminance, shifted, shown
 
 B3 = np.array([1.0, 4.0, 6.0, 4.0, 1.0]) / 16.0
+RELAX = np.array([0.27901, 0.44198, 0.27901])
+
+
+def widened(roughness: Array, normal: Array, ids: Array, equirect: bool) -> Array:
+    """GGX alpha of the lobe of a whole pixel: with the squared steps of normals to neighbours."""
+    turned = np.zeros(ids.shape)
+    for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+        step = ((shifted(normal, dx, dy, equirect) - normal) ** 2).sum(0)
+        turned += step * (shifted(ids, dx, dy, equirect, fill=-1.0) == ids)
+    return np.sqrt(roughness**2 + turned)
 
 
 def smooth_variance(variance: Array, ids: Array, equirect: bool) -> Array:
@@ -34,9 +44,15 @@ def filter_level(
     floor: float = 0.002,
     roughness: Array | None = None,
     lobe_fraction: float = 0.5,
+    delta: bool = False,
+    guided: bool = True,
     equirect: bool = False,
 ) -> tuple[Array, Array]:
-    """One level: (C, H, W) signal and (H, W) variance of its shown scalar, with taps at `step`."""
+    """One level: (C, H, W) signal and (H, W) variance of its shown scalar, with taps at `step`.
+
+    `delta`: the signal is a fraction of all light; `roughness`: widened; without `guided` the
+    variance does not count.
+    """
     distance = np.maximum(np.linalg.norm(position, axis=0), 1e-15)
     normal_sharpness = np.full(ids.shape, sharpness[0])
     lobe = np.zeros(ids.shape)
@@ -45,10 +61,12 @@ def filter_level(
         usable = usable & (roughness >= 1e-4)
         lobe = 0.5 / (2.0 * lobe_fraction * np.maximum(roughness, 1e-4)) ** 2
         normal_sharpness = np.maximum(normal_sharpness, 8.0 * lobe)
-    floors = (floor * luminance(signal)) ** 2
+    floors = floor**2 if delta else (floor * luminance(signal)) ** 2
+    taps = RELAX if len(signal) == 6 and guided else B3
+    reach = len(taps) // 2
     total, weights, variances = np.zeros(signal.shape), np.zeros(ids.shape), np.zeros(ids.shape)
-    for j in range(-2, 3):
-        for i in range(-2, 3):
+    for j in range(-reach, reach + 1):
+        for i in range(-reach, reach + 1):
             dx, dy = i * step, j * step
             tap = shifted(signal, dx, dy, equirect)
             v = shifted(variance, dx, dy, equirect)
@@ -57,12 +75,12 @@ def filter_level(
             off_plane = np.abs((normal * away).sum(0)) / distance
             noise = deviations**2 * (v + variance) + floors + 1e-30
             x = normal_sharpness * turn + sharpness[1] * off_plane
-            x = x + (shown(tap) - shown(signal)) ** 2 / noise
+            x = x + guided * (shown(tap) - shown(signal)) ** 2 / noise
             x = x + lobe * (away**2).sum(0) / distance**2
             same = usable & (shifted(ids, dx, dy, equirect, fill=-1.0) == ids)
-            weight = B3[i + 2] * B3[j + 2] * np.where(same, falloff(x), 0.0)
+            weight = taps[i + reach] * taps[j + reach] * np.where(same, falloff(x), 0.0)
             if i == j == 0:
-                weight = np.full(ids.shape, B3[2] ** 2)
+                weight = np.full(ids.shape, taps[reach] ** 2)
             total += weight * tap
             weights += weight
             variances += weight**2 * v

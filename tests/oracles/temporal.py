@@ -63,36 +63,73 @@ def reproject(
     return result
 
 
+def worth(length: Array, spread: Array, bias: Array) -> Array:
+    """Unbiased samples with the mean squared error of a history that is off by `bias`."""
+    error = spread / np.maximum(length, 1e-30) + bias**2
+    return np.where(bias > 0.0, spread / np.maximum(error, 1e-30), length)
+
+
+def follow(past: History, signal: Array, ids: Array, level: Array, limit: float) -> History:
+    """Add samples worth w = 1 / 4**level to a mean that is worth `limit` at most."""
+    weight = 0.25**level
+    total = np.minimum(past.length + weight, limit)
+    share = np.where(past.length > 0.0, np.minimum(weight / total, 1.0), 1.0)
+    here = ids > 0.0
+    mean = past.signal + share * (signal - past.signal)
+    return History(
+        np.where(here, mean, past.signal), np.where(here, total, past.length), past.spread
+    )
+
+
+def neighbours(image: Array, y: int, x: int, same: Array, step: int = 2) -> Array:
+    """(..., n) of the nine pixels around one, `step` apart, that are `same`."""
+    size = 2 * step + 1
+    return image[..., y : y + size : step, x : x + size : step][..., same]
+
+
+def correct(slow: History, fast: History, ids: Array, sigma: float, equirect: bool) -> History:
+    """Mix in the fast history as far as the slow one's bias makes it the worse estimate."""
+    wide = bordered(shown(fast.signal) - shown(slow.signal), 2, equirect)
+    wide_ids = bordered(ids, 2, equirect, fill=-1.0)
+    result = History(*(a.copy() for a in vars(slow).values()))
+    for y, x in np.argwhere((ids > 0.0) & (slow.length > 0.0) & (fast.length > 0.0)):
+        same = wide_ids[y : y + 5 : 2, x : x + 5 : 2] == ids[y, x]
+        steps = neighbours(wide, y, x, same)
+        noise = sigma**2 * steps.var() / max(len(steps) - 1, 1)
+        bias = np.sqrt(max(steps.mean() ** 2 - noise, 0.0))
+        length = slow.length[y, x]
+        share = 1.0 - worth(length, slow.spread[y, x], bias) / length
+        past = slow.signal[:, y, x]
+        result.signal[:, y, x] = past + share * (fast.signal[:, y, x] - past)
+        result.length[y, x] = length + share * (min(fast.length[y, x], length) - length)
+    return result
+
+
 def clamp(
-    past: History,
-    signal: Array,
-    ids: Array,
-    step: int,
-    sigma: float,
-    length: float,
-    equirect: bool,
+    slow: History, nearby: Array, ids: Array, sigma: float, equirect: bool, *, common: bool
 ) -> History:
-    """Clamp E_R (or the signal) and E_RV - E_R to mean ± sigma deviations of nine neighbours."""
+    """Clamp to mean ± sigma deviations of nine neighbours; `common`: E_RV by E_RV - E_R."""
 
     def split(s: Array) -> Array:
-        return np.concatenate([s[:3], s[3:] - s[:3]]) if len(s) == 6 else s
+        return np.concatenate([s[:3], s[3:] - s[:3]]) if common else s
 
-    result = History(*(a.copy() for a in vars(past).values()))
-    wide = bordered(split(signal), step, equirect)
-    wide_ids = bordered(ids, step, equirect, fill=-1.0)
-    size = 2 * step + 1
-    for y, x in np.argwhere((ids > 0.0) & (past.length > 0.0)):
-        same = wide_ids[y : y + size : step, x : x + size : step] == ids[y, x]
-        values = wide[:, y : y + size : step, x : x + size : step][:, same]
-        centre = split(signal)[:, y, x]
+    result = History(*(a.copy() for a in vars(slow).values()))
+    wide = bordered(split(nearby), 2, equirect)
+    wide_ids = bordered(ids, 2, equirect, fill=-1.0)
+    for y, x in np.argwhere(ids > 0.0):
+        same = wide_ids[y : y + 5 : 2, x : x + 5 : 2] == ids[y, x]
+        values = neighbours(wide, y, x, same)
+        centre = split(nearby)[:, y, x]
         low = np.minimum(values.mean(1) - sigma * values.std(1), centre)
         high = np.maximum(values.mean(1) + sigma * values.std(1), centre)
-        value = split(past.signal[:, y, x])
+        value = split(slow.signal[:, y, x])
         clamped = np.clip(value, low, high)
         if np.any(clamped != value):
-            clamped[3:] += clamped[: len(clamped) - 3]
+            if common:
+                clamped[3:] += clamped[:3]
+            bias = abs(shown(clamped) - shown(slow.signal[:, y, x]))
             result.signal[:, y, x] = clamped
-            result.length[y, x] = min(past.length[y, x], length)
+            result.length[y, x] = worth(slow.length[y, x], slow.spread[y, x], bias)
     return result
 
 

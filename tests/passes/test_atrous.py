@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from iprt.device.compute import ComputeDevice
 from iprt.passes.atrous import Atrous, AtrousSettings, Rect
 from iprt.passes.temporal import Accumulated, Kind, signal_planes
+from iprt.scene.camera import View
 from tests.oracles import atrous as oracle
 from tests.passes.gbuffer import SIZES, GBuffer, flat_gbuffer, random_gbuffer, read, upload
 
@@ -22,9 +25,11 @@ def run(
     roughness: np.ndarray | None = None,
     rect: Rect | None = None,
     settings: AtrousSettings | None = None,
+    guided: bool = True,
 ) -> np.ndarray:
     layout = gbuffer.layout
-    atrous = Atrous(device, gbuffer.guide(device), kind, settings or AtrousSettings(), name="test")
+    settings = settings or AtrousSettings()
+    atrous = Atrous(device, gbuffer.guide(device), kind, settings, name="test", guided=guided)
     accumulated = Accumulated(
         upload(device, layout, signal),
         upload(device, layout, np.ones_like(variance)[None]),
@@ -36,12 +41,16 @@ def run(
 
 def twin(
     gbuffer: GBuffer,
+    kind: Kind,
     signal: np.ndarray,
     variance: np.ndarray,
     levels: int = 5,
     roughness: np.ndarray | None = None,
+    guided: bool = True,
 ) -> np.ndarray:
     args = (gbuffer.normal, gbuffer.position, gbuffer.seen_ids)
+    if roughness is not None:
+        roughness = oracle.widened(roughness, gbuffer.normal, gbuffer.seen_ids, gbuffer.equirect)
     variance = oracle.smooth_variance(variance, gbuffer.seen_ids, gbuffer.equirect)
     for level in range(levels):
         signal, variance = oracle.filter_level(
@@ -50,6 +59,8 @@ def twin(
             *args,
             1 << level,
             roughness=roughness,
+            delta=kind == "delta",
+            guided=guided,
             equirect=gbuffer.equirect,
         )
     return signal
@@ -68,24 +79,25 @@ def random_case(
     return gbuffer, signal, variance, roughness
 
 
-@pytest.mark.parametrize("kind", ["real", "diffuse", "specular"])
+@pytest.mark.parametrize("kind", ["ratio", "delta", "diffuse", "specular"])
 @pytest.mark.parametrize("equirect", [False, True])
 @pytest.mark.parametrize(("width", "height"), SIZES)
 def test_equals_twin(
     device: ComputeDevice, width: int, height: int, equirect: bool, kind: Kind
 ) -> None:
     gbuffer, signal, variance, roughness = random_case(kind, width, height, equirect)
-    result = run(device, gbuffer, kind, signal, variance, roughness=roughness)
-    expected = twin(gbuffer, signal, variance, roughness=roughness)
-    np.testing.assert_allclose(result, expected, rtol=5e-3, atol=1e-4)
+    for guided in (True, False):
+        result = run(device, gbuffer, kind, signal, variance, roughness=roughness, guided=guided)
+        expected = twin(gbuffer, kind, signal, variance, roughness=roughness, guided=guided)
+        np.testing.assert_allclose(result, expected, rtol=5e-3, atol=1e-4)
 
 
 @pytest.mark.parametrize("levels", [0, 1, 2, 3])
 def test_levels(device: ComputeDevice, levels: int) -> None:
-    gbuffer, signal, variance, _ = random_case("real", 33, 21, False)
+    gbuffer, signal, variance, _ = random_case("ratio", 33, 21, False)
     settings = AtrousSettings(levels=levels)
-    result = run(device, gbuffer, "real", signal, variance, settings=settings)
-    np.testing.assert_allclose(result, twin(gbuffer, signal, variance, levels), rtol=3e-3)
+    result = run(device, gbuffer, "ratio", signal, variance, settings=settings)
+    np.testing.assert_allclose(result, twin(gbuffer, "ratio", signal, variance, levels), rtol=3e-3)
 
 
 def test_constant_stays(device: ComputeDevice) -> None:
@@ -111,19 +123,68 @@ def test_ids_do_not_mix(device: ComputeDevice) -> None:
 
 
 def test_equal_planes_stay_equal(device: ComputeDevice) -> None:
-    gbuffer, signal, variance, _ = random_case("real", 61, 47, False)
+    gbuffer, signal, variance, _ = random_case("ratio", 61, 47, False)
     signal[3:] = signal[:3]
     for v in (variance, 0.0 * variance):
-        result = run(device, gbuffer, "real", signal, v)
+        result = run(device, gbuffer, "ratio", signal, v)
         assert np.array_equal(result[:3], result[3:])
         assert not np.array_equal(result, signal)
 
 
-def test_mirror_is_not_touched(device: ComputeDevice) -> None:
-    gbuffer, signal, variance, _ = random_case("specular", 64, 48, False)
+@pytest.mark.parametrize("equirect", [False, True])
+def test_zeros_stay_zeros(device: ComputeDevice, equirect: bool) -> None:
+    """Beyond the filter's reach of what objects touch, and where they touched things before."""
+    gbuffer = flat_gbuffer(160, 128)
+    if equirect:
+        view = View(160, 128, projection="equirect")
+        gbuffer = replace(gbuffer, view=view, depth=np.full_like(gbuffer.depth, 2.0))
+    atrous = Atrous(device, gbuffer.guide(device), "delta", AtrousSettings(), name="test")
+    rng = np.random.default_rng(11)
+    for x, y in [(70, 60), (2, 3), (155, 120), (90, 100)]:
+        signal, variance = np.zeros((6, 128, 160)), np.zeros((128, 160))
+        signal[:, y - 2 : y + 3, x - 2 : x + 3] = rng.random((6, 5, 5))
+        variance[y - 2 : y + 3, x - 2 : x + 3] = 0.1
+        accumulated = Accumulated(
+            upload(device, gbuffer.layout, signal),
+            upload(device, gbuffer.layout, np.ones((1, 128, 160))),
+            upload(device, gbuffer.layout, variance[None]),
+        )
+        result = read(device, gbuffer.layout, atrous.run(accumulated))
+        expected = twin(gbuffer, "delta", signal, variance)
+        np.testing.assert_allclose(result, expected, rtol=5e-3, atol=1e-6)
+        row, column = np.mgrid[:128, :160]
+        across = np.abs(column - x)
+        across = np.minimum(across, 160 - across) if equirect else across
+        assert not result[:, np.maximum(across, np.abs(row - y)) > 2 + 31].any()
+    assert not read(device, gbuffer.layout, atrous.run(nothing(device, gbuffer))).any()
+
+
+def nothing(device: ComputeDevice, gbuffer: GBuffer) -> Accumulated:
+    """A history of pictures without objects."""
+    zeros = np.zeros_like(gbuffer.depth)[None]
+    planes = upload(device, gbuffer.layout, zeros)
+    return Accumulated(upload(device, gbuffer.layout, np.repeat(zeros, 6, 0)), planes, planes)
+
+
+def test_flat_mirror_is_not_touched(device: ComputeDevice) -> None:
+    _, signal, variance, _ = random_case("specular", 64, 48, False)
     mirror = np.zeros((48, 64))
-    result = run(device, gbuffer, "specular", signal, variance, roughness=mirror)
+    result = run(device, flat_gbuffer(64, 48), "specular", signal, variance, roughness=mirror)
     assert np.array_equal(result, signal.astype(np.float32))
+
+
+def test_surfaces_that_bend_within_a_pixel_are_filtered(device: ComputeDevice) -> None:
+    """Noise of a mirror's reflections goes where its normals differ from pixel to pixel."""
+    rng = np.random.default_rng(13)
+    signal = 1.0 + 0.1 * rng.normal(size=(3, 48, 64))
+    variance, mirror = np.full((48, 64), 0.01), np.zeros((48, 64))
+    left = []
+    for turn in (0.0, 0.1):
+        gbuffer = flat_gbuffer(64, 48)
+        gbuffer.normal[0] = turn * (np.arange(64) - 32.0) / 4.0
+        gbuffer.normal[:] /= np.linalg.norm(gbuffer.normal, axis=0)
+        left.append(run(device, gbuffer, "specular", signal, variance, roughness=mirror).std())
+    assert left[1] < 0.7 * left[0]
 
 
 def test_rougher_is_smoother(device: ComputeDevice) -> None:
@@ -167,15 +228,15 @@ def test_noise_goes_and_known_detail_stays(device: ComputeDevice) -> None:
 
 
 def test_extreme_values_stay_finite(device: ComputeDevice) -> None:
-    gbuffer, signal, variance, _ = random_case("real", 64, 48, False)
+    gbuffer, signal, variance, _ = random_case("ratio", 64, 48, False)
     rng = np.random.default_rng(6)
     signal *= 10.0 ** rng.choice([-30, -5, 0, 6, 12], signal.shape)
     variance *= 10.0 ** rng.choice([-35, 0, 12, 24], variance.shape)
-    assert np.isfinite(run(device, gbuffer, "real", signal, variance)).all()
+    assert np.isfinite(run(device, gbuffer, "ratio", signal, variance)).all()
 
 
 def test_equirect_picture_turns_with_the_view(device: ComputeDevice) -> None:
-    gbuffer, signal, variance, _ = random_case("real", 64, 32, True)
-    result = run(device, gbuffer, "real", signal, variance)
-    turned = run(device, gbuffer.rolled(7), "real", np.roll(signal, 7, 2), np.roll(variance, 7, 1))
+    gbuffer, signal, variance, _ = random_case("ratio", 64, 32, True)
+    result = run(device, gbuffer, "ratio", signal, variance)
+    turned = run(device, gbuffer.rolled(7), "ratio", np.roll(signal, 7, 2), np.roll(variance, 7, 1))
     np.testing.assert_allclose(np.roll(result, 7, 2), turned, rtol=2e-3, atol=1e-5)

@@ -8,7 +8,15 @@ import numpy as np
 import pytest
 
 from iprt.device.compute import ComputeDevice
-from iprt.passes.temporal import Accumulated, Kind, Temporal, TemporalSettings, signal_planes
+from iprt.passes.temporal import (
+    FAST_LENGTH,
+    SETTLE_FRAMES,
+    Accumulated,
+    Kind,
+    Temporal,
+    TemporalSettings,
+    signal_planes,
+)
 from tests.oracles import temporal as oracle
 from tests.oracles.guide import shown
 from tests.passes.gbuffer import (
@@ -60,14 +68,18 @@ class Session:
 
 def noise(rng: np.random.Generator, kind: Kind, width: int, height: int) -> np.ndarray:
     signal = rng.gamma(2.0, 0.5, (signal_planes(kind), height, width))
-    if kind == "real":  # influence in part of the picture only
+    if kind == "ratio":  # influence in part of the picture only
         shadow = rng.random((1, height, width)) < 0.3
         shadow[..., : width // 2] = False
         signal[3:] = np.where(shadow, 0.2, 1.0) * signal[:3]
+    if kind == "delta":
+        touched = rng.random((1, height, width)) < 0.3
+        touched[..., : width // 2] = False
+        signal = np.where(touched, signal, 0.0)
     return signal
 
 
-@pytest.mark.parametrize("kind", ["real", "diffuse"])
+@pytest.mark.parametrize("kind", ["ratio", "delta", "diffuse"])
 @pytest.mark.parametrize("equirect", [False, True])
 @pytest.mark.parametrize(("width", "height"), SIZES)
 def test_equals_twin(
@@ -77,12 +89,15 @@ def test_equals_twin(
     gbuffer = random_gbuffer(width, height, equirect=equirect)
     session = Session(device, gbuffer, kind)
     before = gbuffer
-    past = oracle.History(
+    past = fast = empty = oracle.History(
         np.zeros((signal_planes(kind), height, width)),
         np.zeros((height, width)),
         np.zeros((height, width)),
     )
-    for frame, (changed, fading) in enumerate([(False, 0.0), (True, 0.0), (True, 0.1)] * 2):
+    unsettled = False
+    for frame, (changed, fading) in enumerate(
+        [(False, 0.0)] * 3 + [(True, 0.0), (True, 0.1), (False, 0.1)]
+    ):
         signal = noise(rng, kind, width, height)
         motion = session.still + rng.normal(size=(2, height, width)) * [[[0.8]], [[0.6]]]
         if equirect:
@@ -93,12 +108,18 @@ def test_equals_twin(
         level = rng.integers(0, 3, (height, width))
         result = session.add(now, signal, motion, level, fading=fading, changed=changed)
         tolerance = SETTINGS.plane_tolerance
-        if changed and kind != "real":
+        if changed and kind == "diffuse":
             tolerance = SETTINGS.moved_tolerance
         limits = (tolerance, SETTINGS.normal_agreement)
         past = oracle.reproject(now.planes, before.planes, motion, past, limits, equirect)
-        if changed:
-            past = oracle.clamp(past, signal, now.seen_ids, 2, 2.0, 4.0, equirect)
+        fast = fast if unsettled else empty
+        unsettled = unsettled or changed
+        if unsettled:
+            fast = oracle.reproject(now.planes, before.planes, motion, fast, limits, equirect)
+            fast = oracle.follow(fast, signal, now.seen_ids, level, FAST_LENGTH)
+            past = oracle.correct(past, fast, now.seen_ids, 3.0, equirect)
+            common = kind == "ratio"
+            past = oracle.clamp(past, fast.signal, now.seen_ids, 2.0, equirect, common=common)
         past = oracle.accumulate(past, signal, now.seen_ids, level, fading)
         variance = oracle.variance(past, now.seen_ids, equirect)
         # A value on a threshold may fall on either side of it in single precision.
@@ -112,7 +133,7 @@ def test_equals_twin(
         before = now
 
 
-@pytest.mark.parametrize("kind", ["real", "diffuse"])
+@pytest.mark.parametrize("kind", ["ratio", "delta", "diffuse"])
 def test_still_picture_converges_to_the_mean(device: ComputeDevice, kind: Kind) -> None:
     rng = np.random.default_rng(6)
     gbuffer = flat_gbuffer(40, 24)
@@ -180,22 +201,73 @@ def test_other_surface_is_rejected(device: ComputeDevice) -> None:
     np.testing.assert_allclose(session.image(result.signal)[..., :30], 1.0)
 
 
-def test_old_shadow_goes_at_once(device: ComputeDevice) -> None:
+@pytest.mark.parametrize("kind", ["ratio", "delta"])
+def test_old_shadow_goes_at_once(device: ComputeDevice, kind: Kind) -> None:
+    """To the last bit, so that the video passes unchanged where the object was."""
     gbuffer = flat_gbuffer(40, 24)
-    session = Session(device, gbuffer, "real")
+    session = Session(device, gbuffer, kind)
     rng = np.random.default_rng(9)
     for _ in range(20):
         signal = rng.gamma(2.0, 0.5, (6, 24, 40))
-        signal[3:] = 0.5 * signal[:3]
+        if kind == "ratio":
+            signal[3:] = 0.5 * signal[:3]
         session.add(gbuffer, signal)
-    signal[3:] = signal[:3]
-    result = session.image(session.add(gbuffer, signal, fading=0.1, changed=True).signal)
+    signal = np.tile(signal[:3], (2, 1, 1)) if kind == "ratio" else np.zeros_like(signal)
+    accumulated = session.add(gbuffer, signal, fading=0.1, changed=True)
+    result = session.image(accumulated.signal)
     assert np.array_equal(result[:3], result[3:])
+    assert kind == "ratio" or not result.any()
+
+
+@pytest.mark.parametrize("before", [0.0, 0.3, 1.0])
+def test_ghosts_last_eight_frames_at_most(device: ComputeDevice, before: float) -> None:
+    """Of noisy light that steps to 0.6 after a long time, a seventh at most is left."""
+    gbuffer = flat_gbuffer(64, 48)
+    session = Session(device, gbuffer, "diffuse")
+    rng = np.random.default_rng(14)
+
+    def samples(chance: float) -> np.ndarray:
+        return np.repeat(rng.random((1, 48, 64)) < chance, 3, axis=0).astype(float)
+
+    for _ in range(60):
+        session.add(gbuffer, samples(before))
+    for frame in range(8):
+        result = session.add(gbuffer, samples(0.6), fading=0.1, changed=frame == 0)
+    left = session.image(result.signal).mean() - 0.6
+    assert abs(left) < 0.15 * abs(before - 0.6)
+
+
+def test_change_elsewhere_costs_little(device: ComputeDevice) -> None:
+    """Where nothing changed, a long history keeps most of its worth while objects move."""
+    gbuffer = flat_gbuffer(64, 48)
+    session = Session(device, gbuffer, "diffuse")
+    rng = np.random.default_rng(15)
+    for frame in range(60):
+        signal = 1.0 + 0.5 * rng.normal(size=(1, 48, 64)) * np.ones((3, 1, 1))
+        result = session.add(gbuffer, signal, changed=frame >= 30)
+    image = session.image(result.signal)[0]
+    assert abs(image.mean() - 1.0) < 0.01
+    assert image.std() < 2.0 * 0.5 / np.sqrt(60)
+    assert np.median(session.image(result.length)) > 30.0
+
+
+def test_histories_agree_again(device: ComputeDevice) -> None:
+    """From `SETTLE_FRAMES` after a change on, all frames count alike."""
+    gbuffer = flat_gbuffer(8, 8)
+    session = Session(device, gbuffer, "diffuse")
+    rng = np.random.default_rng(16)
+    for frame in range(SETTLE_FRAMES + 1):
+        result = session.add(gbuffer, rng.random((3, 8, 8)), changed=frame == 1)
+    past, length = session.image(result.signal), session.image(result.length)[0]
+    sample = rng.random((3, 8, 8))
+    result = session.add(gbuffer, sample)
+    expected = past + (sample - past) / (length + 1.0)
+    np.testing.assert_allclose(session.image(result.signal), expected, rtol=1e-5)
 
 
 def test_equal_planes_stay_equal(device: ComputeDevice) -> None:
     gbuffer = random_gbuffer(33, 21, equirect=False)
-    session = Session(device, gbuffer, "real")
+    session = Session(device, gbuffer, "ratio")
     rng = np.random.default_rng(10)
     for changed in (False, True, True, False):
         signal = np.tile(rng.gamma(2.0, 0.5, (3, 21, 33)), (2, 1, 1))
