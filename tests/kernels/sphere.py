@@ -26,11 +26,9 @@ def even_directions(count: int, seed: int = 0) -> NDArray[np.float32]:
     return np.asarray(d / np.linalg.norm(d, axis=1, keepdims=True), np.float32)
 
 
-def _edges(values: Float, parts: int, low: float, high: float) -> Float:
-    """(parts + 1,) between equal numbers of the values, and a little beyond these."""
-    edges = np.quantile(values, np.linspace(0.0, 1.0, parts + 1))
-    margin = 0.5 * (edges[-1] - edges[0]) / parts
-    edges[0], edges[-1] = max(edges[0] - margin, low), min(edges[-1] + margin, high)
+def _edges(values: Float, parts: int) -> Float:
+    """(parts + 1,) between equal numbers of the values, outliers left out."""
+    edges = np.quantile(values, np.linspace(0.005, 0.995, parts + 1))
     return np.asarray(edges)
 
 
@@ -44,9 +42,9 @@ class Bins:
         self._basis = basis(axis / np.linalg.norm(axis))
         self._side = side
         z, phi = self._coordinates(pilot)
-        self._z = _edges(z, side, -1.0, 1.0)
+        self._z = _edges(z, side)
         ring = np.searchsorted(self._z, z) - 1
-        self._phi = np.array([_edges(phi[ring == i], side, -np.pi, np.pi) for i in range(side)])
+        self._phi = np.array([_edges(phi[ring == i], side) for i in range(side)])
 
     def _coordinates(self, d: NDArray[np.floating]) -> tuple[Float, Float]:
         x, y, z = (d.astype(np.float64) @ self._basis.T).T

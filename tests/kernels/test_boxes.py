@@ -106,7 +106,7 @@ def test_directions_have_the_stated_density(device: ComputeDevice, name: str) ->
     density = partial(stated, device, boxes, x, n)
     assert agreement(d, len(d), density, points=8192) > ŠIDÁK
     integral, variance = Bins(d, 10).integrals(density, 8192)
-    assert integral.sum() == pytest.approx(1.0, abs=0.005 + 3.0 * np.sqrt(variance.sum()))
+    assert integral.sum() == pytest.approx(1.0, abs=0.03 + 3.0 * np.sqrt(variance.sum()))
 
 
 @pytest.mark.parametrize("name", CASES)
