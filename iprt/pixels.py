@@ -23,7 +23,6 @@ from iprt.requirements import Requirements
 from iprt.scene.camera import View
 from iprt.settings import Settings
 
-
 MAP_LEAST = 0.1
 """sr: what objects do to surfaces from which they look smaller is not worth reflecting."""
 
@@ -54,9 +53,12 @@ class SignalFilter:
         self, device: ComputeDevice, guide: Guide, kind: Kind, settings: Settings, *, name: str
     ) -> None:
         self._fading = settings.fading
+        self._published = settings.temporal.history == "iprt"
         self._interpolate = Interpolate(device, guide, signal_planes(kind), settings.interpolate)
         self._temporal = Temporal(device, guide, kind, settings.temporal, name=name)
-        self._atrous = Atrous(device, guide, kind, settings.atrous, name=name)
+        self._atrous = Atrous(
+            device, guide, kind, settings.atrous, name=name, guided=not self._published
+        )
 
     def run(
         self,
@@ -70,10 +72,16 @@ class SignalFilter:
     ) -> cla.Array:
         """The filtered planes of `signal`, which holds values where `mask` had rays traced."""
         self._interpolate.run(mask.level, signal, grid_offset(tick.index))
+        if self._published:
+            signal = self._atrous.run(signal, roughness=roughness, rect=rect)
         accumulated = self._temporal.run(
             signal, motion, mask.level, fading=self._fading, changed=tick.changed
         )
-        return self._atrous.run(accumulated, roughness=roughness, rect=rect)
+        if self._published:
+            return accumulated.signal
+        return self._atrous.run(
+            accumulated.signal, accumulated.variance, roughness=roughness, rect=rect
+        )
 
 
 class RealPixels:

@@ -8,7 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from iprt.device.compute import ComputeDevice, Define
 from iprt.passes.guide import Guide, plane_defines
-from iprt.passes.temporal import Accumulated, Kind, signal_defines, signal_planes
+from iprt.passes.temporal import Kind, signal_defines, signal_planes
 
 ROW_GROUP = 16
 """Rows of a work group, at most: those beyond the picture are read too."""
@@ -99,6 +99,8 @@ class Atrous:
             self._roughness = device.zeros(f"{name} widened roughness", guide.layout.shape(1))
         if kind == "delta":
             self._extent = Extent(device, guide, defines, name=name)
+        if not guided:
+            self._nothing = device.zeros(f"{name} no variance", guide.layout.shape(1))
         self._scratch = [
             (
                 device.zeros(f"{name} filtered {i}", guide.layout.shape(channels)),
@@ -109,7 +111,8 @@ class Atrous:
 
     def run(
         self,
-        accumulated: Accumulated,
+        signal: cla.Array,
+        variance: cla.Array | None = None,
         *,
         roughness: cla.Array | None = None,
         rect: Rect | None = None,
@@ -118,8 +121,10 @@ class Atrous:
 
         Parameters
         ----------
-        accumulated : Accumulated
-            Not changed, but for borders in equirect views.
+        signal : the signal's planes
+        variance : 1 plane
+            Of the mean of the scalar that the picture shows. None where not `guided`. Neither is
+            changed, but for borders in equirect views.
         roughness : 1 plane
             GGX alpha of the specular lobe, needed by that kind. Flat mirrors are copied.
         rect : Rect or None
@@ -128,16 +133,18 @@ class Atrous:
         settings, guide = self.settings, self._guide
         width, height = guide.layout.width, guide.layout.height
         if settings.levels == 0:
-            return accumulated.signal
+            return signal
         x0, y0, x1, y1 = rect = (0, 0, width, height) if rect is None else rect
         size = (x1 - x0, y1 - y0)
-        signal, (_, variance) = accumulated.signal, self._scratch[-1]
         if min(size) <= 0:
             return signal
         with self._device.profile.section(f"filter {'real' if self._real else self.kind}"):
-            extra = self._own_arguments(accumulated, roughness, rect)
-            guide.wrap(accumulated.variance)
-            self._smooth(size, guide.current, accumulated.variance, variance, *rect, width, height)
+            variance = self._nothing if variance is None else variance
+            extra = self._own_arguments(signal, variance, roughness, rect)
+            guide.wrap(variance)
+            smooth = self._scratch[-1][1]
+            self._smooth(size, guide.current, variance, smooth, *rect, width, height)
+            variance = smooth
             for level in range(settings.levels):
                 guide.wrap(signal)
                 guide.wrap(variance)
@@ -163,7 +170,7 @@ class Atrous:
         return signal
 
     def _own_arguments(
-        self, accumulated: Accumulated, roughness: cla.Array | None, rect: Rect
+        self, signal: cla.Array, variance: cla.Array, roughness: cla.Array | None, rect: Rect
     ) -> tuple[object, ...]:
         """Arguments of `filter_level` that only this kind of signal has."""
         settings, guide = self.settings, self._guide
@@ -174,7 +181,7 @@ class Atrous:
             return self._roughness, settings.lobe_fraction
         if self.kind == "delta":
             reach = self._taps // 2 * ((1 << settings.levels) - 1)
-            return (self._extent.run(accumulated, reach),)
+            return (self._extent.run(signal, variance, reach),)
         return ()
 
 
@@ -195,11 +202,11 @@ class Extent:
         self._found, self._used = columns("extent found"), columns("extent used")
         self._now, self._before = columns("extent"), columns("extent before")
 
-    def run(self, accumulated: Accumulated, reach: int) -> cla.Array:
+    def run(self, signal: cla.Array, variance: cla.Array, reach: int) -> cla.Array:
         """(rows, 2) int32: first column and end of what `filter_level` has to write."""
         width, height = self._guide.layout.width, self._guide.layout.height
         self._now, self._before = self._before, self._now
-        self._find((height,), accumulated.signal, accumulated.variance, self._found, width, height)
+        self._find((height,), signal, variance, self._found, width, height)
         self._grow(
             (height,), self._found, self._before, self._now, self._used, reach, width, height
         )

@@ -21,6 +21,9 @@ Planes = tuple[cla.Array, cla.Array, cla.Array]
 FAST_LENGTH = 6.0
 """Samples that the fast history is worth at most, as in ReLAX."""
 
+IPRT_FADING = 0.1
+"""Share of each frame in IPRT's temporal mean."""
+
 SETTLE_FRAMES = 8
 """Frames after a change in which the slow history is still compared with the fast one."""
 
@@ -44,6 +47,12 @@ class TemporalSettings(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
+    history: Literal["fast-slow", "iprt"] = Field(
+        default="fast-slow",
+        description="fast-slow: after changes a short history corrects a long one, whose variance "
+        "guides the spatial filter. iprt: the published filter, spatial first, without variance, "
+        "then a fixed share of each frame, the rest clamped to the frame's neighbourhoods.",
+    )
     plane_tolerance: float = Field(
         default=0.02,
         gt=0.0,
@@ -149,7 +158,8 @@ class Temporal:
         self._scalar = planes("scalar")
         self._variance = planes("variance")
         self._now, self._before = histories("history")
-        self._fast, self._fast_before = histories("fast history")
+        if settings.history == "fast-slow":
+            self._fast, self._fast_before = histories("fast history")
 
     def reset(self) -> None:
         """Forget everything, as after a cut."""
@@ -183,14 +193,12 @@ class Temporal:
         self._now, self._before = self._before, self._now
         with self._device.profile.section("temporal"):
             self._fetch(self._before, self._now, motion, loose=changed)
-            if changed and not self._unsettled:
-                self._device.fill_zero(self._fast[1])
-            self._unsettled = SETTLE_FRAMES if changed else max(self._unsettled - 1, 0)
-            if self._unsettled:
-                self._fast, self._fast_before = self._fast_before, self._fast
-                self._fetch(self._fast_before, self._fast, motion, loose=changed)
-                self._run(self._follow, signal, level, *self._fast[:2], FAST_LENGTH)
-                self._agree()
+            if self.settings.history == "iprt":
+                fading = IPRT_FADING
+                # Lengths are not to change: they are lowered in a plane that is written next.
+                self._clamp_to(signal, self._scalar)
+            else:
+                self._correct_history(signal, motion, level, changed=changed)
             self._run(self._accumulate, signal, level, *self._now, self._scalar, float(fading))
             self._guide.wrap(self._scalar)
             accumulated, length, spread = self._now
@@ -211,18 +219,30 @@ class Temporal:
             settings.normal_agreement,
         )
 
-    def _agree(self) -> None:
-        """Correct the slow history by the fast one."""
-        guide, settings = self._guide, self.settings
-        history, length, spread = self._now
+    def _correct_history(
+        self, signal: cla.Array, motion: cla.Array, level: cla.Array, *, changed: bool
+    ) -> None:
+        """While changes are recent, follow them with the fast history, and the slow one by it."""
+        if changed and not self._unsettled:
+            self._device.fill_zero(self._fast[1])
+        self._unsettled = SETTLE_FRAMES if changed else max(self._unsettled - 1, 0)
+        if not self._unsettled:
+            return
+        self._fast, self._fast_before = self._fast_before, self._fast
+        self._fetch(self._fast_before, self._fast, motion, loose=changed)
         fast, fast_length, _ = self._fast
-        guide.wrap(fast)
-        self._run(self._measure, history, self._scalar)
-        guide.wrap(self._scalar)
-        self._run(
-            self._correct, fast, fast_length, self._scalar, *self._now, settings.antilag_sigma
-        )
-        self._run(self._clamp, fast, history, length, spread, settings.clamp_sigma)
+        self._run(self._follow, signal, level, fast, fast_length, FAST_LENGTH)
+        self._guide.wrap(fast)
+        self._run(self._measure, self._now[0], self._scalar)
+        self._guide.wrap(self._scalar)
+        sigma = self.settings.antilag_sigma
+        self._run(self._correct, fast, fast_length, self._scalar, *self._now, sigma)
+        self._clamp_to(fast, self._now[1])
+
+    def _clamp_to(self, nearby: cla.Array, length: cla.Array) -> None:
+        self._guide.wrap(nearby)
+        history, _, spread = self._now
+        self._run(self._clamp, nearby, history, length, spread, self.settings.clamp_sigma)
 
     def _run(self, kernel: Kernel, *arguments: object) -> None:
         size = (self._guide.layout.width, self._guide.layout.height)

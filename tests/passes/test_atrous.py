@@ -9,7 +9,7 @@ import pytest
 
 from iprt.device.compute import ComputeDevice
 from iprt.passes.atrous import Atrous, AtrousSettings, Rect
-from iprt.passes.temporal import Accumulated, Kind, signal_planes
+from iprt.passes.temporal import Kind, signal_planes
 from iprt.scene.camera import View
 from tests.oracles import atrous as oracle
 from tests.passes.gbuffer import SIZES, GBuffer, flat_gbuffer, random_gbuffer, read, upload
@@ -30,13 +30,9 @@ def run(
     layout = gbuffer.layout
     settings = settings or AtrousSettings()
     atrous = Atrous(device, gbuffer.guide(device), kind, settings, name="test", guided=guided)
-    accumulated = Accumulated(
-        upload(device, layout, signal),
-        upload(device, layout, np.ones_like(variance)[None]),
-        upload(device, layout, variance[None]),
-    )
+    planes = (upload(device, layout, signal), upload(device, layout, variance[None]))
     alpha = None if roughness is None else upload(device, layout, roughness[None])
-    return read(device, layout, atrous.run(accumulated, roughness=alpha, rect=rect))
+    return read(device, layout, atrous.run(*planes, roughness=alpha, rect=rect))
 
 
 def twin(
@@ -144,26 +140,16 @@ def test_zeros_stay_zeros(device: ComputeDevice, equirect: bool) -> None:
         signal, variance = np.zeros((6, 128, 160)), np.zeros((128, 160))
         signal[:, y - 2 : y + 3, x - 2 : x + 3] = rng.random((6, 5, 5))
         variance[y - 2 : y + 3, x - 2 : x + 3] = 0.1
-        accumulated = Accumulated(
-            upload(device, gbuffer.layout, signal),
-            upload(device, gbuffer.layout, np.ones((1, 128, 160))),
-            upload(device, gbuffer.layout, variance[None]),
-        )
-        result = read(device, gbuffer.layout, atrous.run(accumulated))
+        planes = [upload(device, gbuffer.layout, image) for image in (signal, variance[None])]
+        result = read(device, gbuffer.layout, atrous.run(*planes))
         expected = twin(gbuffer, "delta", signal, variance)
         np.testing.assert_allclose(result, expected, rtol=5e-3, atol=1e-6)
         row, column = np.mgrid[:128, :160]
         across = np.abs(column - x)
         across = np.minimum(across, 160 - across) if equirect else across
         assert not result[:, np.maximum(across, np.abs(row - y)) > 2 + 31].any()
-    assert not read(device, gbuffer.layout, atrous.run(nothing(device, gbuffer))).any()
-
-
-def nothing(device: ComputeDevice, gbuffer: GBuffer) -> Accumulated:
-    """A history of pictures without objects."""
-    zeros = np.zeros_like(gbuffer.depth)[None]
-    planes = upload(device, gbuffer.layout, zeros)
-    return Accumulated(upload(device, gbuffer.layout, np.repeat(zeros, 6, 0)), planes, planes)
+    planes = [upload(device, gbuffer.layout, np.zeros((n, 128, 160))) for n in (6, 1)]
+    assert not read(device, gbuffer.layout, atrous.run(*planes)).any()
 
 
 def test_flat_mirror_is_not_touched(device: ComputeDevice) -> None:

@@ -35,11 +35,17 @@ SETTINGS = TemporalSettings()
 class Session:
     """A temporal filter fed with images."""
 
-    def __init__(self, device: ComputeDevice, gbuffer: GBuffer, kind: Kind) -> None:
+    def __init__(
+        self,
+        device: ComputeDevice,
+        gbuffer: GBuffer,
+        kind: Kind,
+        settings: TemporalSettings = SETTINGS,
+    ) -> None:
         self.device = device
         self.layout = gbuffer.layout
         self.guide = gbuffer.guide(device)
-        self.temporal = Temporal(device, self.guide, kind, SETTINGS, name="test")
+        self.temporal = Temporal(device, self.guide, kind, settings, name="test")
         self.still = still_motion(self.layout.width, self.layout.height)
 
     def add(
@@ -249,6 +255,23 @@ def test_change_elsewhere_costs_little(device: ComputeDevice) -> None:
     assert abs(image.mean() - 1.0) < 0.01
     assert image.std() < 2.0 * 0.5 / np.sqrt(60)
     assert np.median(session.image(result.length)) > 30.0
+
+
+def test_published_filter_is_its_twin(device: ComputeDevice) -> None:
+    """A tenth of each frame; the history within the frame's neighbourhoods, in every frame."""
+    rng = np.random.default_rng(17)
+    gbuffer = random_gbuffer(40, 30, equirect=False)
+    session = Session(device, gbuffer, "delta", TemporalSettings(history="iprt"))
+    zeros = np.zeros((30, 40))
+    past, ids = oracle.History(np.zeros((6, 30, 40)), zeros, zeros), gbuffer.seen_ids
+    for _ in range(6):
+        signal = noise(rng, "delta", 40, 30)
+        result = session.add(gbuffer, signal)
+        clamped = oracle.clamp(past, signal, ids, 2.0, False, common=False)
+        past = replace(past, signal=clamped.signal)
+        past = oracle.accumulate(past, signal, ids, zeros, 0.1)
+    close = np.isclose(session.image(result.signal), past.signal, rtol=1e-3, atol=1e-4)
+    assert (~close).sum() <= 0.005 * close.size
 
 
 def test_histories_agree_again(device: ComputeDevice) -> None:
