@@ -63,9 +63,9 @@ def _irradiance_mixed(renderer: Renderer) -> Image | None:
     if pixels is None or real is None:
         return None
     second = _planes(renderer, pixels.change, slice(3, 6))
-    if renderer.cache is None or second is None:
-        return second
     blocked = _planes(renderer, pixels.change, slice(0, 3))
+    if renderer.cache is None or blocked is None or second is None:
+        return second
     return np.asarray(real * (1.0 - blocked + second), np.float32)
 
 
