@@ -69,7 +69,7 @@ inline World captured(const RealLayer layer, __global const float4 *color,
 }
 
 TRACING_KERNEL void sample_highlight(
-    const int most_rays,                            // per texel; fewer where these crowd, at the poles
+    const int most_rays,                            // per texel; fewer where these crowd: poles
     const int frame_seed,
     __global const int *restrict list,
     const int count,
@@ -96,7 +96,8 @@ TRACING_KERNEL void sample_highlight(
     const uint seed = hash_combine(hash_combine((uint)texel, 0x676c6f73u), (uint)frame_seed);
 
     const float c = p.y / distance;
-    const int rays = max((int)(most_rays * sqrt(fmax(1.0f - c * c, 0.0f)) + 0.5f), min(most_rays, 2));
+    const float sine = sqrt(fmax(1.0f - c * c, 0.0f));
+    const int rays = max((int)(most_rays * sine + 0.5f), min(most_rays, 2));
     float3 sum = (float3)(0.0f);
     float mean = 0.0f, spread = 0.0f;   // of luminance, by Welford's recurrence
     for (int ray = 0; ray < rays; ray++) {
