@@ -78,7 +78,7 @@ class TraceSettings(BaseModel):
         default=True, description="Objects reflect shadows and light that objects cast."
     )
     ratio_rows: int = Field(
-        default=128,
+        default=64,
         ge=16,
         le=2048,
         description="Rows of the panorama that holds such shadows where the view does not show "
