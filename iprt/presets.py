@@ -10,12 +10,24 @@ Quality = Literal["draft", "balanced", "accurate"]
 
 PRESETS: Mapping[Quality, Mapping[str, object]] = MappingProxyType(
     {
-        # What is missed least: coarse maps of E_R and of shadows off screen, a shorter filter.
-        "draft": {"trace.ratio_rows": 64, "irradiance.rows": 64, "atrous.levels": 3},
+        # What is missed least: rays of objects, coarse maps of E_R and of shadows off screen, a
+        # shorter filter.
+        "draft": {
+            "trace.object_rays": 1,
+            "trace.ratio_rows": 32,
+            "irradiance.rows": 64,
+            "atrous.levels": 3,
+        },
         # The defaults of `Settings`.
         "balanced": {},
         # Rays: nothing else gains as much. A finer map of E_R for the corners of rooms.
-        "accurate": {"trace.rays": 4, "irradiance.rows": 256},
+        "accurate": {
+            "trace.rays": 2,
+            "trace.object_rays": 8,
+            "trace.ratio_rows": 128,
+            "irradiance.rows": 256,
+            "irradiance.samples": 1024,
+        },
     }
 )
 """Knobs (see `iprt settings`) that a preset sets; all others keep their defaults."""
