@@ -1,0 +1,361 @@
+"""The irradiance cache: what it holds is true, what it keeps and what it forgets."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.stats import norm
+
+from iprt.device.compute import ComputeDevice
+from iprt.passes.lights import flux_change
+from iprt.renderer import Renderer
+from iprt.scene.camera import View, equirect_pixel
+from iprt.scene.frame import Frame
+from iprt.scene.material import Material
+from iprt.scene.mesh import Instance
+from iprt.settings import Settings
+from tests.kernels.wrap import evaluate
+from tests.oracles.worlds import Box, Sphere, World
+from tests.test_windows import arriving, sun, windowed
+from tests.worlds import Float, ball, ceiling_lamp, panorama_at, room_frame
+
+pytestmark = pytest.mark.gl
+
+ROOM = World()
+FLOOR = ROOM.low[1]
+BALL = Sphere((0.2, FLOOR + 0.35, -1.4), 0.3)
+DOWN = View(48, 36, pitch_deg=-35.0)
+ROWS = 32
+
+
+def renderer(
+    device: ComputeDevice,
+    frame: Frame,
+    view: View = DOWN,
+    objects: list[Instance] | None = None,
+    light_sampling: bool = True,
+    relit: bool = False,
+    **irradiance: int,
+) -> Renderer:
+    chosen = {
+        "mask": {"sparse": False},
+        "irradiance": {"rows": ROWS, **irradiance},
+        "trace": {"relight_reflections": relit, "light_sampling": light_sampling},
+    }
+    there = objects or [ball(BALL.centre, BALL.radius, Material(albedo=(0.0, 0.0, 0.0)))]
+    return Renderer(device, frame, there, view, Settings.model_validate(chosen))
+
+
+def cells(made: Renderer) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+    """(N, 4) plane, mean and smoothed irradiance."""
+    cache = made.cache
+    assert cache is not None
+    read = made.device.read
+    return read(cache.plane), read(cache.mean), read(cache.irradiance)
+
+
+def cell_directions() -> Float:
+    return View(2 * ROWS, ROWS, projection="equirect").directions().reshape(-1, 3)
+
+
+def lamp_frame() -> Frame:
+    return room_frame(ROOM, 256, 128, ceiling_lamp)
+
+
+# True ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("light_sampling", [False, True], ids=["even", "aimed"])
+@pytest.mark.parametrize("scene", ["lamp", "window"])
+def test_cells_hold_the_irradiance(device: ComputeDevice, scene: str, light_sampling: bool) -> None:
+    """Cell by cell, and all together, within the errors of both: float64 Monte Carlo."""
+    frame = lamp_frame() if scene == "lamp" else windowed(sun)
+    samples, count = 1024, 8_000
+    with renderer(
+        device, frame, light_sampling=light_sampling, first_rays=samples, samples=samples
+    ) as made:
+        made.render(1)
+        plane, mean, _ = cells(made)
+    known = np.flatnonzero(mean[:, 3] > 0.0)
+    assert len(known) > 60
+    assert (mean[known, 3] == samples).all()
+    # Apart from edges, where a texel shows one wall and its tangent plane goes on.
+    v, g = cell_directions(), plane[:, :3].astype(np.float64)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        gaps = np.minimum(
+            v / (g * v).sum(-1, keepdims=True) - ROOM.low,
+            np.asarray(ROOM.high) - v / (g * v).sum(-1, keepdims=True),
+        )
+    known = known[np.sort(gaps, axis=-1)[known, 1] > 0.15]
+    rng = np.random.default_rng(3)
+    known = rng.choice(known, 40, replace=False)
+    lift = 2.0 * np.pi / frame.height
+    apart, errors = [], []
+    for cell in known:
+        v, g = cell_directions()[cell], plane[cell, :3].astype(np.float64)
+        n = -g / np.linalg.norm(g)
+        p = v / (g @ v)
+        o = p + lift * np.linalg.norm(p) * n
+        w = rng.normal(size=(count, 3))
+        w = n + w / np.linalg.norm(w, axis=1, keepdims=True)
+        w /= np.linalg.norm(w, axis=1, keepdims=True)
+        if scene == "lamp":
+            reach = ROOM.first_hit(o, w)[0]
+            light = panorama_at(frame.color, o + reach[:, None] * w)[:, 1]
+        else:
+            light = arriving(frame, "environment", np.broadcast_to(o, w.shape), w)[0][:, 1]
+        # Light sampling is no noisier than this where it pays.
+        spread = light.std() * (2.0 if light_sampling and scene == "window" else 1.0)
+        apart.append(mean[cell, 1] - light.mean())
+        noise = np.hypot(light.std() / np.sqrt(count), spread / np.sqrt(samples))
+        # Rooms of texels are a little off the true one.
+        errors.append(np.hypot(noise, 0.01 * light.mean()))
+    z = np.array(apart) / np.array(errors)
+    assert np.abs(z).max() < norm.isf(0.5 * (1.0 - 0.99 ** (1.0 / len(z))))
+    total = np.sum(apart) / np.sqrt(np.sum(np.square(errors)))
+    assert abs(total) < norm.isf(0.005)
+
+
+def test_more_samples_are_surer(device: ComputeDevice) -> None:
+    """Means of the same cells after many frames lie closer together than after one."""
+    spread = []
+    for samples in (16, 256):
+        found = []
+        for seed in range(4):
+            chosen = {"rows": 16, "first_rays": 8, "rays": 8, "samples": samples}
+            settings = Settings.model_validate(
+                {"seed": seed, "irradiance": chosen, "mask": {"sparse": False},
+                 "trace": {"relight_reflections": False}}
+            )  # fmt: skip
+            black = Material(albedo=(0.0, 0.0, 0.0))
+            objects = [ball(BALL.centre, BALL.radius, black)]
+            with Renderer(device, lamp_frame(), objects, DOWN, settings) as made:
+                made.render(36)
+                found.append(cells(made)[1])
+        samples_taken = np.array(found)[..., 3].min(0)
+        kept = samples_taken >= samples
+        assert kept.sum() > 8
+        assert np.array(found)[..., 3].max() < samples + 8
+        spread.append(np.array(found)[:, kept, 1].std(0).mean())
+    assert spread[1] < 0.5 * spread[0]
+
+
+# Where it is needed --------------------------------------------------------------------------
+
+
+def test_only_what_is_looked_at_is_refined(device: ComputeDevice) -> None:
+    with renderer(device, lamp_frame()) as made:
+        made.render(3)
+        _, mean, _ = cells(made)
+        d = cell_directions()
+        with np.errstate(divide="ignore", invalid="ignore"):
+            column, row = np.moveaxis(DOWN.project(d), -1, 0)
+        ahead = d @ DOWN.directions()[18, 24] > 0.2
+        inside = ahead & (column > 0) & (column < 48) & (row > 0) & (row < 36)
+        assert (mean[inside, 3] > 0.0).mean() > 0.9
+        far = d @ DOWN.directions()[18, 24] < 0.3
+        assert not mean[far, 3].any()
+
+
+def test_nothing_is_known_where_no_object_matters(device: ComputeDevice) -> None:
+    """On the front of a slab that has the objects behind its plane."""
+    hidden = World(solids=(Box((-0.2, -0.2, -1.3), (1.5, 1.0, 0.1)),))
+    view = View(48, 36, yaw_deg=25.0, pitch_deg=-4.0)
+    objects = [ball((1.9, -1.1, -1.5), 0.15, Material())]
+    frame = room_frame(hidden, 256, 128, ceiling_lamp)
+    with renderer(device, frame, view, objects) as made:
+        shown = made.render(3, ("irradiance_real",)).aovs["irradiance_real"]
+        plane, mean, _ = cells(made)
+    g = plane[:, :3].astype(np.float64)
+    v = cell_directions()
+    with np.errstate(divide="ignore", invalid="ignore"):
+        point = v / (g * v).sum(-1, keepdims=True)
+    on_slab = (plane[:, 3] > 0) & (np.abs(point[:, 2] + 1.2) < 0.01) & (v[:, 2] < 0.0)
+    assert on_slab.sum() > 50
+    assert (mean[on_slab, 3] == 0.0).mean() > 0.97  # cells at the rim lie on both
+    assert mean[:, 3].any()
+    assert (shown == 0.0).all(-1).mean() > 0.2
+    assert (shown > 0.0).all(-1).mean() > 0.1
+
+
+def test_cells_are_refined_until_enough(device: ComputeDevice) -> None:
+    """And only where objects have influence; a few rays do elsewhere."""
+    with renderer(device, lamp_frame(), first_rays=8, rays=16, samples=100) as made:
+        made.render(24)
+        _, mean, _ = cells(made)
+    samples = mean[:, 3]
+    assert set(np.unique(samples)) >= {0.0, 8.0}
+    assert 100.0 <= samples.max() < 116.0
+    assert (samples[(samples > 0.0)] >= 8.0).all()
+
+
+# Over time -----------------------------------------------------------------------------------
+
+
+def test_the_same_video_keeps_all(device: ComputeDevice) -> None:
+    frame = lamp_frame()
+    with renderer(device, frame) as made:
+        made.render(4)
+        before = cells(made)
+        made.load(frame)
+        made.load(replace(frame, color=frame.color.copy()))
+        for old, new in zip(before, cells(made), strict=True):
+            np.testing.assert_array_equal(old, new)
+
+
+def test_other_light_is_doubted_in_proportion(device: ComputeDevice) -> None:
+    frame = lamp_frame()
+    with renderer(device, frame, first_rays=64) as made:
+        made.render(2)
+        before = cells(made)[1]
+        assert before[:, 3].max() >= 64.0
+        # A fifth of the flux: what is known to a fifth, of 25 samples, is kept.
+        made.load(replace(frame, color=frame.color * np.float32(0.8)))
+        after = cells(made)[1]
+        np.testing.assert_allclose(after[:, 3], np.minimum(before[:, 3], 25.0), rtol=1e-5)
+        np.testing.assert_array_equal(after[:, :3], before[:, :3])
+        made.load(replace(frame, color=frame.color * np.float32(80.0)))
+        assert cells(made)[1][:, 3].max() < 1.1
+
+
+def test_what_moved_is_forgotten(device: ComputeDevice) -> None:
+    """A step in the floor, and nothing else."""
+    frame = lamp_frame()
+    d = View(256, 128, projection="equirect").directions()
+    t, normal, _ = ROOM.first_hit(np.zeros(3), d)
+    point = t[..., None] * d
+    step = (np.abs(point[..., 0] - 0.7) < 0.4) & (np.abs(point[..., 2] + 1.5) < 0.4)
+    step &= normal[..., 1] > 0.5
+    depth = np.where(step, frame.depth * np.float32(0.8), frame.depth)
+    with renderer(device, frame) as made:
+        made.render(4)
+        plane, mean, smooth = cells(made)
+        made.load(replace(frame, depth=depth.astype(np.float32)))
+        plane_now, mean_now, smooth_now = cells(made)
+    column, row = np.floor(equirect_pixel(cell_directions(), 256, 128)).astype(int).T
+    moved = step[row, column]
+    known = mean[:, 3] > 0.0
+    assert (moved & known).sum() > 5
+    assert not mean_now[moved, 3].any()
+    assert not smooth_now[moved, 3].any()
+    np.testing.assert_array_equal(mean_now[~moved], mean[~moved])
+    np.testing.assert_array_equal(smooth_now[~moved], smooth[~moved])
+    np.testing.assert_array_equal(plane_now[~moved], plane[~moved])
+
+
+def test_turning_the_head_loses_nothing(device: ComputeDevice) -> None:
+    with renderer(device, lamp_frame()) as made:
+        made.render(6)
+        before = cells(made)[1]
+        made.look(replace(DOWN, yaw_deg=150.0))
+        made.render(4)
+        away = cells(made)[1]
+        assert (away[:, 3] > 0.0).sum() > (before[:, 3] > 0.0).sum() + 20
+        assert (away[:, 3] >= before[:, 3]).all()
+        elsewhere = cell_directions() @ replace(DOWN, yaw_deg=150.0).directions()[18, 24] < 0.0
+        np.testing.assert_array_equal(away[elsewhere], before[elsewhere])
+
+
+@pytest.mark.parametrize("factor", [0.5, 1.0, 3.0])
+def test_change_of_flux_is_a_share(factor: float) -> None:
+    rng = np.random.default_rng(0)
+    before = rng.random((16, 32, 3)).astype(np.float32)
+    after = before * np.float32(factor)
+    wanted = abs(1.0 - factor) / max(1.0, factor)
+    assert flux_change(before, after) == pytest.approx(wanted, abs=1e-6)
+    assert flux_change(after, before) == pytest.approx(wanted, abs=1e-6)
+    assert flux_change(np.zeros_like(before), np.zeros_like(before)) == 0.0
+    # One texel counts by its solid angle.
+    lit = np.zeros_like(before)
+    lit[8] = 1.0
+    polar = lit.copy()
+    polar[0] = 1.0
+    share = np.sin(0.5 / 16 * np.pi) / (np.sin(0.5 / 16 * np.pi) + np.sin(8.5 / 16 * np.pi))
+    assert flux_change(lit, polar) == pytest.approx(share, rel=1e-6)
+
+
+# Interpolation -------------------------------------------------------------------------------
+
+LOOKUP = """
+const IrradianceCache cache = {cache_plane, cache_value, 64, 32, 0.0f};
+e = cached_irradiance(cache, p, n);
+"""
+
+
+def corner_tables(floor: float, wall: float) -> dict[str, NDArray[np.float32]]:
+    """A room of which the cache knows all cells; the floor's value, and that of all else."""
+    d = cell_directions()
+    t, normal, _ = ROOM.first_hit(np.zeros(3), d)
+    g = normal / (t[:, None] * d * normal).sum(-1, keepdims=True)
+    plane = np.concatenate([g, np.ones((len(d), 1))], axis=1)
+    value = np.where(normal[:, 1] > 0.5, floor, wall)[:, None] * np.ones(3)
+    known = np.concatenate([value, np.full((len(d), 1), 8.0)], axis=1)
+    return {"cache_plane": plane.astype(np.float32), "cache_value": known.astype(np.float32)}
+
+
+def looked_up(
+    device: ComputeDevice, tables: dict[str, NDArray[np.float32]], points: Float, normals: Float
+) -> NDArray[np.float32]:
+    inputs = {"p": points.astype(np.float32), "n": normals.astype(np.float32)}
+    found = evaluate(device, ["irradiance.h"], LOOKUP, inputs, {"e": "float3"}, tables)["e"]
+    return np.asarray(found[:, 0])
+
+
+def surface_points(count: int, seed: int = 0) -> tuple[Float, Float]:
+    d = np.random.default_rng(seed).normal(size=(count, 3))
+    d /= np.linalg.norm(d, axis=1, keepdims=True)
+    t, normal, _ = ROOM.first_hit(np.zeros(3), d)
+    return t[:, None] * d, normal
+
+
+def test_floor_and_wall_do_not_mix(device: ComputeDevice) -> None:
+    """Up to the edge between them, wherever one of the four cells around is of the surface."""
+    points, normals = surface_points(20_000)
+    found = looked_up(device, corner_tables(1.0, 5.0), points, normals)
+    on_floor = normals[:, 1] > 0.5
+    column, row = (equirect_pixel(points, 64, 32) - 0.5).T
+    of_floor = corner_tables(1.0, 5.0)["cache_value"][:, 0].reshape(32, 64) == 1.0
+    x, y = np.floor(column).astype(int), np.floor(row).astype(int)
+    around = np.stack(
+        [of_floor[np.clip(y + j, 0, 31), (x + i) % 64] for i in (0, 1) for j in (0, 1)]
+    )
+    mixed = around.any(0) & ~around.all(0)
+    assert (mixed & on_floor).sum() > 300
+    assert (mixed & ~on_floor).sum() > 300
+    np.testing.assert_allclose(found[on_floor & around.any(0)], 1.0, rtol=1e-5)
+    np.testing.assert_allclose(found[~on_floor & ~around.all(0)], 5.0, rtol=1e-5)
+
+
+def test_it_is_bilinear_on_a_surface(device: ComputeDevice) -> None:
+    """Also across the seam and at the poles, but for a thousandth that all known cells have."""
+    tables = corner_tables(1.0, 1.0)
+    column, row = np.meshgrid(np.arange(64), np.arange(32))
+    value = 2.0 + np.sin(2.0 * np.pi * column / 64) + 0.05 * row
+    tables["cache_value"][:, :3] = value.reshape(-1, 1)
+    points, normals = surface_points(20_000)
+    found = looked_up(device, tables, points, normals)
+    x, y = (equirect_pixel(points, 64, 32) - 0.5).T
+    at = (x * 2.0 * np.pi / 64, np.clip(y, 0.0, 31.0))
+    wanted = 2.0 + np.sin(at[0]) + 0.05 * at[1]
+    gaps = np.minimum(points - ROOM.low, np.asarray(ROOM.high) - points)
+    inner = np.sort(gaps, axis=-1)[:, 1] > 0.5
+    assert inner.sum() > 5000
+    np.testing.assert_allclose(found[inner], wanted[inner], atol=0.02)
+
+
+def test_unknown_cells_do_not_count(device: ComputeDevice) -> None:
+    tables = corner_tables(2.0, 2.0)
+    unknown = np.random.default_rng(4).random(32 * 64) < 0.6
+    tables["cache_value"][unknown] = 0.0
+    points, normals = surface_points(5000)
+    found = looked_up(device, tables, points, normals)
+    x, y = np.floor(equirect_pixel(points, 64, 32) - 0.5).astype(int).T
+    known = ~unknown.reshape(32, 64)
+    around = np.stack([known[np.clip(y + j, 0, 31), (x + i) % 64] for i in (0, 1) for j in (0, 1)])
+    np.testing.assert_allclose(found[around.any(0)], 2.0, rtol=1e-5)
+    assert (found[~around.any(0)] == 0.0).all()
+    assert (~around.any(0)).sum() > 200
