@@ -7,10 +7,14 @@
 //      real, objects  lib/path.h
 // out  diffuse        3 planes (-D HAS_DIFFUSE): irradiance / pi
 //      specular       3 planes (-D HAS_SPECULAR): radiance
+//      hit            1 plane (-D HAS_SPECULAR): metres to what is reflected, the harmonic mean over
+//                     the specular lobe; FAR_HIT: the sky, 0: no specular lobe
 //      touched        1 plane: TOUCHED_FRAMES where a ray met an object
 //      samples        1 plane: rays that the pixel has sent since the start, in and out
 #include "path.h"
 #include "planes.h"
+
+#define FAR_HIT 1e6f
 
 TRACING_KERNEL void trace_virtual(
     const int width,
@@ -26,6 +30,7 @@ TRACING_KERNEL void trace_virtual(
     __global uint *restrict samples,
     __global float *restrict diffuse,
     __global float *restrict specular,
+    __global float *restrict hit_distance,
     __global float *restrict touched)
 {
     const int item = get_global_id(0);
@@ -44,6 +49,7 @@ TRACING_KERNEL void trace_virtual(
     const uint seed = hash_combine(hash_combine((uint)list[item], 0x76697274u), (uint)frame_seed);
 
     float3 diffuse_sum = (float3)(0.0f), specular_sum = (float3)(0.0f);
+    float lobe = 0.0f, lobe_nearness = 0.0f;
     int met = 0;
     const uint first = samples[pixel];
     for (int ray = 0; ray < rays; ray++) {
@@ -69,13 +75,17 @@ TRACING_KERNEL void trace_virtual(
             continue;
 #ifdef DISTANT_ENVIRONMENT
         const float3 arriving = sky_radiance(world, s.wi) / (s.density > 0.0f ? s.density : 1.0f);
+        const float away = FAR_HIT;
 #else
         const PathResult path = trace_path(world, o, o, s, seed, index);
         const float3 arriving = path.arriving;
+        const float away = fmin(path.distance, FAR_HIT);
         met |= path.met;
 #endif
         diffuse_sum += s.diffuse * arriving;
         specular_sum += s.specular * arriving;
+        lobe += luminance(s.specular);
+        lobe_nearness += luminance(s.specular) / fmax(away, 1e-6f);
     }
     samples[pixel] = first + rays;
 #ifdef HAS_DIFFUSE
@@ -84,6 +94,7 @@ TRACING_KERNEL void trace_virtual(
 #endif
 #ifdef HAS_SPECULAR
     store_planes(specular, size, pixel, specular_sum / (float)rays);
+    hit_distance[pixel] = lobe > 0.0f ? fmin(lobe / lobe_nearness, FAR_HIT) : 0.0f;
 #endif
     if (met)
         touched[pixel] = TOUCHED_FRAMES;

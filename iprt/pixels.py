@@ -15,6 +15,7 @@ from iprt.passes.layout import PlaneLayout
 from iprt.passes.mask import Mask, grid_offset
 from iprt.passes.object_layers import VisibleLayer
 from iprt.passes.real_layer import RealLayer
+from iprt.passes.reflection_motion import ReflectionMotion
 from iprt.passes.relight import Relight
 from iprt.passes.temporal import Kind, Temporal, signal_planes
 from iprt.passes.trace import TraceReal, TraceVirtual
@@ -39,11 +40,14 @@ class Tick:
         Objects or the video moved since the frame before.
     view : (16,) float32
         `View.kernel_constants()` on the device.
+    previous : (16,) float32
+        The same of the frame before.
     """
 
     index: int
     changed: bool
     view: cla.Array
+    previous: cla.Array
 
 
 class SignalFilter:
@@ -162,7 +166,7 @@ class RatioMap:
 
     def run(self, world: World, cache: IrradianceCache | None, tick: Tick) -> None:
         """Follow the frame; `tick.view` is not used, the map does not turn."""
-        here = replace(tick, view=self._constants)
+        here = replace(tick, view=self._constants, previous=self._constants)
         with self._device.profile.section("ratio map"):
             if tick.index == 0 or tick.changed:
                 self._pixels.layer.run(world.panorama, self._constants, self._constants)
@@ -202,6 +206,11 @@ class VirtualPixels:
         self._filters = {
             kind: SignalFilter(device, self._guide, kind, settings, name=kind) for kind in kinds
         }
+        self._reflections = (
+            ReflectionMotion(device, self._guide)
+            if requirements.specular_signal and settings.temporal.history == "fast-slow"
+            else None
+        )
         self.reflected: dict[Kind, cla.Array] = {}
 
     def run(self, world: World, tick: Tick) -> None:
@@ -212,10 +221,14 @@ class VirtualPixels:
         trace.run(world, self._mask, tick.view, seen.albedo)
         signals = {"diffuse": trace.diffuse, "specular": trace.specular}
         for kind, signal_filter in self._filters.items():
+            motion = seen.motion
+            # A head that turns sees surface and reflection in one direction: they move alike.
+            if kind == "specular" and tick.changed and self._reflections is not None:
+                motion = self._reflections.run(motion, seen.roughness, trace.hit, tick.previous)
             self.reflected[kind] = signal_filter.run(
                 signals[kind],
                 self._mask,
-                seen.motion,
+                motion,
                 tick,
                 roughness=seen.roughness if kind == "specular" else None,
                 rect=seen.rect,

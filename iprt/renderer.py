@@ -227,7 +227,7 @@ class Renderer:
     def step(self) -> None:
         """Render one view frame; temporal passes build on the ones before."""
         changed = self._frame_index > 0 and (self._video_stale or self._objects_stale)
-        tick = Tick(self._frame_index, changed, self._view_constants[0])
+        tick = Tick(self._frame_index, changed, *self._view_constants)
         self._place_view()
         self._resample_real_layer(tick)
         if self.virtual_pixels is None:

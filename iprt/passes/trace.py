@@ -77,6 +77,8 @@ class TraceVirtual:
         Irradiance over π, without albedo; None when no material has a diffuse part.
     specular : 3 planes or None
         Radiance; None when no material has a specular part.
+    hit : 1 plane or None
+        Metres to what the specular lobe reflects, 1e6: the sky, 0: nothing; None as `specular`.
     """
 
     def __init__(self, device: ComputeDevice, guide: Guide, requirements: Requirements) -> None:
@@ -91,11 +93,12 @@ class TraceVirtual:
         )
         self._kernel = device.kernel("trace_virtual.cl", "trace_virtual", defines)
         layout = guide.layout
-        self.diffuse = self.specular = None
+        self.diffuse = self.specular = self.hit = None
         if requirements.diffuse_signal:
             self.diffuse = device.zeros("diffuse signal", layout.shape(3))
         if requirements.specular_signal:
             self.specular = device.zeros("specular signal", layout.shape(3))
+            self.hit = device.zeros("specular hit distance", layout.shape(1))
         self._samples = device.zeros("object samples", layout.shape(1), np.uint32)
 
     def run(
@@ -122,5 +125,6 @@ class TraceVirtual:
                 self._samples,
                 self.diffuse,
                 self.specular,
+                self.hit,
                 mask.touched,
             )
