@@ -22,7 +22,7 @@
 #include "guide.h"
 #include "signal.h"
 
-#define MIRROR_ALPHA 1e-4f     // below, and flat: a perfect mirror
+#define MIRROR_ALPHA 1e-4f     // below: a perfect mirror, which is not filtered
 
 #if TAPS == 3
 #define MIDDLE 0.44198f       // weights of a row of taps, as in ReLAX
@@ -230,7 +230,7 @@ __kernel void filter_level(
 __kernel void widen_lobes(
     __global const float *restrict guide,     // 7 planes
     __global const float *restrict roughness, // GGX alpha
-    __global float *restrict widened,         // out: 1 plane
+    __global float *restrict widened,         // out: 1 plane; mirrors stay mirrors
     int x0,                                   // rectangle's first column
     int y0,                                   // and row
     int x1,                                   // end column
@@ -252,7 +252,7 @@ __kernel void widen_lobes(
         bool same = guide[GUIDE_ID * size + q] == guide[GUIDE_ID * size + p];
         turned += same ? dx * dx + dy * dy + dz * dz : 0.0f;
     }
-    widened[p] = sqrt(alpha * alpha + NORMAL_SPREAD * turned);
+    widened[p] = alpha < MIRROR_ALPHA ? alpha : sqrt(alpha * alpha + NORMAL_SPREAD * turned);
 }
 #endif
 

@@ -126,7 +126,7 @@ class Atrous:
             Of the mean of the scalar that the picture shows. None where not `guided`. Neither is
             changed, but for borders in equirect views.
         roughness : 1 plane
-            GGX alpha of the specular lobe, needed by that kind. Flat mirrors are copied.
+            GGX alpha of the specular lobe, needed by that kind. Mirrors are copied.
         rect : Rect or None
             Where there are surfaces; outside it the result is undefined. None: everywhere.
         """

@@ -16,7 +16,7 @@ def widened(roughness: Array, normal: Array, ids: Array, equirect: bool) -> Arra
     for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1)):
         step = ((shifted(normal, dx, dy, equirect) - normal) ** 2).sum(0)
         turned += step * (shifted(ids, dx, dy, equirect, fill=-1.0) == ids)
-    return np.sqrt(roughness**2 + turned)
+    return np.where(roughness < 1e-4, roughness, np.sqrt(roughness**2 + turned))
 
 
 def smooth_variance(variance: Array, ids: Array, equirect: bool) -> Array:
