@@ -16,6 +16,24 @@
 
 #define FAR_HIT 1e6f
 
+// Neighbours whose normals agree so well share their samples by way of the filter.
+#define ALIKE 0.95f
+// A pixel without such neighbours sends so many times as many rays as one amid them.
+#define LONELY_RAYS 4.0f
+
+// How many times as many rays a pixel deserves as one whose eight neighbours are like it.
+static inline float loneliness(__global const float *restrict guide, int size, int pixel, int stride,
+                               float3 n)
+{
+    int alike = 1;
+    for (int i = 0; i < 9; i++) {
+        const int q = pixel + i % 3 - 1 + (i / 3 - 1) * stride;
+        alike += i != 4 && guide[6 * size + q] == guide[6 * size + pixel]
+            && dot(load_planes(guide, size, q), n) > ALIKE;
+    }
+    return fmin(9.0f / alike, LONELY_RAYS);
+}
+
 TRACING_KERNEL void trace_virtual(
     const int width,
     const int height,
@@ -52,7 +70,8 @@ TRACING_KERNEL void trace_virtual(
     float lobe = 0.0f, lobe_nearness = 0.0f;
     int met = 0;
     const uint first = samples[pixel];
-    for (int ray = 0; ray < rays; ray++) {
+    const int more = (int)(rays * loneliness(guide, size, pixel, plane_stride(width), n));
+    for (int ray = 0; ray < more; ray++) {
         const uint index = first + ray;
         const float2 u = sobol_2d(index, seed), v = sobol_2d(index, hash_combine(seed, 1));
 #ifdef JITTER
@@ -87,13 +106,13 @@ TRACING_KERNEL void trace_virtual(
         lobe += luminance(s.specular);
         lobe_nearness += luminance(s.specular) / fmax(away, 1e-6f);
     }
-    samples[pixel] = first + rays;
+    samples[pixel] = first + more;
 #ifdef HAS_DIFFUSE
     // f / albedo is 1 / pi at most: what the albedo multiplies is a mean of radiance.
-    store_planes(diffuse, size, pixel, diffuse_sum / (float)rays);
+    store_planes(diffuse, size, pixel, diffuse_sum / (float)more);
 #endif
 #ifdef HAS_SPECULAR
-    store_planes(specular, size, pixel, specular_sum / (float)rays);
+    store_planes(specular, size, pixel, specular_sum / (float)more);
     hit_distance[pixel] = lobe > 0.0f ? fmin(lobe / lobe_nearness, FAR_HIT) : 0.0f;
 #endif
     if (met)
