@@ -15,6 +15,11 @@ from tests.oracles import atrous as oracle
 from tests.passes.gbuffer import SIZES, GBuffer, flat_gbuffer, random_gbuffer, read, upload
 
 
+SETTINGS = AtrousSettings(
+    normal_sharpness=24.0, plane_sharpness=100.0, deviations=6.0, floor=0.002, lobe_fraction=0.5
+)
+
+
 def run(
     device: ComputeDevice,
     gbuffer: GBuffer,
@@ -28,7 +33,7 @@ def run(
     guided: bool = True,
 ) -> np.ndarray:
     layout = gbuffer.layout
-    settings = settings or AtrousSettings()
+    settings = settings or SETTINGS
     atrous = Atrous(device, gbuffer.guide(device), kind, settings, name="test", guided=guided)
     planes = (upload(device, layout, signal), upload(device, layout, variance[None]))
     alpha = None if roughness is None else upload(device, layout, roughness[None])
@@ -91,7 +96,7 @@ def test_equals_twin(
 @pytest.mark.parametrize("levels", [0, 1, 2, 3])
 def test_levels(device: ComputeDevice, levels: int) -> None:
     gbuffer, signal, variance, _ = random_case("ratio", 33, 21, False)
-    settings = AtrousSettings(levels=levels)
+    settings = SETTINGS.model_copy(update={"levels": levels})
     result = run(device, gbuffer, "ratio", signal, variance, settings=settings)
     np.testing.assert_allclose(result, twin(gbuffer, "ratio", signal, variance, levels), rtol=3e-3)
 
@@ -134,7 +139,7 @@ def test_zeros_stay_zeros(device: ComputeDevice, equirect: bool) -> None:
     if equirect:
         view = View(160, 128, projection="equirect")
         gbuffer = replace(gbuffer, view=view, depth=np.full_like(gbuffer.depth, 2.0))
-    atrous = Atrous(device, gbuffer.guide(device), "delta", AtrousSettings(), name="test")
+    atrous = Atrous(device, gbuffer.guide(device), "delta", SETTINGS, name="test")
     rng = np.random.default_rng(11)
     for x, y in [(70, 60), (2, 3), (155, 120), (90, 100)]:
         signal, variance = np.zeros((6, 128, 160)), np.zeros((128, 160))
