@@ -14,7 +14,6 @@ from iprt.scene.camera import View
 from tests.oracles import atrous as oracle
 from tests.passes.gbuffer import SIZES, GBuffer, flat_gbuffer, random_gbuffer, read, upload
 
-
 SETTINGS = AtrousSettings(
     normal_sharpness=24.0, plane_sharpness=100.0, deviations=6.0, floor=0.002, lobe_fraction=0.5
 )
