@@ -92,11 +92,15 @@ typedef struct {
     float3 position;
     float3 flat_normal;   // of the plane, towards the viewer
     float3 normal;        // interpolated, outward as the mesh has it; flat_normal where it has none
+    float3 bulge;         // from position to the curved surface that the normals tell of, if outside
     float reach;          // the largest coordinate that it was computed from
     int4 vertices;        // and the material of the mesh
     float3 weights;
     int material;         // of all instances
 } ObjectSurface;
+
+// From x up to the plane through the origin with normal n, if x is below it.
+static inline float3 above_plane(float3 x, float3 n) { return fmax(-dot(x, n), 0.0f) * n; }
 
 static inline ObjectSurface object_surface(const Objects world, const ObjectHit hit, float3 d)
 {
@@ -116,20 +120,26 @@ static inline ObjectSurface object_surface(const Objects world, const ObjectHit 
     at.flat_normal =
         safe_normalize(cross(safe_normalize(b - a, d), safe_normalize(c - a, d)), -d);
     at.flat_normal = dot(at.flat_normal, d) > 0.0f ? -at.flat_normal : at.flat_normal;
-    const float3 n = at.weights.x * vertex_normal(world, rows, at.vertices.x)
-        + at.weights.y * vertex_normal(world, rows, at.vertices.y)
-        + at.weights.z * vertex_normal(world, rows, at.vertices.z);
+    const float3 na = vertex_normal(world, rows, at.vertices.x);
+    const float3 nb = vertex_normal(world, rows, at.vertices.y);
+    const float3 nc = vertex_normal(world, rows, at.vertices.z);
+    const float3 n = at.weights.x * na + at.weights.y * nb + at.weights.z * nc;
     at.normal = safe_normalize(n, at.flat_normal);
+    const float side = dot(n, at.flat_normal) < 0.0f ? -1.0f : 1.0f;
+    at.bulge = at.weights.x * above_plane(at.position - a, side * na)
+        + at.weights.y * above_plane(at.position - b, side * nb)
+        + at.weights.z * above_plane(at.position - c, side * nc);
     return at;
 }
 
-// Rays that the interpolated normal sends below the triangle meet it again from outside, so that
-// none gets into a solid.
+// Where the interpolated normals tell of a bulge, rays start on it (J. Hanika, "Hacking the Shadow
+// Terminator", Ray Tracing Gems II, 2021): a ball of triangles does not shade itself. Others that the
+// normal sends below the triangle meet it again from outside, so that none gets into a solid.
 static inline Scatterer object_point(const Objects world, const ObjectHit hit, float3 o, float3 d)
 {
     const ObjectSurface at = object_surface(world, hit, d);
     Scatterer point;
-    point.position = at.position + OBJECT_ULPS * at.reach * at.flat_normal;
+    point.position = at.position + at.bulge + OBJECT_ULPS * at.reach * at.flat_normal;
     // On the side that is seen; near silhouettes it may still face away.
     const float3 n = dot(at.normal, at.flat_normal) < 0.0f ? -at.normal : at.normal;
     point.normal = n - 2.0f * fmax(dot(n, d), 0.0f) * d;

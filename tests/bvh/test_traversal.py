@@ -126,13 +126,18 @@ def test_points_and_normals(device: ComputeDevice, matrix: Float) -> None:
     met = BvhTracer(device, [instance])(o, d)
     hit = np.isfinite(met.t)
     o, d = o[hit], d[hit]
-    object_point = (met.position[hit] - matrix[:3, 3]) @ np.linalg.inv(matrix[:3, :3]).T
+    there = o + met.t[hit, None] * d
+    object_point = (there - matrix[:3, 3]) @ np.linalg.inv(matrix[:3, :3]).T
     triangles = world_triangles(instance)[met.triangle[hit]]
     flat = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     flat /= np.linalg.norm(flat, axis=1, keepdims=True)
     flat *= -np.sign((flat * d).sum(1, keepdims=True))
     off = ((met.position[hit] - triangles[:, 0]) * flat).sum(1)
     reach = np.abs(triangles).max()
+    assert (off > 0.0).all()
+    assert (off < 4e-3 * reach).all()  # smooth normals tell of a bulge
+    sharp = instance_of(replace(mesh, normals=np.zeros_like(mesh.normals)), matrix)
+    off = ((BvhTracer(device, [sharp])(o, d).position - triangles[:, 0]) * flat).sum(1)
     assert (off > 0.0).all()
     assert (off < 1e-5 * reach).all()
     np.testing.assert_allclose(met.flat_normal[hit], flat, atol=2e-3)
@@ -229,7 +234,26 @@ def test_rays_leave_what_they_have_hit(device: ComputeDevice, matrix: Float) -> 
     assert not np.isfinite(tracer(start, away).t)[steep].any()
     into = tracer(start, -flat)
     assert np.isfinite(into.t).all()
-    assert (into.t < 1e-4 * np.abs(start).max()).all()
+    assert (into.t < 1e-3 * np.abs(start).max()).all()
+
+
+def test_a_ball_of_triangles_does_not_shade_itself(device: ComputeDevice) -> None:
+    """Rays above the smooth surface start where the coarse one is not in their way."""
+    rng = np.random.default_rng(18)
+    for coarse in (1, 2, 3):
+        instance = instance_of(sphere(coarse), TRANSFORMS["turned and moved"])
+        o, d = rays_at(instance, 4000)
+        tracer = BvhTracer(device, [instance])
+        met = tracer(o, d)
+        # Near the silhouette normals are turned towards the viewer.
+        front = np.isfinite(met.t) & ((met.normal * d).sum(1) < -0.3)
+        start, normal = met.position[front], met.normal[front]
+        away = random_directions(rng, len(start))
+        away *= np.sign((away * normal).sum(1, keepdims=True))
+        below = (away * met.flat_normal[front]).sum(1) < 0.0
+        assert below.sum() > 5
+        steep = (away * normal).sum(1) > 1e-3
+        assert not np.isfinite(tracer(start, away).t)[steep].any()
 
 
 def test_refitted_equals_rebuilt(device: ComputeDevice) -> None:
