@@ -31,6 +31,7 @@
 #define HUGE 1e30f            // samples from here on, and NaN, are not used
 #define MAX_LENGTH 1e6f
 #define SHORT_HISTORY 4.0f    // below, samples of one pixel do not tell their variance
+#define UNSURE 8.0f           // few samples of rare events tell too small a variance: 1 + 8 / n
 #define SPATIAL_RADIUS 3
 #define NEAR_STEP 2           // nine pixels so far apart stand for a 5x5 neighbourhood
 
@@ -350,7 +351,7 @@ __kernel void estimate_variance(
     __global const float *restrict ids = guide + GUIDE_ID * plane_size(width, height);
     float samples = length[p], result = 0.0f;
     if (samples >= SHORT_HISTORY - 0.5f) { // the mean of four lengths of 4 may round down
-        result = spread[p] / (samples - 1.0f);
+        result = (1.0f + UNSURE / samples) * spread[p] / (samples - 1.0f);
     } else if (ids[p] > 0.0f) {
         float id = ids[p], centre = scalar[p], count = 0.0f, sum = 0.0f, square = 0.0f;
         for (int dy = -SPATIAL_RADIUS; dy <= SPATIAL_RADIUS; dy++)
@@ -361,8 +362,8 @@ __kernel void estimate_variance(
                 sum += d;
                 square += d * d;
             }
-        // Raised while samples are few, so that the first pictures are filtered strongly.
-        float boost = SHORT_HISTORY / fmax(samples, 1.0f);
+        // Of a neighbourhood's means, as after SHORT_HISTORY samples, made that of fewer.
+        float boost = (SHORT_HISTORY + UNSURE) / fmax(samples, 1.0f);
         result = boost * fmax(square / count - sum * sum / (count * count), 0.0f);
     }
     variance[p] = result;

@@ -149,11 +149,12 @@ def accumulate(past: History, signal: Array, ids: Array, level: Array, fading: f
 
 def variance(now: History, ids: Array, equirect: bool) -> Array:
     """Variance of the mean: of the samples, or of a 7x7 neighbourhood while they are few."""
-    result = now.spread / np.maximum(now.length - 1.0, 1.0)
+    unsure = 1.0 + 8.0 / np.maximum(now.length, 1.0)
+    result = unsure * now.spread / np.maximum(now.length - 1.0, 1.0)
     scalars = bordered(shown(now.signal), 3, equirect)
     wide_ids = bordered(ids, 3, equirect, fill=-1.0)
     for y, x in np.argwhere(now.length < 3.5):
         same = wide_ids[y : y + 7, x : x + 7] == ids[y, x]
         spatial = scalars[y : y + 7, x : x + 7][same].var()
-        result[y, x] = 4.0 / max(now.length[y, x], 1.0) * spatial if ids[y, x] > 0.0 else 0.0
+        result[y, x] = 12.0 / max(now.length[y, x], 1.0) * spatial if ids[y, x] > 0.0 else 0.0
     return result
