@@ -75,9 +75,10 @@ def render(
     device: ComputeDevice, frame: Frame, solid: Sphere, view: View, openings: str, frames: int,
     rays: int = 1,
 ) -> RenderedFrame:  # fmt: skip
-    trace = {"rays": rays, "openings": openings, "relight_reflections": False}
+    trace = {"rays": rays, "openings": openings, "relight_reflections": False, "jitter": False}
     raw = {"fading": 0.0, "atrous": {"levels": 0}, "mask": {"sparse": False}}
-    settings = Settings.model_validate({"trace": trace, **raw})
+    sure = {"rows": 64, "first_rays": 2048, "samples": 2048}
+    settings = Settings.model_validate({"trace": trace, "irradiance": sure, **raw})
     objects = [ball(solid.centre, solid.radius, MIRROR, subdivisions=5)]
     with Renderer(device, frame, objects, view, settings) as renderer:
         return renderer.render(frames, ("coverage", "irradiance_real", "ratio"))
