@@ -21,6 +21,8 @@
 // noise of a small E_R, and its colour was captured too dark to be trusted.
 #define MAX_RATIO 4.0f
 
+// Changes below this are applied as they are.
+#define SLIGHT 0.002f
 // Changes from these on deserve a ray for every fourth pixel, and for every pixel: noise is in
 // proportion to what is changed.
 #define FAINT 0.015f
@@ -62,9 +64,11 @@ __kernel void relight(
     const float3 bounce = fmax(load_planes(signal + 3 * size, size, p), 0.0f);
     const IrradianceCache cache = CACHE;
     const float black = cache.black;
+    const float3 larger = fmax(blocked, bounce);
+    // Most pixels of most views: what E_R would say of so little is not worth looking it up.
+    const int slight = fmax(larger.x, fmax(larger.y, larger.z)) < SLIGHT;
     float3 real = (float3)(0.0f);
-    if (guide[GUIDE_ID * size + p] > 0.0f
-        && luminance(blocked) + luminance(bounce) > 0.0f)
+    if (guide[GUIDE_ID * size + p] > 0.0f && !slight)
         real = cached_irradiance(cache, load_planes(guide + GUIDE_POSITION * size, size, p),
                                  load_planes(guide + GUIDE_NORMAL * size, size, p));
     float3 both = real * (1.0f - blocked + bounce);
@@ -78,6 +82,10 @@ __kernel void relight(
         channel_ratio(real.x, both.x, seen.x, passing, explained, black),
         channel_ratio(real.y, both.y, seen.y, passing, explained, black),
         channel_ratio(real.z, both.z, seen.z, passing, explained, black), 1.0f);
+#ifdef DELTA
+    if (slight)
+        result = (float4)(1.0f - blocked + bounce, 1.0f);
+#endif
     if (!(guide[GUIDE_ID * size + p] > 0.0f))
         result = (float4)(1.0f);
     ratio[y * width + x] = result;
