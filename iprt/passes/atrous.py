@@ -56,7 +56,7 @@ class AtrousSettings(BaseModel):
         "a real surface receives, count as noise always.",
     )
     lobe_fraction: float = Field(
-        default=1.0,
+        default=0.5,
         gt=0.0,
         le=4.0,
         description="Specular: fraction of the reflection lobe's half width that taps may span.",
