@@ -205,8 +205,10 @@ def test_the_seed_makes_the_picture(device: ComputeDevice, view: View) -> None:
     np.testing.assert_allclose(first.color.mean((0, 1)), other.color.mean((0, 1)), rtol=0.01)
 
 
-@pytest.mark.parametrize("estimator", ["delta", "ratio"])
-def test_frames_average_out_the_noise(device: ComputeDevice, estimator: str) -> None:
+@pytest.mark.parametrize(("estimator", "filtered_to"), [("delta", 1.0), ("ratio", 0.8)])
+def test_frames_average_out_the_noise(
+    device: ComputeDevice, estimator: str, filtered_to: float
+) -> None:
     """Four times the frames, about half the error, where E_R is known."""
     frame, objects = lit_room()
     many = {"rays": 8, "estimator": estimator}
@@ -220,10 +222,14 @@ def test_frames_average_out_the_noise(device: ComputeDevice, estimator: str) -> 
         color.append(rms(picture.color - truth.color))
         assert picture.color.mean() == pytest.approx(truth.color.mean(), rel=0.02)
     for errors in (ratio, color):
-        assert errors[1] < 0.7 * errors[0]
-        assert errors[2] < 0.7 * errors[1]
-    filtered = render(device, frame, objects, SMALL, 4, **few, **MEAN)
-    assert rms(filtered.aovs["ratio"] - truth.aovs["ratio"]) < 0.7 * ratio[0]
+        assert errors[1] < 0.75 * errors[0]
+        assert errors[2] < 0.75 * errors[1]
+    # The filter pays where there is noise: after a frame, and less where there is less of it.
+    raw, filtered = (
+        render(device, frame, objects, SMALL, 1, **few, **chosen).aovs["ratio"]
+        for chosen in (RAW, {**MEAN, "mask": {"sparse": False}})
+    )
+    assert rms(filtered - truth.aovs["ratio"]) < filtered_to * rms(raw - truth.aovs["ratio"])
 
 
 # A head that turns ---------------------------------------------------------------------------

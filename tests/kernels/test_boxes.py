@@ -133,8 +133,9 @@ def test_where_boxes_are_is_what_plain_code_says(device: ComputeDevice) -> None:
     boxes = [NEAR, AROUND]
     found = run(
         device, "above = at.above; inside = at.inside; total = at.total;"
-        "matter = boxes_matter(at, 0.5f);", boxes, {"x": x, "n": n},
-        {"above": "int", "inside": "int", "total": "float", "matter": "int"},
+        "matter = boxes_matter(at, 0.5f); some = boxes_matter(at, 0.0f);", boxes, {"x": x, "n": n},
+        {"above": "int", "inside": "int", "total": "float", "matter": "int",
+         "some": "int"},
     )  # fmt: skip
     above, inside, aimed = (np.zeros(count, bool) for _ in range(3))
     for box in np.asarray(boxes):
@@ -153,6 +154,7 @@ def test_where_boxes_are_is_what_plain_code_says(device: ComputeDevice) -> None:
     np.testing.assert_array_equal(found["total"] > 0.0, aimed)
     assert 0.05 < inside.mean() < 0.95
     assert 0.05 < above.mean() < 0.999
+    np.testing.assert_array_equal(found["some"] > 0, above)
     np.testing.assert_array_equal(
         found["matter"] > 0, above & (inside | (found["total"] >= np.float32(0.5)))
     )

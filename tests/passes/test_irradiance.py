@@ -121,12 +121,17 @@ def test_cells_hold_the_irradiance(device: ComputeDevice, scene: str, light_samp
 
 
 def test_more_samples_are_surer(device: ComputeDevice) -> None:
-    """Means of the same cells after many frames lie closer together than after one."""
+    """Means of the same cells after many frames lie closer together than after two, and about what
+    as many samples at once find.
+    """
     spread = []
+    with renderer(device, lamp_frame(), first_rays=4096, samples=4096) as made:
+        made.render(1)
+        at_once = cells(made)[1]
     for samples in (16, 256):
         found = []
         for seed in range(4):
-            chosen = {"rows": 16, "first_rays": 8, "rays": 8, "samples": samples}
+            chosen = {"rows": ROWS, "first_rays": 8, "rays": 8, "samples": samples}
             settings = Settings.model_validate(
                 {"seed": seed, "irradiance": chosen, "mask": {"sparse": False},
                  "trace": {"relight_reflections": False}}
@@ -141,6 +146,9 @@ def test_more_samples_are_surer(device: ComputeDevice) -> None:
         assert kept.sum() > 8
         assert np.array(found)[..., 3].max() < samples + 8
         spread.append(np.array(found)[:, kept, 1].std(0).mean())
+        kept &= at_once[:, 3] > 0.0
+        mean = np.array(found)[:, kept, 1].mean()
+        assert mean == pytest.approx(at_once[kept, 1].mean(), rel=0.05)
     assert spread[1] < 0.5 * spread[0]
 
 
