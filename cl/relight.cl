@@ -22,7 +22,7 @@
 #define MAX_RATIO 4.0f
 
 // Changes below this are applied as they are.
-#define SLIGHT 0.002f
+#define SLIGHT 0.004f
 // Changes from these on deserve a ray for every fourth pixel, and for every pixel: noise is in
 // proportion to what is changed.
 #define FAINT 0.015f

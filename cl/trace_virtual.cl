@@ -4,6 +4,7 @@
 // in   list, count    pixels to trace (y * width + x) and how many
 //      guide          7 planes (lib/guide.h): world normal towards the viewer, position, id
 //      albedo         3 planes
+//      history        1 plane: frames that the pixel's temporal mean was worth in the last picture
 //      real, objects  lib/path.h
 // out  diffuse        3 planes (-D HAS_DIFFUSE): irradiance / pi
 //      specular       3 planes (-D HAS_SPECULAR): radiance
@@ -21,6 +22,10 @@
 // A pixel without such neighbours sends so many times as many rays as one amid them.
 #define LONELY_RAYS 4.0f
 
+// Pixels whose history is worth more frames send this share of the rays only.
+#define SHORT_HISTORY 7.5f
+#define LATER_RAYS 0.25f
+
 // How many times as many rays a pixel deserves as one whose eight neighbours are like it.
 static inline float loneliness(__global const float *restrict guide, int size, int pixel, int stride,
                                float3 n)
@@ -37,12 +42,13 @@ static inline float loneliness(__global const float *restrict guide, int size, i
 TRACING_KERNEL void trace_virtual(
     const int width,
     const int height,
-    const int rays,                              // per pixel
+    const int rays,                              // per pixel with a short history
     const int frame_seed,
     __global const int *restrict list,
     __global const int *restrict count,
     __global const float *restrict guide,
     __global const float *restrict albedo,
+    __global const float *restrict history,
     __global const float *restrict view,         // lib/view.h
     WORLD_PARAMETERS,
     __global uint *restrict samples,
@@ -70,7 +76,8 @@ TRACING_KERNEL void trace_virtual(
     float lobe = 0.0f, lobe_nearness = 0.0f;
     int met = 0;
     const uint first = samples[pixel];
-    const int more = (int)(rays * loneliness(guide, size, pixel, plane_stride(width), n));
+    const float steady = history[pixel] < SHORT_HISTORY ? rays : fmax(LATER_RAYS * rays, 1.0f);
+    const int more = (int)(steady * loneliness(guide, size, pixel, plane_stride(width), n));
     for (int ray = 0; ray < more; ray++) {
         const uint index = first + ray;
         const float2 u = sobol_2d(index, seed), v = sobol_2d(index, hash_combine(seed, 1));

@@ -27,6 +27,9 @@ from iprt.settings import Settings
 MAP_LEAST = 0.1
 """sr: what objects do to surfaces from which they look smaller is not worth reflecting."""
 
+MAP_EVERY = 4
+"""Frames for which the map of what objects do serves, where nothing moves."""
+
 
 @dataclass(frozen=True)
 class Tick:
@@ -63,6 +66,11 @@ class SignalFilter:
         self._atrous = Atrous(
             device, guide, kind, settings.atrous, name=name, guided=not self._published
         )
+
+    @property
+    def history(self) -> cla.Array:
+        """`Temporal.length` of the signal."""
+        return self._temporal.length
 
     def run(
         self,
@@ -167,6 +175,9 @@ class RatioMap:
     def run(self, world: World, cache: IrradianceCache | None, tick: Tick) -> None:
         """Follow the frame; `tick.view` is not used, the map does not turn."""
         here = replace(tick, view=self._constants, previous=self._constants)
+        # A still map gains little from a frame more.
+        if tick.index % MAP_EVERY > 0 and not tick.changed:
+            return
         with self._device.profile.section("ratio map"):
             if tick.index == 0 or tick.changed:
                 self._pixels.layer.run(world.panorama, self._constants, self._constants)
@@ -218,7 +229,8 @@ class VirtualPixels:
         seen, trace = self.visible, self._trace
         self._guide.run(tick.view, seen.normal, seen.depth, seen.id)
         self._mask.run(grid_offset(tick.index), motion=seen.motion, metre=world.panorama.scale)
-        trace.run(world, self._mask, tick.view, seen.albedo)
+        history = next(iter(self._filters.values())).history
+        trace.run(world, self._mask, tick.view, seen.albedo, history)
         signals = {"diffuse": trace.diffuse, "specular": trace.specular}
         for kind, signal_filter in self._filters.items():
             motion = seen.motion

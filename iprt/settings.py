@@ -42,7 +42,11 @@ class TraceSettings(BaseModel):
         description="Rays per traced pixel of real surfaces and frame; noise ∝ 1/√rays.",
     )
     object_rays: int = Field(
-        default=4, ge=1, le=1024, description="The same for pixels of objects, which are fewer."
+        default=4,
+        ge=1,
+        le=1024,
+        description="The same for pixels of objects in their first eight frames; a quarter later, "
+        "up to four times as many at their edges.",
     )
     bounces: int = Field(
         default=4,

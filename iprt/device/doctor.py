@@ -23,6 +23,7 @@ from iprt.device.probe import probe
 Record = dict[str, Any]
 CORE = (
     "imageio",
+    "jinja2",
     "moderngl",
     "networkx",
     "numpy",

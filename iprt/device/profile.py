@@ -8,7 +8,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
-
 OTHER = "other"
 """The pass of what no section names."""
 

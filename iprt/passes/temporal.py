@@ -161,6 +161,11 @@ class Temporal:
         if settings.history == "fast-slow":
             self._fast, self._fast_before = histories("fast history")
 
+    @property
+    def length(self) -> cla.Array:
+        """1 plane: how many samples each pixel's mean was worth after the last picture."""
+        return self._now[1]
+
     def reset(self) -> None:
         """Forget everything, as after a cut."""
         self._device.fill_zero(self._now[1])

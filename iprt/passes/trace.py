@@ -107,7 +107,9 @@ class TraceVirtual:
         mask: Mask,
         view: cla.Array,
         albedo: cla.Array,
+        history: cla.Array,
     ) -> None:
+        """`history` is the `Temporal.length` of the signals."""
         layout, settings = self._guide.layout, self._requirements.settings
         with self._device.profile.section("trace virtual"):
             self._kernel(
@@ -120,6 +122,7 @@ class TraceVirtual:
                 mask.count,
                 self._guide.current,
                 albedo,
+                history,
                 view,
                 *world.arguments(self._requirements),
                 self._samples,
