@@ -27,8 +27,8 @@ from iprt.settings import Settings
 MAP_LEAST = 0.1
 """sr: what objects do to surfaces from which they look smaller is not worth reflecting."""
 
-MAP_EVERY = 4
-"""Frames for which the map of what objects do serves, where nothing moves."""
+MAP_SETTLED, MAP_EVERY = 16, 4
+"""After so many updates, the map of what objects do serves for so many frames if nothing moves."""
 
 
 @dataclass(frozen=True)
@@ -171,15 +171,18 @@ class RatioMap:
             device, layer, self._guide, requirements, name="ratio map", least=MAP_LEAST
         )
         self.ratio = self._pixels.relight.ratio
+        self._updates = 0
 
     def run(self, world: World, cache: IrradianceCache | None, tick: Tick) -> None:
         """Follow the frame; `tick.view` is not used, the map does not turn."""
-        here = replace(tick, view=self._constants, previous=self._constants)
-        # A still map gains little from a frame more.
-        if tick.index % MAP_EVERY > 0 and not tick.changed:
+        # A map that has settled gains little from a frame more.
+        settled = self._updates >= MAP_SETTLED and not tick.changed
+        if settled and tick.index % MAP_EVERY > 0:
             return
+        here = Tick(self._updates, tick.changed, self._constants, self._constants)
+        self._updates += 1
         with self._device.profile.section("ratio map"):
-            if tick.index == 0 or tick.changed:
+            if here.index == 0 or tick.changed:
                 self._pixels.layer.run(world.panorama, self._constants, self._constants)
             layer = self._pixels.layer
             self._guide.run(self._constants, layer.normal, layer.depth, layer.id)
