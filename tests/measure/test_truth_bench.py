@@ -63,7 +63,7 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
     light = np.random.default_rng(2).random((32, 64, 3), np.float32) ** 4
     write_rgb(folder / "color.exr", light)
     write_exr(folder / "truth.exr", np.zeros((36, 48, 3), np.float32))
-    render(folder, folder / "truth.exr", "trace.rays=2")
+    render(folder, folder / "truth.exr", "trace.object_rays=2")
     return folder
 
 
@@ -184,10 +184,10 @@ def test_levels() -> None:
 def test_sweep_finds_the_settings_that_made_the_truth(
     scene: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    words = ["--sweep", "trace.rays=1,2", "--frames", FRAMES, "--seeds", 1, "--view", "near"]
+    words = ["--sweep", "trace.object_rays=1,2", "--frames", FRAMES, "--seeds", 1, "--view", "near"]
     found = measured(capsys, scene, *words)
     one, two = found["rows"]
-    assert (one["values"], two["values"]) == ({"trace.rays": 1}, {"trace.rays": 2})
+    assert (one["values"], two["values"]) == ({"trace.object_rays": 1}, {"trace.object_rays": 2})
     assert two["rmse"] == {"mean": 0.0, "half": None}
     assert two["ssim"]["mean"] == pytest.approx(1.0)
     assert one["rmse"]["mean"] > 1e-4
@@ -195,7 +195,7 @@ def test_sweep_finds_the_settings_that_made_the_truth(
     assert len(one["ssim_cuts"]) == 2
     assert one["wall_ms"] > 0.0
     assert {"trace virtual", "composite"} <= {row["name"] for row in one["passes"]}
-    assert one["settings"]["trace"]["rays"] == 1
+    assert one["settings"]["trace"]["object_rays"] == 1
 
 
 @pytest.mark.gl
@@ -218,7 +218,7 @@ def test_intervals_are_over_pictures_of_other_seeds(
 def test_convergence_passes_through_the_truth(
     scene: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    words = ["--convergence", "1,2,4", "--set", "trace.rays=2", "--seeds", 1, "--view", "near"]
+    words = ["--convergence", "1,2,4", "--set", "trace.object_rays=2", "--seeds", 1, "--view", "near"]
     (curve,) = measured(capsys, scene, *words)["curves"]
     points = curve["points"]
     assert [point["count"] for point in points] == [1, 2, 4]
