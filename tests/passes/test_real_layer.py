@@ -51,9 +51,7 @@ def resampled(
     panorama = Panorama(device, frame.width, frame.height)
     panorama.load(frame)
     layout = PlaneLayout(view.width, view.height)
-    layer = RealLayer(
-        device, layout, equirect=view.projection == "equirect", name="real"
-    )
+    layer = RealLayer(device, layout, equirect=view.projection == "equirect", name="real")
     constants = (device.upload("view", v.kernel_constants()) for v in (view, previous or view))
     layer.run(panorama, *constants)
 
