@@ -36,23 +36,10 @@
 // Taps span this part of the lobe's half width, 2 alpha.
 #define LOBE_FRACTION 0.25f
 
-// exp(-x) with compact support, as lib/guide.h has it.
-inline float likeness(float x)
-{
-    float w = x < 8.0f ? 1.0f - 0.125f * x : 0.0f;
-    w *= w;
-    w *= w;
-    return w * w;
-}
-
-inline float3 texel_direction(int texel, int width, int height)
-{
-    return equirect_direction((texel % width + 0.5f) / width, (texel / width + 0.5f) / height);
-}
-
 inline float3 texel_point(const RealLayer layer, int texel)
 {
-    const float3 v = texel_direction(texel, layer.grid.width, layer.grid.height);
+    const int width = layer.grid.width;
+    const float3 v = texel_direction(texel % width, texel / width, width, layer.grid.height);
     const float3 g = layer.surface[texel].xyz;
     return v * surface_radius(0.0f, dot(g, v), 1.0f, 1.0f, layer.grid.range[texel]);
 }
@@ -164,7 +151,7 @@ __kernel void filter_highlight(
             const float kernel_weight = (dx == 0 ? 0.375f : abs(dx) == 1 ? 0.25f : 0.0625f)
                 * (dy == 0 ? 0.375f : abs(dy) == 1 ? 0.25f : 0.0625f);
             const float weight = kernel_weight
-                * likeness(plane * dot(bend, bend) + lobe * apart + differ * differ / noise);
+                * falloff(plane * dot(bend, bend) + lobe * apart + differ * differ / noise);
             sum += (float4)(weight * tap.xyz, weight * weight * tap.w);
             weights += weight;
         }

@@ -119,8 +119,7 @@ TRACING_KERNEL void refine_cells(
     const World world = WORLD(view);
     const int cell = list[item];
     const float3 g = plane[cell].xyz;
-    const float3 v = equirect_direction((cell % columns + 0.5f) / columns,
-                                        (cell / columns + 0.5f) / (columns / 2));
+    const float3 v = texel_direction(cell % columns, cell / columns, columns, columns / 2);
     const float3 n = -normalize(g);
     const float3 o = real_start(world.real, v / fmax(dot(g, v), 1e-30f), n);
     const Frame frame = build_frame(n);
@@ -170,7 +169,7 @@ __kernel void smooth_cells(
         return;
     const int cell = list[item], x = cell % columns, y = cell / columns;
     const float3 g = plane[cell].xyz, n = -normalize(g);
-    const float3 v = equirect_direction((x + 0.5f) / columns, (y + 0.5f) / rows);
+    const float3 v = texel_direction(x, y, columns, rows);
     const float3 p = v / fmax(dot(g, v), 1e-30f);
     const float4 own = mean[cell];
     const float share = OWN_SAMPLES / (OWN_SAMPLES + own.w);

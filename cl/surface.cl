@@ -16,11 +16,6 @@
 #define GRAZING 0.02f
 #define STEP_FOOTPRINTS 3.0f
 
-inline float3 texel_direction(int column, int row, int width, int height)
-{
-    return equirect_direction((column + 0.5f) / width, (row + 0.5f) / height);
-}
-
 inline float3 tangent_plane(float depth, float3 n, float3 v)
 {
     float facing = dot(n, v);

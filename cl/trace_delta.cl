@@ -11,7 +11,7 @@
 #define DELTA
 #include "irradiance.h"
 #include "path.h"
-#include "planes.h"
+#include "traced.h"
 
 // Shares of the ways to choose a direction where boxes can be aimed at; the rest is left to the
 // cosine, which covers what is close.
@@ -43,14 +43,7 @@ static inline Scatter sample_delta(const World world, const BoxView boxes, float
 }
 
 TRACING_KERNEL void trace_delta(
-    const int width,
-    const int height,
-    const int rays,                              // per pixel
-    const int frame_seed,
-    __global const int *restrict list,
-    __global const int *restrict count,
-    __global const float *restrict guide,
-    __global const float *restrict view,         // lib/view.h
+    TRACED_PARAMETERS,
     WORLD_PARAMETERS,
     CACHE_PARAMETERS,
     const float least,                           // solid angle of objects that matters, sr
@@ -62,12 +55,12 @@ TRACING_KERNEL void trace_delta(
         return;
     const World world = WORLD(view);
     const IrradianceCache cache = CACHE;
-    const int x = list[item] % width, y = list[item] / width;
-    const int pixel = plane_index(x, y, width), size = plane_size(width, height);
-    const float3 n = load_planes(guide, size, pixel), p = load_planes(guide + 3 * size, size, pixel);
+    const TracedPixel at = TRACED_PIXEL(item, 0x64656c74u);
+    const int pixel = at.pixel, size = at.size;
+    const float3 n = at.n, p = at.p;
     const float3 o = real_start(world.real, p, n);
     const float3 o_object = p + world.real.bias * n;
-    const uint seed = hash_combine(hash_combine((uint)list[item], 0x64656c74u), (uint)frame_seed);
+    const uint seed = at.seed;
     const BoxView boxes = view_boxes(world.objects.bounds, world.objects.objects, o_object, n);
 
     float3 blocked = (float3)(0.0f), bounce = (float3)(0.0f);

@@ -12,17 +12,10 @@
 // The differential radiance of T. A. Franke, "Delta Voxel Cone Tracing" (ISMAR 2014), by rays.
 #define DELTA
 #include "path.h"
-#include "planes.h"
+#include "traced.h"
 
 TRACING_KERNEL void trace_gloss(
-    const int width,
-    const int height,
-    const int rays,                              // per pixel
-    const int frame_seed,
-    __global const int *restrict list,
-    __global const int *restrict count,
-    __global const float *restrict guide,
-    __global const float *restrict view,         // lib/view.h
+    TRACED_PARAMETERS,
     WORLD_PARAMETERS,
     __global uint *restrict samples,
     __global float *restrict change,
@@ -32,17 +25,17 @@ TRACING_KERNEL void trace_gloss(
     if (item >= count[0])
         return;
     const World world = WORLD(view);
-    const int x = list[item] % width, y = list[item] / width;
-    const int pixel = plane_index(x, y, width), size = plane_size(width, height);
-    const float3 n = load_planes(guide, size, pixel), p = load_planes(guide + 3 * size, size, pixel);
-    const int index = (int)guide[6 * size + pixel] - 1;
+    const TracedPixel at = TRACED_PIXEL(item, 0x676c6f73u);
+    const int pixel = at.pixel, size = at.size;
+    const float3 n = at.n, p = at.p;
+    const int index = at.id - 1;
     const Material material = load_material(real_materials, index);
     const float3 tint = real_reflectance[index].xyz;
     const float3 o = real_start(world.real, p, n);
     const float3 o_object = p + world.real.bias * n;
     const Frame frame = build_frame(n);
     const float3 viewer = brdf_local_wo(frame, -p / length(p));
-    const uint seed = hash_combine(hash_combine((uint)list[item], 0x676c6f73u), (uint)frame_seed);
+    const uint seed = at.seed;
     const BoxView boxes = view_boxes(world.objects.bounds, world.objects.objects, o_object, n);
 
     float3 hidden = (float3)(0.0f), shown = (float3)(0.0f);

@@ -10,17 +10,10 @@
 //      samples        1 plane: rays that the pixel has sent since the start, in and out
 #define WITHOUT_OBJECTS
 #include "path.h"
-#include "planes.h"
+#include "traced.h"
 
 TRACING_KERNEL void trace_real(
-    const int width,
-    const int height,
-    const int rays,                              // per pixel
-    const int frame_seed,
-    __global const int *restrict list,
-    __global const int *restrict count,
-    __global const float *restrict guide,
-    __global const float *restrict view,         // lib/view.h
+    TRACED_PARAMETERS,
     WORLD_PARAMETERS,
     __global uint *restrict samples,
     __global float *restrict signal,
@@ -30,13 +23,13 @@ TRACING_KERNEL void trace_real(
     if (item >= count[0])
         return;
     const World world = WORLD(view);
-    const int x = list[item] % width, y = list[item] / width;
-    const int pixel = plane_index(x, y, width), size = plane_size(width, height);
-    const float3 n = load_planes(guide, size, pixel), p = load_planes(guide + 3 * size, size, pixel);
+    const TracedPixel at = TRACED_PIXEL(item, 0x7265616cu);
+    const int pixel = at.pixel, size = at.size;
+    const float3 n = at.n, p = at.p;
     const float3 o = real_start(world.real, p, n);
     const float3 o_object = p + world.real.bias * n;
     const Frame frame = build_frame(n);
-    const uint seed = hash_combine(hash_combine((uint)list[item], 0x7265616cu), (uint)frame_seed);
+    const uint seed = at.seed;
 
     float3 real_sum = (float3)(0.0f), both_sum = (float3)(0.0f);
     int met = 0;

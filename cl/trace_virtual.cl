@@ -13,7 +13,7 @@
 //      touched        1 plane: TOUCHED_FRAMES where a ray met an object
 //      samples        1 plane: rays that the pixel has sent since the start, in and out
 #include "path.h"
-#include "planes.h"
+#include "traced.h"
 
 #define FAR_HIT 1e6f
 
@@ -40,16 +40,9 @@ static inline float loneliness(__global const float *restrict guide, int size, i
 }
 
 TRACING_KERNEL void trace_virtual(
-    const int width,
-    const int height,
-    const int rays,                              // per pixel with a short history
-    const int frame_seed,
-    __global const int *restrict list,
-    __global const int *restrict count,
-    __global const float *restrict guide,
+    TRACED_PARAMETERS,
     __global const float *restrict albedo,
     __global const float *restrict history,
-    __global const float *restrict view,         // lib/view.h
     WORLD_PARAMETERS,
     __global uint *restrict samples,
     __global float *restrict diffuse,
@@ -61,16 +54,16 @@ TRACING_KERNEL void trace_virtual(
     if (item >= count[0])
         return;
     const World world = WORLD(view);
-    const int x = list[item] % width, y = list[item] / width;
-    const int pixel = plane_index(x, y, width), size = plane_size(width, height);
-    float3 n = load_planes(guide, size, pixel);
-    const float3 p = load_planes(guide + 3 * size, size, pixel);
-    const Material material = load_material(materials, (int)guide[6 * size + pixel] - 1);
+    const TracedPixel at = TRACED_PIXEL(item, 0x76697274u);
+    const int pixel = at.pixel, size = at.size;
+    float3 n = at.n;
+    const float3 p = at.p;
+    const Material material = load_material(materials, at.id - 1);
     float3 color = load_planes(albedo, size, pixel);
     const float distance = length(p);
     float3 o = p + object_lift(world.objects, distance) * n;
     float3 viewer = -p / distance;
-    const uint seed = hash_combine(hash_combine((uint)list[item], 0x76697274u), (uint)frame_seed);
+    const uint seed = at.seed;
 
     float3 diffuse_sum = (float3)(0.0f), specular_sum = (float3)(0.0f);
     float lobe = 0.0f, lobe_nearness = 0.0f;
@@ -84,15 +77,15 @@ TRACING_KERNEL void trace_virtual(
 #ifdef JITTER
         // Somewhere else in the pixel, if that shows the same material.
         const float2 within = sobol_2d(index, hash_combine(seed, 3));
-        const float3 d = view_direction(view, (float2)(x, y) + within);
+        const float3 d = view_direction(view, (float2)(at.x, at.y) + within);
         ObjectHit hit;
         if (trace_objects(world.objects, (float3)(0.0f), d, INFINITY, &hit)) {
-            const Scatterer at = object_point(world.objects, hit, (float3)(0.0f), d);
-            if (at.material == (int)guide[6 * size + pixel] - 1) {
-                o = at.position;
-                n = at.normal;
+            const Scatterer seen = object_point(world.objects, hit, (float3)(0.0f), d);
+            if (seen.material == at.id - 1) {
+                o = seen.position;
+                n = seen.normal;
                 viewer = -d;
-                color = at.albedo;
+                color = seen.albedo;
             }
         }
 #endif

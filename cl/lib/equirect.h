@@ -14,6 +14,12 @@ static inline float3 equirect_direction(float u, float v)
     return (float3)(sin_theta * sin(phi), cos(theta), -sin_theta * cos(phi));
 }
 
+// Unit direction of the centre of a texel.
+static inline float3 texel_direction(int column, int row, int width, int height)
+{
+    return equirect_direction((column + 0.5f) / width, (row + 0.5f) / height);
+}
+
 // uv of a direction of any length.
 static inline float2 equirect_uv(float3 d)
 {

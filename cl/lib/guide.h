@@ -15,16 +15,6 @@
 
 #define LEVEL_NONE 255
 
-// exp(-x) with compact support: (1 - x/8)^8, exactly 0 from x = 8 on and for NaN. Five
-// operations that vectorize everywhere, and equal bits on every device.
-inline float falloff(float x)
-{
-    float w = x < 8.0f ? 1.0f - 0.125f * x : 0.0f;
-    w *= w;
-    w *= w;
-    return w * w;
-}
-
 // Spacing in pixels of the rays at a tracing level (IPRT Eq. 4 and Figure 5).
 inline int level_spacing(int level) { return 1 << level; }
 

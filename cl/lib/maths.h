@@ -17,6 +17,16 @@ static inline float fast_exp2(float x)
     return as_float(exponent << 23) * mantissa;
 }
 
+// exp(-x) with compact support: (1 - x/8)^8, exactly 0 from x = 8 on and for NaN. Five
+// operations that vectorize everywhere, and equal bits on every device.
+static inline float falloff(float x)
+{
+    float w = x < 8.0f ? 1.0f - 0.125f * x : 0.0f;
+    w *= w;
+    w *= w;
+    return w * w;
+}
+
 // (cos, sin) of 2 pi u for u in [0, 1], to 3e-7 absolute: the Taylor series within an eighth of a
 // turn of the nearest quarter, then exchanged and negated by quadrant.
 static inline float2 unit_circle(float u)

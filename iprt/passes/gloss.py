@@ -8,6 +8,7 @@ import pyopencl.array as cla
 from iprt.device.compute import ComputeDevice
 from iprt.passes.guide import Guide, plane_defines
 from iprt.passes.mask import Mask
+from iprt.passes.trace import traced_arguments
 from iprt.passes.world import World
 from iprt.requirements import Requirements
 
@@ -42,18 +43,11 @@ class TraceGloss:
         self._samples = device.zeros("gloss samples", layout.shape(1), np.uint32)
 
     def run(self, world: World, mask: Mask, view: cla.Array) -> None:
-        layout, settings = self._guide.layout, self._requirements.settings
+        guide, settings = self._guide, self._requirements.settings
         with self._device.profile.section("trace gloss"):
             self._kernel(
-                (layout.width * layout.height,),
-                layout.width,
-                layout.height,
-                settings.trace.rays,
-                settings.seed,
-                mask.traced,
-                mask.count,
-                self._guide.current,
-                view,
+                (guide.layout.width * guide.layout.height,),
+                *traced_arguments(guide, mask, view, settings.trace.rays, settings.seed),
                 *world.arguments(self._requirements),
                 self._samples,
                 self.change,

@@ -8,11 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
+from iprt.scene.frame import LUMINANCE
 
 LIGHT_ROWS = 256
 """Rows of the table, at most: cells of 0.7 degrees."""
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
-"""Of linear Rec.709."""
 
 
 class Lights:

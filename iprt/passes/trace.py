@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pyopencl.array as cla
 
@@ -11,6 +13,14 @@ from iprt.passes.irradiance import IrradianceCache
 from iprt.passes.mask import Mask
 from iprt.passes.world import World
 from iprt.requirements import Requirements
+
+
+def traced_arguments(
+    guide: Guide, mask: Mask, view: cla.Array, rays: int, seed: int
+) -> tuple[Any, ...]:
+    """What `TRACED_PARAMETERS` of `cl/lib/traced.h` declares, in order."""
+    size = (guide.layout.width, guide.layout.height)
+    return (*size, rays, seed, mask.traced, mask.count, guide.current, view)
 
 
 class TraceReal:
@@ -48,18 +58,11 @@ class TraceReal:
         """`cache` holds E_R for the estimator "delta", which ignores objects that span less than
         `least` sr.
         """
-        layout, settings = self._guide.layout, self._requirements.settings
+        guide, settings = self._guide, self._requirements.settings
         with self._device.profile.section("trace real"):
             self._kernel(
-                (layout.width * layout.height,),
-                layout.width,
-                layout.height,
-                settings.trace.rays,
-                settings.seed,
-                mask.traced,
-                mask.count,
-                self._guide.current,
-                view,
+                (guide.layout.width * guide.layout.height,),
+                *traced_arguments(guide, mask, view, settings.trace.rays, settings.seed),
                 *world.arguments(self._requirements),
                 *((*cache.arguments(world), least) if cache else ()),
                 self._samples,
@@ -110,20 +113,13 @@ class TraceVirtual:
         history: cla.Array,
     ) -> None:
         """`history` is the `Temporal.length` of the signals."""
-        layout, settings = self._guide.layout, self._requirements.settings
+        guide, settings = self._guide, self._requirements.settings
         with self._device.profile.section("trace virtual"):
             self._kernel(
-                (layout.width * layout.height,),
-                layout.width,
-                layout.height,
-                settings.trace.object_rays,
-                settings.seed,
-                mask.traced,
-                mask.count,
-                self._guide.current,
+                (guide.layout.width * guide.layout.height,),
+                *traced_arguments(guide, mask, view, settings.trace.object_rays, settings.seed),
                 albedo,
                 history,
-                view,
                 *world.arguments(self._requirements),
                 self._samples,
                 self.diffuse,
