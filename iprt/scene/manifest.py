@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import tomllib
+from abc import ABC, abstractmethod
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Annotated, Any, Literal
 
@@ -190,7 +191,7 @@ class PlaneTable(_Table):
         return Plane(_triple(self.point), _triple(normal), self.tolerance)
 
 
-class _RealMaterialTable(_Table):
+class _RealMaterialTable(_Table, ABC):
     """`[[real_materials]]`: where the panorama shows a glossy surface. All that is given holds."""
 
     name: Name
@@ -210,8 +211,9 @@ class _RealMaterialTable(_Table):
             plane=None if self.plane is None else self.plane.plane,
         )
 
+    @abstractmethod
     def material(self) -> Material:
-        raise NotImplementedError
+        """The reflectance that the kind stands for."""
 
 
 class RealConductorTable(_RealMaterialTable):

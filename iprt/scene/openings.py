@@ -20,6 +20,8 @@ from scipy import ndimage
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from iprt.scene.frame import LUMINANCE
+
 OPEN_SKY_SR = 2.0
 """Solid angle above which a hole is open. Below 2 pi, so that the fill has a unique solution."""
 OPEN_SKY_ELEVATION_DEG = 30.0
@@ -112,7 +114,7 @@ def _brightness_over_rim(
 ) -> NDArray[np.float64]:
     """(count,) mean luminance of each hole over that of the texels around it; 0 without a rim."""
     height, width = hole.shape
-    luminance = color @ np.array([0.2126, 0.7152, 0.0722], np.float32)
+    luminance = color @ LUMINANCE
     total = np.bincount(of_texel, luminance[rows, columns], minlength=count)
     inside = total / np.maximum(np.bincount(of_texel, minlength=count), 1)
     rim_sum, rim_count = np.zeros(count), np.zeros(count)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.scene.camera import View
-from iprt.scene.frame import Frame
+from iprt.scene.frame import LUMINANCE, Frame
 from iprt.scene.openings import solid_angles
 from iprt.truth.backend import vector_mitsuba
 from iprt.truth.depth_mesh import depth_mesh
@@ -23,7 +23,6 @@ from iprt.truth.depth_mesh import depth_mesh
 mi: Any = vector_mitsuba()
 dr: Any = import_module("drjit")
 
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 BOUNCES = 6
 """Virtual surfaces that a path may meet."""
 LIFT = 1e-3

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from scipy.stats import chi2, norm
 
 from iprt.device.compute import ComputeDevice
-from iprt.passes.lights import LUMINANCE, Lights, light_table
+from iprt.passes.lights import Lights, light_table
 from iprt.scene.camera import View, equirect_pixel
-from iprt.scene.frame import Frame
+from iprt.scene.frame import LUMINANCE, Frame
 from iprt.scene.material import Material
 from tests.kernels.lighting import RealWorld, numbers
 from tests.kernels.sphere import agreement
