@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import pyopencl.array as cla
 
@@ -39,18 +39,29 @@ class Tick:
     ----------
     index : int
         Frames since the start.
-    changed : bool
-        Objects or the video moved since the frame before.
     view : (16,) float32
         `View.kernel_constants()` on the device.
     previous : (16,) float32
         The same of the frame before.
+    view_changed : bool
+        The view, or that of the frame before, is not what it was then.
+    video_changed : bool
+        The panorama is not that of the frame before.
+    objects_changed : bool
+        Objects moved since the frame before.
     """
 
     index: int
-    changed: bool
     view: cla.Array
     previous: cla.Array
+    view_changed: bool
+    video_changed: bool
+    objects_changed: bool
+
+    @property
+    def changed(self) -> bool:
+        """The scene is not that of the frame before."""
+        return self.index > 0 and (self.video_changed or self.objects_changed)
 
 
 class SignalFilter:
@@ -179,7 +190,7 @@ class RatioMap:
         settled = self._updates >= MAP_SETTLED and not tick.changed
         if settled and tick.index % MAP_EVERY > 0:
             return
-        here = Tick(self._updates, tick.changed, self._constants, self._constants)
+        here = replace(tick, index=self._updates, view=self._constants, previous=self._constants)
         self._updates += 1
         with self._device.profile.section("ratio map"):
             if here.index == 0 or tick.changed:

@@ -7,51 +7,33 @@ which passes exist for a scene.
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Self
+from typing import Self
 
 import numpy as np
 import pyopencl.array as cla
 from numpy.typing import NDArray
 
 from iprt.aovs import read_aov
-from iprt.bvh.scene import object_bounds
 from iprt.device.compute import ComputeDevice
-from iprt.errors import DeviceError
 from iprt.gloss_pixels import GlossPixels
+from iprt.objects import Objects
 from iprt.passes.composite import Composite
 from iprt.passes.guide import Guide
 from iprt.passes.highlight import Highlight
 from iprt.passes.irradiance import IrradianceCache
 from iprt.passes.layout import PlaneLayout
 from iprt.passes.lights import Lights, flux_change
-from iprt.passes.object_bvh import ObjectBvh
-from iprt.passes.object_layers import TracedLayers
 from iprt.passes.panorama import Panorama
 from iprt.passes.real_layer import RealLayer
-from iprt.passes.visibility import Visibility
 from iprt.passes.world import World
 from iprt.pixels import RatioMap, RealPixels, Tick, VirtualPixels
 from iprt.requirements import Requirements
 from iprt.scene.camera import View
 from iprt.scene.frame import Frame
-from iprt.scene.material import material_table
 from iprt.scene.mesh import Instance
 from iprt.settings import Settings
-
-if TYPE_CHECKING:
-    from iprt.raster.rasterizer import Rasterizer
-
-LOG = logging.getLogger("iprt.renderer")
-
-BOX_MARGIN = 1e-3
-"""By which boxes around objects are enlarged, as a fraction of their diagonals."""
-LAYER_MARGIN = 0.02
-"""The same for rasterized surfaces: tangent planes per texel, which stand out a little."""
-MAX_LAYER_ROWS = 1024
-"""Rows of the equirect layers that off-screen rays meet objects in, at most."""
 
 
 @dataclass(frozen=True)
@@ -116,8 +98,7 @@ class Renderer:
             real_materials=frame.real_materials,
         )
         self._equirect = view.projection == "equirect"
-        self._rasterizer: Rasterizer | None = None
-        self._visibility: Visibility | None = None
+        self._objects: Objects | None = None
         self._frame_index = 0
         self._previous_view = view
         self._view_stale = 2  # steps for which what depends on the view must be made anew
@@ -155,13 +136,12 @@ class Renderer:
         self.ratio_map: RatioMap | None = None
         self.cache: IrradianceCache | None = None
         self._lights: Lights | None = None
-        self._bvh: ObjectBvh | None = None
         if self.requirements.objects:
-            self._build_object_passes(material_table(materials), frame)
+            self._build_object_passes(frame)
         self._frame = frame
         self.load(frame)
 
-    def _build_object_passes(self, materials: NDArray[np.float32], frame: Frame) -> None:
+    def _build_object_passes(self, frame: Frame) -> None:
         device, needs = self.device, self.requirements
         if needs.light_sampling:
             self._lights = Lights(device, frame.width, frame.height)
@@ -170,51 +150,29 @@ class Renderer:
         if needs.ratio_map:
             self.ratio_map = RatioMap(device, needs)
         self.virtual_pixels = VirtualPixels(device, self.layout, needs, equirect=self._equirect)
-        screen = equirect = None
         if needs.tracing:
             self.real_guide = Guide(device, self.layout, equirect=self._equirect, name="real")
             self.real_pixels = RealPixels(device, self.real, self.real_guide, needs, name="real")
         if needs.gloss:
             self._highlight = Highlight(device, self.panorama, needs)
             self.gloss_pixels = GlossPixels(device, self.layout, needs, equirect=self._equirect)
-        if needs.traced_layers:
-            traced = TracedLayers(device, self.view, "screen layers")
-            screen, equirect = (None, traced) if self._equirect else (traced, None)
-        if needs.equirect_layers:
-            rows = min(self.panorama.height, MAX_LAYER_ROWS)
-            self._layer_view = View(2 * rows, rows, projection="equirect")
-            self._layer_constants = device.upload(
-                "equirect layer view", self._layer_view.kernel_constants()
-            )
-            equirect = TracedLayers(device, self._layer_view, "equirect layers")
-        if needs.bvh:
-            self._bvh = ObjectBvh(device, self.instances)
-        if needs.primary_rays:
-            self._build_primary_rays()
-        self._bounds = object_bounds(
-            self.instances, margin=LAYER_MARGIN if needs.traced_layers else BOX_MARGIN
-        )
+        objects = Objects(device, self.instances, self.view, self.panorama, needs)
+        self._objects = objects
         self.world = World(
             self.panorama,
-            screen,
-            equirect,
-            bvh=self._bvh if needs.bvh else None,
-            materials=device.upload("materials", materials),
-            bounds=device.upload("object bounds", self._bounds),
+            objects.screen,
+            objects.equirect,
+            bvh=objects.bvh,
+            materials=objects.materials,
+            bounds=objects.device_bounds,
             lights=self._lights,
             highlight=self._highlight,
         )
 
-    def _build_primary_rays(self) -> None:
-        if self._bvh is None:
-            self._bvh = ObjectBvh(self.device, self.instances)
-        self._visibility = Visibility(self.device, self.view, self._bvh)
-
     def close(self) -> None:
         """Release the OpenGL context."""
-        if self._rasterizer is not None:
-            self._rasterizer.close()
-            self._rasterizer = None
+        if self._objects is not None:
+            self._objects.close()
 
     def __enter__(self) -> Self:
         return self
@@ -226,14 +184,20 @@ class Renderer:
 
     def step(self) -> None:
         """Render one view frame; temporal passes build on the ones before."""
-        changed = self._frame_index > 0 and (self._video_stale or self._objects_stale)
-        tick = Tick(self._frame_index, changed, *self._view_constants)
-        self._place_view()
+        tick = Tick(
+            self._frame_index,
+            view=self._view_constants[0],
+            previous=self._view_constants[1],
+            view_changed=self._view_stale > 0,
+            video_changed=self._video_stale,
+            objects_changed=self._objects_stale,
+        )
+        self._place_view(tick)
         self._resample_real_layer(tick)
-        if self.virtual_pixels is None:
+        if self.virtual_pixels is None or self._objects is None:
             self.composite.run(self.real.color)
         else:
-            self._place_objects(self.virtual_pixels, tick)
+            self._objects.place(self.virtual_pixels.visible, self.view, self._previous_view, tick)
             ratio = self._relight(tick)
             self.virtual_pixels.run(self.world, tick)
             self._composite(self.virtual_pixels, ratio)
@@ -243,8 +207,8 @@ class Renderer:
         self._previous_view = self.view
         self.device.profile.frames += 1
 
-    def _place_view(self) -> None:
-        if self._view_stale:
+    def _place_view(self, tick: Tick) -> None:
+        if tick.view_changed:
             for constants, view in zip(
                 self._view_constants, (self.view, self._previous_view), strict=True
             ):
@@ -252,9 +216,9 @@ class Renderer:
 
     def _resample_real_layer(self, tick: Tick) -> None:
         highlight = self._highlight
-        if highlight is not None and self._video_stale:
+        if highlight is not None and tick.video_changed:
             highlight.run()
-        if self._view_stale or self._video_stale:
+        if tick.view_changed or tick.video_changed:
             self.real.run(
                 self.panorama,
                 *self._view_constants,
@@ -264,65 +228,6 @@ class Renderer:
                 self.real.replace_color(self.background)
         if self.requirements.tracing:
             self.real_guide.run(tick.view, self.real.normal, self.real.depth, self.real.id)
-
-    def _place_objects(self, pixels: VirtualPixels, tick: Tick) -> None:
-        """Follow the objects, and find what the view shows of them."""
-        rasterizer = self._rasterizer
-        if self._visibility is None or self.requirements.traced_layers:
-            rasterizer = self._open_rasterizer()
-        if self._bvh is not None and self._objects_stale:
-            self._bvh.load(self.instances)
-        if rasterizer is not None:
-            self._rasterize(rasterizer, pixels, tick)
-        if self._visibility is not None and self._view_changed:
-            now, before = self._view_constants
-            self._visibility.run(
-                pixels.visible,
-                self.view,
-                now,
-                before,
-                self.panorama,
-                self._bounds,
-                self.world.materials,
-            )
-
-    @property
-    def _view_changed(self) -> bool:
-        """What the view shows of the objects is to be found anew."""
-        return self._view_stale > 0 or self._video_stale or self._objects_stale
-
-    def _rasterize(self, rasterizer: Rasterizer, pixels: VirtualPixels, tick: Tick) -> None:
-        profile, world = self.device.profile, self.world
-        if self._video_stale:
-            rasterizer.set_surface(self.device.read(self.panorama.surface))
-        if self._view_changed:
-            with profile.host("rasterize view"):
-                layers = rasterizer.render(self.view, self._previous_view, shade=True)
-            if self._visibility is None:
-                pixels.visible.load(layers, tick.view, world.materials)
-            traced = world.equirect if self._equirect else world.screen
-            if traced is not None:
-                traced.load(layers, tick.view)
-        if self.requirements.equirect_layers and self._objects_stale:
-            assert world.equirect is not None
-            with profile.host("rasterize panorama"):
-                layers = rasterizer.render(self._layer_view, shade=False)
-            world.equirect.load(layers, self._layer_constants)
-
-    def _open_rasterizer(self) -> Rasterizer | None:
-        """OpenGL; None where it is missing and rays serve as well."""
-        if self._rasterizer is None:
-            from iprt.raster.rasterizer import Rasterizer
-
-            try:
-                with self.device.profile.compiling():
-                    self._rasterizer = Rasterizer(self.instances)
-            except DeviceError as error:
-                if self.requirements.traced_layers:
-                    raise
-                LOG.warning("objects are drawn by rays in OpenCL: %s", error)
-                self._build_primary_rays()
-        return self._rasterizer
 
     def _relight(self, tick: Tick) -> cla.Array | None:
         if self.real_pixels is None:
