@@ -9,7 +9,7 @@
 //                      pixels; -1e9 = nowhere), history          length (how many samples it is
 //                                                                worth), spread (variance of single
 //                                                                samples of g)
-//   follow             guide, samples, level, fast history       fast history with the samples added
+//   follow             guide, samples, level, fast history       fast history with samples added
 //   measure            guide, signal                             scalar g of the signal
 //   correct            guide, fast history, g, history, spread   history that agrees with the fast
 //                                                                one
@@ -19,12 +19,11 @@
 //   estimate_variance  guide, g, spread, length                  variance of g's mean
 //
 // g is the scalar that the picture shows: the luminance of the first three planes less the last
-// three with -DDIFFERENCE (a real layer: E_R, E_RV, then -DCOMMON too; or blocked and bounced light over
-// E_R), else the signal's. Without
-// correction and fading, and motion that stays on the pixel, the accumulated signal is the plain
-// mean of the samples. A sample that is not finite is dropped. Where all samples are 0, or the
-// first three planes equal the last three, so is the result, bit for bit. Build with
-// -DSIGNAL_PLANES=3|6, -DVIEW_EQUIRECT for equirect views.
+// three with -DDIFFERENCE (a real layer: E_R, E_RV, then -DCOMMON too; or blocked and bounced light
+// over E_R), else the signal's. Without correction and fading, and motion that stays on the pixel,
+// the accumulated signal is the plain mean of the samples. A sample that is not finite is dropped.
+// Where all samples are 0, or the first three planes equal the last three, so is the result, bit for
+// bit. Build with -DSIGNAL_PLANES=3|6, -DVIEW_EQUIRECT for equirect views.
 #include "guide.h"
 #include "signal.h"
 
@@ -61,6 +60,18 @@ inline bool all_finite(const float *s)
     for (int c = 0; c < SIGNAL_PLANES; c++)
         total += fabs(s[c]);
     return total < HUGE;
+}
+
+// Loads the sample of pixel p. Returns how many rays it is worth, 0 where it is not to be used:
+// pixels that share one ray have a part of its weight, so a lone hit that was spread over many of
+// them gives way to the rays of their own that follow.
+inline float load_sample(float *sample, __global const float *samples, __global const float *guide,
+                         __global const uchar *level, int size, int p)
+{
+    load_signal(sample, samples, size, p);
+    bool usable = guide[GUIDE_ID * size + p] > 0.0f && all_finite(sample);
+    int spacing = level_spacing(usable ? level[p] : 0);
+    return usable ? 1.0f / (spacing * spacing) : 0.0f;
 }
 
 // What a history of `length` samples of variance `spread` is worth that is off by `bias`: as many
@@ -149,10 +160,8 @@ __kernel void follow(
         return;
     int size = plane_size(width, height), p = plane_index(x, y, width);
     float sample[SIGNAL_PLANES];
-    load_signal(sample, samples, size, p);
-    bool usable = guide[GUIDE_ID * size + p] > 0.0f && all_finite(sample);
-    int spacing = level_spacing(usable ? level[p] : 0);
-    float worth = 1.0f / (spacing * spacing), before = length[p];
+    float worth = load_sample(sample, samples, guide, level, size, p), before = length[p];
+    bool usable = worth > 0.0f;
     float share = before > 0.0f ? worth / fmin(before + worth, limit) : 1.0f;
     #pragma unroll
     for (int c = 0; c < SIGNAL_PLANES; c++) {
@@ -310,14 +319,9 @@ __kernel void accumulate(
     int p = plane_index(x, y, width);
     float past[SIGNAL_PLANES], sample[SIGNAL_PLANES];
     load_signal(past, signal, size, p);
-    load_signal(sample, samples, size, p);
+    float worth = load_sample(sample, samples, guide, level, size, p);
     float before = length[p], variation = spread[p];
-    bool usable = guide[GUIDE_ID * size + p] > 0.0f && all_finite(sample);
-    bool first = !(before > 0.0f);
-    // Pixels that share one ray have a part of its weight: a lone hit that was spread over many of
-    // them gives way to the rays of their own that follow.
-    int spacing = level_spacing(usable ? level[p] : 0);
-    float worth = 1.0f / (spacing * spacing);
+    bool usable = worth > 0.0f, first = !(before > 0.0f);
     float share = first ? 1.0f : fmax(worth / (before + worth), fading * worth);
     // Fading makes the mean worth (2 - fading) / fading samples at most: so a later, longer
     // average goes on from the right weight.
