@@ -1,4 +1,4 @@
-"""Rays through the hierarchy, against Embree, brute force, and what must not slip."""
+"""Which triangle rays meet and how far away, as Embree and brute force find; objects that move."""
 
 from __future__ import annotations
 
@@ -6,75 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
 from iprt.scene.material import Material
 from iprt.scene.mesh import Instance, Mesh
-from tests.bvh.meshes import (
-    bumpy,
-    fan,
-    growing,
-    instance_of,
-    mesh_of,
-    placed,
-    same_centres,
-    sphere,
-    turned,
-)
-from tests.bvh.tracing import BvhTracer, Met
+from tests.bvh.meshes import bumpy, fan, growing, instance_of, mesh_of, placed, same_centres, sphere
+from tests.bvh.rays import TURN, Float, brute_force, rays_at, transforms, world_triangles
+from tests.bvh.tracing import BvhTracer
 from tests.kernels.tracing import random_directions
-
-Float = NDArray[np.float64]
-
-TURN = turned((1.0, 2.0, -0.5), 73.0)
-TRANSFORMS = {
-    "as it is": placed(),
-    "turned and moved": placed(1.3 * TURN, (1.0, -2.0, 0.5)),
-    "mirrored": placed(TURN @ np.diag([-0.7, 0.7, 0.7]), (0.3, 0.2, -2.0)),
-    "stretched": placed(TURN @ np.diag([0.2, 1.0, 5.0]), (0.5, 0.0, 3.0)),
-    "sheared": placed(TURN @ np.array([[1.0, 6.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])),
-    "tiny": placed(1e-3 * TURN, (2e-3, 0.0, 1e-3)),
-    "huge": placed(1e4 * TURN, (1e4, 0.0, 2e4)),
-}
-transforms = pytest.mark.parametrize("matrix", list(TRANSFORMS.values()), ids=list(TRANSFORMS))
-
-
-def world_triangles(instance: Instance) -> Float:
-    """(F, 3, 3) corners."""
-    corners = instance.mesh.positions[instance.mesh.triangles].astype(np.float64)
-    return np.asarray(corners @ instance.to_world[:3, :3].T + instance.to_world[:3, 3])
-
-
-def rays_at(instance: Instance, count: int, seed: int = 0) -> tuple[Float, Float]:
-    """From around the object to places in it."""
-    rng = np.random.default_rng(seed)
-    corners = world_triangles(instance).reshape(-1, 3)
-    low, high = corners.min(axis=0), corners.max(axis=0)
-    centre, radius = 0.5 * (low + high), 0.5 * np.linalg.norm(high - low)
-    origins = (centre + 1.5 * radius * random_directions(rng, count)).astype(np.float32)
-    targets = low + (high - low) * rng.random((count, 3))
-    directions = targets - origins
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    return origins.astype(np.float64), directions.astype(np.float32).astype(np.float64)
-
-
-def brute_force(triangles: Float, o: Float, d: Float) -> tuple[Float, NDArray[np.int64]]:
-    """Nearest distance, inf for none, and triangle, in float64."""
-    t, index = np.full(len(d), np.inf), np.full(len(d), -1)
-    for number, (a, b, c) in enumerate(triangles):
-        e1, e2 = b - a, c - a
-        p = np.cross(d, e2)
-        det = p @ e1
-        with np.errstate(divide="ignore", invalid="ignore"):
-            s = o - a
-            u = (s * p).sum(-1) / det
-            q = np.cross(s, e1)
-            v = (d * q).sum(-1) / det
-            along = q @ e2 / det
-        hit = (det != 0.0) & (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0) & (along > 0.0) & (along < t)
-        t[hit], index[hit] = along[hit], number
-    return t, index
 
 
 def test_as_embree_sees_it(device: ComputeDevice) -> None:
@@ -115,145 +54,6 @@ def test_transformed_as_brute_force_sees_it(device: ComputeDevice, matrix: Float
     assert both.sum() > 800
     assert (np.abs(met.t - t)[both] > 2e-5 * reach).sum() <= 4
     assert (met.triangle != triangle)[both].sum() <= 8
-
-
-@transforms
-def test_points_and_normals(device: ComputeDevice, matrix: Float) -> None:
-    """Just off the surface, on the side that is seen; normals by the inverse transpose."""
-    mesh = sphere(4)
-    instance = instance_of(mesh, matrix)
-    o, d = rays_at(instance, 4000)
-    met = BvhTracer(device, [instance])(o, d)
-    hit = np.isfinite(met.t)
-    o, d = o[hit], d[hit]
-    there = o + met.t[hit, None] * d
-    object_point = (there - matrix[:3, 3]) @ np.linalg.inv(matrix[:3, :3]).T
-    triangles = world_triangles(instance)[met.triangle[hit]]
-    flat = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-    flat /= np.linalg.norm(flat, axis=1, keepdims=True)
-    flat *= -np.sign((flat * d).sum(1, keepdims=True))
-    off = ((met.position[hit] - triangles[:, 0]) * flat).sum(1)
-    reach = np.abs(triangles).max()
-    assert (off > 0.0).all()
-    assert (off < 4e-3 * reach).all()  # smooth normals tell of a bulge
-    sharp = instance_of(replace(mesh, normals=np.zeros_like(mesh.normals)), matrix)
-    off = ((BvhTracer(device, [sharp])(o, d).position - triangles[:, 0]) * flat).sum(1)
-    assert (off > 0.0).all()
-    assert (off < 1e-5 * reach).all()
-    np.testing.assert_allclose(met.flat_normal[hit], flat, atol=2e-3)
-    # On the sphere the point is its own normal.
-    outward = object_point @ np.linalg.inv(matrix[:3, :3])
-    outward /= np.linalg.norm(outward, axis=1, keepdims=True)
-    seen = (outward * d).sum(1) < -0.1
-    assert seen.mean() > 0.5
-    assert np.percentile(np.abs(met.normal[hit] - outward)[seen], 99.9) < 0.02
-    assert ((met.normal[hit] * d).sum(1) < 1e-6).all()
-    np.testing.assert_allclose(np.linalg.norm(met.normal[hit], axis=1), 1.0, atol=1e-5)
-
-
-@transforms
-def test_nothing_slips_between_triangles(device: ComputeDevice, matrix: Float) -> None:
-    """Rays from within a closed mesh at its very edges and corners."""
-    mesh = bumpy(np.random.default_rng(5), 3)
-    instance = instance_of(mesh, matrix)
-    corners = world_triangles(instance)
-    centre = np.float32(matrix[:3, 3]).astype(np.float64)
-    rng = np.random.default_rng(6)
-    weight = rng.random((len(corners), 8, 1))
-    edge = corners[:, None, 0] * weight + corners[:, None, 1] * (1.0 - weight)
-    halfway = 0.5 * (corners + np.roll(corners, 1, axis=1))
-    targets = np.concatenate([corners.reshape(-1, 3), halfway.reshape(-1, 3), edge.reshape(-1, 3)])
-    directions = targets - centre
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    met = BvhTracer(device, [instance])(centre, directions)
-    assert np.isfinite(met.t).all()
-    # And along the axes, where products vanish.
-    size = 0.2 * np.abs(matrix[:3, :3]).max()
-    inside = centre + size * rng.normal(size=(64, 3)) * 0.05
-    for axis in np.concatenate([np.eye(3), -np.eye(3)]):
-        axes = np.broadcast_to(axis, inside.shape)
-        assert np.isfinite(BvhTracer(device, [instance])(inside, axes).t).all()
-
-
-def grid(cells: int) -> tuple[Float, NDArray[np.int64]]:
-    """Vertices at integers in the plane z = 0, and triangles."""
-    x, y = np.meshgrid(np.arange(cells + 1.0), np.arange(cells + 1.0))
-    points = np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1)
-    row = cells + 1
-    corner = (np.arange(cells)[:, None] * row + np.arange(cells)).ravel()
-    lower = np.stack([corner, corner + 1, corner + row + 1], axis=1)
-    upper = np.stack([corner, corner + row + 1, corner + row], axis=1)
-    return points, np.concatenate([lower, upper])
-
-
-def test_along_the_edges_of_a_grid(device: ComputeDevice) -> None:
-    """Perpendicular to a plane, exactly at its vertices and edges, with zeros of both signs."""
-    points, triangles = grid(8)
-    tracer = BvhTracer(device, [instance_of(mesh_of(points, triangles))])
-    at = np.concatenate(
-        [points, 0.5 * (points[triangles] + points[np.roll(triangles, 1, 1)]).reshape(-1, 3)]
-    )
-    for zero in (0.0, -0.0):
-        for down in (1.0, -1.0):
-            o = at - np.array([0.0, 0.0, 3.0 * down])
-            d = np.broadcast_to([zero, -zero, down], at.shape)
-            np.testing.assert_array_equal(tracer(o, d).t, 3.0)
-
-
-def test_flat_boxes_are_hit_from_afar(device: ComputeDevice) -> None:
-    """Where distances to both sides of a box round to the same: every slab is that of a plane."""
-    rng = np.random.default_rng(17)
-    points, triangles = grid(8)
-    tracer = BvhTracer(device, [instance_of(mesh_of(points / 4.0 - [1.0, 1.0, 0.0], triangles))])
-    for distance in (30.0, 1e3, 1e4):
-        target = rng.uniform(-0.9, 0.9, (20_000, 3)) * [1.0, 1.0, 0.0]
-        away = rng.normal(size=target.shape)
-        away[:, 2] = np.abs(away[:, 2]) + 0.1
-        away /= np.linalg.norm(away, axis=1, keepdims=True)
-        met = tracer((target + distance * away).astype(np.float32), -away)
-        inner = np.abs(met.position[:, :2]).max(axis=1) < 0.97
-        assert inner.mean() > 0.9
-        assert np.isfinite(met.t).all()
-        np.testing.assert_allclose(met.t, distance, rtol=1e-5)
-
-
-@transforms
-def test_rays_leave_what_they_have_hit(device: ComputeDevice, matrix: Float) -> None:
-    """Off a convex object nothing of it is met again; through its flat side all is."""
-    instance = instance_of(sphere(5), matrix)
-    o, d = rays_at(instance, 4000, seed=7)
-    tracer = BvhTracer(device, [instance])
-    met = tracer(o, d)
-    hit = np.isfinite(met.t)
-    start, flat = met.position[hit], met.flat_normal[hit]
-    away = random_directions(np.random.default_rng(8), len(start))
-    away *= np.sign((away * flat).sum(1, keepdims=True))
-    assert hit.sum() > 800
-    # A sphere of triangles is convex; grazing rays may meet a neighbour that rounding tilts.
-    steep = (away * flat).sum(1) > 1e-3
-    assert not np.isfinite(tracer(start, away).t)[steep].any()
-    into = tracer(start, -flat)
-    assert np.isfinite(into.t).all()
-    assert (into.t < 1e-3 * np.abs(start).max()).all()
-
-
-def test_a_ball_of_triangles_does_not_shade_itself(device: ComputeDevice) -> None:
-    """Rays above the smooth surface start where the coarse one is not in their way."""
-    rng = np.random.default_rng(18)
-    for coarse in (1, 2, 3):
-        instance = instance_of(sphere(coarse), TRANSFORMS["turned and moved"])
-        o, d = rays_at(instance, 4000)
-        tracer = BvhTracer(device, [instance])
-        met = tracer(o, d)
-        # Near the silhouette normals are turned towards the viewer.
-        front = np.isfinite(met.t) & ((met.normal * d).sum(1) < -0.3)
-        start, normal = met.position[front], met.normal[front]
-        away = random_directions(rng, len(start))
-        away *= np.sign((away * normal).sum(1, keepdims=True))
-        below = (away * met.flat_normal[front]).sum(1) < 0.0
-        assert below.sum() > 5
-        steep = (away * normal).sum(1) > 1e-3
-        assert not np.isfinite(tracer(start, away).t)[steep].any()
 
 
 def test_refitted_equals_rebuilt(device: ComputeDevice) -> None:
@@ -394,52 +194,3 @@ def test_any_unit_of_length(device: ComputeDevice, factor: float) -> None:
     assert (met.triangle != other.triangle).sum() <= 5
     both = np.isfinite(met.t) & np.isfinite(other.t)
     np.testing.assert_allclose(other.t[both], factor * met.t[both], rtol=1e-4)
-
-
-def textured(image: NDArray[np.float32]) -> Mesh:
-    """A square in z = 0 with uv twice the position."""
-    points = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], np.float64)
-    material = Material(albedo=(0.5, 1.0, 0.25), texture=image)
-    return mesh_of(points, [[0, 1, 2], [0, 2, 3]], (material,), uvs=2.0 * points[:, :2] - 0.5)
-
-
-def test_textures(device: ComputeDevice) -> None:
-    """Bilinear, repeated, row 0 at v = 1; each material its own."""
-    rng = np.random.default_rng(16)
-    images = [rng.random((4, 7, 3), np.float32), rng.random((5, 3, 3), np.float32)]
-    instances = [
-        instance_of(sphere(2), placed(0.1, (0.0, 0.0, 50.0))),
-        *(
-            instance_of(textured(image), placed(1.0, (2.0 * i, 0.0, 0.0)))
-            for i, image in enumerate(images)
-        ),
-    ]
-    tracer = BvhTracer(device, instances)
-    for i, image in enumerate(images):
-        place = rng.random((500, 3)) * [1.0, 1.0, 0.0]
-        o = place + np.array([2.0 * i, 0.0, 1.0])
-        met = tracer(o, np.broadcast_to([0.0, 0.0, -1.0], o.shape))
-        np.testing.assert_allclose(met.t, 1.0, rtol=1e-6)
-        height, width = image.shape[:2]
-        u, v = (2.0 * place[:, :2] - 0.5).T
-        x, y = u * width - 0.5, (1.0 - v) * height - 0.5
-        x0, y0 = np.floor(x).astype(int), np.floor(y).astype(int)
-        fx, fy = (x - x0)[:, None], (y - y0)[:, None]
-        corner = [[image[(y0 + b) % height, (x0 + a) % width] for a in (0, 1)] for b in (0, 1)]
-        upper = corner[0][0] * (1.0 - fx) + corner[0][1] * fx
-        lower = corner[1][0] * (1.0 - fx) + corner[1][1] * fx
-        wanted = (upper * (1.0 - fy) + lower * fy) * [0.5, 1.0, 0.25]
-        np.testing.assert_allclose(met.albedo, wanted, atol=2e-3)
-
-
-def test_normals_that_face_away_are_turned(device: ComputeDevice) -> None:
-    """The shading normal is towards the viewer and not below the triangle, from both sides."""
-    coarse = sphere(1)
-    o, d = rays_at(instance_of(coarse), 4000)
-    inverted = replace(coarse, normals=-coarse.normals)
-    met: list[Met] = [BvhTracer(device, [instance_of(mesh)])(o, d) for mesh in (coarse, inverted)]
-    hit = np.isfinite(met[0].t)
-    for seen in met:
-        assert ((seen.normal * d).sum(1)[hit] < 1e-6).all()
-        assert ((seen.normal * seen.flat_normal).sum(1)[hit] > -1e-6).all()
-    np.testing.assert_allclose(met[0].normal, met[1].normal, atol=1e-5)
