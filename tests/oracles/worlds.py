@@ -107,6 +107,13 @@ class World:
         return frame_of(depth, normal)
 
 
+def cosine_about(normal: Float, rng: np.random.Generator) -> Float:
+    """Random directions (..., 3) about normals, of density cosine / π."""
+    d = rng.normal(size=normal.shape)
+    d = normal + d / np.linalg.norm(d, axis=-1, keepdims=True)
+    return np.asarray(d / np.linalg.norm(d, axis=-1, keepdims=True))
+
+
 def frame_of(
     depth: NDArray[np.floating],
     normal: Float | None = None,

@@ -1,109 +1,35 @@
-"""What objects change in the light of real surfaces: closed forms, Monte Carlo, technique by
-technique, and how surely at what cost.
-"""
+"""What objects change in the light of real surfaces: closed forms, Monte Carlo, no bit more."""
 
 from __future__ import annotations
 
-import re
-import shutil
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from pathlib import Path
-from typing import Any
-
 import numpy as np
 import pytest
-from numpy.typing import NDArray
-from scipy.stats import norm, t
+from scipy.stats import norm
 
-from iprt.device import compute
-from iprt.device.choose import choose_device
 from iprt.device.compute import ComputeDevice
-from iprt.renderer import Renderer
-from iprt.resources import CL
 from iprt.scene.camera import View
 from iprt.scene.frame import Frame
 from iprt.scene.material import Material
-from iprt.scene.mesh import Instance
-from iprt.settings import Settings
-from tests.oracles.worlds import Box, Solid, Sphere, World
-from tests.worlds import (
-    Float,
-    ball,
-    ceiling_lamp,
-    cuboid,
-    panorama_at,
-    room_frame,
-    sphere_frame,
+from tests.oracles.worlds import Box, Solid, Sphere, World, cosine_about
+from tests.passes.change import (
+    BLACK,
+    DOWN,
+    RED,
+    ROOM,
+    SCENES,
+    SURE,
+    absolute,
+    agree,
+    blocks,
+    change_of,
 )
+from tests.worlds import Float, ball, ceiling_lamp, panorama_at, room_frame, sphere_frame
 
 pytestmark = pytest.mark.gl
 
-ROOM = World()
-FLOOR = ROOM.low[1]
-DOWN = View(48, 36, pitch_deg=-35.0)
-BLACK = Material(albedo=(0.0, 0.0, 0.0))
 WHITE = Material(albedo=(1.0, 1.0, 1.0))
-STILL = {"rows": 16, "first_rays": 64, "samples": 64}
-"""E_R is the same in all frames, so that the signal times E_R is irradiance, whatever E_R is."""
-SURE = {"rows": 32, "first_rays": 4096, "samples": 4096}
-"""E_R is well known at once."""
 BIAS = 1e-3
 """Metres above a surface from which objects are looked for, in a room."""
-
-
-def change_of(
-    device: ComputeDevice,
-    frame: Frame,
-    objects: Sequence[Instance],
-    view: View,
-    *,
-    frames: int = 4,
-    seed: int = 0,
-    filtered: bool = False,
-    irradiance: dict[str, int] | None = None,
-    **trace: Any,
-) -> tuple[Float, Float, Float, Float]:
-    """(H, W, 3) blocked and bounce over E_R, E_R / π, ratio."""
-    chosen: dict[str, Any] = {
-        "seed": seed,
-        "fading": 0.0,
-        "irradiance": irradiance or {},
-        "trace": {"relight_reflections": False, **trace},
-    }
-    if not filtered:
-        chosen |= {"atrous": {"levels": 0}, "mask": {"sparse": False}}
-    with Renderer(device, frame, objects, view, Settings.model_validate(chosen)) as renderer:
-        aovs = renderer.render(frames, ("irradiance_real", "ratio")).aovs
-        assert renderer.real_pixels is not None
-        assert renderer.real_pixels.change is not None
-        planes = renderer.layout.interior(device.read(renderer.real_pixels.change))
-    change = np.moveaxis(planes.astype(np.float64), 0, -1)
-    return (
-        change[..., :3], change[..., 3:],
-        aovs["irradiance_real"].astype(np.float64), aovs["ratio"].astype(np.float64),
-    )  # fmt: skip
-
-
-def blocks(image: Float, side: int = 6) -> Float:
-    """(N,) means over squares of pixels of (H, W)."""
-    h, w = (n // side * side for n in image.shape)
-    parts = image[:h, :w].reshape(h // side, side, w // side, side)
-    return np.asarray(parts.mean((1, 3)).ravel())
-
-
-def agree(samples: Float, wanted: Float, slack: Float) -> None:
-    """Means of (runs, N) independent samples are the wanted (N,), by t-tests that together reject a
-    right estimator once in 100 times; `slack` (N,) is what the wanted is unsure by.
-    """
-    runs, count = samples.shape
-    # Blocks of like brightness are equally noisy: pooled, the deviations are surer.
-    deviation = samples.std(0, ddof=1)
-    pooled = np.sqrt((deviation**2).mean())
-    error = np.maximum(deviation, 0.5 * pooled) / np.sqrt(runs)
-    threshold = t.isf(0.5 * (1.0 - 0.99 ** (1.0 / count)), runs - 1)
-    apart = np.abs(samples.mean(0) - wanted)
-    assert (apart < threshold * error + slack).all(), (apart / (error + slack)).max()
 
 
 def surface_points(world: World, view: View) -> tuple[Float, Float]:
@@ -160,16 +86,6 @@ def test_a_white_ball_in_a_furnace_changes_nothing(
 
 # Monte Carlo ---------------------------------------------------------------------------------
 
-PLATE = Box((0.2, FLOOR + 0.5, -1.3), (0.5, 0.02, 0.35))
-BALL = Sphere((0.2, FLOOR + 0.35, -1.4), 0.3)
-RED = Material(albedo=(0.9, 0.5, 0.1))
-
-
-def cosine_about(normal: Float, rng: np.random.Generator) -> Float:
-    d = rng.normal(size=normal.shape)
-    d = normal + d / np.linalg.norm(d, axis=-1, keepdims=True)
-    return np.asarray(d / np.linalg.norm(d, axis=-1, keepdims=True))
-
 
 def truth(
     frame: Frame, solid: Solid, albedo: Float, view: View, side: int = 6, count: int = 30_000
@@ -215,27 +131,6 @@ def truth(
     return np.array(means), np.array(errors), np.array(usable)
 
 
-SCENES: dict[str, tuple[Solid, list[Instance], Material]] = {
-    "plate": (PLATE, [cuboid(PLATE.centre, PLATE.half, BLACK)], BLACK),
-    "ball": (BALL, [ball(BALL.centre, BALL.radius, RED, subdivisions=5)], RED),
-}
-
-
-def absolute(
-    device: ComputeDevice, frame: Frame, objects: list[Instance], runs: int, **others: Any
-) -> Float:
-    """(runs, N, 2, 3) blocked and bounced irradiance / π of squares of pixels."""
-    found = []
-    for seed in range(runs):
-        blocked, bounce, real, _ = change_of(
-            device, frame, objects, DOWN, seed=seed, irradiance=STILL, **others
-        )
-        found.append(
-            [[blocks(part[..., c] * real[..., c]) for c in range(3)] for part in (blocked, bounce)]
-        )
-    return np.moveaxis(np.array(found), -1, 1)
-
-
 @pytest.mark.parametrize("light_sampling", [False, True], ids=["even", "aimed"])
 @pytest.mark.parametrize("name", SCENES)
 def test_light_blocked_and_bounced_is_monte_carlos(
@@ -251,51 +146,6 @@ def test_light_blocked_and_bounced_is_monte_carlos(
         slack = 3.0 * error[usable, part, channel] + 0.01 * exact + 0.002 * exact.max()
         agree(found[:, usable, part, channel], exact, slack)
         assert exact.max() > 10.0 * slack.min()
-
-
-@contextmanager
-def shares(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, box: str, light: str
-) -> Iterator[ComputeDevice]:
-    """A device whose kernels choose directions in other proportions."""
-    copy = folder / f"cl_{box}_{light}"
-    shutil.copytree(CL, copy)
-    file = copy / "trace_delta.cl"
-    source, replaced = re.subn(
-        r"(#define BOX_SHARE(?:_INSIDE)?) .*", rf"\1 {box}", file.read_text()
-    )
-    source, more = re.subn(r"0\.5f \* \(1\.0f - s\.box_share\)", light, source)
-    assert (replaced, more) == (2, 1)
-    file.write_text(source)
-    with monkeypatch.context() as patched:
-        patched.setattr(compute, "CL", copy)
-        yield ComputeDevice(choose_device("pocl"))
-
-
-@pytest.mark.parametrize(
-    ("box", "light"),
-    [("0.0f", "0.0f"), ("0.9f", "0.0f"), ("0.02f", "0.9f")],
-    ids=["cosine", "boxes", "lights"],
-)
-def test_each_way_to_choose_directions_finds_the_same(
-    device: ComputeDevice,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    box: str,
-    light: str,
-) -> None:
-    frame = room_frame(ROOM, 128, 64, ceiling_lamp)
-    objects = SCENES["ball"][1]
-    mixed = absolute(device, frame, objects, 6, rays=8)
-    with shares(tmp_path, monkeypatch, box, light) as other:
-        alone = absolute(other, frame, objects, 6, rays=8)
-    for part in (0, 1):
-        a, b = mixed[:, :, part, 0], alone[:, :, part, 0]
-        assert a.mean() > 0.01
-        slack = 4.0 * a.std(0, ddof=1) / np.sqrt(len(a)) + 0.003 * a.max()
-        agree(b, a.mean(0), slack)
-        error = np.hypot(*(np.std(s.mean(1), ddof=1) / np.sqrt(len(s)) for s in (a, b)))
-        assert abs(a.mean() - b.mean()) < 4.5 * error + 2e-3 * a.mean()
 
 
 def test_both_estimators_find_the_same(device: ComputeDevice) -> None:
@@ -317,26 +167,6 @@ def test_both_estimators_find_the_same(device: ComputeDevice) -> None:
     threshold = norm.isf(0.5 * (1.0 - 0.99 ** (1.0 / delta.shape[1])))
     apart = np.abs(delta.mean(0) - ratio.mean(0))
     assert (apart < 1.5 * threshold * error + 0.02).all()
-
-
-def test_less_than_a_third_of_the_variance_at_equal_rays(device: ComputeDevice) -> None:
-    """Of the quotient after 16 frames of one ray per pixel, below a lamp."""
-    frame = room_frame(ROOM, 128, 64, ceiling_lamp)
-    objects = SCENES["ball"][1]
-
-    def variance(**trace: Any) -> float:
-        runs = [
-            change_of(device, frame, objects, DOWN, frames=16, seed=s, irradiance=SURE, **trace)[3]
-            for s in range(8)
-        ]
-        return float(np.var(runs, axis=0, ddof=1).mean())
-
-    aimed = variance()
-    even = variance(light_sampling=False)
-    ratio = variance(estimator="ratio", light_sampling=False)
-    print(f"variance: delta, aimed {aimed:.4f}; delta {even:.4f}; ratio {ratio:.4f}")
-    assert aimed < 0.33 * ratio
-    assert aimed < even
 
 
 # Bits ----------------------------------------------------------------------------------------
@@ -371,42 +201,3 @@ def test_two_runs_are_equal(device: ComputeDevice) -> None:
     )
     for a, b in zip(first, again, strict=True):
         np.testing.assert_array_equal(a, b)
-
-
-# What virtual surfaces reflect ---------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    "material",
-    [
-        Material(albedo=(0.8, 0.8, 0.8)),
-        Material("plastic", (0.5, 0.5, 0.5), alpha=0.2),
-        Material("conductor", (0.9, 0.9, 0.9), alpha=0.4),
-    ],
-    ids=["diffuse", "plastic", "conductor"],
-)
-def test_aiming_at_lights_leaves_objects_as_bright(
-    device: ComputeDevice, material: Material
-) -> None:
-    """And less noisy."""
-    frame = room_frame(ROOM, 128, 64, ceiling_lamp)
-    objects = [ball((0.2, -0.3, -1.4), 0.4, material)]
-    view = View(32, 24, pitch_deg=-10.0)
-
-    def pictures(light_sampling: bool) -> NDArray[np.float32]:
-        trace = {"rays": 4, "relight_reflections": False, "light_sampling": light_sampling}
-        raw = {"fading": 0.0, "atrous": {"levels": 0}, "mask": {"sparse": False}, "trace": trace}
-        runs: list[NDArray[np.float32]] = []
-        for seed in range(8):
-            chosen = Settings.model_validate({"seed": seed, **raw})
-            with Renderer(device, frame, objects, view, chosen) as renderer:
-                shown = renderer.render(4, ("coverage",))
-            runs.append(shown.color[shown.aovs["coverage"] == 1.0].mean(-1))
-        return np.array(runs)
-
-    aimed, even = pictures(True), pictures(False)
-    means = [runs.mean(1) for runs in (aimed, even)]
-    error = np.sqrt(sum(m.var(ddof=1) / len(m) for m in means))
-    assert abs(means[0].mean() - means[1].mean()) < 4.0 * error
-    assert error < 0.03 * means[1].mean()
-    assert aimed.var(0, ddof=1).mean() < 0.7 * even.var(0, ddof=1).mean()

@@ -1,0 +1,128 @@
+"""Ways to choose directions: each finds the same light, and aiming finds it with less noise."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from iprt.device import compute
+from iprt.device.choose import choose_device
+from iprt.device.compute import ComputeDevice
+from iprt.renderer import Renderer
+from iprt.resources import CL
+from iprt.scene.camera import View
+from iprt.scene.material import Material
+from iprt.settings import Settings
+from tests.passes.change import DOWN, ROOM, SCENES, SURE, absolute, agree, change_of
+from tests.worlds import ball, ceiling_lamp, room_frame
+
+pytestmark = pytest.mark.gl
+
+
+@contextmanager
+def shares(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, box: str, light: str
+) -> Iterator[ComputeDevice]:
+    """A device whose kernels choose directions in other proportions."""
+    copy = folder / f"cl_{box}_{light}"
+    shutil.copytree(CL, copy)
+    file = copy / "trace_delta.cl"
+    source, replaced = re.subn(
+        r"(#define BOX_SHARE(?:_INSIDE)?) .*", rf"\1 {box}", file.read_text()
+    )
+    source, more = re.subn(r"0\.5f \* \(1\.0f - s\.box_share\)", light, source)
+    assert (replaced, more) == (2, 1)
+    file.write_text(source)
+    with monkeypatch.context() as patched:
+        patched.setattr(compute, "CL", copy)
+        yield ComputeDevice(choose_device("pocl"))
+
+
+@pytest.mark.parametrize(
+    ("box", "light"),
+    [("0.0f", "0.0f"), ("0.9f", "0.0f"), ("0.02f", "0.9f")],
+    ids=["cosine", "boxes", "lights"],
+)
+def test_each_way_to_choose_directions_finds_the_same(
+    device: ComputeDevice,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    box: str,
+    light: str,
+) -> None:
+    frame = room_frame(ROOM, 128, 64, ceiling_lamp)
+    objects = SCENES["ball"][1]
+    mixed = absolute(device, frame, objects, 6, rays=8)
+    with shares(tmp_path, monkeypatch, box, light) as other:
+        alone = absolute(other, frame, objects, 6, rays=8)
+    for part in (0, 1):
+        a, b = mixed[:, :, part, 0], alone[:, :, part, 0]
+        assert a.mean() > 0.01
+        slack = 4.0 * a.std(0, ddof=1) / np.sqrt(len(a)) + 0.003 * a.max()
+        agree(b, a.mean(0), slack)
+        error = np.hypot(*(np.std(s.mean(1), ddof=1) / np.sqrt(len(s)) for s in (a, b)))
+        assert abs(a.mean() - b.mean()) < 4.5 * error + 2e-3 * a.mean()
+
+
+def test_less_than_a_third_of_the_variance_at_equal_rays(device: ComputeDevice) -> None:
+    """Of the quotient after 16 frames of one ray per pixel, below a lamp."""
+    frame = room_frame(ROOM, 128, 64, ceiling_lamp)
+    objects = SCENES["ball"][1]
+
+    def variance(**trace: Any) -> float:
+        runs = [
+            change_of(device, frame, objects, DOWN, frames=16, seed=s, irradiance=SURE, **trace)[3]
+            for s in range(8)
+        ]
+        return float(np.var(runs, axis=0, ddof=1).mean())
+
+    aimed = variance()
+    even = variance(light_sampling=False)
+    ratio = variance(estimator="ratio", light_sampling=False)
+    print(f"variance: delta, aimed {aimed:.4f}; delta {even:.4f}; ratio {ratio:.4f}")
+    assert aimed < 0.33 * ratio
+    assert aimed < even
+
+
+@pytest.mark.parametrize(
+    "material",
+    [
+        Material(albedo=(0.8, 0.8, 0.8)),
+        Material("plastic", (0.5, 0.5, 0.5), alpha=0.2),
+        Material("conductor", (0.9, 0.9, 0.9), alpha=0.4),
+    ],
+    ids=["diffuse", "plastic", "conductor"],
+)
+def test_aiming_at_lights_leaves_objects_as_bright(
+    device: ComputeDevice, material: Material
+) -> None:
+    """And less noisy."""
+    frame = room_frame(ROOM, 128, 64, ceiling_lamp)
+    objects = [ball((0.2, -0.3, -1.4), 0.4, material)]
+    view = View(32, 24, pitch_deg=-10.0)
+
+    def pictures(light_sampling: bool) -> NDArray[np.float32]:
+        trace = {"rays": 4, "relight_reflections": False, "light_sampling": light_sampling}
+        raw = {"fading": 0.0, "atrous": {"levels": 0}, "mask": {"sparse": False}, "trace": trace}
+        runs: list[NDArray[np.float32]] = []
+        for seed in range(8):
+            chosen = Settings.model_validate({"seed": seed, **raw})
+            with Renderer(device, frame, objects, view, chosen) as renderer:
+                shown = renderer.render(4, ("coverage",))
+            runs.append(shown.color[shown.aovs["coverage"] == 1.0].mean(-1))
+        return np.array(runs)
+
+    aimed, even = pictures(True), pictures(False)
+    means = [runs.mean(1) for runs in (aimed, even)]
+    error = np.sqrt(sum(m.var(ddof=1) / len(m) for m in means))
+    assert abs(means[0].mean() - means[1].mean()) < 4.0 * error
+    assert error < 0.03 * means[1].mean()
+    assert aimed.var(0, ddof=1).mean() < 0.7 * even.var(0, ddof=1).mean()
