@@ -22,8 +22,8 @@
 // three with -DDIFFERENCE (a real layer: E_R, E_RV, then -DCOMMON too; or blocked and bounced light
 // over E_R), else the signal's. Without correction and fading, and motion that stays on the pixel,
 // the accumulated signal is the plain mean of the samples. A sample that is not finite is dropped.
-// Where all samples are 0, or the first three planes equal the last three, so is the result, bit for
-// bit. Build with -DSIGNAL_PLANES=3|6, -DVIEW_EQUIRECT for equirect views.
+// Where all samples are 0, or the first three planes equal the last three, so is the result, bit
+// for bit. Build with -DSIGNAL_PLANES=3|6, -DVIEW_EQUIRECT for equirect views.
 #include "guide.h"
 #include "signal.h"
 
