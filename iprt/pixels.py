@@ -9,6 +9,7 @@ import pyopencl.array as cla
 from iprt.device.compute import ComputeDevice
 from iprt.passes.atrous import Atrous
 from iprt.passes.guide import Guide
+from iprt.passes.history_fix import HistoryFix
 from iprt.passes.interpolate import Interpolate
 from iprt.passes.irradiance import IrradianceCache
 from iprt.passes.layout import PlaneLayout
@@ -77,6 +78,11 @@ class SignalFilter:
         self._atrous = Atrous(
             device, guide, kind, settings.atrous, name=name, guided=not self._published
         )
+        self._fix: HistoryFix | None = None
+        enough = settings.temporal.enough
+        # Reflections differ too much between far pixels.
+        if enough > 0.0 and settings.atrous.levels and kind != "specular" and not self._published:
+            self._fix = HistoryFix(device, guide, kind, settings.atrous, enough, name=name)
 
     @property
     def history(self) -> cla.Array:
@@ -102,6 +108,8 @@ class SignalFilter:
         )
         if self._published:
             return accumulated.signal
+        if self._fix is not None:
+            accumulated = self._fix.run(accumulated)
         return self._atrous.run(
             accumulated.signal, accumulated.variance, roughness=roughness, rect=rect
         )

@@ -85,6 +85,13 @@ class TemporalSettings(BaseModel):
         description="Differences between fast and slow history up to so many deviations count as "
         "noise; lower: quicker, noisier.",
     )
+    enough: float = Field(
+        default=1.5,
+        ge=0.0,
+        le=100.0,
+        description="Diffuse light of pixels whose history is worth fewer samples is mixed with "
+        "that of neighbours up to 28 pixels away; 0: never.",
+    )
 
 
 @dataclass(frozen=True)
