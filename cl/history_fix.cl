@@ -13,7 +13,7 @@
 #include "guide.h"
 #include "signal.h"
 
-#define RADIUS 2     // taps to each side
+#define TAPS 5       // in a row
 #define STRIDE 14.0f // pixels between taps of pixels without any history
 
 __kernel void fix_history(
@@ -47,10 +47,10 @@ __kernel void fix_history(
     }
     float weights = own, variances = own * own * variance[p];
     int step = (int)(STRIDE / (1.0f + own) + 0.5f);
-    for (int i = 0; fixed && i < (2 * RADIUS + 1) * (2 * RADIUS + 1); i++) {
-        int tx = wrap_column(x + step * (i % (2 * RADIUS + 1) - RADIUS), width);
-        int ty = y + step * (i / (2 * RADIUS + 1) - RADIUS);
-        if (tx < 0 || tx >= width || ty < 0 || ty >= height || (tx == x && ty == y))
+    for (int i = 0; fixed && i < TAPS * TAPS; i++) {
+        int dx = i % TAPS - TAPS / 2, dy = i / TAPS - TAPS / 2;
+        int tx = wrap_column(x + step * dx, width), ty = y + step * dy;
+        if (tx < 0 || tx >= width || ty < 0 || ty >= height || (dx == 0 && dy == 0))
             continue;
         int q = plane_index(tx, ty, width);
         if (guide[GUIDE_ID * size + q] != id)
