@@ -25,6 +25,7 @@
 // Where all samples are 0, or the first three planes equal the last three, so is the result, bit
 // for bit. Build with -DSIGNAL_PLANES=3|6, -DVIEW_EQUIRECT for equirect views.
 #include "guide.h"
+#include "rays.h"
 #include "signal.h"
 
 #define HUGE 1e30f            // samples from here on, and NaN, are not used
@@ -309,6 +310,7 @@ __kernel void accumulate(
     __global float *restrict spread,        // in, out: 1 plane
     __global float *restrict scalar,        // out: 1 plane, g of the result
     float fading,                           // least share of the new sample, 0: plain mean
+    int rays,                               // of a sample, before they become fewer (rays.h)
     int width,
     int height)
 {
@@ -319,15 +321,17 @@ __kernel void accumulate(
     int p = plane_index(x, y, width);
     float past[SIGNAL_PLANES], sample[SIGNAL_PLANES];
     load_signal(past, signal, size, p);
-    float worth = load_sample(sample, samples, guide, level, size, p);
     float before = length[p], variation = spread[p];
+    // A fading memory is one of so many frames, whatever their rays.
+    float sent = fading > 0.0f ? 1.0f : share_of_rays(before, rays);
+    float worth = sent * load_sample(sample, samples, guide, level, size, p);
     bool usable = worth > 0.0f, first = !(before > 0.0f);
     float share = first ? 1.0f : fmax(worth / (before + worth), fading * worth);
     // Fading makes the mean worth (2 - fading) / fading samples at most: so a later, longer
     // average goes on from the right weight.
     float limit = fading > 0.0f ? fmin(2.0f / fading - 1.0f, MAX_LENGTH) : MAX_LENGTH;
     float step = guide_scalar(sample) - guide_scalar(past);
-    float varied = first ? 0.0f : (1.0f - share) * (variation + share * step * step);
+    float varied = first ? 0.0f : (1.0f - share) * (variation + share * sent * step * step);
     #pragma unroll
     for (int c = 0; c < SIGNAL_PLANES; c++) {
         float mean = first ? sample[c] : past[c] + share * (sample[c] - past[c]);

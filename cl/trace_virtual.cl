@@ -13,6 +13,7 @@
 //      touched        1 plane: TOUCHED_FRAMES where a ray met an object
 //      samples        1 plane: rays that the pixel has sent since the start, in and out
 #include "path.h"
+#include "rays.h"
 #include "traced.h"
 
 #define FAR_HIT 1e6f
@@ -21,10 +22,6 @@
 #define ALIKE 0.95f
 // A pixel without such neighbours sends so many times as many rays as one amid them.
 #define LONELY_RAYS 4.0f
-
-// Pixels whose history is worth more frames send this share of the rays only.
-#define SHORT_HISTORY 7.5f
-#define LATER_RAYS 0.25f
 
 // How many times as many rays a pixel deserves as one whose eight neighbours are like it.
 static inline float loneliness(__global const float *restrict guide, int size, int pixel, int stride,
@@ -69,7 +66,7 @@ TRACING_KERNEL void trace_virtual(
     float lobe = 0.0f, lobe_nearness = 0.0f;
     int met = 0;
     const uint first = samples[pixel];
-    const float steady = history[pixel] < SHORT_HISTORY ? rays : fmax(LATER_RAYS * rays, 1.0f);
+    const float steady = rays * share_of_rays(history[pixel], rays);
     const int more = (int)(steady * loneliness(guide, size, pixel, plane_stride(width), n));
     for (int ray = 0; ray < more; ray++) {
         const uint index = first + ray;

@@ -74,7 +74,8 @@ class SignalFilter:
         self._fading = settings.fading
         self._published = settings.temporal.history == "iprt"
         self._interpolate = Interpolate(device, guide, signal_planes(kind), settings.interpolate)
-        self._temporal = Temporal(device, guide, kind, settings.temporal, name=name)
+        rays = settings.trace.object_rays if kind in ("diffuse", "specular") else 1
+        self._temporal = Temporal(device, guide, kind, settings.temporal, name=name, rays=rays)
         self._atrous = Atrous(
             device, guide, kind, settings.atrous, name=name, guided=not self._published
         )

@@ -129,8 +129,11 @@ class Temporal:
         settings: TemporalSettings,
         *,
         name: str,
+        rays: int = 1,
     ) -> None:
+        """`rays` are those of a sample, of which pixels with a long history send fewer."""
         self.settings = settings
+        self._rays = rays
         self.kind = kind
         self._device = device
         self._guide = guide
@@ -211,7 +214,9 @@ class Temporal:
                 self._clamp_to(signal, self._scalar)
             else:
                 self._correct_history(signal, motion, level, changed=changed)
-            self._run(self._accumulate, signal, level, *self._now, self._scalar, float(fading))
+            self._run(
+                self._accumulate, signal, level, *self._now, self._scalar, float(fading), self._rays
+            )
             self._guide.wrap(self._scalar)
             accumulated, length, spread = self._now
             self._run(self._estimate, self._scalar, spread, length, self._variance)

@@ -41,11 +41,13 @@ class Session:
         gbuffer: GBuffer,
         kind: Kind,
         settings: TemporalSettings = SETTINGS,
+        *,
+        rays: int = 1,
     ) -> None:
         self.device = device
         self.layout = gbuffer.layout
         self.guide = gbuffer.guide(device)
-        self.temporal = Temporal(device, self.guide, kind, settings, name="test")
+        self.temporal = Temporal(device, self.guide, kind, settings, name="test", rays=rays)
         self.still = still_motion(self.layout.width, self.layout.height)
 
     def add(
@@ -338,3 +340,19 @@ def test_equirect_picture_turns_with_the_view(device: ComputeDevice) -> None:
     result = session.add(gbuffer.rolled(7), np.full_like(signal, np.nan), motion)
     image = session.image(result.signal)
     assert np.array_equal(image, np.roll(np.where(gbuffer.seen_ids > 0, signal, 0), 7, 2))
+
+
+def test_frames_weigh_as_their_rays(device: ComputeDevice) -> None:
+    """Eight frames of four rays a pixel, then one a frame: the mean is that of all rays."""
+    gbuffer = flat_gbuffer(64, 48)
+    session = Session(device, gbuffer, "diffuse", rays=4)
+    rng = np.random.default_rng(8)
+    for rays in [4] * 8 + [1] * 24:
+        noise = rng.normal(0.0, 1.0 / np.sqrt(rays), (1, 48, 64))
+        result = session.add(gbuffer, np.repeat(1.0 + noise, 3, axis=0))
+    assert (session.image(result.length) == 8 + 24 / 4).all()
+    # 56 rays of variance 1; one error for all three channels.
+    error = session.image(result.signal)[0] - 1.0
+    assert abs(56 * np.mean(error**2) - 1.0) < 0.1
+    told = session.image(result.variance).mean() / (1.0 + 8.0 / 14.0)
+    assert abs(56 * told - 1.0) < 0.15

@@ -1,0 +1,14 @@
+// How many rays the pixels of objects send.
+#ifndef IPRT_RAYS_H
+#define IPRT_RAYS_H
+
+// Pixels whose history is worth more frames send this share of `rays` only, but one.
+#define SETTLED_HISTORY 7.5f
+#define SETTLED_SHARE 0.25f
+
+static inline float share_of_rays(float history, int rays)
+{
+    return history < SETTLED_HISTORY ? 1.0f : fmax(SETTLED_SHARE, 1.0f / rays);
+}
+
+#endif
