@@ -63,7 +63,8 @@ OVERVIEW = View(960, 640, -8.0, -18.0, 72.0)
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--spp", type=int, default=128, help="paths per pixel")
+    parser.add_argument("--spp", type=int, default=128, help="paths per pixel of the panorama")
+    parser.add_argument("--truth-spp", type=int, default=512, help="of the views' truth")
     parser.add_argument("--out", type=Path, default=FOLDER, help="folder to write to")
     options = parser.parse_args()
     logging.basicConfig(level=logging.INFO, format="%(message)s")
@@ -83,7 +84,7 @@ def main() -> None:
     for name, (view, names) in VIEWS.items():
         LOG.info("view %s", name)
         inserted = {n: mitsuba_object(meshes[n], OBJECTS[n]) for n in names}
-        crops = render_view(options.out / "truth", name, view, parts, inserted, options.spp)
+        crops = render_view(options.out / "truth", name, view, parts, inserted, options.truth_spp)
         manifest.append(view_toml(name, view, names) + truth_toml(name, crops))
     manifest.append(view_toml("room", OVERVIEW, tuple(OBJECTS)))
     (options.out / "scene.toml").write_text("\n".join(manifest))
