@@ -21,7 +21,6 @@ VERSION = 1
 """To be raised when `build_tree` makes other trees."""
 WORTH_KEEPING = 20_000
 """Triangles: smaller meshes are built as quickly as read."""
-_ARRAYS = ("order", "first", "children", "levels")
 
 
 def cache_folder() -> Path:
@@ -41,7 +40,7 @@ def cached_tree(low: Floats, high: Floats) -> Tree:
     digest = hashlib.blake2b(f"{VERSION} {PACKET} {MESH_DEPTH}".encode(), digest_size=20)
     digest.update(low.tobytes())
     digest.update(high.tobytes())
-    file = cache_folder() / f"{digest.hexdigest()}.npz"
+    file = cache_folder() / f"{digest.hexdigest()}.tree"
     tree = _read(file, len(low))
     if tree is None:
         tree = mesh_tree(low, high)
@@ -50,17 +49,31 @@ def cached_tree(low: Floats, high: Floats) -> Tree:
 
 
 def _read(file: Path, primitives: int) -> Tree | None:
+    """The tree in a file: the arrays of `Tree` one after the other, little-endian int32.
+
+    All sizes follow from the number of primitives, so that nothing is believed that stands in the
+    file, and no more is read than a tree has.
+    """
+    leaves = -(-primitives // PACKET)
+    fixed = np.cumsum([primitives, leaves + 1, 2 * (leaves - 1)])
+    most = fixed[-1] + MESH_DEPTH + 1
     try:
-        with np.load(file, allow_pickle=False) as stored:
-            tree = Tree(*(stored[name] for name in _ARRAYS))
-    except Exception:  # whatever is wrong with what somebody else wrote there
+        if not file.is_file():
+            return None
+        stored = np.fromfile(file, "<i4", count=most + 1).astype(np.int32)
+    except (OSError, MemoryError):
         return None
+    if not fixed[-1] < len(stored) <= most:
+        return None
+    order, first, children, levels = np.split(stored, fixed)
+    tree = Tree(order, first, children.reshape(-1, 2), levels)
     return tree if is_tree(tree, primitives) else None
 
 
 def _write(file: Path, tree: Tree) -> None:
-    with suppress(FormatError), replacing(file) as temporary, temporary.open("wb") as stream:
-        np.savez(stream, **{name: getattr(tree, name) for name in _ARRAYS})
+    arrays = (tree.order, tree.first, tree.children.ravel(), tree.levels)
+    with suppress(FormatError), replacing(file) as temporary:
+        np.concatenate(arrays).astype("<i4").tofile(temporary)
 
 
 def is_tree(tree: Tree, primitives: int) -> bool:
