@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import json
 import textwrap
-import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -21,6 +20,7 @@ from pydantic import ValidationError
 from iprt.errors import IprtError
 from iprt.presets import PRESETS, Quality
 from iprt.settings import Settings
+from iprt.toml_text import parse_toml, printable, read_text
 
 Schema = Mapping[str, Any]
 WIDTH = 96
@@ -110,15 +110,15 @@ def read_settings(path: Path) -> list[Assignment]:
         The file cannot be read, is no TOML, or names what is no knob.
     """
     try:
-        tables = tomllib.loads(path.read_text(encoding="utf-8"))
+        tables = parse_toml(read_text(path))
     except OSError as error:
         raise IprtError(f"{path}: cannot be read: {error.strerror}") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise IprtError(f"{path}: not a TOML file: {error}") from None
+    except ValueError as error:
+        raise IprtError(f"{path}: {error}") from None
     assignments = []
     for key, value in _flat(tables):
-        shown = "{...}" if isinstance(value, dict) else _toml_value(value)
-        assignments.append(Assignment(key, value, f"{path}: {key} = {shown}"))
+        shown = "{...}" if isinstance(value, dict) else printable(_toml_value(value), 100)
+        assignments.append(Assignment(key, value, f"{path}: {printable(key)} = {shown}"))
     for item in assignments:
         _require_knob(item)
     return assignments
@@ -144,8 +144,8 @@ def parse_assignment(flag: str, text: str) -> Assignment:
 def plain_value(text: str) -> Any:
     """A value of TOML, or else the text itself."""
     try:
-        return tomllib.loads(f"x = {text}")["x"]
-    except tomllib.TOMLDecodeError:
+        return parse_toml(f"x = {text}")["x"]
+    except ValueError:
         return text
 
 

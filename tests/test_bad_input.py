@@ -178,7 +178,7 @@ def test_bad_scenes(change: Change, message: str, scene: Path, fails: Callable[.
 BAD_MANIFESTS: dict[str, tuple[bytes, str]] = {
     "no TOML": (b"format = = 1", "not valid TOML"),
     "not UTF-8": (b'format = 1\nname = "caf\xe9"', "line 2 is not UTF-8"),
-    "nested too deep": (b"a = " + b"[" * 5000 + b"]" * 5000, "nested too deep"),
+    "nested too deep": (b"a = " + b"[\n" * 5000 + b"]" * 5000, "nested too deep"),
     "one table": (WHOLE.replace("[[views]]", "[views]").encode(), "views: expected a list"),
     "type": (WHOLE.replace("[32, 24]", '"big"').encode(), "views.ahead.size: expected a list"),
     "object": (WHOLE.encode() + b'objects = ["cub"]', "no object is named 'cub'; the scene has"),

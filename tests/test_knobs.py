@@ -126,8 +126,8 @@ def test_what_is_not_allowed_is_one_line(text: str, message: str) -> None:
         ("[tracing]\nrays = 1\n", "there is no knob 'tracing'"),
         ("trace = 1\n", "knobs.toml: trace = 1: 'trace' is a group"),
         ("[trace.rays]\na = 1\n", "knobs.toml: trace.rays = {...}: expected a whole number"),
-        ("[trace\n", "knobs.toml: not a TOML file"),
-        (b"\xff\xfe", "knobs.toml: not a TOML file"),
+        ("[trace\n", "knobs.toml: not valid TOML"),
+        (b"\xff\xfe", "knobs.toml: line 1 is not UTF-8"),
         (None, "knobs.toml: cannot be read: No such file"),
     ],
 )

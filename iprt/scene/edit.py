@@ -18,14 +18,16 @@ from numpy.typing import NDArray
 from iprt.errors import FormatError, SceneError
 from iprt.output.atomic import replacing, require_writable
 from iprt.scene.images import read_depth
+from iprt.scene.inside import anywhere, require_inside
 from iprt.scene.manifest import MANIFEST_NAME, VideoTable, manifest_text, parse_manifest
 from iprt.scene.manifest_problems import FRAME_PATTERN
 from iprt.scene.mesh import Mesh
-from iprt.scene.mesh_files import referenced_files
+from iprt.scene.mesh_files import MeshFile
 from iprt.scene.meshes import load_mesh
 from iprt.scene.placement import RealSurfaces, set_down
 from iprt.scene.scene import Scene
 from iprt.scene.source import FrameSource, frame_path
+from iprt.scene.untrusted import is_file
 
 VIEW_SIZE = (1024, 768)
 
@@ -92,10 +94,10 @@ def new_scene(
         depth_scale=depth_scale,
         frames=[first, last],
     )
-    source = FrameSource(Path(), outside)
+    source = FrameSource(Path(), outside, anywhere(Path()))
     for index in source.indices:
         for path in source.files(index).values():
-            if not path.is_file():
+            if not is_file(path):
                 raise FormatError(f"{path}: no such file")
     source.read(first)
     names = {key: _target_name(key, path) for key, path in sources.items()}
@@ -120,6 +122,7 @@ def add_object(
     height: float | None = None,
     material: dict[str, Any] | None = None,
     name: str | None = None,
+    allow_outside: bool = False,
 ) -> Added:
     """Stand a mesh on the surface seen in a direction, and add a view that frames it.
 
@@ -134,13 +137,15 @@ def add_object(
         As in the manifest; by default the mesh file's own.
     name : str or None
         By default the mesh file's, numbered where taken.
+    allow_outside : bool
+        Whether files of the scene may be links out of its folder, and the mesh's out of its own.
 
     Raises
     ------
     SceneError, FormatError
         Nothing has been written then.
     """
-    scene = Scene.open(scene_path)
+    scene = Scene.open(scene_path, allow_outside=allow_outside)
     taken = {table.name for table in scene.manifest.objects}
     if name is not None and name in taken:
         raise SceneError(f"{scene.root}: an object is named '{name}' already; choose another name")
@@ -148,10 +153,13 @@ def add_object(
         raise SceneError(f"--name '{name}': expected letters, digits, blanks, and any of _ . -")
     chosen = name or _free_name(mesh_path.stem, taken)
     view_name = _free_name(chosen, set(scene.views))
-    mesh = load_mesh(mesh_path)
+    within = anywhere(mesh_path.parent) if allow_outside else None
+    mesh = load_mesh(mesh_path, within=within)
     bounds = _bounds(mesh)
     to_world = set_down(RealSurfaces(scene.frame()), bounds, yaw_deg, pitch_deg, height)
-    copies, target = _mesh_copies(scene.root, mesh_path, chosen)
+    copies, target = _mesh_copies(scene.root, MeshFile(mesh_path, within), chosen)
+    for copy in copies:
+        require_inside(copy, scene.within)
     # Appending text keeps every comment; TOML lets [[objects]] follow other tables.
     manifest_path = scene.root / MANIFEST_NAME
     text = "\n".join(
@@ -322,11 +330,11 @@ def _view_text(
     )
 
 
-def _mesh_copies(root: Path, mesh: Path, name: str) -> tuple[dict[Path, Path], str]:
+def _mesh_copies(root: Path, file: MeshFile, name: str) -> tuple[dict[Path, Path], str]:
     """Files to copy (target -> source) and the mesh's path in the manifest."""
+    mesh, references = file.path, dict.fromkeys(file.references.values())
     if mesh.resolve().is_relative_to(root.resolve()):
         return {}, mesh.resolve().relative_to(root.resolve()).as_posix()
-    references = referenced_files(mesh)
     # Files that come together stay together, apart from other meshes' files of the same names.
     folder = root / "meshes"
     taken = {path.stem for path in folder.iterdir()} if folder.is_dir() else set()

@@ -18,12 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import FormatError
+from iprt.scene.untrusted import MAX_BYTES, require_picture_size
 
 MAGIC = b"\x76\x2f\x31\x01"
-MAX_PIXELS = 2**28
-"""Pictures that claim more pixels are refused before anything is allocated."""
 
-_MAX_ATTRIBUTE_BYTES = 2**24
+_MAX_HEADER_BYTES = 2**24
+_SAMPLE_BYTES = {0: 4, 1: 2, 2: 4}
+"""By the type code of a channel: unsigned, half, float."""
 _DEEP = 0x800
 _MULTIPART = 0x1000
 _TILED = 0x200
@@ -37,7 +38,8 @@ class _Header:
     width: int
     height: int
     compression: int
-    tiled: bool
+    tile: tuple[int, int] | None
+    """Width and height of the tiles of a file that has them, in one level."""
 
 
 def read_exr(path: Path, choices: Sequence[tuple[str, ...]]) -> list[NDArray[np.generic]]:
@@ -98,12 +100,11 @@ def _choose(path: Path, present: list[str], choices: Sequence[tuple[str, ...]]) 
 
 
 def _checked_header(path: Path) -> _Header:
-    size = path.stat().st_size
     with path.open("rb") as file:
+        size = os.fstat(file.fileno()).st_size
         try:
             header = _parse_header(path, file)
-            if not header.tiled:
-                _check_complete(path, file, header, size)
+            _check_complete(file, header, size)
         except (struct.error, KeyError) as error:
             raise FormatError(
                 f"{path}: cut off or damaged EXR file ({size} bytes); copy or export it again"
@@ -121,8 +122,8 @@ def _parse_header(path: Path, file: BinaryIO) -> _Header:
     while name := _string(file):
         _string(file)  # the attribute's type follows from its name
         (length,) = struct.unpack("<I", file.read(4))
-        if length > _MAX_ATTRIBUTE_BYTES:
-            raise struct.error("attribute too long")
+        if file.tell() + length > _MAX_HEADER_BYTES:
+            raise struct.error("header too long")
         attributes[name] = file.read(length)
     x0, y0, x1, y1 = struct.unpack("<4i", attributes["dataWindow"])
     if attributes["displayWindow"] != attributes["dataWindow"]:
@@ -131,44 +132,65 @@ def _parse_header(path: Path, file: BinaryIO) -> _Header:
             "save the whole picture, not a crop"
         )
     width, height = x1 - x0 + 1, y1 - y0 + 1
-    if width < 1 or height < 1 or width * height > MAX_PIXELS:
+    require_picture_size(path, width, height)
+    channels, texel_bytes = _parse_channels(attributes["channels"])
+    # The library decodes all channels, whichever are asked for.
+    if width * height * texel_bytes > MAX_BYTES:
         raise FormatError(
-            f"{path}: claims {width} x {height} pixels; at most {MAX_PIXELS} are read"
+            f"{path}: claims {len(channels)} channels of {width} x {height} pixels; "
+            f"at most {MAX_BYTES} bytes are read"
         )
     return _Header(
-        channels=_parse_channels(attributes["channels"]),
+        channels=channels,
         width=width,
         height=height,
         compression=attributes["compression"][0] if attributes["compression"] else -1,
-        tiled=bool(flags & _TILED),
+        tile=_parse_tile(path, attributes["tiles"]) if flags & _TILED else None,
     )
 
 
-def _parse_channels(data: bytes) -> dict[str, tuple[int, int]]:
-    """Sampling in x and y of each channel of a `chlist` attribute."""
+def _parse_tile(path: Path, data: bytes) -> tuple[int, int]:
+    width, height, mode = struct.unpack("<IIB", data)
+    if mode & 15:
+        raise FormatError(f"{path}: has mipmaps; save one level")
+    require_picture_size(path, width, height)
+    return width, height
+
+
+def _parse_channels(data: bytes) -> tuple[dict[str, tuple[int, int]], int]:
+    """Sampling in x and y of each channel of a `chlist` attribute, and bytes per pixel."""
     channels = {}
-    at = 0
+    at = texel_bytes = 0
     while at < len(data) and data[at]:
         end = data.find(b"\0", at)
         if end < 0:
             raise struct.error("unterminated channel name")
-        _, _, x_sampling, y_sampling = struct.unpack_from("<iiii", data, end + 1)
+        kind, _, x_sampling, y_sampling = struct.unpack_from("<iiii", data, end + 1)
+        if min(x_sampling, y_sampling) < 1:
+            raise struct.error("impossible sampling")
+        texel_bytes += _SAMPLE_BYTES[kind]
         channels[data[at:end].decode("utf-8", "replace")] = (x_sampling, y_sampling)
         at = end + 17
-    return channels
+    return channels, texel_bytes
 
 
-def _check_complete(path: Path, file: BinaryIO, header: _Header, size: int) -> None:
+def _check_complete(file: BinaryIO, header: _Header, size: int) -> None:
     """Follow the table of chunk offsets to the last chunk: does the file reach its end?"""
-    lines = _LINES_PER_CHUNK.get(header.compression, 1)
-    count = -(-header.height // lines)
-    offsets = struct.unpack(f"<{count}Q", file.read(8 * count))
-    last = max(offsets)
-    if min(offsets) == 0 or last + 8 > size:
+    if header.tile is None:
+        count = -(-header.height // _LINES_PER_CHUNK.get(header.compression, 1))
+        place = 4  # the first line
+    else:
+        count = -(-header.width // header.tile[0]) * -(-header.height // header.tile[1])
+        place = 16  # column and row of the tile, and its level in both directions
+    if file.tell() + 8 * count > size:
+        raise struct.error("table of chunks cut off")
+    offsets = np.frombuffer(file.read(8 * count), "<u8")
+    last = int(offsets.max())
+    if offsets.min() == 0 or last + place + 4 > size:
         raise struct.error("chunk missing")
-    file.seek(last)
-    _, length = struct.unpack("<iI", file.read(8))
-    if last + 8 + length > size:
+    file.seek(last + place)
+    (length,) = struct.unpack("<I", file.read(4))
+    if last + place + 4 + length > size:
         raise struct.error("last chunk cut off")
 
 

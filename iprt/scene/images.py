@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +17,7 @@ from iprt.errors import FormatError
 from iprt.scene import exr
 from iprt.scene.pfm import read_pfm
 from iprt.scene.png16 import read_png16
+from iprt.scene.untrusted import decoding, require_picture_size
 
 Image2D = NDArray[np.float32]
 _SIGNATURES = {
@@ -23,6 +27,8 @@ _SIGNATURES = {
     b"Pf": "pfm",
     b"PF": "pfm",
 }
+TEXTURE_FORMATS = ("PNG", "JPEG", "WEBP", "BMP", "TGA", "TIFF")
+"""Names that Pillow has for what textures of meshes may be stored as."""
 
 
 def file_kind(path: Path) -> str:
@@ -68,7 +74,7 @@ def read_color(path: Path) -> Image2D:
         coded = read_png16(path)
         grey = coded.shape[2] < 3
         return decode_srgb(np.repeat(coded[..., :1], 3, axis=2) if grey else coded[..., :3])
-    return decode_srgb(np.asarray(_decoded(path, image).convert("RGB")))
+    return decode_srgb(_decoded(path, image, "RGB"))
 
 
 def read_depth(path: Path) -> tuple[Image2D, bool]:
@@ -93,7 +99,7 @@ def read_depth(path: Path) -> tuple[Image2D, bool]:
             f"{path}: {image.mode} picture with 8 bits per channel; "
             "depth needs a 16-bit grey PNG, EXR or PFM"
         )
-    return np.asarray(_decoded(path, image)).astype(np.float32), True
+    return _decoded(path, image).astype(np.float32), True
 
 
 def read_plane(path: Path) -> Image2D:
@@ -140,24 +146,49 @@ def _is_16_bit(image: Image.Image) -> bool:
 
 
 def _open_pillow(path: Path) -> Image.Image:
-    """Open lazily: only the header is read, and its size checked."""
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
-            image = Image.open(path)
-    except (Image.DecompressionBombError, OSError, SyntaxError, ValueError) as error:
-        raise FormatError(f"{path}: cannot be read as a picture ({error})") from error
-    if image.width * image.height > exr.MAX_PIXELS:
-        raise FormatError(
-            f"{path}: claims {image.width} x {image.height} pixels; "
-            f"at most {exr.MAX_PIXELS} are read"
-        )
+    return open_picture(path, path, ("PNG", "JPEG"))
+
+
+def open_picture(
+    source: Path | BytesIO, path: Path, formats: Sequence[str] = TEXTURE_FORMATS
+) -> Image.Image:
+    """Open lazily: only the header is read, and its size checked; `path` names it in errors.
+
+    Raises
+    ------
+    FormatError
+        Damaged, of none of Pillow's `formats`, or larger than is read.
+    """
+    # Without a list of formats, Pillow runs Ghostscript on what looks like PostScript.
+    with _quiet(), decoding(path, "cannot be read as a picture"):
+        image = Image.open(source, formats=list(formats))
+    require_picture_size(path, image.width, image.height)
     return image
 
 
-def _decoded(path: Path, image: Image.Image) -> Image.Image:
-    try:
-        image.load()
-    except (OSError, SyntaxError, ValueError) as error:
-        raise FormatError(f"{path}: cut off or damaged picture ({error})") from error
-    return image
+def texture_pixels(image: Image.Image, path: Path) -> NDArray[np.uint8]:
+    """(H, W, 3) sRGB of a picture that a mesh's loader has opened; `path` names it in errors.
+
+    Raises
+    ------
+    FormatError
+    """
+    # MPO is JPEG with further pictures behind; without a format, the loader made it in memory.
+    if image.format not in (*TEXTURE_FORMATS, "MPO", None):
+        raise FormatError(f"{path}: a texture is no {', '.join(TEXTURE_FORMATS)} picture")
+    require_picture_size(path, image.width, image.height)
+    return _decoded(path, image, "RGB").astype(np.uint8, copy=False)
+
+
+def _decoded(path: Path, image: Image.Image, mode: str | None = None) -> NDArray[Any]:
+    """The pixels of a picture, converted to one of Pillow's modes."""
+    with _quiet(), decoding(path, "cut off or damaged picture"):
+        return np.asarray(image if mode is None else image.convert(mode))
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Sizes are checked here, so that Pillow need not warn of them, nor of odd palettes."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        yield

@@ -7,9 +7,9 @@ business.
 from __future__ import annotations
 
 import math
-import tomllib
 from abc import ABC, abstractmethod
-from pathlib import Path, PurePosixPath, PureWindowsPath
+from itertools import islice
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -27,27 +27,32 @@ from pydantic import (
 from iprt.errors import SceneError
 from iprt.scene.camera import View
 from iprt.scene.gloss import MAX_REAL_MATERIALS, Plane, RealMaterial
-from iprt.scene.manifest_problems import FRAME_PATTERN, cross_problems, describe, problems_error
+from iprt.scene.inside import stays_inside
+from iprt.scene.manifest_problems import (
+    FRAME_PATTERN,
+    MAX_PROBLEMS,
+    cross_problems,
+    describe,
+    problems_error,
+)
 from iprt.scene.material import Material
+from iprt.scene.untrusted import MAX_SIDE
+from iprt.toml_text import parse_toml, printable, read_text
 
 MANIFEST_NAME = "scene.toml"
-MAX_SIDE = 16384
+MAX_ENTRIES = 4096
+"""Of objects, and of views."""
+LAST_FRAME = 999_999
 FARTHEST = 1e6
 """Largest number in a transform: beyond, 32-bit floats have no centimetres left."""
 
 
 def _relative_path(text: str) -> str:
     """A path that stays in the scene's folder."""
-    path = PurePosixPath(text.replace("\\", "/"))
-    depth = 0
-    for part in path.parts:
-        depth += -1 if part == ".." else 1
-        if depth < 0:
-            break
-    if path.is_absolute() or PureWindowsPath(text).drive or depth < 0:
+    if not stays_inside(text):
         raise ValueError(f"'{text}' leaves the scene's folder; copy the file into it")
-    if not text or text.endswith("/"):
-        raise ValueError("expected the name of a file")
+    if not text or text.endswith("/") or text != printable(text, len(text)):
+        raise ValueError(f"'{text}': expected the name of a file")
     return text
 
 
@@ -59,7 +64,7 @@ def _frame_path(text: str) -> str:
 
 
 def _plain_name(text: str) -> str:
-    if not text.strip() or any(letter in text for letter in "/\\\0\n"):
+    if not text.strip() or set(text) & {"/", "\\"} or text != printable(text):
         raise ValueError(f"'{text}': expected a name without slashes")
     return text
 
@@ -74,7 +79,10 @@ Point = Annotated[
     list[Annotated[float, Field(ge=-FARTHEST, le=FARTHEST)]], Field(min_length=3, max_length=3)
 ]
 Side = Annotated[int, Field(ge=1, le=MAX_SIDE)]
-Pixel = Annotated[int, Field(ge=0)]
+Pixel = Annotated[int, Field(ge=0, le=MAX_SIDE)]
+FrameNumber = Annotated[int, Field(ge=0, le=LAST_FRAME)]
+Degrees = Annotated[float, Field(ge=-36000.0, le=36000.0)]
+Factor = Annotated[float, Field(gt=0.0, le=1e12)]
 
 
 def _not_null(values: list[float]) -> list[float]:
@@ -92,11 +100,11 @@ class VideoTable(_Table):
 
     color: FramePath
     depth: FramePath
-    depth_scale: Annotated[float, Field(gt=0.0)] | None = None
+    depth_scale: Factor | None = None
     normal: FramePath | None = None
-    yaw_offset_deg: float = 0.0
-    frames: Annotated[list[Pixel], Field(min_length=2, max_length=2)] = Field(default=[0, 0])
-    fps: Annotated[float, Field(gt=0.0)] = 30.0
+    yaw_offset_deg: Degrees = 0.0
+    frames: Annotated[list[FrameNumber], Field(min_length=2, max_length=2)] = Field(default=[0, 0])
+    fps: Factor = 30.0
     loop: bool = False
 
 
@@ -171,7 +179,7 @@ class ObjectTable(_Table):
 
 
 Radiance = Annotated[
-    list[Annotated[float, Field(ge=0.0)]],
+    list[Annotated[float, Field(ge=0.0, le=1e12)]],
     Field(min_length=3, max_length=3),
     AfterValidator(_not_null),
 ]
@@ -248,9 +256,9 @@ class ViewTable(_Table):
     """`[[views]]`: a picture to render, and what it ought to look like."""
 
     name: Name
-    yaw_deg: float = 0.0
+    yaw_deg: Degrees = 0.0
     pitch_deg: Annotated[float, Field(ge=-90.0, le=90.0)] = 0.0
-    fov_y_deg: Annotated[float, Field(gt=0.0, lt=180.0)] = 60.0
+    fov_y_deg: Annotated[float, Field(ge=0.01, lt=180.0)] = 60.0
     size: Annotated[list[Side], Field(min_length=2, max_length=2)]
     objects: list[str] | None = None
     truth: FramePath | None = None
@@ -269,13 +277,13 @@ class Manifest(_Table):
 
     format: Literal[1]
     name: Name
-    exposure: Annotated[float, Field(gt=0.0)] = 1.0
+    exposure: Factor = 1.0
     video: VideoTable
-    objects: list[ObjectTable] = Field(default=[])
+    objects: Annotated[list[ObjectTable], Field(max_length=MAX_ENTRIES)] = Field(default=[])
     real_materials: Annotated[list[RealMaterialTable], Field(max_length=MAX_REAL_MATERIALS)] = (
         Field(default=[])
     )
-    views: list[ViewTable] = Field(default=[])
+    views: Annotated[list[ViewTable], Field(max_length=MAX_ENTRIES)] = Field(default=[])
 
 
 def read_manifest(path: Path) -> Manifest:
@@ -290,8 +298,7 @@ def read_manifest(path: Path) -> Manifest:
 
 
 def manifest_text(path: Path) -> str:
-    """The text of `scene.toml`, its line ends as they are; the mark that some editors put first
-    in UTF-8 files is left out.
+    """The text of `scene.toml`, as `read_text` has it.
 
     Raises
     ------
@@ -299,31 +306,29 @@ def manifest_text(path: Path) -> str:
         Not readable, or not UTF-8.
     """
     try:
-        return path.read_bytes().decode("utf-8-sig")
+        return read_text(path)
     except FileNotFoundError as error:
         raise SceneError(f"{path}: no such file; `iprt scene new` makes a scene") from error
     except OSError as error:
         raise SceneError(f"{path}: cannot be read ({error.strerror})") from error
-    except UnicodeDecodeError as error:
-        line = error.object[: error.start].count(b"\n") + 1
-        raise SceneError(f"{path}: line {line} is not UTF-8; save the file as UTF-8") from error
+    except ValueError as error:
+        raise SceneError(f"{path}: {error}") from error
 
 
 def parse_manifest(text: str, source: str) -> Manifest:
     """As `read_manifest`, of text; `source` names it in errors."""
     try:
-        data = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise SceneError(f"{source}: not valid TOML: {error}") from error
-    except RecursionError as error:
-        raise SceneError(f"{source}: not valid: brackets are nested too deep") from error
+        data = parse_toml(text)
+    except ValueError as error:
+        raise SceneError(f"{source}: {error}") from error
     problems = []
     manifest = None
     try:
         manifest = Manifest.model_validate(data)
     except ValidationError as error:
-        problems = [describe(problem, data, _models(problem["loc"])) for problem in error.errors()]
-    problems += cross_problems(data)
+        faults = error.errors()[: MAX_PROBLEMS + 1]
+        problems = [describe(fault, data, _models(fault["loc"])) for fault in faults]
+    problems += islice(cross_problems(data), MAX_PROBLEMS + 1)
     if problems or manifest is None:
         raise problems_error(source, problems)
     return manifest

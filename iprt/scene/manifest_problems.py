@@ -6,11 +6,13 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from difflib import get_close_matches
+from itertools import islice
 from typing import Any
 
 from pydantic import BaseModel
 
 from iprt.errors import SceneError
+from iprt.toml_text import printable
 
 FRAME_PATTERN = re.compile(r"%(0\d)?d")
 """The printf conversions that a frame's number may take: %d, %04d."""
@@ -18,12 +20,17 @@ FRAME_PATTERN = re.compile(r"%(0\d)?d")
 TABLE_LISTS = ("objects", "real_materials", "views")
 """Keys that hold lists of named tables."""
 
+MAX_PROBLEMS = 100
+"""That are shown."""
+
 
 def problems_error(source: str, problems: Sequence[str]) -> SceneError:
-    """One error for all problems: a line each."""
+    """One error for all problems, or as many as one can read: a line each."""
+    shown = [printable(problem) for problem in problems[:MAX_PROBLEMS]]
     if len(problems) == 1:
-        return SceneError(f"{source}: {problems[0]}")
-    return SceneError("\n  ".join([f"{source}: {len(problems)} problems", *problems]))
+        return SceneError(f"{source}: {shown[0]}")
+    count = f"{len(problems)}" if len(problems) == len(shown) else f"more than {len(shown)}"
+    return SceneError("\n  ".join([f"{source}: {count} problems", *shown]))
 
 
 def describe(
@@ -49,7 +56,7 @@ def describe(
     key = _key_path(location, data)
     if kind == "extra_forbidden":
         known = [name for model in models for name in model.model_fields]
-        close = get_close_matches(str(location[-1]), known, n=1)
+        close = get_close_matches(str(location[-1])[:80], known, n=1)
         return f"{key}: unknown key" + (f"; did you mean {close[0]}?" if close else "")
     if kind == "missing":
         return f"{key}: required key is missing"
@@ -79,7 +86,7 @@ def cross_problems(data: dict[str, Any]) -> Iterator[str]:
         for name, count in names.items():
             if count > 1:
                 yield f"{key}: {count} of them are named '{name}'; names must differ"
-    known = [str(table.get("name")) for table in lists["objects"]]
+    known = dict.fromkeys(str(table.get("name")) for table in lists["objects"])
     yield from _region_problems(lists["real_materials"])
     for number, view in enumerate(lists["views"]):
         label = f"views.{view.get('name', number)}"
@@ -97,10 +104,10 @@ def _region_problems(real_materials: list[dict[str, Any]]) -> Iterator[str]:
             yield f"{label}.color_tolerance: there is no color that it could be the tolerance of"
 
 
-def _unknown_objects(label: str, names: Any, known: list[str]) -> Iterator[str]:
+def _unknown_objects(label: str, names: Any, known: Mapping[str, None]) -> Iterator[str]:
     for name in names if isinstance(names, list) else []:
         if isinstance(name, str) and name not in known:
-            has = f"the scene has {', '.join(known)}" if known else "the scene has none"
+            has = f"the scene has {', '.join(islice(known, 100)) or 'none'}"
             yield f"{label}.objects: no object is named '{name}'; {has}"
 
 
@@ -164,5 +171,5 @@ def _integers(value: Any, count: int) -> bool:
 
 
 def _shown(value: Any) -> str:
-    text = repr(value)
+    text = repr(value[:40] if isinstance(value, str | list) else value)
     return text if len(text) <= 40 else text[:37] + "..."

@@ -1,149 +1,252 @@
 """What a mesh file refers to and holds, read from the file itself.
 
-trimesh passes over missing textures and over what it does not know, in silence; this finds both.
+trimesh passes over missing textures and over what it does not know, in silence, and believes what a
+file claims; this finds all of it before trimesh reads.
 """
 
 from __future__ import annotations
 
+import base64
+import binascii
 import json
 import struct
 from collections.abc import Iterator
+from io import BytesIO
 from pathlib import Path, PurePosixPath
 from typing import Any
 from urllib.parse import unquote
 
 from iprt.errors import FormatError
+from iprt.scene.gltf_check import Gltf, parsed_gltf
+from iprt.scene.images import open_picture
+from iprt.scene.inside import require_inside
+from iprt.scene.ply_check import check_ply
+from iprt.scene.untrusted import MAX_BYTES, decoding, is_file, read_bytes
+from iprt.toml_text import printable
 
 MESH_SUFFIXES = (".ply", ".obj", ".gltf", ".glb")
+MAX_MATERIALS = 4096
+"""Of an OBJ file: trimesh goes through all vertices for each."""
+MAX_JSON_BYTES = 2**27
+"""Of a glTF document, which takes a multiple of that in memory."""
 _TRIANGLE_MODES = (4, 5)
+_GLTF_SUFFIXES = (".gltf", ".glb")
 
 
-def check_mesh_file(path: Path) -> None:
-    """Raise FormatError unless the file exists and its suffix is one that is read."""
-    if path.suffix.lower() not in MESH_SUFFIXES:
-        raise FormatError(f"{path}: not a PLY, OBJ, glTF or GLB file (by its suffix)")
-    if not path.is_file():
-        raise FormatError(f"{path}: no such mesh file")
+class MeshFile:
+    """A mesh file and those that it refers to, of which no others are read.
 
+    Parameters
+    ----------
+    path : Path
+        .ply, .obj, .gltf or .glb.
+    within : Path or None
+        Folder that all of them must lie in, links followed; by default the mesh's own, which the
+        mesh itself may be a link in.
 
-def referenced_files(path: Path) -> list[Path]:
-    """Files that a mesh needs besides itself: buffers, material libraries, colour textures.
-
-    Returns
-    -------
-    list of Path
-        Relative to the mesh's folder.
+    Attributes
+    ----------
+    suffix : str
+        With the dot, in lower case.
+    gltf : Gltf or None
+        The document of a glTF file.
+    references : dict of str to Path
+        Buffers, material libraries and textures: by the name in the file, relative to its folder.
 
     Raises
     ------
     FormatError
-        A file is missing, or lies outside the mesh's folder.
+        Missing, damaged, too large, or something that it refers to is missing or elsewhere.
     """
-    suffix = path.suffix.lower()
-    found: list[Path] = []
-    for name in _references(path, suffix):
+
+    def __init__(self, path: Path, within: Path | None = None) -> None:
+        self.path, self.suffix = path, path.suffix.lower()
+        self._within = path.parent if within is None else within
+        self._read: dict[Path, bytes] = {}
+        self.gltf: Gltf | None = None
+        self.references: dict[str, Path] = {}
+        if self.suffix not in MESH_SUFFIXES:
+            raise FormatError(f"{path}: not a PLY, OBJ, glTF or GLB file (by its suffix)")
+        if not is_file(path):
+            raise FormatError(f"{path}: no such mesh file")
+        if within is not None:
+            require_inside(path, within)
+        if self.suffix == ".ply":
+            check_ply(path)
+        self.data = read_bytes(path, MAX_JSON_BYTES if self.suffix == ".gltf" else MAX_BYTES)
+        kind = "glTF" if self.suffix in _GLTF_SUFFIXES else self.suffix[1:].upper()
+        with decoding(path, f"cut off or damaged {kind} file"):
+            self._look_inside()
+
+    def get(self, name: str) -> bytes:
+        """Contents of a file that this one refers to; trimesh asks for it by the name it reads.
+
+        Raises
+        ------
+        FileNotFoundError
+            It refers to no such file.
+        """
+        for known in (name.strip(), _without_options(name.strip())):
+            if known in self.references:
+                return self._contents(self.references[known])
+        raise FileNotFoundError(name)
+
+    __getitem__ = get
+
+    def readable_data(self) -> bytes:
+        """The file for trimesh, which takes an `mtllib` in a comment for the real one."""
+        if self.suffix != ".obj":
+            return self.data
+        return b"".join(line for line in BytesIO(self.data) if not line.lstrip().startswith(b"#"))
+
+    def unread_parts(self) -> list[str]:
+        """What the file holds and is not read, one phrase each, in a fixed order."""
+        if self.gltf is not None:
+            return list(_unread_gltf(self.gltf))
+        if self.suffix == ".obj":
+            kinds = {line.split()[0] for line in _lines(self.data) if line.split()}
+            return [word for word, key in (("lines", "l"), ("points", "p")) if key in kinds]
+        return []
+
+    def _look_inside(self) -> None:
+        if self.suffix in _GLTF_SUFFIXES:
+            document, chunk = self._document()
+            self.gltf = parsed_gltf(document)
+            for uri in self.gltf.uris():
+                if not uri.startswith("data:"):
+                    self._refer(uri, unquote(uri))
+            self._check_gltf_textures(self.gltf, chunk)
+        elif self.suffix == ".obj":
+            self._refer_from_obj()
+        else:
+            for name in _ply_textures(self.data):
+                self._refer(name, name)
+                self._check_texture(name)
+
+    def _document(self) -> tuple[Any, bytes]:
+        """The JSON of a glTF file, and the binary chunk of a .glb."""
+        if self.suffix == ".gltf":
+            return json.loads(self.data), b""
+        magic, version, whole = struct.unpack_from("<4sII", self.data)
+        if magic != b"glTF" or version != 2:
+            raise ValueError("no header of glTF 2")
+        if whole != len(self.data):
+            raise ValueError(f"{len(self.data)} of {whole} bytes")
+        chunks, at = [], 12
+        while at < whole:
+            length, kind = struct.unpack_from("<I4s", self.data, at)
+            chunks.append((kind, self.data[at + 8 : at + 8 + length]))
+            at += 8 + length
+        if at != whole or not chunks or chunks[0][0] != b"JSON":
+            raise ValueError("its chunks do not fill it")
+        if len(chunks[0][1]) > MAX_JSON_BYTES:
+            raise ValueError(f"a document of more than {MAX_JSON_BYTES} bytes")
+        binary = [data for kind, data in chunks[1:] if kind == b"BIN\0"]
+        return json.loads(chunks[0][1]), binary[0] if binary else b""
+
+    def _refer_from_obj(self) -> None:
+        materials = set()
+        for line in _lines(self.data):
+            key, _, rest = line.partition(" ")
+            if key == "usemtl":
+                materials.add(rest)
+            if key == "mtllib":
+                library = rest.strip()
+                self._refer(library, library)
+                for name in _material_maps(self._contents(self.references[library])):
+                    self._refer(name, name)
+                    self._check_texture(name)
+        if len(materials) > MAX_MATERIALS:
+            raise ValueError(f"{len(materials)} materials; at most {MAX_MATERIALS} are read")
+
+    def _refer(self, written: str, name: str) -> None:
         relative = PurePosixPath(name.replace("\\", "/"))
+        name = printable(name)
+        if "://" in name:
+            raise FormatError(f"{self.path}: refers to {name} on the net; copy it beside it")
         if relative.is_absolute() or ".." in relative.parts:
-            raise FormatError(f"{path}: refers to {name}, outside its folder; copy it beside it")
-        if not (path.parent / relative).is_file():
-            raise FormatError(f"{path}: refers to {name}, which is missing beside it")
-        found.append(Path(relative))
-    return list(dict.fromkeys(found))
+            raise FormatError(f"{self.path}: refers to {name}, outside its folder; copy it beside")
+        file = self.path.parent / relative
+        if not is_file(file):
+            raise FormatError(f"{self.path}: refers to {name}, which is missing beside it")
+        require_inside(file, self._within)
+        self.references[written] = Path(relative)
+
+    def _contents(self, relative: Path) -> bytes:
+        if relative not in self._read:
+            self._read[relative] = read_bytes(self.path.parent / relative)
+        return self._read[relative]
+
+    def _check_texture(self, written: str) -> None:
+        file = self.references[written]
+        open_picture(BytesIO(self._contents(file)), self.path.parent / file)
+
+    def _check_gltf_textures(self, gltf: Gltf, chunk: bytes) -> None:
+        """trimesh takes a texture that it cannot read for none."""
+        for number in gltf.color_images():
+            image = gltf.images[number]
+            if image.uri is not None:
+                data = self._uri_bytes(image.uri)
+            elif image.buffer_view is not None:
+                view = gltf.buffer_views[image.buffer_view]
+                uri = gltf.buffers[view.buffer].uri
+                whole = chunk if uri is None else self._uri_bytes(uri)
+                data = whole[view.byte_offset :][: view.byte_length]
+            else:
+                raise ValueError(f"images[{number}]: neither uri nor bufferView")
+            open_picture(BytesIO(data), self.path.with_name(f"{self.path.name}:images[{number}]"))
+
+    def _uri_bytes(self, uri: str) -> bytes:
+        if not uri.startswith("data:"):
+            return self._contents(self.references[uri])
+        kind, comma, text = uri.partition(",")
+        if not comma or not kind.endswith(";base64"):
+            raise ValueError("a data URI that is not base64")
+        try:
+            return base64.b64decode(text)
+        except binascii.Error as error:
+            raise ValueError(f"a data URI: {error}") from None
 
 
-def gltf_document(path: Path) -> dict[str, Any]:
-    """The JSON of a .gltf or .glb file.
-
-    Raises
-    ------
-    FormatError
-    """
-    try:
-        data = path.read_bytes()
-        if path.suffix.lower() == ".glb":
-            magic, _, _, length, kind = struct.unpack_from("<4sIII4s", data)
-            if magic != b"glTF" or kind != b"JSON":
-                raise ValueError("no glTF header")
-            data = data[20 : 20 + length]
-        document = json.loads(data)
-        if not isinstance(document, dict):
-            raise ValueError("not a JSON object")
-    except (OSError, struct.error, ValueError, RecursionError) as error:
-        raise FormatError(f"{path}: cut off or damaged glTF file ({error})") from error
-    return document
+def _material_maps(data: bytes) -> Iterator[str]:
+    """Colour textures of an MTL file."""
+    for line in _lines(data):
+        key, _, rest = line.partition(" ")
+        if key.lower() == "map_kd" and rest.strip():
+            yield _without_options(rest.strip())
 
 
-def unread_parts(path: Path) -> list[str]:
-    """What the file holds and is not read, one phrase each, in a fixed order."""
-    suffix = path.suffix.lower()
-    if suffix in (".gltf", ".glb"):
-        return list(_unread_gltf(gltf_document(path)))
-    if suffix == ".obj":
-        kinds = {line.split()[0] for line in _lines(path) if line.split()}
-        return [word for word, key in (("lines", "l"), ("points", "p")) if key in kinds]
-    return []
+def _without_options(text: str) -> str:
+    """The name behind options such as `-s 1 1 1`, which end before it."""
+    words = text.split()
+    return words[-1] if any(word.startswith("-") for word in words) else text
 
 
-def _references(path: Path, suffix: str) -> Iterator[str]:
-    if suffix in (".gltf", ".glb"):
-        document = gltf_document(path)
-        for entry in [*_list(document, "buffers"), *_list(document, "images")]:
-            uri = entry.get("uri")
-            if isinstance(uri, str) and not uri.startswith("data:"):
-                yield unquote(uri)
-    elif suffix == ".obj":
-        for line in _lines(path):
-            if line.startswith("mtllib "):
-                library = line.removeprefix("mtllib ").strip()
-                yield library
-                if (path.parent / library).is_file():
-                    yield from _material_maps(path.parent / library)
-    else:
-        yield from _ply_textures(path)
+def _ply_textures(data: bytes) -> Iterator[str]:
+    for line in BytesIO(data):
+        text = line.decode("utf-8", "replace").strip()
+        if text == "end_header":
+            return
+        if text.lower().startswith("comment texturefile"):
+            yield text[len("comment texturefile") :].strip()
 
 
-def _material_maps(path: Path) -> Iterator[str]:
-    """Colour textures of an MTL file; an option such as `-s 1 1 1` ends before the file's name."""
-    for line in _lines(path):
-        words = line.split()
-        if words and words[0].lower() == "map_kd":
-            yield words[-1] if any(word.startswith("-") for word in words) else line[7:].strip()
-
-
-def _ply_textures(path: Path) -> Iterator[str]:
-    with path.open("rb") as file:
-        for _ in range(200):
-            line = file.readline(1000).decode("utf-8", "replace").strip()
-            if line.lower().startswith("comment texturefile"):
-                yield line[len("comment texturefile") :].strip()
-            if not line or line == "end_header":
-                return
-
-
-def _unread_gltf(document: dict[str, Any]) -> Iterator[str]:
+def _unread_gltf(gltf: Gltf) -> Iterator[str]:
     for key in ("animations", "skins", "cameras"):
-        if count := len(_list(document, key)):
+        if count := len(getattr(gltf, key)):
             yield f"{key} ({count})"
-    primitives = [
-        primitive for mesh in _list(document, "meshes") for primitive in _list(mesh, "primitives")
-    ]
-    if any(primitive.get("mode", 4) not in _TRIANGLE_MODES for primitive in primitives):
+    primitives = [primitive for mesh in gltf.meshes for primitive in mesh.primitives]
+    if any(primitive.mode not in _TRIANGLE_MODES for primitive in primitives):
         yield "points, lines or triangle fans"
-    if any("targets" in primitive for primitive in primitives):
+    if any(primitive.targets for primitive in primitives):
         yield "morph targets"
-    if any("COLOR_0" in primitive.get("attributes", {}) for primitive in primitives):
+    if any("COLOR_0" in primitive.attributes for primitive in primitives):
         yield "vertex colours"
-    extensions = document.get("extensionsUsed")
-    for name in extensions if isinstance(extensions, list) else []:
+    for name in gltf.extensions_used:
         yield f"extension {name}"
 
 
-def _list(table: dict[str, Any], key: str) -> list[dict[str, Any]]:
-    value = table.get(key)
-    return [entry for entry in value if isinstance(entry, dict)] if isinstance(value, list) else []
-
-
-def _lines(path: Path) -> Iterator[str]:
-    with path.open(encoding="utf-8", errors="replace") as file:
-        for line in file:
-            yield line.strip()
+def _lines(data: bytes) -> Iterator[str]:
+    """Lines of a text, with blanks for tabs and none at the ends."""
+    for line in BytesIO(data):
+        yield line.decode("utf-8", "replace").replace("\t", " ").strip()

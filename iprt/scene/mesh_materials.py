@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import hashlib
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from iprt.scene.images import decode_srgb
+from iprt.errors import FormatError
+from iprt.scene.images import decode_srgb, texture_pixels
 from iprt.scene.material import Material
+from iprt.scene.untrusted import MAX_PIXELS
 
 DEFAULT_MATERIAL = Material("diffuse", (0.5, 0.5, 0.5))
 MATTE_ROUGHNESS = 0.9
@@ -18,7 +22,40 @@ GLOSSY_SPECULAR = 0.04
 """Least specular reflectance (Ks) of an MTL material that gets a coat."""
 
 
-def convert_material(source: Any, factors: dict[str, list[float]], dropped: list[str]) -> Material:
+class Textures:
+    """Decoded textures of one mesh file, each once however many materials have it."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._texels = 0
+        self._decoded: dict[bytes, NDArray[np.float32]] = {}
+
+    def linear(self, image: Any) -> NDArray[np.float32] | None:
+        """Linear (H, W, 3) float32 of a picture that Pillow has opened; None if it is none.
+
+        Raises
+        ------
+        FormatError
+            Damaged, of a format that is not read, or too many texels with those before.
+        """
+        if not isinstance(image, Image.Image):
+            return None
+        pixels = texture_pixels(image, self._path)
+        digest = hashlib.blake2b(pixels.tobytes() + str(pixels.shape).encode()).digest()
+        if digest not in self._decoded:
+            self._texels += pixels.shape[0] * pixels.shape[1]
+            if self._texels > MAX_PIXELS:
+                raise FormatError(
+                    f"{self._path}: its textures have more than the {MAX_PIXELS} pixels that are "
+                    "read; make them smaller"
+                )
+            self._decoded[digest] = decode_srgb(pixels)
+        return self._decoded[digest]
+
+
+def convert_material(
+    source: Any, factors: dict[str, list[float]], textures: Textures, dropped: list[str]
+) -> Material:
     """A trimesh material as one of ours; what is lost is appended to `dropped`.
 
     Parameters
@@ -27,16 +64,19 @@ def convert_material(source: Any, factors: dict[str, list[float]], dropped: list
         PBRMaterial (glTF) or SimpleMaterial (MTL).
     factors : dict of str to list of float
         Base colours of a glTF file by the material's name: trimesh keeps only 8 bits of them.
+    textures : Textures
     dropped : list of str
     """
     if source is None:
         return DEFAULT_MATERIAL
     if type(source).__name__ == "PBRMaterial":
-        return _from_pbr(source, factors, dropped)
-    return _from_mtl(source, dropped)
+        return _from_pbr(source, factors, textures, dropped)
+    return _from_mtl(source, textures, dropped)
 
 
-def _from_pbr(source: Any, factors: dict[str, list[float]], dropped: list[str]) -> Material:
+def _from_pbr(
+    source: Any, factors: dict[str, list[float]], textures: Textures, dropped: list[str]
+) -> Material:
     """glTF 2.0, section 3.9.2: metallic from 0.5 on is a conductor; alpha = roughness²."""
     _note_unused_maps(source, dropped)
     color = factors.get(source.name)
@@ -44,7 +84,7 @@ def _from_pbr(source: Any, factors: dict[str, list[float]], dropped: list[str]) 
         stored = source.baseColorFactor
         color = [1.0, 1.0, 1.0] if stored is None else [float(c) / 255.0 for c in stored]
     albedo = _color(color)
-    texture = _texture(source.baseColorTexture)
+    texture = textures.linear(source.baseColorTexture)
     metallic = 1.0 if source.metallicFactor is None else float(source.metallicFactor)
     roughness = 1.0 if source.roughnessFactor is None else float(source.roughnessFactor)
     alpha = float(np.clip(roughness, 0.0, 1.0) ** 2)
@@ -56,7 +96,7 @@ def _from_pbr(source: Any, factors: dict[str, list[float]], dropped: list[str]) 
     return Material("plastic", albedo, alpha=alpha, texture=texture)
 
 
-def _from_mtl(source: Any, dropped: list[str]) -> Material:
+def _from_mtl(source: Any, textures: Textures, dropped: list[str]) -> Material:
     """MTL: diffuse (Kd), with a coat where Ks and the exponent Ns say that it shines.
 
     A Phong exponent n is about as wide as GGX with alpha = sqrt(2 / (n + 2)) (Walter et al.,
@@ -64,7 +104,7 @@ def _from_mtl(source: Any, dropped: list[str]) -> Material:
     """
     values = source.kwargs
     albedo = _color(values.get("kd", [1.0, 1.0, 1.0]))
-    texture = _texture(source.image)
+    texture = textures.linear(source.image)
     if _first(values.get("d"), 1.0) < 1.0 or _first(values.get("tr"), 0.0) > 0.0:
         dropped.append("transparency")
     dropped.extend(f"texture {key}" for key in sorted(values) if _is_map(key))
@@ -94,12 +134,6 @@ def _note_unused_maps(source: Any, dropped: list[str]) -> None:
 
 def _is_map(key: str) -> bool:
     return (key.startswith("map_") and key != "map_kd") or key in ("bump", "norm", "disp", "refl")
-
-
-def _texture(image: Image.Image | None) -> NDArray[np.float32] | None:
-    if image is None:
-        return None
-    return decode_srgb(np.asarray(image.convert("RGB")))
 
 
 def _color(values: Any) -> tuple[float, float, float]:

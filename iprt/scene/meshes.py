@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import warnings
+from collections import Counter
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -10,17 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import FormatError
+from iprt.scene.gltf_check import Gltf
 from iprt.scene.material import Material
 from iprt.scene.mesh import Mesh
-from iprt.scene.mesh_files import (
-    check_mesh_file,
-    gltf_document,
-    referenced_files,
-    unread_parts,
-)
-from iprt.scene.mesh_materials import convert_material
-
-MAX_TRIANGLES = 50_000_000
+from iprt.scene.mesh_files import MeshFile
+from iprt.scene.mesh_materials import Textures, convert_material
+from iprt.scene.untrusted import MAX_TRIANGLES, MAX_VERTICES, decoding
 
 
 @dataclass
@@ -34,7 +32,7 @@ class _Part:
     material: Any
 
 
-def load_mesh(path: Path, material: Material | None = None) -> Mesh:
+def load_mesh(path: Path, material: Material | None = None, within: Path | None = None) -> Mesh:
     """Load a mesh with its materials, or with one material for all of it.
 
     Geometries of different materials are never merged. Normals that the file lacks are the
@@ -47,41 +45,56 @@ def load_mesh(path: Path, material: Material | None = None) -> Mesh:
         .ply, .obj, .gltf or .glb.
     material : Material or None
         Replaces those of the file.
+    within : Path or None
+        Folder that the files of the mesh must lie in, links followed; by default the mesh's own.
 
     Raises
     ------
     FormatError
-        Missing, damaged, without triangles, or a file that it refers to is missing.
+        Missing, damaged, larger than is read, without triangles, or a file that it refers to is
+        missing or elsewhere.
     """
-    check_mesh_file(path)
-    referenced_files(path)
-    dropped = unread_parts(path)
-    parts = _load_parts(path, dropped)
-    mesh = _joined(path, parts, material, dropped)
+    file = MeshFile(path, within)
+    dropped = file.unread_parts()
+    with decoding(path, "cut off or damaged mesh file"), np.errstate(all="ignore"):
+        parts = _load_parts(file, dropped)
+        mesh = _joined(file, parts, material, dropped)
     if mesh.triangles.shape[0] == 0:
         raise FormatError(f"{path}: holds no triangles")
     return mesh
 
 
-def _load_parts(path: Path, dropped: list[str]) -> list[_Part]:
+def _load_parts(file: MeshFile, dropped: list[str]) -> list[_Part]:
     import trimesh
 
-    try:
-        scene = trimesh.load_scene(path, process=False)
-        names = [scene.graph[node] for node in scene.graph.nodes_geometry]
-        parts = []
-        for transform, name in names:
-            geometry = scene.geometry[name]
-            if not isinstance(geometry, trimesh.Trimesh):
-                _note(dropped, "points, lines or curves")
-                continue
-            parts.append(_part(geometry, np.asarray(transform, np.float64), dropped))
-    except FormatError:
-        raise
-    except Exception as error:  # parsers of many formats, each with errors of its own
-        reason = (str(error).splitlines() or [type(error).__name__])[0]
-        raise FormatError(f"{path}: cut off or damaged mesh file ({reason})") from error
-    return parts
+    # An open file and a resolver of ours: trimesh finds no other files, and asks no server.
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        scene = trimesh.load_scene(
+            BytesIO(file.readable_data()),
+            file_type=file.suffix[1:],
+            resolver=file,
+            process=False,
+        )
+    placed = [scene.graph[node] for node in scene.graph.nodes_geometry]
+    meshes = [
+        (transform, scene.geometry[name])
+        for transform, name in placed
+        if isinstance(scene.geometry[name], trimesh.Trimesh)
+    ]
+    if len(meshes) < len(placed):
+        _note(dropped, "points, lines or curves")
+    triangles = sum(len(geometry.faces) for _, geometry in meshes)
+    vertices = sum(len(geometry.vertices) for _, geometry in meshes)
+    if triangles > MAX_TRIANGLES or vertices > MAX_VERTICES:
+        raise FormatError(
+            f"{file.path}: {triangles} triangles and {vertices} vertices; "
+            f"at most {MAX_TRIANGLES} and {MAX_VERTICES} are read"
+        )
+    return [
+        _part(geometry, np.asarray(transform, np.float64), dropped)
+        for transform, geometry in meshes
+    ]
 
 
 def _part(geometry: Any, transform: NDArray[np.float64], dropped: list[str]) -> _Part:
@@ -113,11 +126,13 @@ def _part(geometry: Any, transform: NDArray[np.float64], dropped: list[str]) -> 
     return _Part(positions, normals, uvs, triangles, material)
 
 
-def _joined(path: Path, parts: list[_Part], override: Material | None, dropped: list[str]) -> Mesh:
+def _joined(
+    file: MeshFile, parts: list[_Part], override: Material | None, dropped: list[str]
+) -> Mesh:
     """All parts in one mesh, with a material index per triangle."""
     materials: list[Material] = [override] if override is not None else []
     index_of: dict[int, int] = {}
-    factors = {} if override is not None else _base_colors(path)
+    factors, textures = _base_colors(file.gltf), Textures(file.path)
     columns: list[tuple[Any, ...]] = []
     offset = 0
     for part in parts:
@@ -126,7 +141,7 @@ def _joined(path: Path, parts: list[_Part], override: Material | None, dropped: 
             key = id(part.material)
             if key not in index_of:
                 index_of[key] = len(materials)
-                materials.append(convert_material(part.material, factors, dropped))
+                materials.append(convert_material(part.material, factors, textures, dropped))
             index = index_of[key]
         kept = _usable_triangles(part)
         if removed := len(part.triangles) - len(kept):
@@ -136,12 +151,10 @@ def _joined(path: Path, parts: list[_Part], override: Material | None, dropped: 
         columns.append((positions, normals, part.uvs, kept + offset, np.full(len(kept), index)))
         offset += len(positions)
     if not columns:
-        raise FormatError(f"{path}: holds no triangles")
+        raise FormatError(f"{file.path}: holds no triangles")
     positions, normals, uvs, triangles, indices = (
         np.concatenate(column) for column in zip(*columns, strict=True)
     )
-    if len(triangles) > MAX_TRIANGLES:
-        raise FormatError(f"{path}: {len(triangles)} triangles; at most {MAX_TRIANGLES} are read")
     return Mesh(
         positions=positions.astype(np.float32),
         normals=normals.astype(np.float32),
@@ -153,18 +166,17 @@ def _joined(path: Path, parts: list[_Part], override: Material | None, dropped: 
     )
 
 
-def _base_colors(path: Path) -> dict[str, list[float]]:
+def _base_colors(gltf: Gltf | None) -> dict[str, list[float]]:
     """Base colours of a glTF file's materials by name, where names are unique."""
-    if path.suffix.lower() not in (".gltf", ".glb"):
-        return {}
-    entries = gltf_document(path).get("materials", [])
-    names = [entry.get("name") for entry in entries]
+    entries = [] if gltf is None else gltf.materials
+    names = Counter(entry.name for entry in entries)
     return {
-        entry["name"]: entry["pbrMetallicRoughness"]["baseColorFactor"]
+        entry.name: entry.pbr_metallic_roughness.base_color_factor
         for entry in entries
-        if names.count(entry.get("name")) == 1
-        and isinstance(entry.get("name"), str)
-        and "baseColorFactor" in entry.get("pbrMetallicRoughness", {})
+        if entry.name is not None
+        and names[entry.name] == 1
+        and entry.pbr_metallic_roughness is not None
+        and entry.pbr_metallic_roughness.base_color_factor is not None
     }
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import re
 from pathlib import Path
 
@@ -10,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import FormatError
-from iprt.scene.exr import MAX_PIXELS
+from iprt.scene.untrusted import require_picture_size
 
 _HEADER = re.compile(rb"(P[fF])\s+(\d{1,10})\s+(\d{1,10})\s+([^\s]{1,32})\s")
 
@@ -33,21 +34,17 @@ def read_pfm(path: Path) -> NDArray[np.float32]:
         kind, width, height = header[1], int(header[2]), int(header[3])
         if kind == b"PF":
             raise FormatError(f"{path}: PFM with three channels (PF); depth needs one (Pf)")
-        if width < 1 or height < 1 or width * height > MAX_PIXELS:
-            raise FormatError(
-                f"{path}: claims {width} x {height} pixels; at most {MAX_PIXELS} are read"
-            )
+        require_picture_size(path, width, height)
         try:
             scale = float(header[4])
         except ValueError:
             scale = math.nan
         if not math.isfinite(scale) or scale == 0.0:
             raise FormatError(f"{path}: the PFM header's scale is not a number other than 0")
+        present, expected = os.fstat(file.fileno()).st_size - header.end(), 4 * width * height
+        if present < expected:
+            raise FormatError(f"{path}: cut off PFM file: {present} of {expected} bytes of pixels")
         file.seek(header.end())
-        data = file.read(4 * width * height)
-    if len(data) < 4 * width * height:
-        raise FormatError(
-            f"{path}: cut off PFM file: {len(data)} of {4 * width * height} bytes of pixels"
-        )
+        data = file.read(expected)
     order = "<" if scale < 0.0 else ">"
     return np.frombuffer(data, f"{order}f4").reshape(height, width)[::-1].astype(np.float32)

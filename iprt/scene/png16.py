@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import FormatError
+from iprt.scene.untrusted import read_bytes, require_picture_size
 
 _CHANNELS = {0: 1, 2: 3, 4: 2, 6: 4}
 """By the colour type: grey, RGB, grey and alpha, RGB and alpha."""
@@ -27,8 +28,12 @@ def read_png16(path: Path) -> NDArray[np.uint16]:
         Not 16 bits per channel, interlaced, cut off or damaged.
     """
     try:
-        chunks = _chunks(path.read_bytes())
-        width, height, bits, color_type, _, _, interlace = struct.unpack(">IIBBBBB", chunks[0][1])
+        chunks = _chunks(read_bytes(path))
+        kind, header = chunks[0]
+        if kind != b"IHDR":
+            raise ValueError("no header first")
+        width, height, bits, color_type, _, _, interlace = struct.unpack(">IIBBBBB", header)
+        require_picture_size(path, width, height)
         if bits != 16 or color_type not in _CHANNELS:
             raise FormatError(f"{path}: not a 16-bit PNG")
         if interlace:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from iprt.scene.camera import View
 from iprt.scene.frame import Frame
 from iprt.scene.gloss import RealMaterial, with_gloss
 from iprt.scene.images import read_color
+from iprt.scene.inside import anywhere, require_inside
 from iprt.scene.manifest import (
     MANIFEST_NAME,
     DiffuseTable,
@@ -27,6 +29,10 @@ from iprt.scene.material import Material
 from iprt.scene.mesh import Instance, Mesh
 from iprt.scene.meshes import load_mesh
 from iprt.scene.source import FrameSource, RawFrame, frame_path
+from iprt.scene.untrusted import MAX_PIXELS, MAX_TRIANGLES, is_file
+
+MAX_TRIES = 10_000
+"""Names of truths that are looked for in a scene without all its frames."""
 
 
 @dataclass(frozen=True)
@@ -63,6 +69,8 @@ class Scene:
     root : Path
         The folder.
     manifest : Manifest
+    within : Path or None
+        Folder that all files must lie in, links followed; by default the scene's own.
 
     Attributes
     ----------
@@ -71,25 +79,37 @@ class Scene:
     source : FrameSource
     """
 
-    def __init__(self, root: Path, manifest: Manifest) -> None:
+    def __init__(self, root: Path, manifest: Manifest, within: Path | None = None) -> None:
         self.root = root
         self.manifest = manifest
-        self.source = FrameSource(root, manifest.video)
+        self.within = root if within is None else within
+        self.source = FrameSource(root, manifest.video, self.within)
+        self._textures: dict[str, NDArray[np.float32]] = {}
         names = tuple(table.name for table in manifest.objects)
         self.views = {table.name: _scene_view(root, table, names) for table in manifest.views}
 
     @classmethod
-    def open(cls, path: Path) -> Scene:
+    def open(cls, path: Path, *, allow_outside: bool = False) -> Scene:
         """Open a scene folder, or the scene.toml in it.
+
+        Parameters
+        ----------
+        path : Path
+        allow_outside : bool
+            Whether files may be links to what lies outside the folder.
 
         Raises
         ------
-        SceneError
-            All problems with the manifest, or else all files that it names and that are missing.
+        SceneError, FormatError
+            All problems with the manifest, or else all files that it names and that are missing or
+            outside.
         """
         root = path.parent if path.name == MANIFEST_NAME else path
         manifest_path = root / MANIFEST_NAME
-        scene = cls(root, read_manifest(manifest_path))
+        within = anywhere(root) if allow_outside else root
+        if is_file(manifest_path):
+            require_inside(manifest_path, within)
+        scene = cls(root, read_manifest(manifest_path), within)
         if problems := scene._missing_files():
             raise problems_error(str(manifest_path), problems)
         return scene
@@ -151,10 +171,18 @@ class Scene:
         Raises
         ------
         FormatError
-            A mask cannot be read, or is not twice as wide as high.
+            A mask cannot be read, or is not twice as wide as high, or all are too large together.
         """
+        masks: dict[str, NDArray[np.bool_]] = {}
+        for table in self.manifest.real_materials:
+            if table.mask is not None and table.mask not in masks:
+                masks[table.mask] = self._mask(self.root / table.mask)
+            if sum(mask.size for mask in masks.values()) > MAX_PIXELS:
+                raise FormatError(
+                    f"{self.name}: its masks have more than the {MAX_PIXELS} pixels that are read"
+                )
         return tuple(
-            table.real_material(None if table.mask is None else self._mask(self.root / table.mask))
+            table.real_material(None if table.mask is None else masks[table.mask])
             for table in self.manifest.real_materials
         )
 
@@ -177,10 +205,14 @@ class Scene:
         Raises
         ------
         FormatError
-            A mesh or texture cannot be read.
+            A mesh or texture cannot be read, or all of them together are too large.
         """
-        meshes: dict[str, Mesh] = {}
-        return tuple(self._instance(table, meshes) for table in self.manifest.objects)
+        meshes: dict[tuple[str, bool], Mesh] = {}
+        instances = []
+        for table in self.manifest.objects:
+            instances.append(self._instance(table, meshes))
+            _require_readable(self.name, instances)
+        return tuple(instances)
 
     def instances_of(self, view: str | None = None) -> tuple[Instance, ...]:
         """The objects that a view shows; all without a view.
@@ -201,22 +233,29 @@ class Scene:
         """The objects of these names, in the manifest's order."""
         return tuple(instance for instance in self.instances if instance.name in names)
 
-    def _instance(self, table: ObjectTable, meshes: dict[str, Mesh]) -> Instance:
-        """An instance; meshes that keep their own materials are shared between instances."""
+    def _instance(self, table: ObjectTable, meshes: dict[tuple[str, bool], Mesh]) -> Instance:
+        """An instance; what is the same of a mesh is shared between instances."""
         to_world = np.array(table.to_world, np.float64).reshape(4, 4)
         material = self._material(table)
-        if material is not None:
-            return Instance(table.name, load_mesh(self.root / table.mesh, material), to_world)
-        if table.mesh not in meshes:
-            meshes[table.mesh] = load_mesh(self.root / table.mesh)
-        return Instance(table.name, meshes[table.mesh], to_world)
+        key = (table.mesh, material is None)
+        if key not in meshes:
+            meshes[key] = load_mesh(self.root / table.mesh, material, self.within)
+        mesh = meshes[key]
+        if material is not None and mesh.materials[0] is not material:
+            mesh = replace(mesh, materials=(material,))
+        return Instance(table.name, mesh, to_world)
 
     def _material(self, table: ObjectTable) -> Material | None:
         if table.material is None:
             return None
         if isinstance(table.material, DiffuseTable) and table.material.texture is not None:
-            return table.material.material(read_color(self.root / table.material.texture))
+            return table.material.material(self._texture(table.material.texture))
         return table.material.material()
+
+    def _texture(self, name: str) -> NDArray[np.float32]:
+        if name not in self._textures:
+            self._textures[name] = read_color(self.root / name)
+        return self._textures[name]
 
     def require_not_ours(self, path: Path) -> None:
         """Keep an output from replacing what the scene is made of; truths may be replaced.
@@ -236,30 +275,64 @@ class Scene:
             raise SceneError(f"{path}: belongs to the scene and is not overwritten; name another")
 
     def _missing_files(self) -> list[str]:
-        problems = self.source.problems()
-        for table in self.manifest.objects:
-            texture = getattr(table.material, "texture", None)
-            named = {f"objects.{table.name}.mesh": table.mesh}
-            named |= {f"objects.{table.name}.material.texture": texture} if texture else {}
-            problems += [
-                f"{key}: there is no file {name}"
-                for key, name in named.items()
-                if not (self.root / name).is_file()
-            ]
-        problems += [
-            f"real_materials.{table.name}.mask: there is no file {table.mask}"
-            for table in self.manifest.real_materials
-            if table.mask is not None and not (self.root / table.mask).is_file()
-        ]
-        for view in self.manifest.views:
+        """Files that are not there, or not inside; one line each."""
+        frames = self.source.problems()
+        problems = [*frames, *(p for key, name in self._files() for p in self._wrong(key, name))]
+        # Frames that are missing tell how few there are, where a manifest would have us try many.
+        tries = len(self.frame_indices) * len(self.manifest.views)
+        for view in [] if frames and tries > MAX_TRIES else self.manifest.views:
             for key in ("truth", "truth_background", "truth_mask"):
                 name = getattr(view, key)
-                if name is not None and not self._has_any_frame(name):
-                    problems.append(f"views.{view.name}.{key}: there is no file {name}")
+                if name is not None:
+                    problems += self._wrong_truth(f"views.{view.name}.{key}", name)
         return problems
 
-    def _has_any_frame(self, pattern: str) -> bool:
-        return any(frame_path(self.root, pattern, i).is_file() for i in self.frame_indices)
+    def _files(self) -> Iterator[tuple[str, str]]:
+        """Key and name of each file besides frames and truths."""
+        for table in self.manifest.objects:
+            yield f"objects.{table.name}.mesh", table.mesh
+            texture = getattr(table.material, "texture", None)
+            if texture is not None:
+                yield f"objects.{table.name}.material.texture", texture
+        for entry in self.manifest.real_materials:
+            if entry.mask is not None:
+                yield f"real_materials.{entry.name}.mask", entry.mask
+
+    def _wrong(self, key: str, name: str) -> list[str]:
+        """What is wrong with a file that must be there: at most one line."""
+        if not is_file(self.root / name):
+            return [f"{key}: there is no file {name}"]
+        try:
+            require_inside(self.root / name, self.within)
+        except FormatError as error:
+            return [f"{key}: {error}"]
+        return []
+
+    def _wrong_truth(self, key: str, pattern: str) -> list[str]:
+        """As `_wrong`; of a video, some frames may have no truth."""
+        files = dict.fromkeys(frame_path(self.root, pattern, i) for i in self.frame_indices)
+        there = [str(file.relative_to(self.root)) for file in files if is_file(file)]
+        if not there:
+            return [f"{key}: there is no file {pattern}"]
+        return [line for name in there for line in self._wrong(key, name)][:1]
+
+
+def _require_readable(scene: str, instances: list[Instance]) -> None:
+    """Raise FormatError if the triangles or textures of objects are too many together."""
+    arrays: dict[int, NDArray[np.int32]] = {}
+    textures: dict[int, NDArray[np.float32]] = {}
+    for instance in instances:
+        arrays[id(instance.mesh.triangles)] = instance.mesh.triangles
+        for material in instance.mesh.materials:
+            if material.texture is not None:
+                textures[id(material.texture)] = material.texture
+    triangles = sum(len(array) for array in arrays.values())
+    texels = sum(texture.shape[0] * texture.shape[1] for texture in textures.values())
+    if triangles > MAX_TRIANGLES or texels > MAX_PIXELS:
+        raise FormatError(
+            f"{scene}: its objects have {triangles} triangles and {texels} pixels of textures; "
+            f"at most {MAX_TRIANGLES} and {MAX_PIXELS} are read"
+        )
 
 
 def _scene_view(root: Path, table: ViewTable, all_objects: tuple[str, ...]) -> SceneView:

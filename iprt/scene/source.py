@@ -12,9 +12,11 @@ from iprt.errors import FormatError
 from iprt.scene.depth import sanitise_color, sanitise_depth
 from iprt.scene.frame import Frame
 from iprt.scene.images import file_kind, picture_size, read_color, read_depth, read_normal
+from iprt.scene.inside import require_inside
 from iprt.scene.manifest import VideoTable
 from iprt.scene.manifest_problems import FRAME_PATTERN
 from iprt.scene.normals import estimate_normals, sanitise_normals
+from iprt.scene.untrusted import is_file
 
 Picture = NDArray[np.float32]
 
@@ -59,10 +61,12 @@ class FrameSource:
     root : Path
         The scene's folder.
     video : VideoTable
+    within : Path
+        Folder that the pictures must lie in, links followed.
     """
 
-    def __init__(self, root: Path, video: VideoTable) -> None:
-        self._root, self._video = root, video
+    def __init__(self, root: Path, video: VideoTable, within: Path) -> None:
+        self._root, self._video, self._within = root, video, within
         first, last = video.frames
         self.indices = range(first, last + 1)
 
@@ -77,16 +81,23 @@ class FrameSource:
         }
 
     def problems(self) -> list[str]:
-        """Missing files, and depth without a unit; one line each."""
+        """Missing files, links elsewhere, and depth without a unit; one line each."""
         problems = []
         for key in self.files(self.indices[0]):
-            missing = [i for i in self.indices if not self.files(i)[key].is_file()]
+            files = dict.fromkeys(self.files(i)[key] for i in self.indices)
+            missing = [file for file in files if not is_file(file)]
             if missing:
-                name = self.files(missing[0])[key].relative_to(self._root)
+                name = missing[0].relative_to(self._root)
                 more = f" (and {len(missing) - 1} more frames)" if len(missing) > 1 else ""
                 problems.append(f"video.{key}: there is no file {name}{more}")
+                continue
+            try:
+                for file in files:
+                    require_inside(file, self._within)
+            except FormatError as error:
+                problems.append(f"video.{key}: {error}")
         depth = self.files(self.indices[0])["depth"]
-        if self._video.depth_scale is None and depth.is_file():
+        if self._video.depth_scale is None and not problems:
             try:
                 integers = file_kind(depth) == "png"
             except FormatError as error:
@@ -121,13 +132,13 @@ class FrameSource:
             raise FormatError(f"{files['depth']}: {_scale_problem(files['depth'].name)}")
         _require_size(files["depth"], depth, color)
         _require_any(files["color"], np.isfinite(color), "colour is NaN or infinite everywhere")
+        with np.errstate(all="ignore"):
+            depth = depth * np.float32(video.depth_scale or 1.0)
         _require_any(
             files["depth"],
             np.isfinite(depth) & (depth > 0.0),
             "no depth: all values are 0, negative, NaN or infinite",
         )
-        with np.errstate(over="ignore", invalid="ignore"):
-            depth = depth * np.float32(video.depth_scale or 1.0)
         normal = None
         if "normal" in files:
             normal = read_normal(files["normal"])

@@ -1,0 +1,281 @@
+"""What a glTF document claims to hold, checked before anything is read by it.
+
+Specification: Khronos glTF 2.0, sections 3.5 (scenes), 3.6 (binary data), 3.7 (meshes), 3.9
+(materials). Only what is read is checked.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic.alias_generators import to_camel
+
+from iprt.scene.untrusted import MAX_BYTES, MAX_TRIANGLES, MAX_VERTICES
+
+MAX_NODES = 2**16
+MAX_DEPTH = 256
+"""Of nodes below each other: each is moved by all above it."""
+
+_COMPONENT_BYTES = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}
+_COMPONENTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
+_TRIANGLES, _STRIP = 4, 5
+_READ_ATTRIBUTES = {"POSITION": "VEC3", "NORMAL": "VEC3", "TEXCOORD_0": "VEC2"}
+_INDEX_TYPES = (5121, 5123, 5125)
+
+Index = Annotated[int, Field(ge=0)]
+Bytes = Annotated[int, Field(ge=0, le=MAX_BYTES)]
+Number = Annotated[float, Field(allow_inf_nan=False)]
+
+Triple = Annotated[list[Number], Field(min_length=3, max_length=3)]
+Quadruple = Annotated[list[Number], Field(min_length=4, max_length=4)]
+Matrix = Annotated[list[Number], Field(min_length=16, max_length=16)]
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(extra="ignore", strict=True, alias_generator=to_camel)
+
+
+class Buffer(_Part):
+    uri: str | None = None
+    byte_length: Bytes
+
+
+class BufferView(_Part):
+    buffer: Index
+    byte_offset: Bytes = 0
+    byte_length: Bytes
+    byte_stride: Annotated[int, Field(ge=4, le=252)] | None = None
+
+
+class Accessor(_Part):
+    buffer_view: Index | None = None
+    byte_offset: Bytes = 0
+    component_type: Literal[5120, 5121, 5122, 5123, 5125, 5126]
+    count: Annotated[int, Field(ge=0, le=MAX_VERTICES)]
+    type: Literal["SCALAR", "VEC2", "VEC3", "VEC4", "MAT2", "MAT3", "MAT4"]
+    sparse: Any = None
+
+    @property
+    def item_bytes(self) -> int:
+        return _COMPONENT_BYTES[self.component_type] * _COMPONENTS[self.type]
+
+
+class Image(_Part):
+    uri: str | None = None
+    buffer_view: Index | None = None
+
+
+class Texture(_Part):
+    source: Index | None = None
+
+
+class TextureReference(_Part):
+    index: Index
+
+
+class PbrMetallicRoughness(_Part):
+    base_color_factor: Quadruple | None = None
+    metallic_factor: Number = 1.0
+    roughness_factor: Number = 1.0
+    base_color_texture: TextureReference | None = None
+
+
+class GltfMaterial(_Part):
+    name: str | None = None
+    alpha_mode: str = "OPAQUE"
+    emissive_factor: Triple | None = None
+    pbr_metallic_roughness: PbrMetallicRoughness | None = None
+
+
+class Primitive(_Part):
+    attributes: dict[str, Index]
+    indices: Index | None = None
+    material: Index | None = None
+    mode: Annotated[int, Field(ge=0, le=6)] = _TRIANGLES
+    targets: list[Any] = Field(default=[])
+
+
+class GltfMesh(_Part):
+    name: str | None = None
+    primitives: Annotated[list[Primitive], Field(min_length=1)]
+
+
+class Node(_Part):
+    name: str | None = None
+    children: list[Index] = Field(default=[])
+    mesh: Index | None = None
+    matrix: Matrix | None = None
+    translation: Triple | None = None
+    rotation: Quadruple | None = None
+    scale: Triple | None = None
+
+
+class GltfScene(_Part):
+    nodes: list[Index] = Field(default=[])
+
+
+class Gltf(_Part):
+    """The parts of a document that are read."""
+
+    scene: Index = 0
+    scenes: list[GltfScene] = Field(default=[])
+    nodes: Annotated[list[Node], Field(max_length=MAX_NODES)] = Field(default=[])
+    meshes: Annotated[list[GltfMesh], Field(max_length=MAX_NODES)] = Field(default=[])
+    materials: Annotated[list[GltfMaterial], Field(max_length=MAX_NODES)] = Field(default=[])
+    textures: list[Texture] = Field(default=[])
+    images: Annotated[list[Image], Field(max_length=MAX_NODES)] = Field(default=[])
+    accessors: Annotated[list[Accessor], Field(max_length=MAX_NODES)] = Field(default=[])
+    buffer_views: Annotated[list[BufferView], Field(max_length=MAX_NODES)] = Field(default=[])
+    buffers: Annotated[list[Buffer], Field(max_length=MAX_NODES)] = Field(default=[])
+    animations: list[Any] = Field(default=[])
+    skins: list[Any] = Field(default=[])
+    cameras: list[Any] = Field(default=[])
+    extensions_used: list[str] = Field(default=[])
+
+    def uris(self) -> list[str]:
+        """Where the buffers and images are that do not lie in the binary chunk."""
+        named = [*(buffer.uri for buffer in self.buffers), *(image.uri for image in self.images)]
+        return [uri for uri in named if uri is not None]
+
+    def color_images(self) -> list[int]:
+        """Images that materials take their base colour from."""
+        found = []
+        for material in self.materials:
+            pbr = material.pbr_metallic_roughness
+            if pbr is not None and pbr.base_color_texture is not None:
+                source = self.textures[pbr.base_color_texture.index].source
+                found += [] if source is None else [source]
+        return list(dict.fromkeys(found))
+
+
+def parsed_gltf(document: Any) -> Gltf:
+    """The document, checked.
+
+    Raises
+    ------
+    ValueError
+        The first fault, in one line.
+    """
+    try:
+        gltf = Gltf.model_validate(document)
+    except ValidationError as error:
+        fault = error.errors(include_url=False, include_input=False)[0]
+        key = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in fault["loc"])
+        raise ValueError(f"{key.lstrip('.') or 'document'}: {fault['msg']}") from None
+    for problem in _problems(gltf):
+        raise ValueError(problem)
+    return gltf
+
+
+def _problems(gltf: Gltf) -> Iterator[str]:
+    yield from _data_problems(gltf)
+    for number, mesh in enumerate(gltf.meshes):
+        for primitive in mesh.primitives:
+            yield from _primitive_problems(gltf, primitive, f"meshes[{number}]")
+    for number, material in enumerate(gltf.materials):
+        pbr = material.pbr_metallic_roughness
+        if pbr is not None and pbr.base_color_texture is not None:
+            index = pbr.base_color_texture.index
+            if index >= len(gltf.textures):
+                yield f"materials[{number}]: there is no texture {index}"
+    for number, texture in enumerate(gltf.textures):
+        if texture.source is not None and texture.source >= len(gltf.images):
+            yield f"textures[{number}]: there is no image {texture.source}"
+    yield from _node_problems(gltf)
+
+
+def _data_problems(gltf: Gltf) -> Iterator[str]:
+    """Buffers, views and accessors that do not lie in each other, or that add up to too much."""
+    total = sum(buffer.byte_length for buffer in gltf.buffers)
+    for number, view in enumerate(gltf.buffer_views):
+        if view.buffer >= len(gltf.buffers):
+            yield f"bufferViews[{number}]: there is no buffer {view.buffer}"
+        elif view.byte_offset + view.byte_length > gltf.buffers[view.buffer].byte_length:
+            yield f"bufferViews[{number}]: ends beyond buffer {view.buffer}"
+        total += view.byte_length
+    for number, accessor in enumerate(gltf.accessors):
+        total += accessor.count * accessor.item_bytes
+        if accessor.buffer_view is None:
+            continue
+        if accessor.buffer_view >= len(gltf.buffer_views):
+            yield f"accessors[{number}]: there is no bufferView {accessor.buffer_view}"
+            continue
+        view = gltf.buffer_views[accessor.buffer_view]
+        stride = view.byte_stride or accessor.item_bytes
+        end = accessor.byte_offset + (accessor.count - 1) * stride + accessor.item_bytes
+        if accessor.count and end > view.byte_length:
+            yield f"accessors[{number}]: ends beyond bufferView {accessor.buffer_view}"
+    if total > MAX_BYTES:
+        yield f"claims {total} bytes of data; at most {MAX_BYTES} are read"
+    for number, image in enumerate(gltf.images):
+        if image.buffer_view is not None and image.buffer_view >= len(gltf.buffer_views):
+            yield f"images[{number}]: there is no bufferView {image.buffer_view}"
+
+
+def _primitive_problems(gltf: Gltf, primitive: Primitive, where: str) -> Iterator[str]:
+    read = {name: primitive.attributes.get(name) for name in _READ_ATTRIBUTES}
+    if primitive.indices is not None:
+        read["indices"] = primitive.indices
+    if read["POSITION"] is None:
+        yield f"{where}: a primitive without POSITION"
+    for name, index in read.items():
+        if index is None:
+            continue
+        if index >= len(gltf.accessors):
+            yield f"{where}.{name}: there is no accessor {index}"
+            continue
+        accessor = gltf.accessors[index]
+        if accessor.buffer_view is None or accessor.sparse is not None:
+            yield f"{where}.{name}: compressed or sparse data; export it without"
+        if accessor.type != _READ_ATTRIBUTES.get(name, "SCALAR"):
+            yield f"{where}.{name}: made of {accessor.type}"
+        if name == "indices" and accessor.component_type not in _INDEX_TYPES:
+            yield f"{where}.{name}: not whole numbers"
+    if primitive.material is not None and primitive.material >= len(gltf.materials):
+        yield f"{where}: there is no material {primitive.material}"
+
+
+def _node_problems(gltf: Gltf) -> Iterator[str]:
+    """Nodes that form no trees, and meshes that they repeat too often."""
+    if gltf.scenes and gltf.scene >= len(gltf.scenes):
+        yield f"there is no scene {gltf.scene}"
+        return
+    parents = [0] * len(gltf.nodes)
+    for number, node in enumerate(gltf.nodes):
+        if node.mesh is not None and node.mesh >= len(gltf.meshes):
+            yield f"nodes[{number}]: there is no mesh {node.mesh}"
+        for child in node.children:
+            if child >= len(gltf.nodes):
+                yield f"nodes[{number}]: there is no node {child}"
+            elif parents[child]:
+                yield f"nodes[{number}]: node {child} has two parents"
+            else:
+                parents[child] = 1
+    level = list(dict.fromkeys(gltf.scenes[gltf.scene].nodes)) if gltf.scenes else []
+    if any(root >= len(gltf.nodes) or parents[root] for root in level):
+        yield "scenes: a node that does not exist, or is not the root of a tree"
+        return
+    triangles = depth = 0
+    while level:
+        depth += 1
+        nodes = [gltf.nodes[index] for index in level]
+        triangles += sum(_triangles(gltf, node.mesh) for node in nodes)
+        if depth > MAX_DEPTH or triangles > MAX_TRIANGLES:
+            yield (
+                f"claims {triangles} triangles under {depth} levels of nodes; "
+                f"at most {MAX_TRIANGLES} and {MAX_DEPTH} are read"
+            )
+            return
+        level = [child for node in nodes for child in node.children]
+
+
+def _triangles(gltf: Gltf, mesh: int | None) -> int:
+    """How many triangles of a mesh are read."""
+    total = 0
+    for primitive in [] if mesh is None else gltf.meshes[mesh].primitives:
+        index = primitive.indices
+        corners = gltf.accessors[primitive.attributes["POSITION"] if index is None else index].count
+        total += {_TRIANGLES: corners // 3, _STRIP: corners}.get(primitive.mode, 0)
+    return total

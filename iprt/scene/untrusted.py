@@ -1,0 +1,80 @@
+"""Reading files that may hold anything: how large they may be, and one error for all damage.
+
+Sizes are checked on what headers claim, before memory is taken for it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from iprt.errors import FormatError
+from iprt.toml_text import printable
+
+MAX_SIDE = 16384
+"""Pixels along a side of any picture."""
+MAX_PIXELS = 2**27
+"""Of a picture, and of all textures of a mesh file together: a panorama of 16384 x 8192."""
+MAX_BYTES = 2**31
+"""Of a file that is read whole, and of what is decoded from one."""
+MAX_TEXT_BYTES = 2**24
+"""Of a TOML file."""
+MAX_TRIANGLES = 2**24
+"""Of a mesh: as many as the renderer draws."""
+MAX_VERTICES = 3 * MAX_TRIANGLES
+
+
+def require_picture_size(path: Path, width: int, height: int) -> None:
+    """Raise FormatError if a picture that claims this size is not read."""
+    if width < 1 or height < 1 or max(width, height) > MAX_SIDE or width * height > MAX_PIXELS:
+        raise FormatError(
+            f"{path}: claims {width} x {height} pixels; at most {MAX_SIDE} a side and "
+            f"{MAX_PIXELS} in all are read"
+        )
+
+
+def is_file(path: Path) -> bool:
+    """`Path.is_file`, also for names that no file can have and folders that may not be searched."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
+
+
+def read_bytes(path: Path, most: int = MAX_BYTES) -> bytes:
+    """All of a file that is not larger than `most` bytes.
+
+    Raises
+    ------
+    FormatError
+        Larger, or not readable.
+    """
+    try:
+        # A pipe or a device has no end, and opening one may wait for ever.
+        if path.exists() and not path.is_file():
+            raise FormatError(f"{path}: not a file")
+        with path.open("rb") as file:
+            size = path.stat().st_size
+            if size > most:
+                raise FormatError(f"{path}: {size} bytes; at most {most} are read")
+            return file.read(most)
+    except FileNotFoundError as error:
+        raise FormatError(f"{path}: no such file") from error
+    except OSError as error:
+        raise FormatError(f"{path}: cannot be read ({error.strerror})") from error
+
+
+@contextmanager
+def decoding(path: Path, complaint: str) -> Iterator[None]:
+    """Turn what a library's decoder raises, of whatever kind, into a FormatError about `path`.
+
+    Errors that are for the user already, and lack of memory, pass.
+    """
+    try:
+        yield
+    except (FormatError, MemoryError):
+        raise
+    except Exception as error:
+        reason = (str(error).splitlines() or [type(error).__name__])[0]
+        raise FormatError(f"{path}: {complaint} ({printable(reason)})") from error

@@ -1,0 +1,87 @@
+"""TOML from anybody: bounded in size, time and depth."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from pathlib import Path
+from typing import Any
+
+MAX_BYTES = 2**20
+MAX_LINE = 10_000
+"""Letters: `tomllib` takes time that grows with the square of a line's length."""
+MAX_DEPTH = 32
+_CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]")
+
+
+def parse_toml(text: str) -> dict[str, Any]:
+    """The tables of a TOML text.
+
+    Raises
+    ------
+    ValueError
+        Not TOML, too large, too deep, or with numbers beyond what TOML knows, in one line.
+    """
+    if len(text) > MAX_BYTES:
+        raise ValueError(f"not valid: {len(text)} letters; at most {MAX_BYTES} are read")
+    for number, line in enumerate(text.split("\n"), 1):
+        if len(line) > MAX_LINE:
+            raise ValueError(f"not valid: line {number} has more than {MAX_LINE} letters")
+    try:
+        tables = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ValueError(f"not valid TOML: {printable(str(error))}") from None
+    except RecursionError:
+        raise ValueError("not valid: brackets are nested too deep") from None
+    except ValueError:  # Python refuses to read numbers of thousands of digits
+        raise ValueError("not valid TOML: a number of more than 64 bits") from None
+    _require_plain(tables)
+    return tables
+
+
+def _require_plain(tables: dict[str, Any]) -> None:
+    """No whole number of more than 64 bits, and tables that others may walk down recursively."""
+    level: list[tuple[str, Any]] = [("", tables)]
+    for _ in range(MAX_DEPTH):
+        below: list[tuple[str, Any]] = []
+        for where, value in level:
+            if isinstance(value, dict):
+                below.extend((f"{where}.{key}", entry) for key, entry in value.items())
+            elif isinstance(value, list):
+                below.extend((where, entry) for entry in value)
+            elif isinstance(value, int) and not -(2**63) <= value < 2**63:
+                key = printable(where[1:])
+                raise ValueError(f"not valid TOML: {key}: a number of more than 64 bits")
+        level = below
+        if not level:
+            return
+    raise ValueError("not valid: tables are nested too deep")
+
+
+def read_text(path: Path) -> str:
+    """The text of a TOML file, its line ends as they are; the mark that some editors put first
+    in UTF-8 files is left out.
+
+    Raises
+    ------
+    OSError, ValueError
+        Not readable; not UTF-8, no file, or too large, in one line.
+    """
+    # A pipe or a device has no end, and opening one may wait for ever.
+    if path.exists() and not path.is_file() and not path.is_dir():
+        raise ValueError("not a file")
+    with path.open("rb") as file:
+        data = file.read(MAX_BYTES + 1)
+    if len(data) > MAX_BYTES:
+        raise ValueError(f"too large; at most {MAX_BYTES} bytes are read")
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = data[: error.start].count(b"\n") + 1
+        raise ValueError(f"line {line} is not UTF-8; save the file as UTF-8") from None
+
+
+def printable(text: str, most: int = 300) -> str:
+    """Text of a file as it may stand in an error: without control characters, and not too long."""
+    shown = _CONTROL.sub(lambda match: repr(match[0])[1:-1], text[: 2 * most])
+    return shown if len(shown) <= most else f"{shown[: most - 3]}..."
