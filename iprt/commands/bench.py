@@ -44,6 +44,7 @@ def bench(
     json: bool = False,
     markdown: bool = False,
     html: Path | None = None,
+    allow_outside: bool = False,
 ) -> int:
     """Time the frames of a head that turns slowly; with --sweep or --convergence, score them too.
 
@@ -102,6 +103,8 @@ def bench(
         Print Markdown tables, for a page.
     html
         Page to write: table, plot and pictures, in one file.
+    allow_outside
+        Read files of the scene that are links to what lies outside its folder.
 
     Returns
     -------
@@ -127,14 +130,16 @@ def bench(
     _require_use(convergence is not None, "--convergence", curve)
     _require_use(against is not None, "--against", {"--model": model})
     if not against_truth:
-        return _time(scene, view, size, frames, method, knobs, device, json)
+        return _time(scene, view, size, frames, method, knobs, device, json, allow_outside)
 
     from iprt.commands.bench_truth import Output, Plan, measure_convergence, measure_sweep
     from iprt.measure.sweep import combinations
+    from iprt.scene.scene import Scene
 
     assignments = knobs.assignments(method=method)
     chosen = combinations(knobs.quality, assignments, sweep, one_at_a_time=one_at_a_time)
-    plan = Plan.of(scene, view, size, background or "truth", device, chosen, seeds or SEEDS)
+    opened = Scene.open(scene, allow_outside=allow_outside)
+    plan = Plan.of(opened, view, size, background or "truth", device, chosen, seeds or SEEDS)
     output = Output(json=json, markdown=markdown, html=html)
     output.require_writable(plan.scene)
     if convergence is None:
@@ -157,6 +162,7 @@ def _time(
     knobs: KnobFlags,
     device: str | None,
     json: bool,
+    allow_outside: bool,
 ) -> int:
     from rich.console import Console
 
@@ -171,7 +177,7 @@ def _time(
     if len(views) > 1:
         raise IprtError(f"--view {views[1]}: one view is timed; give several with --sweep")
     settings = knobs.resolved(method=method)
-    opened = Scene.open(scene)
+    opened = Scene.open(scene, allow_outside=allow_outside)
     chosen, objects = choose_view(opened, views[0] if views else None, size=size)
     instances = opened.instances if objects is None else opened.instances_named(objects)
     frame = opened.frame()

@@ -44,7 +44,7 @@ class Plan:
     @classmethod
     def of(
         cls,
-        path: Path,
+        scene: Scene,
         views: Sequence[str],
         size: tuple[int, int] | None,
         background: Background,
@@ -52,8 +52,7 @@ class Plan:
         chosen: Sequence[Combination],
         seeds: int,
     ) -> Plan:
-        """Open the scene, read the truths and take the device."""
-        scene = Scene.open(path)
+        """Read the truths and take the device."""
         names = dict.fromkeys(views_with_truth(scene, views))
         targets = tuple(read_target(scene, name, background, size) for name in names)
         compute = ComputeDevice(choose_device(device))

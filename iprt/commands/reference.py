@@ -32,6 +32,7 @@ def reference(
     seed: int = 0,
     denoise: bool = True,
     model: str | None = None,
+    allow_outside: bool = False,
 ) -> int:
     """Path-trace a view of a scene with Mitsuba, to a linear EXR file.
 
@@ -60,6 +61,8 @@ def reference(
     model
         Python module with a function `build()` that returns the scene's parts for Mitsuba, such as
         `scenes360.room.model`; looked for in the working directory too.
+    allow_outside
+        Read files of the scene that are links to what lies outside its folder.
 
     Returns
     -------
@@ -80,7 +83,7 @@ def reference(
     from iprt.scene.scene import Scene
     from iprt.truth.backend import mitsuba
 
-    opened = Scene.open(scene)
+    opened = Scene.open(scene, allow_outside=allow_outside)
     opened.require_not_ours(output)
     chosen, objects = choose_view(opened, view, size=size)
     instances = opened.instances if objects is None else opened.instances_named(objects)
