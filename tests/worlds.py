@@ -96,6 +96,20 @@ def cuboid(centre: Sequence[float], half: Sequence[float], material: Material) -
     return _instance("box", corners, normals, faces, material, centre, 1.0)
 
 
+def disc(
+    centre: Sequence[float], radius: float, material: Material, *, corners: int = 128
+) -> Instance:
+    """A flat horizontal disc without thickness, of the area of a true one."""
+    turn = np.arange(corners) * 2.0 * np.pi / corners
+    rim = np.stack([np.cos(turn), np.zeros(corners), np.sin(turn)], -1)
+    rim *= np.sqrt(2.0 * np.pi / corners / np.sin(2.0 * np.pi / corners))
+    positions = np.concatenate([np.zeros((1, 3)), rim])
+    first = np.arange(corners)
+    faces = np.stack([np.zeros_like(first), 1 + (first + 1) % corners, 1 + first], -1)
+    normals = np.tile([0.0, 1.0, 0.0], (corners + 1, 1))
+    return _instance("disc", positions, normals, faces, material, centre, radius)
+
+
 def _instance(
     name: str,
     positions: Float,
@@ -143,3 +157,35 @@ def turned(
         normal=(np.roll(frame.normal, columns, 1) @ turn[:3, :3].T).astype(np.float32),
     )
     return rolled, [replace(i, to_world=turn @ i.to_world) for i in instances], yaw_deg
+
+
+def mirrored(
+    frame: Frame, instances: Sequence[Instance], *, meshes: bool
+) -> tuple[Frame, list[Instance]]:
+    """The scene as a mirror at x = 0 shows it.
+
+    With `meshes`, objects are mirrored triangle by triangle, which are then wound the other way
+    round, and their transforms stay proper; else their transforms mirror.
+    """
+    flip = np.diag([-1.0, 1.0, 1.0, 1.0])
+    side = np.array([-1.0, 1.0, 1.0], np.float32)
+    flipped = Frame(
+        color=frame.color[:, ::-1].copy(),
+        depth=frame.depth[:, ::-1].copy(),
+        opening=frame.opening[:, ::-1].copy(),
+        normal=(frame.normal[:, ::-1] * side).astype(np.float32),
+    )
+    moved = [replace(i, to_world=flip @ i.to_world) for i in instances]
+    if not meshes:
+        return flipped, moved
+    wound = []
+    for instance in moved:
+        mesh = instance.mesh
+        other = replace(
+            mesh,
+            positions=mesh.positions * side,
+            normals=mesh.normals * side,
+            triangles=np.ascontiguousarray(mesh.triangles[:, ::-1]),
+        )
+        wound.append(replace(instance, mesh=other, to_world=instance.to_world @ flip))
+    return flipped, wound

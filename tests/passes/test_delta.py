@@ -12,7 +12,6 @@ from iprt.scene.frame import Frame
 from iprt.scene.material import Material
 from tests.oracles.worlds import Box, Solid, Sphere, World, cosine_about
 from tests.passes.change import (
-    BLACK,
     DOWN,
     RED,
     ROOM,
@@ -39,34 +38,7 @@ def surface_points(world: World, view: View) -> tuple[Float, Float]:
     return distance[..., None] * d, normal
 
 
-# Furnaces ------------------------------------------------------------------------------------
-
-
-def test_a_black_ball_blocks_its_form_factor(device: ComputeDevice) -> None:
-    """(r / d)² cos β of the light, where all of it is above the horizon (d to its centre)."""
-    solid = Sphere((0.3, -0.2, -0.9), 0.35)
-    frame = sphere_frame(2.0, 128, 64, 0.7)
-    objects = [ball(solid.centre, solid.radius, BLACK, subdivisions=5)]
-    view = View(48, 36, yaw_deg=60.0)
-    d = view.directions()
-    to_centre = np.asarray(solid.centre) - (2.0 - BIAS) * d
-    distance = np.linalg.norm(to_centre, axis=-1)
-    cosine = -(to_centre * d).sum(-1) / distance
-    wanted = (solid.radius / distance) ** 2 * cosine
-    seen = solid.interval(np.zeros_like(d), d)[0]
-    usable = (distance * cosine > solid.radius) & ~np.isfinite(seen)
-    assert usable.mean() > 0.5
-    runs = []
-    for seed in range(6):
-        blocked, bounce, real, _ = change_of(device, frame, objects, view, seed=seed, rays=4)
-        assert bounce.max() == 0.0
-        np.testing.assert_allclose(real[usable], 0.7, rtol=1e-5)
-        runs.append(blocks(np.where(usable, blocked[..., 0], 0.0)))
-    exact = blocks(np.where(usable, wanted, 0.0))
-    assert exact.max() > 0.03
-    agree(np.array(runs), exact, 0.004 * exact + 1e-6)
-    # Over all of them, to a third of a percent: the mesh is as good as the ball.
-    assert np.mean(runs) == pytest.approx(exact.mean(), rel=3e-3)
+# A furnace -----------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("light_sampling", [False, True])
