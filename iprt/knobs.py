@@ -174,7 +174,7 @@ def _require_knob(item: Assignment) -> None:
         raise IprtError(f"{item.source}: '{item.key}' is a group; its knobs are: {members}")
     near = _nearest(item.key)
     hint = f"did you mean {near}?" if near else "`iprt settings` lists them"
-    raise IprtError(f"{item.source}: there is no knob '{item.key}'; {hint}")
+    raise IprtError(f"{item.source}: there is no knob '{printable(item.key)}'; {hint}")
 
 
 def _nearest(key: str) -> str | None:

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from iprt.errors import FormatError
 from iprt.scene.untrusted import MAX_BYTES, require_picture_size
+from iprt.toml_text import printable
 
 MAGIC = b"\x76\x2f\x31\x01"
 
@@ -67,7 +68,9 @@ def read_exr(path: Path, choices: Sequence[tuple[str, ...]]) -> list[NDArray[np.
     names = _choose(path, list(header.channels), choices)
     for name in names:
         if header.channels[name] != (1, 1):
-            raise FormatError(f"{path}: channel {name} is subsampled; save it at full resolution")
+            raise FormatError(
+                f"{path}: channel {printable(name)} is subsampled; save it at full resolution"
+            )
     import OpenEXR
 
     try:
@@ -90,13 +93,14 @@ def _choose(path: Path, present: list[str], choices: Sequence[tuple[str, ...]]) 
     prefixes = {name.rpartition(".")[0] for name in present}
     for prefix in sorted(prefixes):
         for choice in choices:
-            names = [f"{prefix}.{channel}" if prefix else channel for channel in choice]
-            if all(name in present for name in names):
-                return names
+            wanted = [f"{prefix}.{channel}" if prefix else channel for channel in choice]
+            if all(name in present for name in wanted):
+                return wanted
     if ("*",) in choices and len(present) == 1:
         return present
-    wanted = " or ".join(", ".join(choice) for choice in choices if choice != ("*",))
-    raise FormatError(f"{path}: no channels {wanted}; the file has {', '.join(present)}")
+    known = printable(", ".join(present))
+    asked = " or ".join(", ".join(choice) for choice in choices if choice != ("*",))
+    raise FormatError(f"{path}: no channels {asked}; the file has {known}")
 
 
 def _checked_header(path: Path) -> _Header:

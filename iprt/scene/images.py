@@ -17,7 +17,7 @@ from iprt.errors import FormatError
 from iprt.scene import exr
 from iprt.scene.pfm import read_pfm
 from iprt.scene.png16 import read_png16
-from iprt.scene.untrusted import decoding, require_picture_size
+from iprt.scene.untrusted import decoding, open_file, require_picture_size
 
 Image2D = NDArray[np.float32]
 _SIGNATURES = {
@@ -39,13 +39,8 @@ def file_kind(path: Path) -> str:
     FormatError
         Missing, unreadable, empty, or none of these.
     """
-    try:
-        with path.open("rb") as file:
-            start = file.read(4)
-    except FileNotFoundError as error:
-        raise FormatError(f"{path}: no such file") from error
-    except OSError as error:
-        raise FormatError(f"{path}: cannot be read ({error.strerror})") from error
+    with open_file(path) as file:
+        start = file.read(4)
     for signature, kind in _SIGNATURES.items():
         if start.startswith(signature):
             return kind

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +21,8 @@ from iprt.scene.normals import estimate_normals, sanitise_normals
 from iprt.scene.untrusted import is_file
 
 Picture = NDArray[np.float32]
+MAX_MISSING = 10_000
+"""Frames without a file that are counted."""
 
 
 def frame_path(root: Path, pattern: str, index: int) -> Path:
@@ -84,16 +88,15 @@ class FrameSource:
         """Missing files, links elsewhere, and depth without a unit; one line each."""
         problems = []
         for key in self.files(self.indices[0]):
-            files = dict.fromkeys(self.files(i)[key] for i in self.indices)
-            missing = [file for file in files if not is_file(file)]
+            missing = list(islice((f for f in self._all(key) if not is_file(f)), MAX_MISSING))
             if missing:
                 name = missing[0].relative_to(self._root)
-                more = f" (and {len(missing) - 1} more frames)" if len(missing) > 1 else ""
+                least = "at least " if len(missing) == MAX_MISSING else ""
+                more = f" (and {least}{len(missing) - 1} more frames)" if len(missing) > 1 else ""
                 problems.append(f"video.{key}: there is no file {name}{more}")
                 continue
             try:
-                for file in files:
-                    require_inside(file, self._within)
+                self._require_inside(key)
             except FormatError as error:
                 problems.append(f"video.{key}: {error}")
         depth = self.files(self.indices[0])["depth"]
@@ -105,6 +108,19 @@ class FrameSource:
             if integers:
                 problems.append(_scale_problem(depth.name))
         return problems
+
+    def _all(self, key: str) -> Iterator[Path]:
+        """The files of all frames."""
+        pattern = getattr(self._video, key)
+        indices = self.indices if FRAME_PATTERN.search(pattern) else self.indices[:1]
+        return (frame_path(self._root, pattern, index) for index in indices)
+
+    def _require_inside(self, key: str) -> None:
+        folders: set[Path] = set()
+        for file in self._all(key):
+            if file.parent not in folders or file.is_symlink():
+                require_inside(file, self._within)
+                folders.add(file.parent)
 
     def size(self) -> tuple[int, int]:
         """Width and height of the first colour picture, from its header."""

@@ -5,9 +5,11 @@ Sizes are checked on what headers claim, before memory is taken for it.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import BinaryIO
 
 from iprt.errors import FormatError
 from iprt.toml_text import printable
@@ -50,15 +52,26 @@ def read_bytes(path: Path, most: int = MAX_BYTES) -> bytes:
     FormatError
         Larger, or not readable.
     """
+    with open_file(path) as file:
+        size = os.fstat(file.fileno()).st_size
+        if size > most:
+            raise FormatError(f"{path}: {size} bytes; at most {most} are read")
+        return file.read(size)
+
+
+def open_file(path: Path) -> BinaryIO:
+    """Open for reading.
+
+    Raises
+    ------
+    FormatError
+        There is no such file, or it cannot be read.
+    """
     try:
         # A pipe or a device has no end, and opening one may wait for ever.
-        if path.exists() and not path.is_file():
+        if path.exists() and not path.is_file() and not path.is_dir():
             raise FormatError(f"{path}: not a file")
-        with path.open("rb") as file:
-            size = path.stat().st_size
-            if size > most:
-                raise FormatError(f"{path}: {size} bytes; at most {most} are read")
-            return file.read(most)
+        return path.open("rb")
     except FileNotFoundError as error:
         raise FormatError(f"{path}: no such file") from error
     except OSError as error:

@@ -1,0 +1,113 @@
+"""Write the corpus of nasty files, and read files of any kind as the program does.
+
+`python -m tests.scene.corpus FOLDER` writes all of them, reads each with little memory to spare,
+and prints what came of it as JSON: name -> [kind of error, its text].
+"""
+
+from __future__ import annotations
+
+import json
+import resource
+import signal
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from iprt.errors import IprtError
+from iprt.knobs import read_settings, resolved
+from iprt.scene.images import read_color, read_depth
+from iprt.scene.mesh import Mesh
+from iprt.scene.meshes import load_mesh
+from iprt.scene.scene import Scene
+from tests.scene import nasty_meshes, nasty_text  # noqa: F401  (they add to the corpus)
+from tests.scene.files import CUBE, write_scene
+from tests.scene.nasty import CORPUS, Nasty, Reader
+
+SPARE = 2**29
+"""Bytes of address space that reading one of the files may take."""
+SECONDS = 5
+"""That it may take: the slowest takes a tenth on a slow machine."""
+
+
+def read_mesh(path: Path) -> Mesh:
+    """A mesh, of which all that the renderer relies on holds."""
+    mesh = load_mesh(path)
+    assert np.isfinite(mesh.positions).all()
+    assert np.allclose(np.linalg.norm(mesh.normals, axis=1), 1.0, atol=1e-3)
+    assert np.isfinite(mesh.uvs).all()
+    assert mesh.triangles.min() >= 0
+    assert mesh.triangles.max() < len(mesh.positions) == len(mesh.normals) == len(mesh.uvs)
+    assert 0 <= mesh.material_index.min() <= mesh.material_index.max() < len(mesh.materials)
+    assert len(mesh.material_index) == len(mesh.triangles)
+    for material in mesh.materials:
+        assert np.isfinite([*material.albedo, material.alpha, material.ior]).all()
+    return mesh
+
+
+def read_color_plane(path: Path) -> None:
+    color = read_color(path)
+    assert color.dtype == np.float32
+    assert color.ndim == 3
+    assert color.shape[2] == 3
+
+
+def read_depth_plane(path: Path) -> None:
+    depth, _ = read_depth(path)
+    assert depth.dtype == np.float32
+    assert depth.ndim == 2
+
+
+READERS: dict[Reader, Callable[[Path], object]] = {
+    "color": read_color_plane,
+    "depth": read_depth_plane,
+    "mesh": read_mesh,
+    "manifest": lambda path: Scene.open(path.parent),
+    "settings": lambda path: resolved("balanced", read_settings(path)),
+}
+
+
+def write_corpus(folder: Path) -> dict[str, tuple[Nasty, Path]]:
+    """Each file in a folder of its own, by name."""
+    files = {}
+    for number, entry in enumerate(CORPUS):
+        own = folder / f"{number:03}"
+        own.mkdir(parents=True)
+        entry.write(own / entry.file)
+        files[entry.name] = (entry, own / entry.file)
+    assert len(files) == len(CORPUS), "names must differ"
+    return files
+
+
+def main() -> None:
+    files = write_corpus(Path(sys.argv[1]))
+    # Once without a limit, so that libraries are loaded.
+    scene = write_scene(Path(sys.argv[1]) / "scene")
+    Scene.open(scene).frame()
+    (scene / "cube.obj").write_text(CUBE)
+    load_mesh(scene / "cube.obj")
+    pages = int(Path("/proc/self/statm").read_text().split()[0])
+    limit = pages * resource.getpagesize() + SPARE
+    resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
+    signal.signal(signal.SIGALRM, _too_slow)
+    outcome = {}
+    for name, (entry, path) in files.items():
+        kind, text = "", ""
+        signal.alarm(SECONDS)
+        try:
+            READERS[entry.reader](path)
+        except Exception as error:
+            kind = "IprtError" if isinstance(error, IprtError) else type(error).__name__
+            text = str(error).replace(str(path.parent) + "/", "")
+        signal.alarm(0)
+        outcome[name] = kind, text
+    print(json.dumps(outcome))
+
+
+def _too_slow(*_: object) -> None:
+    raise TimeoutError
+
+
+if __name__ == "__main__":
+    main()
