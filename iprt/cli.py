@@ -1,7 +1,8 @@
 """The command `iprt`: its verbs, and how errors become exit codes.
 
 Exit codes: 0 fine; 1 a threshold given on the command line was missed; 2 bad input; 3 no usable
-device; 70 a defect in iprt itself; 130 interrupted. Results go to stdout, the log to stderr.
+device; 70 a defect in iprt itself; 130 interrupted, 143 and 129 ended by SIGTERM and SIGHUP.
+Results go to stdout, the log to stderr.
 """
 
 from __future__ import annotations
@@ -9,15 +10,19 @@ from __future__ import annotations
 import inspect
 import logging
 import os
+import signal
 import sys
+import threading
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from importlib import import_module
+from types import FrameType
 
 from tyro.extras import SubcommandApp
 
 from iprt.commands.help import CONFIG, explained
-from iprt.errors import IprtError
+from iprt.errors import DeviceHangError, IprtError
 
 DEFECT = 70
 INTERRUPTED = 130
@@ -50,15 +55,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
     logging.basicConfig(stream=sys.stderr, format="iprt: %(message)s")
     logging.getLogger("iprt").setLevel(logging.DEBUG if debug else logging.INFO)
     try:
-        code = application(words).cli(
-            prog="iprt", description=DESCRIPTION, args=words, config=CONFIG
-        )
+        with _signals_raise():
+            code = application(words).cli(
+                prog="iprt", description=DESCRIPTION, args=words, config=CONFIG
+            )
         sys.stdout.flush()
         return code or 0
     except IprtError as error:
         if debug:
             traceback.print_exc()
         print(f"iprt: error: {error}", file=sys.stderr)
+        if isinstance(error, DeviceHangError):
+            _leave(error.exit_code)
         return error.exit_code
     except MemoryError:
         print("iprt: error: out of memory; lower --size or use a smaller panorama", file=sys.stderr)
@@ -66,6 +74,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("iprt: interrupted", file=sys.stderr)
         return INTERRUPTED
+    except _Ended as ended:
+        print(f"iprt: ended by {ended.signal.name}", file=sys.stderr)
+        return 128 + ended.signal
     except BrokenPipeError:
         # The reader of stdout has left; Python would complain once more while it shuts down.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -74,6 +85,42 @@ def main(arguments: Sequence[str] | None = None) -> int:
         traceback.print_exc()
         print("iprt: this is a defect in iprt; please report the lines above", file=sys.stderr)
         return DEFECT
+
+
+class _Ended(BaseException):
+    """A signal asked the process to end; raised like `KeyboardInterrupt`, so that all is undone."""
+
+    def __init__(self, number: int) -> None:
+        self.signal = signal.Signals(number)
+
+
+@contextmanager
+def _signals_raise() -> Iterator[None]:
+    """Let SIGTERM and SIGHUP unwind the stack, as SIGINT does, where nobody handles them yet."""
+
+    def end(number: int, _: FrameType | None) -> None:
+        for each in ours:
+            signal.signal(each, signal.SIG_IGN)  # a second one must not disturb the clearing up
+        raise _Ended(number)
+
+    ours = []
+    if threading.current_thread() is threading.main_thread():
+        ending = (signal.SIGTERM, signal.SIGHUP)
+        ours = [number for number in ending if signal.getsignal(number) is signal.SIG_DFL]
+    for number in ours:
+        signal.signal(number, end)
+    try:
+        yield
+    finally:
+        for number in ours:
+            signal.signal(number, signal.SIG_DFL)
+
+
+def _leave(code: int) -> None:
+    """End the process without the drivers' own endings, which may wait for a kernel that hangs."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(code)
 
 
 def application(arguments: Sequence[str]) -> SubcommandApp:

@@ -29,7 +29,21 @@ class DeviceError(IprtError):
     exit_code = 3
 
 
+class DeviceLostError(DeviceError):
+    """The driver has given up a context or queue; a new context may work."""
+
+
+class DeviceHangError(DeviceError):
+    """A device did not answer in time. Whatever waits for it, its driver included, may hang too."""
+
+
+class DefectError(IprtError):
+    """With `check_kernels`: a kernel wrote what it must not. A defect of ours, not of the input."""
+
+    exit_code = 70
+
+
 class KernelError(IprtError):
-    """An OpenCL program did not build or run; the message holds the device and the build log."""
+    """An OpenCL program did not build; the message, of several lines, is the whole report."""
 
     exit_code = 3

@@ -289,7 +289,7 @@ class Renderer:
         """
         for index in range(frames):
             self.step()
-            self.device.queue.finish()
+            self.device.wait()
             if progress is not None:
                 progress(index + 1)
         color = np.ascontiguousarray(self.device.read(self.composite.picture)[..., :3])

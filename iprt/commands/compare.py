@@ -5,6 +5,7 @@ from __future__ import annotations
 import json as json_format
 import math
 from collections.abc import Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -33,6 +34,7 @@ def compare(
     fail_under_ssim: float | None = None,
     save: Path | None = None,
     html: Path | None = None,
+    allow_outside: bool = False,
 ) -> int:
     """Render a scene's views and score them against its path-traced truth.
 
@@ -69,6 +71,8 @@ def compare(
         Folder for one PNG per row: render, truth, and four times their absolute difference.
     html
         Page to write: render, truth, difference and FLIP's map of each row, in one file.
+    allow_outside
+        Read files of the scene that are links to what lies outside its folder.
 
     Returns
     -------
@@ -84,11 +88,12 @@ def compare(
     from iprt.measure.target import views_with_truth
     from iprt.output.atomic import require_writable
     from iprt.output.grid import print_grid
+    from iprt.output.lock import locked
     from iprt.scene.scene import Scene
 
     asked: list[str | None] = [name for name in METHODS if name in method or "all" in method]
     variants = [knobs.resolved(still=True, seed=seed, method=name) for name in asked or [None]]
-    opened = Scene.open(scene)
+    opened = Scene.open(scene, allow_outside=allow_outside)
     views = views_with_truth(opened, view)
     for path in (html, None if save is None else save / "x.png"):
         if path is not None:
@@ -97,7 +102,10 @@ def compare(
     compute = ComputeDevice(choose_device(device))
     results: list[Comparison] = []
     report = Report(f"{opened.name}: compared with its truth")
-    with progress_bar("comparing", len(views) * len(variants) * frames) as progress:
+    with (
+        nullcontext() if save is None else locked(save),
+        progress_bar("comparing", len(views) * len(variants) * frames) as progress,
+    ):
         for compared in compare_views(
             opened,
             views,

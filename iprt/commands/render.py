@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -11,11 +13,16 @@ from iprt.commands.knobs import BALANCED, Knobs
 from iprt.errors import IprtError
 
 if TYPE_CHECKING:
+    from iprt.device.compute import ComputeDevice
+    from iprt.renderer import RenderedFrame
     from iprt.scene.camera import View
     from iprt.scene.scene import Scene
+    from iprt.settings import Settings
 
 MAX_SIZE = 16384
 MAX_FRAMES = 2**20
+FRAME_LIMIT_S = 600.0
+"""Longer than any frame that a processor's two cores can be expected to be given."""
 DEFAULT_SIZE = (1024, 1024)
 
 
@@ -36,6 +43,8 @@ def render(
     device: str | None = None,
     aov: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
     profile: Path | None = None,
+    allow_outside: bool = False,
+    frame_limit: float = FRAME_LIMIT_S,
 ) -> int:
     """Render one view of a scene to an EXR (linear) or PNG (as displayed) file.
 
@@ -74,6 +83,10 @@ def render(
         times.
     profile
         JSON file for the times per pass.
+    frame_limit
+        Seconds after which a device that has not finished a frame is taken to hang.
+    allow_outside
+        Read files of the scene that are links to what lies outside its folder.
 
     Returns
     -------
@@ -85,6 +98,8 @@ def render(
 
     if not 1 <= accumulate <= MAX_FRAMES:
         raise IprtError(f"--accumulate {accumulate}: expected 1 to {MAX_FRAMES}")
+    if not 0.0 < frame_limit < float("inf"):
+        raise IprtError(f"--frame-limit {frame_limit:g}: expected seconds above 0")
     check_output(output, aovs=aov)
     if profile is not None:
         require_writable(profile)
@@ -94,58 +109,87 @@ def render(
     from rich.console import Console
 
     from iprt.aovs import AOVS
-    from iprt.commands.progress import progress_bar
-    from iprt.device.choose import choose_device
-    from iprt.device.compute import ComputeDevice
-    from iprt.memory import require_memory
+    from iprt.output.lock import locked
     from iprt.output.metadata import picture_metadata
     from iprt.output.picture import write_picture
     from iprt.output.table import pass_table, write_profile
-    from iprt.renderer import Renderer
     from iprt.scene.scene import Scene
 
     settings = knobs.resolved(still=True, seed=seed, method=method)
     for name in aov:
         if name not in AOVS:
             raise IprtError(f"--aov {name}: no such layer; the layers are: {', '.join(AOVS)}")
-    opened = Scene.open(scene)
+    opened = Scene.open(scene, allow_outside=allow_outside)
     for path in (output, profile):
         if path is not None:
             opened.require_not_ours(path)
     chosen, objects = choose_view(opened, view, yaw=yaw, pitch=pitch, fov=fov, size=size)
-    instances = opened.instances if objects is None else opened.instances_named(objects)
-    frame = opened.frame()
-    compute = ComputeDevice(choose_device(device))
-    require_memory(compute, frame, instances, chosen, settings)
-    with (
-        progress_bar("rendering", accumulate) as progress,
-        Renderer(compute, frame, instances, chosen, settings) as renderer,
-    ):
-        compute.finish()
-        prepare_ms = sum(entry.ms for entry in compute.profile.passes())
-        compute.profile.reset()
-        picture = renderer.render(frames=accumulate, aovs=aov, progress=progress)
-    write_picture(
-        output,
-        picture.color,
-        aovs=picture.aovs,
-        exposure=opened.exposure,
-        metadata=picture_metadata(
-            scene=opened.name,
-            view=chosen,
-            objects=objects,
-            settings=settings.model_dump(mode="json"),
-            seed=settings.seed,
-            frames=accumulate,
-            device=compute.name,
-        ),
-    )
-    if profile is not None:
-        write_profile(profile, compute.profile, compute.name, prepare_ms=prepare_ms)
+    with locked(Path(os.path.realpath(output)).parent):
+        picture, compute, prepare_ms = _rendered(
+            opened, chosen, objects, settings, accumulate, aov, device, frame_limit
+        )
+        write_picture(
+            output,
+            picture.color,
+            aovs=picture.aovs,
+            exposure=opened.exposure,
+            metadata=picture_metadata(
+                scene=opened.name,
+                view=chosen,
+                objects=objects,
+                settings=settings.model_dump(mode="json"),
+                seed=settings.seed,
+                frames=accumulate,
+                device=compute.name,
+            ),
+        )
+        if profile is not None:
+            write_profile(profile, compute.profile, compute.name, prepare_ms=prepare_ms)
     console = Console()
     console.print(pass_table(compute.profile, compute.name, prepare_ms=prepare_ms))
     console.print(str(output), highlight=False, soft_wrap=True)
     return 0
+
+
+def _rendered(
+    scene: Scene,
+    view: View,
+    objects: tuple[str, ...] | None,
+    settings: Settings,
+    frames: int,
+    aovs: Sequence[str],
+    device: str | None,
+    frame_limit: float,
+) -> tuple[RenderedFrame, ComputeDevice, float]:
+    """The picture, the device with its times, and the milliseconds spent once per video frame.
+
+    Where the driver loses the device, all is made anew, once.
+    """
+    from iprt.commands.progress import progress_bar
+    from iprt.device.choose import choose_device
+    from iprt.device.compute import ComputeDevice
+    from iprt.device.recovery import with_second_try
+    from iprt.memory import require_memory
+    from iprt.renderer import Renderer
+
+    instances = scene.instances if objects is None else scene.instances_named(objects)
+    frame = scene.frame()
+    handle = choose_device(device)
+
+    def attempt() -> tuple[RenderedFrame, ComputeDevice, float]:
+        compute = ComputeDevice(handle, frame_limit)
+        require_memory(compute, frame, instances, view, settings)
+        with (
+            progress_bar("rendering", frames) as progress,
+            Renderer(compute, frame, instances, view, settings) as renderer,
+        ):
+            compute.finish()
+            prepare_ms = sum(entry.ms for entry in compute.profile.passes())
+            compute.profile.reset()
+            picture = renderer.render(frames=frames, aovs=aovs, progress=progress)
+        return picture, compute, prepare_ms
+
+    return with_second_try(attempt)
 
 
 def choose_view(

@@ -11,6 +11,7 @@ import tyro
 from iprt.errors import IprtError
 
 if TYPE_CHECKING:
+    from iprt.device.compute import ComputeDevice
     from iprt.scene.frame import Frame
     from iprt.scene.report import ObjectReport, RealMaterialReport, SceneReport, Share
     from iprt.scene.scene import Scene
@@ -22,6 +23,7 @@ def info(
     *,
     json: bool = False,
     thumbnail: Path | None = None,
+    allow_outside: bool = False,
 ) -> int:
     """Show what a scene holds: size, depth in metres, light through openings, objects, views.
 
@@ -33,6 +35,8 @@ def info(
         Print JSON instead of text.
     thumbnail
         PNG to write: the panorama with axes, views and objects drawn in.
+    allow_outside
+        Read files of the scene that are links to what lies outside its folder.
 
     Returns
     -------
@@ -48,7 +52,7 @@ def info(
         if thumbnail.suffix.lower() != ".png":
             raise IprtError(f"--thumbnail {thumbnail}: expected a name that ends in .png")
         require_writable(thumbnail)
-    opened = Scene.open(scene)
+    opened = Scene.open(scene, allow_outside=allow_outside)
     if thumbnail is not None:
         opened.require_not_ours(thumbnail)
     raw = opened.raw_frame()
@@ -66,13 +70,26 @@ def info(
     return 0
 
 
-def check(scene: tyro.conf.Positional[Path], /) -> int:
+def check(
+    scene: tyro.conf.Positional[Path],
+    /,
+    *,
+    device: str | None = None,
+    allow_outside: bool = False,
+) -> int:
     """Read every file of a scene; name all problems, what is not read, and badly placed objects.
+
+    It also tells whether the views fit into a device's memory, at the default settings.
 
     Parameters
     ----------
     scene
         Scene folder.
+    device
+        gpu, cpu, a place such as 0:0 (see `iprt doctor`), or part of a device's name. Default: the
+        fastest kind there is.
+    allow_outside
+        Read files of the scene that are links to what lies outside its folder.
 
     Returns
     -------
@@ -84,10 +101,12 @@ def check(scene: tyro.conf.Positional[Path], /) -> int:
     from iprt.scene.report import check_files, describe_scene
     from iprt.scene.scene import Scene
 
-    opened = Scene.open(scene)
+    compute = _device(device)
+    opened = Scene.open(scene, allow_outside=allow_outside)
     check_files(opened)
     raw = opened.raw_frame()
-    report = describe_scene(opened, opened.sanitised(raw), raw)
+    frame = opened.sanitised(raw)
+    report = describe_scene(opened, frame, raw)
     lost = 1.0 - float(np.isfinite(raw.color).all(axis=-1).mean())
     if lost > 0.0:
         print(f"warning: colour: {lost:.2%} of the picture is NaN or infinite and shown black")
@@ -103,8 +122,12 @@ def check(scene: tyro.conf.Positional[Path], /) -> int:
             print(f"note: {entry.name}: not read from its file: {phrase}")
         for phrase in entry.warnings:
             print(f"warning: {entry.name}: {phrase}")
+    too_large, memory = memory_lines(opened, frame, compute)
+    print("\n".join(memory))
     first, last = report.frames
-    warned = lost > 0.0 or bool(empty) or any(entry.warnings for entry in report.objects)
+    warned = (
+        lost > 0.0 or bool(empty) or too_large or any(entry.warnings for entry in report.objects)
+    )
     verdict = "usable, but see the warnings" if warned else "fine"
     print(
         f"{report.name}: {verdict}; {last - first + 1} frame(s), {len(report.objects)} object(s), "
@@ -164,6 +187,7 @@ def add(
     height: float | None = None,
     material: str | None = None,
     name: str | None = None,
+    allow_outside: bool = False,
 ) -> int:
     """Set an object down on the surface seen in a direction, and add a view of it.
 
@@ -183,6 +207,8 @@ def add(
         file's own.
     name
         Name of the object. Default: the mesh file's.
+    allow_outside
+        Read files of the scene that are links to what lies outside its folder.
 
     Returns
     -------
@@ -195,7 +221,16 @@ def add(
     if height is not None and not 0.0 < height < float("inf"):
         raise IprtError(f"--height {height:g}: expected metres above 0")
     table = None if material is None else parse_material(material)
-    added = add_object(scene, mesh, yaw, pitch, height=height, material=table, name=name)
+    added = add_object(
+        scene,
+        mesh,
+        yaw,
+        pitch,
+        height=height,
+        material=table,
+        name=name,
+        allow_outside=allow_outside,
+    )
     x, y, z = added.base
     for phrase in added.dropped:
         print(f"note: {added.name}: not read from its file: {phrase}")
@@ -204,17 +239,56 @@ def add(
     return 0
 
 
+def memory_lines(
+    scene: Scene, frame: Frame, device: ComputeDevice | None
+) -> tuple[bool, list[str]]:
+    """Whether a view needs more memory than the device has, and what to say about it."""
+    from iprt.commands.render import choose_view
+    from iprt.memory import RenderPlan, amount
+
+    plans = {}
+    for name in scene.views or (None,):
+        view, objects = choose_view(scene, name)
+        instances = scene.instances if objects is None else scene.instances_named(objects)
+        label = "a view" if name is None else f"view {name}"
+        plans[label] = RenderPlan.of(frame, instances, view)
+    largest = max(plans, key=lambda label: plans[label].bytes)
+    view, need = plans[largest].view, plans[largest].bytes
+    line = f"memory: {amount(need)} for {largest} of {view.width} x {view.height}"
+    if device is None:
+        return False, [line]
+    line += f"; {device.name} has {amount(device.memory)}"
+    problems = {
+        label: plan.problem(device.name, device.memory, device.largest_buffer)
+        for label, plan in plans.items()
+    }
+    warnings = [f"warning: {label}: {why}" for label, why in problems.items() if why]
+    return bool(warnings), [line, *warnings]
+
+
+def _device(spec: str | None) -> ComputeDevice | None:
+    """The device asked for; that there is none where none is asked for is no fault of a scene."""
+    from iprt.device.choose import choose_device
+    from iprt.device.compute import ComputeDevice
+    from iprt.errors import DeviceError
+
+    try:
+        return ComputeDevice(choose_device(spec))
+    except DeviceError:
+        if spec is not None:
+            raise
+        return None
+
+
 def render_plan(scene: Scene, frame: Frame) -> dict[str, dict[str, object]]:
     """What the renderer builds for each view of a scene and the memory that takes, by name."""
-    from iprt.device.plan import PlanDevice
-    from iprt.renderer import Renderer
+    from iprt.memory import RenderPlan
 
     plan: dict[str, dict[str, object]] = {}
     for name, entry in scene.views.items():
-        device = PlanDevice()
-        renderer = Renderer(device, frame, scene.instances_of(name), entry.view)
-        memory = sum(device.buffers.values()) / 2**20
-        plan[name] = {"parts": renderer.requirements.describe(), "device_memory_mib": memory}
+        built = RenderPlan.of(frame, scene.instances_of(name), entry.view)
+        memory = built.bytes / 2**20
+        plan[name] = {"parts": built.requirements.describe(), "device_memory_mib": memory}
     return plan
 
 

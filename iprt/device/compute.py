@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import re
 import warnings
 from collections.abc import Mapping
+from contextlib import AbstractContextManager
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -12,7 +15,9 @@ import pyopencl.array as cla
 from numpy.typing import DTypeLike, NDArray
 
 from iprt.device.profile import Profile
+from iprt.device.recovery import reported, wait
 from iprt.errors import DeviceError, KernelError
+from iprt.memory import amount, what_to_lower
 from iprt.resources import CL
 
 Define = int | float | bool | str
@@ -24,6 +29,7 @@ class Kernel:
     def __init__(self, device: ComputeDevice, kernel: Any) -> None:
         self._device = device
         self._kernel = kernel
+        self._name = kernel.function_name
 
     def __call__(self, size: tuple[int, ...], *args: Any) -> None:
         """Enqueue over `size` work items, x first; the kernel guards the grid's edge.
@@ -32,7 +38,8 @@ class Kernel:
         """
         local = self._device.group_size(len(size))
         rounded = tuple(-(-n // m) * m for n, m in zip(size, local, strict=True))
-        event = self._kernel(self._device.queue, rounded, local, *map(_argument, args))
+        with self._device.reported(self._name):
+            event = self._kernel(self._device.queue, rounded, local, *map(_argument, args))
         self._device.profile.record(event)
 
 
@@ -40,25 +47,55 @@ class ComputeDevice:
     """Context, profiling queue and named buffers on one OpenCL device.
 
     Buffers are `pyopencl.array.Array`: shape and dtype known, `.get()` reads back.
+
+    Parameters
+    ----------
+    device : pyopencl.Device
+    limit_s : float or None
+        Seconds after which a device that has not finished its work is taken to hang; None waits
+        for ever.
+
+    Raises
+    ------
+    DeviceLostError, DeviceHangError
+        Here and in all methods: the driver gave up, or did not answer in time.
     """
 
-    def __init__(self, device: cl.Device) -> None:
+    limit_s: float | None = None
+
+    def __init__(self, device: cl.Device, limit_s: float | None = None) -> None:
         self.device = device
-        self.context = cl.Context([device])
-        self.queue = cl.CommandQueue(
-            self.context, properties=cl.command_queue_properties.PROFILING_ENABLE
-        )
-        self.profile = Profile()
+        self.limit_s = limit_s
         self.buffers: dict[str, int] = {}
+        with self.reported("creating a context"):
+            self.context = cl.Context([device])
+            self.queue = cl.CommandQueue(
+                self.context, properties=cl.command_queue_properties.PROFILING_ENABLE
+            )
+        self.profile = Profile()
         self._programs: dict[tuple[str, str], Any] = {}
 
-    @property
+    @cached_property
     def name(self) -> str:
         return f"{self.device.name.strip()} ({self.device.platform.name.strip()})"
 
     @property
     def is_cpu(self) -> bool:
         return bool(self.device.type & cl.device_type.CPU)
+
+    @property
+    def memory(self) -> int:
+        """Bytes that the device has, as its driver says."""
+        return int(self.device.global_mem_size)
+
+    @property
+    def largest_buffer(self) -> int:
+        """Bytes that one buffer may have."""
+        return int(self.device.max_mem_alloc_size)
+
+    def reported(self, what: str) -> AbstractContextManager[None]:
+        """OpenCL errors of the block as errors of the package; see `iprt.device.recovery`."""
+        return reported(self.name, what, self.buffers)
 
     def group_size(self, dimensions: int) -> tuple[int, ...]:
         """One fixed work-group size per dimensionality, so that PoCL compiles each kernel once."""
@@ -72,9 +109,9 @@ class ComputeDevice:
         Raises
         ------
         KernelError
-            The program did not build; the message holds the device and the build log.
+            The program did not build.
         """
-        options = ["-cl-std=CL1.2", "-I", str(CL / "lib")]
+        options = ["-cl-std=CL1.2", "-cl-kernel-arg-info", "-I", str(CL / "lib")]
         for define, value in sorted((defines or {}).items()):
             if value is not False:
                 options.append(f"-D{define}={_literal(value)}")
@@ -91,7 +128,20 @@ class ComputeDevice:
                 warnings.simplefilter("ignore", cl.CompilerWarning)
                 return cl.Program(self.context, source).build(options)
         except cl.RuntimeError as error:
-            raise KernelError(f"cl/{file} did not build on {self.name}: {error}") from error
+            raise KernelError(self._build_report(file, options, str(error))) from error
+
+    def _build_report(self, file: str, options: list[str], told: str) -> str:
+        # pyopencl puts the routine's name before the compiler's log, and options after it.
+        log = re.sub(
+            r"\A.*?Build on <[^\n]*>:|^\((options|source saved).*?\)$", "", told, flags=re.S | re.M
+        )
+        return (
+            f"cl/{file} did not build\n"
+            f"  device   {self.name}\n"
+            f"  driver   {self.device.driver_version.strip()}\n"
+            f"  options  {' '.join(options)}\n"
+            f"{log.strip()}"
+        )
 
     @property
     def built_programs(self) -> list[tuple[str, str]]:
@@ -103,10 +153,10 @@ class ComputeDevice:
         try:
             array = cla.empty(self.queue, shape, dtype)
         except (cl.MemoryError, cl.LogicError) as error:
-            need = int(np.prod(shape)) * np.dtype(dtype).itemsize / 2**20
+            need = int(np.prod(shape)) * np.dtype(dtype).itemsize
             raise DeviceError(
-                f"{self.name} cannot hold the buffer '{name}' ({need:.0f} MiB): "
-                "lower --size or use a smaller panorama"
+                f"{self.name} cannot hold the buffer '{name}' ({amount(need)}): "
+                f"{what_to_lower(self.buffers | {name: need})}"
             ) from error
         self.buffers[name] = array.nbytes
         return array
@@ -117,9 +167,9 @@ class ComputeDevice:
         return array
 
     def fill_zero(self, array: cla.Array) -> None:
-        self.profile.record(
-            cl.enqueue_fill_buffer(self.queue, array.data, np.uint8(0), 0, array.nbytes)
-        )
+        with self.reported("clearing a buffer"):
+            event = cl.enqueue_fill_buffer(self.queue, array.data, np.uint8(0), 0, array.nbytes)
+        self.profile.record(event)
 
     def upload(self, name: str, values: NDArray[Any]) -> cla.Array:
         """A new buffer holding a copy of `values`."""
@@ -130,16 +180,32 @@ class ComputeDevice:
     def write(self, array: cla.Array, values: NDArray[Any]) -> None:
         """Overwrite a buffer with host values of its shape and dtype."""
         host = np.ascontiguousarray(values, dtype=array.dtype).reshape(array.shape)
-        self.profile.record(cl.enqueue_copy(self.queue, array.data, host, is_blocking=True))
+        self._copy(array.data, host)
 
     def read(self, array: cla.Array) -> NDArray[Any]:
         """A host copy of a buffer, after all enqueued work on it."""
         host = np.empty(array.shape, array.dtype)
-        self.profile.record(cl.enqueue_copy(self.queue, host, array.data, is_blocking=True))
+        self._copy(host, array.data)
         return host
 
+    def _copy(self, target: Any, source: Any) -> None:
+        if self.limit_s is not None:
+            self.wait()  # a blocking transfer would wait for the kernels before it without a limit
+        with self.reported("a transfer"):
+            event = cl.enqueue_copy(self.queue, target, source, is_blocking=True)
+        self.profile.record(event)
+
+    def wait(self) -> None:
+        """Until all enqueued work is done."""
+        with self.reported("its work"):
+            if self.limit_s is None:
+                self.queue.finish()
+            else:
+                wait(self.name, self.queue, self.limit_s)
+
     def finish(self) -> None:
-        self.queue.finish()
+        """`wait`, and add up the times."""
+        self.wait()
         self.profile.resolve()
 
 

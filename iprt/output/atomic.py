@@ -31,12 +31,20 @@ def replacing(path: Path) -> Iterator[Path]:
         target.parent.mkdir(parents=True, exist_ok=True)
         try:
             yield temporary
+            _sync(temporary)
             os.replace(temporary, target)
         finally:
             temporary.unlink(missing_ok=True)
     except (OSError, RuntimeError) as error:  # OpenEXR reports system errors as RuntimeError
         reason = getattr(error, "strerror", None) or str(error).replace(str(temporary), path.name)
         raise FormatError(f"{path}: cannot be written: {reason}") from error
+
+
+def _sync(path: Path) -> None:
+    # Some file systems tell only now that they are full, and after a power cut a name may stand for
+    # a file whose contents never reached the disk.
+    with path.open("rb") as file:
+        os.fsync(file.fileno())
 
 
 def require_writable(path: Path) -> None:

@@ -84,9 +84,9 @@ def command(monkeypatch: pytest.MonkeyPatch, scene: Any) -> Callable[..., int]:
     device = SimpleNamespace(profile=FakeProfile(), name="a device", finish=lambda: None)
     monkeypatch.setattr(FakeRenderer, "calls", [], raising=False)
     module("iprt.memory", require_memory=lambda *_: None)
-    module("iprt.scene.scene", Scene=SimpleNamespace(open=lambda path: scene))
+    module("iprt.scene.scene", Scene=SimpleNamespace(open=lambda path, **_: scene))
     module("iprt.device.choose", choose_device=lambda spec: spec)
-    module("iprt.device.compute", ComputeDevice=lambda spec: device)
+    module("iprt.device.compute", ComputeDevice=lambda spec, limit_s: device)
     module("iprt.renderer", Renderer=FakeRenderer)
     return lambda *args, **kwargs: render(Path("room"), *args, **kwargs)
 
