@@ -23,6 +23,12 @@
 #define BVH_PACKET_ROWS 9
 #define BVH_INSTANCE_ROWS 7
 
+// Steps after which a ray keeps what it has found: a hundred times what any needs in a tree that is
+// one. No buffer, however spoilt, can hold a kernel up.
+#ifndef BVH_STEP_CAP
+#define BVH_STEP_CAP 65536
+#endif
+
 typedef struct {
     __global const float4 *nodes;
     __global const float4 *packets;
@@ -150,7 +156,7 @@ static inline int bvh_trace(const Bvh bvh, float3 o, float3 d, float t_max, BvhH
     int reference = bvh.count == 1 ? ~0 : 0;
     hit->t = t_max;
     BvhRay ray = bvh_ray(o, d);
-    for (;;) {
+    for (int step = 0; step < BVH_STEP_CAP; step++) {
         if (reference >= 0) {
             __global const float4 *node = bvh.nodes + BVH_NODE_ROWS * reference;
             __global const int *references = (__global const int *)(node + 6);
@@ -191,6 +197,7 @@ static inline int bvh_trace(const Bvh bvh, float3 o, float3 d, float t_max, BvhH
         } while (as_float(stack[top].y & ~3) >= hit->t);
         reference = stack[top].x;
     }
+    return met;
 }
 
 #endif

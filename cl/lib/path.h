@@ -293,7 +293,8 @@ static inline PathResult trace_path(const World world, float3 o, float3 o_object
 #ifdef REAL_GLOSS
     int reflected = 0;
 #endif
-    for (int bounce = 0;; bounce++) {
+    // One more for a glossy real surface, and one for what is seen in the last.
+    for (int bounce = 0; bounce < MAX_BOUNCES + 2; bounce++) {
         const float3 d = s.wi;
         ObjectHit hit;
         hit.t = INFINITY;
@@ -385,6 +386,7 @@ static inline PathResult trace_path(const World world, float3 o, float3 o_object
         if (!(throughput.x + throughput.y + throughput.z > 0.0f))
             return result;
     }
+    return result;
 }
 #endif
 
