@@ -27,7 +27,8 @@ def require_inside(path: Path, folder: Path) -> None:
     real, home = Path(os.path.realpath(path)), Path(os.path.realpath(folder))
     if not real.is_relative_to(home):
         raise FormatError(
-            f"{path}: is a link to {real}, outside {folder}; copy it there, or give --allow-outside"
+            f"{path}: is a link to {real}, outside its folder; copy it there, or give "
+            "--allow-outside"
         )
 
 

@@ -22,11 +22,13 @@ TABLE_LISTS = ("objects", "real_materials", "views")
 
 MAX_PROBLEMS = 100
 """That are shown."""
+MAX_LETTERS = 1000
+"""Of each of them."""
 
 
 def problems_error(source: str, problems: Sequence[str]) -> SceneError:
     """One error for all problems, or as many as one can read: a line each."""
-    shown = [printable(problem) for problem in problems[:MAX_PROBLEMS]]
+    shown = [printable(problem, MAX_LETTERS) for problem in problems[:MAX_PROBLEMS]]
     if len(problems) == 1:
         return SceneError(f"{source}: {shown[0]}")
     count = f"{len(problems)}" if len(problems) == len(shown) else f"more than {len(shown)}"
