@@ -59,11 +59,23 @@ def read_depth_plane(path: Path) -> None:
     assert depth.ndim == 2
 
 
+def read_scene(path: Path) -> None:
+    scene = Scene.open(path.parent)
+    frame = scene.frame()
+    assert np.isfinite(frame.color).all()
+    assert (frame.depth > 0.0).all()
+    assert np.isfinite(frame.normal).all()
+    for instance in scene.instances:
+        assert np.isfinite(instance.to_world).all()
+        assert len(instance.mesh.triangles)
+
+
 READERS: dict[Reader, Callable[[Path], object]] = {
     "color": read_color_plane,
     "depth": read_depth_plane,
     "mesh": read_mesh,
     "manifest": lambda path: Scene.open(path.parent),
+    "scene": read_scene,
     "settings": lambda path: resolved("balanced", read_settings(path)),
 }
 

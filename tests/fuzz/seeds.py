@@ -1,0 +1,146 @@
+"""Small right files of every format, and the nasty ones that are small, to start fuzzing from."""
+
+from __future__ import annotations
+
+import io
+import struct
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import OpenEXR
+import trimesh
+from PIL import Image
+
+from iprt.knobs import resolved, settings_toml
+from tests.scene import corpus
+from tests.scene.files import CUBE, MANIFEST, OBJECT, VIEW, write_channels, write_png16
+from tests.scene.nasty_meshes import BINARY, CORNERS, DATA, TEXTURED, glb, gltf, ply
+
+PARTS = b"\n=====\n"
+"""Between an OBJ file and its MTL file, which are fuzzed as one."""
+LARGEST = 4096
+COMPRESSIONS = ("NO", "RLE", "ZIPS", "ZIP", "PIZ", "PXR24", "B44", "B44A", "DWAA")
+RNG = np.random.default_rng(5)
+
+
+def right(target: str) -> list[bytes]:
+    """Files that can be read."""
+    with tempfile.TemporaryDirectory() as folder:
+        return _MAKERS[target](Path(folder))
+
+
+def nasty(target: str) -> list[bytes]:
+    """Files that cannot."""
+    with tempfile.TemporaryDirectory() as folder:
+        files = corpus.write_corpus(Path(folder)).values()
+        paths = [path for entry, path in files if _target_of(entry.file) == target]
+        return [
+            path.read_bytes() for path in paths if path.is_file() and path.stat().st_size <= LARGEST
+        ]
+
+
+def _target_of(file: str) -> str:
+    name, _, suffix = file.rpartition(".")
+    return {"toml": "scene" if name == "scene" else "settings", "jpg": "jpeg"}.get(suffix, suffix)
+
+
+def _pfm(_: Path) -> list[bytes]:
+    values = np.arange(8, dtype="<f4")
+    return [b"Pf\n4 2\n-1\n" + values.tobytes(), b"Pf 4 2 1.5 " + values.astype(">f4").tobytes()]
+
+
+def _png(folder: Path) -> list[bytes]:
+    made = []
+    for mode in ("1", "L", "LA", "P", "RGB", "RGBA", "I;16"):
+        stream = io.BytesIO()
+        Image.new(mode, (5, 3)).save(stream, "PNG")
+        made.append(stream.getvalue())
+    for channels in (1, 2, 3, 4):
+        pixels = RNG.integers(0, 65536, (5, 3, channels), dtype=np.uint16)
+        write_png16(folder / "a.png", pixels, [0, 1, 2, 3, 4])
+        made.append((folder / "a.png").read_bytes())
+    return made
+
+
+def _jpeg(_: Path) -> list[bytes]:
+    made = []
+    image = Image.fromarray(RNG.integers(0, 256, (8, 16, 3), np.uint8))
+    for options in ({}, {"progressive": True}, {"subsampling": 0}):
+        for mode in ("L", "RGB", "CMYK"):
+            stream = io.BytesIO()
+            image.convert(mode).save(stream, "JPEG", quality=50, **options)
+            made.append(stream.getvalue())
+    return made
+
+
+def _exr(folder: Path) -> list[bytes]:
+    made = []
+    plane = RNG.random((5, 9)).astype(np.float32)
+    for name in COMPRESSIONS:
+        for kind in (OpenEXR.scanlineimage, OpenEXR.tiledimage):
+            header = {"compression": getattr(OpenEXR, f"{name}_COMPRESSION"), "type": kind}
+            if kind == OpenEXR.tiledimage:
+                header["tiles"] = OpenEXR.TileDescription()
+            planes = {"R": plane, "G": plane.astype(np.float16), "B": plane.astype(np.uint32)}
+            OpenEXR.File(header, planes).write(str(folder / "a.exr"))
+            made.append((folder / "a.exr").read_bytes())
+    write_channels(folder / "a.exr", left__Z=plane)
+    return [*made, (folder / "a.exr").read_bytes()]
+
+
+def _ply(_: Path) -> list[bytes]:
+    solid = trimesh.creation.box()
+    made = [solid.export(file_type="ply"), solid.export(file_type="ply", encoding="ascii")]
+    solid.visual = trimesh.visual.TextureVisuals(uv=solid.vertices[:, :2])
+    made.append(solid.export(file_type="ply", vertex_normal=True))
+    quad = struct.pack("<12f", 0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0) + struct.pack(
+        "<B4i", 4, 0, 1, 2, 3
+    )
+    made += [ply(4, 1, quad), ply(3, 1, CORNERS + struct.pack("<B3i", 3, 0, 1, 2), BINARY)]
+    return [data if isinstance(data, bytes) else data.encode() for data in made]
+
+
+def _obj(_: Path) -> list[bytes]:
+    mtl = b"newmtl a\nKd 1 0.5 0\nKs 1 1 1\nNs 50\nd 0.5\nmap_Kd t.png\n"
+    mtl += b"newmtl b\nmap_Kd -s 1 1 1 t.png\n"
+    faces = "vt 0 0\nvt 1 0\nvt 1 1\nvn 0 0 1\nusemtl a\nf 1/1/1 2/2/1 3/3/1\nusemtl b\nf 1 2 3 4\n"
+    text = f"mtllib m.mtl\n{CUBE}{faces}f -1//-1 -2//-1 -3//-1\nl 1 2\n".encode()
+    return [CUBE.encode() + PARTS, text + PARTS + mtl]
+
+
+def _gltf(_: Path) -> list[bytes]:
+    return [gltf({}).encode(), gltf({**TEXTURED, "images": [{"uri": "t.png"}]}).encode()]
+
+
+def _glb(_: Path) -> list[bytes]:
+    made = [glb(gltf({"buffers.0.uri": None}), DATA)]
+    made.append(trimesh.creation.box().export(file_type="glb"))
+    return made
+
+
+def _scene(_: Path) -> list[bytes]:
+    plane = "plane = { point = [0, 0, 0], normal = [0, 1, 0] }"
+    real = f'[[real_materials]]\nname = "f"\nkind = "plastic"\ncolor = [1, 1, 0]\n{plane}\n'
+    view = VIEW + 'cuts = [[0, 0, 4, 4]]\nobjects = ["cube"]\n'
+    solid = OBJECT + 'material = { kind = "plastic", albedo = [0.1, 0.2, 0.3], alpha = 0.1 }\n'
+    return [(MANIFEST + solid + real + view).encode()]
+
+
+def _settings(_: Path) -> list[bytes]:
+    return [settings_toml(resolved("balanced"), "all").encode(), b"[trace]\nrays = 4\n"]
+
+
+_MAKERS = {
+    "pfm": _pfm,
+    "png": _png,
+    "jpeg": _jpeg,
+    "exr": _exr,
+    "ply": _ply,
+    "obj": _obj,
+    "gltf": _gltf,
+    "glb": _glb,
+    "scene": _scene,
+    "settings": _settings,
+}
+TARGETS = tuple(_MAKERS)
