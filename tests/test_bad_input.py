@@ -12,6 +12,7 @@ import trimesh
 from PIL import Image
 
 from iprt import cli
+from tests.scene import nasty_meshes, nasty_text  # noqa: F401  (they add to the corpus)
 from tests.scene.files import (
     CUBE,
     IDENTITY,
@@ -24,6 +25,7 @@ from tests.scene.files import (
     write_png16_grey,
     write_rgb,
 )
+from tests.scene.nasty import CORPUS
 
 ROOT = Path(__file__).parents[1]
 WHOLE = MANIFEST + OBJECT + VIEW
@@ -247,3 +249,56 @@ def test_bad_thumbnails(
     before = snapshot(tmp_path)
     assert message in fails("scene", "info", scene, "--thumbnail", tmp_path / name)
     assert snapshot(tmp_path) == before
+
+
+NASTY = {entry.name: entry for entry in CORPUS}
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "PNG of 16 bits, 10^10 pixels",
+        "jpeg of 4 gigapixels",
+        "EXR of 10^10 pixels",
+        "exr of 2000 channels",
+        "PFM of 40 GB",
+        "PLY of 2^31 vertices",
+        "OBJ with materials of the system",
+        "texture that ghostscript would run",
+        "glTF accessor of 2^40",
+        "glTF node that is its own child",
+        "GLB of 4 GB",
+        "a name that colours the terminal",
+        "manifest of too much: a number in hex",
+    ],
+)
+def test_nasty_files_end_with_one_line(name: str, scene: Path, fails: Callable[..., str]) -> None:
+    """A sample of the corpus; `tests/scene/test_nasty.py` reads all of it."""
+    entry = NASTY[name]
+    key = {"color": "color.exr", "depth": "depth.exr", "mesh": "cube.obj"}.get(entry.reader)
+    if key is not None:
+        replaced(key, entry.file)(scene)
+    entry.write(scene / entry.file)
+    assert entry.message in fails("scene", "info", scene)
+
+
+@pytest.mark.parametrize("name", ["PLY of 2^31 vertices", "glTF buffer of the net"])
+def test_nasty_meshes_are_not_added(
+    name: str, scene: Path, tmp_path: Path, fails: Callable[..., str]
+) -> None:
+    NASTY[name].write(tmp_path / NASTY[name].file)
+    before = snapshot(scene)
+    line = fails("scene", "add", scene, tmp_path / NASTY[name].file, "--look=0,-40")
+    assert NASTY[name].message in line
+    assert snapshot(scene) == before
+
+
+@pytest.mark.parametrize(
+    "name", ["settings of too much: brackets", "settings of too much: a number in hex"]
+)
+def test_nasty_settings_end_with_one_line(
+    name: str, scene: Path, tmp_path: Path, fails: Callable[..., str]
+) -> None:
+    NASTY[name].write(tmp_path / "my.toml")
+    words = ("render", scene, "-o", tmp_path / "a.png", "--settings", tmp_path / "my.toml")
+    assert NASTY[name].message in fails(*words)

@@ -1,0 +1,173 @@
+"""What is written is what is read, whatever it is."""
+
+from __future__ import annotations
+
+import base64
+import json
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import array_shapes, arrays
+
+from iprt.output.exr import write_exr
+from iprt.scene.edit import _manifest_text, _object_text
+from iprt.scene.images import read_color, read_depth
+from iprt.scene.manifest import parse_manifest
+from iprt.scene.meshes import load_mesh
+from tests.scene.files import write_channels, write_png16_grey
+from tests.scene.nasty_meshes import glb, gltf, ply
+
+SETTINGS = settings(max_examples=40, derandomize=True, deadline=10_000)
+SHAPES = array_shapes(min_dims=2, max_dims=2, max_side=9)
+TYPES = ("ascii", "binary_little_endian", "binary_big_endian")
+
+coordinates = st.floats(-1e4, 1e4, width=32).filter(lambda value: value == 0.0 or abs(value) > 1e-3)
+names = st.text(
+    st.characters(exclude_categories=("C", "Z"), exclude_characters="/\\:"), min_size=1, max_size=20
+)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("round")
+
+
+@SETTINGS
+@given(values=arrays(np.float32, SHAPES))
+def test_exr_colour_as_the_renderer_writes_it(folder: Path, values: np.ndarray) -> None:
+    color = np.stack([values, values * np.float32(0.5), -values], axis=-1)
+    write_exr(folder / "c.exr", color)
+    assert np.array_equal(read_color(folder / "c.exr"), color, equal_nan=True)
+
+
+@SETTINGS
+@given(
+    values=st.one_of(
+        arrays(np.float32, SHAPES), arrays(np.float16, SHAPES), arrays(np.uint32, SHAPES)
+    )
+)
+def test_exr_depth_of_every_type(folder: Path, values: np.ndarray) -> None:
+    write_channels(folder / "d.exr", Z=values)
+    depth, integers = read_depth(folder / "d.exr")
+    assert np.array_equal(depth, values.astype(np.float32), equal_nan=True)
+    assert integers == (values.dtype == np.uint32)
+
+
+@SETTINGS
+@given(values=arrays(np.uint16, SHAPES))
+def test_png_depth(folder: Path, values: np.ndarray) -> None:
+    write_png16_grey(folder / "d.png", values)
+    depth, integers = read_depth(folder / "d.png")
+    assert integers
+    assert np.array_equal(depth, values.astype(np.float32))
+
+
+@st.composite
+def solids(draw: st.DrawFn) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices (V, 3) and triangles (F, 3), none of which is flat."""
+    count = draw(st.integers(3, 12))
+    vertices = draw(arrays(np.float32, (count, 3), elements=coordinates))
+    triangles = draw(
+        arrays(np.int32, (draw(st.integers(1, 9)), 3), elements=st.integers(0, count - 1))
+    )
+    corners = vertices[triangles].astype(np.float64)
+    edges = corners - np.roll(corners, 1, axis=1)
+    area = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
+    usable = area > 1e-4 * np.einsum("fij,fij->fi", edges, edges).max(axis=1, initial=0.0)
+    if not usable.any():
+        vertices[:3], triangles, usable = np.eye(3), np.array([[0, 1, 2]], np.int32), [True]
+    return vertices, triangles[usable]
+
+
+def same(path: Path, vertices: np.ndarray, triangles: np.ndarray) -> bool:
+    """All corners of all triangles, whichever way the reader numbers and orders them."""
+    mesh = load_mesh(path)
+    read = mesh.positions[mesh.triangles].reshape(-1, 9)
+    wanted = vertices[triangles].reshape(-1, 9)
+    return np.array_equal(read[np.lexsort(read.T)], wanted[np.lexsort(wanted.T)])
+
+
+@SETTINGS
+@given(solid=solids(), kind=st.sampled_from(TYPES))
+def test_ply(folder: Path, solid: tuple[np.ndarray, np.ndarray], kind: str) -> None:
+    vertices, triangles = solid
+    if kind == "ascii":
+        rows = [" ".join(map(repr, map(float, row))) for row in vertices]
+        rows += [" ".join(map(str, [3, *row])) for row in triangles]
+        data = "\n".join(rows).encode() + b"\n"
+    else:
+        order = "<" if "little" in kind else ">"
+        data = vertices.astype(f"{order}f4").tobytes()
+        data += b"".join(struct.pack(f"{order}B3i", 3, *row) for row in triangles)
+    (folder / "m.ply").write_bytes(ply(len(vertices), len(triangles), data, kind))
+    assert same(folder / "m.ply", vertices, triangles)
+
+
+@SETTINGS
+@given(solid=solids())
+def test_obj(folder: Path, solid: tuple[np.ndarray, np.ndarray]) -> None:
+    vertices, triangles = solid
+    lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in vertices.astype(float).tolist()]
+    lines += [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in triangles.tolist()]
+    (folder / "m.obj").write_text("\n".join(lines))
+    assert same(folder / "m.obj", vertices, triangles)
+
+
+@SETTINGS
+@given(solid=solids(), binary=st.booleans())
+def test_gltf(folder: Path, solid: tuple[np.ndarray, np.ndarray], binary: bool) -> None:
+    vertices, triangles = solid
+    data = vertices.astype("<f4").tobytes() + triangles.astype("<u2").tobytes()
+    data += bytes(-len(data) % 4)
+    document = json.loads(gltf({"buffers.0.uri": None}))
+    document["accessors"][0]["count"] = len(vertices)
+    document["accessors"][1]["count"] = triangles.size
+    document["bufferViews"][0]["byteLength"] = 12 * len(vertices)
+    document["bufferViews"][1] = {
+        "buffer": 0,
+        "byteOffset": 12 * len(vertices),
+        "byteLength": 2 * triangles.size,
+    }
+    document["buffers"][0]["byteLength"] = len(data)
+    if binary:
+        (folder / "m.glb").write_bytes(glb(json.dumps(document), data))
+    else:
+        document["buffers"][0]["uri"] = "data:;base64," + base64.b64encode(data).decode()
+        (folder / "m.gltf").write_text(json.dumps(document))
+    assert same(folder / ("m.glb" if binary else "m.gltf"), vertices, triangles)
+
+
+@SETTINGS
+@given(
+    name=names,
+    mesh=names.filter(lambda text: text not in (".", "..")),
+    offset=arrays(np.float64, 3, elements=st.floats(-1e5, 1e5)),
+    scale=st.floats(1e-3, 1e3),
+    depth_scale=st.none() | st.floats(1e-6, 1e6),
+    frames=st.tuples(st.integers(0, 999), st.integers(0, 999)).map(sorted),
+)
+def test_manifests_as_they_are_written(
+    name: str,
+    mesh: str,
+    offset: np.ndarray,
+    scale: float,
+    depth_scale: float | None,
+    frames: list[int],
+) -> None:
+    to_world = np.diag([scale, scale, scale, 1.0])
+    to_world[:3, 3] = offset
+    material = {"kind": "plastic", "albedo": [0.25, 0.5, 1.0], "alpha": 0.125}
+    files = {"color": "c.%04d.exr", "depth": "d.%d.exr"}
+    text = _manifest_text(name, files, depth_scale, (frames[0], frames[1]))
+    manifest = parse_manifest(text + _object_text(name, mesh, to_world, material), "scene.toml")
+    assert manifest.name == manifest.objects[0].name == name
+    assert manifest.objects[0].mesh == mesh
+    assert np.allclose(np.reshape(manifest.objects[0].to_world, (4, 4)), to_world, rtol=1e-6)
+    assert manifest.video.depth_scale == depth_scale
+    assert manifest.video.frames == frames
+    assert manifest.objects[0].material is not None
+    assert manifest.objects[0].material.model_dump(include=set(material)) == material
