@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import FormatError
-from iprt.scene.untrusted import MAX_BYTES, require_picture_size
+from iprt.scene.untrusted import MAX_BYTES, decoding, require_picture_size
 from iprt.toml_text import printable
 
 MAGIC = b"\x76\x2f\x31\x01"
@@ -73,11 +73,9 @@ def read_exr(path: Path, choices: Sequence[tuple[str, ...]]) -> list[NDArray[np.
             )
     import OpenEXR
 
-    try:
+    with decoding(path, "damaged EXR file"):
         channels = OpenEXR.File(os.fspath(path), separate_channels=True).channels()
         planes = [np.asarray(channels[name].pixels) for name in names]
-    except (RuntimeError, ValueError, KeyError, MemoryError) as error:
-        raise FormatError(f"{path}: damaged EXR file ({_first_line(error)})") from error
     if any(plane.shape != (header.height, header.width) for plane in planes):
         raise FormatError(f"{path}: damaged EXR file (its pixels do not match its header)")
     return planes
@@ -205,7 +203,3 @@ def _string(file: BinaryIO) -> str:
             raise struct.error("unterminated name")
         letters += letter
     return letters.decode("utf-8", "replace")
-
-
-def _first_line(error: Exception) -> str:
-    return (str(error).splitlines() or [type(error).__name__])[0]

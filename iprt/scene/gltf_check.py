@@ -7,6 +7,7 @@ Specification: Khronos glTF 2.0, sections 3.5 (scenes), 3.6 (binary data), 3.7 (
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -14,7 +15,10 @@ from pydantic.alias_generators import to_camel
 
 from iprt.scene.untrusted import MAX_BYTES, MAX_TRIANGLES, MAX_VERTICES
 
-MAX_NODES = 2**16
+MAX_PARTS = 2**17
+"""Of accessors, views and buffers each."""
+MAX_NODES = 2**14
+"""Of nodes and of primitives: trimesh takes a millisecond for each."""
 MAX_DEPTH = 256
 """Of nodes below each other: each is moved by all above it."""
 
@@ -125,10 +129,10 @@ class Gltf(_Part):
     meshes: Annotated[list[GltfMesh], Field(max_length=MAX_NODES)] = Field(default=[])
     materials: Annotated[list[GltfMaterial], Field(max_length=MAX_NODES)] = Field(default=[])
     textures: list[Texture] = Field(default=[])
-    images: Annotated[list[Image], Field(max_length=MAX_NODES)] = Field(default=[])
-    accessors: Annotated[list[Accessor], Field(max_length=MAX_NODES)] = Field(default=[])
-    buffer_views: Annotated[list[BufferView], Field(max_length=MAX_NODES)] = Field(default=[])
-    buffers: Annotated[list[Buffer], Field(max_length=MAX_NODES)] = Field(default=[])
+    images: Annotated[list[Image], Field(max_length=MAX_PARTS)] = Field(default=[])
+    accessors: Annotated[list[Accessor], Field(max_length=MAX_PARTS)] = Field(default=[])
+    buffer_views: Annotated[list[BufferView], Field(max_length=MAX_PARTS)] = Field(default=[])
+    buffers: Annotated[list[Buffer], Field(max_length=MAX_PARTS)] = Field(default=[])
     animations: list[Any] = Field(default=[])
     skins: list[Any] = Field(default=[])
     cameras: list[Any] = Field(default=[])
@@ -184,6 +188,11 @@ def _problems(gltf: Gltf) -> Iterator[str]:
         if texture.source is not None and texture.source >= len(gltf.images):
             yield f"textures[{number}]: there is no image {texture.source}"
     yield from _node_problems(gltf)
+    primitives = [primitive for mesh in gltf.meshes for primitive in mesh.primitives]
+    if len(primitives) > MAX_NODES:
+        yield f"{len(primitives)} primitives; at most {MAX_NODES} are read"
+    # All of them are read, whether nodes show them or not.
+    yield from _too_many(_Size.of(gltf, primitives))
 
 
 def _data_problems(gltf: Gltf) -> Iterator[str]:
@@ -257,25 +266,44 @@ def _node_problems(gltf: Gltf) -> Iterator[str]:
     if any(root >= len(gltf.nodes) or parents[root] for root in level):
         yield "scenes: a node that does not exist, or is not the root of a tree"
         return
-    triangles = depth = 0
+    depth, size = 0, _Size()
     while level:
         depth += 1
         nodes = [gltf.nodes[index] for index in level]
-        triangles += sum(_triangles(gltf, node.mesh) for node in nodes)
-        if depth > MAX_DEPTH or triangles > MAX_TRIANGLES:
-            yield (
-                f"claims {triangles} triangles under {depth} levels of nodes; "
-                f"at most {MAX_TRIANGLES} and {MAX_DEPTH} are read"
-            )
+        meshes = [gltf.meshes[node.mesh] for node in nodes if node.mesh is not None]
+        size += _Size.of(gltf, [primitive for mesh in meshes for primitive in mesh.primitives])
+        if depth > MAX_DEPTH:
+            yield f"more than {MAX_DEPTH} levels of nodes"
             return
         level = [child for node in nodes for child in node.children]
+    yield from _too_many(size)
 
 
-def _triangles(gltf: Gltf, mesh: int | None) -> int:
-    """How many triangles of a mesh are read."""
-    total = 0
-    for primitive in [] if mesh is None else gltf.meshes[mesh].primitives:
-        index = primitive.indices
-        corners = gltf.accessors[primitive.attributes["POSITION"] if index is None else index].count
-        total += {_TRIANGLES: corners // 3, _STRIP: corners}.get(primitive.mode, 0)
-    return total
+@dataclass(frozen=True)
+class _Size:
+    vertices: int = 0
+    triangles: int = 0
+
+    def __add__(self, other: _Size) -> _Size:
+        return _Size(self.vertices + other.vertices, self.triangles + other.triangles)
+
+    @classmethod
+    def of(cls, gltf: Gltf, primitives: list[Primitive]) -> _Size:
+        """Of all these primitives, each as often as it is listed."""
+        vertices = triangles = 0
+        for primitive in primitives:
+            count = gltf.accessors[primitive.attributes["POSITION"]].count
+            vertices += count
+            corners = (
+                count if primitive.indices is None else gltf.accessors[primitive.indices].count
+            )
+            triangles += {_TRIANGLES: corners // 3, _STRIP: corners}.get(primitive.mode, 0)
+        return cls(vertices, triangles)
+
+
+def _too_many(size: _Size) -> Iterator[str]:
+    if size.vertices > MAX_VERTICES or size.triangles > MAX_TRIANGLES:
+        yield (
+            f"{size.triangles} triangles and {size.vertices} vertices; "
+            f"at most {MAX_TRIANGLES} and {MAX_VERTICES} are read"
+        )

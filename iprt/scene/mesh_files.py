@@ -26,7 +26,8 @@ from iprt.toml_text import printable
 
 MESH_SUFFIXES = (".ply", ".obj", ".gltf", ".glb")
 MAX_MATERIALS = 4096
-"""Of an OBJ file: trimesh goes through all vertices for each."""
+MAX_MATERIALS_TIMES_VERTICES = 2**32
+"""Of an OBJ file: trimesh goes through all vertices for each material."""
 MAX_JSON_BYTES = 2**27
 """Of a glTF document, which takes a multiple of that in memory."""
 _TRIANGLE_MODES = (4, 5)
@@ -145,9 +146,11 @@ class MeshFile:
         return json.loads(chunks[0][1]), binary[0] if binary else b""
 
     def _refer_from_obj(self) -> None:
-        materials = set()
+        materials, vertices = set(), 0
         for line in _lines(self.data):
             key, _, rest = line.partition(" ")
+            if key == "v":
+                vertices += 1
             if key == "usemtl":
                 materials.add(rest)
             if key == "mtllib":
@@ -156,8 +159,9 @@ class MeshFile:
                 for name in _material_maps(self._contents(self.references[library])):
                     self._refer(name, name)
                     self._check_texture(name)
-        if len(materials) > MAX_MATERIALS:
-            raise ValueError(f"{len(materials)} materials; at most {MAX_MATERIALS} are read")
+        count = len(materials)
+        if count > MAX_MATERIALS or count * vertices > MAX_MATERIALS_TIMES_VERTICES:
+            raise ValueError(f"{count} materials of {vertices} vertices; split or merge them")
 
     def _refer(self, written: str, name: str) -> None:
         relative = PurePosixPath(name.replace("\\", "/"))
@@ -191,7 +195,7 @@ class MeshFile:
                 view = gltf.buffer_views[image.buffer_view]
                 uri = gltf.buffers[view.buffer].uri
                 whole = chunk if uri is None else self._uri_bytes(uri)
-                data = whole[view.byte_offset :][: view.byte_length]
+                data = whole[view.byte_offset : view.byte_offset + view.byte_length]
             else:
                 raise ValueError(f"images[{number}]: neither uri nor bufferView")
             open_picture(BytesIO(data), self.path.with_name(f"{self.path.name}:images[{number}]"))

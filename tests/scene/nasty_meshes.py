@@ -137,7 +137,15 @@ def glb(document: str, data: bytes = b"") -> bytes:
 
 
 CHAIN = [{"children": [i + 1]} for i in range(999)] + [{"mesh": 0}]
-VIEWS = [{"buffer": 0, "byteLength": 44}] * 60000
+VIEWS = GLTF["bufferViews"] + [{"buffer": 0, "byteLength": 40_000}] * 70_000
+PRIMITIVES = GLTF["meshes"][0]["primitives"] * 20_000
+MANY = {
+    "accessors.0.count": 10_000_000,
+    "bufferViews.0.byteLength": 120_000_000,
+    "buffers.0.byteLength": 120_000_044,
+    "nodes": [{"mesh": 0}] * 10,
+    "scenes": [{"nodes": list(range(10))}],
+}
 for _name, _changes, _message in (
     ("glTF accessor of 2^40", {"accessors.0.count": 2**40}, "accessors[0].count: "),
     ("glTF accessor beyond its view", {"accessors.0.count": 4}, "accessors[0]: ends beyond"),
@@ -156,7 +164,13 @@ for _name, _changes, _message in (
     ("glTF buffer of the system", {"buffers.0.uri": "/etc/passwd"}, "outside its folder"),
     ("glTF buffer above", {"buffers.0.uri": "%2e%2e/a.bin"}, "outside its folder"),
     ("glTF buffer by file URI", {"buffers.0.uri": "file:///etc/passwd"}, "on the net"),
-    ("glTF of 60000 views of all", {"bufferViews": VIEWS * 2}, "bufferViews: "),
+    (
+        "glTF of 70000 views of all",
+        {"buffers.0.byteLength": 40_000, "bufferViews": VIEWS},
+        "at most 2147483648 are read",
+    ),
+    ("glTF of 20000 primitives", {"meshes.0.primitives": PRIMITIVES}, "20000 primitives; at most"),
+    ("glTF that shows 10^7 vertices ten times", MANY, "at most 16777216 and 50331648 are read"),
     ("glTF node that is its own child", {"nodes.0.children": [0]}, "root of a tree"),
     ("glTF node with two parents", {"nodes": [{"children": [1, 1]}, {}]}, "two parents"),
     ("glTF of 1000 levels", {"nodes": CHAIN}, "levels of nodes"),
