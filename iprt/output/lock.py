@@ -34,11 +34,10 @@ def locked(folder: Path) -> Iterator[None]:
     FormatError
         Another process, or another block of this one, holds the folder; or it cannot be written.
     """
-    target = Path(os.path.realpath(folder))
-    made = [path for path in (target, *target.parents) if not path.exists()]
+    made = [path for path in (folder, *folder.parents) if not path.exists()]
     try:
-        target.mkdir(parents=True, exist_ok=True)
-        handle = _acquire(folder, target / NAME)
+        folder.mkdir(parents=True, exist_ok=True)
+        handle = _acquire(folder, folder / NAME)
     except OSError as error:
         raise FormatError(f"{folder}: cannot be locked: {error.strerror}") from error
     try:
@@ -46,7 +45,7 @@ def locked(folder: Path) -> Iterator[None]:
     finally:
         # Before the lock is let go: the next render makes a file of its own.
         with suppress(OSError):  # the folder may have been removed
-            (target / NAME).unlink()
+            (folder / NAME).unlink()
         os.close(handle)
         with suppress(OSError):  # not empty: something was put there
             for path in made:

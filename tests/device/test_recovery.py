@@ -17,11 +17,12 @@ import pytest
 from iprt import cli
 from iprt.device import compute as module
 from iprt.device.compute import ComputeDevice
-from iprt.device.recovery import EXHAUSTED, LOST, with_second_try
+from iprt.device.recovery import with_second_try
 from iprt.errors import DeviceError, DeviceHangError, DeviceLostError, KernelError
 from iprt.resources import CL
 
 DEVICE = os.environ.get("IPRT_TEST_DEVICE", "pocl")
+EXHAUSTED = (cl.status_code.MEM_OBJECT_ALLOCATION_FAILURE, cl.status_code.OUT_OF_HOST_MEMORY)
 SPIN = """
 __kernel void spin(__global volatile int *sum, int rounds)
 {
@@ -70,7 +71,17 @@ def fails_at(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[str]]:
     return install
 
 
-@pytest.mark.parametrize("code", sorted(LOST))
+@pytest.mark.parametrize(
+    "code",
+    [
+        cl.status_code.OUT_OF_RESOURCES,
+        cl.status_code.INVALID_COMMAND_QUEUE,
+        cl.status_code.INVALID_CONTEXT,
+        cl.status_code.DEVICE_NOT_AVAILABLE,
+        cl.status_code.EXEC_STATUS_ERROR_FOR_EVENTS_IN_WAIT_LIST,
+        -9999,  # NVIDIA's
+    ],
+)
 def test_codes_of_a_lost_device(device: ComputeDevice, code: int) -> None:
     lost = pytest.raises(DeviceLostError, match=re.escape(device.name))
     with lost as caught, device.reported("a kernel"):
@@ -78,7 +89,7 @@ def test_codes_of_a_lost_device(device: ComputeDevice, code: int) -> None:
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("code", sorted(EXHAUSTED))
+@pytest.mark.parametrize("code", EXHAUSTED)
 def test_codes_of_exhausted_memory_say_what_to_lower(device: ComputeDevice, code: int) -> None:
     exhausted = pytest.raises(DeviceError, match="ran out of memory at a kernel: ")
     with exhausted as caught, device.reported("a kernel"):
@@ -273,7 +284,7 @@ def test_a_kernel_that_does_not_build_is_one_report(
     assert report.startswith("iprt: error: cl/composite.cl did not build\n")
     assert f"\n  device   {device.device.name.strip()}" in report
     assert f"\n  driver   {device.device.driver_version.strip()}\n" in report
-    assert "\n  options  -cl-std=CL1.2 -I " in report
+    assert re.search(r"\n  options  -cl-std=CL1\.2 .*-I ", report)
     assert "the end of composite.cl" in report
     assert "Traceback" not in report
     assert "saved as" not in report
