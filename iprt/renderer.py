@@ -16,6 +16,7 @@ import pyopencl.array as cla
 from numpy.typing import NDArray
 
 from iprt.aovs import read_aov
+from iprt.device.checked import checked
 from iprt.device.compute import ComputeDevice
 from iprt.gloss_pixels import GlossPixels
 from iprt.objects import Objects
@@ -34,6 +35,9 @@ from iprt.scene.camera import View
 from iprt.scene.frame import Frame
 from iprt.scene.mesh import Instance
 from iprt.settings import Settings
+
+CUT = 0.5
+"""Share of the panorama's flux by which frames of a video differ that do not belong together."""
 
 
 @dataclass(frozen=True)
@@ -84,8 +88,8 @@ class Renderer:
         *,
         background: NDArray[np.float32] | None = None,
     ) -> None:
-        self.device = device
         self.settings = settings or Settings()
+        self.device = device = checked(device) if self.settings.check_kernels else device
         self.instances = tuple(instances)
         self.view = view
         self.background = background
@@ -104,6 +108,7 @@ class Renderer:
         self._view_stale = 2  # steps for which what depends on the view must be made anew
         self._video_stale = True
         self._objects_stale = True
+        self._cut = False
 
         self.layout = PlaneLayout(view.width, view.height)
         self.panorama = Panorama(
@@ -191,6 +196,7 @@ class Renderer:
             view_changed=self._view_stale > 0,
             video_changed=self._video_stale,
             objects_changed=self._objects_stale,
+            cut=self._cut,
         )
         self._place_view(tick)
         self._resample_real_layer(tick)
@@ -202,7 +208,7 @@ class Renderer:
             self.virtual_pixels.run(self.world, tick)
             self._composite(self.virtual_pixels, ratio)
         self._frame_index += 1
-        self._video_stale = self._objects_stale = False
+        self._video_stale = self._objects_stale = self._cut = False
         self._view_stale = max(self._view_stale - 1, 0)
         self._previous_view = self.view
         self.device.profile.frames += 1
@@ -260,8 +266,11 @@ class Renderer:
         self.panorama.load(frame)
         if self._lights is not None:
             self._lights.load(frame.color)
-        if self.cache is not None:
-            self.cache.place(self.world, flux_change(self._frame.color, frame.color))
+        if self.requirements.objects:
+            changed = flux_change(self._frame.color, frame.color)
+            self._cut = self._cut or changed > CUT
+            if self.cache is not None:
+                self.cache.place(self.world, changed)
         self._frame = frame
         self._video_stale = True
 

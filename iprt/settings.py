@@ -122,6 +122,12 @@ class Settings(BaseModel):
         description="What draws the objects that the view shows: OpenGL, or rays in OpenCL, which "
         "is also taken where OpenGL is missing.",
     )
+    check_kernels: bool = Field(
+        default=False,
+        description="Check all that kernels write, and stop at the first NaN, infinity or write "
+        "beside a buffer with the name of pass, kernel and buffer. The picture stays the same and "
+        "takes several times as long.",
+    )
     trace: TraceSettings = TraceSettings()
     gloss: GlossSettings = GlossSettings()
     irradiance: IrradianceSettings = IrradianceSettings()

@@ -47,6 +47,11 @@ class Profile:
         self._host_ms: dict[str, float] = {}
         self._launches: dict[str, int] = {}
 
+    @property
+    def current(self) -> str:
+        """The pass that events are recorded for now."""
+        return self._pass
+
     @contextmanager
     def section(self, name: str) -> Iterator[None]:
         """Device events recorded inside belong to the pass `name`, or to the one around it."""

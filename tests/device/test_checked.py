@@ -1,0 +1,148 @@
+"""The setting `check_kernels`: what kernels write is checked, and who wrote wrongly is named."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from iprt.device import compute
+from iprt.device.checked import INFINITE, CheckedDevice
+from iprt.device.compute import ComputeDevice
+from iprt.device.plan import PlanDevice
+from iprt.errors import DefectError
+from iprt.renderer import Renderer
+from iprt.resources import CL
+from tests.films import entry_points, films, play
+
+COUNT = 70
+STATEMENTS = {
+    "fine": "out[i] = in[i];",
+    "half": "if (i % 2) out[i] = in[i];",
+    "nan": "out[i] = i < 13 ? in[i] : NAN;",
+    "infinite": "out[i] = i == 13 ? INFINITY : in[i];",
+    "past": "out[i] = in[i]; if (i == count - 1) out[i + 1] = 2.0f;",
+    "far past": "out[i] = in[i]; if (i == count - 1) out[i + 900] = 2.0f;",
+    "before": "if (i == 0) out[i - 3] = 2.0f;",
+    "reads past": "out[i] = in[i] + in[i + 1];",
+    "reads before": "out[i] = in[i] + in[i - 1];",
+    "reads unwritten": "out[i] = 2.0f * out[i];",
+}
+SOURCE = """
+__kernel void planted(__global const float *restrict in, __global float *restrict out, int count)
+{
+    int i = get_global_id(0);
+    if (i >= count)
+        return;
+    %s
+}
+"""
+
+
+@pytest.fixture
+def planted(device: ComputeDevice, tmp_path: Path) -> Callable[..., None]:
+    """Launch a kernel of one of `STATEMENTS` from a buffer to another of the given name."""
+    checks = CheckedDevice(device)
+
+    def launch(statement: str, name: str = "victim") -> None:
+        file = tmp_path / f"{statement}.cl".replace(" ", "_")
+        file.write_text(SOURCE % STATEMENTS[statement])
+        kernel = checks.kernel(str(file), "planted")
+        source = checks.upload("source", np.ones(COUNT, np.float32))
+        victim = checks.empty(name, (7, COUNT // 7))
+        with checks.profile.section("some pass"):
+            kernel((COUNT,), source, victim, COUNT)
+
+    return launch
+
+
+@pytest.mark.parametrize("statement", ["fine", "half"])
+def test_what_is_right_passes(planted: Callable[..., None], statement: str) -> None:
+    planted(statement)
+
+
+@pytest.mark.parametrize(
+    ("statement", "says"),
+    [
+        ("nan", r"wrote nan to 'victim' at \[1, 3\], the first of 57"),
+        ("infinite", r"wrote inf to 'victim' at \[1, 3\]"),
+        ("past", r"wrote to 'victim' 1 past its last element"),
+        ("far past", r"wrote to 'victim' 900 past its last element"),
+        ("before", r"wrote to 'victim' 3 before its first element"),
+        ("reads past", r"wrote nan to 'victim' at \[6, 9\]"),
+        ("reads before", r"wrote nan to 'victim' at \[0, 0\]"),
+        ("reads unwritten", r"wrote nan to 'victim' at \[0, 0\], the first of 70"),
+    ],
+)
+def test_what_is_wrong_is_named(planted: Callable[..., None], statement: str, says: str) -> None:
+    with pytest.raises(DefectError, match=says) as caught:
+        planted(statement)
+    assert str(caught.value).startswith("pass 'some pass': kernel 'planted' of cl/")
+    assert "\n" not in str(caught.value)
+
+
+def test_a_few_buffers_may_hold_infinities(planted: Callable[..., None]) -> None:
+    name = next(iter(INFINITE))
+    planted("infinite", name)
+    with pytest.raises(DefectError, match="wrote nan"):
+        planted("nan", name)
+    with pytest.raises(DefectError, match="1 past its last element"):
+        planted("past", name)
+
+
+def test_the_host_is_checked_too(device: ComputeDevice) -> None:
+    checks = CheckedDevice(device)
+    with pytest.raises(DefectError, match=r"the host wrote -inf to 'table' at \[2\]"):
+        checks.upload("table", np.array([0.0, 1.0, -np.inf, 2.0], np.float32))
+    checks.upload("numbers", np.full(3, -1, np.int32))
+
+
+@pytest.mark.gl
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["triangles", "around", "layers around", "environment", "nothing"])
+def test_no_way_to_render_has_a_finding(device: ComputeDevice, name: str) -> None:
+    """And checks leave all bits of the picture as they are."""
+    picture = play(device, films(check_kernels=True)[name])
+    plain = play(device, films()[name])
+    np.testing.assert_array_equal(picture.color, plain.color)
+    assert picture.aovs.keys() == plain.aovs.keys()
+    for layer, values in plain.aovs.items():
+        np.testing.assert_array_equal(picture.aovs[layer], values)
+
+
+def test_films_build_every_kernel() -> None:
+    plan = PlanDevice()
+    for film in films().values():
+        Renderer(plan, film.video[0], film.objects, film.view, film.settings)
+    assert {name for _, name, _ in plan.kernels} == entry_points()
+
+
+def test_nothing_is_checked_unless_asked_for(device: ComputeDevice) -> None:
+    film = films()["nothing"]
+    with Renderer(device, film.video[0], film.objects, film.view, film.settings) as renderer:
+        assert renderer.device is device
+
+
+def test_the_command_line_says_it_in_one_line(
+    scene: Path,
+    fails: Callable[..., str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    device: ComputeDevice,
+) -> None:
+    kernels = tmp_path / "cl"
+    shutil.copytree(CL, kernels)
+    file = kernels / "composite.cl"
+    right, wrong = "picture[i] = a >", "picture[i + 1] = a >"
+    assert right in file.read_text()
+    file.write_text(file.read_text().replace(right, wrong))
+    monkeypatch.setattr(compute, "CL", kernels)
+    output = tmp_path / "picture.png"
+    words = ("render", scene, "-o", output, "--size", 16, 9, "--accumulate", 1)
+    words += ("--device", device.device.platform.name, "--set", "check_kernels=true")
+    line = fails(*words, code=70)
+    assert "pass 'composite': kernel 'composite' of cl/composite.cl wrote to 'picture'" in line
+    assert not output.exists()

@@ -1,0 +1,152 @@
+"""Tiny films that together launch every kernel: frames at odd sizes, in each way to render them.
+
+For checks that watch all memory that kernels touch, some of them a thousand times slower than the
+frames themselves.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from typing import Any
+from unittest import mock
+
+import numpy as np
+
+from iprt.aovs import AOVS
+from iprt.device.compute import ComputeDevice, Kernel
+from iprt.renderer import RenderedFrame, Renderer
+from iprt.resources import CL
+from iprt.scene.camera import View
+from iprt.scene.frame import Frame
+from iprt.scene.material import Material
+from iprt.scene.mesh import Instance
+from iprt.settings import Settings
+from tests.oracles.worlds import Box, World
+from tests.worlds import ball, bright_walls, ceiling_lamp, cuboid, landscape_frame, room_frame
+
+ROOM = World(solids=(Box((-0.8, -0.9, -1.7), (0.25, 0.5, 0.2)),))
+CHECKS = np.random.default_rng(0).random((3, 5, 3)).astype(np.float32)
+FLOOR = Material("plastic", alpha=0.2)
+WALL = Material("conductor", (0.9, 0.7, 0.5), alpha=0.1)
+LOOK = View(33, 17, pitch_deg=-35.0)
+AROUND = View(37, 19, projection="equirect")
+FEW: dict[str, Any] = {
+    "trace": {"object_rays": 1, "bounces": 2, "ratio_rows": 16},
+    "irradiance": {"rows": 16, "first_rays": 2, "rays": 1},
+    "gloss": {"rays": 2},
+}
+
+
+@dataclass(frozen=True)
+class Film:
+    """Two frames of video, the objects in them, and how they are looked at and rendered."""
+
+    video: tuple[Frame, Frame]
+    objects: tuple[Instance, ...]
+    view: View
+    settings: Settings
+
+
+def films(**settings: Any) -> dict[str, Film]:
+    """All of them, by name; with `settings` besides their own."""
+    room, glossy = _room(48, 24), _glossy(_room(45, 23))
+    clay, plastic, mirror, brass = _objects()
+    own: dict[str, tuple[tuple[Frame, Frame], tuple[Instance, ...], View, dict[str, Any]]] = {
+        "triangles": (room, _objects(), LOOK, {"gbuffer": "cl"}),
+        "layers": (room, (plastic, brass), LOOK, {"trace": {"objects": "raster"}}),
+        "published": (
+            room,
+            (clay, mirror),
+            LOOK,
+            {"trace": {"estimator": "ratio"}, "temporal": {"history": "iprt"}},
+        ),
+        "around": (glossy, (clay, brass), AROUND, {}),
+        "layers around": (
+            _landscape(),
+            (clay,),
+            AROUND,
+            {"trace": {"estimator": "ratio", "objects": "raster"}},
+        ),
+        "gloss": (glossy, (clay,), LOOK, {}),
+        "environment": (room, _objects(), LOOK, {"method": "ibl"}),
+        "nothing": (room, (), LOOK, {}),
+    }
+    return {
+        name: Film(video, objects, view, Settings.model_validate(_merged(FEW, chosen, settings)))
+        for name, (video, objects, view, chosen) in own.items()
+    }
+
+
+def play(device: ComputeDevice, film: Film) -> RenderedFrame:
+    """The last of three frames: at rest, a turn of the head later, and after the video went on."""
+    with Renderer(device, film.video[0], film.objects, film.view, film.settings) as renderer:
+        renderer.step()
+        if film.view.projection == "perspective":
+            renderer.look(replace(film.view, yaw_deg=film.view.yaw_deg + 4.0))
+        renderer.step()
+        renderer.load(film.video[1])
+        return renderer.render(1, AOVS)
+
+
+@contextmanager
+def launches() -> Iterator[set[str]]:
+    """The names of the kernels that are launched meanwhile, on any device."""
+    names: set[str] = set()
+    launch = Kernel.__call__
+
+    def record(self: Kernel, size: tuple[int, ...], *arguments: Any) -> None:
+        names.add(self._kernel.function_name)
+        launch(self, size, *arguments)
+
+    with mock.patch.object(Kernel, "__call__", record):
+        yield names
+
+
+def entry_points() -> set[str]:
+    """The names of all kernels in `cl/`."""
+    declared = re.compile(r"^(?:__kernel|TRACING_KERNEL) void (\w+)\(", re.MULTILINE)
+    return {name for file in CL.glob("*.cl") for name in declared.findall(file.read_text())}
+
+
+def _room(width: int, height: int) -> tuple[Frame, Frame]:
+    """A room with a window ahead, among bright walls and then below a lamp."""
+    before, after = (
+        room_frame(ROOM, width, height, light) for light in (bright_walls, ceiling_lamp)
+    )
+    rows, columns = np.indices((height, width))
+    window = (np.abs(rows / height - 0.45) < 0.1) & (np.abs(columns / width - 0.6) < 0.1)
+    return replace(before, opening=window), replace(after, opening=window)
+
+
+def _glossy(video: tuple[Frame, Frame]) -> tuple[Frame, Frame]:
+    gloss = np.where(video[0].normal[..., 1] > 0.5, 1, 0).astype(np.uint8)
+    gloss[video[0].normal[..., 0] > 0.5] = 2
+    first, second = (replace(f, gloss=gloss, real_materials=(FLOOR, WALL)) for f in video)
+    return first, second
+
+
+def _landscape() -> tuple[Frame, Frame]:
+    frame = landscape_frame(47, 25)
+    return frame, replace(frame, color=frame.color * np.float32(0.5))
+
+
+def _objects() -> tuple[Instance, ...]:
+    """One of every kind of material."""
+    return (
+        ball((0.0, -1.1, -1.7), 0.3, Material(texture=CHECKS), subdivisions=1),
+        cuboid((0.5, -1.2, -1.3), (0.22, 0.2, 0.15), Material("plastic", alpha=0.2)),
+        ball((-0.15, -1.28, -1.15), 0.12, Material("conductor", alpha=0.0), subdivisions=1),
+        ball((-0.45, -1.25, -1.3), 0.15, Material("conductor", alpha=0.2), subdivisions=1),
+    )
+
+
+def _merged(*tables: Mapping[str, Any]) -> dict[str, Any]:
+    result: dict[str, Any] = {}
+    for table in tables:
+        for key, value in table.items():
+            inner = isinstance(value, dict)
+            result[key] = _merged(result.get(key, {}), value) if inner else value
+    return result
