@@ -43,6 +43,7 @@ class GlossPixels:
     def run(self, world: World, layer: RealLayer, tick: Tick) -> cla.Array:
         """Trace and filter a frame; `layer` was resampled with gloss."""
         assert layer.gloss is not None
+        self._filter.start(tick)
         self._guide.run(tick.view, layer.normal, layer.depth, layer.gloss)
         self.mask.run(grid_offset(tick.index), motion=layer.motion, metre=world.panorama.scale)
         self._trace.run(world, self.mask, tick.view)

@@ -50,6 +50,8 @@ class Tick:
         The panorama is not that of the frame before.
     objects_changed : bool
         Objects moved since the frame before.
+    cut : bool
+        The video shows something else: nothing that was accumulated holds.
     """
 
     index: int
@@ -58,6 +60,7 @@ class Tick:
     view_changed: bool
     video_changed: bool
     objects_changed: bool
+    cut: bool = False
 
     @property
     def changed(self) -> bool:
@@ -89,6 +92,11 @@ class SignalFilter:
     def history(self) -> cla.Array:
         """`Temporal.length` of the signal."""
         return self._temporal.length
+
+    def start(self, tick: Tick) -> None:
+        """Begin a frame, before its rays are sent: the history says how many; a cut ends it."""
+        if tick.cut:
+            self._temporal.reset()
 
     def run(
         self,
@@ -158,6 +166,7 @@ class RealPixels:
         `cache` holds E_R for the estimator "delta".
         """
         layer, mask = self.layer, self.mask
+        self._filter.start(tick)
         mask.run(grid_offset(tick.index), motion=layer.motion, metre=world.panorama.scale)
         if cache is not None:
             cache.run(world, self._guide, mask, tick.view, least=self._least)
@@ -250,6 +259,8 @@ class VirtualPixels:
     def run(self, world: World, tick: Tick) -> None:
         """Shade the frame's virtual pixels; `world.relit` is what they reflect."""
         seen, trace = self.visible, self._trace
+        for signal_filter in self._filters.values():
+            signal_filter.start(tick)
         self._guide.run(tick.view, seen.normal, seen.depth, seen.id)
         self._mask.run(grid_offset(tick.index), motion=seen.motion, metre=world.panorama.scale)
         history = next(iter(self._filters.values())).history

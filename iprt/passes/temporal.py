@@ -179,6 +179,8 @@ class Temporal:
     def reset(self) -> None:
         """Forget everything, as after a cut."""
         self._device.fill_zero(self._now[1])
+        if self.settings.history == "fast-slow":
+            self._device.fill_zero(self._fast[1])
 
     def run(
         self,

@@ -319,13 +319,16 @@ def test_samples_that_are_not_finite_are_dropped(device: ComputeDevice, changed:
         np.testing.assert_allclose(image[:, 4, 6], 0.5, rtol=1e-6)
 
 
-def test_reset_forgets(device: ComputeDevice) -> None:
+@pytest.mark.parametrize("changed", [False, True])
+def test_reset_forgets(device: ComputeDevice, changed: bool) -> None:
+    """Both histories: the fast one would bring back what the slow one has lost."""
     gbuffer = flat_gbuffer(16, 8)
     session = Session(device, gbuffer, "diffuse")
-    session.add(gbuffer, np.zeros((3, 8, 16)))
+    session.add(gbuffer, np.zeros((3, 8, 16)), changed=changed)
     session.temporal.reset()
-    result = session.add(gbuffer, np.ones((3, 8, 16)))
-    assert np.all(session.image(result.signal) == 1.0)
+    for _ in range(3):
+        result = session.add(gbuffer, np.ones((3, 8, 16)), changed=changed)
+        assert np.all(session.image(result.signal) == 1.0)
 
 
 def test_equirect_picture_turns_with_the_view(device: ComputeDevice) -> None:
