@@ -61,8 +61,6 @@ class ComputeDevice:
         Here and in all methods: the driver gave up, or did not answer in time.
     """
 
-    limit_s: float | None = None
-
     def __init__(self, device: cl.Device, limit_s: float | None = None) -> None:
         self.device = device
         self.limit_s = limit_s
