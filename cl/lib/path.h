@@ -315,7 +315,9 @@ static inline PathResult trace_path(const World world, float3 o, float3 o_object
         const float t_max = object ? hit.t : INFINITY;
 #endif
         const RealHit real = trace_real_layer(world.real, o, d, t_max);
-        const int at_object = object && !(real.t < hit.t);
+        // The face that an object stands on and the surface below it are one: the object's is met, or
+        // light would leak into it.
+        const int at_object = object && !(real.t < hit.t - world.real.bias);
         if (bounce == 0)
             result.distance = at_object ? hit.t : real.t;
 #ifdef WITHOUT_OBJECTS

@@ -33,6 +33,8 @@ from tests.worlds import Float, landscape_frame, sphere_frame
 Estimator = Literal["delta, aimed", "delta, even", "ratio"]
 Around = Literal["plain", "sphere"]
 ESTIMATORS: tuple[Estimator, ...] = ("delta, aimed", "delta, even", "ratio")
+PLAIN = -1.5
+"""Height of the plain."""
 VIEW = View(28, 20, pitch_deg=-62.0, fov_y_deg=50.0)
 
 

@@ -19,6 +19,7 @@ from iprt.scene.mesh import Instance
 from tests.oracles.brdf import diffuse_albedo, specular_albedo
 from tests.passes.estimators import (
     ESTIMATORS,
+    PLAIN,
     Around,
     Estimator,
     Kernels,
@@ -104,6 +105,26 @@ def test_a_disc_hides_its_form_factor(device: ComputeDevice, estimator: Estimato
         wanted = disc_factor(run.receivers()[0], *DISC)
         change = np.array([run.change(seed, RAYS)[..., 0] for seed in range(RUNS)])
     confirm(change.reshape(RUNS, -1), -wanted.ravel())
+
+
+def test_no_light_leaks_into_a_box_that_stands_on_the_plain(device: ComputeDevice) -> None:
+    """Its lower face lies in the plain. Of paths inside only the last ray, which meets no objects
+    any more (Algorithm 1, lines 4-6), finds light.
+    """
+    albedo, bounces = 0.5, 4
+    half = np.array([0.4, 0.2, 0.3])
+    to_world = np.eye(4)
+    to_world[:3, :3] = View(1, 1, yaw_deg=25.0).world_from_view
+    to_world[:3, 3] = (0.3, PLAIN + half[1], -1.1)
+    box = replace(cuboid((0, 0, 0), half, Material(albedo=(albedo,) * 3)), to_world=to_world)
+    frame = furnace("plain")
+    with kernels(device, frame, [box], "delta, even") as run:
+        local = (run.receivers()[0] - to_world[:3, 3]) @ to_world[:3, :3]
+        inside = (np.abs(local) < half - 0.02).all(-1, where=[True, False, True])
+        parts = run.parts(1, RAYS)[inside]
+    assert inside.sum() > 30
+    np.testing.assert_allclose(parts[:, 0], 1.0, rtol=1e-4)
+    np.testing.assert_allclose(parts[:, 1], albedo**bounces, rtol=1e-4)
 
 
 # Irradiance without objects ------------------------------------------------------------------
