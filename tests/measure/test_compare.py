@@ -268,7 +268,7 @@ def command(
         monkeypatch.setitem(sys.modules, name, fake)
 
     device = SimpleNamespace(profile=FakeProfile(), name="a device", finish=lambda: None)
-    module("iprt.scene.scene", Scene=SimpleNamespace(open=lambda path: scene))
+    module("iprt.scene.scene", Scene=SimpleNamespace(open=lambda path, **_: scene))
     module("iprt.device.choose", choose_device=lambda spec: spec)
     module("iprt.device.compute", ComputeDevice=lambda spec: device)
     return lambda **kwargs: compare(Path("room"), frames=2, **kwargs)
