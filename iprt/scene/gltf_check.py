@@ -60,6 +60,7 @@ class Accessor(_Part):
     count: Annotated[int, Field(ge=0, le=MAX_VERTICES)]
     type: Literal["SCALAR", "VEC2", "VEC3", "VEC4", "MAT2", "MAT3", "MAT4"]
     sparse: Any = None
+    normalized: bool = False
 
     @property
     def item_bytes(self) -> int:
@@ -240,6 +241,9 @@ def _primitive_problems(gltf: Gltf, primitive: Primitive, where: str) -> Iterato
             yield f"{where}.{name}: compressed or sparse data; export it without"
         if accessor.type != _READ_ATTRIBUTES.get(name, "SCALAR"):
             yield f"{where}.{name}: made of {accessor.type}"
+        # trimesh takes 255 for 255, not for 1; for normals, which get unit length, that is the same.
+        if name in ("POSITION", "TEXCOORD_0") and accessor.normalized:
+            yield f"{where}.{name}: fractions stored as integers; export floats"
         if name == "indices" and accessor.component_type not in _INDEX_TYPES:
             yield f"{where}.{name}: not whole numbers"
     if primitive.material is not None and primitive.material >= len(gltf.materials):

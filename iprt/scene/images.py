@@ -17,7 +17,7 @@ from iprt.errors import FormatError
 from iprt.scene import exr
 from iprt.scene.pfm import read_pfm
 from iprt.scene.png16 import read_png16
-from iprt.scene.untrusted import decoding, open_file, require_picture_size
+from iprt.scene.untrusted import decoding, open_file, read_bytes, require_picture_size
 
 Image2D = NDArray[np.float32]
 _SIGNATURES = {
@@ -29,6 +29,9 @@ _SIGNATURES = {
 }
 TEXTURE_FORMATS = ("PNG", "JPEG", "WEBP", "BMP", "TGA", "TIFF")
 """Names that Pillow has for what textures of meshes may be stored as."""
+MAX_SCANS = 100
+"""Of a progressive JPEG, each of which goes over the whole picture; programs write about ten."""
+_START_OF_SCAN = b"\xff\xda"
 
 
 def file_kind(path: Path) -> str:
@@ -158,6 +161,10 @@ def open_picture(
     with _quiet(), decoding(path, "cannot be read as a picture"):
         image = Image.open(source, formats=list(formats))
     require_picture_size(path, image.width, image.height)
+    if image.format in ("JPEG", "MPO"):
+        data = read_bytes(source) if isinstance(source, Path) else source.getvalue()
+        if data.count(_START_OF_SCAN) > MAX_SCANS:
+            raise FormatError(f"{path}: made of more than {MAX_SCANS} scans; save it again")
     return image
 
 

@@ -3,7 +3,7 @@
     python -m tests.fuzz.fuzz [--seconds 8] [--keep FOLDER] [TARGET ...]
 
 Each target runs in a process of its own, from the seeds of `tests/fuzz/seeds.py`. What fails is
-kept with a traceback: no error but the user's may come, nothing may take more than 10 seconds or
+kept with a traceback: no error but the user's may come, nothing may take more than 30 seconds or
 more than 2 GB. Needs `pip install -e '.[fuzz]'`.
 """
 
@@ -15,7 +15,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-ONE = 10
+ONE = 30
 """Seconds that a single file may take."""
 MEMORY = 2048
 """MB that the process may have."""

@@ -28,7 +28,9 @@ from tests.scene.nasty import CORPUS, Nasty, Reader
 SPARE = 2**29
 """Bytes of address space that reading one of the files may take."""
 SECONDS = 5
-"""That it may take: the slowest takes a tenth on a slow machine."""
+"""Of the processor that it may take: the slowest takes a tenth."""
+PATIENCE = 60
+"""Seconds until it is taken to wait for something."""
 
 
 def read_mesh(path: Path) -> Mesh:
@@ -102,16 +104,19 @@ def main() -> None:
     pages = int(Path("/proc/self/statm").read_text().split()[0])
     limit = pages * resource.getpagesize() + SPARE
     resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
-    signal.signal(signal.SIGALRM, _too_slow)
+    for number in (signal.SIGALRM, signal.SIGPROF):
+        signal.signal(number, _too_slow)
     outcome = {}
     for name, (entry, path) in files.items():
         kind, text = "", ""
-        signal.alarm(SECONDS)
+        signal.setitimer(signal.ITIMER_PROF, SECONDS)
+        signal.alarm(PATIENCE)
         try:
             READERS[entry.reader](path)
         except Exception as error:
             kind = "IprtError" if isinstance(error, IprtError) else type(error).__name__
             text = str(error).replace(str(path.parent) + "/", "")
+        signal.setitimer(signal.ITIMER_PROF, 0)
         signal.alarm(0)
         outcome[name] = kind, text
     print(json.dumps(outcome))

@@ -108,6 +108,14 @@ def jpeg_of_4_gigapixels(path: Path) -> None:
     path.write_bytes(data)
 
 
+@nasty_script("color", "c.jpg", "more than 100 scans")
+def jpeg_of_5000_scans(path: Path) -> None:
+    Image.new("RGB", (16, 8)).save(path, progressive=True)
+    data = path.read_bytes()
+    last = data.rindex(b"\xff\xda")
+    path.write_bytes(data[:last] + data[last:-2] * 5000 + data[-2:])
+
+
 def exr(path: Path, *changes: tuple[bytes, bytes], tiled: bool = False) -> None:
     """An EXR picture with bytes of its header replaced."""
     header: dict[str, Any] = {"compression": OpenEXR.ZIP_COMPRESSION}
