@@ -9,6 +9,9 @@ from scipy import ndimage
 OUTSIDE_ROWS = 128
 """Rows of the environment: enough for directions that no window showed to the camera."""
 
+WIDE_LEVELS = 4
+"""Levels of push-pull in which cells grow in width only."""
+
 Image = NDArray[np.float64]
 
 
@@ -16,7 +19,8 @@ def outside_radiance(color: NDArray[np.float32], opening: NDArray[np.bool_]) -> 
     """Environment of all openings, extrapolated smoothly to where none was seen.
 
     Directions that openings cover keep their mean radiance; the others are filled by push-pull:
-    averages over ever larger cells, weighted by how much of them openings cover.
+    averages over ever larger cells, weighted by how much of them openings cover. Cells are up to
+    16 times as wide as high: skies and grounds change with elevation more than with azimuth.
 
     Parameters
     ----------
@@ -44,24 +48,28 @@ def outside_radiance(color: NDArray[np.float32], opening: NDArray[np.bool_]) -> 
         [np.bincount(cell, light[:, c], size).astype(np.float64).reshape(shape) for c in range(3)],
         axis=-1,
     )
-    return _push_pull(sums, total).astype(np.float32)
+    return _filled(sums, total[..., None]).astype(np.float32)
 
 
-def _push_pull(sums: Image, weight: Image) -> Image:
-    """Means `sums / weight`, (H, W, 3) and (H, W), filled from coarser levels where uncovered."""
-    mean = sums / np.maximum(weight, 1e-300)[..., None]
-    if weight.shape[0] == 1:
-        return np.broadcast_to(sums.sum((0, 1)) / weight.sum(), mean.shape).copy()
-    coarse = _push_pull(_halved(sums), _halved(weight[..., None])[..., 0])
-    filled = coarse.repeat(2, axis=0).repeat(2, axis=1)
-    # A tent over the repeated cells makes them linear between their centres, around the seam.
-    smooth = ndimage.convolve1d(filled, (0.25, 0.5, 0.25), axis=1, mode="wrap")
-    filled = ndimage.convolve1d(smooth, (0.25, 0.5, 0.25), axis=0, mode="nearest")
-    return np.where(weight[..., None] > 0.0, mean, filled)
+def _filled(sums: Image, weight: Image, level: int = 0) -> Image:
+    """Means `sums / weight`, (H, W, 3) and (H, W, 1), where uncovered those of coarser levels."""
+    mean = sums / np.maximum(weight, 1e-300)
+    if weight.size == 1:
+        return mean
+    axes = [axis for axis in (0, 1) if weight.shape[axis] > 1 and (axis or level >= WIDE_LEVELS)]
+    wide_sums, wide_weight = sums, weight
+    for axis in axes:
+        wide_sums, wide_weight = _halved(wide_sums, axis), _halved(wide_weight, axis)
+    filled = _filled(wide_sums, wide_weight, level + 1)
+    for axis in axes:
+        # A tent over the repeated cells makes them linear between their centres, around the seam.
+        mode = "wrap" if axis else "nearest"
+        filled = ndimage.convolve1d(filled.repeat(2, axis), (0.25, 0.5, 0.25), axis=axis, mode=mode)
+    return np.where(weight > 0.0, mean, filled)
 
 
-def _halved(image: Image) -> Image:
-    """Sums over 2 x 2 cells of an image (H, W, C) with even sides."""
-    height, width, channels = image.shape
-    halved: Image = image.reshape(height // 2, 2, width // 2, 2, channels).sum((1, 3))
+def _halved(image: Image, axis: int) -> Image:
+    """Sums over pairs of cells along an axis of even length."""
+    shape = (*image.shape[:axis], image.shape[axis] // 2, 2, *image.shape[axis + 1 :])
+    halved: Image = image.reshape(shape).sum(axis + 1)
     return halved

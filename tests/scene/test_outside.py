@@ -116,10 +116,10 @@ def test_the_nearer_window_is_seen_more() -> None:
     outside = outside_radiance(color, red | blue)
     horizon = outside[ROWS // 2]
     np.testing.assert_allclose(horizon.sum(-1), 1.0, atol=1e-5)
-    assert (horizon[[250, 10, 45, 60], 0] > 0.7).all()
-    assert (horizon[[122, 138, 173, 188], 2] > 0.7).all()
+    assert (horizon[[250, 10, 45, 60], 0] > 0.6).all()
+    assert (horizon[[122, 138, 173, 188], 2] > 0.6).all()
     # Half way, on both sides, one of them across the seam: both.
-    assert (np.abs(horizon[[94, 222]] - [0.5, 0.0, 0.5]) < 0.15).all()
+    assert (np.abs(horizon[[94, 222]] - [0.5, 0.0, 0.5]) < 0.25).all()
 
 
 def test_extrapolation_has_no_steps() -> None:
@@ -133,7 +133,19 @@ def test_extrapolation_has_no_steps() -> None:
     across = np.abs(outside - np.roll(outside, 1, 1)).max(-1)
     down = np.abs(np.diff(outside, axis=0)).max(-1)
     assert across[away].max() < 0.05
-    assert down[away[1:] & away[:-1]].max() < 0.05
+    # Elevations that a window showed may differ from others, as at the horizon.
+    assert down[away[1:] & away[:-1]].max() < 0.3
+
+
+def test_elevation_tells_more_than_azimuth() -> None:
+    """Behind the camera, ground and sky are what a window in front showed of them."""
+    opening = window(44, 20, 40, 20)
+    color = np.zeros((ROWS, COLUMNS, 3), np.float32)
+    color[: ROWS // 2, :, 2] = 1.0
+    color[ROWS // 2 :, :, 0] = 1.0
+    behind = outside_radiance(color, opening)[:, 20 + COLUMNS // 2]
+    assert (behind[46:56, 2] > 0.9).all()
+    assert (behind[72:82, 0] > 0.9).all()
 
 
 @windows
