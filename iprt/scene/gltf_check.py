@@ -241,7 +241,7 @@ def _primitive_problems(gltf: Gltf, primitive: Primitive, where: str) -> Iterato
             yield f"{where}.{name}: compressed or sparse data; export it without"
         if accessor.type != _READ_ATTRIBUTES.get(name, "SCALAR"):
             yield f"{where}.{name}: made of {accessor.type}"
-        # trimesh takes 255 for 255, not for 1; for normals, which get unit length, that is the same.
+        # trimesh takes 255 for 255, not for 1; normals get unit length and do not mind.
         if name in ("POSITION", "TEXCOORD_0") and accessor.normalized:
             yield f"{where}.{name}: fractions stored as integers; export floats"
         if name == "indices" and accessor.component_type not in _INDEX_TYPES:

@@ -164,6 +164,11 @@ def test_a_mesh_reads_only_what_it_names(tmp_path: Path, monkeypatch: pytest.Mon
     (material,) = load_mesh(tmp_path / "m.obj").materials
     assert material.albedo == (0.0, 1.0, 0.0)
     assert set(opened) == {"m.obj", "m.mtl"}
+    (tmp_path / "m.obj").write_text("o mtllib evil.mtl\nusemtl a\n" + CUBE)
+    opened.clear()
+    (material,) = load_mesh(tmp_path / "m.obj").materials
+    assert material.albedo != (1.0, 0.0, 0.0)
+    assert set(opened) == {"m.obj"}
 
 
 def test_nothing_is_written_through_a_link(
