@@ -31,13 +31,16 @@ ROOM = World(solids=(Box((-0.8, -0.9, -1.7), (0.25, 0.5, 0.2)),))
 CHECKS = np.random.default_rng(0).random((3, 5, 3)).astype(np.float32)
 FLOOR = Material("plastic", alpha=0.2)
 WALL = Material("conductor", (0.9, 0.7, 0.5), alpha=0.1)
-LOOK = View(33, 17, pitch_deg=-35.0)
-AROUND = View(37, 19, projection="equirect")
+LOOK = View(19, 11, pitch_deg=-35.0)
+AROUND = View(21, 11, projection="equirect")
 FEW: dict[str, Any] = {
     "trace": {"object_rays": 1, "bounces": 2, "ratio_rows": 16},
     "irradiance": {"rows": 16, "first_rays": 2, "rays": 1},
+    "atrous": {"levels": 2},
     "gloss": {"rays": 2},
 }
+ALL_LEVELS: dict[str, Any] = {"atrous": {"levels": 5}}
+"""Taps of the last level reach the edge of the border around the planes."""
 
 
 @dataclass(frozen=True)
@@ -52,11 +55,11 @@ class Film:
 
 def films(**settings: Any) -> dict[str, Film]:
     """All of them, by name; with `settings` besides their own."""
-    room, glossy = _room(48, 24), _glossy(_room(45, 23))
+    room, glossy = _room(32, 16), _glossy(_room(29, 15))
     clay, plastic, mirror, brass = _objects()
     own: dict[str, tuple[tuple[Frame, Frame], tuple[Instance, ...], View, dict[str, Any]]] = {
         "triangles": (room, _objects(), LOOK, {"gbuffer": "cl"}),
-        "layers": (room, (plastic, brass), LOOK, {"trace": {"objects": "raster"}}),
+        "layers": (room, (plastic, brass), LOOK, {"trace": {"objects": "raster"}, **ALL_LEVELS}),
         "published": (
             room,
             (clay, mirror),
@@ -81,12 +84,11 @@ def films(**settings: Any) -> dict[str, Film]:
 
 
 def play(device: ComputeDevice, film: Film) -> RenderedFrame:
-    """The last of three frames: at rest, a turn of the head later, and after the video went on."""
+    """The second of two frames, between which the head turned and the video went on."""
     with Renderer(device, film.video[0], film.objects, film.view, film.settings) as renderer:
         renderer.step()
         if film.view.projection == "perspective":
             renderer.look(replace(film.view, yaw_deg=film.view.yaw_deg + 4.0))
-        renderer.step()
         renderer.load(film.video[1])
         return renderer.render(1, AOVS)
 
@@ -129,7 +131,7 @@ def _glossy(video: tuple[Frame, Frame]) -> tuple[Frame, Frame]:
 
 
 def _landscape() -> tuple[Frame, Frame]:
-    frame = landscape_frame(47, 25)
+    frame = landscape_frame(31, 17)
     return frame, replace(frame, color=frame.color * np.float32(0.5))
 
 

@@ -1,0 +1,177 @@
+"""Every kernel under Oclgrind: `python -m tests.oclgrind [FILM...]`, all `tests.films` by default.
+
+Oclgrind (J. Price and S. McIntosh-Smith, "Oclgrind: An Extensible OpenCL Device Simulator", IWOCL
+2015) interprets kernels and watches all memory: reads and writes out of bounds, data races, values
+that nobody has written, and what OpenCL is called with. It is an OpenCL driver, so each film is
+played by a process that has no other one. Exits with 1 if there is any finding.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+import sys
+import time
+from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import pyopencl.array as cla
+
+from iprt.device.choose import choose_device
+from iprt.device.compute import ComputeDevice
+from tests.films import entry_points, films, launches, play
+
+LIBRARY = Path("/usr/lib/oclgrind/liboclgrind-rt-icd.so")
+CORE = "liboclgrind-21.10.so"
+"""Of LIBRARY, and the version whose fault `mended_core` knows."""
+MISSING = f"Oclgrind is not installed (apt-get install oclgrind): there is no {LIBRARY}"
+TIMEOUT_S = 600.0
+ROOT = Path(__file__).resolve().parents[1]
+
+NO_FINDING = re.compile(
+    # pyopencl asks every device for what only those of some vendors know.
+    r"Function: clGetDeviceInfo\s+Error: +CL_INVALID_VALUE\s+For argument 'param_name'"
+)
+
+
+@dataclass(frozen=True)
+class Watched:
+    """What came of a program.
+
+    Attributes
+    ----------
+    kernels : set of str
+        Those that it launched.
+    findings : list of str
+        Oclgrind's reports, each once for each line of a kernel, and why the program ended early.
+    """
+
+    kernels: set[str]
+    findings: list[str]
+
+
+class SimulatedDevice(ComputeDevice):
+    """Oclgrind, by its name."""
+
+    def __init__(self) -> None:
+        super().__init__(choose_device("oclgrind"))
+
+    def fill_zero(self, array: cla.Array) -> None:
+        # It takes what `clEnqueueFillBuffer` filled for unwritten, whatever is written there later.
+        self.write(array, np.zeros(array.shape, array.dtype))
+
+
+@cache
+def mended_core() -> bytes | None:
+    """Oclgrind's core without the fault that crashes its search for what nobody has written.
+
+    A lane of a shuffle that takes from nowhere has the index -1. Oclgrind 21.10 compares indices
+    with the number of LLVM's kind of value "undef", 11, instead, and reads four gigabytes off. None
+    where there is another version, or no such comparison (`add %rax, %rbp; cmp $11, %ecx`).
+    """
+    for folder in sorted(Path("/usr/lib").glob("*-linux-gnu")):
+        core = folder / CORE
+        data = core.read_bytes() if core.exists() else b""
+        if data.count(bytes.fromhex("4801c5 83f90b")) == 1:
+            return data.replace(bytes.fromhex("4801c5 83f90b"), bytes.fromhex("4801c5 83f9ff"))
+    return None
+
+
+def watch(program: str) -> Watched:
+    """Run Python code that prints the names of the kernels that it launched, as JSON."""
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        (folder / "oclgrind.icd").write_text(f"{LIBRARY}\n")
+        core = mended_core()
+        if core is not None:
+            (folder / CORE).write_bytes(core)
+        environment = {
+            **os.environ,
+            "OCL_ICD_VENDORS": name,
+            "OCLGRIND_CHECK_API": "1",
+            "OCLGRIND_DATA_RACES": "1",
+            **({} if core is None else {"OCLGRIND_UNINITIALIZED": "1"}),
+            "LD_LIBRARY_PATH": os.pathsep.join(filter(None, (name, os.getenv("LD_LIBRARY_PATH")))),
+            "OCLGRIND_MAX_ERRORS": "1000000",
+            "OCLGRIND_NUM_THREADS": "1",
+            "OCLGRIND_LOG": str(folder / "log"),
+            # It does not know all that LLVM's optimizer makes of a kernel.
+            "OCLGRIND_BUILD_OPTIONS": "-cl-opt-disable",
+            "PYOPENCL_NO_CACHE": "1",
+        }
+        child = subprocess.run(
+            [sys.executable, "-c", program],
+            cwd=ROOT,
+            env=environment,
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+            errors="replace",
+            timeout=TIMEOUT_S,
+            check=False,
+        )
+        log = folder / "log"
+        found = reports(log.read_text(errors="replace") if log.exists() else "")
+    found += [text for text in reports(child.stderr) if text.startswith("Oclgrind")]
+    if child.returncode != 0:
+        lines = [line for line in child.stderr.splitlines() if line.strip()]
+        found.append(f"ended with status {child.returncode}: {lines[-1] if lines else ''}")
+        return Watched(set(), found)
+    return Watched(set(json.loads(child.stdout.splitlines()[-1])), found)
+
+
+def reports(text: str) -> list[str]:
+    """The reports in a log, those alike but for work item and address once, with their number."""
+    alike: dict[str, str] = {}
+    number: Counter[str] = Counter()
+    for report in re.split(r"\n(?=\S)", text):
+        if not report.strip() or NO_FINDING.search(report):
+            continue
+        key = re.sub(r"0x[0-9a-f]+|\([0-9,]+\)", "", report)
+        alike.setdefault(key, report.strip())
+        number[key] += 1
+    return [f"{report}\n\t({number[key]} of these)" for key, report in alike.items()]
+
+
+def play_film(name: str) -> None:
+    """Play a film on Oclgrind, in a process that `watch` has started."""
+    with launches() as names:
+        play(SimulatedDevice(), films()[name])
+    print(json.dumps(sorted(names)))
+
+
+def watch_film(name: str) -> Watched:
+    start = time.perf_counter()
+    watched = watch(f"from tests.oclgrind import play_film; play_film({name!r})")
+    print(f"{name}: {len(watched.findings)} findings, {time.perf_counter() - start:.0f} s")
+    for finding in watched.findings:
+        print(finding)
+    sys.stdout.flush()
+    return watched
+
+
+def main(names: list[str]) -> int:
+    if not LIBRARY.exists():
+        print(f"skipped: {MISSING}")
+        return 0
+    if mended_core() is None:
+        print("values that nobody has written are not looked for: Oclgrind is not the known build")
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        results = list(pool.map(watch_film, names or films()))
+    kernels = set().union(*(watched.kernels for watched in results))
+    unwatched = set() if names else entry_points() - kernels
+    if unwatched:
+        print(f"kernels that no film launches: {', '.join(sorted(unwatched))}")
+    print(f"{len(kernels)} kernels under Oclgrind")
+    return 1 if unwatched or any(watched.findings for watched in results) else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
