@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from iprt.device.compute import ComputeDevice
-from iprt.scene.camera import View
+from iprt.scene.camera import View, equirect_pixel
 from iprt.scene.frame import Frame
 from tests.kernels.tracing import (
     SIDE,
@@ -169,6 +169,26 @@ def test_sphere_around_the_centre(device: ComputeDevice, trace: RealTracer) -> N
     centre = trace(panorama, np.zeros(3), v.reshape(-1, 3))
     assert np.abs(centre.t - 2.0).max() < 2e-5
     assert np.array_equal(centre.texel, np.arange(256 * 128))
+
+
+@pytest.mark.slow
+def test_sphere_in_a_large_panorama_of_odd_height(device: ComputeDevice, trace: RealTracer) -> None:
+    """Where texels are so small that tangent planes are the sphere: the analytic distance."""
+    width, height = 4096, 2047
+    v = View(width, height, projection="equirect").directions()
+    panorama = panorama_of(device, frame_of(np.full((height, width), 2.0), -v))
+    o, d = rays_in(20_000, 4, -1.0, 1.0)
+    o64, d64 = o.astype(float), d.astype(float)
+    along = (o64 * d64).sum(1)
+    t = np.sqrt(along**2 - (o64**2).sum(1) + 4.0) - along
+    hits = trace(panorama, o, d)
+    assert (hits.kind == SURFACE).all()
+    assert np.abs(hits.t / t - 1.0).max() < 1e-5
+    column, row = np.moveaxis(equirect_pixel(o64 + t[:, None] * d64, width, height), -1, 0)
+    apart = (hits.texel % width - column.astype(int) + width // 2) % width - width // 2
+    assert (np.abs(hits.texel // width - row.astype(int)) <= 1).all()
+    # A column is narrow near the poles.
+    assert (np.abs(apart) * np.sin(np.pi * row / height) < 2.0).all()
 
 
 @pytest.mark.parametrize("b", [0.0, 1e-7, 1e-5, 1e-3])

@@ -120,6 +120,26 @@ def test_sizes_must_agree_and_be_two_to_one(tmp_path: Path) -> None:
     assert "color.exr: 65 x 32 pixels; an equirect" in open_error(tmp_path, FormatError)
 
 
+@pytest.mark.parametrize("size", [(1, 1), (1, 2), (3, 5), (3, 1), (128, 63)], ids=str)
+def test_any_other_shape_is_refused(tmp_path: Path, size: tuple[int, int]) -> None:
+    write_scene(tmp_path)
+    write_rgb(tmp_path / "color.exr", np.ones((size[1], size[0], 3), np.float32))
+    write_channels(tmp_path / "depth.exr", Z=np.ones((size[1], size[0]), np.float32))
+    message = open_error(tmp_path, FormatError)
+    assert f"color.exr: {size[0]} x {size[1]} pixels; an equirect panorama is twice" in message
+
+
+def test_the_smallest_panorama_is_read(tmp_path: Path) -> None:
+    write_scene(tmp_path)
+    write_rgb(tmp_path / "color.exr", np.ones((1, 2, 3), np.float32))
+    write_channels(tmp_path / "depth.exr", Z=np.array([[1.5, np.nan]], np.float32))
+    frame = Scene.open(tmp_path).frame()
+    assert (frame.width, frame.height) == (2, 1)
+    assert np.isfinite(frame.color).all()
+    assert np.isfinite(frame.normal).all()
+    assert (frame.depth > 0.0).all()
+
+
 def test_integer_depth_needs_a_scale(tmp_path: Path) -> None:
     depth, _ = box_room(64, 32)
     write_scene(tmp_path, MANIFEST.replace("depth.exr", "depth.png"))
