@@ -73,7 +73,12 @@ def _reflected(kind: Kind) -> Reader:
     def image(renderer: Renderer) -> Image | None:
         pixels = renderer.virtual_pixels
         planes = pixels.reflected.get(kind) if pixels else None
-        return _planes(renderer, planes, slice(0, 3))
+        shown = _planes(renderer, planes, slice(0, 3))
+        coverage = _visible("coverage", slice(0, 1))(renderer)
+        if shown is None or coverage is None:
+            return None
+        # Beside objects, where nothing is filtered, planes hold what was there before.
+        return np.where(coverage[..., None] > 0.0, shown, np.float32(0.0))
 
     return image
 
