@@ -189,11 +189,6 @@ def _problems(gltf: Gltf) -> Iterator[str]:
         if texture.source is not None and texture.source >= len(gltf.images):
             yield f"textures[{number}]: there is no image {texture.source}"
     yield from _node_problems(gltf)
-    primitives = [primitive for mesh in gltf.meshes for primitive in mesh.primitives]
-    if len(primitives) > MAX_NODES:
-        yield f"{len(primitives)} primitives; at most {MAX_NODES} are read"
-    # All of them are read, whether nodes show them or not.
-    yield from _too_many(_Size.of(gltf, primitives))
 
 
 def _data_problems(gltf: Gltf) -> Iterator[str]:
@@ -270,42 +265,51 @@ def _node_problems(gltf: Gltf) -> Iterator[str]:
     if any(root >= len(gltf.nodes) or parents[root] for root in level):
         yield "scenes: a node that does not exist, or is not the root of a tree"
         return
+    sizes = [_Size.of(gltf, mesh) for mesh in gltf.meshes]
     depth, size = 0, _Size()
     while level:
         depth += 1
         nodes = [gltf.nodes[index] for index in level]
-        meshes = [gltf.meshes[node.mesh] for node in nodes if node.mesh is not None]
-        size += _Size.of(gltf, [primitive for mesh in meshes for primitive in mesh.primitives])
+        size = sum((sizes[node.mesh] for node in nodes if node.mesh is not None), size)
         if depth > MAX_DEPTH:
             yield f"more than {MAX_DEPTH} levels of nodes"
             return
         level = [child for node in nodes for child in node.children]
     yield from _too_many(size)
+    # All meshes are read, whether nodes show them or not.
+    yield from _too_many(sum(sizes, _Size()))
 
 
 @dataclass(frozen=True)
 class _Size:
+    """How much there is to read."""
+
+    primitives: int = 0
     vertices: int = 0
     triangles: int = 0
 
     def __add__(self, other: _Size) -> _Size:
-        return _Size(self.vertices + other.vertices, self.triangles + other.triangles)
+        return _Size(
+            self.primitives + other.primitives,
+            self.vertices + other.vertices,
+            self.triangles + other.triangles,
+        )
 
     @classmethod
-    def of(cls, gltf: Gltf, primitives: list[Primitive]) -> _Size:
-        """Of all these primitives, each as often as it is listed."""
+    def of(cls, gltf: Gltf, mesh: GltfMesh) -> _Size:
         vertices = triangles = 0
-        for primitive in primitives:
+        for primitive in mesh.primitives:
             count = gltf.accessors[primitive.attributes["POSITION"]].count
             vertices += count
-            corners = (
-                count if primitive.indices is None else gltf.accessors[primitive.indices].count
-            )
+            index = primitive.indices
+            corners = count if index is None else gltf.accessors[index].count
             triangles += {_TRIANGLES: corners // 3, _STRIP: corners}.get(primitive.mode, 0)
-        return cls(vertices, triangles)
+        return cls(len(mesh.primitives), vertices, triangles)
 
 
 def _too_many(size: _Size) -> Iterator[str]:
+    if size.primitives > MAX_NODES:
+        yield f"{size.primitives} primitives; at most {MAX_NODES} are read"
     if size.vertices > MAX_VERTICES or size.triangles > MAX_TRIANGLES:
         yield (
             f"{size.triangles} triangles and {size.vertices} vertices; "

@@ -64,6 +64,7 @@ class MeshFile:
         self.path, self.suffix = path, path.suffix.lower()
         self._within = path.parent if within is None else within
         self._read: dict[Path, bytes] = {}
+        self._decoded: dict[str, bytes] = {}
         self.gltf: Gltf | None = None
         self.references: dict[str, Path] = {}
         if self.suffix not in MESH_SUFFIXES:
@@ -206,10 +207,12 @@ class MeshFile:
         kind, comma, text = uri.partition(",")
         if not comma or not kind.endswith(";base64"):
             raise ValueError("a data URI that is not base64")
-        try:
-            return base64.b64decode(text)
-        except binascii.Error as error:
-            raise ValueError(f"a data URI: {error}") from None
+        if uri not in self._decoded:
+            try:
+                self._decoded[uri] = base64.b64decode(text)
+            except binascii.Error as error:
+                raise ValueError(f"a data URI: {error}") from None
+        return self._decoded[uri]
 
 
 def _material_maps(data: bytes) -> Iterator[str]:

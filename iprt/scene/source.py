@@ -100,7 +100,7 @@ class FrameSource:
             except FormatError as error:
                 problems.append(f"video.{key}: {error}")
         depth = self.files(self.indices[0])["depth"]
-        if self._video.depth_scale is None and not problems:
+        if self._video.depth_scale is None and not any("video.depth:" in p for p in problems):
             try:
                 integers = file_kind(depth) == "png"
             except FormatError as error:

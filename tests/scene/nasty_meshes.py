@@ -139,6 +139,11 @@ def glb(document: str, data: bytes = b"") -> bytes:
 CHAIN = [{"children": [i + 1]} for i in range(999)] + [{"mesh": 0}]
 VIEWS = GLTF["bufferViews"] + [{"buffer": 0, "byteLength": 40_000}] * 70_000
 PRIMITIVES = GLTF["meshes"][0]["primitives"] * 20_000
+OFTEN = {
+    "meshes.0.primitives": PRIMITIVES[:10_000],
+    "nodes": [{"mesh": 0}] * 10_000,
+    "scenes": [{"nodes": list(range(10_000))}],
+}
 MANY = {
     "accessors.0.count": 10_000_000,
     "bufferViews.0.byteLength": 120_000_000,
@@ -171,6 +176,7 @@ for _name, _changes, _message in (
         "at most 2147483648 are read",
     ),
     ("glTF of 20000 primitives", {"meshes.0.primitives": PRIMITIVES}, "20000 primitives; at most"),
+    ("glTF that shows 10^4 primitives 10^4 times", OFTEN, "100000000 primitives; at most"),
     ("glTF that shows 10^7 vertices ten times", MANY, "at most 16777216 and 50331648 are read"),
     ("glTF node that is its own child", {"nodes.0.children": [0]}, "root of a tree"),
     ("glTF node with two parents", {"nodes": [{"children": [1, 1]}, {}]}, "two parents"),
