@@ -32,7 +32,7 @@ LIBRARY = Path("/usr/lib/oclgrind/liboclgrind-rt-icd.so")
 CORE = "liboclgrind-21.10.so"
 """Of LIBRARY, and the version whose fault `mended_core` knows."""
 MISSING = f"Oclgrind is not installed (apt-get install oclgrind): there is no {LIBRARY}"
-TIMEOUT_S = 600.0
+TIMEOUT_S = 1800.0
 ROOT = Path(__file__).resolve().parents[1]
 
 NO_FINDING = re.compile(

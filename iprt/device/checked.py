@@ -107,17 +107,22 @@ class CheckedKernel(Kernel):
         super().__init__(device, kernel._kernel)
         self._checks = device
         self._writer = f"kernel '{self._kernel.function_name}' of cl/{file}"
-        info, const = cl.kernel_arg_info, cl.kernel_arg_type_qualifier.CONST
-        self._written = [
-            not self._kernel.get_arg_info(index, info.TYPE_QUALIFIER) & const
-            for index in range(self._kernel.num_args)
-        ]
+        self._written = [_may_write(self._kernel, i) for i in range(self._kernel.num_args)]
 
     def __call__(self, size: tuple[int, ...], *args: Any) -> None:
         super().__call__(size, *args)
         for argument, written in zip(args, self._written, strict=True):
             if written and isinstance(argument, GuardedArray):
                 self._checks.check(self._writer, argument)
+
+
+def _may_write(kernel: cl.Kernel, index: int) -> bool:
+    """Whether a parameter may be written through, for all that the driver tells."""
+    try:
+        qualifier = kernel.get_arg_info(index, cl.kernel_arg_info.TYPE_QUALIFIER)
+    except cl.RuntimeError:  # Intel's CPU runtime does not know it of a program from a cache
+        return True
+    return not qualifier & cl.kernel_arg_type_qualifier.CONST
 
 
 def _guarded_bytes(size: int) -> int:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import pyopencl as cl
 import pytest
 
 from iprt.device import compute
@@ -98,6 +99,18 @@ def test_the_host_is_checked_too(device: ComputeDevice) -> None:
     with pytest.raises(DefectError, match=r"the host wrote -inf to 'table' at \[2\]"):
         checks.upload("table", np.array([0.0, 1.0, -np.inf, 2.0], np.float32))
     checks.upload("numbers", np.full(3, -1, np.int32))
+
+
+def test_all_is_checked_where_the_driver_does_not_tell_what_is_const(
+    planted: Callable[..., None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def unknown(*_: object) -> None:
+        raise cl.RuntimeError
+
+    monkeypatch.setattr(cl.Kernel, "get_arg_info", unknown)
+    planted("fine")
+    with pytest.raises(DefectError, match="1 past its last element"):
+        planted("past")
 
 
 @pytest.mark.gl
