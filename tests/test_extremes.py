@@ -169,7 +169,11 @@ def test_an_object_at_the_centre_has_a_picture(
     for objects in ([touching], [box, corner], [corner]):
         for view in (SMALL, PANORAMA):
             with Renderer(device, two_frames()[0], objects, view, chosen(method)) as renderer:
-                require_finite(renderer, [renderer.render(3, AOVS)])
+                picture = renderer.render(3, AOVS)
+                require_finite(renderer, [picture])
+    # The last box fills an eighth of all directions.
+    filled = (PANORAMA.directions() * (1.0, -1.0, -1.0) > 0.1).all(-1)
+    np.testing.assert_array_equal(picture.aovs["coverage"][filled], 1.0)
 
 
 def mesh_of(corners: Float, triangles: Any, material: Material = CLAY) -> Instance:
@@ -352,6 +356,11 @@ def test_a_jump_of_the_head_leaves_nothing_behind(
     for name, error in errors(picture, truth).items():
         # Cells of E_R that the map of shadows has asked for are not smoothed anew.
         assert error < 1.4 * least[name], name
+    # Shadows are there at once, and not those of the floor that was seen before.
+    dark = (truth.aovs["ratio"].max(-1) < 0.92) & (truth.aovs["coverage"] == 0.0)
+    assert dark.sum() > 20
+    shadow = 1.0 - picture.aovs["ratio"][dark].mean()
+    assert shadow > 0.6 * (1.0 - fresh.aovs["ratio"][dark].mean())
 
 
 @pytest.mark.slow

@@ -178,7 +178,7 @@ def test_reflections_turn_and_mirror_with_the_world(
 ) -> None:
     """Of stripes, in a mirror ball: hardly any noise hides what is off by a texel or two."""
     frame = room_frame(ROOM, 256, 128, striped_walls)
-    objects = [ball((0.1, -0.2, -1.0), 0.45, SILVER)]
+    objects = [ball((0.1, -0.2, -1.0), 0.45, SILVER), *still_life()]
     view = View(48, 48, yaw_deg=6.0, pitch_deg=-11.0, fov_y_deg=60.0)
     if columns is None:
         there = replace(view, yaw_deg=-view.yaw_deg)
