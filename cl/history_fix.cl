@@ -14,7 +14,6 @@
 #include "signal.h"
 
 #define TAPS 5       // in a row
-#define STRIDE 14.0f // pixels between taps of pixels without any history
 
 __kernel void fix_history(
     __global const float *restrict guide,    // 7 planes
@@ -23,6 +22,7 @@ __kernel void fix_history(
     __global const float *restrict length,   // 1 plane
     __global float *restrict signal_out,     // SIGNAL_PLANES planes
     __global float *restrict variance_out,   // 1 plane
+    float stride,                            // pixels between taps where there is no history
     float enough,                            // histories of so many samples are left alone
     float normal_sharpness,                  // k_n of atrous.cl
     float plane_sharpness,                   // k_d
@@ -46,7 +46,7 @@ __kernel void fix_history(
         sum[c] = 0.0f; // of differences to the centre: equal neighbours leave its bits
     }
     float weights = own, variances = own * own * variance[p];
-    int step = (int)(STRIDE / (1.0f + own) + 0.5f);
+    int step = max((int)(stride / (1.0f + own) + 0.5f), 1);
     for (int i = 0; fixed && i < TAPS * TAPS; i++) {
         int dx = i % TAPS - TAPS / 2, dy = i / TAPS - TAPS / 2;
         int tx = wrap_column(x + step * dx, width), ty = y + step * dy;

@@ -7,6 +7,9 @@ from iprt.passes.atrous import AtrousSettings
 from iprt.passes.guide import Guide, plane_defines
 from iprt.passes.temporal import Accumulated, Kind, signal_defines, signal_planes
 
+STRIDE, OF_HEIGHT = 14.0, 1.0 / 36.0
+"""Pixels between taps where there is no history, at most; and as a fraction of the rows."""
+
 
 class HistoryFix:
     """Mixes accumulated pixels that are worth few samples with those around them."""
@@ -44,6 +47,7 @@ class HistoryFix:
                 accumulated.length,
                 self._signal,
                 self._variance,
+                min(STRIDE, OF_HEIGHT * size[1]),
                 self._enough,
                 self._settings.normal_sharpness,
                 self._settings.plane_sharpness,

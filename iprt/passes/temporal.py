@@ -90,7 +90,7 @@ class TemporalSettings(BaseModel):
         ge=0.0,
         le=100.0,
         description="Diffuse light of pixels whose history is worth fewer samples is mixed with "
-        "that of neighbours up to 28 pixels away; 0: never.",
+        "that of neighbours up to 28 pixels away, or 1/18 of the picture; 0: never.",
     )
 
 

@@ -92,10 +92,8 @@ def test_reflections_are_relit_when_asked(device: ComputeDevice, estimator: str)
     ]
     frame = room_frame(ROOM, 512, 256, ceiling_lamp)
     view = View(128, 96, pitch_deg=-35.0)
-    # Without the history fix, which widens shadows in the first frames: reflections keep the mean.
-    unfixed = {"temporal": {"enough": 0.0}}
     on, off = (
-        render(device, frame, objects, view, settings(4, relit, estimator, **unfixed), 8)
+        render(device, frame, objects, view, settings(4, relit, estimator), 8)
         for relit in (True, False)
     )
     # The map of what is out of view has E_R refined in more places.
