@@ -61,3 +61,12 @@ def test_finite_checks(device):
     out = evaluate(device, ["maths.h"], body, {"x": x}, {"y": "int", "z": "int"})
     np.testing.assert_array_equal(out["y"] != 0, np.isfinite(x))
     np.testing.assert_array_equal(out["z"] != 0, np.isfinite(x))
+
+
+def test_the_falloff_is_its_power_and_ends_at_eight(device):
+    x = np.concatenate([np.linspace(0, 20, 2001), [8, np.inf, np.nan]]).astype(np.float32)
+    y = evaluate(device, ["maths.h"], "y = falloff(x);", {"x": x}, {"y": "float"})["y"]
+    truth = np.nan_to_num(np.clip(1 - x.astype(np.float64) / 8, 0, 1) ** 8, nan=0.0)
+    np.testing.assert_allclose(y, truth, rtol=1e-5, atol=1e-30)
+    assert np.all(y[~(x < 8)] == 0)
+    assert np.abs(y - np.exp(-x.astype(np.float64)))[:2001].max() < 0.04  # what it stands for

@@ -55,7 +55,9 @@ def test_planes_are_connected_at_every_inclination(device: ComputeDevice) -> Non
 
 
 def test_depth_step_is_a_gap_on_both_sides(device: ComputeDevice) -> None:
-    world = World(solids=(Box((0.0, 0.0, -1.2), (0.3, 0.3, 0.1)),))
+    """Also across the seam, which is behind: there a box has its edge."""
+    boxes = (Box((0.0, 0.0, -1.2), (0.3, 0.3, 0.1)), Box((0.3, 0.0, 1.2), (0.3, 0.3, 0.1)))
+    world = World(solids=boxes)
     frame = world.frame(256, 128)
     _, flags, _ = read(device, panorama_of(device, frame))
     v = View(256, 128, projection="equirect").directions()
@@ -63,6 +65,7 @@ def test_depth_step_is_a_gap_on_both_sides(device: ComputeDevice) -> None:
     across = which != np.roll(which, -1, 1)
     down = which[:-1] != which[1:]
     assert across.sum() > 20
+    assert across[:, -1].sum() > 20
     assert down.sum() > 20
     assert ((flags & EAST) == 0)[across].all()
     assert ((np.roll(flags, -1, 1) & WEST) == 0)[across].all()
@@ -95,11 +98,15 @@ def test_leaf_ranges_hold_the_plane(device: ComputeDevice, size: tuple[int, int]
 
 
 def test_ranges_stay_near_the_depth(device: ComputeDevice) -> None:
-    """A plane seen edge-on would run away within its texel: ranges do not follow it."""
+    """A plane seen edge-on would run away within its texel: ranges do not follow it.
+
+    It is tilted, and still passes through the depth at the texel's centre.
+    """
     depth = np.full((32, 64), 2.0)
     v = View(64, 32, projection="equirect").directions()
     aside = np.cross(v, [0.0, 1.0, 0.0])
-    _, _, range_ = read(device, panorama_of(device, frame_of(depth, aside)))
+    g, _, range_ = read(device, panorama_of(device, frame_of(depth, aside)))
+    np.testing.assert_allclose((g * v).sum(-1) * 2.0, 1.0, rtol=1e-5)
     footprint = np.pi / 32 * 2.0
     assert (range_[..., 0] >= 2.0 - footprint * 1.001).all()
     assert (range_[..., 1] <= 2.0 + footprint * 1.001).all()

@@ -1,0 +1,1 @@
+"""Mutants: defects planted in copies of the program, which its tests must find."""
