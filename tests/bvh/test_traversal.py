@@ -56,6 +56,20 @@ def test_transformed_as_brute_force_sees_it(device: ComputeDevice, matrix: Float
     assert (met.triangle != triangle)[both].sum() <= 8
 
 
+def test_what_lies_behind_a_start_amid_triangles_is_not_hit(device: ComputeDevice) -> None:
+    """Boxes that hold the start are entered, whatever side of it their triangles are on."""
+    rng = np.random.default_rng(16)
+    instance = instance_of(mesh_of(rng.normal(size=(180, 3)), np.arange(180).reshape(-1, 3)))
+    o = rng.uniform(-0.7, 0.7, (2000, 3)).astype(np.float32).astype(np.float64)
+    d = random_directions(rng, len(o)).astype(np.float32).astype(np.float64)
+    met = BvhTracer(device, [instance])(o, d)
+    t, triangle = brute_force(world_triangles(instance), o, d)
+    assert 0.1 < np.isfinite(t).mean() < 0.999
+    assert (met.triangle != triangle).sum() <= 3
+    same = (met.triangle == triangle) & np.isfinite(t)
+    np.testing.assert_allclose(met.t[same], t[same], rtol=1e-3, atol=1e-5)
+
+
 def test_refitted_equals_rebuilt(device: ComputeDevice) -> None:
     """Moved vertices in the old tree give the hits of a new one."""
     before = bumpy(np.random.default_rng(9), 4)

@@ -144,6 +144,10 @@ def test_rays_that_leave_a_convex_solid_do_not_meet_it(
     o = r * v[pick] + 2.0 * texel * r * n
     d = unit(random_directions(rng, N) + n)
     assert np.isfinite(tracer(o, d).t).mean() < 1e-3
+    if "plate" not in name:
+        # Errors of depth put starts below the surface: what they start in they only leave.
+        o -= 3.5 * texel * r * n
+        assert np.isfinite(tracer(o, d).t).mean() < 0.1
 
 
 @pytest.mark.parametrize("projection", ["perspective", "equirect"])

@@ -111,6 +111,34 @@ def test_sensor_dropouts_are_surface_unless_they_are_bright() -> None:
     assert np.array_equal(sanitise_depth(holed_depth, color).opening, mask)
 
 
+def test_a_dropout_is_compared_with_its_four_neighbours() -> None:
+    """One bright neighbour of four makes the rim bright; a diagonal one is none of the rim."""
+    for down, right, near in (
+        (-1, 0, True),
+        (1, 0, True),
+        (0, -1, True),
+        (0, 1, True),
+        (1, 1, False),
+    ):
+        hole = np.zeros((512, 1024), bool)
+        hole[250, 0] = True  # the left neighbour lies across the seam
+        color = np.full((512, 1024, 3), 0.5, np.float32)
+        color[250, 0] = 2.0
+        color[250 + down, right] = 100.0
+        found = classify_holes(hole, color)
+        assert found.dropout[250, 0] == near
+        assert found.opening[250, 0] != near
+
+
+def test_open_sky_holds_the_zenith_itself() -> None:
+    hole = np.zeros((16, 32), bool)
+    hole[1:7, 4:8] = True  # down to 11 degrees above the horizon
+    color = np.ones((16, 32, 3), np.float32)
+    assert np.array_equal(classify_holes(hole, color).opening, hole)
+    hole[0, 4] = True
+    assert np.array_equal(classify_holes(hole, color).open_sky, hole)
+
+
 @pytest.mark.parametrize("value", [np.nan, np.inf, 0.0, -3.0])
 def test_scattered_bad_depth_leaves_a_usable_frame(value: float) -> None:
     mask = np.random.default_rng(3).random((H, W)) < 0.05

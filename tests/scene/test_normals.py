@@ -37,6 +37,19 @@ def test_box_room_is_exact_up_to_its_edges() -> None:
     assert error[:, [0, -1]].max() < 1e-3, "seam"
 
 
+def test_a_tilted_room_is_exact_over_its_poles() -> None:
+    """The windows at the poles reach columns half a turn away, which here are at other depths."""
+    w = directions(128, 64)
+    axes, _ = np.linalg.qr(np.random.default_rng(1).standard_normal((3, 3)))
+    outward = np.concatenate([axes, -axes])
+    inverse = w @ outward.T / [1.0, 1.5, 2.0, 1.2, 0.8, 1.7]
+    normal = -outward[inverse.argmax(-1)]
+    error = angle_deg(fit(1.0 / inverse.max(-1)), normal)
+    away = ~near_edges(normal)
+    assert away[[0, 1, -2, -1]].all()
+    assert error[away].max() < 0.05
+
+
 def test_normals_are_unit_and_face_the_centre() -> None:
     rng = np.random.default_rng(5)
     depth = rng.uniform(0.5, 50.0, (32, 64))
