@@ -167,6 +167,29 @@ def test_rectangle(both: Both) -> None:
     assert both.traced.rect == bounding(covered)
 
 
+@pytest.mark.parametrize("side", [-1, 1])
+def test_an_edge_on_the_seam_borrows_across_it(device: ComputeDevice, side: int) -> None:
+    """A ball reaches a quarter of a pixel over the seam: there only the pixel across can lend."""
+    view = View(160, 80, projection="equirect")
+    radius = 0.2
+    azimuth = side * (np.pi + 0.25 * 2.0 * np.pi / view.width - radius)
+    centre = 1.5 * np.array([np.sin(azimuth), 0.0, -np.cos(azimuth)])
+    ball = placed(sphere(4), tuple(centre), 1.5 * np.sin(radius))
+    panorama = panorama_of(device, room_frame(World(), 64, 32, bright_walls))
+    constants = device.upload("view", view.kernel_constants())
+    table = device.upload("materials", material_table(ball.mesh.materials))
+    layer = VisibleLayer(device, PlaneLayout(view.width, view.height), equirect=True)
+    bvh = ObjectBvh(device, [ball])
+    bvh.load([ball])
+    bounds = object_bounds([ball], margin=1e-3)
+    Visibility(device, view, bvh).run(layer, view, constants, constants, panorama, bounds, table)
+    coverage, depth = image(device, layer, "coverage"), image(device, layer, "depth")
+    beyond, before = (0, -1) if side > 0 else (-1, 0)
+    assert (coverage[39:41, before] > 0.9).all()
+    assert ((coverage[39:41, beyond] > 0.1) & (coverage[39:41, beyond] < 0.5)).all()
+    assert (depth[39:41, beyond] > 1.2).all()
+
+
 @views
 def test_nothing_in_sight(device: ComputeDevice, view: View) -> None:
     """What was seen before is gone."""
