@@ -77,6 +77,7 @@ def test_influence_is_remembered_for_ten_pictures(device: ComputeDevice) -> None
         mask.run((0, 0))
         level = read(device, gbuffer.layout, mask.level)[0]
     assert dense == [9] * 10 + [0, 0]
+    assert (read(device, gbuffer.layout, mask.touched) == 0.0).all()
 
 
 def test_faint_influence_takes_a_quarter_of_the_rays(device: ComputeDevice) -> None:
@@ -96,10 +97,11 @@ def test_faint_influence_takes_a_quarter_of_the_rays(device: ComputeDevice) -> N
 def test_influence_moves_with_the_picture(device: ComputeDevice) -> None:
     gbuffer = flat_gbuffer(32, 24)
     touched = np.zeros((24, 32))
-    touched[10, 16] = TOUCHED_FRAMES
+    touched[10, 16] = touched[4, 0] = TOUCHED_FRAMES
     mask, _, _ = run(device, gbuffer, (0, 0), touched)
     motion = np.full((2, 24, 32), -1e9)
     motion[:, 12, 20] = 16.4, 10.6
+    motion[:, 4, 3] = -0.4, 4.5  # from beside the picture
     mask.run((0, 0), motion=upload(device, gbuffer.layout, motion))
     level = read(device, gbuffer.layout, mask.level)[0]
     expected = np.full((24, 32), 2)
