@@ -34,17 +34,16 @@ def _survivors(root: Path, mutants: Sequence[Mutant], killed: Mapping[str, bool]
 
 
 def write_section(root: Path, mutants: Sequence[Mutant], killed: Mapping[str, bool]) -> None:
-    """Put the results between the marks of docs/testing.md.
-
-    Raises KeyError for a mutant that was not tried.
-    """
+    """Put the results between the marks of docs/testing.md; mutants not tried are counted there."""
     lines = []
-    for title, part in (
+    for title, listed in (
         ("Planted in the kernels", [m for m in mutants if m.file.startswith("cl/")]),
         ("Sampled from numeric Python", [m for m in mutants if not m.file.startswith("cl/")]),
     ):
+        part = [mutant for mutant in listed if mutant.label(read(root, mutant)) in killed]
         dead = sum(killed[mutant.label(read(root, mutant))] for mutant in part)
-        lines += [f"{title}: {len(part)}, killed: {dead} ({100 * dead / len(part):.0f}%)."]
+        share = f"{100 * dead / max(len(part), 1):.0f}%"
+        lines += [f"{title}: {len(listed)}, tried: {len(part)}, killed: {dead} ({share})."]
         survivors = _survivors(root, part, killed)
         lines += ["", *_table(root, part, killed), ""]
         lines += ["Survivors:", "", *survivors, ""] if survivors else []
