@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from iprt.scene.normals import estimate_normals, sanitise_normals
+from iprt.scene.normals import _over_poles, estimate_normals, sanitise_normals
 from iprt.scene.scene import Scene
 from tests.scene.files import SHARED, box_room, directions
 
@@ -48,6 +48,13 @@ def test_a_tilted_room_is_exact_over_its_poles() -> None:
     away = ~near_edges(normal)
     assert away[[0, 1, -2, -1]].all()
     assert error[away].max() < 0.05
+
+
+def test_beyond_a_pole_lies_the_other_side() -> None:
+    plane = np.random.default_rng(2).random((6, 8))
+    across = np.roll(plane, 4, axis=1)
+    extended = _over_poles(plane, 2)
+    np.testing.assert_array_equal(extended, [*across[1::-1], *plane, *across[:-3:-1]])
 
 
 def test_normals_are_unit_and_face_the_centre() -> None:
