@@ -44,6 +44,8 @@ def write_section(root: Path, mutants: Sequence[Mutant], killed: Mapping[str, bo
         dead = sum(killed[mutant.label(read(root, mutant))] for mutant in part)
         share = f"{100 * dead / max(len(part), 1):.0f}%"
         lines += [f"{title}: {len(listed)}, tried: {len(part)}, killed: {dead} ({share})."]
+        left = dict.fromkeys(f"`{mutant.file}`" for mutant in listed if mutant not in part)
+        lines += ["", f"Not all tried yet: {', '.join(left)}."] if left else []
         survivors = _survivors(root, part, killed)
         lines += ["", *_table(root, part, killed), ""]
         lines += ["Survivors:", "", *survivors, ""] if survivors else []

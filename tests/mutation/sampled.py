@@ -41,6 +41,9 @@ EQUIVALENT: dict[str, str] = {
     "steps = min(1000, max(41, int(_CG_TEXEL_STEPS / diagonal.size)))": (
         "One step more of a solver that has long converged, or was going to be cut short."
     ),
+    "iprt/bvh/cache.py: most = fixed[-1] + MESH_DEPTH + 1 -> most = fixed[-1] + MESH_DEPTH - 1": (
+        "Trees of the two greatest depths would be built anew each time: slower, the same picture."
+    ),
     "iprt/scene/normals.py: GAP_TOLERANCE = (3e-4, 0.05) -> GAP_TOLERANCE = (3e-4, 0.2)": (
         "A tuning value: nothing says how large a step in the noisiest depth still is one surface."
     ),
