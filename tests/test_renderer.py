@@ -167,10 +167,10 @@ def test_the_seam_does_not_show(device: ComputeDevice) -> None:
     """A ball across the seam, one over the nadir: turned to elsewhere, they look the same."""
     frame, _ = lit_room(bright_walls)
     objects = [ball((0.1, -1.1, 0.15), 0.2, CLAY), ball((-0.1, -1.0, 1.6), 0.3, CLAY)]
-    still = render(device, frame, objects, HALF, 4, trace={"rays": 16}, **MEAN)
+    still = render(device, frame, objects, HALF, 8, trace={"rays": 16}, **MEAN)
     assert (still.aovs["coverage"][:, [0, -1]] == 1.0).sum() > 5
     rolled, moved, _ = turned(frame, objects, 128)
-    picture = render(device, rolled, moved, HALF, 4, trace={"rays": 16}, **MEAN)
+    picture = render(device, rolled, moved, HALF, 8, trace={"rays": 16}, **MEAN)
 
     def difference(name: str) -> Float:
         return np.asarray(np.roll(picture.aovs[name], -64, 1) - still.aovs[name], np.float64)
