@@ -10,18 +10,15 @@ from __future__ import annotations
 import inspect
 import logging
 import os
-import signal
 import sys
-import threading
 import traceback
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from importlib import import_module
-from types import FrameType
 
 from tyro.extras import SubcommandApp
 
 from iprt.commands.help import CONFIG, explained
+from iprt.ending import Ended, signals_raise
 from iprt.errors import DeviceHangError, IprtError
 
 DEFECT = 70
@@ -55,7 +52,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     logging.basicConfig(stream=sys.stderr, format="iprt: %(message)s")
     logging.getLogger("iprt").setLevel(logging.DEBUG if debug else logging.INFO)
     try:
-        with _signals_raise():
+        with signals_raise():
             code = application(words).cli(
                 prog="iprt", description=DESCRIPTION, args=words, config=CONFIG
             )
@@ -74,7 +71,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("iprt: interrupted", file=sys.stderr)
         return INTERRUPTED
-    except _Ended as ended:
+    except Ended as ended:
         print(f"iprt: ended by {ended.signal.name}", file=sys.stderr)
         return 128 + ended.signal
     except BrokenPipeError:
@@ -85,35 +82,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         traceback.print_exc()
         print("iprt: this is a defect in iprt; please report the lines above", file=sys.stderr)
         return DEFECT
-
-
-class _Ended(BaseException):
-    """A signal asked the process to end; raised like `KeyboardInterrupt`, so that all is undone."""
-
-    def __init__(self, number: int) -> None:
-        self.signal = signal.Signals(number)
-
-
-@contextmanager
-def _signals_raise() -> Iterator[None]:
-    """Let SIGTERM and SIGHUP unwind the stack, as SIGINT does, where nobody handles them yet."""
-
-    def end(number: int, _: FrameType | None) -> None:
-        for each in ours:
-            signal.signal(each, signal.SIG_IGN)  # a second one must not disturb the clearing up
-        raise _Ended(number)
-
-    ours = []
-    if threading.current_thread() is threading.main_thread():
-        ending = (signal.SIGTERM, signal.SIGHUP)
-        ours = [number for number in ending if signal.getsignal(number) is signal.SIG_DFL]
-    for number in ours:
-        signal.signal(number, end)
-    try:
-        yield
-    finally:
-        for number in ours:
-            signal.signal(number, signal.SIG_DFL)
 
 
 def _leave(code: int) -> None:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+from iprt.ending import raise_if_ended
+
 
 @contextmanager
 def progress_bar(label: str, frames: int, unit: str = "frames") -> Iterator[Callable[[int], None]]:
@@ -27,4 +29,9 @@ def progress_bar(label: str, frames: int, unit: str = "frames") -> Iterator[Call
         *columns, console=console, transient=True, disable=not console.is_terminal
     ) as bar:
         task = bar.add_task(label, total=frames)
-        yield lambda done: bar.update(task, completed=done)
+
+        def update(done: int) -> None:
+            raise_if_ended()
+            bar.update(task, completed=done)
+
+        yield update
