@@ -118,12 +118,13 @@ def test_a_signal_in_mid_write_keeps_the_old_picture(
     write_picture(picture, np.ones((8, 8, 3), np.float32))
     before = picture.read_bytes()
     code = (
-        "import os, sys; from pathlib import Path; import numpy as np\n"
+        "import os, sys, time; from pathlib import Path; import numpy as np\n"
         "from PIL import Image; from iprt import cli\n"
         "from iprt.output.picture import write_picture\n"
         "def save(self, target, **_):\n"
         "    Path(target).write_bytes(b'half')\n"
         f"    os.kill(os.getpid(), {int(number)})\n"
+        "    for _ in range(3000): time.sleep(0.01)  # signals arrive a little later\n"
         "    print('written to the end', file=sys.stderr)\n"
         "Image.Image.save = save\n"
         "def verb():\n"
