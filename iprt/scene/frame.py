@@ -32,6 +32,16 @@ class Frame:
         0 where the surface is diffuse, else 1 + its index in `real_materials`. None: nowhere.
     real_materials : tuple of Material
         The glossy materials of the real scene.
+    index : int
+        Number of the frame in the video.
+    pose : (4, 4) float64 or None
+        Rigid transform from this frame's capture centre and axes, in which all above is, to the
+        world. None: they are the world's.
+    light : (H, W, 3) float32 or None
+        What the surfaces send in truth where `color` is clipped, elsewhere `color`. None: `color`.
+    color_map : (3, 3) float64 or None
+        Takes colours of this frame to those of the video's reference frame, which was exposed and
+        balanced otherwise. None: they are the same.
     """
 
     color: NDArray[np.float32]
@@ -40,6 +50,19 @@ class Frame:
     normal: NDArray[np.float32]
     gloss: NDArray[np.uint8] | None = None
     real_materials: tuple[Material, ...] = ()
+    index: int = 0
+    pose: NDArray[np.float64] | None = None
+    light: NDArray[np.float32] | None = None
+    color_map: NDArray[np.float64] | None = None
+
+    @property
+    def radiance(self) -> NDArray[np.float32]:
+        """(H, W, 3) linear radiance that rays find: `light`, as the reference frame shows it."""
+        light = self.color if self.light is None else self.light
+        if self.color_map is None:
+            return light
+        mapped = light @ self.color_map.T.astype(np.float32)
+        return np.maximum(mapped, np.float32(0.0))
 
     @property
     def height(self) -> int:
