@@ -6,6 +6,9 @@ import logging
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
+from numpy.typing import NDArray
+
 from iprt.bvh.scene import object_bounds
 from iprt.device.compute import ComputeDevice
 from iprt.errors import DeviceError
@@ -70,9 +73,7 @@ class Objects:
         self._visibility: Visibility | None = None
         if needs.primary_rays:
             self._see_by_rays(view)
-        self.bounds = object_bounds(
-            instances, margin=LAYER_MARGIN if needs.traced_layers else BOX_MARGIN
-        )
+        self.bounds = self._bounds()
         self.device_bounds = device.upload("object bounds", self.bounds)
         materials = material_table([m for i in instances for m in i.mesh.materials])
         self.materials = device.upload("materials", materials)
@@ -89,6 +90,16 @@ class Objects:
             self._triangles = ObjectBvh(self._device, self._instances)
             self._triangles.load(self._instances)
         self._visibility = Visibility(self._device, view, self._triangles)
+
+    def move(self, instances: Sequence[Instance]) -> None:
+        """Follow the objects from the next `place` on, in a tick that says that they changed."""
+        self._instances = instances
+        self.bounds = self._bounds()
+        self._device.write(self.device_bounds, self.bounds)
+
+    def _bounds(self) -> NDArray[np.float32]:
+        margin = LAYER_MARGIN if self._needs.traced_layers else BOX_MARGIN
+        return object_bounds(self._instances, margin=margin)
 
     def close(self) -> None:
         """Release the OpenGL context."""
@@ -113,6 +124,8 @@ class Objects:
         """
         if self._triangles is not None and tick.objects_changed:
             self._triangles.load(self._instances)
+        if self._rasterizer is not None and tick.objects_changed:
+            self._rasterizer.move(self._instances)
         if self._visibility is None or self._needs.traced_layers:
             self._open_rasterizer(view)
         shown_anew = tick.view_changed or tick.video_changed or tick.objects_changed

@@ -33,7 +33,7 @@ from iprt.pixels import RatioMap, RealPixels, Tick, VirtualPixels
 from iprt.requirements import Requirements
 from iprt.scene.camera import View
 from iprt.scene.frame import Frame
-from iprt.scene.mesh import Instance
+from iprt.scene.mesh import Instance, require_same_objects, same_places
 from iprt.settings import Settings
 
 CUT = 0.5
@@ -107,7 +107,7 @@ class Renderer:
         self._previous_view = view
         self._view_stale = 2  # steps for which what depends on the view must be made anew
         self._video_stale = True
-        self._objects_stale = True
+        self._objects_stale = 1  # frames for which the objects are not where they were
         self._cut = False
 
         self.layout = PlaneLayout(view.width, view.height)
@@ -195,7 +195,7 @@ class Renderer:
             previous=self._view_constants[1],
             view_changed=self._view_stale > 0,
             video_changed=self._video_stale,
-            objects_changed=self._objects_stale,
+            objects_changed=self._objects_stale > 0,
             cut=self._cut,
         )
         self._place_view(tick)
@@ -208,7 +208,8 @@ class Renderer:
             self.virtual_pixels.run(self.world, tick)
             self._composite(self.virtual_pixels, ratio)
         self._frame_index += 1
-        self._video_stale = self._objects_stale = self._cut = False
+        self._video_stale = self._cut = False
+        self._objects_stale = max(self._objects_stale - 1, 0)
         self._view_stale = max(self._view_stale - 1, 0)
         self._previous_view = self.view
         self.device.profile.frames += 1
@@ -273,6 +274,28 @@ class Renderer:
                 self.cache.place(self.world, changed)
         self._frame = frame
         self._video_stale = True
+
+    def move(self, instances: Iterable[Instance]) -> None:
+        """Follow the objects to where they are now. Nothing is done if none has moved.
+
+        Parameters
+        ----------
+        instances : iterable of Instance
+            The same objects, in the same order, with other transforms.
+
+        Raises
+        ------
+        SceneError
+            They are others, or a transform is not 4x4 finite numbers. The renderer stays as it was.
+        """
+        moved = tuple(instances)
+        require_same_objects(self.instances, moved)
+        still = same_places(self.instances, moved)
+        self.instances = moved
+        if still or self._objects is None:
+            return
+        self._objects.move(moved)
+        self._objects_stale = 2  # their motion ends in the frame after the last one that moves them
 
     def look(self, view: View) -> None:
         """Turn the camera; size and projection stay."""

@@ -53,7 +53,7 @@ class ObjectBvh:
         table, texels = _albedo_table(materials)
         self._albedos = device.upload("bvh albedos", table)
         self.motion = device.empty("bvh motion", (3 * max(len(materials), 1), 4))
-        self._before: Sequence[Instance] = instances
+        self._before: Sequence[Instance] | None = None
         if self._textured:
             self._uvs = device.empty("bvh uvs", (rows["vertices"], 2))
             self._texels = device.upload("bvh texels", texels)
@@ -82,7 +82,7 @@ class ObjectBvh:
 
         moved = [
             motion_between(old.to_world, new.to_world)
-            for old, new in zip(self._before, instances, strict=True)
+            for old, new in zip(self._before or instances, instances, strict=True)
             for _ in new.mesh.materials
         ]
         if moved:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import moderngl
@@ -33,6 +33,8 @@ class Part:
     Attributes
     ----------
     instance : Instance
+    index : int
+        Of the instance.
     vertex_row : int
         Of the vertex texture; every instance starts a row, so that it can be rewritten alone.
     first_triangle : int
@@ -47,6 +49,7 @@ class Part:
     """
 
     instance: Instance
+    index: int
     vertex_row: int
     first_triangle: int
     triangles: NDArray[np.int32]
@@ -103,7 +106,6 @@ class WorldGeometry:
         self.material_object = np.repeat(
             np.arange(len(instances), dtype=np.int32), [len(i.mesh.materials) for i in instances]
         )
-        self._names = [instance.name for instance in instances]
 
         self.positions = context.buffer(reserve=max(len(table), 1) * _CORNERS_BYTES)
         self.triangles = context.texture(
@@ -121,20 +123,14 @@ class WorldGeometry:
             self._upload(part)
         self._upload_table()
 
-    def move(self, to_world: Mapping[str, Float]) -> None:
-        """Start a frame: current transforms become previous ones, then the named ones change."""
-        unknown = sorted(set(to_world) - set(self._names))
-        if unknown:
-            raise SceneError(
-                f"cannot move {', '.join(unknown)}: the objects are {', '.join(self._names)}"
-            )
+    def move(self, instances: Sequence[Instance]) -> None:
+        """Start a frame: current transforms become previous ones, and these the current ones."""
         for part in self.parts:
+            part.instance = instances[part.index]
             part.previous = part.to_world
-            name = part.instance.name
-            if name in to_world:
-                part.to_world = _affine(name, to_world[name])
-                if not np.array_equal(part.to_world, part.previous):
-                    self._upload(part)
+            part.to_world = _affine(part.instance.name, part.instance.to_world)
+            if not np.array_equal(part.to_world, part.previous):
+                self._upload(part)
         self._upload_table()
 
     def _upload(self, part: Part) -> None:
@@ -172,7 +168,7 @@ def _lay_out(instances: Sequence[Instance]) -> tuple[tuple[Part, ...], NDArray[n
     parts: list[Part] = []
     table = [np.zeros((0, 4), np.int32)]
     first_material = row = count = 0
-    for instance in instances:
+    for index, instance in enumerate(instances):
         mesh = instance.mesh
         materials = slice(first_material, first_material + len(mesh.materials))
         first_material = materials.stop
@@ -183,7 +179,7 @@ def _lay_out(instances: Sequence[Instance]) -> tuple[tuple[Part, ...], NDArray[n
         triangles = mesh.triangles[order]
         used = mesh.positions[triangles.ravel()].astype(np.float64)
         box = box_corners(used.min(axis=0), used.max(axis=0))
-        parts.append(Part(instance, row, count, triangles, materials, box, matrix, matrix))
+        parts.append(Part(instance, index, row, count, triangles, materials, box, matrix, matrix))
         numbers = triangles + row * _VERTICES_PER_ROW
         material = mesh.material_index[order, None] + materials.start
         table.append(np.concatenate([numbers, material], axis=1).astype(np.int32))

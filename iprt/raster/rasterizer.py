@@ -90,24 +90,24 @@ class Rasterizer:
         self._programs: dict[Projection, Programs] = {}
         self._targets: dict[Projection, Targets] = {}
 
-    def move(self, to_world: Mapping[str, NDArray[np.float64]]) -> None:
+    def move(self, instances: Sequence[Instance]) -> None:
         """Start a frame with new transforms; the current ones become the previous ones.
 
-        Call it once per frame while objects move, and once more (`move({})`) when they stop:
-        motion is measured from the transforms before the last call.
+        Call it once per frame while objects move, and once more when they stop: motion is measured
+        from the transforms before the last call.
 
         Parameters
         ----------
-        to_world : mapping of str to (4, 4) float64
-            By instance name. The others stay where they are.
+        instances : sequence of Instance
+            The same objects, in the same order.
 
         Raises
         ------
         SceneError
-            An unknown name, or a matrix that is not 4x4 finite numbers.
+            A transform is not 4x4 finite numbers.
         """
         with self._context:
-            self._geometry.move(to_world)
+            self._geometry.move(instances)
 
     def set_surface(self, surface: NDArray[np.float32]) -> None:
         """Set the real scene that `coverage` compares with. Until then there is none.

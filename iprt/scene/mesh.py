@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from iprt.errors import SceneError
 from iprt.scene.material import Material
 
 
@@ -72,3 +74,42 @@ class Instance:
     name: str
     mesh: Mesh
     to_world: NDArray[np.float64]
+
+
+def require_same_objects(before: Sequence[Instance], after: Sequence[Instance]) -> None:
+    """Raise SceneError unless these are the same objects, at most elsewhere.
+
+    They are if their names, order, triangles, materials and vertices are.
+    """
+    names, others = ([instance.name for instance in those] for those in (before, after))
+    if names != others:
+        raise SceneError(
+            f"cannot move {', '.join(others) or 'nothing'}: the objects are, in this order, "
+            f"{', '.join(names) or 'none'}"
+        )
+    for old, new in zip(before, after, strict=True):
+        if new.to_world.shape != (4, 4) or not np.isfinite(new.to_world).all():
+            raise SceneError(
+                f"object {new.name}: to_world must be 4x4 finite numbers, got {new.to_world!r}"
+            )
+        if old.mesh is not new.mesh and not _same_shape(old.mesh, new.mesh):
+            raise SceneError(
+                f"object {new.name}: cannot move, its triangles, vertices or materials are others "
+                "than before; make a new renderer"
+            )
+
+
+def same_places(before: Sequence[Instance], after: Sequence[Instance]) -> bool:
+    """Whether nothing has moved between two states of the same objects."""
+    return all(
+        np.array_equal(old.to_world, new.to_world) for old, new in zip(before, after, strict=True)
+    )
+
+
+def _same_shape(old: Mesh, new: Mesh) -> bool:
+    arrays = ("positions", "normals", "uvs", "triangles", "material_index")
+    return (
+        all(np.array_equal(getattr(old, name), getattr(new, name)) for name in arrays)
+        and old.materials == new.materials
+        and all(a.texture is b.texture for a, b in zip(old.materials, new.materials, strict=True))
+    )

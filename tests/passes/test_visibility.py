@@ -79,7 +79,7 @@ class Both:
         self.traced = VisibleLayer(device, layout, equirect=equirect)
         with rasterizer(before) as opened:
             opened.set_surface(device.read(panorama.surface))
-            opened.move({i.name: i.to_world for i in instances})
+            opened.move(instances)
             self.layers = opened.render(view, turned, shade=True)
         self.drawn.load(self.layers, now, table)
         bvh = ObjectBvh(device, before)

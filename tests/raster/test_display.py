@@ -187,9 +187,9 @@ def test_motion(view: View, previous: View) -> None:
     still = placed(quad(), 4.0 * direction(40.0, -15.0), name="still")
     with rasterizer([before, still]) as opened:
         first = opened.render(view, shade=True)
-        opened.move({"moving": after.to_world})
+        opened.move([after, still])
         second = opened.render(view, previous, shade=True)
-        opened.move({})
+        opened.move([after, still])
         third = opened.render(view, shade=True)
         owner = opened.material_object
 
@@ -216,7 +216,7 @@ def test_motion(view: View, previous: View) -> None:
 def test_motion_from_behind_the_camera() -> None:
     board = placed(quad(), (0.0, 0.0, 3.0))
     with rasterizer([board]) as opened:
-        opened.move({"object": placed(quad(), (0.0, 0.0, -3.0)).to_world})
+        opened.move([placed(quad(), (0.0, 0.0, -3.0))])
         layers = opened.render(View(16, 16), shade=True)
     seen = layers.front.geometry[..., 3] > 0.0
     assert seen.any()

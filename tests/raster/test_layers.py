@@ -112,7 +112,7 @@ def test_sphere_in_equirect() -> None:
         for yaw, pitch in places:
             for view, distance in zip(EQUIRECT, (1.5, 4.0), strict=True):
                 ball = placed(sphere(1), distance * direction(yaw, pitch))
-                opened.move({ball.name: ball.to_world})
+                opened.move([ball])
                 layers = opened.render(view, shade=False)
                 check_layers(layers, gather([ball]), view, opened.materials, min_compared=15)
 
@@ -229,9 +229,9 @@ def test_two_rasterizers_and_repeated_calls_agree() -> None:
         first = one.render(view, shade=True)
         two.render(view, shade=True)
         one.render(other, shade=False)
-        one.move({"object": placed(sphere(1), (1.5, 1, -3)).to_world})
+        one.move([placed(sphere(1), (1.5, 1, -3))])
         one.render(view, shade=True)
-        one.move({"object": placed(sphere(1), (0, 0, -3)).to_world})
+        one.move([placed(sphere(1), (0, 0, -3))])
         again = one.render(view, shade=True)
     np.testing.assert_array_equal(first.front.geometry, again.front.geometry)
     np.testing.assert_array_equal(first.back.material, again.back.material)
