@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from pydantic import (
     AfterValidator,
     BaseModel,
-    ConfigDict,
     Discriminator,
     Field,
     Tag,
@@ -28,6 +27,7 @@ from iprt.errors import SceneError
 from iprt.scene.camera import View
 from iprt.scene.gloss import MAX_REAL_MATERIALS, Plane, RealMaterial
 from iprt.scene.inside import stays_inside
+from iprt.scene.keyframes import ObjectKeyframe, ObjectKeyframes, ViewKeyframe, ViewKeyframes
 from iprt.scene.manifest_problems import (
     FRAME_PATTERN,
     MAX_PROBLEMS,
@@ -36,6 +36,7 @@ from iprt.scene.manifest_problems import (
     problems_error,
 )
 from iprt.scene.material import Material
+from iprt.scene.table import FARTHEST, Degrees, FieldOfView, Pitch, Point, Table
 from iprt.scene.untrusted import MAX_SIDE
 from iprt.toml_text import parse_toml, printable, read_text
 
@@ -43,8 +44,6 @@ MANIFEST_NAME = "scene.toml"
 MAX_ENTRIES = 4096
 """Of objects, and of views."""
 LAST_FRAME = 999_999
-FARTHEST = 1e6
-"""Largest number in a transform: beyond, 32-bit floats have no centimetres left."""
 
 
 def _relative_path(text: str) -> str:
@@ -75,13 +74,9 @@ Name = Annotated[str, AfterValidator(_plain_name)]
 Unit = Annotated[float, Field(ge=0.0, le=1.0)]
 Color = Annotated[list[Unit], Field(min_length=3, max_length=3)]
 Ior = Annotated[float, Field(gt=1.0, le=4.0)]
-Point = Annotated[
-    list[Annotated[float, Field(ge=-FARTHEST, le=FARTHEST)]], Field(min_length=3, max_length=3)
-]
 Side = Annotated[int, Field(ge=1, le=MAX_SIDE)]
 Pixel = Annotated[int, Field(ge=0, le=MAX_SIDE)]
 FrameNumber = Annotated[int, Field(ge=0, le=LAST_FRAME)]
-Degrees = Annotated[float, Field(ge=-36000.0, le=36000.0)]
 Factor = Annotated[float, Field(gt=0.0, le=1e12)]
 
 
@@ -91,11 +86,7 @@ def _not_null(values: list[float]) -> list[float]:
     return values
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
-
-
-class VideoTable(_Table):
+class VideoTable(Table):
     """`[video]`: pictures of one frame, or printf patterns and a range of frames."""
 
     color: FramePath
@@ -108,7 +99,7 @@ class VideoTable(_Table):
     loop: bool = False
 
 
-class DiffuseTable(_Table):
+class DiffuseTable(Table):
     kind: Literal["diffuse"]
     albedo: Color
     texture: RelativePath | None = None
@@ -117,7 +108,7 @@ class DiffuseTable(_Table):
         return Material("diffuse", _triple(self.albedo), texture=texture)
 
 
-class ConductorTable(_Table):
+class ConductorTable(Table):
     kind: Literal["conductor"]
     reflectance: Color
     alpha: Unit = 0.1
@@ -126,7 +117,7 @@ class ConductorTable(_Table):
         return Material("conductor", _triple(self.reflectance), alpha=self.alpha)
 
 
-class PlasticTable(_Table):
+class PlasticTable(Table):
     kind: Literal["plastic"]
     albedo: Color
     alpha: Unit = 0.1
@@ -167,7 +158,7 @@ def _transform(values: list[float]) -> list[float]:
     return values
 
 
-class ObjectTable(_Table):
+class ObjectTable(Table):
     """`[[objects]]`: a mesh and where it stands."""
 
     name: Name
@@ -176,6 +167,7 @@ class ObjectTable(_Table):
         list[float], Field(min_length=16, max_length=16), AfterValidator(_transform)
     ]
     material: MaterialTable | None = None
+    keyframes: ObjectKeyframes = Field(default=[])
 
 
 Radiance = Annotated[
@@ -185,7 +177,7 @@ Radiance = Annotated[
 ]
 
 
-class PlaneTable(_Table):
+class PlaneTable(Table):
     """A plane in the world, in metres."""
 
     point: Point
@@ -199,7 +191,7 @@ class PlaneTable(_Table):
         return Plane(_triple(self.point), _triple(normal), self.tolerance)
 
 
-class _RealMaterialTable(_Table, ABC):
+class _RealMaterialTable(Table, ABC):
     """`[[real_materials]]`: where the panorama shows a glossy surface. All that is given holds."""
 
     name: Name
@@ -252,19 +244,20 @@ RealMaterialTable = Annotated[
 ]
 
 
-class ViewTable(_Table):
+class ViewTable(Table):
     """`[[views]]`: a picture to render, and what it ought to look like."""
 
     name: Name
     yaw_deg: Degrees = 0.0
-    pitch_deg: Annotated[float, Field(ge=-90.0, le=90.0)] = 0.0
-    fov_y_deg: Annotated[float, Field(ge=0.01, lt=180.0)] = 60.0
+    pitch_deg: Pitch = 0.0
+    fov_y_deg: FieldOfView = 60.0
     size: Annotated[list[Side], Field(min_length=2, max_length=2)]
     objects: list[str] | None = None
     truth: FramePath | None = None
     truth_background: FramePath | None = None
     truth_mask: FramePath | None = None
     cuts: list[Annotated[list[Pixel], Field(min_length=4, max_length=4)]] = Field(default=[])
+    keyframes: ViewKeyframes = Field(default=[])
 
     @property
     def view(self) -> View:
@@ -272,7 +265,7 @@ class ViewTable(_Table):
         return View(width, height, self.yaw_deg, self.pitch_deg, self.fov_y_deg)
 
 
-class Manifest(_Table):
+class Manifest(Table):
     """A whole `scene.toml`."""
 
     format: Literal[1]
@@ -348,6 +341,8 @@ def _models(location: tuple[Any, ...]) -> list[type[BaseModel]]:
             "plane": PlaneTable,
         }
         return [real[step] for step in location[:-1] if step in real][-1:]
+    if "keyframes" in location[:-1]:
+        return [ObjectKeyframe if location[0] == "objects" else ViewKeyframe]
     if "material" in location:
         return [kinds[step] for step in location if step in kinds][:1]
     tables: dict[Any, type[BaseModel]] = {

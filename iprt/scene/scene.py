@@ -16,6 +16,7 @@ from iprt.scene.frame import Frame
 from iprt.scene.gloss import RealMaterial, with_gloss
 from iprt.scene.images import read_color
 from iprt.scene.inside import anywhere, require_inside
+from iprt.scene.keyframes import ObjectMotion, ViewMotion
 from iprt.scene.manifest import (
     MANIFEST_NAME,
     DiffuseTable,
@@ -50,6 +51,8 @@ class SceneView:
         possibly with a printf pattern for the frame's number (`frame_path`).
     cuts : tuple of (x0, y0, x1, y1)
         Crops in pixels.
+    motion : ViewMotion or None
+        Where it looks over time; None: where `view` does. That is where it looks at first.
     """
 
     name: str
@@ -59,6 +62,11 @@ class SceneView:
     truth_background: Path | None
     truth_mask: Path | None
     cuts: tuple[tuple[int, int, int, int], ...]
+    motion: ViewMotion | None = None
+
+    def at(self, time_s: float) -> View:
+        """The view at a time (`Scene.time_of`)."""
+        return self.view if self.motion is None else self.motion.at(time_s)
 
 
 class Scene:
@@ -198,9 +206,19 @@ class Scene:
         columns = self.manifest.video.yaw_offset_deg / 360.0 * width
         return np.roll(mask, int(np.floor(columns + 0.5)), axis=1)
 
+    def time_of(self, index: int) -> float:
+        """Seconds from the video's first frame to frame `index`, which keyframes count by.
+
+        A video that loops starts anew with every round, and what moves in it does so with it.
+        """
+        frames = self.frame_indices
+        played = index - frames[0]
+        video = self.manifest.video
+        return (played % len(frames) if video.loop else played) / video.fps
+
     @cached_property
     def instances(self) -> tuple[Instance, ...]:
-        """All objects, in the manifest's order.
+        """All objects at the time of the first frame, in the manifest's order.
 
         Raises
         ------
@@ -208,11 +226,35 @@ class Scene:
             A mesh or texture cannot be read, or all of them together are too large.
         """
         meshes: dict[tuple[str, bool], Mesh] = {}
-        instances = []
+        instances: list[Instance] = []
         for table in self.manifest.objects:
-            instances.append(self._instance(table, meshes))
+            instance = self._instance(table, meshes)
+            instances.append(replace(instance, to_world=self._motions[table.name].at(0.0)))
             _require_readable(self.name, instances)
         return tuple(instances)
+
+    def instances_at(
+        self, time_s: float, names: tuple[str, ...] | None = None
+    ) -> tuple[Instance, ...]:
+        """The objects of these names, by default all, as `instances` but at another time.
+
+        Their names, order, triangles and materials are the same at all times.
+        """
+        chosen = self.instances if names is None else self.instances_named(names)
+        return tuple(
+            replace(instance, to_world=self._motions[instance.name].at(time_s))
+            for instance in chosen
+        )
+
+    @cached_property
+    def _motions(self) -> dict[str, ObjectMotion]:
+        """Where objects are over time, by name."""
+        return {
+            table.name: ObjectMotion.of(
+                np.array(table.to_world, np.float64).reshape(4, 4), table.keyframes
+            )
+            for table in self.manifest.objects
+        }
 
     def instances_of(self, view: str | None = None) -> tuple[Instance, ...]:
         """The objects that a view shows; all without a view.
@@ -339,12 +381,14 @@ def _scene_view(root: Path, table: ViewTable, all_objects: tuple[str, ...]) -> S
     def absolute(name: str | None) -> Path | None:
         return None if name is None else root / name
 
+    motion = ViewMotion.of(table.view, table.keyframes) if table.keyframes else None
     return SceneView(
         name=table.name,
-        view=table.view,
+        view=table.view if motion is None else motion.at(0.0),
         objects=all_objects if table.objects is None else tuple(table.objects),
         truth=absolute(table.truth),
         truth_background=absolute(table.truth_background),
         truth_mask=absolute(table.truth_mask),
         cuts=tuple((x0, y0, x1, y1) for x0, y0, x1, y1 in table.cuts),
+        motion=motion,
     )

@@ -1,0 +1,199 @@
+"""Things that move: values between key times, nodes below nodes, meshes that bend with them.
+
+Quaternions are (x, y, z, w), of unit length. glTF is the glTF 2.0 specification (Khronos Group):
+Appendix C says how to interpolate, section 3.7.3 how skins bend.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation, Slerp
+
+Float = NDArray[np.float64]
+NO_ROTATION = (0.0, 0.0, 0.0, 1.0)
+
+
+@dataclass(frozen=True)
+class Track:
+    """A quantity over time. Before its first key and after its last it stays as it is there.
+
+    Attributes
+    ----------
+    times : (K,) float64
+        Seconds, strictly ascending; at least one.
+    values : (K, C) float64, or (K, 3, C)
+        At these times; the latter are cubic splines: tangent before, value, tangent after.
+    held : (K,) bool
+        The value stays until the next key.
+    rotation : bool
+        Values are quaternions; between two of them lies a turn of constant speed, the short way.
+    """
+
+    times: Float
+    values: Float
+    held: NDArray[np.bool_]
+    rotation: bool = False
+
+    def at(self, time_s: float) -> Float:
+        """(C,) the value at a time; at the time of a key it is the key's."""
+        key = int(np.searchsorted(self.times, time_s, side="right")) - 1
+        last = len(self.times) - 1
+        if key < 0 or key == last or self.held[key] or time_s == self.times[key]:
+            return self._key(max(key, 0))
+        duration = float(self.times[key + 1] - self.times[key])
+        part = float(time_s - self.times[key]) / duration
+        if self.values.ndim == 3:
+            return self._spline(key, part, duration)
+        before, after = self.values[key], self.values[key + 1]
+        if self.rotation:
+            turn: Float = Slerp([0.0, 1.0], Rotation.from_quat([before, after]))(part).as_quat()
+            return turn
+        return np.asarray(before + part * (after - before))
+
+    def _key(self, key: int) -> Float:
+        value: Float = self.values[key] if self.values.ndim == 2 else self.values[key, 1]
+        return value
+
+    def _spline(self, key: int, s: float, duration: float) -> Float:
+        """glTF, Appendix C.5."""
+        (_, start, leaving), (arriving, end, _) = self.values[key], self.values[key + 1]
+        value: Float = (
+            (2 * s**3 - 3 * s**2 + 1) * start
+            + duration * (s**3 - 2 * s**2 + s) * leaving
+            + (3 * s**2 - 2 * s**3) * end
+            + duration * (s**3 - s**2) * arriving
+        )
+        if not self.rotation:
+            return value
+        length = float(np.linalg.norm(value))
+        return value / length if length > 1e-9 else start
+
+
+def transform(translation: Sequence[float] | Float, rotation: Float, scale: Float) -> Float:
+    """(4, 4) matrix that scales (3,), then turns (4,), then moves (3,)."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = Rotation.from_quat(rotation).as_matrix() * scale
+    matrix[:3, 3] = translation
+    return matrix
+
+
+@dataclass(frozen=True)
+class Node:
+    """A coordinate frame in another.
+
+    Attributes
+    ----------
+    parent : int
+        Index of the node that it lies in; -1: none.
+    translation : (3,) float64
+    rotation : (4,) float64
+    scale : (3,) float64
+    matrix : (4, 4) float64 or None
+        In place of the three.
+    """
+
+    parent: int
+    translation: Float = field(default_factory=lambda: np.zeros(3))
+    rotation: Float = field(default_factory=lambda: np.array(NO_ROTATION))
+    scale: Float = field(default_factory=lambda: np.ones(3))
+    matrix: Float | None = None
+
+    def local(self, tracks: Mapping[str, Track], time_s: float) -> Float:
+        """(4, 4) to the parent's frame; `tracks` are of translation, rotation and scale."""
+        if self.matrix is not None and not tracks:
+            return self.matrix
+        parts = (
+            tracks[name].at(time_s) if name in tracks else getattr(self, name)
+            for name in ("translation", "rotation", "scale")
+        )
+        return transform(*parts)
+
+
+@dataclass(frozen=True)
+class Skeleton:
+    """Nodes below nodes that move.
+
+    Attributes
+    ----------
+    nodes : dict of int to Node
+        Parents come before their children.
+    tracks : dict of int to (dict of str to Track)
+        By node, then "translation", "rotation" or "scale".
+    """
+
+    nodes: Mapping[int, Node]
+    tracks: Mapping[int, Mapping[str, Track]]
+
+    def pose(self, time_s: float) -> dict[int, Float]:
+        """(4, 4) by node: from its frame to that of the roots."""
+        placed: dict[int, Float] = {}
+        for index, node in self.nodes.items():
+            local = node.local(self.tracks.get(index, {}), time_s)
+            placed[index] = local if node.parent < 0 else placed[node.parent] @ local
+        return placed
+
+
+@dataclass(frozen=True)
+class Skin:
+    """Vertices that follow several nodes.
+
+    Attributes
+    ----------
+    nodes : (J,) int64
+        The joints.
+    inverse_bind : (J, 4, 4) float64
+        From the mesh's space to that of each joint, as they were when it was bound.
+    joints : (V, I) int64
+        Into `nodes`: which each vertex follows.
+    weights : (V, I) float64
+        And how much; rows add up to 1.
+    """
+
+    nodes: NDArray[np.int64]
+    inverse_bind: Float
+    joints: NDArray[np.int64]
+    weights: Float
+
+    def matrices(self, pose: Mapping[int, Float]) -> Float:
+        """(V, 3, 4) from the mesh's space to that of the roots: linear blend skinning."""
+        bones = np.stack([pose[int(node)] for node in self.nodes]) @ self.inverse_bind
+        blended = np.zeros((len(self.joints), 3, 4))
+        for joint, weight in zip(self.joints.T, self.weights.T, strict=True):
+            blended += weight[:, None, None] * bones[joint, :3]
+        return blended
+
+
+def moved(
+    positions: NDArray[np.floating], normals: NDArray[np.floating], matrices: Float
+) -> tuple[Float, Float]:
+    """Vertices after affine maps.
+
+    Parameters
+    ----------
+    positions, normals : (V, 3)
+    matrices : (V, 3, 4) or (1, 3, 4) float64
+        One for each vertex, or for all.
+
+    Returns
+    -------
+    (V, 3), (V, 3) float64
+        Normals, by the inverse transpose, are of unit length; as they were where a map leaves none.
+    """
+    linear, offset = matrices[:, :, :3], matrices[:, :, 3]
+    points = np.einsum("vij,vj->vi", _for_each(linear, positions), positions) + offset
+    # Cofactors: the determinant times the inverse transpose, which flattening maps have too.
+    cofactors = np.stack([np.cross(linear[:, i - 2], linear[:, i - 1]) for i in range(3)], axis=1)
+    side = np.where(np.linalg.det(linear) < 0.0, -1.0, 1.0)[:, None, None]
+    turned = np.einsum("vij,vj->vi", _for_each(side * cofactors, normals), normals)
+    length = np.linalg.norm(turned, axis=1, keepdims=True)
+    unit = np.array(normals, np.float64)
+    np.divide(turned, length, out=unit, where=length > 0.0)
+    return points, unit
+
+
+def _for_each(matrices: Float, vectors: NDArray[np.floating]) -> Float:
+    return np.broadcast_to(matrices, (len(vectors), *matrices.shape[1:]))
