@@ -17,7 +17,7 @@ from iprt.scene.camera import View
 from iprt.scene.frame import Frame
 from iprt.scene.material import Material
 from iprt.scene.mesh import Instance, Mesh
-from iprt.scene.source import RawFrame
+from iprt.scene.video.source import RawFrame
 from tests.whole_frame import (
     CLAY,
     METHODS,

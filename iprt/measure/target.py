@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from iprt.errors import FormatError, IprtError, SceneError
 from iprt.measure import metrics
 from iprt.scene.images import read_color
-from iprt.scene.source import frame_path
+from iprt.scene.video.sequence import frame_path
 
 if TYPE_CHECKING:
     from iprt.scene.camera import View

@@ -19,15 +19,17 @@ from iprt.errors import FormatError, SceneError
 from iprt.output.atomic import replacing, require_writable
 from iprt.scene.images import read_depth
 from iprt.scene.inside import anywhere, require_inside
-from iprt.scene.manifest import MANIFEST_NAME, VideoTable, manifest_text, parse_manifest
+from iprt.scene.manifest import MANIFEST_NAME, manifest_text, parse_manifest
 from iprt.scene.manifest_problems import FRAME_PATTERN
 from iprt.scene.mesh import Mesh
 from iprt.scene.mesh_files import MeshFile
 from iprt.scene.meshes import load_mesh
 from iprt.scene.placement import RealSurfaces, set_down
 from iprt.scene.scene import Scene
-from iprt.scene.source import FrameSource, frame_path
 from iprt.scene.untrusted import is_file
+from iprt.scene.video.sequence import frame_path
+from iprt.scene.video.source import FrameSource
+from iprt.scene.video.table import VideoTable
 
 VIEW_SIZE = (1024, 768)
 

@@ -26,77 +26,43 @@ from pydantic import (
 from iprt.errors import SceneError
 from iprt.scene.camera import View
 from iprt.scene.gloss import MAX_REAL_MATERIALS, Plane, RealMaterial
-from iprt.scene.inside import stays_inside
 from iprt.scene.keyframes import ObjectKeyframe, ObjectKeyframes, ViewKeyframe, ViewKeyframes
 from iprt.scene.manifest_problems import (
-    FRAME_PATTERN,
     MAX_PROBLEMS,
     cross_problems,
     describe,
     problems_error,
 )
 from iprt.scene.material import Material
-from iprt.scene.table import FARTHEST, Degrees, FieldOfView, Pitch, Point, Table
-from iprt.scene.untrusted import MAX_SIDE
-from iprt.toml_text import parse_toml, printable, read_text
+from iprt.scene.table import (
+    FARTHEST,
+    Color,
+    Degrees,
+    Factor,
+    FieldOfView,
+    FramePath,
+    Ior,
+    Name,
+    Pitch,
+    Pixel,
+    Point,
+    RelativePath,
+    Side,
+    Table,
+    Unit,
+)
+from iprt.scene.video.table import VideoTable
+from iprt.toml_text import parse_toml, read_text
 
 MANIFEST_NAME = "scene.toml"
 MAX_ENTRIES = 4096
 """Of objects, and of views."""
-LAST_FRAME = 999_999
-
-
-def _relative_path(text: str) -> str:
-    """A path that stays in the scene's folder."""
-    if not stays_inside(text):
-        raise ValueError(f"'{text}' leaves the scene's folder; copy the file into it")
-    if not text or text.endswith("/") or text != printable(text, len(text)):
-        raise ValueError(f"'{text}': expected the name of a file")
-    return text
-
-
-def _frame_path(text: str) -> str:
-    """A path that may hold the frame's number."""
-    if "%" in FRAME_PATTERN.sub("", text, count=1):
-        raise ValueError(f"'{text}': expected at most one %d or %04d and no other %")
-    return _relative_path(text)
-
-
-def _plain_name(text: str) -> str:
-    if not text.strip() or set(text) & {"/", "\\"} or text != printable(text):
-        raise ValueError(f"'{text}': expected a name without slashes")
-    return text
-
-
-RelativePath = Annotated[str, AfterValidator(_relative_path)]
-FramePath = Annotated[str, AfterValidator(_frame_path)]
-Name = Annotated[str, AfterValidator(_plain_name)]
-Unit = Annotated[float, Field(ge=0.0, le=1.0)]
-Color = Annotated[list[Unit], Field(min_length=3, max_length=3)]
-Ior = Annotated[float, Field(gt=1.0, le=4.0)]
-Side = Annotated[int, Field(ge=1, le=MAX_SIDE)]
-Pixel = Annotated[int, Field(ge=0, le=MAX_SIDE)]
-FrameNumber = Annotated[int, Field(ge=0, le=LAST_FRAME)]
-Factor = Annotated[float, Field(gt=0.0, le=1e12)]
 
 
 def _not_null(values: list[float]) -> list[float]:
     if not any(values):
         raise ValueError("expected at least one value that is not 0")
     return values
-
-
-class VideoTable(Table):
-    """`[video]`: pictures of one frame, or printf patterns and a range of frames."""
-
-    color: FramePath
-    depth: FramePath
-    depth_scale: Factor | None = None
-    normal: FramePath | None = None
-    yaw_offset_deg: Degrees = 0.0
-    frames: Annotated[list[FrameNumber], Field(min_length=2, max_length=2)] = Field(default=[0, 0])
-    fps: Factor = 30.0
-    loop: bool = False
 
 
 class DiffuseTable(Table):

@@ -19,7 +19,8 @@ from iprt.scene.mesh import Instance
 from iprt.scene.openings import classify_holes, solid_angles
 from iprt.scene.placement import RealSurfaces
 from iprt.scene.scene import Scene
-from iprt.scene.source import RawFrame, frame_path
+from iprt.scene.video.sequence import frame_path
+from iprt.scene.video.source import RawFrame
 
 
 @dataclass(frozen=True)
@@ -98,7 +99,6 @@ def describe_scene(scene: Scene, frame: Frame, raw: RawFrame) -> SceneReport:
     frame, raw : Frame, RawFrame
         The first frame, sanitised and as read.
     """
-    video = scene.manifest.video
     measured = np.isfinite(raw.depth) & (raw.depth > 0.0)
     holes = classify_holes(~measured, frame.color)
     weight = np.broadcast_to(solid_angles(frame.width, frame.height)[:, None], measured.shape)
@@ -112,15 +112,14 @@ def describe_scene(scene: Scene, frame: Frame, raw: RawFrame) -> SceneReport:
         )
 
     surfaces = RealSurfaces(frame)
-    first, last = video.frames
     return SceneReport(
         name=scene.name,
         width=frame.width,
         height=frame.height,
-        frames=(first, last),
-        fps=video.fps,
+        frames=(scene.frame_indices[0], scene.frame_indices[-1]),
+        fps=scene.source.fps,
         exposure=scene.exposure,
-        metres_per_unit=video.depth_scale or 1.0,
+        metres_per_unit=scene.manifest.video.depth_scale or 1.0,
         depth_percentiles=_percentiles(raw.depth[measured], (1, 50, 99)),
         radiance_percentiles=_percentiles(frame.color, (1, 50, 99, 100)),
         holes=share(~measured),

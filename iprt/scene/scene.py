@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -29,11 +30,11 @@ from iprt.scene.manifest_problems import problems_error
 from iprt.scene.material import Material
 from iprt.scene.mesh import Instance, Mesh
 from iprt.scene.meshes import load_mesh
-from iprt.scene.source import FrameSource, RawFrame, frame_path
+from iprt.scene.scene_files import missing_files
 from iprt.scene.untrusted import MAX_PIXELS, MAX_TRIANGLES, is_file
-
-MAX_TRIES = 10_000
-"""Names of truths that are looked for in a scene without all its frames."""
+from iprt.scene.video.incidents import Stage, steady_frames
+from iprt.scene.video.source import FrameSource, RawFrame
+from iprt.scene.video.stream import Ahead
 
 
 @dataclass(frozen=True)
@@ -97,7 +98,7 @@ class Scene:
         self.views = {table.name: _scene_view(root, table, names) for table in manifest.views}
 
     @classmethod
-    def open(cls, path: Path, *, allow_outside: bool = False) -> Scene:
+    def open(cls, path: Path, *, allow_outside: bool = False, strict: bool = False) -> Scene:
         """Open a scene folder, or the scene.toml in it.
 
         Parameters
@@ -105,6 +106,8 @@ class Scene:
         path : Path
         allow_outside : bool
             Whether files may be links to what lies outside the folder.
+        strict : bool
+            Whether any frame without a file is a problem, and not only the first.
 
         Raises
         ------
@@ -118,7 +121,7 @@ class Scene:
         if is_file(manifest_path):
             require_inside(manifest_path, within)
         scene = cls(root, read_manifest(manifest_path), within)
-        if problems := scene._missing_files():
+        if problems := missing_files(scene, strict=strict):
             raise problems_error(str(manifest_path), problems)
         return scene
 
@@ -167,10 +170,51 @@ class Scene:
     def raw_frame(self, index: int | None = None) -> RawFrame:
         """As `frame`, before anything is filled or cleaned."""
         chosen = self.frame_indices[0] if index is None else index
-        if chosen not in self.frame_indices:
-            first, last = self.manifest.video.frames
-            raise SceneError(f"{self.name}: no frame {chosen}; the scene has {first} to {last}")
+        self._require_frames([chosen])
         return self.source.read(chosen)
+
+    def stream(
+        self, indices: Iterable[int], *, strict: bool = False, ahead: int = 2
+    ) -> AbstractContextManager[Iterable[Frame]]:
+        """Frames of the video, decoded and sanitised ahead on a thread, in the order asked for.
+
+        A frame that cannot be read does not end the stream: what can be read of it is filled up
+        from the last good frame (`SteadyReader`), and the log tells once per run of such frames.
+
+        Parameters
+        ----------
+        indices : iterable of int
+            Numbers of frames. In ascending order is quickest.
+        strict : bool
+            Whether a frame that cannot be read is an error.
+        ahead : int
+            Frames that lie ready at most.
+
+        Returns
+        -------
+        context manager
+            Gives what iterates over the frames, once; FormatError comes from there. Leaving the
+            context ends the thread.
+
+        Raises
+        ------
+        SceneError
+            No such frame.
+        """
+        chosen = list(indices)
+        self._require_frames(chosen)
+        frames = steady_frames(self.source, chosen, self._stages(), strict=strict)
+        return Ahead(frames, ahead)
+
+    def _stages(self) -> list[Stage]:
+        """What a stream does to its sanitised frames, in order; made anew for each stream."""
+        return [lambda frame: with_gloss(frame, self.real_materials)]
+
+    def _require_frames(self, indices: Iterable[int]) -> None:
+        for index in indices:
+            if index not in self.frame_indices:
+                first, last = self.frame_indices[0], self.frame_indices[-1]
+                raise SceneError(f"{self.name}: no frame {index}; the scene has {first} to {last}")
 
     @cached_property
     def real_materials(self) -> tuple[RealMaterial, ...]:
@@ -213,8 +257,8 @@ class Scene:
         """
         frames = self.frame_indices
         played = index - frames[0]
-        video = self.manifest.video
-        return (played % len(frames) if video.loop else played) / video.fps
+        loop = self.manifest.video.loop
+        return (played % len(frames) if loop else played) / self.source.fps
 
     @cached_property
     def instances(self) -> tuple[Instance, ...]:
@@ -315,48 +359,6 @@ class Scene:
             ours.update(self.source.files(index).values())
         if path.resolve() in {file.resolve() for file in ours}:
             raise SceneError(f"{path}: belongs to the scene and is not overwritten; name another")
-
-    def _missing_files(self) -> list[str]:
-        """Files that are not there, or not inside; one line each."""
-        frames = self.source.problems()
-        problems = [*frames, *(p for key, name in self._files() for p in self._wrong(key, name))]
-        # Frames that are missing tell how few there are, where a manifest would have us try many.
-        tries = len(self.frame_indices) * len(self.manifest.views)
-        for view in [] if frames and tries > MAX_TRIES else self.manifest.views:
-            for key in ("truth", "truth_background", "truth_mask"):
-                name = getattr(view, key)
-                if name is not None:
-                    problems += self._wrong_truth(f"views.{view.name}.{key}", name)
-        return problems
-
-    def _files(self) -> Iterator[tuple[str, str]]:
-        """Key and name of each file besides frames and truths."""
-        for table in self.manifest.objects:
-            yield f"objects.{table.name}.mesh", table.mesh
-            texture = getattr(table.material, "texture", None)
-            if texture is not None:
-                yield f"objects.{table.name}.material.texture", texture
-        for entry in self.manifest.real_materials:
-            if entry.mask is not None:
-                yield f"real_materials.{entry.name}.mask", entry.mask
-
-    def _wrong(self, key: str, name: str) -> list[str]:
-        """What is wrong with a file that must be there: at most one line."""
-        if not is_file(self.root / name):
-            return [f"{key}: there is no file {name}"]
-        try:
-            require_inside(self.root / name, self.within)
-        except FormatError as error:
-            return [f"{key}: {error}"]
-        return []
-
-    def _wrong_truth(self, key: str, pattern: str) -> list[str]:
-        """As `_wrong`; of a video, some frames may have no truth."""
-        files = dict.fromkeys(frame_path(self.root, pattern, i) for i in self.frame_indices)
-        there = [str(file.relative_to(self.root)) for file in files if is_file(file)]
-        if not there:
-            return [f"{key}: there is no file {pattern}"]
-        return [line for name in there for line in self._wrong(key, name)][:1]
 
 
 def _require_readable(scene: str, instances: list[Instance]) -> None:

@@ -9,11 +9,12 @@ import pytest
 from PIL import Image
 
 from iprt.errors import FormatError
-from iprt.scene import mesh_files, mesh_materials, meshes, source, untrusted
+from iprt.scene import mesh_files, mesh_materials, meshes, untrusted
 from iprt.scene import scene as scene_module
 from iprt.scene.images import read_color
 from iprt.scene.meshes import load_mesh
 from iprt.scene.scene import Scene
+from iprt.scene.video import source
 from tests.scene.files import CUBE, IDENTITY, MANIFEST, write_scene
 
 COLORS = {"red": (255, 0, 0), "green": (0, 255, 0)}

@@ -10,7 +10,8 @@ from PIL import Image
 
 from iprt.errors import FormatError, SceneError
 from iprt.scene.scene import Scene
-from iprt.scene.source import RawFrame, frame_path, turned
+from iprt.scene.video.sequence import frame_path
+from iprt.scene.video.source import turned_color, turned_geometry
 from tests.scene.files import (
     MANIFEST,
     OBJECT,
@@ -159,25 +160,23 @@ def test_depth_scale_applies_to_floats_too(tmp_path: Path) -> None:
 def test_yaw_offset_turns_the_world_to_the_right(yaw: float) -> None:
     width, height = 128, 64
     w = directions(width, height)
-    frame = RawFrame(
-        (w + 2.0).astype(np.float32), box_room(width, height)[0].astype(np.float32),
-        w.astype(np.float32),
-    )  # fmt: skip
-    out = turned(frame, yaw)
+    before = (w + 2.0).astype(np.float32), box_room(width, height)[0].astype(np.float32)
+    color = turned_color(before[0], yaw)
+    depth, normal = turned_geometry(before[1], w.astype(np.float32), yaw)
     angle = np.deg2rad(yaw)
     back = np.array(
         [[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]]
     )
     # What is now seen along w lay along `back @ w` before.
-    assert np.abs(out.color - (w @ back.T + 2.0)).max() < 2e-3
-    assert out.normal is not None
+    assert np.abs(color - (w @ back.T + 2.0)).max() < 2e-3
+    assert normal is not None
     texel = 2 * np.pi / width
-    assert np.abs(out.normal - w).max() < 0.51 * texel
+    assert np.abs(normal - w).max() < 0.51 * texel
     shift = yaw / 360 * width
     if shift == round(shift):
-        assert np.array_equal(out.depth, np.roll(frame.depth, int(shift), axis=1))
-        assert np.array_equal(out.color, np.roll(frame.color, int(shift), axis=1))
-    assert set(out.depth.ravel()) == set(frame.depth.ravel()), "depth is never averaged"
+        assert np.array_equal(depth, np.roll(before[1], int(shift), axis=1))
+        assert np.array_equal(color, np.roll(before[0], int(shift), axis=1))
+    assert set(depth.ravel()) == set(before[1].ravel()), "depth is never averaged"
 
 
 def test_bad_values_are_cleaned(tmp_path: Path) -> None:

@@ -1,0 +1,70 @@
+"""Whether the files that a scene names are there, and inside its folder."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from iprt.errors import FormatError
+from iprt.scene.inside import require_inside
+from iprt.scene.untrusted import is_file
+from iprt.scene.video.sequence import frame_path
+
+if TYPE_CHECKING:
+    from iprt.scene.scene import Scene
+
+MAX_TRIES = 10_000
+"""Names of truths that are looked for in a scene without all its frames."""
+
+
+def missing_files(scene: Scene, *, strict: bool = False) -> list[str]:
+    """Files that are not there, or not inside; one line each.
+
+    Of a video's frames, only the first must be there, or all if `strict`.
+    """
+    frames = scene.source.problems(strict=strict)
+    problems = [
+        *frames,
+        *(line for key, name in _files(scene) for line in _wrong(scene, key, name)),
+    ]
+    # Frames that are missing tell how few there are, where a manifest would have us try many.
+    few = frames or scene.source.notices()
+    tries = len(scene.frame_indices) * len(scene.manifest.views)
+    for view in [] if few and tries > MAX_TRIES else scene.manifest.views:
+        for key in ("truth", "truth_background", "truth_mask"):
+            name = getattr(view, key)
+            if name is not None:
+                problems += _wrong_truth(scene, f"views.{view.name}.{key}", name)
+    return problems
+
+
+def _files(scene: Scene) -> Iterator[tuple[str, str]]:
+    """Key and name of each file besides frames and truths."""
+    for table in scene.manifest.objects:
+        yield f"objects.{table.name}.mesh", table.mesh
+        texture = getattr(table.material, "texture", None)
+        if texture is not None:
+            yield f"objects.{table.name}.material.texture", texture
+    for entry in scene.manifest.real_materials:
+        if entry.mask is not None:
+            yield f"real_materials.{entry.name}.mask", entry.mask
+
+
+def _wrong(scene: Scene, key: str, name: str) -> list[str]:
+    """What is wrong with a file that must be there: at most one line."""
+    if not is_file(scene.root / name):
+        return [f"{key}: there is no file {name}"]
+    try:
+        require_inside(scene.root / name, scene.within)
+    except FormatError as error:
+        return [f"{key}: {error}"]
+    return []
+
+
+def _wrong_truth(scene: Scene, key: str, pattern: str) -> list[str]:
+    """As `_wrong`; of a video, some frames may have no truth."""
+    files = dict.fromkeys(frame_path(scene.root, pattern, i) for i in scene.frame_indices)
+    there = [str(file.relative_to(scene.root)) for file in files if is_file(file)]
+    if not there:
+        return [f"{key}: there is no file {pattern}"]
+    return [line for name in there for line in _wrong(scene, key, name)][:1]

@@ -1,0 +1,150 @@
+"""Frames that cannot be read, in the middle of a video that must go on."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
+from dataclasses import replace
+
+from iprt.errors import FormatError
+from iprt.scene.depth import sanitise_color
+from iprt.scene.frame import Frame
+from iprt.scene.video.source import FrameReader, FrameSource
+
+LOG = logging.getLogger("iprt.video")
+LOOK_BACK = 300
+"""Frames before the first one asked for that are searched for a good one."""
+
+
+Stage = Callable[[Frame], Frame]
+"""What is done to sanitised frames."""
+
+
+class Incident:
+    """A run of bad frames: told when it begins, and when it is over."""
+
+    def __init__(self, tell: Callable[[str], None]) -> None:
+        self._tell = tell
+        self._bad = 0
+
+    def bad(self, problem: str) -> None:
+        """A frame is bad; `problem` says how, and what is done."""
+        if not self._bad:
+            self._tell(problem)
+        self._bad += 1
+
+    def good(self, index: int) -> None:
+        """A frame is good."""
+        if self._bad:
+            self._tell(f"frame {index}: good again, after {self._bad} bad frame(s)")
+        self._bad = 0
+
+    def end(self) -> None:
+        """There is no further frame."""
+        if self._bad:
+            self._tell(f"bad up to the last frame: {self._bad} frame(s)")
+        self._bad = 0
+
+
+class SteadyReader:
+    """Reads and sanitises frames; what of them cannot be read is that of the last good frame.
+
+    Where depth (or a normal) cannot be read, the last good depth, openings and normals stay, and
+    colour goes on. Where colour cannot be read, all of the last good frame stays: new depth would
+    not fit to old colour.
+
+    Parameters
+    ----------
+    reader : FrameReader
+    first : int
+        The video's first frame: what comes before the frames asked for is searched down to it.
+    strict : bool
+        Whether a bad frame is an error.
+    tell : callable
+        Takes a line at the beginning and at the end of each run of bad frames.
+    """
+
+    def __init__(
+        self,
+        reader: FrameReader,
+        first: int,
+        *,
+        strict: bool = False,
+        tell: Callable[[str], None] = LOG.warning,
+    ) -> None:
+        self._reader, self._first, self._strict = reader, first, strict
+        self._incident = Incident(tell)
+        self._last: Frame | None = None
+        self._color_of = self._depth_of = (
+            first  # the frames that colour and depth of `_last` are of
+        )
+
+    def read(self, index: int) -> Frame:
+        """A frame, sanitised.
+
+        Raises
+        ------
+        FormatError
+            It cannot be read, and `strict`, or no frame before it can.
+        """
+        try:
+            color = self._reader.color(index)
+        except FormatError as error:
+            last = self._before(index, error)
+            self._incident.bad(f"{error}; frame {self._color_of} is shown until one is good")
+            return replace(last, index=index)
+        try:
+            raw = self._reader.completed(index, color)
+        except FormatError as error:
+            last = self._before(index, error)
+            self._incident.bad(
+                f"{error}; depth of frame {self._depth_of} stays until it is good again"
+            )
+            return self._keep(replace(last, color=sanitise_color(color), index=index))
+        self._incident.good(index)
+        self._depth_of = index
+        return self._keep(raw.sanitised())
+
+    def end(self) -> None:
+        """Tell of a run of bad frames that goes on up to here."""
+        self._incident.end()
+
+    def _keep(self, frame: Frame) -> Frame:
+        self._last, self._color_of = frame, frame.index
+        return frame
+
+    def _before(self, index: int, error: FormatError) -> Frame:
+        """The last good frame: of those read here, or else of those before the first one asked for.
+
+        So what stands in for a bad frame does not depend on where a film was resumed.
+        """
+        if self._strict:
+            raise error
+        if self._last is None:
+            for earlier in range(index - 1, max(self._first, index - LOOK_BACK) - 1, -1):
+                with suppress(FormatError):
+                    self._keep(self._reader.read(earlier).sanitised())
+                    self._depth_of = earlier
+                    break
+        if self._last is None:
+            raise error
+        return self._last
+
+
+def steady_frames(
+    source: FrameSource, indices: Iterable[int], stages: Iterable[Stage], *, strict: bool
+) -> Iterator[Frame]:
+    """Frames as `SteadyReader` reads them, each after all stages."""
+    stages = tuple(stages)
+    for line in source.notices():
+        LOG.info(line)
+    with source.reading() as reader:
+        steady = SteadyReader(reader, source.indices[0], strict=strict)
+        for index in indices:
+            frame = steady.read(index)
+            for stage in stages:
+                frame = stage(frame)
+            yield frame
+            del frame  # must not live on while the next one is made
+        steady.end()

@@ -1,0 +1,274 @@
+"""Where the frames of a video come from: a track of pictures for colour, for depth, for normals."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, ExitStack, contextmanager
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import islice
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.errors import FormatError
+from iprt.scene.depth import sanitise_color, sanitise_depth
+from iprt.scene.frame import Frame
+from iprt.scene.images import read_color, read_normal
+from iprt.scene.normals import estimate_normals, sanitise_normals
+from iprt.scene.video.sequence import DepthTrack, PictureTrack
+from iprt.scene.video.table import VideoTable
+
+Picture = NDArray[np.float32]
+MAX_MISSING = 10_000
+"""Frames without a file that are counted."""
+
+
+class Track(Protocol):
+    """Pictures of one kind along a video: colour, depth or normals."""
+
+    def file(self, index: int) -> Path:
+        """The file that holds a frame's picture."""
+
+    def missing(self) -> Iterator[Path]:
+        """Files that are not there, by frame."""
+
+    def problems(self) -> list[str]:
+        """What keeps the files that are there from being read; a line with its key each."""
+
+    def size(self) -> tuple[int, int]:
+        """Width and height of the first picture, from its header."""
+
+    def reading(self) -> AbstractContextManager[Callable[[int], Picture]]:
+        """What reads the picture of a frame, and is quickest if asked in order."""
+
+
+@dataclass(frozen=True)
+class RawFrame:
+    """A frame as its files have it, in metres and turned to the scene's convention.
+
+    Attributes
+    ----------
+    color : (H, W, 3) float32
+        Linear radiance; possibly negative or not finite.
+    depth : (H, W) float32
+        Metres; 0, negative, NaN or inf where there is no surface.
+    normal : (H, W, 3) float32 or None
+    index : int
+        As in `Frame`.
+    """
+
+    color: Picture
+    depth: Picture
+    normal: Picture | None
+    index: int = 0
+
+    def sanitised(self) -> Frame:
+        """Fill holes and find normals; see `sanitise_depth` and `estimate_normals`."""
+        color = sanitise_color(self.color)
+        clean = sanitise_depth(self.depth, color)
+        normal = estimate_normals(clean.depth, clean.opening.astype(np.uint8))
+        if self.normal is not None:
+            normal = sanitise_normals(self.normal, normal)
+        return Frame(color, clean.depth, clean.opening, normal, index=self.index)
+
+
+class FrameSource:
+    """The pictures that `[video]` names. Files are opened when something of them is asked for.
+
+    Parameters
+    ----------
+    root : Path
+        The scene's folder.
+    video : VideoTable
+    within : Path
+        Folder that the pictures must lie in, links followed.
+    """
+
+    def __init__(self, root: Path, video: VideoTable, within: Path) -> None:
+        self._root, self._video, self._within = root, video, within
+
+    @cached_property
+    def _tracks(self) -> dict[str, Track]:
+        """By their key in `[video]`."""
+        video = self._video
+
+        place = self._root, self.indices, self._within
+        tracks: dict[str, Track] = {
+            "color": PictureTrack("color", video.color, *place, read_color),
+            "depth": DepthTrack(video.depth, *place, video.depth_scale),
+        }
+        if video.normal is not None:
+            tracks["normal"] = PictureTrack("normal", video.normal, *place, read_normal)
+        return tracks
+
+    @property
+    def indices(self) -> range:
+        """Numbers of the frames."""
+        first, last = self._video.frames
+        return range(first, last + 1)
+
+    @property
+    def fps(self) -> float:
+        """Frames per second."""
+        return self._video.fps
+
+    def files(self, index: int) -> dict[str, Path]:
+        """The files of a frame by their key: color, depth, and normal where there are any."""
+        return {key: track.file(index) for key, track in self._tracks.items()}
+
+    @cached_property
+    def _missing(self) -> dict[str, str]:
+        """By key, the frames that have no file."""
+        lines = {}
+        for key, track in self._tracks.items():
+            missing = list(islice(track.missing(), MAX_MISSING))
+            if missing:
+                least = "at least " if len(missing) == MAX_MISSING else ""
+                more = f" (and {least}{len(missing) - 1} more frames)" if len(missing) > 1 else ""
+                lines[key] = f"there is no file {missing[0].relative_to(self._root)}{more}"
+        return lines
+
+    def problems(self, *, strict: bool = False) -> list[str]:
+        """What keeps the video from being read; one line each.
+
+        The first frame without a file, links elsewhere, and depth without a unit. If `strict`, any
+        frame without a file.
+        """
+        problems = []
+        for key, track in self._tracks.items():
+            first = next(track.missing(), None) == track.file(self.indices[0])
+            if key in self._missing and (first or strict):
+                problems.append(f"video.{key}: {self._missing[key]}")
+            else:
+                problems += track.problems()
+        return problems
+
+    def notices(self) -> list[str]:
+        """What the reader of the video makes up for; one line each."""
+        return [
+            f"video.{key}: {line}; the frame before is shown" for key, line in self._missing.items()
+        ]
+
+    def size(self) -> tuple[int, int]:
+        """Width and height of the first colour picture, from its header."""
+        return self._size
+
+    @cached_property
+    def _size(self) -> tuple[int, int]:
+        return self._tracks["color"].size()
+
+    @contextmanager
+    def reading(self) -> Iterator[FrameReader]:
+        """What reads frames, quickest in order. Not for several threads at a time."""
+        with ExitStack() as stack:
+            readers = {
+                key: stack.enter_context(track.reading()) for key, track in self._tracks.items()
+            }
+            yield FrameReader(self, readers, self._video.yaw_offset_deg)
+
+    def read(self, index: int) -> RawFrame:
+        """Read one frame; see `FrameReader`."""
+        with self.reading() as reader:
+            return reader.read(index)
+
+
+class FrameReader:
+    """Reads frames of a source, whose files it holds open."""
+
+    def __init__(
+        self, source: FrameSource, readers: dict[str, Callable[[int], Picture]], yaw_deg: float
+    ) -> None:
+        self._source, self._readers, self._yaw_deg = source, readers, yaw_deg
+
+    def read(self, index: int) -> RawFrame:
+        """A frame; raises as `color` and `completed` do."""
+        return self.completed(index, self.color(index))
+
+    def color(self, index: int) -> Picture:
+        """(H, W, 3) linear radiance as in `RawFrame`.
+
+        Raises
+        ------
+        FormatError
+            A damaged or missing file, not 2:1 or of another size than the first frame, or without
+            a single usable value.
+        """
+        color = self._readers["color"](index)
+        path = self._source.files(index)["color"]
+        height, width = color.shape[:2]
+        if width != 2 * height:
+            raise FormatError(
+                f"{path}: {width} x {height} pixels; an equirect panorama is twice as wide as high"
+            )
+        self._require_size(path, color, "the first frame")
+        _require_any(path, np.isfinite(color), "colour is NaN or infinite everywhere")
+        return turned_color(color, self._yaw_deg)
+
+    def completed(self, index: int, color: Picture) -> RawFrame:
+        """A frame of which colour is read: depth in metres, and normals where there are any.
+
+        Raises
+        ------
+        FormatError
+            A damaged or missing file, of another size than colour, integer depth without a scale,
+            or depth without a single usable value.
+        """
+        files = self._source.files(index)
+        depth = self._readers["depth"](index)
+        self._require_size(files["depth"], depth, "colour")
+        _require_any(
+            files["depth"],
+            np.isfinite(depth) & (depth > 0.0),
+            "no depth: all values are 0, negative, NaN or infinite",
+        )
+        normal = None
+        if "normal" in files:
+            normal = self._readers["normal"](index)
+            self._require_size(files["normal"], normal, "colour")
+        return RawFrame(color, *turned_geometry(depth, normal, self._yaw_deg), index)
+
+    def _require_size(self, path: Path, picture: Picture, other: str) -> None:
+        width, height = self._source.size()
+        if picture.shape[:2] != (height, width):
+            raise FormatError(
+                f"{path}: {picture.shape[1]} x {picture.shape[0]} pixels, "
+                f"but {other} has {width} x {height}"
+            )
+
+
+def turned_color(color: Picture, yaw_deg: float) -> Picture:
+    """Turn the world to the right, towards +X: what lay at azimuth a comes to a + yaw.
+
+    Colour is interpolated between columns.
+    """
+    columns = yaw_deg / 360.0 * color.shape[1]
+    whole = int(np.floor(columns))
+    part = np.float32(columns - whole)
+    color = np.roll(color, whole, axis=1)
+    if part > 1e-4:
+        color = (1 - part) * color + part * np.roll(color, 1, axis=1)
+    return color
+
+
+def turned_geometry(
+    depth: Picture, normal: Picture | None, yaw_deg: float
+) -> tuple[Picture, Picture | None]:
+    """As `turned_color`, but from the nearest column, because depth and normals jump at edges.
+
+    Normals turn with the world.
+    """
+    nearest = int(np.floor(yaw_deg / 360.0 * depth.shape[1] + 0.5))
+    if normal is not None and yaw_deg % 360.0 != 0.0:
+        angle = np.deg2rad(yaw_deg)
+        cos, sin = np.float32(np.cos(angle)), np.float32(np.sin(angle))
+        x, y, z = np.moveaxis(np.roll(normal, nearest, axis=1), -1, 0)
+        normal = np.stack([cos * x - sin * z, y, sin * x + cos * z], axis=-1)
+    return np.roll(depth, nearest, axis=1), normal
+
+
+def _require_any(path: Path, usable: NDArray[np.bool_], problem: str) -> None:
+    if not usable.any():
+        raise FormatError(f"{path}: {problem}; export it again")

@@ -1,0 +1,98 @@
+"""Frames made ahead, on a thread of their own, while others are rendered."""
+
+from __future__ import annotations
+
+import queue
+import threading
+from collections.abc import Iterable, Iterator
+from types import TracebackType
+from typing import Generic, TypeVar
+
+Item = TypeVar("Item")
+
+WAKE_S = 0.1
+"""Seconds after which who waits looks whether the program is to end: `signals_raise` tells the
+main thread of a signal by what it sees between two steps only."""
+
+
+class _End:
+    """What the thread puts last: the error that ended it, if any."""
+
+    def __init__(self, error: BaseException | None) -> None:
+        self.error = error
+
+
+class Ahead(Generic[Item]):
+    """A context manager that iterates over items which a thread makes ahead, in their order.
+
+    At most `ahead` items lie ready, and one more is in the making. The thread ends when the items
+    do, when making one fails (the error is raised where the item would have come), or when the
+    context is left.
+
+    Parameters
+    ----------
+    items : iterable
+        Iterated over by the thread alone; closed by it, if it is a generator.
+    ahead : int
+        At least 1.
+    """
+
+    def __init__(self, items: Iterable[Item], ahead: int) -> None:
+        if ahead < 1:
+            raise ValueError(f"ahead = {ahead}: at least one item is made ahead")
+        self._items = items
+        self._ready: queue.Queue[Item | _End] = queue.Queue(maxsize=ahead)
+        self._left = threading.Event()
+        self._thread = threading.Thread(target=self._make, name="iprt frames", daemon=True)
+
+    def __enter__(self) -> Ahead[Item]:
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._left.set()
+        self._thread.join()
+
+    def __iter__(self) -> Iterator[Item]:
+        while not self._left.is_set():
+            try:
+                item = self._ready.get(timeout=WAKE_S)
+            except queue.Empty:
+                continue
+            if isinstance(item, _End):
+                self._put(item)  # whoever asks again gets the same answer
+                if item.error is not None:
+                    raise item.error
+                return
+            yield item
+            del item  # a frame must not live on while the next one is waited for
+
+    def _make(self) -> None:
+        end = _End(None)
+        items = iter(self._items)
+        try:
+            for item in items:
+                if not self._put(item):
+                    break
+                del item
+        except BaseException as error:
+            end = _End(error)
+        finally:
+            if hasattr(items, "close"):
+                items.close()
+        self._put(end)
+
+    def _put(self, item: Item | _End) -> bool:
+        """Whether there was room before the context was left."""
+        while not self._left.is_set():
+            try:
+                self._ready.put(item, timeout=WAKE_S)
+            except queue.Full:
+                continue
+            return True
+        return False
