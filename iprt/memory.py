@@ -55,13 +55,15 @@ class RenderPlan:
         instances: Iterable[Instance],
         view: View,
         settings: Settings | None = None,
+        *,
+        own_radiance: bool = False,
     ) -> RenderPlan:
-        """By the renderer's own code, on a device that allocates nothing."""
+        """By the renderer's own code, on a device that allocates nothing; see `Renderer`."""
         from iprt.device.plan import PlanDevice
         from iprt.renderer import Renderer
 
         device = PlanDevice()
-        renderer = Renderer(device, frame, instances, view, settings)
+        renderer = Renderer(device, frame, instances, view, settings, own_radiance=own_radiance)
         return cls(view, renderer.requirements, device.buffers)
 
     @property
@@ -100,6 +102,8 @@ def require_memory(
     instances: Iterable[Instance],
     view: View,
     settings: Settings,
+    *,
+    own_radiance: bool = False,
 ) -> None:
     """Refuse a picture whose buffers do not fit into the device's memory.
 
@@ -110,7 +114,7 @@ def require_memory(
     ------
     DeviceError
     """
-    plan = RenderPlan.of(frame, instances, view, settings)
+    plan = RenderPlan.of(frame, instances, view, settings, own_radiance=own_radiance)
     problem = plan.problem(device.name, device.memory, device.largest_buffer)
     if problem is not None:
         raise DeviceError(problem)

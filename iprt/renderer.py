@@ -71,6 +71,9 @@ class Renderer:
     settings : Settings
     background : (H, W, 3) float32 or None
         Linear radiance to composite over in place of the resampled panorama.
+    own_radiance : bool
+        Frames that are loaded later may have a radiance that is not their colour (`Frame.radiance`)
+        though `frame` has not.
 
     Raises
     ------
@@ -87,6 +90,7 @@ class Renderer:
         settings: Settings | None = None,
         *,
         background: NDArray[np.float32] | None = None,
+        own_radiance: bool = False,
     ) -> None:
         self.settings = settings or Settings()
         self.device = device = checked(device) if self.settings.check_kernels else device
@@ -100,6 +104,7 @@ class Renderer:
             self.settings,
             openings=bool(frame.opening.any()),
             real_materials=frame.real_materials,
+            own_radiance=own_radiance or frame.own_radiance,
         )
         self._equirect = view.projection == "equirect"
         self._objects: Objects | None = None
@@ -117,6 +122,7 @@ class Renderer:
             frame.height,
             outside=self.requirements.opening_environment,
             gloss=self.requirements.gloss,
+            own_radiance=self.requirements.own_radiance,
         )
         self._view_constants = [device.zeros(f"view {i}", (16,)) for i in range(2)]
         self.real = RealLayer(
@@ -264,11 +270,13 @@ class Renderer:
 
     def load(self, frame: Frame) -> None:
         """Go on with another frame of the video, of the same size and with the same openings."""
+        needs = self.requirements
+        assert needs.own_radiance or not (needs.objects and frame.own_radiance), "no buffer for it"
         self.panorama.load(frame)
         if self._lights is not None:
-            self._lights.load(frame.color)
-        if self.requirements.objects:
-            changed = flux_change(self._frame.color, frame.color)
+            self._lights.load(frame.radiance)
+        if needs.objects:
+            changed = flux_change(self._frame.radiance, frame.radiance)
             self._cut = self._cut or changed > CUT
             if self.cache is not None:
                 self.cache.place(self.world, changed)

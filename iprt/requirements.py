@@ -33,6 +33,9 @@ class Requirements:
         The picture is the whole panorama.
     opening_environment : bool
         There are windows, and what lies behind them is assembled as a distant environment.
+    own_radiance : bool
+        Rays find another radiance than the picture shows: lights that were clipped, or another
+        exposure.
     real_materials : tuple of Material
         Glossy materials of the real scene that objects are reflected in; empty: all is diffuse.
     settings : Settings
@@ -47,6 +50,7 @@ class Requirements:
     textured: bool
     equirect_view: bool
     opening_environment: bool
+    own_radiance: bool
     real_materials: tuple[Material, ...]
     settings: Settings
 
@@ -59,8 +63,11 @@ class Requirements:
         *,
         openings: bool,
         real_materials: tuple[Material, ...] = (),
+        own_radiance: bool = False,
     ) -> Requirements:
-        """`openings`: the video frame has windows; `real_materials`: its glossy surfaces."""
+        """`openings`: the video frame has windows; `real_materials`: its glossy surfaces;
+        `own_radiance`: frames may come whose radiance is not their colour.
+        """
         kinds = list(materials)
         tracing = bool(kinds) and settings.method == "iprt"
         return cls(
@@ -73,6 +80,7 @@ class Requirements:
             textured=any(m.texture is not None for m in kinds),
             equirect_view=view.projection == "equirect",
             opening_environment=tracing and settings.trace.openings == "environment" and openings,
+            own_radiance=bool(kinds) and own_radiance,
             real_materials=real_materials if tracing else (),
             settings=settings,
         )
@@ -173,6 +181,7 @@ class Requirements:
             "mirror reflection": self.mirror,
             "reflections in glossy real surfaces": self.gloss,
             "distant environment behind windows": self.opening_environment,
+            "radiance apart from the displayed colour": self.own_radiance,
             "irradiance cache of the panorama": self.delta,
             "aiming rays at lights": self.light_sampling,
             "shadows in what objects reflect off screen": self.ratio_map,

@@ -79,7 +79,7 @@ class Highlight:
                     *panorama.layer_arguments(
                         settings.trace.thickness, settings.trace.thickness_ratio
                     ),
-                    panorama.color,
+                    panorama.radiance,
                     panorama.outside,
                 )
                 self._sample(
@@ -103,7 +103,7 @@ class Highlight:
                 *size,
                 gloss,
                 self.table,
-                panorama.color,
+                panorama.radiance,
                 columns,
                 rows,
                 self.gain,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
 from iprt.passes.pyramid import Pyramid, PyramidShape, equirect_edges
@@ -24,7 +25,9 @@ class Panorama:
     ----------
     width, height : int
     color : (H, W, 4) float32
-        Linear radiance; the fourth channel is unused.
+        Linear radiance as the picture shows it; the fourth channel is unused.
+    radiance : (H, W, 4) float32
+        `Frame.radiance`: `color` itself, or a buffer of its own where asked for.
     surface : (H, W, 4) float32
         Tangent plane and flags per texel, see `cl/lib/real.h`.
     outside : (OUTSIDE_ROWS, 2 OUTSIDE_ROWS, 4) float32 or None
@@ -32,11 +35,11 @@ class Panorama:
     gloss : (H, W) uint8 or None
         0 where the surface is diffuse, else 1 + index of its real material, where asked for.
     highlight : (H, W, 4) float32 or None
-        With `gloss`: the part of `color` that is specular reflection towards the capture centre
+        With `gloss`: the part of `radiance` that is specular reflection towards the capture centre
         (`Highlight`).
     radiated : (H, W, 4) float32
-        What rays find where they meet a real surface: `color` itself, but without highlights where
-        surfaces are glossy (`Highlight`).
+        What rays find where they meet a real surface: `radiance` itself, but without highlights
+        where surfaces are glossy (`Highlight`).
     range : (cells, 2) float32
         Min/max pyramid of radial distances, level 0 first.
     median_depth, nearest, farthest : float
@@ -53,7 +56,9 @@ class Panorama:
         *,
         outside: bool = False,
         gloss: bool = False,
+        own_radiance: bool = False,
     ) -> None:
+        """`own_radiance`: frames may come whose radiance is not their colour."""
         # Tiny panoramas are repeated texel by texel until the coarsest cells are narrow enough.
         self._repeat = max(1, -(-COARSEST_COLUMNS // width))
         self.width, self.height = width * self._repeat, height * self._repeat
@@ -66,8 +71,11 @@ class Panorama:
         self.outside = None
         if outside:
             self.outside = device.empty("panorama.outside", (OUTSIDE_ROWS, 2 * OUTSIDE_ROWS, 4))
+        self.radiance = self.color
+        if own_radiance:
+            self.radiance = device.empty("panorama.radiance", (*texels, 4))
         self.gloss = self.highlight = None
-        self.radiated = self.color
+        self.radiated = self.radiance
         if gloss:
             self.gloss = device.empty("panorama.gloss", texels, np.uint8)
             self.highlight = device.empty("panorama.highlight", (*texels, 4))
@@ -88,18 +96,19 @@ class Panorama:
         self.median_depth = frame.median_depth
         self.nearest = float(finite.min()) if finite.size else 0.0
         self.farthest = float(finite.max()) if finite.size else 0.0
+        radiance = frame.radiance
         rows = np.sin((np.arange(frame.height) + 0.5) / frame.height * np.pi)
         self.mean_radiance = float(
-            np.average(frame.color.mean(axis=(1, 2), dtype=np.float64), weights=rows)
+            np.average(radiance.mean(axis=(1, 2), dtype=np.float64), weights=rows)
         )
-        color = np.zeros((self.height, self.width, 4), np.float32)
-        color[..., :3] = self._enlarged(frame.color)
         with self._device.profile.section("upload"):
             if self.outside is not None:
                 environment = np.zeros(self.outside.shape, np.float32)
-                environment[..., :3] = outside_radiance(frame.color, frame.opening)
+                environment[..., :3] = outside_radiance(radiance, frame.opening)
                 self._device.write(self.outside, environment)
-            self._device.write(self.color, color)
+            self._device.write(self.color, self._texels(frame.color))
+            if self.radiance is not self.color:
+                self._device.write(self.radiance, self._texels(radiance))
             self._device.write(self._depth, self._enlarged(frame.depth))
             self._device.write(self._normal, self._enlarged(frame.normal))
             self._device.write(self._opening, self._enlarged(frame.opening))
@@ -121,6 +130,12 @@ class Panorama:
                 self.range,
             )
         self._pyramid.run(self.range, self.shape)
+
+    def _texels(self, picture: NDArray[np.float32]) -> NDArray[np.float32]:
+        """A picture (h, w, 3) as float4 per texel."""
+        texels = np.zeros((self.height, self.width, 4), np.float32)
+        texels[..., :3] = self._enlarged(picture)
+        return texels
 
     def _enlarged(self, image: Any) -> Any:
         if self._repeat == 1:

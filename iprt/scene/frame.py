@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,7 +56,7 @@ class Frame:
     light: NDArray[np.float32] | None = None
     color_map: NDArray[np.float64] | None = None
 
-    @property
+    @cached_property
     def radiance(self) -> NDArray[np.float32]:
         """(H, W, 3) linear radiance that rays find: `light`, as the reference frame shows it."""
         light = self.color if self.light is None else self.light
@@ -63,6 +64,11 @@ class Frame:
             return light
         mapped = light @ self.color_map.T.astype(np.float32)
         return np.maximum(mapped, np.float32(0.0))
+
+    @property
+    def own_radiance(self) -> bool:
+        """`radiance` may differ from `color`."""
+        return self.light is not None or self.color_map is not None
 
     @property
     def height(self) -> int:

@@ -73,12 +73,12 @@ class World:
         )
         self.has_objects = bool(shapes)
         self.objects = mi.load_dict({"type": "scene", **shapes})
-        self._color = _texture(frame.color)
+        self._color = _texture(frame.radiance)
         self._normal = _texture(frame.normal)
         receives = np.isfinite(frame.depth) & ~frame.opening
         self._receives = _texture(receives[..., None].astype(np.float32), nearest=True)
         self._ratio = _texture(np.ones((2, 4, 3), np.float32))
-        weight = frame.color.astype(np.float64) @ LUMINANCE
+        weight = frame.radiance.astype(np.float64) @ LUMINANCE
         weight = (weight + 0.05 * weight.mean() + 1e-30) * solid_angles(self.width, self.height)[
             :, None
         ]
