@@ -1,0 +1,159 @@
+"""A video with its objects: frame after frame, with all that moves moved."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Self
+
+from iprt.device.compute import ComputeDevice
+from iprt.memory import require_memory
+from iprt.renderer import RenderedFrame, Renderer
+from iprt.scene.camera import View
+from iprt.scene.frame import Frame
+from iprt.scene.scene import Scene, SceneView
+from iprt.settings import Settings
+
+
+class Film:
+    """Renders frames of a scene's video, one view frame after another.
+
+    Parameters
+    ----------
+    scene : Scene
+    device : ComputeDevice
+    settings : Settings
+    view : SceneView or View
+        A view of the scene moves as the scene says; a plain one stands.
+    objects : tuple of str or None
+        Names of the objects to insert. None: those of the scene's view, or all.
+    accumulate : int
+        View frames that are rendered for each frame of the video; the picture is the last.
+    strict : bool
+        Stop at the first frame of the video that cannot be read, rather than bridge it.
+
+    Attributes
+    ----------
+    prepare_ms : float
+        Time that passes took before the first view frame.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        device: ComputeDevice,
+        settings: Settings,
+        *,
+        view: SceneView | View,
+        objects: tuple[str, ...] | None = None,
+        accumulate: int = 1,
+        strict: bool = False,
+    ) -> None:
+        self.scene, self.device, self.settings = scene, device, settings
+        self.accumulate, self.strict = accumulate, strict
+        self.prepare_ms = 0.0
+        self._view = view
+        self._objects = view.objects if objects is None and isinstance(view, SceneView) else objects
+        self._renderer: Renderer | None = None
+
+    def close(self) -> None:
+        """Release what the last run of frames held."""
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def frames(
+        self,
+        indices: Sequence[int],
+        *,
+        warm_up: int = 0,
+        aovs: Iterable[str] = (),
+        progress: Callable[[int], None] | None = None,
+    ) -> Iterator[tuple[int, RenderedFrame]]:
+        """Render frames in the order of `indices`, with nothing accumulated by earlier calls.
+
+        One call at a time; no more than a few frames are held.
+
+        Parameters
+        ----------
+        indices : sequence of int
+            Numbers of frames of the video.
+        warm_up : int
+            Frames that are rendered before the first, and not yielded, so that it has a history:
+            those before it, in the step of `indices`. Where the video begins later, its first
+            frame stands for them.
+        aovs : names from `iprt.aovs.AOVS`
+        progress : callable or None
+            Called with the number of finished view frames of a frame after each.
+
+        Yields
+        ------
+        (int, RenderedFrame)
+
+        Raises
+        ------
+        SceneError
+            No such frame.
+        FormatError
+            The files of a frame cannot be used; if not `strict`, of the first.
+        DeviceError
+            A picture needs more memory than the device has.
+        """
+        self.close()
+        aovs = tuple(aovs)
+        before = warm_up_indices(indices, warm_up, self.scene.frame_indices[0])
+        chosen = [*before, *indices]
+        with self.scene.stream(chosen, strict=self.strict) as frames:
+            for number, (index, frame) in enumerate(zip(chosen, frames, strict=True)):
+                renderer = self._showing(frame, index)
+                del frame
+                wanted = number >= len(before)
+                picture = renderer.render(self.accumulate, aovs if wanted else (), progress)
+                self.device.finish()  # adds up the times: hours of events would fill the memory
+                if wanted:
+                    yield index, picture
+                del picture
+
+    def _showing(self, frame: Frame, index: int) -> Renderer:
+        """The renderer, gone on to a frame of the video."""
+        view = self.view_at(index)
+        instances = self.scene.instances_at(self.scene.time_of(index), self._objects)
+        renderer = self._renderer
+        if renderer is not None:
+            renderer.load(frame)
+            renderer.move(instances)
+            renderer.look(view)
+            return renderer
+        require_memory(self.device, frame, instances, view, self.settings)
+        renderer = Renderer(self.device, frame, instances, view, self.settings)
+        self._renderer = renderer
+        if not self.prepare_ms:
+            self.device.finish()
+            self.prepare_ms = sum(entry.ms for entry in self.device.profile.passes())
+            self.device.profile.reset()
+        return renderer
+
+    def view_at(self, index: int) -> View:
+        """How a frame of the video is looked at."""
+        return view_at(self.scene, self._view, index)
+
+
+def view_at(scene: Scene, view: SceneView | View, index: int) -> View:
+    """Where `view` looks in a frame of the video, in the size that it has."""
+    if isinstance(view, View):
+        return view
+    return view.at(scene.time_of(index)).resized(view.view.width, view.view.height)
+
+
+def warm_up_indices(indices: Sequence[int], count: int, first: int) -> list[int]:
+    """The `count` frames before `indices`, in their step; none before `first`, which is repeated.
+
+    Indices that are no range, or run backwards, count as steps of 1.
+    """
+    step = max(indices.step, 1) if isinstance(indices, range) else 1
+    return [max(indices[0] - step * back, first) for back in range(count, 0, -1)]

@@ -1,0 +1,118 @@
+"""Films: every frame once and in order, as the renderer makes it, with no more held than needed."""
+
+from __future__ import annotations
+
+import gc
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from iprt.device.compute import ComputeDevice
+from iprt.errors import SceneError
+from iprt.film import Film, warm_up_indices
+from iprt.renderer import Renderer
+from iprt.scene.camera import View
+from iprt.scene.frame import Frame
+from iprt.scene.scene import Scene
+from iprt.settings import Settings
+from tests.clips import write_clip
+from tests.films import FEW
+
+SETTINGS = Settings.model_validate(FEW)
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
+    return Scene.open(write_clip(tmp_path_factory.mktemp("clip"), 6))
+
+
+def film(scene: Scene, device: ComputeDevice, accumulate: int = 1) -> Film:
+    return Film(scene, device, SETTINGS, view=scene.views["ahead"], accumulate=accumulate)
+
+
+def pictures(
+    scene: Scene, device: ComputeDevice, indices: Sequence[int], warm_up: int = 0
+) -> list[NDArray[np.float32]]:
+    with film(scene, device) as running:
+        return [picture.color for _, picture in running.frames(indices, warm_up=warm_up)]
+
+
+def test_frames_are_what_a_renderer_makes_of_the_video(scene: Scene, device: ComputeDevice) -> None:
+    with film(scene, device, accumulate=2) as running:
+        made = list(running.frames([1, 2, 4], aovs=["normal"]))
+    assert [index for index, _ in made] == [1, 2, 4]
+    view = scene.views["ahead"].view
+    with Renderer(device, scene.frame(1), scene.instances, view, SETTINGS) as renderer:
+        expected = [renderer.render(2).color]
+        for index in (2, 4):
+            renderer.load(scene.frame(index))
+            expected.append(renderer.render(2).color)
+    for (_, picture), color in zip(made, expected, strict=True):
+        assert np.array_equal(picture.color, color)
+        assert set(picture.aovs) == {"normal"}
+    assert np.abs(expected[1] - expected[0]).max() > 0.01
+
+
+def test_runs_know_nothing_of_each_other(scene: Scene, device: ComputeDevice) -> None:
+    with film(scene, device) as running:
+        first = [picture.color for _, picture in running.frames([2, 3])]
+        for _ in running.frames(range(6)):
+            break
+        again = [picture.color for _, picture in running.frames([2, 3])]
+    assert np.array_equal(first, again)
+
+
+def test_a_warm_up_is_the_frames_before(scene: Scene, device: ComputeDevice) -> None:
+    """One that reaches back to the start of a run goes on with it bit for bit."""
+    whole = pictures(scene, device, range(6))
+    assert np.array_equal(pictures(scene, device, [3, 4, 5], warm_up=3), whole[3:])
+    assert not np.array_equal(pictures(scene, device, [3, 4, 5]), whole[3:])
+
+
+@pytest.mark.parametrize(
+    ("indices", "count", "expected"),
+    [
+        ([7, 9], 3, [4, 5, 6]),
+        (range(7, 8), 3, [4, 5, 6]),
+        (range(7, 8, 2), 3, [1, 3, 5]),
+        (range(7, 20, 2), 4, [0, 1, 3, 5]),
+        (range(2), 2, [0, 0]),
+        (range(5, 2, -1), 2, [3, 4]),
+        ([3], 0, []),
+    ],
+)
+def test_warm_up_keeps_the_step_and_starts_with_the_video(
+    indices: Sequence[int], count: int, expected: list[int]
+) -> None:
+    assert warm_up_indices(indices, count, 0) == expected
+
+
+def test_no_such_frame(scene: Scene, device: ComputeDevice) -> None:
+    with film(scene, device) as running, pytest.raises(SceneError, match="no frame 6"):
+        list(running.frames([5, 6]))
+
+
+def test_a_plain_view_shows_all_objects_and_others_what_is_named(
+    scene: Scene, device: ComputeDevice
+) -> None:
+    view = View(16, 12, pitch_deg=-30.0)
+    covered = []
+    for objects in (None, ("cube",), ()):
+        with Film(scene, device, SETTINGS, view=view, objects=objects) as running:
+            ((_, picture),) = running.frames([0])
+        covered.append(picture.color)
+    assert np.array_equal(covered[0], covered[1])
+    assert np.abs(covered[0] - covered[2]).max() > 0.05
+
+
+def test_hours_need_no_more_than_a_few_frames(scene: Scene, device: ComputeDevice) -> None:
+    """Neither frames of the video nor events of the device pile up."""
+    most = 0
+    with film(scene, device) as running:
+        for _ in running.frames([index % 6 for index in range(24)]):
+            gc.collect()
+            most = max(most, sum(isinstance(kept, Frame) for kept in gc.get_objects()))
+            assert not device.profile._events
+    assert 1 <= most <= 6
