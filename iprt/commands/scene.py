@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import tyro
 
@@ -61,12 +61,15 @@ def info(
     if thumbnail is not None:
         write_thumbnail(thumbnail, opened, frame)
     plan = render_plan(opened, frame)
+    notices = opened.source.notices()
     if json:
         import json as json_format
 
-        print(json_format.dumps({**report.record(), "renderer": plan}, indent=2))
+        record = {**report.record(), "notices": notices, "renderer": plan}
+        print(json_format.dumps(record, indent=2))
     else:
-        print("\n".join(report_lines(report) + plan_lines(plan)))
+        told = [f"note       {line}" for line in notices]
+        print("\n".join(report_lines(report) + told + plan_lines(plan)))
     return 0
 
 
@@ -103,10 +106,12 @@ def check(
 
     compute = _device(device)
     opened = Scene.open(scene, allow_outside=allow_outside)
-    check_files(opened)
+    made_up = check_files(opened)
     raw = opened.raw_frame()
     frame = opened.sanitised(raw)
     report = describe_scene(opened, frame, raw)
+    for line in made_up:
+        print(f"warning: {line}")
     lost = 1.0 - float(np.isfinite(raw.color).all(axis=-1).mean())
     if lost > 0.0:
         print(f"warning: colour: {lost:.2%} of the picture is NaN or infinite and shown black")
@@ -126,7 +131,10 @@ def check(
     print("\n".join(memory))
     first, last = report.frames
     warned = (
-        lost > 0.0 or bool(empty) or too_large or any(entry.warnings for entry in report.objects)
+        bool(made_up or empty)
+        or lost > 0.0
+        or too_large
+        or any(entry.warnings for entry in report.objects)
     )
     verdict = "usable, but see the warnings" if warned else "fine"
     print(
@@ -141,11 +149,13 @@ def new(
     /,
     *,
     color: Path,
-    depth: Path,
+    depth: Path | None = None,
     depth_scale: float | None = None,
+    depth_range: tuple[float, float] | None = None,
+    depth_encoding: Literal["linear", "inverse"] = "linear",
     normal: Path | None = None,
 ) -> int:
-    """Make a scene folder from a panorama and its depth.
+    """Make a scene folder from a panorama and its depth, or from a video with depth.
 
     Parameters
     ----------
@@ -153,11 +163,16 @@ def new(
         Folder to make.
     color
         360° picture: EXR, PNG or JPEG, twice as wide as high; for video a pattern such as
-        color.%04d.png.
+        color.%04d.png, or a video file.
     depth
-        Its depth: EXR, PFM or 16-bit PNG of the same size.
+        Its depth: EXR, PFM or 16-bit PNG of the same size, or a video file of 16-bit grey. Default:
+        in the same file as colour: a second stream, or below colour in each picture.
     depth_scale
-        Metres per stored unit; 0.001 for millimetres. Required for PNG.
+        Metres per stored unit; 0.001 for millimetres. PNG and video need it or depth_range.
+    depth_range
+        Metres that the lowest and the highest value stand for.
+    depth_encoding
+        Between them, what grows in proportion with the value: depth, or its inverse.
     normal
         World-space normals in an EXR file. Default: fitted to the depth.
 
@@ -167,10 +182,16 @@ def new(
         Exit status 0.
     """
     from iprt.scene.edit import new_scene
+    from iprt.scene.video.depth_code import DepthCode
 
     if depth_scale is not None and not 0.0 < depth_scale < float("inf"):
         raise IprtError(f"--depth-scale {depth_scale:g}: expected a number above 0")
-    frames = new_scene(folder, color, depth, depth_scale, normal)
+    if depth_range is not None and not (
+        all(0.0 < end < float("inf") for end in depth_range) and depth_range[0] != depth_range[1]
+    ):
+        raise IprtError("--depth-range: expected two numbers above 0 that differ")
+    code = DepthCode(depth_scale, depth_range, depth_encoding)
+    frames = new_scene(folder, color, depth, code, normal)
     print(
         f"{folder}: a scene of {frames} frame(s); next: "
         f"iprt scene add {shlex.quote(str(folder))} MESH --look 0,-35"

@@ -27,6 +27,8 @@ from iprt.scene.meshes import load_mesh
 from iprt.scene.placement import RealSurfaces, set_down
 from iprt.scene.scene import Scene
 from iprt.scene.untrusted import is_file
+from iprt.scene.video.container import is_container
+from iprt.scene.video.depth_code import DepthCode
 from iprt.scene.video.sequence import frame_path
 from iprt.scene.video.source import FrameSource
 from iprt.scene.video.table import VideoTable
@@ -55,7 +57,7 @@ class Added:
 
 
 def new_scene(
-    folder: Path, color: Path, depth: Path, depth_scale: float | None, normal: Path | None
+    folder: Path, color: Path, depth: Path | None, code: DepthCode, normal: Path | None
 ) -> int:
     """Make a scene folder with copies of the pictures and a scene.toml.
 
@@ -64,9 +66,10 @@ def new_scene(
     folder : Path
         Made where it does not exist; must not hold a scene.
     color, depth : Path
-        Pictures, or printf patterns for the frames of a video.
-    depth_scale : float or None
-        Metres per stored unit; needed where depth is stored as integers.
+        Pictures, printf patterns for the frames of a video, or video files. Without `depth`,
+        the file of `color` holds it.
+    code : DepthCode
+        What stored depth stands for; needed where it is stored as integers.
     normal : Path or None
 
     Returns
@@ -82,37 +85,44 @@ def new_scene(
     if (folder / MANIFEST_NAME).exists():
         raise SceneError(f"{folder}: holds a scene already; choose another folder")
     require_writable(folder / MANIFEST_NAME)
-    sources = {"color": color, "depth": depth} | ({"normal": normal} if normal else {})
+    named = {"color": color, "depth": depth, "normal": normal}
+    sources = {key: path for key, path in named.items() if path is not None}
     first, last = _frame_range(color)
-    if depth_scale is None and read_depth(frame_path(Path(), str(depth), first))[1]:
-        raise SceneError(
-            f"{depth}: stores integers; give --depth-scale, the metres of one step "
-            "(0.001 for millimetres)"
-        )
-    outside = VideoTable.model_construct(
-        color=str(color),
-        depth=str(depth),
-        normal=None if normal is None else str(normal),
-        depth_scale=depth_scale,
-        frames=[first, last],
-    )
-    source = FrameSource(Path(), outside, anywhere(Path()))
-    for index in source.indices:
-        for path in source.files(index).values():
-            if not is_file(path):
-                raise FormatError(f"{path}: no such file")
-    source.read(first)
+    if depth is not None and not code.is_known:
+        _require_metres(frame_path(Path(), str(depth), first))
+    is_video = is_container(Path(), str(color))
+    entries: dict[str, Any] = {
+        **{key: str(path) for key, path in sources.items()},
+        "depth_scale": code.scale,
+        "depth_range": None if code.ends is None else list(code.ends),
+        "depth_encoding": code.encoding,
+        "frames": None if is_video else [first, last],
+    }
+    # Not checked as a manifest's table is, for these paths may lead anywhere.
+    source = FrameSource(Path(), VideoTable.model_construct(**entries), anywhere(Path()))
+    for path in dict.fromkeys(p for i in source.indices for p in source.files(i).values()):
+        if not is_file(path):
+            raise FormatError(f"{path}: no such file")
+    source.read(source.indices[0])
     names = {key: _target_name(key, path) for key, path in sources.items()}
     copies = {
         frame_path(folder, names[key], index): frame_path(Path(), str(path), index)
         for key, path in sources.items()
         for index in source.indices
     }
-    text = _manifest_text(_scene_name(folder), names, depth_scale, (first, last))
+    text = _manifest_text(_scene_name(folder), names, code, None if is_video else (first, last))
     parse_manifest(text, str(folder / MANIFEST_NAME))
     with _copied(copies), replacing(folder / MANIFEST_NAME) as temporary:
         temporary.write_text(text, encoding="utf-8")
     return len(source.indices)
+
+
+def _require_metres(depth: Path) -> None:
+    if is_container(Path(), str(depth)) or read_depth(depth)[1]:
+        raise SceneError(
+            f"{depth}: stores integers; give --depth-scale, the metres of one step "
+            "(0.001 for millimetres), or --depth-range"
+        )
 
 
 def add_object(
@@ -275,8 +285,9 @@ def _quoted(text: str) -> str:
 
 
 def _manifest_text(
-    name: str, files: dict[str, str], depth_scale: float | None, frames: tuple[int, int]
+    name: str, files: dict[str, str], code: DepthCode, frames: tuple[int, int] | None
 ) -> str:
+    """A manifest; a video file tells its own frames and rate."""
     lines = ["format = 1", f"name = {_quoted(name)}"]
     lines += [
         "exposure = 1.0            # display = sRGB of exposure times radiance",
@@ -284,9 +295,14 @@ def _manifest_text(
         "[video]",
     ]
     lines += [f"{key} = {_quoted(file)}" for key, file in files.items()]
-    if depth_scale is not None:
-        lines.append(f"depth_scale = {depth_scale!r}       # metres per stored unit")
-    lines += [f"frames = [{frames[0]}, {frames[1]}]", "fps = 30.0", ""]
+    if code.scale is not None:
+        lines.append(f"depth_scale = {code.scale!r}       # metres per stored unit")
+    if code.ends is not None:
+        lines.append(f"depth_range = {list(code.ends)!r}   # metres of black and of white")
+        lines.append(f"depth_encoding = {_quoted(code.encoding)}")
+    if frames is not None:
+        lines += [f"frames = [{frames[0]}, {frames[1]}]", "fps = 30.0"]
+    lines.append("")
     lines += ["[[views]]", 'name = "ahead"', "yaw_deg = 0.0", "pitch_deg = -15.0"]
     lines += ["fov_y_deg = 75.0", f"size = [{VIEW_SIZE[0]}, {VIEW_SIZE[1]}]", ""]
     return "\n".join(lines)

@@ -17,6 +17,8 @@ from iprt.toml_text import printable
 FRAME_PATTERN = re.compile(r"%(0\d)?d")
 """The printf conversions that a frame's number may take: %d, %04d."""
 
+PICTURE_SUFFIXES = (".exr", ".png", ".jpg", ".jpeg", ".pfm")
+
 TABLE_LISTS = ("objects", "real_materials", "views")
 """Keys that hold lists of named tables."""
 
@@ -94,7 +96,7 @@ def cross_problems(data: dict[str, Any]) -> Iterator[str]:
         label = f"views.{view.get('name', number)}"
         yield from _unknown_objects(label, view.get("objects"), known)
         yield from _cut_problems(label, view.get("cuts"), view.get("size"))
-    yield from _frame_problems(data.get("video"))
+    yield from _video_problems(data.get("video"))
 
 
 def _region_problems(real_materials: list[dict[str, Any]]) -> Iterator[str]:
@@ -127,14 +129,26 @@ def _cut_problems(label: str, cuts: Any, size: Any) -> Iterator[str]:
             )
 
 
-def _frame_problems(video: Any) -> Iterator[str]:
-    if not isinstance(video, dict) or not _integers(video.get("frames"), 2):
+def _video_problems(video: Any) -> Iterator[str]:
+    if not isinstance(video, dict):
+        return
+    if {"depth_scale", "depth_range"} <= video.keys():
+        yield "video.depth_range: depth_scale is given too; give one of them"
+    if "depth_encoding" in video and "depth_range" not in video:
+        yield "video.depth_encoding: there is no depth_range that it could be between"
+    color = video.get("color")
+    if not isinstance(color, str):
+        return
+    pattern = FRAME_PATTERN.search(color)
+    picture = pattern or color.lower().endswith(PICTURE_SUFFIXES)
+    if picture and "depth" not in video:
+        yield "video.depth: required key is missing; only a video file can hold its own depth"
+    if not _integers(video.get("frames"), 2):
         return
     first, last = video["frames"]
     if first > last:
         yield f"video.frames: the first, {first}, is after the last, {last}"
-    color = video.get("color")
-    if first < last and isinstance(color, str) and not FRAME_PATTERN.search(color):
+    if first < last and picture and not pattern:
         yield (
             f"video.color: '{color}' is one picture but frames = [{first}, {last}]; "
             "write a pattern such as color.%04d.exr"

@@ -19,6 +19,7 @@ from iprt.scene.mesh import Instance
 from iprt.scene.openings import classify_holes, solid_angles
 from iprt.scene.placement import RealSurfaces
 from iprt.scene.scene import Scene
+from iprt.scene.video.incidents import bad_frames
 from iprt.scene.video.sequence import frame_path
 from iprt.scene.video.source import RawFrame
 
@@ -152,8 +153,14 @@ def describe_scene(scene: Scene, frame: Frame, raw: RawFrame) -> SceneReport:
     )
 
 
-def check_files(scene: Scene) -> None:
+def check_files(scene: Scene) -> list[str]:
     """Read every file that the scene names.
+
+    Returns
+    -------
+    list of str
+        What the reader of the video makes up for, a line each: frames after the first that cannot
+        be read, streams that do not agree.
 
     Raises
     ------
@@ -161,19 +168,15 @@ def check_files(scene: Scene) -> None:
         All problems, a line each.
     """
     problems: list[str] = []
-    for index in scene.frame_indices:
-        _collect(problems, scene, partial(scene.raw_frame, index))
-    sizes = {
-        picture_size(scene.source.files(index)["color"])
-        for index in (scene.frame_indices if not problems else ())
-    }
-    if len(sizes) > 1:
-        problems.append("video.color: the frames differ in size")
+    _collect(problems, scene, scene.raw_frame)
+    warnings = scene.source.notices() + ([] if problems else bad_frames(scene.source))
+    warnings = [warning.replace(f"{scene.root}{os.sep}", "") for warning in warnings]
     _collect(problems, scene, lambda: scene.real_materials)
     _collect(problems, scene, lambda: scene.instances)
     problems += _truth_problems(scene)
     if problems:
-        raise problems_error(str(scene.root / MANIFEST_NAME), problems)
+        raise problems_error(str(scene.root / MANIFEST_NAME), problems + warnings)
+    return warnings
 
 
 def _truth_problems(scene: Scene) -> list[str]:

@@ -27,9 +27,12 @@ def missing_files(scene: Scene, *, strict: bool = False) -> list[str]:
         *frames,
         *(line for key, name in _files(scene) for line in _wrong(scene, key, name)),
     ]
+    try:
+        few = frames or scene.source.notices()
+        tries = len(scene.frame_indices) * len(scene.manifest.views)
+    except FormatError:  # told above: without its files, a video has no frames
+        return problems
     # Frames that are missing tell how few there are, where a manifest would have us try many.
-    few = frames or scene.source.notices()
-    tries = len(scene.frame_indices) * len(scene.manifest.views)
     for view in [] if few and tries > MAX_TRIES else scene.manifest.views:
         for key in ("truth", "truth_background", "truth_mask"):
             name = getattr(view, key)

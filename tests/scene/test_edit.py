@@ -16,6 +16,7 @@ from iprt.errors import FormatError, IprtError, SceneError
 from iprt.scene.edit import add_object, new_scene, parse_material
 from iprt.scene.placement import RealSurfaces
 from iprt.scene.scene import Scene
+from iprt.scene.video.depth_code import DepthCode
 from tests.scene.files import (
     CUBE,
     HIGH,
@@ -52,7 +53,9 @@ def footage(tmp_path: Path) -> Path:
 
 
 def make(tmp_path: Path, footage: Path) -> Path:
-    new_scene(tmp_path / "own", footage / "photo.PNG", footage / "depth.png", 0.001, None)
+    new_scene(
+        tmp_path / "own", footage / "photo.PNG", footage / "depth.png", DepthCode(0.001), None
+    )
     return tmp_path / "own"
 
 
@@ -211,7 +214,7 @@ def test_failing_to_make_a_scene_leaves_no_folder(
     tmp_path: Path, footage: Path, color: str, depth: str, scale: float | None, message: str
 ) -> None:
     with pytest.raises((SceneError, FormatError), match=message):
-        new_scene(tmp_path / "own", footage / color, footage / depth, scale, None)
+        new_scene(tmp_path / "own", footage / color, footage / depth, DepthCode(scale), None)
     assert not (tmp_path / "own").exists()
 
 
@@ -221,7 +224,7 @@ def test_new_makes_a_scene_of_a_video(tmp_path: Path) -> None:
         write_rgb(tmp_path / f"c{index:03d}.exr", np.full((16, 32, 3), index, np.float32))
     write_channels(tmp_path / "d.exr", Z=depth.astype(np.float32))
     own = tmp_path / "own"
-    assert new_scene(own, tmp_path / "c%03d.exr", tmp_path / "d.exr", None, None) == 2
+    assert new_scene(own, tmp_path / "c%03d.exr", tmp_path / "d.exr", DepthCode(), None) == 2
     scene = Scene.open(own)
     assert list(scene.frame_indices) == [5, 6]
     assert scene.frame(6).color[0, 0, 0] == 6

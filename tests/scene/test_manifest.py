@@ -34,7 +34,7 @@ def with_material(material: str) -> str:
 def test_defaults() -> None:
     manifest = parse_manifest(MANIFEST, "scene.toml")
     assert manifest.exposure == 1.0
-    assert manifest.video.frames == [0, 0]
+    assert manifest.video.frames is None
     assert manifest.video.depth_scale is None
     assert manifest.views == []
 
@@ -49,7 +49,7 @@ def test_defaults() -> None:
         (
             "depth =",
             "dept =",
-            ["video.depth: required", "video.dept: unknown key; did you mean de"],
+            ["video.dept: unknown key; did you mean de", "video.depth: required"],
         ),
         ('"color.exr"', '"/etc/passwd"', ["video.color: '/etc/passwd' leaves the scene's folder"]),
         ('"color.exr"', '"../c.exr"', ["video.color: '../c.exr' leaves the scene's folder"]),

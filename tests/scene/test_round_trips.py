@@ -18,6 +18,7 @@ from iprt.scene.edit import _manifest_text, _object_text
 from iprt.scene.images import read_color, read_depth
 from iprt.scene.manifest import parse_manifest
 from iprt.scene.meshes import load_mesh
+from iprt.scene.video.depth_code import DepthCode
 from tests.scene.files import write_channels, write_png16_grey
 from tests.scene.nasty_meshes import glb, gltf, ply
 
@@ -162,7 +163,7 @@ def test_manifests_as_they_are_written(
     to_world[:3, 3] = offset
     material = {"kind": "plastic", "albedo": [0.25, 0.5, 1.0], "alpha": 0.125}
     files = {"color": "c.%04d.exr", "depth": "d.%d.exr"}
-    text = _manifest_text(name, files, depth_scale, (frames[0], frames[1]))
+    text = _manifest_text(name, files, DepthCode(depth_scale), (frames[0], frames[1]))
     manifest = parse_manifest(text + _object_text(name, mesh, to_world, material), "scene.toml")
     assert manifest.name == manifest.objects[0].name == name
     assert manifest.objects[0].mesh == mesh

@@ -101,7 +101,8 @@ class SteadyReader:
             self._incident.bad(
                 f"{error}; depth of frame {self._depth_of} stays until it is good again"
             )
-            return self._keep(replace(last, color=sanitise_color(color), index=index))
+            pose = self._reader.pose(index)
+            return self._keep(replace(last, color=sanitise_color(color), index=index, pose=pose))
         self._incident.good(index)
         self._depth_of = index
         return self._keep(raw.sanitised())
@@ -148,3 +149,21 @@ def steady_frames(
             yield frame
             del frame  # must not live on while the next one is made
         steady.end()
+
+
+def bad_frames(source: FrameSource) -> list[str]:
+    """Read all frames; a line for each run of bad ones, with the first one's error."""
+    runs: list[tuple[int, int, str]] = []
+    with source.reading() as reader:
+        for index in source.indices:
+            try:
+                reader.read(index)
+            except FormatError as error:
+                if runs and runs[-1][1] == index - 1:
+                    runs[-1] = runs[-1][0], index, runs[-1][2]
+                else:
+                    runs.append((index, index, str(error)))
+    return [
+        f"frame {first}: {problem}" if first == last else f"frames {first} to {last}: {problem}"
+        for first, last, problem in runs
+    ]

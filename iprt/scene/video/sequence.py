@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +13,8 @@ from iprt.scene.images import file_kind, picture_size, read_depth
 from iprt.scene.inside import require_inside
 from iprt.scene.manifest_problems import FRAME_PATTERN
 from iprt.scene.untrusted import is_file
+from iprt.scene.video.container import OpenStreams
+from iprt.scene.video.depth_code import DepthCode, unit_problem
 
 Picture = NDArray[np.float32]
 
@@ -76,47 +77,39 @@ class PictureTrack:
     def size(self) -> tuple[int, int]:
         return picture_size(self.file(self._indices[0]))
 
-    @contextmanager
-    def reading(self) -> Iterator[Callable[[int], Picture]]:
-        yield lambda index: self._read(self.file(index))
+    def reader(self, _: OpenStreams) -> Callable[[int], Picture]:
+        return lambda index: self._read(self.file(index))
 
 
-class DepthTrack(PictureTrack):
+class DepthPictures(PictureTrack):
     """As `PictureTrack`, of depth in metres.
 
     Parameters
     ----------
-    scale : float or None
-        Metres per stored unit; needed where depth is stored as integers.
+    code : DepthCode
+        What stored values stand for; needed where they are integers.
     """
 
     def __init__(
-        self, pattern: str, root: Path, indices: range, within: Path, scale: float | None
+        self, pattern: str, root: Path, indices: range, within: Path, code: DepthCode
     ) -> None:
         super().__init__("depth", pattern, root, indices, within, self._metres)
-        self._scale = scale
+        self._code = code
 
     def problems(self) -> list[str]:
         problems = super().problems()
-        if self._scale is None and not problems:
+        if not self._code.is_known and not problems:
             first = self.file(self._indices[0])
             try:
                 if file_kind(first) == "png":
-                    problems.append(_scale_problem(first.name))
+                    problems.append(unit_problem(first.name))
             except FormatError as error:
                 problems.append(f"video.{self.key}: {error}")
         return problems
 
     def _metres(self, path: Path) -> Picture:
         depth, integers = read_depth(path)
-        if integers and self._scale is None:
-            raise FormatError(f"{path}: {_scale_problem(path.name)}")
-        with np.errstate(all="ignore"):
-            return depth * np.float32(self._scale or 1.0)
-
-
-def _scale_problem(name: str) -> str:
-    return (
-        f"video.depth_scale: {name} stores integers; say how many metres one step is "
-        "(0.001 for millimetres)"
-    )
+        if integers and not self._code.is_known:
+            raise FormatError(f"{path}: {unit_problem(path.name)}")
+        white = 1.0 if not integers else 65535.0 if file_kind(path) == "png" else 2.0**32 - 1.0
+        return self._code.metres(depth, 0.0, white)

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import islice
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,33 +15,16 @@ from numpy.typing import NDArray
 from iprt.errors import FormatError
 from iprt.scene.depth import sanitise_color, sanitise_depth
 from iprt.scene.frame import Frame
-from iprt.scene.images import read_color, read_normal
+from iprt.scene.inside import require_inside
 from iprt.scene.normals import estimate_normals, sanitise_normals
-from iprt.scene.video.sequence import DepthTrack, PictureTrack
+from iprt.scene.video.container import OpenStreams
+from iprt.scene.video.poses import read_poses
 from iprt.scene.video.table import VideoTable
+from iprt.scene.video.tracks import Tracks, open_tracks
 
 Picture = NDArray[np.float32]
 MAX_MISSING = 10_000
 """Frames without a file that are counted."""
-
-
-class Track(Protocol):
-    """Pictures of one kind along a video: colour, depth or normals."""
-
-    def file(self, index: int) -> Path:
-        """The file that holds a frame's picture."""
-
-    def missing(self) -> Iterator[Path]:
-        """Files that are not there, by frame."""
-
-    def problems(self) -> list[str]:
-        """What keeps the files that are there from being read; a line with its key each."""
-
-    def size(self) -> tuple[int, int]:
-        """Width and height of the first picture, from its header."""
-
-    def reading(self) -> AbstractContextManager[Callable[[int], Picture]]:
-        """What reads the picture of a frame, and is quickest if asked in order."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +38,7 @@ class RawFrame:
     depth : (H, W) float32
         Metres; 0, negative, NaN or inf where there is no surface.
     normal : (H, W, 3) float32 or None
-    index : int
+    index, pose
         As in `Frame`.
     """
 
@@ -64,6 +46,7 @@ class RawFrame:
     depth: Picture
     normal: Picture | None
     index: int = 0
+    pose: NDArray[np.float64] | None = None
 
     def sanitised(self) -> Frame:
         """Fill holes and find normals; see `sanitise_depth` and `estimate_normals`."""
@@ -72,7 +55,7 @@ class RawFrame:
         normal = estimate_normals(clean.depth, clean.opening.astype(np.uint8))
         if self.normal is not None:
             normal = sanitise_normals(self.normal, normal)
-        return Frame(color, clean.depth, clean.opening, normal, index=self.index)
+        return Frame(color, clean.depth, clean.opening, normal, index=self.index, pose=self.pose)
 
 
 class FrameSource:
@@ -91,39 +74,41 @@ class FrameSource:
         self._root, self._video, self._within = root, video, within
 
     @cached_property
-    def _tracks(self) -> dict[str, Track]:
-        """By their key in `[video]`."""
-        video = self._video
-
-        place = self._root, self.indices, self._within
-        tracks: dict[str, Track] = {
-            "color": PictureTrack("color", video.color, *place, read_color),
-            "depth": DepthTrack(video.depth, *place, video.depth_scale),
-        }
-        if video.normal is not None:
-            tracks["normal"] = PictureTrack("normal", video.normal, *place, read_normal)
-        return tracks
+    def _tracks(self) -> Tracks:
+        return open_tracks(self._root, self._video, self._within)
 
     @property
     def indices(self) -> range:
         """Numbers of the frames."""
-        first, last = self._video.frames
-        return range(first, last + 1)
+        return self._tracks.indices
 
     @property
     def fps(self) -> float:
         """Frames per second."""
-        return self._video.fps
+        return self._tracks.fps
+
+    @cached_property
+    def _poses(self) -> NDArray[np.float64] | None:
+        """(frames, 4, 4), world from capture."""
+        if self._video.poses is None:
+            return None
+        path = self._root / self._video.poses
+        require_inside(path, self._within)
+        return read_poses(path, len(self.indices))
+
+    def pose(self, index: int) -> NDArray[np.float64] | None:
+        """(4, 4) world from the capture centre and axes of a frame; None: they are the world's."""
+        return None if self._poses is None else self._poses[index - self.indices[0]]
 
     def files(self, index: int) -> dict[str, Path]:
         """The files of a frame by their key: color, depth, and normal where there are any."""
-        return {key: track.file(index) for key, track in self._tracks.items()}
+        return {key: track.file(index) for key, track in self._tracks.by_key.items()}
 
     @cached_property
     def _missing(self) -> dict[str, str]:
         """By key, the frames that have no file."""
         lines = {}
-        for key, track in self._tracks.items():
+        for key, track in self._tracks.by_key.items():
             missing = list(islice(track.missing(), MAX_MISSING))
             if missing:
                 least = "at least " if len(missing) == MAX_MISSING else ""
@@ -138,19 +123,29 @@ class FrameSource:
         frame without a file.
         """
         problems = []
-        for key, track in self._tracks.items():
+        try:
+            tracks = self._tracks.by_key
+        except FormatError as error:
+            return [str(error)]
+        for key, track in tracks.items():
             first = next(track.missing(), None) == track.file(self.indices[0])
             if key in self._missing and (first or strict):
                 problems.append(f"video.{key}: {self._missing[key]}")
             else:
                 problems += track.problems()
+        try:
+            self.pose(self.indices[0])
+        except FormatError as error:
+            problems += [f"video.poses: {line}" for line in str(error).splitlines()]
         return problems
 
     def notices(self) -> list[str]:
         """What the reader of the video makes up for; one line each."""
-        return [
-            f"video.{key}: {line}; the frame before is shown" for key, line in self._missing.items()
+        gaps = [
+            f"video.{key}: {line}; what was there before stays"
+            for key, line in self._missing.items()
         ]
+        return gaps + self._tracks.notices
 
     def size(self) -> tuple[int, int]:
         """Width and height of the first colour picture, from its header."""
@@ -158,15 +153,13 @@ class FrameSource:
 
     @cached_property
     def _size(self) -> tuple[int, int]:
-        return self._tracks["color"].size()
+        return self._tracks.by_key["color"].size()
 
     @contextmanager
     def reading(self) -> Iterator[FrameReader]:
         """What reads frames, quickest in order. Not for several threads at a time."""
-        with ExitStack() as stack:
-            readers = {
-                key: stack.enter_context(track.reading()) for key, track in self._tracks.items()
-            }
+        with OpenStreams() as streams:
+            readers = {key: track.reader(streams) for key, track in self._tracks.by_key.items()}
             yield FrameReader(self, readers, self._video.yaw_offset_deg)
 
     def read(self, index: int) -> RawFrame:
@@ -228,7 +221,12 @@ class FrameReader:
         if "normal" in files:
             normal = self._readers["normal"](index)
             self._require_size(files["normal"], normal, "colour")
-        return RawFrame(color, *turned_geometry(depth, normal, self._yaw_deg), index)
+        turned = turned_geometry(depth, normal, self._yaw_deg)
+        return RawFrame(color, *turned, index, self.pose(index))
+
+    def pose(self, index: int) -> NDArray[np.float64] | None:
+        """As `FrameSource.pose`."""
+        return self._source.pose(index)
 
     def _require_size(self, path: Path, picture: Picture, other: str) -> None:
         width, height = self._source.size()

@@ -150,15 +150,16 @@ from iprt.scene.video.stream import Ahead
 
 def items():
     yield 1
+    begun.wait()
     os.kill(os.getpid(), signal.SIGTERM)
     told.wait(20.0)
 
-told = threading.Event()
+begun, told = threading.Event(), threading.Event()
 with signals_raise(), Ahead(items(), ahead=1) as stream:
     start = time.monotonic()
     try:
         for _ in stream:
-            pass
+            begun.set()
     finally:
         print(time.monotonic() - start)
         told.set()

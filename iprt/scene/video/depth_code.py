@@ -1,0 +1,64 @@
+"""Stored values of depth to metres."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+Picture = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class DepthCode:
+    """What stored values stand for. A value of 0, or black, is no surface in any case.
+
+    Attributes
+    ----------
+    scale : float or None
+        Metres per stored unit.
+    ends : (float, float) or None
+        Metres that black and white stand for.
+    encoding : "linear" or "inverse"
+        Between `ends`, whether depth or its inverse grows in proportion with the stored value.
+    """
+
+    scale: float | None = None
+    ends: tuple[float, float] | None = None
+    encoding: Literal["linear", "inverse"] = "linear"
+
+    @property
+    def is_known(self) -> bool:
+        """Whether integers can be told in metres."""
+        return self.scale is not None or self.ends is not None
+
+    def metres(self, stored: NDArray[Any], black: float, white: float) -> Picture:
+        """Metres (H, W); 0, negative, NaN or inf where there is no surface.
+
+        Parameters
+        ----------
+        stored : (H, W) of any type
+        black, white : float
+            Stored values of both, which only `ends` looks at.
+        """
+        value = stored.astype(np.float32)
+        with np.errstate(all="ignore"):
+            if self.ends is None:
+                return value * np.float32(self.scale or 1.0)
+            part = (value - np.float32(black)) * np.float32(1.0 / (white - black))
+            low, high = self.ends
+            if self.encoding == "inverse":
+                low, high = 1.0 / low, 1.0 / high
+            mixed = np.float32(low) + part * np.float32(high - low)
+            metres = 1.0 / mixed if self.encoding == "inverse" else mixed
+            return np.where(part > 0.0, metres, np.float32(0.0))
+
+
+def unit_problem(name: str) -> str:
+    """That a file needs a `depth_scale` or `depth_range`."""
+    return (
+        f"video.depth_scale: {name} stores integers; say how many metres one step is "
+        "(0.001 for millimetres), or give depth_range"
+    )

@@ -1,0 +1,147 @@
+"""Samples of decoded frames, as they are stored: no scaling, no conversion of values.
+
+FFmpeg's scaler is not used on values: it rounds to 8 bits in places and goes from RGB to RGB by way
+of YUV. It only sorts the samples of formats that are laid out oddly.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    import av
+
+Samples = NDArray[Any]
+
+_PACKED_RGB = (
+    "rgb24",
+    "bgr24",
+    "rgba",
+    "bgra",
+    "argb",
+    "abgr",
+    "rgb48",
+    "bgr48",
+    "rgba64",
+    "bgra64",
+)
+_SORTED = {
+    "nv12": "yuv420p",
+    "nv21": "yuv420p",
+    "nv16": "yuv422p",
+    "nv24": "yuv444p",
+    "p010le": "yuv420p10le",
+    "p012le": "yuv420p12le",
+    "p016le": "yuv420p16le",
+    "p210le": "yuv422p10le",
+    "p216le": "yuv422p16le",
+    "p410le": "yuv444p10le",
+    "p416le": "yuv444p16le",
+    "yuyv422": "yuv422p",
+    "yvyu422": "yuv422p",
+    "uyvy422": "yuv422p",
+    "y210le": "yuv422p10le",
+    "0rgb": "rgb24",
+    "rgb0": "rgb24",
+    "0bgr": "rgb24",
+    "bgr0": "rgb24",
+    "pal8": "rgb24",
+}
+"""Formats whose samples have another order: what holds the same."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """How a pixel format stores a picture.
+
+    Attributes
+    ----------
+    kind : str
+        "yuv", "rgb" or "grey".
+    bits : int
+        Of each sample; 16 or 32 where it is a float.
+    is_float : bool
+    across, down : int
+        Luma samples per sample of chroma, along a row and along a column.
+    full : bool
+        Whether the format itself says that all codes are used, as JPEG's do.
+    """
+
+    kind: str
+    bits: int
+    is_float: bool = False
+    across: int = 1
+    down: int = 1
+    full: bool = False
+
+
+_YUV = re.compile(r"yuv(j?)a?(\d)(\d)(\d)p(\d*)(?:le|be)?")
+_SUBSAMPLING = {"444": (1, 1), "440": (1, 2), "422": (2, 1), "420": (2, 2), "411": (4, 1)}
+
+
+def layout(pixels: str) -> Layout | None:
+    """The layout of one of FFmpeg's pixel formats; None if it is not read."""
+    name = _SORTED.get(pixels, pixels)
+    if match := _YUV.fullmatch(name):
+        factors = _SUBSAMPLING.get(match[2] + match[3] + match[4])
+        if factors is None:
+            return None
+        return Layout("yuv", int(match[5] or 8), False, *factors, full=bool(match[1]))
+    if match := re.fullmatch(r"gbra?p(f?)(\d*)(?:le|be)?", name):
+        return Layout("rgb", int(match[2] or 8), bool(match[1]), full=True)
+    if match := re.fullmatch(r"gray(f?)(\d*)(?:le|be)?", name):
+        return Layout("grey", int(match[2] or 8), bool(match[1]))
+    if name.removesuffix("le").removesuffix("be") in _PACKED_RGB:
+        return Layout("rgb", 16 if re.search("48|64", name) else 8, full=True)
+    return None
+
+
+def planes(frame: av.VideoFrame, rows: slice) -> list[Samples]:
+    """Some rows of a frame: Y, U, V, or R, G, B, or grey alone, as stored.
+
+    Parameters
+    ----------
+    frame : VideoFrame
+        Of a format that has a layout.
+    rows : slice
+        Of luma; ends on whole rows of chroma.
+
+    Returns
+    -------
+    list of (h, w) uint8, uint16, float16 or float32
+        Chroma in its own, smaller size.
+    """
+    if frame.format.name in _SORTED:
+        frame = frame.reformat(format=_SORTED[frame.format.name])
+    how = layout(frame.format.name)
+    assert how is not None
+    if how.kind == "rgb" and not frame.format.name.startswith("gbr"):
+        pixels = frame.to_ndarray(format="rgb48le" if how.bits == 16 else "rgb24")
+        return [pixels[rows, :, channel] for channel in range(3)]
+    count = 1 if how.kind == "grey" else 3
+    found = []
+    for number in range(count):
+        down = how.down if how.kind == "yuv" and number else 1
+        found.append(_plane(frame, number, how)[_every(rows, down)])
+    if how.kind == "rgb":
+        found = [found[2], found[0], found[1]]
+    return found
+
+
+def _every(rows: slice, down: int) -> slice:
+    return slice(rows.start // down, -(-rows.stop // down))
+
+
+def _plane(frame: av.VideoFrame, number: int, how: Layout) -> Samples:
+    """A plane of a planar frame without the padding of its rows; shares the frame's memory."""
+    plane = frame.planes[number]
+    size = 1 if how.bits <= 8 else how.bits // 8 if how.is_float else 2
+    order = ">" if frame.format.is_big_endian else "<"
+    kind = np.dtype(f"{order}f{size}" if how.is_float else f"{order}u{size}")
+    samples: Samples = np.frombuffer(memoryview(plane), kind)
+    return samples.reshape(-1, plane.line_size // size)[: plane.height, : plane.width]
