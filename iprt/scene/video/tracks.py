@@ -132,7 +132,13 @@ def open_tracks(root: Path, video: VideoTable, within: Path) -> Tracks:
     color, others = _color_stream(root, video, within)
     depth = _depth_stream(root, video, within, color, others)
     timed = color or depth
-    fps = Fraction(video.fps) if video.fps else timed.rate if timed else DEFAULT_FPS
+    fps = (
+        Fraction(video.fps).limit_denominator(10**6)
+        if video.fps
+        else timed.rate
+        if timed
+        else DEFAULT_FPS
+    )
     indices = _indices(video, fps, color)
     clock = Clock(fps, indices[0] if color is None else 0)
     place = root, indices, within
