@@ -41,7 +41,7 @@ def frame_count(stream: StreamInfo, fps: Fraction) -> int:
     return round((stream.last - stream.start) * fps) + 1
 
 
-def clock_notices(
+def disagreements(
     clock: Clock, indices: range, color: StreamInfo | None, depth: StreamInfo | None
 ) -> list[str]:
     """What the streams do not agree on, and what is done about it; one line each."""

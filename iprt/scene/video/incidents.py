@@ -10,7 +10,7 @@ from dataclasses import replace
 from iprt.errors import FormatError
 from iprt.scene.depth import sanitise_color
 from iprt.scene.frame import Frame
-from iprt.scene.video.source import FrameReader, FrameSource
+from iprt.scene.video.source import FrameReader, FrameSource, Picture, RawFrame
 
 LOG = logging.getLogger("iprt.video")
 LOOK_BACK = 300
@@ -76,9 +76,7 @@ class SteadyReader:
         self._reader, self._first, self._strict = reader, first, strict
         self._incident = Incident(tell)
         self._last: Frame | None = None
-        self._color_of = self._depth_of = (
-            first  # the frames that colour and depth of `_last` are of
-        )
+        self._color_of = self._depth_of = first  # the frames that `_last` is made of
 
     def read(self, index: int) -> Frame:
         """A frame, sanitised.
@@ -97,40 +95,53 @@ class SteadyReader:
         try:
             raw = self._reader.completed(index, color)
         except FormatError as error:
-            last = self._before(index, error)
-            self._incident.bad(
-                f"{error}; depth of frame {self._depth_of} stays until it is good again"
-            )
-            pose = self._reader.pose(index)
-            return self._keep(replace(last, color=sanitise_color(color), index=index, pose=pose))
+            self._before(index, error)
+            self._incident.bad(f"{error}; depth of frame {self._depth_of} stays until one is good")
+            return self._recolored(index, color)
         self._incident.good(index)
-        self._depth_of = index
-        return self._keep(raw.sanitised())
+        return self._keep(raw)
 
     def end(self) -> None:
         """Tell of a run of bad frames that goes on up to here."""
         self._incident.end()
 
-    def _keep(self, frame: Frame) -> Frame:
-        self._last, self._color_of = frame, frame.index
-        return frame
+    def _keep(self, raw: RawFrame) -> Frame:
+        self._last = raw.sanitised()
+        self._color_of = self._depth_of = raw.index
+        return self._last
+
+    def _recolored(self, index: int, color: Picture) -> Frame:
+        """The last frame with the colour of another, and from where that was seen."""
+        assert self._last is not None
+        pose = self._reader.pose(index)
+        self._last = replace(self._last, color=sanitise_color(color), index=index, pose=pose)
+        self._color_of = index
+        return self._last
 
     def _before(self, index: int, error: FormatError) -> Frame:
-        """The last good frame: of those read here, or else of those before the first one asked for.
+        """The last frame: of those read here, or else what came before the first one asked for.
 
         So what stands in for a bad frame does not depend on where a film was resumed.
         """
         if self._strict:
             raise error
         if self._last is None:
-            for earlier in range(index - 1, max(self._first, index - LOOK_BACK) - 1, -1):
-                with suppress(FormatError):
-                    self._keep(self._reader.read(earlier).sanitised())
-                    self._depth_of = earlier
-                    break
+            self._look_back(index)
         if self._last is None:
             raise error
         return self._last
+
+    def _look_back(self, index: int) -> None:
+        """Find the last good colour and the last good frame before one."""
+        newest: tuple[int, Picture] | None = None
+        for earlier in range(index - 1, max(self._first, index - LOOK_BACK) - 1, -1):
+            with suppress(FormatError):
+                color = self._reader.color(earlier)
+                newest = newest or (earlier, color)
+                self._keep(self._reader.completed(earlier, color))
+                break
+        if self._last is not None and newest is not None and newest[0] != self._depth_of:
+            self._recolored(*newest)
 
 
 def steady_frames(
@@ -138,8 +149,8 @@ def steady_frames(
 ) -> Iterator[Frame]:
     """Frames as `SteadyReader` reads them, each after all stages."""
     stages = tuple(stages)
-    for line in source.notices():
-        LOG.info(line)
+    for line in source.disagreements():
+        LOG.warning(line)
     with source.reading() as reader:
         steady = SteadyReader(reader, source.indices[0], strict=strict)
         for index in indices:

@@ -145,7 +145,11 @@ class FrameSource:
             f"video.{key}: {line}; what was there before stays"
             for key, line in self._missing.items()
         ]
-        return gaps + self._tracks.notices
+        return gaps + self.disagreements()
+
+    def disagreements(self) -> list[str]:
+        """What the streams do not agree on, and what is done about it; one line each."""
+        return self._tracks.disagreements
 
     def size(self) -> tuple[int, int]:
         """Width and height of the first colour picture, from its header."""

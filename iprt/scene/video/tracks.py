@@ -16,7 +16,7 @@ from iprt.errors import FormatError
 from iprt.scene.images import read_color, read_normal
 from iprt.scene.inside import require_inside
 from iprt.scene.table import LAST_FRAME
-from iprt.scene.video.clock import Clock, clock_notices, frame_count
+from iprt.scene.video.clock import Clock, disagreements, frame_count
 from iprt.scene.video.color import linear_color, luma
 from iprt.scene.video.container import OpenStreams, StreamInfo, is_container, video_streams
 from iprt.scene.video.depth_code import DepthCode, unit_problem
@@ -111,14 +111,14 @@ class Tracks:
     indices : range
         Numbers of the frames.
     fps : float
-    notices : list of str
+    disagreements : list of str
         What the streams do not agree on, a line each.
     """
 
     by_key: dict[str, Track]
     indices: range
     fps: float
-    notices: list[str]
+    disagreements: list[str]
 
 
 def open_tracks(root: Path, video: VideoTable, within: Path) -> Tracks:
@@ -132,13 +132,9 @@ def open_tracks(root: Path, video: VideoTable, within: Path) -> Tracks:
     color, others = _color_stream(root, video, within)
     depth = _depth_stream(root, video, within, color, others)
     timed = color or depth
-    fps = (
-        Fraction(video.fps).limit_denominator(10**6)
-        if video.fps
-        else timed.rate
-        if timed
-        else DEFAULT_FPS
-    )
+    fps = timed.rate if timed else DEFAULT_FPS
+    if video.fps is not None:
+        fps = Fraction(video.fps).limit_denominator(10**6)
     indices = _indices(video, fps, color)
     clock = Clock(fps, indices[0] if color is None else 0)
     place = root, indices, within
@@ -167,8 +163,8 @@ def open_tracks(root: Path, video: VideoTable, within: Path) -> Tracks:
         by_key["depth"] = StreamTrack(depth, zero, clock, rows, _depth_decoder(code))
     if video.normal is not None:
         by_key["normal"] = PictureTrack("normal", video.normal, *place, read_normal)
-    notices = clock_notices(clock, indices, color, None if packed else depth)
-    return Tracks(by_key, indices, float(fps), notices)
+    told = disagreements(clock, indices, color, None if packed else depth)
+    return Tracks(by_key, indices, float(fps), told)
 
 
 def _depth_decoder(code: DepthCode) -> Callable[[av.VideoFrame, slice, Path], Picture]:
