@@ -9,12 +9,14 @@
 //      roughness              1 plane, GGX alpha
 //      hit                    1 plane, metres to what is reflected; 0: nothing is
 //      view                   lib/view.h, of the previous picture
+//      camera                 lib/camera.h, with -DCAMERA_MOTION
 // out  moved                  2 planes: previous position of the reflection, as `motion`
 //
 // The image of what lies at distance h in front of a mirror of curvature k (convex: > 0) is at
 // I = h / (2 k h + 1) behind it (NVIDIA's ReLAX; the mirror equation at normal incidence). Surface
 // and image are mixed by how much of a rough lobe follows the mirror direction (Lagarde and de
 // Rousiers, "Moving Frostbite to Physically Based Rendering", 2014, section 4.9.3).
+#include "camera.h"
 #include "guide.h"
 #include "view.h"
 
@@ -44,7 +46,12 @@ __kernel void move_reflections(
     __global const float *restrict view,           // of the previous picture
     __global float *restrict moved,                // out: 2 planes
     int width,
-    int height)
+    int height
+#ifdef CAMERA_MOTION
+    ,
+    __global const float *restrict camera
+#endif
+)
 {
     int x = get_global_id(0), y = get_global_id(1);
     if (x >= width || y >= height)
@@ -108,6 +115,9 @@ __kernel void move_reflections(
     float3 seen = normalize(point);
     float3 mirrored = seen - 2.0f * dot(seen, normal) * normal;
     float3 reflected = point + distance * mirrored;
+#ifdef CAMERA_MOTION
+    reflected = camera_before(camera, reflected, 1.0f);
+#endif
     float3 behind = reflected
                     - 2.0f * dot(reflected - point_before, normal_before) * normal_before;
     float2 at = view_project(view, point_before + image * (behind - point_before));

@@ -14,9 +14,11 @@
 //      gloss      1 plane    0: diffuse, else 1 + index of the real material
 //      roughness  1 plane    GGX alpha of that
 //      highlight  3 planes   specular part of what the camera saw; infinite where all of it is
+// With -D CAMERA_MOTION, `camera` (lib/camera.h) tells where surfaces were; else they stayed.
 #ifdef GLOSS
 #include "brdf.h"
 #endif
+#include "camera.h"
 #include "panorama.h"
 #include "planes.h"
 #include "real.h"
@@ -45,6 +47,10 @@ __kernel void resample_panorama(
     __global float *restrict gloss,
     __global float *restrict roughness,
     __global float *restrict highlight
+#endif
+#ifdef CAMERA_MOTION
+    ,
+    __global const float *restrict camera
 #endif
 )
 {
@@ -76,11 +82,17 @@ __kernel void resample_panorama(
     normal[pixel] = n.x;
     normal[size + pixel] = n.y;
     normal[2 * size + pixel] = n.z;
-    depth[pixel] = visible
+    const float radius = visible
         ? surface_radius(0.0f, dot(surface.xyz, v), 1.0f, 1.0f, panorama_range[texel]) : 0.0f;
+    depth[pixel] = radius;
     id[pixel] = visible && !(flags & SURFACE_OPENING) ? 1.0f : 0.0f;
-    // The capture centre stays, so only the direction matters.
-    const float2 before = view_project(previous, v);
+#ifdef CAMERA_MOTION
+    // Of what is nowhere near, only the direction matters.
+    const float3 point = camera_before(camera, v, radius > 0.0f ? 1.0f / radius : 0.0f);
+#else
+    const float3 point = v; // the capture centre stays, so only the direction matters
+#endif
+    const float2 before = view_project(previous, point);
     motion[pixel] = before.x;
     motion[size + pixel] = before.y;
 

@@ -6,9 +6,9 @@
 //   kernel             in                                        out
 //   reproject          guide of this and the previous picture,   history at this picture's pixels,
 //                      motion (2 planes, previous position in    0 where there is none: signal,
-//                      pixels; -1e9 = nowhere), history          length (how many samples it is
-//                                                                worth), spread (variance of single
-//                                                                samples of g)
+//                      pixels; -1e9 = nowhere), history; with    length (how many samples it is
+//                      -DCAMERA_MOTION camera.h, between the     worth), spread (variance of single
+//                      axes of the two guides                    samples of g)
 //   follow             guide, samples, level, fast history       fast history with samples added
 //   measure            guide, signal                             scalar g of the signal
 //   correct            guide, fast history, g, history, spread   history that agrees with the fast
@@ -24,6 +24,7 @@
 // the accumulated signal is the plain mean of the samples. A sample that is not finite is dropped.
 // Where all samples are 0, or the first three planes equal the last three, so is the result, bit
 // for bit. Build with -DSIGNAL_PLANES=3|6, -DVIEW_EQUIRECT for equirect views.
+#include "camera.h"
 #include "guide.h"
 #include "rays.h"
 #include "signal.h"
@@ -96,7 +97,12 @@ __kernel void reproject(
     float plane_tolerance,                         // plane distance / depth of one surface
     float normal_agreement,                        // least cosine between its normals
     int width,
-    int height)
+    int height
+#ifdef CAMERA_MOTION
+    ,
+    __global const float *restrict camera          // camera.h
+#endif
+)
 {
     int x = get_global_id(0), y = get_global_id(1);
     if (x >= width || y >= height)
@@ -107,6 +113,12 @@ __kernel void reproject(
     float px = guide[3 * size + p], py = guide[4 * size + p], pz = guide[5 * size + p];
     float id = guide[6 * size + p];
     float tolerance = plane_tolerance * sqrt(px * px + py * py + pz * pz);
+#ifdef CAMERA_MOTION
+    const float3 normal = camera_before(camera, (float3)(nx, ny, nz), 0.0f);
+    const float3 point = camera_before(camera, (float3)(px, py, pz), 1.0f);
+    nx = normal.x, ny = normal.y, nz = normal.z;
+    px = point.x, py = point.y, pz = point.z;
+#endif
 
     float past[SIGNAL_PLANES];
     for (int c = 0; c < SIGNAL_PLANES; c++)

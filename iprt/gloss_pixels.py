@@ -32,9 +32,11 @@ class GlossPixels:
         requirements: Requirements,
         *,
         equirect: bool,
+        camera: cla.Array | None = None,
     ) -> None:
+        """`camera`: `CameraMotion.rows`, where the camera moves."""
         settings = requirements.settings
-        self._guide = Guide(device, layout, equirect=equirect, name="gloss")
+        self._guide = Guide(device, layout, equirect=equirect, name="gloss", camera=camera)
         self.mask = Mask(device, self._guide, settings.mask, name="gloss")
         self._trace = TraceGloss(device, self._guide, requirements)
         self._filter = SignalFilter(device, self._guide, "specular", settings, name="gloss")

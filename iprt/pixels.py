@@ -188,19 +188,26 @@ class RatioMap:
     ratio : (2 * rows * rows, 4) float32
     """
 
-    def __init__(self, device: ComputeDevice, requirements: Requirements) -> None:
+    def __init__(
+        self, device: ComputeDevice, requirements: Requirements, camera: cla.Array | None = None
+    ) -> None:
+        """`camera`: `CameraMotion.rows`, where the camera moves."""
         self.rows = requirements.settings.trace.ratio_rows
         self._device = device
         self._view = View(2 * self.rows, self.rows, projection="equirect")
         layout = PlaneLayout(self._view.width, self._view.height)
         self._constants = device.upload("ratio map view", self._view.kernel_constants())
-        layer = RealLayer(device, layout, equirect=True, name="ratio map", radiated=True)
-        self._guide = Guide(device, layout, equirect=True, name="ratio map")
+        layer = RealLayer(
+            device, layout, equirect=True, name="ratio map", radiated=True, camera=camera
+        )
+        self._guide = Guide(device, layout, equirect=True, name="ratio map", camera=camera)
         self._pixels = RealPixels(
             device, layer, self._guide, requirements, name="ratio map", least=MAP_LEAST
         )
         self.ratio = self._pixels.relight.ratio
         self._updates = 0
+        self._follows_camera = camera is not None
+        self._in_motion = False
 
     def run(self, world: World, cache: IrradianceCache | None, tick: Tick) -> None:
         """Follow the frame; `tick.view` is not used, the map does not turn."""
@@ -211,8 +218,10 @@ class RatioMap:
         here = replace(tick, index=self._updates, view=self._constants, previous=self._constants)
         self._updates += 1
         with self._device.profile.section("ratio map"):
-            if here.index == 0 or tick.changed:
+            # What a camera's motion moved stands still in the frame after.
+            if here.index == 0 or tick.changed or self._in_motion:
                 self._pixels.layer.run(world.panorama, self._constants, self._constants)
+            self._in_motion = self._follows_camera and tick.changed
             layer = self._pixels.layer
             self._guide.run(self._constants, layer.normal, layer.depth, layer.id)
             self._pixels.run(world, cache, here)
@@ -235,10 +244,12 @@ class VirtualPixels:
         requirements: Requirements,
         *,
         equirect: bool,
+        camera: cla.Array | None = None,
     ) -> None:
+        """`camera`: `CameraMotion.rows`, where the camera moves."""
         settings = requirements.settings
         self.visible = VisibleLayer(device, layout, equirect=equirect)
-        self._guide = Guide(device, layout, equirect=equirect, name="object")
+        self._guide = Guide(device, layout, equirect=equirect, name="object", camera=camera)
         # Eq. 3 measures how alike diffuse pixels are; reflections differ from pixel to pixel.
         sparse = settings.mask.sparse and not requirements.specular_signal
         mask_settings = settings.mask.model_copy(update={"sparse": sparse})

@@ -38,6 +38,8 @@ class Requirements:
         exposure.
     real_materials : tuple of Material
         Glossy materials of the real scene that objects are reflected in; empty: all is diffuse.
+    moving_camera : bool
+        The video has poses: from frame to frame, real surfaces move past the capture centre.
     settings : Settings
     """
 
@@ -52,6 +54,7 @@ class Requirements:
     opening_environment: bool
     own_radiance: bool
     real_materials: tuple[Material, ...]
+    moving_camera: bool
     settings: Settings
 
     @classmethod
@@ -64,9 +67,10 @@ class Requirements:
         openings: bool,
         real_materials: tuple[Material, ...] = (),
         own_radiance: bool = False,
+        poses: bool = False,
     ) -> Requirements:
         """`openings`: the video frame has windows; `real_materials`: its glossy surfaces;
-        `own_radiance`: frames may come whose radiance is not their colour.
+        `own_radiance`: frames may come whose radiance is not their colour; `poses`: they have them.
         """
         kinds = list(materials)
         tracing = bool(kinds) and settings.method == "iprt"
@@ -82,6 +86,7 @@ class Requirements:
             opening_environment=tracing and settings.trace.openings == "environment" and openings,
             own_radiance=bool(kinds) and own_radiance,
             real_materials=real_materials if tracing else (),
+            moving_camera=poses and bool(kinds),
             settings=settings,
         )
 
@@ -187,5 +192,6 @@ class Requirements:
             "shadows in what objects reflect off screen": self.ratio_map,
             "bounding volume hierarchy of the objects": self.bvh or self.primary_rays,
             "objects in the view by rays, without OpenGL": self.primary_rays,
+            "motion of the 360° camera": self.moving_camera,
             "equirect layers for rays off screen": self.equirect_layers,
         }

@@ -24,14 +24,23 @@ class Guide:
     ----------
     current, previous : (7, H + 2 PAD, W + 2 PAD) float32
         Before the second picture, `previous` holds no surface.
+    camera : (12,) float32 or None
+        `CameraMotion.rows`, from the axes of `current` to those of `previous`; None: they are one.
     """
 
     def __init__(
-        self, device: ComputeDevice, layout: PlaneLayout, *, equirect: bool, name: str
+        self,
+        device: ComputeDevice,
+        layout: PlaneLayout,
+        *,
+        equirect: bool,
+        name: str,
+        camera: cla.Array | None = None,
     ) -> None:
         """`equirect` views are adjacent across the ±180° seam; `name` tells layers apart."""
         self.layout = layout
         self.equirect = equirect
+        self.camera = camera
         self._device = device
         defines = plane_defines(equirect=equirect)
         self._build = device.kernel("guide.cl", "build_guide", defines)
@@ -57,6 +66,16 @@ class Guide:
             width, height = self.layout.width, self.layout.height
             self._build((width, height), view, normal, depth, ids, self.current, width, height)
             self.wrap(self.current)
+
+    @property
+    def camera_define(self) -> dict[str, Define]:
+        """`-D` variant of kernels that compare `current` with `previous`."""
+        return {"CAMERA_MOTION": self.camera is not None}
+
+    @property
+    def camera_argument(self) -> tuple[cla.Array, ...]:
+        """Their last argument, where the camera moves."""
+        return () if self.camera is None else (self.camera,)
 
     def wrap(self, planes: cla.Array) -> None:
         """In an equirect view, fill the left and right border of `planes` from across the seam."""

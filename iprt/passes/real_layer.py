@@ -37,10 +37,13 @@ class RealLayer:
         name: str,
         gloss: bool = False,
         radiated: bool = False,
+        camera: cla.Array | None = None,
     ) -> None:
         """`name` tells layers apart; `gloss`: the panorama has glossy surfaces, and the view shows
-        their highlights; `radiated`: it shows what surfaces radiate to all sides.
+        their highlights; `radiated`: it shows what surfaces radiate to all sides; `camera`:
+        `CameraMotion.rows`, where the camera moves.
         """
+        self._camera: tuple[cla.Array, ...] = () if camera is None else (camera,)
         self._radiated = radiated
         self._device = device
         self._layout = layout
@@ -48,7 +51,11 @@ class RealLayer:
             "resample.cl",
             "resample_panorama",
             plane_defines(
-                equirect=equirect, GLOSS=gloss, MATERIAL_PLASTIC=gloss, MATERIAL_CONDUCTOR=gloss
+                equirect=equirect,
+                GLOSS=gloss,
+                MATERIAL_PLASTIC=gloss,
+                MATERIAL_CONDUCTOR=gloss,
+                CAMERA_MOTION=camera is not None,
             ),
         )
         self.color = device.zeros(f"{name} color", layout.shape(3))
@@ -106,6 +113,7 @@ class RealLayer:
                 self.id,
                 self.motion,
                 *gloss,
+                *self._camera,
             )
             self._split_color()
 

@@ -14,7 +14,7 @@ class ReflectionMotion:
     def __init__(self, device: ComputeDevice, guide: Guide) -> None:
         self._device = device
         self._guide = guide
-        defines = plane_defines(equirect=guide.equirect)
+        defines = plane_defines(equirect=guide.equirect, **guide.camera_define)
         self._kernel = device.kernel("reflection_motion.cl", "move_reflections", defines)
         self._moved = device.zeros("reflection motion", guide.layout.shape(2))
 
@@ -50,5 +50,6 @@ class ReflectionMotion:
                 self._moved,
                 width,
                 height,
+                *guide.camera_argument,
             )
         return self._moved

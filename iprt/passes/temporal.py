@@ -138,7 +138,9 @@ class Temporal:
         self._device = device
         self._guide = guide
         self._unsettled = 0
-        defines = plane_defines(equirect=guide.equirect, **signal_defines(kind))
+        defines = plane_defines(
+            equirect=guide.equirect, **signal_defines(kind), **guide.camera_define
+        )
 
         def kernel(entry: str) -> Kernel:
             return device.kernel("temporal.cl", entry, defines)
@@ -236,6 +238,7 @@ class Temporal:
             *now,
             tolerance,
             settings.normal_agreement,
+            after=self._guide.camera_argument,
         )
 
     def _correct_history(
@@ -263,6 +266,6 @@ class Temporal:
         history, _, spread = self._now
         self._run(self._clamp, nearby, history, length, spread, self.settings.clamp_sigma)
 
-    def _run(self, kernel: Kernel, *arguments: object) -> None:
+    def _run(self, kernel: Kernel, *arguments: object, after: tuple[cla.Array, ...] = ()) -> None:
         size = (self._guide.layout.width, self._guide.layout.height)
-        kernel(size, self._guide.current, *arguments, *size)
+        kernel(size, self._guide.current, *arguments, *size, *after)

@@ -1,0 +1,42 @@
+"""How the 360° camera moved since the frame before, on the device."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.device.compute import ComputeDevice
+from iprt.scene.pose import camera_motion
+
+STILL = np.eye(4)[:3]
+"""(3, 4) motion of a camera that stays."""
+
+
+class CameraMotion:
+    """Motion of the capture centre between view frames, where a video has poses.
+
+    Attributes
+    ----------
+    rows : (12,) float32
+        Affine map, row by row, from the axes of the frame's capture centre to those of the frame
+        before: `cl/lib/camera.h`.
+    """
+
+    def __init__(self, device: ComputeDevice, pose: NDArray[np.float64]) -> None:
+        self._device = device
+        self._before = self._pose = pose
+        self._held = STILL
+        self.rows = device.upload("camera motion", STILL.astype(np.float32).ravel())
+
+    def move(self, pose: NDArray[np.float64]) -> bool:
+        """Take the (4, 4) pose of the next view frame; returns whether it is another one."""
+        self._pose = pose
+        return not np.array_equal(self._pose, self._before)
+
+    def step(self) -> None:
+        """Begin a view frame: `rows` tell how the camera moved since the last."""
+        motion = camera_motion(self._before, self._pose)
+        if not np.array_equal(motion, self._held):
+            self._device.write(self.rows, motion.astype(np.float32).ravel())
+            self._held = motion
+        self._before = self._pose
