@@ -3,8 +3,11 @@
 //
 //   kernel         in                                           out
 //   place_cells    panorama (lib/real.h)                        plane: tangent plane at each cell's
-//                                                               centre (w 0: none, or a window);
-//                                                               means forget what is elsewhere now
+//                                                               centre (w 0: none, or a window;
+//                                                               else 1 + samples forgotten); means
+//                                                               forget what is elsewhere now
+//   move_cells     panorama, camera (lib/camera.h), plane,      the same, fetched from where the
+//                  mean and smooth as they were                 surfaces were
 //   want_cells     pixels that are traced (list, count, guide,  wanted: 1 at the cells around them,
 //                  touched), objects' boxes                     2 where objects have influence
 //   list_cells     wanted, mean                                 cells to refine; wanted cleared
@@ -12,6 +15,7 @@
 //   smooth_cells   cells, mean                                  smooth: joint filter of mean, ever
 //                                                               narrower as samples come in
 //   show_cells     guide, smooth                                3 planes: rgb / pi at the pixels
+#include "camera.h"
 #include "irradiance.h"
 #include "path.h"
 #include "planes.h"
@@ -21,6 +25,26 @@
 #define OWN_SAMPLES 32.0f
 // Relative distance up to which a cell's surface is the one it was.
 #define SAME_PLACE 0.02f
+
+// Random numbers go on where they were, so that what is forgotten is not drawn again.
+#define MOST_FORGOTTEN 4194304.0f
+
+static inline float forgotten(float before, float more)
+{
+    const float all = before + fmax(more, 0.0f);
+    return all < MOST_FORGOTTEN ? all : 0.0f;
+}
+
+// Tangent plane at a cell's centre; 0 where there is none, or a window.
+static inline float4 cell_plane(int x, int y, int columns, int rows, int real_width,
+                                int real_height, __global const float4 *restrict real_surface)
+{
+    const int column = min((int)((x + 0.5f) / columns * real_width), real_width - 1);
+    const int row = min((int)((y + 0.5f) / rows * real_height), real_height - 1);
+    const float4 surface = real_surface[row * real_width + column];
+    const int usable = !((int)surface.w & (SURFACE_NONE | SURFACE_OPENING));
+    return usable ? (float4)(surface.xyz, 1.0f) : (float4)(0.0f);
+}
 
 __kernel void place_cells(
     const int columns,
@@ -37,17 +61,66 @@ __kernel void place_cells(
     if (x >= columns || y >= rows)
         return;
     const int cell = y * columns + x;
-    const int column = min((int)((x + 0.5f) / columns * real_width), real_width - 1);
-    const int row = min((int)((y + 0.5f) / rows * real_height), real_height - 1);
-    const float4 surface = real_surface[row * real_width + column];
-    const int usable = !((int)surface.w & (SURFACE_NONE | SURFACE_OPENING));
-    const float4 now = usable ? (float4)(surface.xyz, 1.0f) : (float4)(0.0f);
+    float4 now = cell_plane(x, y, columns, rows, real_width, real_height, real_surface);
     const float4 before = plane[cell];
     const float3 moved = now.xyz - before.xyz;
-    const int same = before.w == now.w
+    const int same = (before.w > 0.0f) == (now.w > 0.0f)
         && dot(moved, moved) <= SAME_PLACE * SAME_PLACE * dot(now.xyz, now.xyz);
-    mean[cell].w = same ? fmin(mean[cell].w, kept) : 0.0f;
+    const float samples = mean[cell].w, left = same ? fmin(samples, kept) : 0.0f;
+    if (now.w > 0.0f && before.w > 0.0f)
+        now.w = forgotten(before.w, samples - left);
+    mean[cell].w = left;
     smooth[cell].w = same ? smooth[cell].w : 0.0f;
+    plane[cell] = now;
+}
+
+__kernel void move_cells(
+    const int columns,
+    const int rows,
+    const int real_width,
+    const int real_height,
+    __global const float4 *restrict real_surface,
+    const float kept,                              // samples that means are worth at most
+    __global const float *restrict camera,         // lib/camera.h
+    __global const float4 *restrict plane_before,
+    __global const float4 *restrict mean_before,
+    __global const float4 *restrict smooth_before,
+    __global float4 *restrict plane,               // out
+    __global float4 *restrict mean,                // out
+    __global float4 *restrict smooth)              // out
+{
+    const int x = get_global_id(0), y = get_global_id(1);
+    if (x >= columns || y >= rows)
+        return;
+    const int cell = y * columns + x;
+    float4 now = cell_plane(x, y, columns, rows, real_width, real_height, real_surface);
+    float4 mean_now = (float4)(0.0f), smooth_now = (float4)(0.0f);
+    if (now.w > 0.0f) {
+        const float3 v = texel_direction(x, y, columns, rows);
+        const float3 p = camera_before(camera, v, dot(now.xyz, v));
+        const float3 point = p / fmax(dot(now.xyz, v), 1e-30f);
+        const float3 normal = camera_before(camera, -normalize(now.xyz), 0.0f);
+        float2 past;
+        const int2 corner = cache_corner(columns, rows, point, &past);
+        float drawn = 0.0f;
+        for (int i = 0; i < 4; i++) {
+            const int from = cache_cell(columns, rows, corner.x + (i & 1), corner.y + (i >> 1));
+            const float4 before = plane_before[from], known = mean_before[from];
+            const float weight = (i & 1 ? past.x : 1.0f - past.x)
+                * (i & 2 ? past.y : 1.0f - past.y) * cache_agreement(before, point, normal);
+            // What is worth more samples weighs more; sums come first, means after.
+            mean_now += weight * (float4)(known.w * known.xyz, known.w);
+            const float4 shown = smooth_before[from];
+            smooth_now += weight * (float4)(shown.w * shown.xyz, shown.w);
+            drawn = fmax(drawn, before.w - 1.0f + known.w);
+        }
+        const float left = fmin(floor(mean_now.w), kept);
+        mean_now = left >= 1.0f ? (float4)(mean_now.xyz / mean_now.w, left) : (float4)(0.0f);
+        smooth_now.xyz /= fmax(smooth_now.w, 1e-30f);
+        now.w = forgotten(1.0f, ceil(drawn) - left);
+    }
+    mean[cell] = mean_now;
+    smooth[cell] = smooth_now;
     plane[cell] = now;
 }
 
@@ -124,8 +197,8 @@ TRACING_KERNEL void refine_cells(
     const float3 o = real_start(world.real, v / fmax(dot(g, v), 1e-30f), n);
     const Frame frame = build_frame(n);
     const float4 before = mean[cell];
-    const uint first = (uint)before.w;
-    const int more = first == 0 ? first_rays : rays;
+    const uint first = (uint)(before.w + (plane[cell].w - 1.0f) + 0.5f);
+    const int more = before.w < 1.0f ? first_rays : rays;
     const uint stream = hash_combine(hash_combine((uint)cell, 0x69727261u), (uint)seed);
 
     float3 sum = (float3)(0.0f);

@@ -113,9 +113,17 @@ def _highlight(renderer: Renderer) -> Image | None:
     return None if seen is None or diffuse is None else np.asarray(seen - diffuse)
 
 
+def _normal(renderer: Renderer) -> Image | None:
+    normal = _mixed("normal", slice(0, 3))(renderer)
+    pose = renderer.pose
+    return (
+        normal if normal is None or pose is None else (normal @ pose[:3, :3].T).astype(np.float32)
+    )
+
+
 AOVS: dict[str, Reader] = {
     "background": _background,
-    "normal": _mixed("normal", slice(0, 3)),
+    "normal": _normal,
     "depth": _mixed("depth", slice(0, 1)),
     "albedo": _visible("albedo", slice(0, 3)),
     "coverage": _visible("coverage", slice(0, 1)),

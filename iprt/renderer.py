@@ -20,6 +20,7 @@ from iprt.device.checked import checked
 from iprt.device.compute import ComputeDevice
 from iprt.gloss_pixels import GlossPixels
 from iprt.objects import Objects
+from iprt.passes.camera_motion import STILL, CameraMotion
 from iprt.passes.composite import Composite
 from iprt.passes.guide import Guide
 from iprt.passes.highlight import Highlight
@@ -32,12 +33,11 @@ from iprt.passes.world import World
 from iprt.pixels import RatioMap, RealPixels, Tick, VirtualPixels
 from iprt.requirements import Requirements
 from iprt.scene.camera import View
+from iprt.scene.cut import is_cut
 from iprt.scene.frame import Frame
 from iprt.scene.mesh import Instance, require_same_objects, same_places
+from iprt.scene.pose import camera_motion, seen_from, view_from
 from iprt.settings import Settings
-
-CUT = 0.5
-"""Share of the panorama's flux by which frames of a video differ that do not belong together."""
 
 
 @dataclass(frozen=True)
@@ -105,15 +105,21 @@ class Renderer:
             openings=bool(frame.opening.any()),
             real_materials=frame.real_materials,
             own_radiance=own_radiance or frame.own_radiance,
+            poses=frame.pose is not None,
         )
         self._equirect = view.projection == "equirect"
         self._objects: Objects | None = None
         self._frame_index = 0
-        self._previous_view = view
+        self._previous_view = view_from(view, frame.pose)
         self._view_stale = 2  # steps for which what depends on the view must be made anew
         self._video_stale = True
         self._objects_stale = 1  # frames for which the objects are not where they were
         self._cut = False
+
+        self._camera: CameraMotion | None = None
+        if self.requirements.moving_camera and frame.pose is not None:
+            self._camera = CameraMotion(device, frame.pose)
+        camera = None if self._camera is None else self._camera.rows
 
         self.layout = PlaneLayout(view.width, view.height)
         self.panorama = Panorama(
@@ -131,6 +137,7 @@ class Renderer:
             equirect=self._equirect,
             name="real",
             gloss=self.requirements.gloss,
+            camera=camera,
         )
         self.composite = Composite(
             device,
@@ -148,26 +155,33 @@ class Renderer:
         self.cache: IrradianceCache | None = None
         self._lights: Lights | None = None
         if self.requirements.objects:
-            self._build_object_passes(frame)
+            self._build_object_passes(frame, camera)
         self._frame = frame
         self.load(frame)
 
-    def _build_object_passes(self, frame: Frame) -> None:
+    def _build_object_passes(self, frame: Frame, camera: cla.Array | None) -> None:
         device, needs = self.device, self.requirements
         if needs.light_sampling:
             self._lights = Lights(device, frame.width, frame.height)
         if needs.delta:
             self.cache = IrradianceCache(device, needs)
         if needs.ratio_map:
-            self.ratio_map = RatioMap(device, needs)
-        self.virtual_pixels = VirtualPixels(device, self.layout, needs, equirect=self._equirect)
+            self.ratio_map = RatioMap(device, needs, camera)
+        self.virtual_pixels = VirtualPixels(
+            device, self.layout, needs, equirect=self._equirect, camera=camera
+        )
         if needs.tracing:
-            self.real_guide = Guide(device, self.layout, equirect=self._equirect, name="real")
+            self.real_guide = Guide(
+                device, self.layout, equirect=self._equirect, name="real", camera=camera
+            )
             self.real_pixels = RealPixels(device, self.real, self.real_guide, needs, name="real")
         if needs.gloss:
             self._highlight = Highlight(device, self.panorama, needs)
-            self.gloss_pixels = GlossPixels(device, self.layout, needs, equirect=self._equirect)
-        objects = Objects(device, self.instances, self.view, self.panorama, needs)
+            self.gloss_pixels = GlossPixels(
+                device, self.layout, needs, equirect=self._equirect, camera=camera
+            )
+        placed = seen_from(self.instances, frame.pose)
+        objects = Objects(device, placed, self.view, self.panorama, needs)
         self._objects = objects
         self.world = World(
             self.panorama,
@@ -191,6 +205,11 @@ class Renderer:
     def __exit__(self, *_: object) -> None:
         self.close()
 
+    @property
+    def pose(self) -> NDArray[np.float64] | None:
+        """`Frame.pose` of the video frame that is shown."""
+        return self._frame.pose
+
     # The frame ------------------------------------------------------------------------------
 
     def step(self) -> None:
@@ -204,12 +223,13 @@ class Renderer:
             objects_changed=self._objects_stale > 0,
             cut=self._cut,
         )
-        self._place_view(tick)
+        view = view_from(self.view, self._frame.pose)
+        self._place_view(tick, view)
         self._resample_real_layer(tick)
         if self.virtual_pixels is None or self._objects is None:
             self.composite.run(self.real.color)
         else:
-            self._objects.place(self.virtual_pixels.visible, self.view, self._previous_view, tick)
+            self._objects.place(self.virtual_pixels.visible, view, self._previous_view, tick)
             ratio = self._relight(tick)
             self.virtual_pixels.run(self.world, tick)
             self._composite(self.virtual_pixels, ratio)
@@ -217,13 +237,15 @@ class Renderer:
         self._video_stale = self._cut = False
         self._objects_stale = max(self._objects_stale - 1, 0)
         self._view_stale = max(self._view_stale - 1, 0)
-        self._previous_view = self.view
+        self._previous_view = view
         self.device.profile.frames += 1
 
-    def _place_view(self, tick: Tick) -> None:
+    def _place_view(self, tick: Tick, now: View) -> None:
+        if self._camera is not None:
+            self._camera.step()
         if tick.view_changed:
             for constants, view in zip(
-                self._view_constants, (self.view, self._previous_view), strict=True
+                self._view_constants, (now, self._previous_view), strict=True
             ):
                 self.device.write(constants, view.kernel_constants())
 
@@ -269,19 +291,38 @@ class Renderer:
     # Use ------------------------------------------------------------------------------------
 
     def load(self, frame: Frame) -> None:
-        """Go on with another frame of the video, of the same size and with the same openings."""
+        """Go on with another frame of the video, of the same size and with the same openings.
+
+        Raises
+        ------
+        ValueError
+            It has a pose and the frame before has none, or the other way round.
+        """
         needs = self.requirements
         assert needs.own_radiance or not (needs.objects and frame.own_radiance), "no buffer for it"
+        motion = camera_motion(self._frame.pose, frame.pose)
         self.panorama.load(frame)
         if self._lights is not None:
             self._lights.load(frame.radiance)
         if needs.objects:
             changed = flux_change(self._frame.radiance, frame.radiance)
-            self._cut = self._cut or changed > CUT
+            cut = is_cut(self._frame, frame, changed)
+            self._cut = self._cut or cut
             if self.cache is not None:
-                self.cache.place(self.world, changed)
+                self.cache.place(self.world, 1.0 if cut else changed, motion)
         self._frame = frame
         self._video_stale = True
+        if not np.array_equal(motion, STILL):
+            self._follow_camera(frame.pose)
+
+    def _follow_camera(self, pose: NDArray[np.float64] | None) -> None:
+        """View and objects in the axes of a capture centre that has moved."""
+        if self._camera is not None and pose is not None:
+            self._camera.pose = pose
+        self._view_stale = 2
+        if self._objects is not None:
+            self._objects.move(seen_from(self.instances, pose))
+            self._objects_stale = 2
 
     def move(self, instances: Iterable[Instance]) -> None:
         """Follow the objects to where they are now. Nothing is done if none has moved.
@@ -302,7 +343,7 @@ class Renderer:
         self.instances = moved
         if still or self._objects is None:
             return
-        self._objects.move(moved)
+        self._objects.move(seen_from(moved, self._frame.pose))
         self._objects_stale = 2  # their motion ends in the frame after the last one that moves them
 
     def look(self, view: View) -> None:

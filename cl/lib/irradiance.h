@@ -10,7 +10,7 @@
 #define CACHE_NORMAL 0.8f
 
 typedef struct {
-    __global const float4 *plane;        // xyz g of the tangent plane g.x = 1; w 0: no surface
+    __global const float4 *plane;        // xyz g of the tangent plane g.x = 1; w > 0: a surface
     __global const float4 *irradiance;   // rgb / pi, w samples; 0: unknown
     int columns;
     int rows;

@@ -17,6 +17,8 @@ class CameraMotion:
 
     Attributes
     ----------
+    pose : (4, 4) float64
+        Of the frame that is shown.
     rows : (12,) float32
         Affine map, row by row, from the axes of the frame's capture centre to those of the frame
         before: `cl/lib/camera.h`.
@@ -24,19 +26,14 @@ class CameraMotion:
 
     def __init__(self, device: ComputeDevice, pose: NDArray[np.float64]) -> None:
         self._device = device
-        self._before = self._pose = pose
+        self.pose = self._before = pose
         self._held = STILL
         self.rows = device.upload("camera motion", STILL.astype(np.float32).ravel())
 
-    def move(self, pose: NDArray[np.float64]) -> bool:
-        """Take the (4, 4) pose of the next view frame; returns whether it is another one."""
-        self._pose = pose
-        return not np.array_equal(self._pose, self._before)
-
     def step(self) -> None:
         """Begin a view frame: `rows` tell how the camera moved since the last."""
-        motion = camera_motion(self._before, self._pose)
+        motion = camera_motion(self._before, self.pose)
         if not np.array_equal(motion, self._held):
             self._device.write(self.rows, motion.astype(np.float32).ravel())
             self._held = motion
-        self._before = self._pose
+        self._before = self.pose

@@ -6,9 +6,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyopencl.array as cla
+from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
 from iprt.device.compute import ComputeDevice
+from iprt.passes.camera_motion import STILL
 from iprt.passes.guide import Guide, plane_defines
 from iprt.passes.mask import Mask
 
@@ -20,6 +22,10 @@ if TYPE_CHECKING:
 BLACK = 1e-6
 """E_R up to this fraction of the panorama's mean radiance is black: what is relative to it is
 noise."""
+
+MOVED_SAMPLES = 64.0
+"""Samples that a cell is worth at most that was fetched from where a moving camera saw it before.
+Each time it is mixed with its neighbours a little, and light may have changed."""
 
 
 class IrradianceSettings(BaseModel):
@@ -59,7 +65,8 @@ class IrradianceCache:
     ----------
     rows, columns : int
     plane : (rows * columns, 4) float32
-        Tangent plane g (g·x = 1) at each cell's centre, 1; all 0: no surface there, or a window.
+        Tangent plane g (g·x = 1) at each cell's centre, 1 + samples that were forgotten; all 0:
+        no surface there, or a window.
     mean, irradiance : (rows * columns, 4) float32
         E_R / π as sampled, and after smoothing; number of samples.
     """
@@ -81,14 +88,23 @@ class IrradianceCache:
         self._smooth = kernel("smooth_cells")
         self._show = kernel("show_cells")
         cells = self.rows * self.columns
-        self.plane = device.zeros("irradiance plane", (cells, 4))
-        self.mean = device.zeros("irradiance mean", (cells, 4))
-        self.irradiance = device.zeros("irradiance", (cells, 4))
+        self.plane, self.mean, self.irradiance = self._grids("")
+        if requirements.moving_camera:
+            self._move = kernel("move_cells")
+            self._before = self._grids(" before")
+            self._camera = device.zeros("irradiance camera motion", (12,))
         self._wanted = device.zeros("irradiance wanted", (cells,), np.int32)
         self._cells = device.empty("irradiance cells", (cells,), np.int32)
         self._count = device.zeros("irradiance count", (1,), np.int32)
 
-    def place(self, world: World, changed: float) -> None:
+    def _grids(self, when: str) -> tuple[cla.Array, cla.Array, cla.Array]:
+        names = ("irradiance plane", "irradiance mean", "irradiance")
+        plane, mean, smooth = (
+            self._device.zeros(name + when, (self.rows * self.columns, 4)) for name in names
+        )
+        return plane, mean, smooth
+
+    def place(self, world: World, changed: float, motion: NDArray[np.float64] = STILL) -> None:
         """Follow the video to its new frame: forget what is elsewhere, doubt what is lit otherwise.
 
         Parameters
@@ -96,22 +112,23 @@ class IrradianceCache:
         changed : float
             Share of the panorama's flux that changed, in [0, 1]. A mean of so many samples that its
             error is as large as that is kept.
+        motion : (3, 4) float64
+            `camera_motion` from the last frame. Where the camera moved, cells are fetched from
+            where their surfaces were.
         """
         panorama = world.panorama
         kept = 1.0 / max(changed, 1e-4) ** 2
+        grid = (self.columns, self.rows)
+        now = (self.plane, self.mean, self.irradiance)
+        surface = (*grid, panorama.width, panorama.height, panorama.surface)
         with self._device.profile.section("irradiance"):
-            self._place(
-                (self.columns, self.rows),
-                self.columns,
-                self.rows,
-                panorama.width,
-                panorama.height,
-                panorama.surface,
-                float(kept),
-                self.plane,
-                self.mean,
-                self.irradiance,
-            )
+            if np.array_equal(motion, STILL):
+                self._place(grid, *surface, float(kept), *now)
+                return
+            self._before, now = now, self._before
+            self.plane, self.mean, self.irradiance = now
+            self._device.write(self._camera, motion.astype(np.float32).ravel())
+            self._move(grid, *surface, MOVED_SAMPLES, self._camera, *self._before, *now)
 
     def run(self, world: World, guide: Guide, mask: Mask, view: cla.Array, *, least: float) -> None:
         """Refine the cells around the pixels that `mask` has listed.

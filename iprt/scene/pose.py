@@ -67,10 +67,16 @@ def inverse_pose(pose: Float) -> Float:
 def camera_motion(before: Float | None, now: Float | None) -> Float:
     """(3, 4) affine map of points in the axes of a capture centre to those of the one before.
 
-    Exactly the identity where both poses, (4, 4), are equal; None stands for the world's axes.
+    Exactly the identity where both poses, (4, 4), are equal or None.
+
+    Raises
+    ------
+    ValueError
+        One of them is None: how the camera moved cannot be told.
     """
-    if before is now or (before is not None and now is not None and np.array_equal(before, now)):
+    if (before is None) != (now is None):
+        raise ValueError("either all frames of a video have poses or none")
+    if before is None or now is None or np.array_equal(before, now):
         return np.eye(4)[:3]
-    start, end = (np.eye(4) if pose is None else pose for pose in (before, now))
-    motion: Float = (inverse_pose(start) @ end)[:3]
+    motion: Float = (inverse_pose(before) @ now)[:3]
     return motion
