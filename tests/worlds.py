@@ -48,6 +48,24 @@ def room_frame(world: World, width: int, height: int, radiance: Radiance) -> Fra
     return replace(frame, color=radiance(t[..., None] * d, normal).astype(np.float32))
 
 
+def pose_at(
+    position: Sequence[float] = (0.0, 0.0, 0.0), yaw_deg: float = 0.0, pitch_deg: float = 0.0
+) -> Float:
+    """(4, 4) pose of a camera that stands there and is turned like a view."""
+    pose = np.eye(4)
+    pose[:3, :3] = View(1, 1, yaw_deg, pitch_deg).world_from_view
+    pose[:3, 3] = position
+    return pose
+
+
+def filmed(world: World, width: int, height: int, radiance: Radiance, pose: Float) -> Frame:
+    """The panorama that a capture centre with this (4, 4) pose sees, in its own axes."""
+    d = View(width, height, projection="equirect").directions() @ pose[:3, :3].T
+    t, normal, _ = world.first_hit(pose[:3, 3], d)
+    color = radiance(pose[:3, 3] + t[..., None] * d, normal).astype(np.float32)
+    return replace(frame_of(t, normal @ pose[:3, :3]), color=color, pose=pose)
+
+
 def sphere_frame(radius: float, width: int, height: int, radiance: float) -> Frame:
     """The inside of a sphere about the capture centre, with the same light everywhere."""
     d = View(width, height, projection="equirect").directions()

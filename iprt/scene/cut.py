@@ -59,7 +59,8 @@ def _sampled(image: NDArray[np.floating], directions: Float) -> Float:
     """Nearest texels of an equirect image (H, W) in directions (..., 3)."""
     height, width = image.shape
     column, row = np.moveaxis(equirect_pixel(directions, width, height).astype(np.intp), -1, 0)
-    return image[np.minimum(row, height - 1), np.minimum(column, width - 1)].astype(np.float64)
+    texels = image[np.minimum(row, height - 1), np.minimum(column, width - 1)]
+    return np.asarray(texels, np.float64)
 
 
 def _other_surfaces(found: Float, expected: Float, weights: Float) -> float:
