@@ -25,7 +25,15 @@ from iprt.scene.material import Material
 from iprt.scene.mesh import Instance
 from iprt.settings import Settings
 from tests.oracles.worlds import Box, World
-from tests.worlds import ball, bright_walls, ceiling_lamp, cuboid, landscape_frame, room_frame
+from tests.worlds import (
+    ball,
+    bright_walls,
+    ceiling_lamp,
+    cuboid,
+    landscape_frame,
+    pose_at,
+    room_frame,
+)
 
 ROOM = World(solids=(Box((-0.8, -0.9, -1.7), (0.25, 0.5, 0.2)),))
 CHECKS = np.random.default_rng(0).random((3, 5, 3)).astype(np.float32)
@@ -74,6 +82,7 @@ def films(**settings: Any) -> dict[str, Film]:
             {"trace": {"estimator": "ratio", "objects": "raster"}},
         ),
         "gloss": (glossy, (clay,), LOOK, {}),
+        "walk": (_carried(room), (clay, brass), LOOK, {}),
         "environment": (room, _objects(), LOOK, {"method": "ibl"}),
         "nothing": (room, (), LOOK, {}),
     }
@@ -128,6 +137,12 @@ def _glossy(video: tuple[Frame, Frame]) -> tuple[Frame, Frame]:
     gloss[video[0].normal[..., 0] > 0.5] = 2
     first, second = (replace(f, gloss=gloss, real_materials=(FLOOR, WALL)) for f in video)
     return first, second
+
+
+def _carried(video: tuple[Frame, Frame]) -> tuple[Frame, Frame]:
+    """By a camera that moves."""
+    first, second = video
+    return replace(first, pose=pose_at()), replace(second, pose=pose_at((0.1, 0.0, -0.1), 3.0))
 
 
 def _landscape() -> tuple[Frame, Frame]:
