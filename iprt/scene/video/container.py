@@ -8,11 +8,11 @@ other files (playlists, HLS, DASH, concat) are not read.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn, cast
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from iprt.errors import FormatError
 from iprt.scene.images import file_kind
@@ -26,9 +26,7 @@ from iprt.scene.untrusted import (
 )
 
 if TYPE_CHECKING:
-    import av
     from av.container import InputContainer
-    from av.video.stream import VideoStream
 
 FORMATS = "matroska,webm,mov,mp4,avi,mpegts,mxf,nut,ivf,flv,asf,ogg,mpeg,yuv4mpegpipe"
 """FFmpeg's demuxers that read pictures out of the very file."""
@@ -36,8 +34,9 @@ BUFFER_BYTES = 2**20
 MAX_STREAMS = 64
 LONGEST_SEARCH = 4096
 """Packets at the end of a file that are looked through for the last frame."""
-FAR_S = 2
-"""Seconds ahead from which on a seek is taken to be quicker than decoding all in between."""
+NEITHER = "not an EXR, PNG, JPEG or PFM file, nor a video that can be read"
+LAST_S = 2
+"""Seconds before the end of a file that are searched for the last frame."""
 
 
 @dataclass(frozen=True)
@@ -108,7 +107,9 @@ def opened(path: Path) -> Iterator[InputContainer]:
 
     av.logging.set_level(None)  # what FFmpeg says of damage is told once by us
     with open_file(path) as file:
-        with _decoding(path, "not an EXR, PNG, JPEG or PFM file, nor a video that can be read"):
+        with ffmpeg_decoding(
+            path, "not an EXR, PNG, JPEG or PFM file, nor a video that can be read"
+        ):
             container = av.open(
                 file,
                 metadata_errors="replace",
@@ -128,7 +129,7 @@ def opened(path: Path) -> Iterator[InputContainer]:
 
 
 @contextmanager
-def _decoding(path: Path, complaint: str) -> Iterator[None]:
+def ffmpeg_decoding(path: Path, complaint: str) -> Iterator[None]:
     """As `decoding`; of FFmpeg's errors, lack of memory among them, only the reason is told."""
     import av
 
@@ -159,7 +160,7 @@ def video_streams(path: Path) -> list[StreamInfo]:
             if "attached_pic" in str(stream.disposition).lower() or context is None:
                 continue
             require_picture_size(path, context.width, context.height)
-            with _decoding(path, "damaged or cut off video"):
+            with ffmpeg_decoding(path, "damaged or cut off video"):
                 found.append(_info(path, container, stream))
     if not found:
         raise FormatError(f"{path}: holds no video stream")
@@ -167,7 +168,7 @@ def video_streams(path: Path) -> list[StreamInfo]:
 
 
 def _info(path: Path, container: InputContainer, stream: Any) -> StreamInfo:
-    base = _base(stream)
+    base = time_base(stream)
     rate = stream.average_rate or stream.guessed_rate or stream.base_rate
     start = Fraction(stream.start_time or 0) * base
     claimed = None
@@ -184,23 +185,26 @@ def _info(path: Path, container: InputContainer, stream: Any) -> StreamInfo:
         height=stream.codec_context.height,
         pixels=stream.codec_context.pix_fmt or "",
         start=start,
-        last=max(start, _last_time(container, stream, start + (claimed or 0))),
+        last=_last_time(container, stream, start, start + (claimed or 0)),
         rate=rate,
         claimed=claimed,
     )
 
 
-def _last_time(container: InputContainer, stream: Any, end: Fraction) -> Fraction:
-    """The time of the last frame that is in the file, which may be cut off before it should end."""
+def _last_time(container: InputContainer, stream: Any, start: Fraction, end: Fraction) -> Fraction:
+    """The time of the last frame that is in the file, which may be cut off before it should end.
+
+    Packets come in the order of decoding: the last frame is among the last ones.
+    """
     import av
 
-    base = _base(stream)
+    base = time_base(stream)
     with suppress(av.FFmpegError):
-        container.seek(int(end / base), stream=stream)
-    last = Fraction(0)
+        container.seek(int(max(start, end - LAST_S) / base), stream=stream)
+    last = start
     with suppress(av.FFmpegError):
         for count, packet in enumerate(container.demux(stream)):
-            stamp = _stamp(packet)
+            stamp = stamp_of(packet)
             if stamp is not None:
                 last = max(last, stamp * base)
             if count > LONGEST_SEARCH:
@@ -208,164 +212,12 @@ def _last_time(container: InputContainer, stream: Any, end: Fraction) -> Fractio
     return last
 
 
-def _base(stream: Any) -> Fraction:
+def time_base(stream: Any) -> Fraction:
     """Seconds per step of a stream's times."""
     return Fraction(stream.time_base or Fraction(1, 1_000_000))
 
 
-def _stamp(timed: Any) -> int | None:
+def stamp_of(timed: Any) -> int | None:
     """When a packet or frame is shown, in its time base; AVI knows only when it is decoded."""
     stamp: int | None = timed.pts if timed.pts is not None else timed.dts
     return stamp
-
-
-@dataclass(frozen=True)
-class _Shown:
-    """A frame with its time; without a frame, one that should be there and cannot be decoded."""
-
-    time: Fraction
-    frame: av.VideoFrame | None
-
-
-class StreamReader:
-    """The frames of a stream by time; quickest in order, which never seeks.
-
-    Parameters
-    ----------
-    container : InputContainer
-        For this reader alone.
-    info : StreamInfo
-
-    Attributes
-    ----------
-    seeks : int
-        How many there have been.
-    """
-
-    def __init__(self, container: InputContainer, info: StreamInfo) -> None:
-        self._container, self._info = container, info
-        self._stream = cast("VideoStream", container.streams[info.number])
-        self._stream.thread_type = "AUTO"
-        # Damage must not pass for a picture; and a stream may be larger than its headers claim.
-        self._stream.codec_context.options = {
-            "err_detect": "crccheck",
-            "max_pixels": str(MAX_PIXELS),
-        }
-        self.seeks = 0
-        self._restart()
-
-    def at(self, time: Fraction) -> av.VideoFrame:
-        """The frame that is shown nearest to a time; of two as near, the earlier.
-
-        Raises
-        ------
-        FormatError
-            That frame is damaged, or nothing can be decoded.
-        """
-        with _decoding(self._info.path, "damaged or cut off video"):
-            if self._is_elsewhere(time):
-                self._seek(time)
-            self._advance(time)
-        near = min(self._window, key=lambda shown: abs(shown.time - time), default=None)
-        if near is None:
-            raise FormatError(f"{self._info.path}: holds no frame that can be decoded")
-        if near.frame is None:
-            seconds = float(near.time - self._info.start)
-            raise FormatError(f"{self._info.path}: the frame at {seconds:.3f} s is damaged")
-        return near.frame
-
-    def _restart(self) -> None:
-        """Go on decoding from where the container is."""
-        self._window: list[_Shown] = []
-        self._frames = self._decoded()
-
-    def _is_elsewhere(self, time: Fraction) -> bool:
-        if not self._window:
-            return time > self._info.start + FAR_S
-        return time < self._window[0].time or time > self._window[-1].time + FAR_S
-
-    def _seek(self, time: Fraction) -> None:
-        """Make the window begin at or before a time, if anything does."""
-        base, back = _base(self._stream), Fraction(0)
-        while True:
-            target = max(time - back, self._info.start)
-            self._container.seek(int(target / base), stream=self._stream)
-            self.seeks += 1
-            self._restart()
-            first = next(self._frames, None)
-            if first is not None:
-                self._window = [first]
-            if target <= self._info.start or (first is not None and first.time <= time):
-                return
-            # Seeking goes by key frames that an index has, and may come out too late.
-            back = max(2 * back, Fraction(1))
-
-    def _advance(self, time: Fraction) -> None:
-        """Decode up to the first frame at or after a time; keep what is next to the time."""
-        while not self._window or self._window[-1].time < time:
-            shown = next(self._frames, None)
-            if shown is None:
-                return
-            self._window.append(shown)
-            before = [i for i, other in enumerate(self._window) if other.time <= time]
-            del self._window[: before[-1] if before else 0]
-
-    def _decoded(self) -> Iterator[_Shown]:
-        """Frames in the order of their times, those that are damaged among them."""
-        import av
-
-        base = _base(self._stream)
-        expected: set[int] = set()
-        for packet in self._packets():
-            stamp = _stamp(packet)
-            if stamp is not None and not packet.is_discard:
-                expected.add(stamp)
-            try:
-                frames = self._stream.codec_context.decode(packet if packet.size else None)
-            except av.FFmpegError:
-                continue
-            for frame in frames:
-                at = _stamp(frame)
-                if at is None:
-                    continue
-                # What is still expected from before has been lost in the decoder.
-                for lost in sorted(other for other in expected if other < at):
-                    yield _Shown(lost * base, None)
-                expected = {other for other in expected if other > at}
-                yield _Shown(at * base, None if frame.is_corrupt else frame)
-        for lost in sorted(expected):
-            yield _Shown(lost * base, None)
-
-    def _packets(self) -> Iterator[Any]:
-        """The stream's packets, and an empty one at its end, or where the file is damaged."""
-        import av
-
-        try:
-            yield from self._container.demux(self._stream)
-        except av.FFmpegError:
-            yield av.Packet()
-
-
-class OpenStreams:
-    """A context manager that opens streams when they are first asked for, each once."""
-
-    def __enter__(self) -> OpenStreams:
-        self._stack = ExitStack()
-        self._readers: dict[tuple[Path, int], StreamReader] = {}
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._stack.close()
-
-    def reader(self, info: StreamInfo) -> StreamReader:
-        """The stream's reader.
-
-        Raises
-        ------
-        FormatError
-        """
-        key = info.path, info.number
-        if key not in self._readers:
-            container = self._stack.enter_context(opened(info.path))
-            self._readers[key] = StreamReader(container, info)
-        return self._readers[key]

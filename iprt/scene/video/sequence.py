@@ -13,8 +13,8 @@ from iprt.scene.images import file_kind, picture_size, read_depth
 from iprt.scene.inside import require_inside
 from iprt.scene.manifest_problems import FRAME_PATTERN
 from iprt.scene.untrusted import is_file
-from iprt.scene.video.container import OpenStreams
 from iprt.scene.video.depth_code import DepthCode, unit_problem
+from iprt.scene.video.reader import OpenStreams
 
 Picture = NDArray[np.float32]
 

@@ -17,8 +17,8 @@ from iprt.scene.depth import sanitise_color, sanitise_depth
 from iprt.scene.frame import Frame
 from iprt.scene.inside import require_inside
 from iprt.scene.normals import estimate_normals, sanitise_normals
-from iprt.scene.video.container import OpenStreams
 from iprt.scene.video.poses import read_poses
+from iprt.scene.video.reader import OpenStreams
 from iprt.scene.video.table import VideoTable
 from iprt.scene.video.tracks import Tracks, open_tracks
 

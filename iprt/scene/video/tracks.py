@@ -18,8 +18,9 @@ from iprt.scene.inside import require_inside
 from iprt.scene.table import LAST_FRAME
 from iprt.scene.video.clock import Clock, disagreements, frame_count
 from iprt.scene.video.color import linear_color, luma
-from iprt.scene.video.container import OpenStreams, StreamInfo, is_container, video_streams
+from iprt.scene.video.container import StreamInfo, is_container, video_streams
 from iprt.scene.video.depth_code import DepthCode, unit_problem
+from iprt.scene.video.reader import OpenStreams
 from iprt.scene.video.sequence import DepthPictures, PictureTrack
 from iprt.scene.video.table import VideoTable
 
