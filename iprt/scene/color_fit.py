@@ -1,0 +1,163 @@
+"""The linear map between the colours of two pictures of the same surfaces, found robustly.
+
+After section 4 of *Natural Environment Illumination*: weighted least squares, regularised towards a
+scale per channel. Here residuals are relative to brightness, and surfaces whose colours changed
+otherwise than most are left out by iterated weights.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Values = NDArray[np.float64]
+
+STEPS = 8
+"""Times that weights are found anew."""
+WIDEST, NARROWING = 0.3, 0.6
+"""Relative error at which a pair's weight is a quarter, in the first step; and what it is
+multiplied by from one to the next: from all pairs to those that agree (graduated non-convexity)."""
+NARROWEST, BEYOND_NOISE = 0.005, 4.0
+"""It ends at this error, or at so many median ones."""
+LIKELY_CROSSTALK, LIKELY_TINT, LIKELY_GAIN = 0.1, 0.3, 1.0
+"""Standard deviations, known beforehand, of a map's difference from a scale per channel, of that
+from one scale, and of that from 1."""
+CLEAR = 4.0
+"""Variances of noise that colours must differ by to tell crosstalk."""
+ALIKE = 16.0
+"""Pairs whose errors are taken to be one: textures and lights are larger than cells."""
+LEAST_ERROR = 1e-4
+"""Relative; rounding, at least, is wrong by this."""
+MOST = 0.7
+"""Share of the picture of which a map must hold: drift is the same everywhere, light is not."""
+EXPLAINED = 0.05
+"""Relative error up to which a map explains the colour of a pair."""
+MOST_GAIN = 8.0
+"""Of a sane map, and 1 over the least."""
+MOST_CONDITION = 16.0
+"""Of a sane map: one that takes different colours to nearly equal ones cannot be undone."""
+
+
+class Pairs:
+    """Colours of the same surfaces in two pictures.
+
+    Parameters
+    ----------
+    seen, wanted : (N, 3)
+        Linear radiance in the picture to be mapped and in the other. N > 0.
+    weight : (N,)
+        How much each counts; positive.
+    region : (N,) int
+        The part of the picture that it lies in.
+    dark : float
+        Radiance below which colours are uncertain.
+    """
+
+    def __init__(
+        self,
+        seen: Values,
+        wanted: Values,
+        weight: Values,
+        region: NDArray[np.integer],
+        dark: float,
+    ) -> None:
+        self._seen, self._wanted = seen, wanted
+        self._region = np.unique(region, return_inverse=True)[1]
+        self._share = weight / weight.sum()
+        brightness = 1.0 / (wanted.mean(axis=1) + dark)[:, None]
+        self._u, self._r = seen * brightness, wanted * brightness
+
+    def fit(self) -> Values | None:
+        """The map (3, 3) from `seen` to `wanted` that holds for most pairs; None: none is sane."""
+        scale = self._median_scale()
+        matrix = np.diag(scale)
+        width = WIDEST
+        for _ in range(STEPS):
+            error = self._errors(matrix)
+            weight = self._share * (width * width / (width * width + error * error)) ** 2
+            scale, matrix = _ridge(self._u, self._r, weight, error)
+            noise = BEYOND_NOISE * weighted_quantile(error, self._share)
+            width = max(NARROWING * width, min(max(noise, NARROWEST), EXPLAINED))
+        return next((m for m in (matrix, np.diag(scale)) if sane(m)), None)
+
+    def agree(self, matrix: Values) -> bool:
+        """The map explains most pairs."""
+        return float(self._share[self._errors(matrix) < EXPLAINED].sum()) >= MOST
+
+    def left(self, matrix: Values) -> tuple[float, float]:
+        """What a map leaves of the change between the pictures, relative to brightness, at most in
+        most regions; and the standard error of that, by how pairs within regions differ.
+
+        The mean over a region has little noise, but all of a change of light.
+        """
+        difference = self._u @ matrix.T - self._r
+        share = self._per_region(np.ones(len(difference)))
+        mean = np.stack([self._per_region(part) for part in difference.T]) / share
+        square = np.stack([self._per_region(part * part) for part in difference.T]) / share
+        variance = (square - mean * mean) * self._per_region(self._share) / share**2
+        size = np.sqrt((mean * mean).mean(axis=0))
+        error = np.sqrt(np.maximum(variance, 0.0).mean(axis=0))
+        return weighted_quantile(size, share, MOST), weighted_quantile(error, share, MOST)
+
+    def _per_region(self, values: Values) -> Values:
+        """Sums of (N,) by weight, over the regions that have pairs."""
+        return np.asarray(np.bincount(self._region, self._share * values))
+
+    def _errors(self, matrix: Values) -> Values:
+        difference = self._u @ matrix.T - self._r
+        return np.asarray(np.sqrt((difference * difference).mean(axis=1)))
+
+    def _median_scale(self) -> Values:
+        """Per channel; 1 where a channel is black."""
+        scale = np.ones(3)
+        for channel in range(3):
+            seen, wanted = self._seen[:, channel], self._wanted[:, channel]
+            lit = (seen > 0.0) & (wanted > 0.0)
+            if lit.any():
+                scale[channel] = weighted_quantile(wanted[lit] / seen[lit], self._share[lit])
+        return np.clip(scale, 1.0 / MOST_GAIN, MOST_GAIN)
+
+
+def sane(matrix: Values) -> bool:
+    """The map can be undone, keeps the order of magnitude, and takes no channel away."""
+    if not np.isfinite(matrix).all():
+        return False
+    stretch = np.linalg.svd(matrix, compute_uv=False)
+    return bool(
+        (np.diag(matrix) > 0.0).all()
+        and stretch[0] <= MOST_GAIN
+        and stretch[-1] >= 1.0 / MOST_GAIN
+        and stretch[0] <= MOST_CONDITION * stretch[-1]
+    )
+
+
+def weighted_quantile(values: Values, weight: Values, share: float = 0.5) -> float:
+    """The value below which that share of the weight lies."""
+    order = np.argsort(values)
+    below = np.cumsum(weight[order])
+    return float(values[order[np.searchsorted(below, share * below[-1])]])
+
+
+def _ridge(u: Values, r: Values, weight: Values, error: Values) -> tuple[Values, Values]:
+    """Least squares in three steps, each drawn to the one before by what is likely: one scale, a
+    scale per channel (3,), and a map (3, 3).
+    """
+    weight = weight / weight.sum()
+    variance = max(float((weight * error * error).sum()), LEAST_ERROR**2)
+    # By Kish's effective number of pairs.
+    likely = variance * min(1.0, ALIKE * float((weight * weight).sum()))
+    weighted = u * weight[:, None]
+    uu, ur = weighted.T @ u, weighted.T @ r
+    pull = likely / LIKELY_GAIN**2
+    gain = (np.trace(ur) + pull) / (np.trace(uu) + pull)
+    pull = likely / LIKELY_TINT**2
+    scale = (np.diag(ur) + pull * gain) / (np.diag(uu) + pull)
+    # Half of the error is noise of u, which adds to uu and not to ur. Directions in which colours
+    # differ by little more than noise tell nothing.
+    noise = 0.5 * variance / gain**2
+    size, axes = np.linalg.eigh(uu)
+    told = np.maximum(size - CLEAR * noise, 0.0)
+    trust = told / (told + CLEAR * noise + likely / LIKELY_CROSSTALK**2)
+    by_axis = (1.0 - trust) * (scale[:, None] * axes)
+    by_axis += trust * (ur.T @ axes) / np.maximum(size - noise, noise)
+    return scale, np.asarray(by_axis @ axes.T)
