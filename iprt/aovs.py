@@ -110,7 +110,11 @@ def _highlight(renderer: Renderer) -> Image | None:
         return None
     seen = _background(renderer)
     diffuse = _planes(renderer, renderer.real.diffuse, slice(0, 3))
-    return None if seen is None or diffuse is None else np.asarray(seen - diffuse)
+    if seen is None or diffuse is None:
+        return None
+    color_map = renderer.color_map
+    seen = seen if color_map is None else seen @ color_map.T.astype(np.float32)
+    return np.asarray(seen - diffuse)
 
 
 def _normal(renderer: Renderer) -> Image | None:
@@ -141,7 +145,8 @@ AOVS: dict[str, Reader] = {
 E_RV / E_R; irradiance_*: E_R and E_RV over pi; diffuse: what the albedo is multiplied by;
 specular: radiance; highlight: what glossy real surfaces reflect towards the camera, of the
 background; gloss: what objects change in it; tracing_level: 0, 1, 2, and 255 where nothing is
-traced."""
+traced. All but the background is in the colours of the video's reference frame
+(`iprt.scene.drift`), where the frame's differ."""
 
 
 def read_aov(renderer: Renderer, name: str) -> Image:

@@ -54,6 +54,7 @@ class Film:
         self._view = view
         self._objects = view.objects if objects is None and isinstance(view, SceneView) else objects
         self._renderer: Renderer | None = None
+        self._drifts = False
 
     def close(self) -> None:
         """Release what the last run of frames held."""
@@ -108,7 +109,8 @@ class Film:
         aovs = tuple(aovs)
         before = warm_up_indices(indices, warm_up, self.scene.frame_indices[0])
         chosen = [*before, *indices]
-        with self.scene.stream(chosen, strict=self.strict) as frames:
+        self._drifts = self.settings.drift and len(set(chosen)) > 1
+        with self.scene.stream(chosen, strict=self.strict, drift=self._drifts) as frames:
             for number, (index, frame) in enumerate(zip(chosen, frames, strict=True)):
                 renderer = self._showing(frame, index)
                 del frame
@@ -129,8 +131,8 @@ class Film:
             renderer.move(instances)
             renderer.look(view)
             return renderer
-        require_memory(self.device, frame, instances, view, self.settings)
-        renderer = Renderer(self.device, frame, instances, view, self.settings)
+        require_memory(self.device, frame, instances, view, self.settings, drifts=self._drifts)
+        renderer = Renderer(self.device, frame, instances, view, self.settings, drifts=self._drifts)
         self._renderer = renderer
         if not self.prepare_ms:
             self.device.finish()

@@ -57,13 +57,16 @@ class RenderPlan:
         settings: Settings | None = None,
         *,
         own_radiance: bool = False,
+        drifts: bool = False,
     ) -> RenderPlan:
         """By the renderer's own code, on a device that allocates nothing; see `Renderer`."""
         from iprt.device.plan import PlanDevice
         from iprt.renderer import Renderer
 
         device = PlanDevice()
-        renderer = Renderer(device, frame, instances, view, settings, own_radiance=own_radiance)
+        renderer = Renderer(
+            device, frame, instances, view, settings, own_radiance=own_radiance, drifts=drifts
+        )
         return cls(view, renderer.requirements, device.buffers)
 
     @property
@@ -104,6 +107,7 @@ def require_memory(
     settings: Settings,
     *,
     own_radiance: bool = False,
+    drifts: bool = False,
 ) -> None:
     """Refuse a picture whose buffers do not fit into the device's memory.
 
@@ -114,7 +118,7 @@ def require_memory(
     ------
     DeviceError
     """
-    plan = RenderPlan.of(frame, instances, view, settings, own_radiance=own_radiance)
+    plan = RenderPlan.of(frame, instances, view, settings, own_radiance=own_radiance, drifts=drifts)
     problem = plan.problem(device.name, device.memory, device.largest_buffer)
     if problem is not None:
         raise DeviceError(problem)

@@ -21,6 +21,7 @@ from iprt.device.compute import ComputeDevice
 from iprt.gloss_pixels import GlossPixels
 from iprt.objects import Objects
 from iprt.passes.camera_motion import STILL, CameraMotion
+from iprt.passes.color_map import ColorMap
 from iprt.passes.composite import Composite
 from iprt.passes.guide import Guide
 from iprt.passes.highlight import Highlight
@@ -74,6 +75,8 @@ class Renderer:
     own_radiance : bool
         Frames that are loaded later may have a radiance that is not their colour (`Frame.radiance`)
         though `frame` has not.
+    drifts : bool
+        They may have a `color_map`.
 
     Raises
     ------
@@ -91,6 +94,7 @@ class Renderer:
         *,
         background: NDArray[np.float32] | None = None,
         own_radiance: bool = False,
+        drifts: bool = False,
     ) -> None:
         self.settings = settings or Settings()
         self.device = device = checked(device) if self.settings.check_kernels else device
@@ -106,6 +110,7 @@ class Renderer:
             real_materials=frame.real_materials,
             own_radiance=own_radiance or frame.own_radiance,
             poses=frame.pose is not None,
+            color_map=drifts or frame.color_map is not None,
         )
         self._equirect = view.projection == "equirect"
         self._objects: Objects | None = None
@@ -138,7 +143,9 @@ class Renderer:
             name="real",
             gloss=self.requirements.gloss,
             camera=camera,
+            color_map=self.requirements.color_map and self.requirements.tracing,
         )
+        self._color_map = ColorMap(device) if self.requirements.color_map else None
         self.composite = Composite(
             device,
             self.layout,
@@ -146,6 +153,7 @@ class Renderer:
             diffuse=self.requirements.diffuse_signal,
             specular=self.requirements.specular_signal,
             gloss=self.requirements.gloss,
+            color_map=self.requirements.color_map,
         )
         self.real_pixels: RealPixels | None = None
         self.gloss_pixels: GlossPixels | None = None
@@ -258,9 +266,10 @@ class Renderer:
                 self.panorama,
                 *self._view_constants,
                 real_materials=None if highlight is None else highlight.table,
+                color_map=self._color_map_rows,
             )
             if self.background is not None:
-                self.real.replace_color(self.background)
+                self.real.replace_color(self.background, self._color_map_rows)
         if self.requirements.tracing:
             self.real_guide.run(tick.view, self.real.normal, self.real.depth, self.real.id)
 
@@ -286,7 +295,17 @@ class Renderer:
             albedo=pixels.visible.albedo,
             diffuse=pixels.reflected.get("diffuse"),
             specular=pixels.reflected.get("specular"),
+            color_map=self._color_map_rows,
         )
+
+    @property
+    def color_map(self) -> NDArray[np.float64] | None:
+        """`Frame.color_map` of the video frame that is shown."""
+        return self._frame.color_map
+
+    @property
+    def _color_map_rows(self) -> cla.Array | None:
+        return None if self._color_map is None else self._color_map.rows
 
     # Use ------------------------------------------------------------------------------------
 
@@ -301,7 +320,11 @@ class Renderer:
         needs = self.requirements
         assert needs.own_radiance or not (needs.objects and frame.own_radiance), "no buffer for it"
         motion = camera_motion(self._frame.pose, frame.pose)
+        mapped = needs.objects and frame.color_map is not None
+        assert needs.color_map or not mapped, "no kernel for it"
         self.panorama.load(frame)
+        if self._color_map is not None:
+            self._color_map.load(frame.color_map)
         if self._lights is not None:
             self._lights.load(frame.radiance)
         if needs.objects:

@@ -33,6 +33,8 @@ class Requirements:
         The picture is the whole panorama.
     opening_environment : bool
         There are windows, and what lies behind them is assembled as a distant environment.
+    color_map : bool
+        Frames of the video may be exposed or balanced otherwise than its first.
     own_radiance : bool
         Rays find another radiance than the picture shows: lights that were clipped, or another
         exposure.
@@ -53,6 +55,7 @@ class Requirements:
     equirect_view: bool
     opening_environment: bool
     own_radiance: bool
+    color_map: bool
     real_materials: tuple[Material, ...]
     moving_camera: bool
     settings: Settings
@@ -67,10 +70,12 @@ class Requirements:
         openings: bool,
         real_materials: tuple[Material, ...] = (),
         own_radiance: bool = False,
+        color_map: bool = False,
         poses: bool = False,
     ) -> Requirements:
         """`openings`: the video frame has windows; `real_materials`: its glossy surfaces;
-        `own_radiance`: frames may come whose radiance is not their colour; `poses`: they have them.
+        `own_radiance`: frames may come whose radiance is not their colour; `color_map`: which have
+        one; `poses`: they have them.
         """
         kinds = list(materials)
         tracing = bool(kinds) and settings.method == "iprt"
@@ -84,7 +89,8 @@ class Requirements:
             textured=any(m.texture is not None for m in kinds),
             equirect_view=view.projection == "equirect",
             opening_environment=tracing and settings.trace.openings == "environment" and openings,
-            own_radiance=bool(kinds) and own_radiance,
+            own_radiance=bool(kinds) and (own_radiance or color_map),
+            color_map=bool(kinds) and color_map,
             real_materials=real_materials if tracing else (),
             moving_camera=poses and bool(kinds),
             settings=settings,
@@ -187,6 +193,7 @@ class Requirements:
             "reflections in glossy real surfaces": self.gloss,
             "distant environment behind windows": self.opening_environment,
             "radiance apart from the displayed colour": self.own_radiance,
+            "drift of the video's exposure and white balance": self.color_map,
             "irradiance cache of the panorama": self.delta,
             "aiming rays at lights": self.light_sampling,
             "shadows in what objects reflect off screen": self.ratio_map,

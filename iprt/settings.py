@@ -117,6 +117,11 @@ class Settings(BaseModel):
         le=1.0,
         description="Least share of a new frame in the temporal mean; 0 averages all frames.",
     )
+    drift: bool = Field(
+        default=True,
+        description="Take off the drift of a video's exposure and white balance from what rays "
+        "find, and put it back on the picture: histories hold while the camera adapts.",
+    )
     gbuffer: Literal["gl", "cl"] = Field(
         default="gl",
         description="What draws the objects that the view shows: OpenGL, or rays in OpenCL, which "

@@ -74,7 +74,7 @@ def films(**settings: Any) -> dict[str, Film]:
             LOOK,
             {"trace": {"estimator": "ratio"}, "temporal": {"history": "iprt"}},
         ),
-        "around": (glossy, (clay, brass), AROUND, {}),
+        "around": (_drifting(glossy), (clay, brass), AROUND, {}),
         "layers around": (
             _landscape(),
             (clay,),
@@ -143,6 +143,12 @@ def _carried(video: tuple[Frame, Frame]) -> tuple[Frame, Frame]:
     """By a camera that moves."""
     first, second = video
     return replace(first, pose=pose_at()), replace(second, pose=pose_at((0.1, 0.0, -0.1), 3.0))
+
+
+def _drifting(video: tuple[Frame, Frame]) -> tuple[Frame, Frame]:
+    """The same, taken to be exposed twice as long as the video's first frame."""
+    first, second = (replace(frame, color_map=0.5 * np.eye(3)) for frame in video)
+    return first, second
 
 
 def _landscape() -> tuple[Frame, Frame]:

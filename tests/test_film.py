@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,8 +18,9 @@ from iprt.scene.camera import View
 from iprt.scene.frame import Frame
 from iprt.scene.scene import Scene
 from iprt.settings import Settings
-from tests.clips import write_clip
+from tests.clips import clip_color, write_clip
 from tests.films import FEW
+from tests.scene.files import write_rgb
 
 SETTINGS = Settings.model_validate(FEW)
 
@@ -62,6 +64,26 @@ def test_runs_know_nothing_of_each_other(scene: Scene, device: ComputeDevice) ->
             break
         again = [picture.color for _, picture in running.frames([2, 3])]
     assert np.array_equal(first, again)
+
+
+def test_exposure_and_white_balance_may_drift(tmp_path: Path, device: ComputeDevice) -> None:
+    """Each frame is that of the steady video in its own colours; the setting turns that off."""
+    steady = Scene.open(write_clip(tmp_path / "steady", 4))
+    drifting = Scene.open(write_clip(tmp_path / "drifting", 4))
+    gains = [np.array(gain) for gain in ((1.0, 1.0, 1.0), (1.5, 1.2, 1.0), (2, 2, 1.5), (1, 1, 1))]
+    for number, gain in enumerate(gains):
+        write_rgb(tmp_path / "steady" / f"color.{number:04d}.exr", clip_color(0))
+        color = (clip_color(0) * gain).astype(np.float32)
+        write_rgb(tmp_path / "drifting" / f"color.{number:04d}.exr", color)
+    wanted, found = pictures(steady, device, range(4)), pictures(drifting, device, range(4))
+    for picture, color, gain in zip(found, wanted, gains, strict=True):
+        np.testing.assert_allclose(picture, color * gain, rtol=0.01, atol=1e-3)
+    assert np.array_equal(found[0], wanted[0])
+    off = SETTINGS.model_copy(update={"drift": False})
+    with Film(drifting, device, off, view=drifting.views["ahead"]) as running:
+        without = [picture.color for _, picture in running.frames(range(4))]
+    assert np.array_equal(without[0], wanted[0])
+    assert np.abs(without[1] / gains[1] - wanted[1]).max() > 0.05
 
 
 def test_a_warm_up_is_the_frames_before(scene: Scene, device: ComputeDevice) -> None:
@@ -109,10 +131,14 @@ def test_a_plain_view_shows_all_objects_and_others_what_is_named(
 
 def test_hours_need_no_more_than_a_few_frames(scene: Scene, device: ComputeDevice) -> None:
     """Neither frames of the video nor events of the device pile up."""
-    most = 0
+
+    def alive() -> int:
+        gc.collect()
+        return sum(isinstance(kept, Frame) for kept in gc.get_objects())
+
+    others, most = alive(), 0
     with film(scene, device) as running:
         for _ in running.frames([index % 6 for index in range(24)]):
-            gc.collect()
-            most = max(most, sum(isinstance(kept, Frame) for kept in gc.get_objects()))
+            most = max(most, alive() - others)
             assert not device.profile._events
     assert 1 <= most <= 6

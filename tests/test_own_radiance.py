@@ -135,8 +135,6 @@ def test_only_frames_that_need_it_get_the_buffer(gloss: bool) -> None:
     plain, needed = planned(frame, [BALL]), planned(clipped(frame), [BALL])
     assert needed.kernels == plain.kernels
     assert needed.buffers == {**plain.buffers, "panorama.radiance": 64 * 32 * 16}
-    mapped = replace(frame, color_map=np.eye(3))
-    assert planned(mapped, [BALL]).buffers == needed.buffers
     assert planned(frame, [BALL], own_radiance=True).buffers == needed.buffers
     assert RenderPlan.of(frame, [BALL], LOOK, SETTINGS, own_radiance=True).bytes == sum(
         needed.buffers.values()

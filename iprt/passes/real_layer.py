@@ -7,6 +7,7 @@ import pyopencl.array as cla
 from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
+from iprt.passes.diffuse_part import DiffusePart
 from iprt.passes.guide import plane_defines
 from iprt.passes.layout import PlaneLayout
 from iprt.passes.panorama import Panorama
@@ -22,8 +23,9 @@ class RealLayer:
     normal, depth, id, motion : 3, 1, 1, 2 planes
         See `cl/resample.cl`.
     diffuse : 3 planes
-        What of `color` surfaces radiate to all sides: `color` itself, but without the highlight
-        where real surfaces are glossy.
+        What of `color` surfaces radiate to all sides, in the colours that rays find: `color`
+        itself, but mapped where the frame has a colour map, and without the highlight where real
+        surfaces are glossy.
     gloss, roughness : 1 plane each, or None
         Index of the real material + 1, 0 where diffuse, and its GGX alpha; where asked for.
     """
@@ -38,10 +40,11 @@ class RealLayer:
         gloss: bool = False,
         radiated: bool = False,
         camera: cla.Array | None = None,
+        color_map: bool = False,
     ) -> None:
         """`name` tells layers apart; `gloss`: the panorama has glossy surfaces, and the view shows
         their highlights; `radiated`: it shows what surfaces radiate to all sides; `camera`:
-        `CameraMotion.rows`, where the camera moves.
+        `CameraMotion.rows`, where the camera moves; `color_map`: frames may come with one.
         """
         self._camera: tuple[cla.Array, ...] = () if camera is None else (camera,)
         self._radiated = radiated
@@ -64,10 +67,11 @@ class RealLayer:
         self.id = device.zeros(f"{name} id", layout.shape(1))
         self.motion = device.zeros(f"{name} motion", layout.shape(2))
         self.diffuse = self.color
+        self._diffuse_part = DiffusePart(
+            device, layout, name=name, gloss=gloss, color_map=color_map
+        )
         self.gloss = self.roughness = self._highlight = None
         if gloss:
-            self._split = device.kernel("split_highlight.cl", "split_highlight", plane_defines())
-            self.diffuse = device.zeros(f"{name} diffuse", layout.shape(3))
             self.gloss = device.zeros(f"{name} gloss", layout.shape(1))
             self.roughness = device.zeros(f"{name} roughness", layout.shape(1))
             self._highlight = device.zeros(f"{name} highlight", layout.shape(3))
@@ -79,6 +83,7 @@ class RealLayer:
         previous: cla.Array,
         *,
         real_materials: cla.Array | None = None,
+        color_map: cla.Array | None = None,
     ) -> None:
         """Fill the planes.
 
@@ -89,6 +94,8 @@ class RealLayer:
             `View.kernel_constants()`.
         real_materials : (rows, 4) float32 or None
             `material_table()` of the glossy real surfaces, where there are any.
+        color_map : (6, 4) or None
+            `ColorMap.rows` of the frame.
         """
         gloss: tuple[cla.Array | None, ...] = ()
         if self.gloss is not None:
@@ -115,14 +122,11 @@ class RealLayer:
                 *gloss,
                 *self._camera,
             )
-            self._split_color()
+            self.diffuse = self._diffuse_part.run(self.color, self._highlight, color_map)
 
-    def replace_color(self, background: NDArray[np.float32]) -> None:
+    def replace_color(
+        self, background: NDArray[np.float32], color_map: cla.Array | None = None
+    ) -> None:
         """Use another picture (H, W, 3), linear radiance, as what the camera sees."""
         self._device.write(self.color, self._layout.padded(np.moveaxis(background, -1, 0)))
-        self._split_color()
-
-    def _split_color(self) -> None:
-        if self.gloss is not None:
-            width, height = self._layout.width, self._layout.height
-            self._split((width, height), self.color, self._highlight, self.diffuse, width, height)
+        self.diffuse = self._diffuse_part.run(self.color, self._highlight, color_map)

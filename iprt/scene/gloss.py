@@ -66,7 +66,7 @@ class RealMaterial:
         if self.mask is not None:
             inside &= _nearest(self.mask, frame.width, frame.height)
         if self.color is not None:
-            inside &= _alike(frame.color, self.color, self.color_tolerance)
+            inside &= _alike(frame.radiance, self.color, self.color_tolerance)
         if self.plane is not None:
             inside &= _on_plane(frame, self.plane)
         return inside

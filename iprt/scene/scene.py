@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from iprt.errors import FormatError, SceneError
 from iprt.scene.camera import View
+from iprt.scene.drift import Drift
 from iprt.scene.frame import Frame
 from iprt.scene.gloss import RealMaterial, with_gloss
 from iprt.scene.images import read_color
@@ -174,7 +175,7 @@ class Scene:
         return self.source.read(chosen)
 
     def stream(
-        self, indices: Iterable[int], *, strict: bool = False, ahead: int = 2
+        self, indices: Iterable[int], *, strict: bool = False, drift: bool = True, ahead: int = 2
     ) -> AbstractContextManager[Iterable[Frame]]:
         """Frames of the video, decoded and sanitised ahead on a thread, in the order asked for.
 
@@ -187,6 +188,8 @@ class Scene:
             Numbers of frames. In ascending order is quickest.
         strict : bool
             Whether a frame that cannot be read is an error.
+        drift : bool
+            Whether frames get a `color_map`, to the colours of the first asked for (`Drift`).
         ahead : int
             Frames that lie ready at most.
 
@@ -203,12 +206,14 @@ class Scene:
         """
         chosen = list(indices)
         self._require_frames(chosen)
-        frames = steady_frames(self.source, chosen, self._stages(), strict=strict)
+        frames = steady_frames(self.source, chosen, self._stages(drift), strict=strict)
         return Ahead(frames, ahead)
 
-    def _stages(self) -> list[Stage]:
+    def _stages(self, drift: bool) -> list[Stage]:
         """What a stream does to its sanitised frames, in order; made anew for each stream."""
-        return [lambda frame: with_gloss(frame, self.real_materials)]
+        # Materials are told by their hue, in the colours of the reference frame.
+        stages: list[Stage] = [Drift()] if drift else []
+        return [*stages, lambda frame: with_gloss(frame, self.real_materials)]
 
     def _require_frames(self, indices: Iterable[int]) -> None:
         for index in indices:

@@ -83,7 +83,7 @@ def command(monkeypatch: pytest.MonkeyPatch, scene: Any) -> Callable[..., int]:
 
     device = SimpleNamespace(profile=FakeProfile(), name="a device", finish=lambda: None)
     monkeypatch.setattr(FakeRenderer, "calls", [], raising=False)
-    module("iprt.memory", require_memory=lambda *_: None)
+    module("iprt.memory", require_memory=lambda *_, **__: None)
     module("iprt.scene.scene", Scene=SimpleNamespace(open=lambda path, **_: scene))
     module("iprt.device.choose", choose_device=lambda spec: spec)
     module("iprt.device.compute", ComputeDevice=lambda spec, limit_s: device)

@@ -81,7 +81,7 @@ def renderer(monkeypatch: pytest.MonkeyPatch, truth: NDArray[np.float32]) -> typ
     module = ModuleType("iprt.renderer")
     module.Renderer = FakeRenderer  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, "iprt.renderer", module)
-    monkeypatch.setattr("iprt.memory.require_memory", lambda *_: None)
+    monkeypatch.setattr("iprt.memory.require_memory", lambda *_, **__: None)
     return FakeRenderer
 
 

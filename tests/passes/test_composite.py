@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from iprt.device.compute import ComputeDevice
+from iprt.passes.color_map import ColorMap
 from iprt.passes.composite import Composite
+from iprt.passes.diffuse_part import DiffusePart
 from iprt.passes.layout import PlaneLayout
 from tests.passes.gbuffer import SIZES, upload
 
@@ -103,3 +105,90 @@ def test_unchanged_reflections_keep_their_bits(device: ComputeDevice) -> None:
     for base in (colour, 0.3 * colour, np.zeros_like(colour)):
         picture = gloss_picture(device, colour, base, np.zeros_like(colour), 1.0)
         np.testing.assert_array_equal(picture, colour)
+
+
+COLOR_MAP = np.array([[1.4, 0.2, 0.0], [0.1, 2.0, 0.1], [0.0, 0.3, 1.1]])
+"""A frame's colours to the reference's."""
+
+
+def mapped_rows(device: ComputeDevice) -> ColorMap:
+    color_map = ColorMap(device)
+    color_map.load(COLOR_MAP)
+    return color_map
+
+
+@pytest.mark.parametrize("gloss", [False, True])
+@pytest.mark.parametrize(("width", "height"), SIZES)
+def test_changes_and_objects_are_mapped_back(
+    device: ComputeDevice, width: int, height: int, gloss: bool
+) -> None:
+    rng = np.random.default_rng(4)
+    layout = PlaneLayout(width, height)
+    colour, base, albedo, light, shine, ratio = rng.random((6, 3, height, width))
+    change = rng.normal(size=colour.shape) if gloss else np.zeros(colour.shape)
+    coverage = rng.choice([0.0, 0.3, 1.0], (height, width))
+    composite = Composite(
+        device, layout, relit=True, diffuse=True, specular=True, gloss=gloss, color_map=True
+    )
+    composite.run(
+        upload(device, layout, colour),
+        ratio=device.upload("ratio", pixels(ratio)),
+        base=upload(device, layout, base),
+        change=upload(device, layout, change) if gloss else None,
+        coverage=upload(device, layout, coverage[None]),
+        albedo=upload(device, layout, albedo),
+        diffuse=upload(device, layout, light),
+        specular=upload(device, layout, shine),
+        color_map=mapped_rows(device).rows,
+    )
+    picture = np.moveaxis(device.read(composite.picture), -1, 0)
+
+    def back(values: np.ndarray) -> np.ndarray:
+        return np.einsum("ij,jyx->iyx", np.linalg.inv(COLOR_MAP), values)
+
+    real = np.maximum(colour + back(base * (ratio - 1.0) + change), 0.0)
+    expected = coverage * np.maximum(back(albedo * light + shine), 0.0) + (1.0 - coverage) * real
+    np.testing.assert_allclose(picture[:3], expected, rtol=1e-4, atol=1e-5)
+    np.testing.assert_allclose(picture[3], coverage, rtol=1e-6)
+
+
+def test_untouched_pixels_keep_their_bits_where_colours_are_mapped(device: ComputeDevice) -> None:
+    rng = np.random.default_rng(5)
+    layout = PlaneLayout(31, 17)
+    colour = rng.gamma(0.3, 2.0, (3, 17, 31)).astype(np.float32)
+    colour.ravel()[:3] = 0.0, 1e-30, 65504.0
+    unlit = np.full((3, 17, 31), np.nan)
+    composite = Composite(device, layout, relit=True, diffuse=True, specular=False, color_map=True)
+    composite.run(
+        upload(device, layout, colour),
+        ratio=device.upload("ratio", pixels(np.ones((3, 17, 31)))),
+        base=upload(device, layout, np.einsum("ij,jyx->iyx", COLOR_MAP, colour)),
+        coverage=upload(device, layout, np.zeros((1, 17, 31))),
+        albedo=upload(device, layout, unlit),
+        diffuse=upload(device, layout, unlit),
+        color_map=mapped_rows(device).rows,
+    )
+    picture = device.read(composite.picture)
+    assert np.array_equal(picture[..., :3], np.moveaxis(colour, 0, -1))
+
+
+@pytest.mark.parametrize("gloss", [False, True])
+def test_diffuse_part(device: ComputeDevice, gloss: bool) -> None:
+    """Mapped first, and without what is reflected, of which there may be infinitely much."""
+    rng = np.random.default_rng(6)
+    layout = PlaneLayout(31, 17)
+    colour, shine = rng.random((2, 3, 17, 31))
+    shine[:, 3] = np.inf
+    part = DiffusePart(device, layout, name="test", gloss=gloss, color_map=True)
+    planes = upload(device, layout, colour)
+    highlight = upload(device, layout, shine) if gloss else None
+    rows = mapped_rows(device).rows
+    found = layout.interior(device.read(part.run(planes, highlight, rows)))
+    expected = np.einsum("ij,jyx->iyx", COLOR_MAP, colour) - (shine if gloss else 0.0)
+    np.testing.assert_allclose(found, np.maximum(expected, 0.0), rtol=1e-5, atol=1e-6)
+    plain = part.run(planes, highlight, None)
+    if gloss:
+        expected = np.maximum(colour.astype(np.float32) - shine.astype(np.float32), 0.0)
+        np.testing.assert_array_equal(layout.interior(device.read(plain)), expected)
+    else:
+        assert plain is planes

@@ -218,7 +218,7 @@ def plan(frame: Frame, chosen: Settings | None = None) -> PlanDevice:
     return device
 
 
-GLOSS_FILES = {"highlight.cl", "trace_gloss.cl", "split_highlight.cl"}
+GLOSS_FILES = {"highlight.cl", "trace_gloss.cl", "diffuse_part.cl"}
 
 
 def test_nothing_is_built_without_real_materials() -> None:

@@ -1,0 +1,15 @@
+// Linear maps between the colours of a video frame and those of its reference frame.
+#ifndef IPRT_COLOR_MAP_H
+#define IPRT_COLOR_MAP_H
+
+// First rows, xyz each, of the map to the reference's colours, and of that back to the frame's.
+#define TO_REFERENCE 0
+#define TO_FRAME 3
+
+static inline float3 map_color(__global const float4 *restrict maps, int first, float3 color)
+{
+    return (float3)(dot(maps[first].xyz, color), dot(maps[first + 1].xyz, color),
+                    dot(maps[first + 2].xyz, color));
+}
+
+#endif
