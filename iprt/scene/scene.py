@@ -189,7 +189,7 @@ class Scene:
         strict : bool
             Whether a frame that cannot be read is an error.
         drift : bool
-            Whether frames get a `color_map`, to the colours of the first asked for (`Drift`).
+            Whether frames get a `color_map` (`Drift`).
         ahead : int
             Frames that lie ready at most.
 
@@ -212,8 +212,7 @@ class Scene:
     def _stages(self, drift: bool) -> list[Stage]:
         """What a stream does to its sanitised frames, in order; made anew for each stream."""
         # Materials are told by their hue, in the colours of the reference frame.
-        stages: list[Stage] = [Drift()] if drift else []
-        return [*stages, lambda frame: with_gloss(frame, self.real_materials)]
+        return [*([Drift()] if drift else []), lambda f: with_gloss(f, self.real_materials)]
 
     def _require_frames(self, indices: Iterable[int]) -> None:
         for index in indices:
