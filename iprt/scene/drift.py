@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from iprt.scene.camera import View, equirect_pixel
 from iprt.scene.color_fit import Pairs
 from iprt.scene.frame import Frame
+from iprt.scene.pose import camera_motion
 
 Picture = NDArray[np.float32]
 Matrix = NDArray[np.float64]
@@ -105,26 +106,21 @@ class Sample:
         return replace(self, color=color, dark=self.dark * float(np.trace(color_map)) / 3.0)
 
     def seen_from(self, other: Sample) -> tuple[Sample, Picture]:
-        """What `other`'s texels show here, and at which depth it would be the same surface.
-
-        Texels are nearest ones, and usable where both are.
+        """What `other`'s texels show here (the nearest texels), and at which depth it would be the
+        same surface.
         """
-        if _same_pose(self.pose, other.pose):
+        motion = camera_motion(self.pose, other.pose)
+        if np.array_equal(motion, np.eye(4)[:3]):
             return self, other.depth
         height, width = other.depth.shape
-        here = _pose(self.pose)
-        move = np.linalg.inv(here) @ _pose(other.pose)
-        d = View(width, height, projection="equirect").directions()
         sky = ~np.isfinite(other.depth)
-        points = np.where(sky, 1.0, other.depth)[..., None] * d
-        points = points @ move[:3, :3].T + np.where(sky[..., None], 0.0, move[:3, 3])
-        radius = np.linalg.norm(points, axis=-1)
-        column, row = np.moveaxis(
-            equirect_pixel(points / np.maximum(radius, 1e-9)[..., None], width, height), -1, 0
-        )
-        at = np.clip(row.astype(int), 0, height - 1), column.astype(int) % width
+        d = View(width, height, projection="equirect").directions()
+        points = np.where(sky, 1.0, other.depth)[..., None] * d @ motion[:, :3].T
+        points += np.where(sky[..., None], 0.0, motion[:, 3])
+        column, row = np.moveaxis(equirect_pixel(points, width, height).astype(np.intp), -1, 0)
+        at = np.minimum(row, height - 1), np.minimum(column, width - 1)
         sample = replace(self, color=self.color[at], depth=self.depth[at], usable=self.usable[at])
-        return sample, np.where(sky, np.inf, radius).astype(np.float32)
+        return sample, np.where(sky, np.inf, np.linalg.norm(points, axis=-1)).astype(np.float32)
 
 
 class Drift:
@@ -228,15 +224,11 @@ def _solid_angles(rows: int) -> Matrix:
     return np.sin((np.arange(rows) + 0.5) / rows * np.pi)
 
 
-def _same_depth(one: Picture, other: Picture) -> NDArray[np.bool_]:
+def _same_depth(found: Picture, expected: Picture) -> NDArray[np.bool_]:
+    """Where depths agree up to one factor: the scale of estimated depth wavers."""
     with np.errstate(invalid="ignore"):
-        near = np.abs(one - other) <= SAME_DEPTH * np.minimum(one, other)
-    return np.asarray(near | (np.isinf(one) & np.isinf(other)))
-
-
-def _pose(pose: Matrix | None) -> Matrix:
-    return np.eye(4) if pose is None else pose
-
-
-def _same_pose(one: Matrix | None, other: Matrix | None) -> bool:
-    return one is other or np.array_equal(_pose(one), _pose(other))
+        ratio = found / expected
+    both = np.isfinite(ratio)
+    scale = np.median(ratio[both]) if both.any() else 1.0
+    near = np.abs(ratio - scale) <= SAME_DEPTH * scale
+    return np.asarray(near | (np.isinf(found) & np.isinf(expected)))
