@@ -61,18 +61,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except IprtError as error:
         if debug:
             traceback.print_exc()
-        print(f"iprt: error: {error}", file=sys.stderr)
+        print(f"iprt: error: {_told(error, str(error))}", file=sys.stderr)
         if isinstance(error, DeviceHangError):
             _leave(error.exit_code)
         return error.exit_code
     except MemoryError:
         print("iprt: error: out of memory; lower --size or use a smaller panorama", file=sys.stderr)
         return IprtError.exit_code
-    except KeyboardInterrupt:
-        print("iprt: interrupted", file=sys.stderr)
+    except KeyboardInterrupt as interrupt:
+        print(f"iprt: {_told(interrupt, 'interrupted')}", file=sys.stderr)
         return INTERRUPTED
     except Ended as ended:
-        print(f"iprt: ended by {ended.signal.name}", file=sys.stderr)
+        print(f"iprt: {_told(ended, f'ended by {ended.signal.name}')}", file=sys.stderr)
         return 128 + ended.signal
     except BrokenPipeError:
         # The reader of stdout has left; Python would complain once more while it shuts down.
@@ -82,6 +82,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         traceback.print_exc()
         print("iprt: this is a defect in iprt; please report the lines above", file=sys.stderr)
         return DEFECT
+
+
+def _told(error: BaseException, message: str) -> str:
+    """The message and the notes that were added on the way up."""
+    return "; ".join([message, *getattr(error, "__notes__", ())])
 
 
 def _leave(code: int) -> None:

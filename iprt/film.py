@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
 from typing import Self
 
 from iprt.device.compute import ComputeDevice
+from iprt.errors import DeviceError
 from iprt.memory import require_memory
 from iprt.renderer import RenderedFrame, Renderer
 from iprt.scene.camera import View
@@ -65,7 +67,11 @@ class Film:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, _: object, error: BaseException | None, __: object) -> None:
+        if not isinstance(error, DeviceError):
+            # A driver whose kernels still run when the program ends may crash.
+            with suppress(DeviceError):
+                self.device.wait()
         self.close()
 
     def frames(

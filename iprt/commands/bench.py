@@ -167,7 +167,7 @@ def _time(
     from rich.console import Console
 
     from iprt.commands.progress import progress_bar
-    from iprt.commands.render import choose_view
+    from iprt.commands.views import choose_view
     from iprt.device.choose import choose_device
     from iprt.device.compute import ComputeDevice
     from iprt.measure.bench import WARM_UP, benchmark

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from iprt.commands.render import choose_view
+from iprt.commands.views import choose_view
 from iprt.errors import IprtError
 
 if TYPE_CHECKING:

@@ -1,7 +1,8 @@
-"""`iprt render`: one picture of a scene with its virtual objects, to a file."""
+"""`iprt render`: a picture or a video of a scene with its virtual objects, to files."""
 
 from __future__ import annotations
 
+import logging
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,17 +14,18 @@ from iprt.commands.knobs import BALANCED, Knobs
 from iprt.errors import IprtError
 
 if TYPE_CHECKING:
+    from iprt.commands.job import Job
     from iprt.device.compute import ComputeDevice
+    from iprt.film import Film
     from iprt.renderer import RenderedFrame
-    from iprt.scene.camera import View
-    from iprt.scene.scene import Scene
-    from iprt.settings import Settings
 
-MAX_SIZE = 16384
 MAX_FRAMES = 2**20
 FRAME_LIMIT_S = 600.0
 """Longer than any frame that a processor's two cores can be expected to be given."""
-DEFAULT_SIZE = (1024, 1024)
+STILL_FRAMES, VIDEO_FRAMES = 64, 4
+"""View frames per picture, if nothing is said: of a still, and of each frame of a video."""
+
+LOG = logging.getLogger("iprt.render")
 
 
 def render(
@@ -31,32 +33,43 @@ def render(
     /,
     *,
     output: Annotated[Path, tyro.conf.arg(aliases=("-o",))],
+    frames: str | None = None,
     view: str | None = None,
     yaw: float | None = None,
     pitch: float | None = None,
     fov: float | None = None,
     size: tuple[int, int] | None = None,
-    accumulate: int = 64,
+    accumulate: int | None = None,
+    codec: Literal["h264", "hevc"] = "h264",
     seed: int | None = None,
     method: Literal["iprt", "ibl"] | None = None,
     knobs: Knobs = BALANCED,
     device: str | None = None,
     aov: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
+    strict: bool = False,
     profile: Path | None = None,
     allow_outside: bool = False,
     frame_limit: float = FRAME_LIMIT_S,
 ) -> int:
-    """Render one view of a scene to an EXR (linear) or PNG (as displayed) file.
+    """Render one view of a scene to a picture or a video.
+
+    An EXR file holds linear radiance; PNG and video hold what a display shows. A render of a video
+    that was ended, however that was, goes on with the same command: finished frames are kept.
 
     Parameters
     ----------
     scene
         Scene folder.
     output
-        File to write; its suffix chooses the format: .exr or .png.
+        File to write; its suffix chooses the format: .exr or .png for a picture, .mp4, .mov or .mkv
+        for a video. A picture's name with %04d in it stands for numbered pictures of a video.
+    frames
+        Frames of the video to render, FIRST:LAST or FIRST:LAST:STEP, counted as scene.toml does:
+        LAST is rendered too. An end that is left out is the video's. One number is one frame.
+        Default: all into a video, the first into a picture.
     view
-        Name of a view of the scene, or `equirect` for the whole panorama. Default: the scene's
-        first view.
+        Name of a view of the scene, or `equirect` for the whole panorama, which .mp4 and .mov tell
+        players to show all around. Default: the scene's first view.
     yaw
         Degrees to the right, for a view of your own with all objects.
     pitch
@@ -66,7 +79,11 @@ def render(
     size
         Width and height in pixels. Default: the view's own.
     accumulate
-        Frames accumulated into the picture.
+        Frames accumulated into a picture, or rendered for each frame of a video. Default: 64 for a
+        picture, 4 in a video, where frames before it count as well.
+    codec
+        How .mp4, .mov and .mkv are coded: h264 (8 bits) plays everywhere; hevc (10 bits) has no
+        bands in soft gradients.
     seed
         Seed of the random numbers; the same seed gives the same picture on the same device.
         Short for --set seed=.
@@ -79,8 +96,10 @@ def render(
         gpu, cpu, a place such as 0:0 (see `iprt doctor`), or part of a device's name. Default: the
         fastest kind there is.
     aov
-        Auxiliary layer to add to an EXR file, for example normal or depth; may be given several
+        Auxiliary layer to add to EXR files, for example normal or depth; may be given several
         times.
+    strict
+        Stop at the first frame of the video that cannot be read, instead of making up for it.
     profile
         JSON file for the times per pass.
     frame_limit
@@ -93,75 +112,72 @@ def render(
     int
         Exit status 0.
     """
-    from iprt.output.atomic import require_writable
-    from iprt.output.picture import check_output
-
-    if not 1 <= accumulate <= MAX_FRAMES:
+    if accumulate is not None and not 1 <= accumulate <= MAX_FRAMES:
         raise IprtError(f"--accumulate {accumulate}: expected 1 to {MAX_FRAMES}")
     if not 0.0 < frame_limit < float("inf"):
         raise IprtError(f"--frame-limit {frame_limit:g}: expected seconds above 0")
-    check_output(output, aovs=aov)
+    from iprt.output.sequence import is_video
+
+    video = is_video(output)
+    _check_files(output, profile, aov, video=video)
+
+    from iprt.commands.frames import frame_range
+    from iprt.commands.job import Job
+    from iprt.commands.video import check_video, render_video
+    from iprt.commands.views import moving_view
+    from iprt.scene.scene import Scene
+
+    settings = knobs.resolved(still=not video, seed=seed, method=method)
+    opened = Scene.open(scene, allow_outside=allow_outside, strict=strict)
+    indices = frame_range(frames, opened.frame_indices)
+    for path in (output, profile):
+        if path is not None:
+            opened.require_not_ours(path)
+    chosen, objects = moving_view(opened, view, yaw=yaw, pitch=pitch, fov=fov, size=size)
+    job = Job(
+        scene=opened,
+        view=chosen,
+        objects=objects,
+        settings=settings,
+        accumulate=accumulate or (VIDEO_FRAMES if video else STILL_FRAMES),
+        aovs=tuple(aov),
+        strict=strict,
+        device=device,
+        frame_limit=frame_limit,
+    )
+    if video:
+        check_video(job, output, indices, codec)
+        rendered = render_video(job, output, indices, codec)
+    else:
+        if frames is not None and len(indices) > 1:
+            raise IprtError(
+                f"{output}: is one picture, but --frames {frames} asks for {len(indices)}; write "
+                f"{output.stem}.%04d{output.suffix}, or one of .mp4, .mov, .mkv"
+            )
+        rendered = _render_still(job, output, indices[0])
+    _report(output, rendered, profile)
+    return 0
+
+
+def _check_files(output: Path, profile: Path | None, aovs: Sequence[str], *, video: bool) -> None:
+    """What can be said of the outputs before the scene is read."""
+    from iprt.aovs import AOVS
+    from iprt.output.atomic import require_writable
+    from iprt.output.picture import check_output
+
+    if not video:
+        check_output(output, aovs=aovs)
     if profile is not None:
         require_writable(profile)
         if profile.resolve() == output.resolve():
             raise IprtError(f"--profile {profile}: is the picture's name too; name another file")
-
-    from rich.console import Console
-
-    from iprt.aovs import AOVS
-    from iprt.output.lock import locked
-    from iprt.output.metadata import picture_metadata
-    from iprt.output.picture import write_picture
-    from iprt.output.table import pass_table, write_profile
-    from iprt.scene.scene import Scene
-
-    settings = knobs.resolved(still=True, seed=seed, method=method)
-    for name in aov:
+    for name in aovs:
         if name not in AOVS:
             raise IprtError(f"--aov {name}: no such layer; the layers are: {', '.join(AOVS)}")
-    opened = Scene.open(scene, allow_outside=allow_outside)
-    for path in (output, profile):
-        if path is not None:
-            opened.require_not_ours(path)
-    chosen, objects = choose_view(opened, view, yaw=yaw, pitch=pitch, fov=fov, size=size)
-    with locked(Path(os.path.realpath(output)).parent):
-        picture, compute, prepare_ms = _rendered(
-            opened, chosen, objects, settings, accumulate, aov, device, frame_limit
-        )
-        write_picture(
-            output,
-            picture.color,
-            aovs=picture.aovs,
-            exposure=opened.exposure,
-            metadata=picture_metadata(
-                scene=opened.name,
-                view=chosen,
-                objects=objects,
-                settings=settings.model_dump(mode="json"),
-                seed=settings.seed,
-                frames=accumulate,
-                device=compute.name,
-            ),
-        )
-        if profile is not None:
-            write_profile(profile, compute.profile, compute.name, prepare_ms=prepare_ms)
-    console = Console()
-    console.print(pass_table(compute.profile, compute.name, prepare_ms=prepare_ms))
-    console.print(str(output), highlight=False, soft_wrap=True)
-    return 0
 
 
-def _rendered(
-    scene: Scene,
-    view: View,
-    objects: tuple[str, ...] | None,
-    settings: Settings,
-    frames: int,
-    aovs: Sequence[str],
-    device: str | None,
-    frame_limit: float,
-) -> tuple[RenderedFrame, ComputeDevice, float]:
-    """The picture, the device with its times, and the milliseconds spent once per video frame.
+def _render_still(job: Job, output: Path, index: int) -> tuple[ComputeDevice, Film]:
+    """One picture of a frame, with the device and the film that made it.
 
     Where the driver loses the device, all is made anew, once.
     """
@@ -169,69 +185,44 @@ def _rendered(
     from iprt.device.choose import choose_device
     from iprt.device.compute import ComputeDevice
     from iprt.device.recovery import with_second_try
-    from iprt.memory import require_memory
-    from iprt.renderer import Renderer
+    from iprt.output.lock import locked
+    from iprt.output.picture import write_picture
 
-    instances = scene.instances if objects is None else scene.instances_named(objects)
-    frame = scene.frame()
-    handle = choose_device(device)
+    handle = choose_device(job.device)
 
-    def attempt() -> tuple[RenderedFrame, ComputeDevice, float]:
-        compute = ComputeDevice(handle, frame_limit)
-        require_memory(compute, frame, instances, view, settings)
-        with (
-            progress_bar("rendering", frames) as progress,
-            Renderer(compute, frame, instances, view, settings) as renderer,
-        ):
-            compute.finish()
-            prepare_ms = sum(entry.ms for entry in compute.profile.passes())
-            compute.profile.reset()
-            picture = renderer.render(frames=frames, aovs=aovs, progress=progress)
-        return picture, compute, prepare_ms
+    def attempt() -> tuple[RenderedFrame, ComputeDevice, Film]:
+        compute = ComputeDevice(handle, job.frame_limit)
+        with job.film(compute) as film, progress_bar("rendering", job.accumulate) as progress:
+            ((_, picture),) = film.frames([index], aovs=job.aovs, progress=progress)
+        return picture, compute, film
 
-    return with_second_try(attempt)
+    with locked(Path(os.path.realpath(output)).parent):
+        picture, compute, film = with_second_try(attempt)
+        write_picture(
+            output,
+            picture.color,
+            aovs=picture.aovs,
+            exposure=job.scene.exposure,
+            metadata=job.metadata(index, compute.name),
+        )
+    return compute, film
 
 
-def choose_view(
-    scene: Scene,
-    name: str | None,
-    *,
-    yaw: float | None = None,
-    pitch: float | None = None,
-    fov: float | None = None,
-    size: tuple[int, int] | None = None,
-) -> tuple[View, tuple[str, ...] | None]:
-    """The view that the command line asks for, and its objects (None: all of the scene).
+def _report(
+    output: Path, rendered: tuple[ComputeDevice, Film] | None, profile: Path | None
+) -> None:
+    """Tell where the time went and where the output is."""
+    from rich.console import Console
 
-    Raises
-    ------
-    IprtError
-        Unknown view, contradicting flags, or a value out of range.
-    """
-    from iprt.scene.camera import View
+    from iprt.output.table import pass_table, write_profile
 
-    own = yaw is not None or pitch is not None or fov is not None
-    if own and name is not None:
-        raise IprtError("--view names a direction already; leave out --yaw, --pitch and --fov")
-    if size is not None and not all(0 < side <= MAX_SIZE for side in size):
-        raise IprtError(f"--size {size[0]} {size[1]}: expected 1 to {MAX_SIZE} pixels a side")
-    if fov is not None and not 1.0 < fov < 179.0:
-        raise IprtError(f"--fov {fov:g}: expected more than 1 and less than 179 degrees")
-    # Written so that NaN, which compares false, is rejected too.
-    if yaw is not None and not abs(yaw) <= 360.0:
-        raise IprtError(f"--yaw {yaw:g}: expected -360 to 360 degrees")
-    if pitch is not None and not abs(pitch) <= 90.0:
-        raise IprtError(f"--pitch {pitch:g}: expected -90 to 90 degrees")
-    if name == "equirect":
-        width, height = size or (scene.width, scene.height)
-        return View(width, height, projection="equirect"), None
-    if name is None and not own and scene.views:
-        name = next(iter(scene.views))
-    if name is None:
-        width, height = size or DEFAULT_SIZE
-        return View(width, height, yaw or 0.0, pitch or 0.0, 60.0 if fov is None else fov), None
-    if name not in scene.views:
-        known = ", ".join([*scene.views, "equirect"])
-        raise IprtError(f"--view {name}: {scene.name} has no such view; the views are: {known}")
-    entry = scene.views[name]
-    return (entry.view if size is None else entry.view.resized(*size)), entry.objects
+    console = Console()
+    if rendered is None:
+        LOG.info("%s: nothing to do, it is finished; to render it again, delete it", output)
+    else:
+        compute, film = rendered
+        times = compute.profile, compute.name
+        if profile is not None:
+            write_profile(profile, *times, prepare_ms=film.prepare_ms)
+        console.print(pass_table(*times, prepare_ms=film.prepare_ms))
+    console.print(str(output), highlight=False, soft_wrap=True)

@@ -264,7 +264,7 @@ def memory_lines(
     scene: Scene, frame: Frame, device: ComputeDevice | None
 ) -> tuple[bool, list[str]]:
     """Whether a view needs more memory than the device has, and what to say about it."""
-    from iprt.commands.render import choose_view
+    from iprt.commands.views import choose_view
     from iprt.memory import RenderPlan, amount
 
     plans = {}

@@ -106,22 +106,31 @@ def wait(device: str, queue: cl.CommandQueue, limit_s: float) -> None:
     done.wait()  # raises what the work ended with
 
 
-def with_second_try(attempt: Callable[[], Result]) -> Result:
+def with_second_try(
+    attempt: Callable[[], Result], progress: Callable[[], int] = lambda: 0
+) -> Result:
     """The result of `attempt`, which makes its own context; again from the start if that is lost.
+
+    Parameters
+    ----------
+    attempt : callable
+    progress : callable
+        How much is done for good: a context that got further may be lost again.
 
     Raises
     ------
     DeviceLostError
         The second context was lost too.
     """
-    try:
-        return attempt()
-    except DeviceLostError as error:
-        LOG.warning("%s: starting again in a new context", error)
-    # Out here nothing holds the first attempt's buffers any more.
-    try:
-        return attempt()
-    except DeviceLostError as error:
-        raise DeviceLostError(
-            f"{error}, for the second time: choose another --device, or lower --size"
-        ) from error
+    done = -1
+    while True:
+        try:
+            return attempt()
+        except DeviceLostError as error:
+            if progress() <= done:
+                raise DeviceLostError(
+                    f"{error}, for the second time: choose another --device, or lower --size"
+                ) from error
+            LOG.warning("%s: starting again in a new context", error)
+        # Out here nothing holds the attempt's buffers any more.
+        done = progress()

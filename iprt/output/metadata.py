@@ -5,9 +5,13 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import asdict
+from typing import Any
 
 from iprt import __version__
 from iprt.scene.camera import View
+
+PLACES = frozenset({"iprt:device", "iprt:frame"})
+"""What pictures of one video may differ in."""
 
 
 def picture_metadata(
@@ -42,3 +46,37 @@ def picture_metadata(
         "iprt:frames": str(frames),
         "iprt:device": device,
     }
+
+
+def difference(there: Mapping[str, str], now: Mapping[str, str]) -> str | None:
+    """The first thing, in words, in which metadata differ as those of one video must not."""
+    old, new = _flat(there), _flat(now)
+    for key in [*new, *old]:
+        if old.get(key) != new.get(key):
+            return f"{key} is {_told(old, key)} there and {_told(new, key)} now"
+    return None
+
+
+def _flat(metadata: Mapping[str, str]) -> dict[str, Any]:
+    """Every value by its name: `view.yaw_deg`, `settings.trace.rays`."""
+    values: dict[str, Any] = {}
+
+    def add(name: str, value: Any) -> None:
+        if not isinstance(value, dict):
+            values[name] = value
+            return
+        for key, inner in value.items():
+            add(f"{name}.{key}", inner)
+
+    for key, text in metadata.items():
+        if not key.startswith("iprt:") or key in PLACES:
+            continue
+        try:
+            add(key.removeprefix("iprt:"), json.loads(text))
+        except ValueError:
+            values[key.removeprefix("iprt:")] = text
+    return values
+
+
+def _told(values: Mapping[str, Any], key: str) -> str:
+    return json.dumps(values[key]) if key in values else "missing"

@@ -26,7 +26,8 @@ def check_output(path: Path, *, aovs: Sequence[str] = ()) -> None:
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         raise FormatError(
-            f"{path}: unknown output format '{path.suffix}'; supported: {', '.join(SUFFIXES)}"
+            f"{path}: unknown output format '{path.suffix}'; supported: {', '.join(SUFFIXES)}, and "
+            "for video .mp4, .mov, .mkv"
         )
     if aovs and suffix != ".exr":
         raise FormatError(f"{path}: a {suffix} file holds no layers; write an .exr for --aov")

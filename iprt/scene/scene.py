@@ -31,7 +31,7 @@ from iprt.scene.manifest_problems import problems_error
 from iprt.scene.material import Material
 from iprt.scene.mesh import Instance, Mesh
 from iprt.scene.meshes import load_mesh
-from iprt.scene.scene_files import missing_files
+from iprt.scene.scene_files import made_of, missing_files
 from iprt.scene.untrusted import MAX_PIXELS, MAX_TRIANGLES, is_file
 from iprt.scene.video.incidents import Stage, steady_frames
 from iprt.scene.video.source import FrameSource, RawFrame
@@ -347,22 +347,20 @@ class Scene:
             self._textures[name] = read_color(self.root / name)
         return self._textures[name]
 
-    def require_not_ours(self, path: Path) -> None:
-        """Keep an output from replacing what the scene is made of; truths may be replaced.
+    def require_not_ours(self, *paths: Path) -> None:
+        """Keep outputs from replacing what the scene is made of; truths may be replaced.
 
         Raises
         ------
         SceneError
-            `path` is the manifest, or a picture, mesh, texture or mask that it names.
+            One of `paths` is the manifest, or a file that it names.
         """
-        names = [MANIFEST_NAME, *(table.mesh for table in self.manifest.objects)]
-        names += [table.mask or "" for table in self.manifest.real_materials]
-        names += [getattr(table.material, "texture", None) or "" for table in self.manifest.objects]
-        ours = {self.root / name for name in names if name}
-        for index in self.frame_indices:
-            ours.update(self.source.files(index).values())
-        if path.resolve() in {file.resolve() for file in ours}:
-            raise SceneError(f"{path}: belongs to the scene and is not overwritten; name another")
+        ours = {file.resolve() for file in made_of(self)}
+        for path in paths:
+            if path.resolve() in ours:
+                raise SceneError(
+                    f"{path}: belongs to the scene and is not overwritten; name another"
+                )
 
 
 def _require_readable(scene: str, instances: list[Instance]) -> None:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from iprt.errors import FormatError
 from iprt.scene.inside import require_inside
+from iprt.scene.manifest import MANIFEST_NAME
 from iprt.scene.untrusted import is_file
 from iprt.scene.video.sequence import frame_path
 
@@ -39,6 +41,16 @@ def missing_files(scene: Scene, *, strict: bool = False) -> list[str]:
             if name is not None:
                 problems += _wrong_truth(scene, f"views.{view.name}.{key}", name)
     return problems
+
+
+def made_of(scene: Scene) -> set[Path]:
+    """The manifest and all files that it names, but truths; some frames may be missing."""
+    files = {scene.root / MANIFEST_NAME, *(scene.root / name for _, name in _files(scene))}
+    if scene.manifest.video.poses is not None:
+        files.add(scene.root / scene.manifest.video.poses)
+    for index in scene.frame_indices:
+        files.update(scene.source.files(index).values())
+    return files
 
 
 def _files(scene: Scene) -> Iterator[tuple[str, str]]:

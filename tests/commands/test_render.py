@@ -3,22 +3,27 @@
 from __future__ import annotations
 
 import json
-import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import OpenEXR
 import pytest
 
+from iprt.commands.job import Job
 from iprt.commands.knobs import KnobFlags
-from iprt.commands.render import choose_view, render
+from iprt.commands.render import render
+from iprt.commands.views import choose_view, moving_view
 from iprt.device.profile import PassTime, Profile
 from iprt.errors import FormatError, IprtError
+from iprt.film import view_at
+from iprt.renderer import RenderedFrame
 from iprt.scene.camera import View
+from iprt.scene.scene import Scene
 from iprt.settings import Settings, TraceSettings
+from tests.clips import write_clip
 
 
 class FakeProfile(Profile):
@@ -26,93 +31,92 @@ class FakeProfile(Profile):
         return [PassTime("march", 3.0 * self.frames, 0.0, self.frames)]
 
 
-class FakeRenderer:
-    """A picture whose red channel is the number of frames."""
+class FakeFilm:
+    """Pictures whose red channel is the number of view frames, and green the video frame's."""
 
     calls: list[tuple[Any, ...]]
+    prepare_ms = 1.0
 
-    def __init__(self, device: Any, *rest: Any) -> None:
-        self.calls.append(rest)
-        self.device = device
-        _, _, self.view, _ = rest
+    def __init__(self, device: Any, settings: Settings, view: Any, accumulate: int) -> None:
+        self.device, self.view, self.accumulate = device, view, accumulate
+        self.settings = settings
 
-    def __enter__(self) -> FakeRenderer:
+    def __enter__(self) -> FakeFilm:
         return self
 
     def __exit__(self, *_: object) -> None:
         pass
 
-    def render(
-        self, frames: int, aovs: tuple[str, ...], progress: Callable[[int], None]
-    ) -> SimpleNamespace:
-        self.device.profile.frames = frames
-        progress(frames)
-        color = np.zeros((self.view.height, self.view.width, 3), np.float32)
-        color[..., 0] = frames
-        layers = {"normal": color, "depth": np.full(color.shape[:2], 2.5, np.float32)}
-        return SimpleNamespace(color=color, aovs={name: layers[name] for name in aovs})
+    def frames(
+        self,
+        indices: Sequence[int],
+        *,
+        warm_up: int = 0,
+        aovs: tuple[str, ...] = (),
+        progress: Callable[[int], None],
+    ) -> Iterator[tuple[int, RenderedFrame]]:
+        self.calls.append((list(indices), warm_up, aovs, self.accumulate, self.settings))
+        for index in indices:
+            self.device.profile.frames += self.accumulate
+            progress(self.accumulate)
+            color = np.zeros((self.view.height, self.view.width, 3), np.float32)
+            color[..., 0], color[..., 1] = self.accumulate, index
+            layers = {"normal": color, "depth": np.full(color.shape[:2], 2.5, np.float32)}
+            yield index, RenderedFrame(color, {name: layers[name] for name in aovs})
 
 
 @pytest.fixture
-def scene() -> Any:
-    views = {
-        "table": SimpleNamespace(view=View(30, 20, yaw_deg=10.0), objects=("bunny",)),
-        "sofa": SimpleNamespace(view=View(16, 12, fov_y_deg=40.0), objects=("cow", "teapot")),
-    }
-    return SimpleNamespace(
-        name="room",
-        exposure=2.0,
-        views=views,
-        width=64,
-        height=32,
-        frame=lambda: "first frame",
-        instances="all objects",
-        instances_named=lambda names: names,
-        require_not_ours=lambda path: None,
-    )
+def folder(tmp_path: Path) -> Path:
+    return write_clip(tmp_path / "room")
 
 
 @pytest.fixture
-def command(monkeypatch: pytest.MonkeyPatch, scene: Any) -> Callable[..., int]:
-    """`iprt render` with a fake scene, device and renderer."""
-
-    def module(name: str, **members: Any) -> None:
-        fake = ModuleType(name)
-        vars(fake).update(members)
-        monkeypatch.setitem(sys.modules, name, fake)
-
-    device = SimpleNamespace(profile=FakeProfile(), name="a device", finish=lambda: None)
-    monkeypatch.setattr(FakeRenderer, "calls", [], raising=False)
-    module("iprt.memory", require_memory=lambda *_, **__: None)
-    module("iprt.scene.scene", Scene=SimpleNamespace(open=lambda path, **_: scene))
-    module("iprt.device.choose", choose_device=lambda spec: spec)
-    module("iprt.device.compute", ComputeDevice=lambda spec, limit_s: device)
-    module("iprt.renderer", Renderer=FakeRenderer)
-    return lambda *args, **kwargs: render(Path("room"), *args, **kwargs)
+def scene(folder: Path) -> Scene:
+    return Scene.open(folder)
 
 
-def test_first_view_is_the_default(scene: Any) -> None:
-    assert choose_view(scene, None) == (scene.views["table"].view, ("bunny",))
+@pytest.fixture
+def command(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., int]:
+    """`iprt render` with a fake device and film."""
+    monkeypatch.setattr(FakeFilm, "calls", [], raising=False)
+
+    def compute(*_: object) -> SimpleNamespace:
+        return SimpleNamespace(profile=FakeProfile(), name="a device")
+
+    def film(job: Job, device: SimpleNamespace) -> FakeFilm:
+        view = view_at(job.scene, job.view, 0)
+        return FakeFilm(device, job.settings, view, job.accumulate)
+
+    monkeypatch.setattr("iprt.device.choose.choose_device", lambda spec: spec)
+    monkeypatch.setattr("iprt.device.compute.ComputeDevice", compute)
+    monkeypatch.setattr("iprt.commands.video.ComputeDevice", compute)
+    monkeypatch.setattr(Job, "film", film)
+    return lambda *args, **kwargs: render(folder, *args, **kwargs)
 
 
-def test_named_view_keeps_its_objects_in_another_size(scene: Any) -> None:
-    view, objects = choose_view(scene, "sofa", size=(8, 6))
-    assert view == View(8, 6, fov_y_deg=40.0)
-    assert objects == ("cow", "teapot")
+def test_first_view_is_the_default(scene: Scene) -> None:
+    assert choose_view(scene, None) == (View(32, 16, pitch_deg=-30.0), ("cube",))
+    assert moving_view(scene, None) == (scene.views["ahead"], ("cube",))
 
 
-def test_equirect_has_the_size_of_the_panorama(scene: Any) -> None:
+def test_named_view_keeps_its_objects_in_another_size(scene: Scene) -> None:
+    view, objects = choose_view(scene, "ahead", size=(8, 6))
+    assert view == View(8, 6, pitch_deg=-30.0)
+    assert objects == ("cube",)
+
+
+def test_equirect_has_the_size_of_the_panorama(scene: Scene) -> None:
     assert choose_view(scene, "equirect") == (View(64, 32, projection="equirect"), None)
     assert choose_view(scene, "equirect", size=(10, 5))[0].width == 10
 
 
-def test_own_view_shows_all_objects(scene: Any) -> None:
-    view, objects = choose_view(scene, None, yaw=-30.0, fov=90.0, size=(8, 6))
+def test_own_view_shows_all_objects(scene: Scene) -> None:
+    view, objects = moving_view(scene, None, yaw=-30.0, fov=90.0, size=(8, 6))
     assert view == View(8, 6, yaw_deg=-30.0, fov_y_deg=90.0)
     assert objects is None
 
 
-def test_scene_without_views_is_seen_forward(scene: Any) -> None:
+def test_scene_without_views_is_seen_forward(scene: Scene) -> None:
     scene.views.clear()
     view, objects = choose_view(scene, None)
     assert (view.yaw_deg, view.pitch_deg, objects) == (0.0, 0.0, None)
@@ -121,8 +125,8 @@ def test_scene_without_views_is_seen_forward(scene: Any) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"name": "tabel"}, "--view tabel: .*table, sofa, equirect"),
-        ({"name": "table", "yaw": 0.0}, "leave out --yaw"),
+        ({"name": "tabel"}, "--view tabel: .*ahead, equirect"),
+        ({"name": "ahead", "yaw": 0.0}, "leave out --yaw"),
         ({"name": None, "size": (0, 5)}, "--size 0 5"),
         ({"name": None, "size": (5, -1)}, "--size 5 -1"),
         ({"name": None, "size": (16385, 5)}, "--size 16385 5: expected 1 to 16384"),
@@ -134,14 +138,16 @@ def test_scene_without_views_is_seen_forward(scene: Any) -> None:
         ({"name": None, "pitch": -90.5}, "--pitch -90.5"),
     ],
 )
-def test_impossible_views_are_refused(arguments: dict[str, Any], message: str, scene: Any) -> None:
+def test_impossible_views_are_refused(
+    arguments: dict[str, Any], message: str, scene: Scene
+) -> None:
     with pytest.raises(IprtError, match=message) as error:
-        choose_view(scene, arguments.pop("name"), **arguments)
+        moving_view(scene, arguments.pop("name"), **arguments)
     assert "\n" not in str(error.value)
 
 
 def test_picture_says_how_it_was_made(
-    command: Callable[..., int], scene: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    command: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     output, profile = tmp_path / "a.exr", tmp_path / "profile.json"
     status = command(
@@ -160,11 +166,11 @@ def test_picture_says_how_it_was_made(
         assert channels["R"].pixels[0, 0] == 3.0
     settings = Settings(method="ibl", seed=7, fading=0.0, trace=TraceSettings(rays=2))
     assert Settings.model_validate_json(header["iprt:settings"]) == settings
-    assert FakeRenderer.calls == [("first frame", ("bunny",), scene.views["table"].view, settings)]
+    assert FakeFilm.calls == [([0], 0, ("depth",), 3, settings)]
     view = json.loads(header["iprt:view"])
-    assert (view["width"], view["yaw_deg"], view["objects"]) == (30, 10.0, ["bunny"])
+    assert (view["width"], view["pitch_deg"], view["objects"]) == (32, -30.0, ["cube"])
     attributes = [header[f"iprt:{key}"] for key in ("scene", "seed", "frames", "device")]
-    assert attributes == ["room", "7", "3", "a device"]
+    assert attributes == ["clip", "7", "3", "a device"]
     assert header["iprt:version"]
     assert json.loads(profile.read_text())["passes"][0]["ms"] == 3.0
     printed = capsys.readouterr()
@@ -176,7 +182,7 @@ def test_picture_says_how_it_was_made(
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"output": "a.jpg"}, r"supported: \.exr, \.png"),
+        ({"output": "a.jpg"}, r"supported: \.exr, \.png, and for video \.mp4, \.mov, \.mkv"),
         ({"output": "a.png", "aov": ("depth",)}, r"write an \.exr"),
         ({"output": "a.exr", "accumulate": 0}, "--accumulate 0"),
         ({"output": "a.exr", "knobs": KnobFlags(set=("trace.rays=0",))}, "--set trace.rays=0"),
@@ -191,4 +197,4 @@ def test_bad_values_are_refused_before_rendering(
     arguments["output"] = tmp_path / arguments["output"]
     with pytest.raises((IprtError, FormatError), match=message):
         command(**arguments)
-    assert FakeRenderer.calls == []
+    assert FakeFilm.calls == []

@@ -1,0 +1,47 @@
+"""`--frames`: which frames of a video are meant."""
+
+from __future__ import annotations
+
+import re
+
+from iprt.errors import IprtError
+
+_RANGE = re.compile(r"(\d*)(?:(:)(\d*)(?::(\d+))?)?", re.ASCII)
+_DIGITS = 9
+
+
+def frame_range(text: str | None, there: range) -> range:
+    """Numbers of the frames that `text` asks for.
+
+    Parameters
+    ----------
+    text : str or None
+        `FIRST:LAST` or `FIRST:LAST:STEP`, both ends included; an end that is left out is the
+        video's. `N` is one frame. None: all.
+    there : range
+        Numbers of the video's frames.
+
+    Raises
+    ------
+    IprtError
+        It says nothing of the kind, or no such frames are there.
+    """
+    if text is None:
+        return there
+    match = _RANGE.fullmatch(text)
+    if match is None or not text or any(len(part or "") > _DIGITS for part in match.groups()):
+        raise IprtError(f"--frames {text}: expected FIRST:LAST, FIRST:LAST:STEP, or one number")
+    first = int(match[1] or there[0])
+    last = int(match[3] or there[-1]) if match[2] else first
+    step = 1 if match[4] is None else int(match[4])
+    for index in (first, last):
+        if index not in there:
+            raise IprtError(
+                f"--frames {text}: there is no frame {index}; the video has {there[0]} to "
+                f"{there[-1]}"
+            )
+    if first > last:
+        raise IprtError(f"--frames {text}: runs backwards; give the lower number first")
+    if step == 0:
+        raise IprtError(f"--frames {text}: a step of 0 goes nowhere")
+    return range(first, last + 1, step)

@@ -1,0 +1,68 @@
+"""What `iprt render` has been asked for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from iprt.device.compute import ComputeDevice
+from iprt.film import Film, view_at
+from iprt.output.metadata import picture_metadata
+from iprt.scene.camera import View
+from iprt.scene.scene import Scene, SceneView
+from iprt.settings import Settings
+
+
+@dataclass(frozen=True)
+class Job:
+    """A picture or video to render.
+
+    Attributes
+    ----------
+    scene : Scene
+    view : SceneView or View
+    objects : tuple of str or None
+        None: all.
+    settings : Settings
+    accumulate : int
+        View frames per picture.
+    aovs : tuple of str
+    strict : bool
+    device : str or None
+        See `choose_device`.
+    frame_limit : float
+        Seconds.
+    """
+
+    scene: Scene
+    view: SceneView | View
+    objects: tuple[str, ...] | None
+    settings: Settings
+    accumulate: int
+    aovs: tuple[str, ...]
+    strict: bool
+    device: str | None
+    frame_limit: float
+
+    def film(self, compute: ComputeDevice) -> Film:
+        """What renders it."""
+        return Film(
+            self.scene,
+            compute,
+            self.settings,
+            view=self.view,
+            objects=self.objects,
+            accumulate=self.accumulate,
+            strict=self.strict,
+        )
+
+    def metadata(self, index: int, device: str) -> dict[str, str]:
+        """See `picture_metadata`, of a frame of the video."""
+        return picture_metadata(
+            scene=self.scene.name,
+            view=view_at(self.scene, self.view, index),
+            objects=self.objects,
+            settings=self.settings.model_dump(mode="json"),
+            seed=self.settings.seed,
+            frames=self.accumulate,
+            device=device,
+        )

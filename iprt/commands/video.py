@@ -1,0 +1,159 @@
+"""`iprt render` of a video: to a file or to numbered pictures, begun or taken up again."""
+
+from __future__ import annotations
+
+import json
+import logging
+import os
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Protocol
+
+from iprt.commands.job import Job
+from iprt.commands.progress import progress_bar
+from iprt.device.compute import ComputeDevice
+from iprt.errors import FormatError
+from iprt.film import Film, view_at
+from iprt.output.atomic import require_writable
+from iprt.output.encode import CodecName, frame_rate, require_codec, require_even
+from iprt.output.lock import locked
+from iprt.output.movie import Movie
+from iprt.output.picture import check_output
+from iprt.output.sequence import PictureSequence, is_pattern, numbered
+from iprt.output.spherical import equirect_boxes, is_spherical
+from iprt.renderer import RenderedFrame
+from iprt.scene.fingerprint import fingerprint
+
+LOG = logging.getLogger("iprt.render")
+
+WARM_UP = 8
+"""Frames rendered before the first of a run, to give it a history. After so many, it differs from
+that of an uninterrupted run by no more than by its noise."""
+
+
+class Output(Protocol):
+    """Where frames go: `PictureSequence` or `Movie`."""
+
+    @property
+    def done(self) -> int: ...
+    def missing(self) -> Sequence[int]: ...
+    def write(self, index: int, picture: RenderedFrame, device: str) -> None: ...
+    def finish(self) -> None: ...
+
+
+def check_video(job: Job, output: Path, frames: range, codec: CodecName) -> None:
+    """Refuse what cannot be written, before anything is rendered.
+
+    Raises
+    ------
+    IprtError
+    """
+    if is_pattern(output):
+        check_output(numbered(output, frames[0]), aovs=job.aovs)
+        job.scene.require_not_ours(*(numbered(output, index) for index in frames))
+        return
+    if job.aovs:
+        raise FormatError(f"{output}: video holds no layers; write numbered .exr files for --aov")
+    require_writable(output)
+    job.scene.require_not_ours(output)
+    view = view_at(job.scene, job.view, frames[0])
+    require_even(view.width, view.height)
+    require_codec(codec)
+    frame_rate(job.scene.source.fps, frames.step)
+
+
+def render_video(
+    job: Job, output: Path, frames: range, codec: CodecName
+) -> tuple[ComputeDevice, Film] | None:
+    """Render what is not there yet: the device with its times, and what ran on it.
+
+    Whatever ends it, finished frames stay, and the error gets a note that says so.
+
+    Returns
+    -------
+    (ComputeDevice, Film), or None
+        None: all was there.
+
+    Raises
+    ------
+    IprtError
+    """
+    from iprt.device.choose import choose_device
+    from iprt.device.recovery import with_second_try
+
+    def attempt() -> tuple[ComputeDevice, Film]:
+        compute = ComputeDevice(handle, job.frame_limit)
+        with job.film(compute) as film:
+            _render(film, target, frames, job.aovs)
+        return compute, film
+
+    with locked(Path(os.path.realpath(output)).parent):
+        target = _opened(job, output, frames, codec)
+        try:
+            if not target.missing():
+                target.finish()
+                return None
+            handle = choose_device(job.device)
+            if target.done:
+                LOG.info("%s: going on after %d of %d frames", output, target.done, len(frames))
+            result = with_second_try(attempt, lambda: target.done)
+            target.finish()
+        except BaseException as error:
+            if target.done:
+                error.add_note(
+                    f"{target.done} of {len(frames)} frames are finished, and the same command "
+                    "goes on from there"
+                )
+            raise
+    return result
+
+
+def _render(film: Film, target: Output, frames: range, aovs: Sequence[str]) -> None:
+    with progress_bar("rendering", len(frames), done=target.done, remaining=True) as progress:
+        for run in runs(target.missing(), frames):
+            for index, picture in film.frames(
+                run, warm_up=WARM_UP, aovs=aovs, progress=lambda _: progress(target.done)
+            ):
+                target.write(index, picture, film.device.name)
+                progress(target.done)
+
+
+def runs(missing: Sequence[int], frames: range) -> Iterator[range]:
+    """The parts of `frames` in which every frame is missing, in order."""
+    positions = [frames.index(index) for index in missing]
+    start = 0
+    for place, position in enumerate(positions):
+        if place + 1 == len(positions) or positions[place + 1] != position + 1:
+            yield frames[positions[start] : position + 1]
+            start = place + 1
+
+
+def _opened(job: Job, output: Path, frames: range, codec: CodecName) -> PictureSequence | Movie:
+    """The output, with what an earlier render has left of the same job."""
+    scene = job.scene
+    files = {"iprt:files": fingerprint(scene)}
+    if is_pattern(output):
+        layers = {"iprt:layers": json.dumps(sorted(job.aovs))}
+
+        def describe(index: int) -> dict[str, str]:
+            return {**job.metadata(index, ""), **files, **layers, "iprt:frame": str(index)}
+
+        return PictureSequence(output, frames, describe, scene.exposure)
+    around = view_at(scene, job.view, frames[0]).projection == "equirect"
+    if around and not is_spherical(output):
+        LOG.warning(
+            "%s: only .mp4 and .mov can tell players that this is a panorama; it will look flat",
+            output,
+        )
+    description = job.metadata(frames[0], "")
+    del description["iprt:device"]  # parts may come from several
+    span = {"iprt:span": f"{frames[0]}:{frames[-1]}:{frames.step}", "iprt:codec": codec}
+    return Movie(
+        output,
+        frames,
+        {**description, **files, **span},
+        codec=codec,
+        rate=frame_rate(scene.source.fps, frames.step),
+        exposure=scene.exposure,
+        additions=equirect_boxes() if around and is_spherical(output) else None,
+    )

@@ -1,0 +1,73 @@
+"""Which view of a scene the flags of a verb mean."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from iprt.errors import IprtError
+
+if TYPE_CHECKING:
+    from iprt.scene.camera import View
+    from iprt.scene.scene import Scene, SceneView
+
+MAX_SIZE = 16384
+DEFAULT_SIZE = (1024, 1024)
+
+
+def choose_view(
+    scene: Scene, name: str | None, *, size: tuple[int, int] | None = None
+) -> tuple[View, tuple[str, ...] | None]:
+    """As `moving_view`, where it looks at first."""
+    from iprt.scene.camera import View
+
+    view, objects = moving_view(scene, name, size=size)
+    return (view if isinstance(view, View) else view.view), objects
+
+
+def moving_view(
+    scene: Scene,
+    name: str | None,
+    *,
+    yaw: float | None = None,
+    pitch: float | None = None,
+    fov: float | None = None,
+    size: tuple[int, int] | None = None,
+) -> tuple[SceneView | View, tuple[str, ...] | None]:
+    """The view that the command line asks for, and its objects (None: all of the scene).
+
+    One of the scene has the size asked for, and moves as it does.
+
+    Raises
+    ------
+    IprtError
+        Unknown view, contradicting flags, or a value out of range.
+    """
+    from iprt.scene.camera import View
+
+    own = yaw is not None or pitch is not None or fov is not None
+    if own and name is not None:
+        raise IprtError("--view names a direction already; leave out --yaw, --pitch and --fov")
+    if size is not None and not all(0 < side <= MAX_SIZE for side in size):
+        raise IprtError(f"--size {size[0]} {size[1]}: expected 1 to {MAX_SIZE} pixels a side")
+    if fov is not None and not 1.0 < fov < 179.0:
+        raise IprtError(f"--fov {fov:g}: expected more than 1 and less than 179 degrees")
+    # Written so that NaN, which compares false, is rejected too.
+    if yaw is not None and not abs(yaw) <= 360.0:
+        raise IprtError(f"--yaw {yaw:g}: expected -360 to 360 degrees")
+    if pitch is not None and not abs(pitch) <= 90.0:
+        raise IprtError(f"--pitch {pitch:g}: expected -90 to 90 degrees")
+    if name == "equirect":
+        width, height = size or (scene.width, scene.height)
+        return View(width, height, projection="equirect"), None
+    if name is None and not own and scene.views:
+        name = next(iter(scene.views))
+    if name is None:
+        width, height = size or DEFAULT_SIZE
+        return View(width, height, yaw or 0.0, pitch or 0.0, 60.0 if fov is None else fov), None
+    if name not in scene.views:
+        known = ", ".join([*scene.views, "equirect"])
+        raise IprtError(f"--view {name}: {scene.name} has no such view; the views are: {known}")
+    entry = scene.views[name]
+    resized = entry if size is None else replace(entry, view=entry.view.resized(*size))
+    return resized, entry.objects

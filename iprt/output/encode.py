@@ -1,0 +1,280 @@
+"""Pictures to video: encoded in pieces that decode by themselves, joined without encoding again."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.errors import FormatError
+from iprt.measure.metrics import display
+from iprt.output.atomic import replacing
+from iprt.output.boxes import index_first
+from iprt.output.ycbcr import ycbcr420
+
+CodecName = Literal["h264", "hevc"]
+FORMATS = {".mp4": "mp4", ".mov": "mov", ".mkv": "matroska"}
+"""Suffix -> FFmpeg's name of the container."""
+RATES = (Fraction(1, 1000), Fraction(1000))
+"""Least and most frames a second that containers keep exactly enough."""
+LARGEST_DIVISOR = 1001
+"""Of a frame rate as a fraction: 30000/1001 is the NTSC's."""
+
+
+@dataclass(frozen=True)
+class Codec:
+    """How pictures are coded.
+
+    Attributes
+    ----------
+    encoder : str
+        FFmpeg's name.
+    pixels : str
+        FFmpeg's name of the planes: luma, and two of chroma at half the width and height.
+    bits : int
+        Of a sample.
+    options : mapping of str to str
+        Of the encoder: constant quality without visible loss; headers that do not depend on what
+        is coded, and no references out of a piece, so that pieces can be joined.
+    tag : str or None
+        What the pictures' format is called in MP4 and QuickTime files, where players expect another
+        name than FFmpeg's own.
+    """
+
+    encoder: str
+    pixels: str
+    bits: int
+    options: Mapping[str, str]
+    tag: str | None = None
+
+
+CODECS: Mapping[CodecName, Codec] = {
+    "h264": Codec(
+        "libx264",
+        "yuv420p",
+        8,
+        {"crf": "18", "preset": "medium", "x264-params": "stitchable=1:open-gop=0"},
+    ),
+    "hevc": Codec(
+        "libx265",
+        "yuv420p10le",
+        10,
+        {"crf": "20", "preset": "medium", "x265-params": "log-level=error:open-gop=0"},
+        tag="hvc1",
+    ),
+}
+
+
+def require_codec(name: CodecName) -> None:
+    """Fail now if pictures cannot be coded so.
+
+    Raises
+    ------
+    FormatError
+        PyAV was built without the encoder.
+    """
+    import av
+
+    try:
+        av.Codec(CODECS[name].encoder, "w")
+    except ValueError as error:
+        raise FormatError(
+            f"--codec {name}: PyAV {av.__version__} has no {CODECS[name].encoder}; "
+            "pip install 'av>=14', whose wheels have it"
+        ) from error
+
+
+def frame_rate(fps: float, step: int = 1) -> Fraction:
+    """Frames a second of every `step`-th frame of a video.
+
+    Raises
+    ------
+    FormatError
+        Containers cannot tell it.
+    """
+    rate = Fraction(fps).limit_denominator(LARGEST_DIVISOR) / step
+    if not RATES[0] <= rate <= RATES[1]:
+        raise FormatError(
+            f"{fps / step:g} frames a second: video files hold {float(RATES[0]):g} to "
+            f"{float(RATES[1]):g}; change video.fps, or write pictures"
+        )
+    return rate
+
+
+def require_even(width: int, height: int) -> None:
+    """Refuse sizes that planes of half the width and height cannot have.
+
+    Raises
+    ------
+    FormatError
+    """
+    if width % 2 or height % 2:
+        even = f"{max(width - width % 2, 2)} {max(height - height % 2, 2)}"
+        raise FormatError(f"{width} x {height} pixels: video needs even sides; try --size {even}")
+
+
+def planes(color: NDArray[np.float32], exposure: float, codec: CodecName) -> NDArray[Any]:
+    """What a picture is coded from: `ycbcr420` of what a display shows of it.
+
+    Parameters
+    ----------
+    color : (H, W, 3) float32
+        Linear radiance; H and W even.
+
+    Raises
+    ------
+    FormatError
+        The radiance is not finite.
+    """
+    return ycbcr420(display(color, exposure), CODECS[codec].bits)
+
+
+def encode_piece(
+    path: Path, pictures: Iterable[NDArray[Any]], *, codec: CodecName, rate: Fraction
+) -> None:
+    """Write a piece of video, atomically: an MP4 file of its own, at least one picture long.
+
+    Parameters
+    ----------
+    pictures : iterable of `planes`
+
+    Raises
+    ------
+    FormatError
+        It cannot be written.
+    """
+    import av
+
+    with (
+        replacing(path) as temporary,
+        _reported(path),
+        av.open(str(temporary), "w", format="mp4") as container,
+    ):
+        stream = None
+        for number, picture in enumerate(pictures):
+            if stream is None:
+                stream = _stream(container, picture, codec, rate)
+            frame = av.VideoFrame.from_ndarray(picture, format=CODECS[codec].pixels)
+            frame.pts, frame.time_base = number, 1 / rate
+            container.mux(stream.encode(frame))
+        assert stream is not None, "a piece of no pictures"
+        container.mux(stream.encode())
+
+
+def _stream(container: Any, picture: NDArray[Any], name: CodecName, rate: Fraction) -> Any:
+    from av.video.reformatter import ColorPrimaries, ColorRange, Colorspace, ColorTrc
+
+    codec = CODECS[name]
+    stream = container.add_stream(codec.encoder, rate=rate, options=dict(codec.options))
+    stream.height, stream.width = picture.shape[0] * 2 // 3, picture.shape[1]
+    stream.pix_fmt = codec.pixels
+    context = stream.codec_context
+    context.time_base = 1 / rate
+    context.colorspace, context.color_range = Colorspace.ITU709, ColorRange.MPEG
+    # Values are coded as displays of computers expect them, which is not as BT.709 has it.
+    context.color_primaries, context.color_trc = ColorPrimaries.BT709, ColorTrc.IEC61966_2_1
+    if codec.tag is not None:
+        context.codec_tag = codec.tag
+    return stream
+
+
+def join_pieces(
+    path: Path,
+    pieces: Sequence[tuple[int, Path]],
+    *,
+    rate: Fraction,
+    comment: str,
+    additions: Mapping[bytes, bytes] | None = None,
+) -> None:
+    """One file of pieces, without encoding anything again; its index comes first.
+
+    Parameters
+    ----------
+    path : Path
+        Its suffix chooses the container. A second file beside it is needed meanwhile.
+    pieces : sequence of (int, Path)
+        Number of the first picture, and file, in order.
+    comment : str
+        Text to keep in the file.
+    additions : mapping of bytes to bytes
+        See `index_first`; for MP4 and QuickTime files.
+
+    Raises
+    ------
+    FormatError
+        A piece is damaged, or the file cannot be written.
+    """
+    kind = FORMATS[path.suffix.lower()]
+    joined = path.with_name(f"index-last{path.suffix}")
+    try:
+        with _reported(path):
+            _mux(joined, kind, pieces, rate, comment)
+        if kind == "matroska":
+            joined.replace(path)
+        else:
+            index_first(joined, path, additions or {})
+    except OSError as error:
+        raise FormatError(f"{path}: cannot be written: {error.strerror}") from error
+    finally:
+        joined.unlink(missing_ok=True)
+
+
+def _mux(
+    path: Path, kind: str, pieces: Sequence[tuple[int, Path]], rate: Fraction, comment: str
+) -> None:
+    import av
+
+    with av.open(str(path), "w", format=kind) as container:
+        container.metadata["comment"] = comment
+        stream = headers = None
+        decoded_at = 0
+        for first, piece in pieces:
+            with av.open(str(piece)) as part:
+                source = part.streams.video[0]
+                for packet in part.demux(source):
+                    if packet.pts is None or packet.dts is None:  # the last one, which is empty
+                        continue
+                    if stream is None:
+                        stream = container.add_stream_from_template(source)
+                        stream.codec_context.codec_tag = source.codec_context.codec_tag
+                        headers = source.codec_context.extradata
+                        decoded_at = packet.dts
+                    elif source.codec_context.extradata != headers:
+                        raise FormatError(
+                            f"{piece}: is of another encoder than {pieces[0][1].name}"
+                        )
+                    frame = round(1 / rate / packet.time_base)
+                    # The shortest pieces are decoded in the order in which they are shown, and so
+                    # would start later than others.
+                    packet.pts, packet.dts = packet.pts + first * frame, decoded_at
+                    decoded_at += frame
+                    packet.stream = stream
+                    container.mux(packet)
+
+
+def read_comment(path: Path) -> str | None:
+    """What `join_pieces` kept; None where there is no such file."""
+    import av
+
+    try:
+        with av.open(str(path)) as container:
+            return next((v for k, v in container.metadata.items() if k.lower() == "comment"), None)
+    except (av.FFmpegError, OSError):
+        return None
+
+
+@contextmanager
+def _reported(path: Path) -> Iterator[None]:
+    """FFmpeg's errors as those of the system or of the package."""
+    import av
+
+    try:
+        yield
+    except av.FFmpegError as error:
+        raise FormatError(f"{path}: cannot be written: {error.strerror}") from error

@@ -1,0 +1,211 @@
+"""A video file that grows: what is finished survives whatever ends the render.
+
+Encoders keep pictures to themselves until they know those that follow, and files are of no use
+without their end. So a folder beside the file, `NAME.parts`, holds what there is: pieces of a few
+seconds, encoded so that they can be joined, and the pictures of the piece that is not full yet,
+exactly as the encoder will see them. When all are there, the pieces become the file.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from collections.abc import Iterator, Mapping, Sequence
+from fractions import Fraction
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.errors import FormatError
+from iprt.output.atomic import replacing
+from iprt.output.encode import CodecName, encode_piece, join_pieces, planes, read_comment
+from iprt.output.metadata import difference
+
+if TYPE_CHECKING:
+    from iprt.renderer import RenderedFrame
+
+PIECE_S = 2.0
+"""Seconds of video in a piece: players can start at each, and find a place no sooner."""
+SUFFIX = ".parts"
+DESCRIPTION = "job.json"
+
+
+class Movie:
+    """Frames as a video file. Its folder is to be locked.
+
+    Parameters
+    ----------
+    path : Path
+    frames : range
+        Numbers of the frames, all of which the file will hold.
+    description : mapping of str to str
+        What makes the video this one; kept in the file as its comment, in JSON.
+    codec : {"h264", "hevc"}
+    rate : Fraction
+        Frames a second.
+    exposure : float
+    additions : mapping of bytes to bytes
+        See `join_pieces`.
+
+    Attributes
+    ----------
+    done : int
+        How many frames are there.
+
+    Raises
+    ------
+    FormatError
+        A render of something else has left its parts.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        frames: range,
+        description: Mapping[str, str],
+        *,
+        codec: CodecName,
+        rate: Fraction,
+        exposure: float,
+        additions: Mapping[bytes, bytes] | None = None,
+    ) -> None:
+        self.path, self.frames = path, frames
+        self._codec, self._rate, self._exposure = codec, rate, exposure
+        self._additions = additions
+        self._length = max(round(PIECE_S * rate), 1)
+        self._comment = json.dumps(dict(description), sort_keys=True)
+        # A link keeps pointing where it did.
+        self._target = Path(os.path.realpath(path))
+        self.parts = self._target.with_name(self._target.name + SUFFIX)
+        self.finished = _same(read_comment(self._target), description)
+        if self.finished:
+            shutil.rmtree(self.parts, ignore_errors=True)
+        else:
+            self._open(description)
+        self._missing = [] if self.finished else list(self._absent())
+
+    @property
+    def done(self) -> int:
+        return len(self.frames) - len(self._missing)
+
+    def missing(self) -> Sequence[int]:
+        """Numbers of the frames that are still to be rendered, in order."""
+        return tuple(self._missing)
+
+    def write(self, index: int, picture: RenderedFrame, device: str) -> None:
+        """Keep a frame; with the last one of a piece, encode that.
+
+        Raises
+        ------
+        FormatError
+            It cannot be written.
+        """
+        position = self.frames.index(index)
+        path = self._picture(position)
+        with replacing(path) as temporary, temporary.open("wb") as file:
+            np.save(file, planes(picture.color, self._exposure, self._codec))
+        self._missing.remove(index)
+        self._encode(position - position % self._length)
+
+    def finish(self) -> None:
+        """All frames are there: make the file, and remove the parts.
+
+        Raises
+        ------
+        FormatError
+            It cannot be written, or a part is damaged.
+        """
+        if self.finished:
+            return
+        pieces = [(first, self._piece(first)) for first in self._firsts()]
+        joined = self.parts / f"joined{self._target.suffix}"
+        join_pieces(
+            joined, pieces, rate=self._rate, comment=self._comment, additions=self._additions
+        )
+        try:
+            with joined.open("rb") as file:
+                os.fsync(file.fileno())
+            joined.replace(self._target)
+        except OSError as error:
+            raise FormatError(f"{self.path}: cannot be written: {error.strerror}") from error
+        shutil.rmtree(self.parts, ignore_errors=True)
+        self.finished = True
+
+    def _open(self, description: Mapping[str, str]) -> None:
+        """Make the folder of parts, or take up one of the same video."""
+        file = self.parts / DESCRIPTION
+        if not file.exists():
+            if self.parts.exists() and any(self.parts.glob("[0-9]*")):
+                raise FormatError(f"{self.parts}: is no folder of ours; move it out of the way")
+            with replacing(file) as temporary:
+                temporary.write_text(json.dumps(dict(description), indent=2) + "\n", "utf-8")
+        differs = difference(_read(file), description)
+        if differs is not None:
+            raise FormatError(
+                f"{self.parts}: holds frames that were rendered otherwise ({differs}); delete it "
+                "or name another file"
+            )
+        for path in self.parts.glob(".*.tmp"):
+            path.unlink()
+        for first in self._firsts():
+            self._encode(first)
+
+    def _absent(self) -> Iterator[int]:
+        """Numbers of frames that no part holds."""
+        for first in self._firsts():
+            if not self._piece(first).exists():
+                for position in self._positions(first):
+                    if not self._picture(position).exists():
+                        yield self.frames[position]
+
+    def _firsts(self) -> range:
+        """Where pieces start."""
+        return range(0, len(self.frames), self._length)
+
+    def _positions(self, first: int) -> range:
+        return range(first, min(first + self._length, len(self.frames)))
+
+    def _piece(self, first: int) -> Path:
+        return self.parts / f"{first:07d}.mp4"
+
+    def _picture(self, position: int) -> Path:
+        return self.parts / f"{position:07d}.npy"
+
+    def _encode(self, first: int) -> None:
+        """Make a piece of its pictures, if these are complete, and remove them."""
+        pictures = [self._picture(position) for position in self._positions(first)]
+        there = [path for path in pictures if path.exists()]
+        if not self._piece(first).exists():
+            if len(there) < len(pictures):
+                return
+            loaded = (_load(path) for path in pictures)
+            encode_piece(self._piece(first), loaded, codec=self._codec, rate=self._rate)
+        for path in there:
+            path.unlink()
+
+
+def _load(path: Path) -> NDArray[Any]:
+    try:
+        return np.asarray(np.load(path, allow_pickle=False))
+    except (OSError, ValueError) as error:
+        raise FormatError(f"{path}: damaged; delete it and render on") from error
+
+
+def _read(path: Path) -> dict[str, str]:
+    try:
+        found = json.loads(path.read_text("utf-8"))
+    except (OSError, ValueError) as error:
+        raise FormatError(f"{path}: cannot be read; delete its folder") from error
+    return found if isinstance(found, dict) else {}
+
+
+def _same(comment: str | None, description: Mapping[str, str]) -> bool:
+    """Whether a file's comment is that of the same video."""
+    try:
+        found = json.loads(comment or "null")
+    except ValueError:
+        return False
+    return isinstance(found, dict) and difference(found, description) is None

@@ -1,0 +1,161 @@
+"""A video as numbered pictures, of which those that are there already are kept."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from iprt.errors import FormatError
+from iprt.output.encode import FORMATS
+from iprt.output.metadata import difference
+from iprt.output.picture import write_picture
+from iprt.scene.manifest_problems import FRAME_PATTERN
+
+if TYPE_CHECKING:
+    from iprt.renderer import RenderedFrame
+
+LEFT_BEHIND = re.compile(r"\.[0-9a-f]{32}\.tmp")
+"""Names of files that `replacing` could not remove, because its process was killed."""
+PNG_END = bytes.fromhex("00000000 49454e44 ae426082")
+"""The last chunk of every PNG file."""
+
+Metadata = Mapping[str, str]
+
+
+def is_pattern(path: Path) -> bool:
+    """Whether the file's name has a place for a number."""
+    return FRAME_PATTERN.search(path.name) is not None
+
+
+def is_video(path: Path) -> bool:
+    """Whether more than one frame can go there: numbered pictures, or a video file."""
+    return is_pattern(path) or path.suffix.lower() in FORMATS
+
+
+def numbered(pattern: Path, index: int) -> Path:
+    """The file of a frame.
+
+    Raises
+    ------
+    FormatError
+        There is more than one place for the number.
+    """
+    if "%" in FRAME_PATTERN.sub("", pattern.name, count=1):
+        raise FormatError(f"{pattern}: expected one %d or %04d and no other %")
+    return pattern.with_name(FRAME_PATTERN.sub(lambda match: match[0] % index, pattern.name))
+
+
+class PictureSequence:
+    """Frames as files of their own. Its folder is to be locked.
+
+    Parameters
+    ----------
+    pattern : Path
+    frames : range
+        Numbers of the frames.
+    describe : callable
+        Metadata of a frame, by its number.
+    exposure : float
+        For formats that hold what a display shows.
+
+    Attributes
+    ----------
+    done : int
+        How many frames are there.
+
+    Raises
+    ------
+    FormatError
+        A file is there that this render has not made.
+    """
+
+    def __init__(
+        self,
+        pattern: Path,
+        frames: range,
+        describe: Callable[[int], Metadata],
+        exposure: float,
+    ) -> None:
+        self.pattern, self.frames = pattern, frames
+        self._describe, self._exposure = describe, exposure
+        for path in pattern.parent.iterdir():
+            if LEFT_BEHIND.fullmatch(path.name):
+                path.unlink()
+        self._missing = [index for index in frames if not self._is_there(index)]
+
+    @property
+    def done(self) -> int:
+        return len(self.frames) - len(self._missing)
+
+    def missing(self) -> Sequence[int]:
+        """Numbers of the frames that are still to be rendered, in order."""
+        return tuple(self._missing)
+
+    def write(self, index: int, picture: RenderedFrame, device: str) -> None:
+        """Keep a frame that the device of that name has rendered.
+
+        Raises
+        ------
+        FormatError
+            It cannot be written.
+        """
+        write_picture(
+            numbered(self.pattern, index),
+            picture.color,
+            aovs=picture.aovs,
+            exposure=self._exposure,
+            metadata={**self._describe(index), "iprt:device": device},
+        )
+        self._missing.remove(index)
+
+    def finish(self) -> None:
+        """Every frame stands by itself."""
+
+    def _is_there(self, index: int) -> bool:
+        path = numbered(self.pattern, index)
+        if not path.exists():
+            return False
+        found = read_metadata(path)
+        if found is None:
+            raise FormatError(
+                f"{path}: is damaged, or no picture of ours; delete it or write elsewhere"
+            )
+        differs = difference(found, self._describe(index))
+        if differs is not None:
+            raise FormatError(
+                f"{path}: was rendered otherwise ({differs}); delete such frames or write elsewhere"
+            )
+        return True
+
+
+def read_metadata(path: Path) -> Metadata | None:
+    """What a rendered picture says of itself; None if it is not whole, or not ours."""
+    read = _read_exr if path.suffix.lower() == ".exr" else _read_png
+    try:
+        found = {key: value for key, value in read(path).items() if key.startswith("iprt:")}
+    except (FormatError, OSError, SyntaxError, ValueError, RuntimeError):
+        return None
+    return found or None
+
+
+def _read_exr(path: Path) -> dict[str, str]:
+    from iprt.scene.exr import exr_size
+
+    exr_size(path)  # complete
+    import OpenEXR
+
+    header = OpenEXR.File(str(path), header_only=True).header()
+    return {key: value for key, value in header.items() if isinstance(value, str)}
+
+
+def _read_png(path: Path) -> dict[str, str]:
+    from PIL import Image
+
+    with path.open("rb") as file:
+        file.seek(-len(PNG_END), 2)
+        if file.read() != PNG_END:
+            raise FormatError(f"{path}: cut off")
+    with Image.open(path, formats=["PNG"]) as image:
+        return {str(key): text for key, text in image.info.items() if isinstance(text, str)}

@@ -1,0 +1,59 @@
+"""What tells players that a video is a whole panorama, to be looked around in.
+
+Both versions of Google's "Spherical Video RFC" (github.com/google/spatial-media, docs/): boxes in
+the format of the pictures, and XML in the track for players that know no more than that.
+"""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+from uuid import UUID
+
+from iprt import __version__
+from iprt.output.boxes import box, full_box
+
+SUFFIXES = (".mp4", ".mov")
+"""Of files that can hold these boxes."""
+XML_ID = UUID("ffcc8263-f855-4a93-8814-587a02521fdd").bytes
+"""Of the box that holds the XML."""
+MONO = 0
+_RDF = "http://www.w3.org/1999/02/22-rdf-syntax-ns#"
+_GOOGLE = "http://ns.google.com/videos/1.0/spherical/"
+
+
+def is_spherical(path: Path) -> bool:
+    """Whether files of that name can say that they show a panorama."""
+    return path.suffix.lower() in SUFFIXES
+
+
+def equirect_boxes() -> dict[bytes, bytes]:
+    """Of an equirect video for one eye: additions for `index_first`."""
+    return {b"stsd": _stereo() + _projection(), b"trak": box(b"uuid", XML_ID, _xml().encode())}
+
+
+def _stereo() -> bytes:
+    return full_box(b"st3d", bytes([MONO]))
+
+
+def _projection() -> bytes:
+    """The picture's middle straight ahead, and no part of the sphere left out."""
+    maker = full_box(b"svhd", f"iprt {__version__}".encode() + b"\0")
+    pose = full_box(b"prhd", struct.pack(">3i", 0, 0, 0))
+    bounds = full_box(b"equi", struct.pack(">4I", 0, 0, 0, 0))
+    return box(b"sv3d", maker, box(b"proj", pose, bounds))
+
+
+def _xml() -> str:
+    facts = {
+        "Spherical": "true",
+        "Stitched": "true",
+        "StitchingSoftware": f"iprt {__version__}",
+        "ProjectionType": "equirectangular",
+        "StereoMode": "mono",
+    }
+    inner = "".join(f"<GSpherical:{key}>{value}</GSpherical:{key}>" for key, value in facts.items())
+    return (
+        f'<?xml version="1.0"?><rdf:SphericalVideo xmlns:rdf="{_RDF}" '
+        f'xmlns:GSpherical="{_GOOGLE}">{inner}</rdf:SphericalVideo>'
+    )

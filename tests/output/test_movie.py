@@ -1,0 +1,250 @@
+"""Video files that grow: whatever ends a render, it goes on, and the file is the same."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from fractions import Fraction
+from itertools import pairwise
+from pathlib import Path
+
+import av
+import numpy as np
+import pytest
+
+from iprt.errors import FormatError
+from iprt.output.encode import join_pieces
+from iprt.output.movie import SUFFIX, Movie
+from iprt.renderer import RenderedFrame
+from tests.output.test_sequence import metadata
+
+ROOT = Path(__file__).parents[2]
+FRAMES = range(10, 24, 2)
+RATE = Fraction(3, 2)
+"""Pieces of 2 seconds are 3 pictures long."""
+
+
+def picture(index: int) -> RenderedFrame:
+    y, x = np.mgrid[0:16, 0:32]
+    color = np.stack([x / 32.0, y / 16.0, np.full(x.shape, 0.04 * index)], axis=-1)
+    return RenderedFrame(color.astype(np.float32), {})
+
+
+def movie(path: Path, frames: range = FRAMES, **changed: str) -> Movie:
+    description = {**metadata(), **changed}
+    return Movie(path, frames, description, codec="h264", rate=RATE, exposure=1.0)
+
+
+def grown(path: Path) -> Path:
+    """A whole file."""
+    target = movie(path)
+    for index in target.missing():
+        target.write(index, picture(index), "a device")
+    target.finish()
+    return path
+
+
+def names(folder: Path) -> set[str]:
+    return {path.name for path in folder.iterdir()}
+
+
+def test_parts_are_pieces_and_the_pictures_of_the_next(tmp_path: Path) -> None:
+    path = tmp_path / "a.mp4"
+    target = movie(path)
+    held = []
+    for index in FRAMES:
+        target.write(index, picture(index), "a device")
+        held.append(names(target.parts) - {"job.json"})
+    assert target.parts == tmp_path / "a.mp4.parts"
+    assert held == [
+        {"0000000.npy"},
+        {"0000000.npy", "0000001.npy"},
+        {"0000000.mp4"},
+        {"0000000.mp4", "0000003.npy"},
+        {"0000000.mp4", "0000003.npy", "0000004.npy"},
+        {"0000000.mp4", "0000003.mp4"},
+        {"0000000.mp4", "0000003.mp4", "0000006.mp4"},
+    ]
+    assert not path.exists()
+    target.finish()
+    assert names(tmp_path) == {"a.mp4"}
+    with av.open(str(path)) as container:
+        shown = [frame.to_ndarray(format="rgb24")[8, 16, 2] for frame in container.decode(video=0)]
+    assert len(shown) == len(FRAMES)
+    assert all(later > sooner for sooner, later in pairwise(shown))
+
+
+def test_a_finished_file_is_left_alone(tmp_path: Path) -> None:
+    path = grown(tmp_path / "a.mp4")
+    before = path.stat()
+    target = movie(path)
+    assert (target.finished, target.missing(), target.done) == (True, (), len(FRAMES))
+    target.finish()
+    assert path.stat() == before
+    assert names(tmp_path) == {"a.mp4"}
+
+
+def test_a_file_of_other_settings_is_replaced_when_the_new_one_is_whole(tmp_path: Path) -> None:
+    path = grown(tmp_path / "a.mp4")
+    before = path.read_bytes()
+    target = movie(path, **{"iprt:seed": "7"})
+    assert len(target.missing()) == len(FRAMES)
+    for index in FRAMES:
+        assert path.read_bytes() == before
+        target.write(index, picture(index), "a device")
+    target.finish()
+    assert path.read_bytes() != before
+
+
+def test_parts_of_another_video_are_not_mixed_in(tmp_path: Path) -> None:
+    path = tmp_path / "a.mp4"
+    movie(path).write(10, picture(10), "a device")
+    with pytest.raises(FormatError) as caught:
+        movie(path, **{"iprt:seed": "7"})
+    assert str(caught.value) == (
+        f"{path}.parts: holds frames that were rendered otherwise (seed is 0 there and 7 now); "
+        "delete it or name another file"
+    )
+    (tmp_path / "a.mp4.parts" / "job.json").unlink()
+    with pytest.raises(FormatError, match=r"a\.mp4\.parts: is no folder of ours"):
+        movie(path)
+
+
+def test_a_link_keeps_pointing_where_it_did(tmp_path: Path) -> None:
+    (tmp_path / "there").mkdir()
+    (tmp_path / "a.mp4").symlink_to(tmp_path / "there" / "b.mp4")
+    grown(tmp_path / "a.mp4")
+    assert (tmp_path / "a.mp4").is_symlink()
+    assert names(tmp_path / "there") == {"b.mp4"}
+
+
+@pytest.mark.parametrize("call", ["fsync", "replace"])
+def test_a_full_disk_keeps_what_is_finished(
+    call: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "a.mp4"
+    target = movie(path)
+    target.write(10, picture(10), "a device")
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, call, full)
+    with pytest.raises(FormatError, match="No space left"):
+        target.write(12, picture(12), "a device")
+    monkeypatch.undo()
+    assert names(target.parts) == {"job.json", "0000000.npy"}
+    assert movie(path).missing() == tuple(FRAMES[1:])
+
+
+def test_a_full_disk_at_the_end_loses_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "a.mp4"
+    target = movie(path)
+    for index in FRAMES:
+        target.write(index, picture(index), "a device")
+
+    def full(file: Path, *_: object, **__: object) -> None:
+        join_pieces(file, *_, **__)
+        raise FormatError(f"{file}: cannot be written: No space left on device")
+
+    monkeypatch.setattr("iprt.output.movie.join_pieces", full)
+    with pytest.raises(FormatError, match="No space left"):
+        target.finish()
+    monkeypatch.undo()
+    again = movie(path)
+    assert again.missing() == ()
+    again.finish()
+    assert path.read_bytes() == grown(tmp_path / "b.mp4").read_bytes()
+
+
+# Killed at any moment ----------------------------------------------------------------------------
+
+KILLED = """
+import json, os, signal, sys
+from pathlib import Path
+from tests.output import test_movie as tests
+from tests.output.test_sequence import sequence
+
+folder, kind = Path(sys.argv[1]), sys.argv[2]
+
+def render(path, log):
+    if kind == "movie":
+        target = tests.movie(path)
+    else:
+        path.mkdir(exist_ok=True)
+        target = sequence(path, tests.FRAMES, kind)
+    for index in target.missing():
+        target.write(index, tests.picture(index), "a device")
+        with log.open("a") as file:
+            file.write(f"{index} ")
+    target.finish()
+
+calls = {"moments": 0, "last": None}
+def watched(name, function):
+    def call(*args, **kwargs):
+        for _ in range(2):  # before and after
+            calls["moments"] += 1
+            if calls["moments"] == calls["last"]:
+                os.kill(os.getpid(), signal.SIGKILL)
+            if _ == 0:
+                result = function(*args, **kwargs)
+        return result
+    return call
+for name in ("replace", "unlink", "fsync", "rmdir", "mkdir"):
+    setattr(os, name, watched(name, getattr(os, name)))
+
+whole = folder / "whole.mp4"
+render(whole, folder / "whole.log")
+moments = calls["moments"]
+log = folder / "log"
+ends = []
+for last in range(1, moments + 1, int(sys.argv[3])):
+    path = folder / f"{last}.mp4"
+    log = folder / f"{last}.log"
+    child = os.fork()
+    if child == 0:
+        calls.update(moments=0, last=last)
+        render(path, log)
+        os._exit(0)
+    _, status = os.waitpid(child, 0)
+    calls["last"] = None
+    render(path, log)
+    ends.append((os.WIFSIGNALED(status), log.read_text().split()))
+print(json.dumps([moments, ends]))
+"""
+
+
+@pytest.mark.parametrize(("kind", "every"), [("movie", 3), ("%d.png", 2), ("%d.exr", 5)])
+def test_a_render_killed_at_any_moment_goes_on(kind: str, every: int, tmp_path: Path) -> None:
+    """The file is the same to the byte, and no finished frame was rendered again."""
+    done = subprocess.run(
+        [sys.executable, "-c", KILLED, tmp_path, kind, str(every)],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    moments, ends = json.loads(done.stdout)
+    assert moments > 4 * len(FRAMES)
+    assert len(ends) == len(range(1, moments + 1, every))
+    assert all(killed for killed, _ in ends)
+    for _, rendered in ends:
+        again = len(rendered) - len(set(rendered))
+        assert set(rendered) <= {str(index) for index in FRAMES}
+        assert again == 0
+        assert len(rendered) >= len(FRAMES) - 1, "one may be written and not logged"
+    whole = contents(tmp_path / "whole.mp4")
+    assert len(whole) == (1 if kind == "movie" else len(FRAMES))
+    for last in range(1, moments + 1, every):
+        assert contents(tmp_path / f"{last}.mp4") == whole, last
+    assert not list(tmp_path.glob(f"*{SUFFIX}"))
+
+
+def contents(path: Path) -> dict[str, bytes]:
+    files = sorted(path.iterdir()) if path.is_dir() else [path]
+    return {"" if each == path else each.name: each.read_bytes() for each in files}

@@ -1,0 +1,134 @@
+"""Numbered pictures: what is there is kept if it is the same, and nothing is mixed."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from iprt.errors import FormatError
+from iprt.output.metadata import difference, picture_metadata
+from iprt.output.picture import write_picture
+from iprt.output.sequence import PictureSequence, is_pattern, is_video, numbered, read_metadata
+from iprt.renderer import RenderedFrame
+from iprt.scene.camera import View
+from iprt.settings import Settings
+
+PICTURE = RenderedFrame(np.full((4, 6, 3), 0.5, np.float32), {})
+
+
+def metadata(index: int = 0, **changed: Any) -> dict[str, str]:
+    given: dict[str, Any] = {
+        "scene": "room",
+        "view": View(6, 4, yaw_deg=2.0 * index),
+        "objects": ("cube",),
+        "settings": Settings().model_dump(mode="json"),
+        "seed": 0,
+        "frames": 4,
+        "device": "",
+    }
+    return {**picture_metadata(**{**given, **changed}), "iprt:frame": str(index)}
+
+
+def sequence(folder: Path, frames: range = range(4), name: str = "%02d.png") -> PictureSequence:
+    return PictureSequence(folder / name, frames, metadata, 1.0)
+
+
+@pytest.mark.parametrize("name", ["a%02d.png", "%d.exr"])
+def test_what_is_there_is_kept(name: str, tmp_path: Path) -> None:
+    first = sequence(tmp_path, range(3, 9, 2), name)
+    assert first.missing() == (3, 5, 7)
+    first.write(3, PICTURE, "a device")
+    first.write(7, PICTURE, "a device")
+    assert first.missing() == (5,)
+    files = {path: path.stat().st_mtime_ns for path in tmp_path.iterdir()}
+    assert set(files) == {numbered(tmp_path / name, 3), numbered(tmp_path / name, 7)}
+    again = sequence(tmp_path, range(3, 9), name)
+    assert (again.missing(), again.done) == ((4, 5, 6, 8), 2), "of another range"
+    assert {path: path.stat().st_mtime_ns for path in tmp_path.iterdir()} == files
+    told = read_metadata(numbered(tmp_path / name, 7))
+    assert told == {**metadata(7), "iprt:device": "a device"}
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"seed": 7}, "seed is 0 there and 7 now"),
+        ({"scene": "hall"}, 'scene is "room" there and "hall" now'),
+        ({"frames": 8}, "frames is 4 there and 8 now"),
+        ({"view": View(6, 4, pitch_deg=5.0)}, "view.pitch_deg is 0.0 there and 5.0 now"),
+        ({"objects": None}, 'view.objects is ["cube"] there and null now'),
+        ({"settings": {"trace": {"rays": 8}}}, "settings.trace.rays is 1 there and 8 now"),
+    ],
+)
+def test_pictures_made_otherwise_are_not_mixed_in(
+    changed: dict[str, Any], message: str, tmp_path: Path
+) -> None:
+    sequence(tmp_path).write(0, PICTURE, "a device")
+    with pytest.raises(FormatError) as caught:
+        PictureSequence(tmp_path / "%02d.png", range(4), lambda i: metadata(i, **changed), 1.0)
+    assert str(caught.value) == (
+        f"{tmp_path}/00.png: was rendered otherwise ({message}); delete such frames or write "
+        "elsewhere"
+    )
+
+
+def test_devices_may_differ() -> None:
+    assert difference(metadata(), metadata(device="another")) is None
+    assert difference({**metadata(), "dpi": "72"}, metadata()) is None, "not ours"
+
+
+@pytest.mark.parametrize("name", ["%02d.png", "%02d.exr"])
+@pytest.mark.parametrize("kept", [0.0, 0.5, 0.99])
+def test_what_is_not_whole_is_named(kept: float, name: str, tmp_path: Path) -> None:
+    sequence(tmp_path, name=name).write(1, PICTURE, "a device")
+    path = numbered(tmp_path / name, 1)
+    data = path.read_bytes()
+    path.write_bytes(data[: int(kept * len(data))])
+    with pytest.raises(FormatError, match=f"{path.name}: is damaged, or no picture of ours"):
+        sequence(tmp_path, name=name)
+
+
+@pytest.mark.parametrize("name", ["%02d.png", "%02d.exr"])
+def test_pictures_of_others_are_not_overwritten(name: str, tmp_path: Path) -> None:
+    write_picture(numbered(tmp_path / name, 2), PICTURE.color, metadata={"Software": "other"})
+    with pytest.raises(FormatError, match="no picture of ours; delete it or write elsewhere"):
+        sequence(tmp_path, name=name)
+
+
+def test_what_a_killed_render_left_is_removed(tmp_path: Path) -> None:
+    left = tmp_path / f".{'0a' * 16}.tmp"
+    left.write_bytes(b"half")
+    (tmp_path / ".mine.tmp").write_bytes(b"mine")
+    sequence(tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == [".mine.tmp"]
+
+
+@pytest.mark.parametrize(
+    ("name", "pattern", "video"),
+    [
+        ("%d.png", True, True),
+        ("a.%04d.exr", True, True),
+        ("a.png", False, False),
+        ("50%.png", False, False),
+        ("a.MP4", False, True),
+        ("a.mkv", False, True),
+    ],
+)
+def test_what_names_mean(name: str, pattern: bool, video: bool) -> None:
+    assert (is_pattern(Path("%d") / name), is_video(Path(name))) == (pattern, video)
+
+
+def test_one_number_in_a_name() -> None:
+    assert numbered(Path("o/%03d.png"), 12) == Path("o/012.png")
+    with pytest.raises(FormatError, match=r"expected one %d or %04d and no other %"):
+        numbered(Path("%d-%d.png"), 1)
+
+
+def test_metadata_are_json_where_they_are_values() -> None:
+    values: Mapping[str, str] = metadata(3)
+    assert json.loads(values["iprt:view"])["yaw_deg"] == 6.0
