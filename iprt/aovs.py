@@ -131,6 +131,7 @@ AOVS: dict[str, Reader] = {
     "depth": _mixed("depth", slice(0, 1)),
     "albedo": _visible("albedo", slice(0, 3)),
     "coverage": _visible("coverage", slice(0, 1)),
+    "motion": _mixed("motion", slice(0, 2)),
     "ratio": _ratio,
     "irradiance_real": _irradiance_real,
     "irradiance_mixed": _irradiance_mixed,
@@ -141,12 +142,13 @@ AOVS: dict[str, Reader] = {
     "tracing_level": _tracing_level,
 }
 """Name -> what reads it back. background: radiance without objects; normal (world) and depth
-(metres from the capture centre) of what is seen; albedo and coverage of the objects; ratio:
-E_RV / E_R; irradiance_*: E_R and E_RV over pi; diffuse: what the albedo is multiplied by;
-specular: radiance; highlight: what glossy real surfaces reflect towards the camera, of the
-background; gloss: what objects change in it; tracing_level: 0, 1, 2, and 255 where nothing is
-traced. All but the background is in the colours of the video's reference frame
-(`iprt.scene.drift`), where the frame's differ."""
+(metres from the capture centre) of what is seen; albedo and coverage of the objects; motion: x and
+y in pixels of where what is seen was in the frame before, -1e9: nowhere; ratio: E_RV / E_R;
+irradiance_*: E_R and E_RV over pi; diffuse: what the albedo is multiplied by; specular: radiance;
+highlight: what glossy real surfaces reflect towards the camera, of the background; gloss: what
+objects change in it; tracing_level: 0, 1, 2, and 255 where nothing is traced. All but the
+background is in the colours of the video's reference frame (`iprt.scene.drift`), where the frame's
+differ."""
 
 
 def read_aov(renderer: Renderer, name: str) -> Image:

@@ -11,12 +11,17 @@ from typing import TYPE_CHECKING, Literal
 
 import tyro
 
+from iprt.commands.compare_video import NO_VIDEO, Video, combinations_of, compare_video
 from iprt.commands.knobs import BALANCED, Knobs
 from iprt.errors import IprtError
 
 if TYPE_CHECKING:
+    from iprt.device.compute import ComputeDevice
     from iprt.measure.compare import Compared, Comparison
+    from iprt.measure.target import Background
     from iprt.output.grid import Grid
+    from iprt.scene.scene import Scene
+    from iprt.settings import Settings
 
 
 def compare(
@@ -34,12 +39,13 @@ def compare(
     fail_under_ssim: float | None = None,
     save: Path | None = None,
     html: Path | None = None,
+    video: Video = NO_VIDEO,
     allow_outside: bool = False,
 ) -> int:
     """Render a scene's views and score them against its path-traced truth.
 
     Images are compared as displayed: exposed, clipped to [0, 1], sRGB-encoded. RMSE is of linear
-    radiance.
+    radiance. A video is played, frame by frame, and its flicker is measured too.
 
     Parameters
     ----------
@@ -54,7 +60,7 @@ def compare(
         What the camera sees behind the objects: the resampled panorama, or the truth's own
         background, which isolates relighting from the panorama's resolution.
     frames
-        Frames accumulated into each picture.
+        Frames accumulated into each picture; of a video, into those that --trails takes as true.
     seed
         Seed of the random numbers; the same seed gives the same picture on the same device.
         Short for --set seed=.
@@ -68,49 +74,91 @@ def compare(
     fail_under_ssim
         Exit with status 1 if the SSIM of any whole view is lower.
     save
-        Folder for one PNG per row: render, truth, and four times their absolute difference.
+        Folder for one PNG per row: render, truth, and four times their absolute difference; of a
+        video, some of its frames.
     html
-        Page to write: render, truth, difference and FLIP's map of each row, in one file.
+        Page to write: render, truth, difference and FLIP's map of each row, in one file. Not of
+        videos.
+    video
+        What is asked of a video besides.
     allow_outside
         Read files of the scene that are links to what lies outside its folder.
 
     Returns
     -------
     int
-        Exit status: 0, or 1 if a score missed `fail_under_ssim`.
+        Exit status: 0, or 1 if a score missed `fail_under_ssim` or `fail_over_flicker`.
     """
     _check_arguments(frames, fail_under_ssim)
-    from iprt.commands.progress import progress_bar
+    video.check()
     from iprt.device.choose import choose_device
     from iprt.device.compute import ComputeDevice
-    from iprt.measure.compare import METHODS, compare_views
-    from iprt.measure.report import Report, compared_figures
+    from iprt.measure.compare import METHODS
     from iprt.measure.target import views_with_truth
     from iprt.output.atomic import require_writable
-    from iprt.output.grid import print_grid
-    from iprt.output.lock import locked
     from iprt.scene.scene import Scene
 
     asked: list[str | None] = [name for name in METHODS if name in method or "all" in method]
-    variants = [knobs.resolved(still=True, seed=seed, method=name) for name in asked or [None]]
+    for name in asked or [None]:
+        knobs.resolved(seed=seed, method=name)  # faults in flags are told first
     opened = Scene.open(scene, allow_outside=allow_outside)
     views = views_with_truth(opened, view)
     for path in (html, None if save is None else save / "x.png"):
         if path is not None:
             require_writable(path)
             opened.require_not_ours(path)
+    if len(opened.frame_indices) > 1:
+        if html is not None:
+            raise IprtError(f"--html {html}: is for still pictures; --save shows frames of a video")
+        chosen = combinations_of(knobs, seed, asked, video)
+        compute = ComputeDevice(choose_device(device))
+        played = compare_video(
+            opened, views, chosen, video, compute, background, frames, json=json, save=save
+        )
+        ssim = [scores.ssim for result in played for scores in result.scores.values()]
+        return int(_any_below(ssim, fail_under_ssim) or video.missed(played))
+    video.require_none(opened.name)
+    variants = [knobs.resolved(still=True, seed=seed, method=name) for name in asked or [None]]
     compute = ComputeDevice(choose_device(device))
+    results = _compare_stills(
+        opened, views, variants, compute, background, frames, save=save, html=html
+    )
+    if json:
+        print(json_format.dumps([result.record() for result in results], indent=2))
+    else:
+        from iprt.output.grid import print_grid
+
+        print_grid(score_grid(results))
+    return int(_any_below([result.scores.ssim for result in results], fail_under_ssim))
+
+
+def _compare_stills(
+    scene: Scene,
+    views: Sequence[str],
+    variants: Sequence[Settings],
+    device: ComputeDevice,
+    background: Background,
+    frames: int,
+    *,
+    save: Path | None,
+    html: Path | None,
+) -> list[Comparison]:
+    from iprt.commands.progress import progress_bar
+    from iprt.measure.compare import compare_views
+    from iprt.measure.report import Report, compared_figures
+    from iprt.output.lock import locked
+
     results: list[Comparison] = []
-    report = Report(f"{opened.name}: compared with its truth")
+    report = Report(f"{scene.name}: compared with its truth")
     with (
         nullcontext() if save is None else locked(save),
         progress_bar("comparing", len(views) * len(variants) * frames) as progress,
     ):
         for compared in compare_views(
-            opened,
+            scene,
             views,
             variants,
-            device=compute,
+            device=device,
             background=background,
             frames=frames,
             progress=lambda done: progress(len(results) * frames + done),
@@ -122,12 +170,7 @@ def compare(
                 report.grids = [score_grid(results)]
                 report.figures.append(compared_figures(compared))
                 report.write(html)
-    if json:
-        print(json_format.dumps([result.record() for result in results], indent=2))
-    else:
-        print_grid(score_grid(results))
-    missed = fail_under_ssim is not None and any(r.scores.ssim < fail_under_ssim for r in results)
-    return 1 if missed else 0
+    return results
 
 
 def score_grid(results: Sequence[Comparison]) -> Grid:
@@ -155,6 +198,10 @@ def score_grid(results: Sequence[Comparison]) -> Grid:
         notes=("FLIP: pip install 'iprt[metrics]'",) if lacking else (),
         words=2,
     )
+
+
+def _any_below(values: Sequence[float], limit: float | None) -> bool:
+    return limit is not None and any(value < limit for value in values)
 
 
 def _check_arguments(frames: int, fail_under_ssim: float | None) -> None:

@@ -92,6 +92,7 @@ def combinations(
     sweeps: Sequence[str],
     *,
     one_at_a_time: bool = False,
+    still: bool = True,
 ) -> list[Combination]:
     """What `sweeps`, texts such as `trace.rays=1,2,4`, ask for; all are checked.
 
@@ -101,13 +102,15 @@ def combinations(
         What is the same in all, unless it is swept.
     one_at_a_time : bool
         Change one knob at a time, after a combination that changes none; else the product.
+    still : bool
+        They are for pictures in which nothing moves.
 
     Raises
     ------
     IprtError
         A value is not allowed, a knob is swept twice, or there are too many combinations.
     """
-    axes = [_axis(text) for text in sweeps]
+    axes = [_axis(text, still=still) for text in sweeps]
     keys = [axis[0].key for axis in axes]
     twice = next((key for key in keys if keys.count(key) > 1), None)
     if twice is not None:
@@ -125,13 +128,13 @@ def combinations(
     return found
 
 
-def _axis(text: str) -> list[Assignment]:
+def _axis(text: str, *, still: bool) -> list[Assignment]:
     """The assignments that a sweep goes through."""
     key, equals, values = (part.strip() for part in text.partition("="))
     if not equals or not key or not values:
         raise IprtError(f"--sweep {text}: expected KEY=VALUE,VALUE,..., such as trace.rays=1,2,4")
     words = [word.strip() for word in values.split(",")]
-    if key in STILL:
+    if still and key in STILL:
         raise IprtError(
             f"--sweep {text}: has no effect on a still picture, which averages all its frames"
         )

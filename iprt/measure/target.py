@@ -138,15 +138,28 @@ def views_with_truth(scene: Scene, names: Sequence[str] = ()) -> list[str]:
     return found
 
 
+def truth_indices(scene: Scene, name: str) -> list[int]:
+    """Frames of the video at which a view has a truth."""
+    path = scene.views[name].truth
+    if path is None:
+        return []
+    pattern = str(path.relative_to(scene.root))
+    return [i for i in scene.frame_indices if frame_path(scene.root, pattern, i).is_file()]
+
+
 def read_target(
-    scene: Scene, name: str, background: Background, size: tuple[int, int] | None = None
+    scene: Scene,
+    name: str,
+    background: Background,
+    size: tuple[int, int] | None = None,
+    index: int | None = None,
 ) -> Target:
     """Read a view's truth and check all that can be checked before rendering.
 
-    Of a video, a view is compared at the first frame that has a truth.
-
     Parameters
     ----------
+    index : int or None
+        The frame of a video. None: the first one that has a truth.
     size : (int, int) or None
         Width and height to compare at: the truth is averaged over blocks of whole pixels.
 
@@ -162,13 +175,13 @@ def read_target(
     entry = scene.views[name]
     factor = _reduction(entry.view, name, size)
     view = entry.view.resized(entry.view.width // factor, entry.view.height // factor)
-    cuts = tuple(_reduced_cut(cut, factor) for cut in entry.cuts)
+    cuts = tuple(reduced_cut(cut, factor) for cut in entry.cuts)
     try:
         metrics.check_cuts(entry.cuts, entry.view.width, entry.view.height)
         metrics.check_cuts(cuts, view.width, view.height)
     except FormatError as error:
         raise FormatError(f"{scene.name}: views.{name}.cuts: {error}") from error
-    index, radiance = _read_picture(scene, name, "truth", entry.truth)
+    index, radiance = _read_picture(scene, name, "truth", entry.truth, index)
     behind = None
     if background == "truth":
         _, behind = _read_picture(scene, name, "truth_background", entry.truth_background, index)
@@ -208,7 +221,7 @@ def _reduced(image: Radiance, factor: int) -> Radiance:
     return means
 
 
-def _reduced_cut(cut: metrics.Cut, factor: int) -> metrics.Cut:
+def reduced_cut(cut: metrics.Cut, factor: int) -> metrics.Cut:
     """The cut in larger pixels, of which it keeps all that it touches."""
     x0, y0, x1, y1 = cut
     return x0 // factor, y0 // factor, -(-x1 // factor), -(-y1 // factor)

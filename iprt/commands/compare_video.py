@@ -1,0 +1,236 @@
+"""`iprt compare` on a scene whose video has several frames: how true and how steady it plays."""
+
+from __future__ import annotations
+
+import json as json_format
+import math
+from collections.abc import Iterator, Sequence
+from contextlib import nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import fmean
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+
+from iprt.commands.help import plain_default
+from iprt.errors import IprtError
+
+if TYPE_CHECKING:
+    from iprt.commands.knobs import KnobFlags
+    from iprt.device.compute import ComputeDevice
+    from iprt.measure.stability import Flicker
+    from iprt.measure.sweep import Combination
+    from iprt.measure.target import Background
+    from iprt.measure.video import Stability
+    from iprt.output.grid import Grid
+    from iprt.scene.scene import Scene
+
+
+@dataclass(frozen=True)
+class VideoFlags:
+    """What is asked of a video besides; a still picture takes none of it."""
+
+    play: Annotated[tuple[int, int] | None, plain_default()] = None
+    """First and last frame of the video to play. Default: all."""
+    size: Annotated[tuple[int, int] | None, plain_default()] = None
+    """Width and height in pixels: those of the truth divided by a whole number. Default: the
+    view's own."""
+    trails: bool = False
+    """Tell how long what has left is still seen: every frame is rendered once more without a past,
+    accumulating --frames frames."""
+    sweep: Annotated[tyro.conf.UseAppendAction[tuple[str, ...]], plain_default("KEY=VALUES")] = ()
+    """Values of a knob to compare, KEY=VALUE,VALUE; given several times: all combinations."""
+    one_at_a_time: bool = False
+    """Change one of the swept knobs at a time instead."""
+    fail_over_flicker: Annotated[float | None, plain_default("X")] = None
+    """Exit with status 1 if real pixels flicker more than so many times as much as the input."""
+    markdown: bool = False
+    """Print a Markdown table, for a page."""
+
+    def require_none(self, name: str) -> None:
+        """Fail if any is given, for a scene of that name with a single frame.
+
+        Raises
+        ------
+        IprtError
+        """
+        for field, default in vars(VideoFlags()).items():
+            if getattr(self, field) != default:
+                flag = field.replace("_", "-")
+                raise IprtError(f"--{flag}: is for videos; {name} has a single frame")
+
+    def check(self) -> None:
+        """Fail if a value is none.
+
+        Raises
+        ------
+        IprtError
+        """
+        limit = self.fail_over_flicker
+        if limit is not None and not (math.isfinite(limit) and limit >= 0.0):
+            raise IprtError(f"--fail-over-flicker {limit:g}: expected a factor, such as 1.3")
+
+    def indices(self, scene: Scene) -> range:
+        """The frames to play.
+
+        Raises
+        ------
+        IprtError
+            There are no such frames.
+        """
+        there = scene.frame_indices
+        first, last = self.play or (there[0], there[-1])
+        if not there[0] <= first <= last <= there[-1]:
+            raise IprtError(
+                f"--play {first} {last}: {scene.name} has the frames {there[0]} to {there[-1]}"
+            )
+        return range(first, last + 1)
+
+    def missed(self, results: Sequence[Stability]) -> bool:
+        """Whether real pixels flicker more than is allowed."""
+        limit = self.fail_over_flicker
+        return limit is not None and any(result.worst_flicker > limit for result in results)
+
+
+Video = tyro.conf.OmitArgPrefixes[VideoFlags]
+NO_VIDEO = VideoFlags()
+
+
+def combinations_of(
+    knobs: KnobFlags, seed: int | None, methods: Sequence[str | None], flags: VideoFlags
+) -> list[Combination]:
+    """The settings to play with: each of the methods, and what is swept.
+
+    Raises
+    ------
+    IprtError
+        A value is not allowed, or given twice.
+    """
+    from iprt.measure.sweep import combinations
+
+    several = [f"method={','.join(map(str, methods))}"] if len(methods) > 1 else []
+    return combinations(
+        knobs.quality,
+        knobs.assignments(seed=seed, method=methods[0] if len(methods) == 1 else None),
+        [*several, *flags.sweep],
+        one_at_a_time=flags.one_at_a_time,
+        still=False,
+    )
+
+
+def compare_video(
+    scene: Scene,
+    views: Sequence[str],
+    chosen: Sequence[Combination],
+    flags: VideoFlags,
+    device: ComputeDevice,
+    background: Background,
+    frames: int,
+    *,
+    json: bool,
+    save: Path | None,
+) -> list[Stability]:
+    """Play the views and print what was measured."""
+    from iprt.commands.progress import progress_bar
+    from iprt.measure.strip import Strip
+    from iprt.measure.video import Player, resized
+    from iprt.output.lock import locked
+
+    indices = flags.indices(scene)
+    results: list[Stability] = []
+    with (
+        nullcontext() if save is None else locked(save),
+        progress_bar("playing", len(views) * len(indices)) as progress,
+    ):
+        for number, name in enumerate(views):
+            view = resized(scene.views[name], flags.size)
+            player = Player(
+                scene,
+                view,
+                chosen,
+                device=device,
+                background=background,
+                converge=frames if flags.trails else 0,
+            )
+            strips = [Strip(indices, view.cuts) for _ in chosen]
+            for done, moment in enumerate(player.play(indices), start=1):
+                for strip, shown in zip(strips, moment.shown, strict=True):
+                    strip.add(moment.index, shown, moment.converged)
+                progress(number * len(indices) + done)
+            found = player.results()
+            results += found
+            if save is not None:
+                for result, strip in zip(found, strips, strict=True):
+                    strip.write(save / f"{_file_name(result)}.png", result.record())
+    if json:
+        print(json_format.dumps([result.record() for result in results], indent=2))
+    else:
+        from iprt.output.grid import print_grid
+
+        print_grid(stability_grid(results, background), markdown=flags.markdown)
+    return results
+
+
+def _file_name(result: Stability) -> str:
+    """Knobs hold dots, values at times slashes."""
+    return f"{result.view}-{result.label}".replace("/", "_").replace(", ", "+")
+
+
+def stability_grid(results: Sequence[Stability], background: str) -> Grid:
+    """One row per view and settings; at least one result."""
+    from iprt.output.grid import Grid
+
+    trails = any(result.trail is not None for result in results)
+    columns = ["view", "settings", "SSIM", "cuts", "change", "untouched", "relit", "object"]
+    columns += ["relit/truth", "object/truth"]
+    columns += ["trail", "ghost 1, 4, 8"] if trails else []
+    return Grid(
+        title=f"video; background: {background}",
+        columns=tuple(columns),
+        rows=tuple(tuple(_row(result, trails=trails)) for result in results),
+        notes=NOTES if trails else NOTES[:-1],
+        words=2,
+    )
+
+
+NOTES = (
+    "SSIM, cuts: means over the frames with a truth. change: RMSE of the change from frame to "
+    "frame against the truth's, in 1/255.",
+    "untouched, relit, object: flicker, the mean absolute difference of consecutive pictures after "
+    "motion compensation, in 1/255; x: over the input's, or the truth's, on the same pixels.",
+    "trail: frames until what has left is no longer seen; ghost: which share of it is seen so many "
+    "frames later.",
+)
+
+
+def _row(result: Stability, *, trails: bool) -> Iterator[str]:
+    yield result.view
+    yield result.label
+    yield _number(result.mean(lambda scores: scores.ssim), 4)
+    cuts = zip(*(scores.ssim_cuts for scores in result.scores.values()), strict=True)
+    yield " ".join(f"{fmean(cut):.3f}" for cut in cuts) or "-"
+    change = result.temporal_error
+    yield _number(None if change is None else 255.0 * change, 2)
+    equal = "" if result.unequal == 0 else f" ({result.unequal} pixels differ)"
+    yield _flicker(result.flicker["untouched"]) + equal
+    yield _flicker(result.flicker["relit"])
+    yield _number(255.0 * result.flicker["object"].output, 2)
+    yield _flicker(result.true_flicker["relit"])
+    yield _flicker(result.true_flicker["object"])
+    if trails and result.trail is not None:
+        length = result.trail.frames
+        yield "-" if length is None else str(length)
+        ages = result.trail.ages
+        ghosts = [f"{100.0 * ages[age].ghost:.0f}%" for age in (1, 4, 8) if age < len(ages)]
+        yield ", ".join(ghosts)
+
+
+def _flicker(flicker: Flicker) -> str:
+    if flicker.pixels == 0:
+        return "-"
+    return f"{255.0 * flicker.output:.2f} ({flicker.ratio:.2f}x)"
+
+
+def _number(value: float | None, digits: int) -> str:
+    return "-" if value is None or math.isnan(value) else f"{value:.{digits}f}"

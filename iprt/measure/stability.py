@@ -1,0 +1,307 @@
+"""How steady a played video is: flicker after motion compensation, and trails of what has left.
+
+Everything here works on pictures as displayed, in [0, 1], and on what the renderer knows of each
+pixel; nothing renders. Both meters take one frame after the other and keep the last one only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import map_coordinates, maximum_filter, uniform_filter
+
+Image = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+Kind = Literal["untouched", "relit", "object"]
+"""What objects do to a pixel: nothing, to the last bit; they light or darken it; they cover it."""
+KINDS: tuple[Kind, ...] = get_args(Kind)
+
+NEIGHBOURHOOD = 3
+"""Side in pixels of the squares over which errors are averaged before trails are looked for: a
+trail is the same in neighbours, noise is not."""
+EXCESS = 1.25
+"""Error of what was left behind, over that of a film that has only begun, which still is noise."""
+LEVEL = 1.0 / 255.0
+"""Errors below one step of an 8-bit display are not seen."""
+MOVED_DEPTH = 0.05
+"""Share by which depth changes where another real surface is seen than before."""
+INFLUENCE, NO_INFLUENCE = 0.06, 0.015
+"""Changes of a real pixel's light that are seen, and that are not."""
+LEAST_PIXELS = 200
+"""Fewer pixels of an age say nothing."""
+
+
+def pixel_kinds(
+    coverage: NDArray[np.floating], ratio: NDArray[np.floating], change: NDArray[np.floating]
+) -> dict[Kind, Mask]:
+    """Where each kind of pixel is.
+
+    Parameters
+    ----------
+    coverage : (H, W)
+        Fraction of the pixel that objects cover. Pixels that they cover in part are of no kind:
+        they mix two surfaces, which move apart.
+    ratio : (H, W, 3)
+        E_RV / E_R.
+    change : (H, W) or (H, W, 3)
+        What objects change in the highlights of glossy real surfaces; 0 where there are none.
+    """
+    change = np.abs(change).reshape(*coverage.shape, -1).max(axis=-1)
+    real = coverage == 0.0
+    same = (ratio == 1.0).all(axis=-1) & (change == 0.0)
+    return {"untouched": real & same, "relit": real & ~same, "object": coverage == 1.0}
+
+
+def compensated(previous: Image, motion: NDArray[np.floating]) -> tuple[Image, Mask]:
+    """The previous picture as the present one would show it, and where it shows anything.
+
+    Parameters
+    ----------
+    previous : (H, W, C)
+    motion : (H, W, 2)
+        Where each pixel's surface was in the previous picture: x, y in pixels, of which the centre
+        of the first has 0.5, 0.5; outside of the picture: nowhere.
+    """
+    height, width = previous.shape[:2]
+    x, y = motion[..., 0].astype(np.float64) - 0.5, motion[..., 1].astype(np.float64) - 0.5
+    # Rounding of a projection there and back must not lose the border.
+    slack = 1e-3
+    inside = (x > -slack) & (x < width - 1 + slack) & (y > -slack) & (y < height - 1 + slack)
+    place = np.stack([np.where(inside, y, 0.0), np.where(inside, x, 0.0)])
+    # Nor may it blend neighbours into pixels that did not move.
+    whole = np.rint(place)
+    place = np.where(np.abs(place - whole) < slack, whole, place)
+    channels = [
+        map_coordinates(previous[..., c], place, order=1, mode="nearest")
+        for c in range(previous.shape[2])
+    ]
+    return np.stack(channels, axis=-1), inside
+
+
+def was_so(before: Mask, motion: NDArray[np.floating]) -> Mask:
+    """Pixels (H, W) all of whose surface, as interpolated, showed what is marked in `before`."""
+    share, inside = compensated(before[..., None].astype(np.float64), motion)
+    return np.asarray(inside & (share[..., 0] > 1.0 - 1e-9))
+
+
+@dataclass(frozen=True)
+class Flicker:
+    """Mean absolute difference of consecutive pictures after motion compensation.
+
+    Attributes
+    ----------
+    output, reference : float
+        Of the pictures, and of what they are held against on the same pixels: the input, or the
+        truth. NaN where there are no pixels.
+    pixels : int
+        That were looked at, over all frames.
+    """
+
+    output: float
+    reference: float
+    pixels: int
+
+    @property
+    def excess(self) -> float:
+        """By how much the pictures flicker more."""
+        return self.output - self.reference
+
+    @property
+    def ratio(self) -> float:
+        """How many times as much; 1 where neither does, NaN where there are no pixels."""
+        if self.output == self.reference:
+            return 1.0
+        return self.output / self.reference if self.reference > 0.0 else np.inf
+
+    def record(self) -> dict[str, object]:
+        """The same as plain data, NaN as None."""
+        values = {
+            "output": self.output,
+            "reference": self.reference,
+            "excess": self.excess,
+            "ratio": self.ratio,
+        }
+        plain = {key: value if np.isfinite(value) else None for key, value in values.items()}
+        return {**plain, "pixels": self.pixels}
+
+
+_Picture = tuple[Image, Image | None, Mapping[Kind, Mask]]
+
+
+class FlickerMeter:
+    """Adds up flicker by kind of pixel, of pictures and of what they are held against."""
+
+    def __init__(self) -> None:
+        self._sums = {kind: np.zeros(3) for kind in KINDS}
+        self._last: _Picture | None = None
+
+    def add(
+        self,
+        shown: Image,
+        reference: Image | None,
+        kinds: Mapping[Kind, Mask],
+        motion: NDArray[np.floating],
+    ) -> None:
+        """Add the next picture.
+
+        Parameters
+        ----------
+        shown : (H, W, 3)
+            The picture.
+        reference : (H, W, 3) or None
+            What it is held against. None: changes from and to this picture do not count.
+        kinds : mapping of kind to (H, W) bool
+            See `pixel_kinds`. Only pixels that were of their kind in the last picture too count.
+        motion : (H, W, 2)
+            See `compensated`.
+        """
+        if self._last is not None:
+            self._add_change(self._last, (shown, reference, kinds), motion)
+        self._last = shown, reference, kinds
+
+    def _add_change(self, before: _Picture, now: _Picture, motion: NDArray[np.floating]) -> None:
+        if before[1] is None or now[1] is None:
+            return
+        output = np.abs(now[0] - compensated(before[0], motion)[0]).mean(axis=-1)
+        reference = np.abs(now[1] - compensated(before[1], motion)[0]).mean(axis=-1)
+        for kind in KINDS:
+            counted = now[2][kind] & was_so(before[2][kind], motion)
+            self._sums[kind] += (output[counted].sum(), reference[counted].sum(), counted.sum())
+
+    def result(self, kind: Kind) -> Flicker:
+        output, reference, pixels = self._sums[kind]
+        if pixels == 0:
+            return Flicker(np.nan, np.nan, 0)
+        return Flicker(float(output / pixels), float(reference / pixels), int(pixels))
+
+
+def left_behind(
+    before: Mapping[str, NDArray[np.floating]], now: Mapping[str, NDArray[np.floating]]
+) -> Mask:
+    """Pixels (H, W) that something has just left: an object, a real thing, or a shadow.
+
+    Parameters
+    ----------
+    before, now : mapping of str to array
+        Of the picture before and of this one, once converged: coverage (H, W), depth (H, W) and
+        ratio (H, W, 3), as the renderer's auxiliary pictures of these names.
+    """
+    free = now["coverage"] == 0.0
+    uncovered = before["coverage"] > 0.0
+    depths = before["depth"], now["depth"]
+    nearer, farther = np.minimum(*depths), np.maximum(*depths)
+    other = farther > (1.0 + MOVED_DEPTH) * nearer
+    influence, after = (np.abs(each["ratio"] - 1.0).max(axis=-1) for each in (before, now))
+    freed = (influence > INFLUENCE) & (after < NO_INFLUENCE)
+    return np.asarray(free & (uncovered | other | freed))
+
+
+@dataclass(frozen=True)
+class Age:
+    """Pixels that were left so many frames ago; see `Trail`."""
+
+    pixels: int
+    error: float
+    noise: float
+    ghost: float
+
+
+@dataclass(frozen=True)
+class Trail:
+    """What is still seen of things that have left.
+
+    Attributes
+    ----------
+    ages : tuple of Age
+        By the number of frames since something left: how many pixels; RMS difference from the
+        converged picture; the same of pixels that objects touch and that nothing has left, so many
+        frames after the film began, which is noise; and which share of what was there before is
+        still seen (the least-squares coefficient of the difference on that between the old and the
+        new picture).
+    """
+
+    ages: tuple[Age, ...]
+
+    @property
+    def frames(self) -> int | None:
+        """Frames after which the error is noise and stays so; None: nothing left, or not so long
+        before the end that it could be seen."""
+        told = [age for age in self.ages if age.pixels >= LEAST_PIXELS]
+        if not told:
+            return None
+        beyond = [
+            index
+            for index, age in enumerate(self.ages)
+            if age.pixels >= LEAST_PIXELS and age.error > EXCESS * max(age.noise, LEVEL)
+        ]
+        length = beyond[-1] + 1 if beyond else 0
+        last = max(i for i, age in enumerate(self.ages) if age.pixels >= LEAST_PIXELS)
+        return length if length <= last else None
+
+    def record(self) -> dict[str, object]:
+        """The same as plain data."""
+        ages = [
+            {"pixels": a.pixels, "error": a.error, "noise": a.noise, "ghost": a.ghost}
+            for a in self.ages
+        ]
+        return {"frames": self.frames, "ages": ages}
+
+
+class TrailMeter:
+    """Follows pixels that something has left, and adds up how wrong they are, by their age."""
+
+    def __init__(self) -> None:
+        self._age: NDArray[np.int64] | None = None
+        self._old: Image | None = None
+        self._last: Image | None = None
+        self._noise: list[float] = []
+        self._sums: list[NDArray[np.float64]] = []
+
+    def add(
+        self, shown: Image, converged: Image, *, left: Mask, covered: Mask, touched: Mask
+    ) -> None:
+        """Add the next picture of a film; the first is that with which it began.
+
+        Parameters
+        ----------
+        shown, converged : (H, W, 3)
+            The picture as it is, and as it would be without noise or past.
+        left : (H, W) bool
+            Pixels that something has just left; see `left_behind`.
+        covered, touched : (H, W) bool
+            Pixels that objects cover, and those that they cover or change.
+        """
+        if self._age is None or self._old is None or self._last is None:
+            self._age = np.full(left.shape, -1)
+            self._old, self._last = converged.copy(), converged
+        size = (NEIGHBOURHOOD, NEIGHBOURHOOD, 1)
+        error = uniform_filter(shown - converged, size)
+        square = (error**2).mean(axis=-1)
+        older = np.where((self._age >= 0) & ~covered, self._age + 1, -1)
+        self._age = np.where(left, 0, older)
+        self._sums.append(np.zeros(4))
+        unmoved = touched & ~maximum_filter(self._age >= 0, NEIGHBOURHOOD)
+        self._noise.append(float(np.sqrt(square[unmoved].mean())) if unmoved.any() else 0.0)
+        self._old[left] = self._last[left]
+        apart = uniform_filter(self._old - converged, size)
+        for age in range(len(self._sums)):
+            here = self._age == age
+            if here.any():
+                along = (error[here] * apart[here]).sum()
+                sums = (here.sum(), square[here].sum(), along, (apart[here] ** 2).sum())
+                self._sums[age] += sums
+        self._last = converged
+
+    def result(self) -> Trail:
+        return Trail(tuple(map(_age_of, self._sums, self._noise)))
+
+
+def _age_of(sums: NDArray[np.float64], noise: float) -> Age:
+    pixels, square, along, apart = map(float, sums)
+    error = float(np.sqrt(square / pixels)) if pixels else 0.0
+    return Age(int(pixels), error, noise, along / apart if apart > 0.0 else 0.0)

@@ -1,0 +1,293 @@
+"""Play a scene's video with its objects, and tell how true and how steady it is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from statistics import fmean
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.measure import metrics
+from iprt.measure.stability import (
+    KINDS,
+    Flicker,
+    FlickerMeter,
+    Kind,
+    Trail,
+    TrailMeter,
+    left_behind,
+    pixel_kinds,
+)
+from iprt.measure.sweep import Combination, still_settings
+from iprt.measure.target import Scores, Target, read_target, reduced_cut, truth_indices
+
+if TYPE_CHECKING:
+    from iprt.device.compute import ComputeDevice
+    from iprt.measure.target import Background
+    from iprt.renderer import RenderedFrame
+    from iprt.scene.scene import Scene, SceneView
+
+SHOWN = ("background", "coverage", "ratio", "gloss", "motion")
+CONVERGED = ("coverage", "depth", "ratio")
+"""Auxiliary pictures that the measures need: of played pictures, and of converged ones."""
+
+
+@dataclass(frozen=True)
+class Stability:
+    """How true and how steady one view of a played video is.
+
+    Attributes
+    ----------
+    view : str
+    label : str
+        The settings, as far as they were swept.
+    scores : dict of int to Scores
+        Of frames that have a truth, by their number.
+    temporal_error : float or None
+        RMSE of the change of the displayed picture from one frame to the next, against the truth's;
+        None where no two truths follow each other.
+    flicker : dict of Kind to Flicker
+        Held against the input: the panorama as the view shows it.
+    true_flicker : dict of Kind to Flicker
+        Held against the truth, where two truths follow each other.
+    unequal : int
+        Pixels that no object changes and that are not the input's to the last bit.
+    trail : Trail or None
+        None: not measured.
+    """
+
+    view: str
+    label: str
+    scores: Mapping[int, Scores]
+    temporal_error: float | None
+    flicker: Mapping[Kind, Flicker]
+    true_flicker: Mapping[Kind, Flicker]
+    unequal: int
+    trail: Trail | None
+
+    @property
+    def worst_flicker(self) -> float:
+        """The largest factor by which a kind of real pixels flickers more than the input."""
+        ratios = [self.flicker["untouched"].ratio, self.flicker["relit"].ratio]
+        return max((ratio for ratio in ratios if not np.isnan(ratio)), default=1.0)
+
+    def mean(self, score: Callable[[Scores], float]) -> float | None:
+        """Over the frames with a truth; None without any."""
+        return fmean(map(score, self.scores.values())) if self.scores else None
+
+    def record(self) -> dict[str, object]:
+        """The same as plain data."""
+        return {
+            "view": self.view,
+            "settings": self.label,
+            "scores": {str(index): scores.record() for index, scores in self.scores.items()},
+            "temporal_error": self.temporal_error,
+            "flicker": {kind: self.flicker[kind].record() for kind in KINDS},
+            "flicker_of_truth": {kind: self.true_flicker[kind].record() for kind in KINDS},
+            "unequal_pixels": self.unequal,
+            "trail": None if self.trail is None else self.trail.record(),
+        }
+
+
+@dataclass(frozen=True)
+class Moment:
+    """A frame of the video as displayed; images (H, W, 3) float64 in [0, 1].
+
+    Attributes
+    ----------
+    index : int
+    shown : tuple of image
+        With each of the settings.
+    converged : image or None
+        Without noise or past; None: not asked for.
+    """
+
+    index: int
+    shown: tuple[metrics.Image, ...]
+    converged: metrics.Image | None
+
+
+class Player:
+    """Plays one view of a video with several settings at once, and measures them.
+
+    Parameters
+    ----------
+    scene : Scene
+    view : SceneView
+        Of the size that is rendered.
+    chosen : sequence of Combination
+        Settings to play with.
+    device : ComputeDevice
+    background : {"panorama", "truth"}
+        Which background scores are taken over; flicker is that over the panorama.
+    converge : int
+        Frames accumulated into each converged picture, which tell trails; 0: none.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        view: SceneView,
+        chosen: Sequence[Combination],
+        *,
+        device: ComputeDevice,
+        background: Background = "panorama",
+        converge: int = 0,
+    ) -> None:
+        self._scene, self._view, self._device = scene, view, device
+        self._chosen, self._converge = chosen, converge
+        self._targets = read_targets(scene, view, background)
+        self._meters = [_Meters(scene.exposure) for _ in chosen]
+
+    def play(self, indices: Sequence[int]) -> Iterator[Moment]:
+        """Render frame after frame.
+
+        Raises
+        ------
+        IprtError
+            As `iprt.film.Film.frames`; or a picture holds NaN.
+        """
+        from iprt.film import Film
+
+        exposure = self._scene.exposure
+        with ExitStack() as stack:
+            films = [
+                stack.enter_context(Film(self._scene, self._device, c.settings, view=self._view))
+                for c in self._chosen
+            ]
+            runs = [film.frames(indices, aovs=SHOWN) for film in films]
+            for steps in zip(*runs, strict=True):
+                index, pictures = steps[0][0], [picture for _, picture in steps]
+                converged = self._converged(index) if self._converge else None
+                target = self._targets.get(index)
+                for meters, picture in zip(self._meters, pictures, strict=True):
+                    meters.add(index, picture, converged, target)
+                yield Moment(
+                    index,
+                    tuple(metrics.display(picture.color, exposure) for picture in pictures),
+                    None if converged is None else metrics.display(converged.color, exposure),
+                )
+
+    def _converged(self, index: int) -> RenderedFrame:
+        from iprt.film import Film
+
+        settings = still_settings(self._chosen[0].settings, 1)
+        with Film(
+            self._scene, self._device, settings, view=self._view, accumulate=self._converge
+        ) as film:
+            ((_, picture),) = film.frames([index], aovs=CONVERGED)
+        return picture
+
+    def results(self) -> list[Stability]:
+        """Of each of the settings, over the frames played so far."""
+        return [
+            meters.result(self._view.name, combination.label, measured=self._converge > 0)
+            for meters, combination in zip(self._meters, self._chosen, strict=True)
+        ]
+
+
+class _Meters:
+    """All that is measured with one of the settings."""
+
+    def __init__(self, exposure: float) -> None:
+        self._exposure = exposure
+        self._input, self._truth, self._trail = FlickerMeter(), FlickerMeter(), TrailMeter()
+        self._scores: dict[int, Scores] = {}
+        self._errors: list[float] = []
+        self._last: tuple[metrics.Image, Target | None] | None = None
+        self._last_converged: Mapping[str, NDArray[np.float32]] | None = None
+        self._unequal = 0
+
+    def add(
+        self,
+        index: int,
+        picture: RenderedFrame,
+        converged: RenderedFrame | None,
+        target: Target | None,
+    ) -> None:
+        aovs = _with_ratio(picture)
+        shown = metrics.display(picture.color, self._exposure)
+        given = metrics.display(aovs["background"], self._exposure)
+        kinds = pixel_kinds(aovs["coverage"], aovs["ratio"], aovs["gloss"])
+        differs = (picture.color != aovs["background"]).any(axis=-1)
+        self._unequal += int((differs & kinds["untouched"]).sum())
+        self._input.add(shown, given, kinds, aovs["motion"])
+        truth = None if target is None else target.shown
+        self._truth.add(shown, truth, kinds, aovs["motion"])
+        if target is not None:
+            self._scores[index] = target.score(over_background(picture, target))
+        if self._last is not None and target is not None and self._last[1] is not None:
+            change, true_change = shown - self._last[0], target.shown - self._last[1].shown
+            self._errors.append(float(np.mean((change - true_change) ** 2)))
+        self._last = shown, target
+        if converged is not None:
+            self._add_trail(shown, converged)
+
+    def _add_trail(self, shown: metrics.Image, converged: RenderedFrame) -> None:
+        now = _with_ratio(converged)
+        before = self._last_converged or now
+        covered = now["coverage"] > 0.0
+        self._trail.add(
+            shown,
+            metrics.display(converged.color, self._exposure),
+            left=left_behind(before, now),
+            covered=covered,
+            touched=covered | (now["ratio"] != 1.0).any(axis=-1),
+        )
+        self._last_converged = now
+
+    def result(self, view: str, label: str, *, measured: bool) -> Stability:
+        return Stability(
+            view=view,
+            label=label,
+            scores=dict(self._scores),
+            temporal_error=float(np.sqrt(fmean(self._errors))) if self._errors else None,
+            flicker={kind: self._input.result(kind) for kind in KINDS},
+            true_flicker={kind: self._truth.result(kind) for kind in KINDS},
+            unequal=self._unequal,
+            trail=self._trail.result() if measured else None,
+        )
+
+
+def read_targets(scene: Scene, view: SceneView, background: Background) -> dict[int, Target]:
+    """The truths of a view by frame, at the size of `view`.
+
+    Raises
+    ------
+    IprtError
+        As `read_target`.
+    """
+    size = (view.view.width, view.view.height)
+    return {
+        index: read_target(scene, view.name, background, size, index)
+        for index in truth_indices(scene, view.name)
+    }
+
+
+def over_background(picture: RenderedFrame, target: Target) -> NDArray[np.float32]:
+    """The picture over the background of a target, linear, where it has one: IPRT Eq. 2."""
+    if target.background is None:
+        return picture.color
+    aovs = _with_ratio(picture)
+    through = (1.0 - aovs["coverage"])[..., None] * aovs["ratio"]
+    over = picture.color + through * (target.background - aovs["background"])
+    return np.maximum(over, np.float32(0.0)).astype(np.float32)
+
+
+def _with_ratio(picture: RenderedFrame) -> dict[str, NDArray[np.float32]]:
+    """Auxiliary pictures, where no ratio is computed one of 1."""
+    ratio = picture.aovs["ratio"]
+    return {**picture.aovs, "ratio": np.ones_like(picture.color) if ratio.ndim == 2 else ratio}
+
+
+def resized(view: SceneView, size: tuple[int, int] | None) -> SceneView:
+    """The same view in another size."""
+    if size is None:
+        return view
+    factor = max(view.view.width // size[0], 1)
+    cuts = tuple(reduced_cut(cut, factor) for cut in view.cuts)
+    return replace(view, view=view.view.resized(*size), cuts=cuts)
