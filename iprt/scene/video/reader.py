@@ -56,7 +56,10 @@ class StreamReader:
     def __init__(self, container: InputContainer, info: StreamInfo) -> None:
         self._container, self._info = container, info
         self._stream = cast("VideoStream", container.streams[info.number])
-        self._stream.thread_type = "AUTO"
+        # Several frames at a time are quickest; but FFV1 then now and then gives a frame before a
+        # damaged one the content of another.
+        is_ffv1 = self._stream.codec_context.name == "ffv1"
+        self._stream.thread_type = "SLICE" if is_ffv1 else "AUTO"
         # Damage must not pass for a picture; and a stream may be larger than its headers claim.
         self._stream.codec_context.options = {
             "err_detect": "crccheck",

@@ -77,10 +77,13 @@ def write_video(path: Path, *tracks: Track) -> Path:
 
 
 def video_frame(
-    pixels: str, planes: list[NDArray[Any]], tags: dict[str, int] | None = None
+    pixels: str,
+    planes: list[NDArray[Any]],
+    tags: dict[str, int] | None = None,
+    size: tuple[int, int] | None = None,
 ) -> av.VideoFrame:
-    """A frame of these planes."""
-    height, width = planes[0].shape[:2]
+    """A frame of these planes; its height and width are those of the first by default."""
+    height, width = size or planes[0].shape[:2]
     frame = av.VideoFrame(width, height, pixels)
     for plane, samples in zip(frame.planes, planes, strict=True):
         rows = np.zeros((plane.height, plane.line_size), np.uint8)
