@@ -21,7 +21,10 @@ from iprt.scene.images import read_color, read_depth
 from iprt.scene.mesh import Mesh
 from iprt.scene.meshes import load_mesh
 from iprt.scene.scene import Scene
-from tests.scene import nasty_meshes, nasty_text  # noqa: F401  (they add to the corpus)
+from iprt.scene.video.color import linear_color
+from iprt.scene.video.container import video_streams
+from iprt.scene.video.reader import OpenStreams
+from tests.scene import nasty_meshes, nasty_text, nasty_video  # noqa: F401  (they add to the corpus)
 from tests.scene.files import CUBE, write_scene
 from tests.scene.nasty import CORPUS, Nasty, Reader
 
@@ -72,12 +75,24 @@ def read_scene(path: Path) -> None:
         assert len(instance.mesh.triangles)
 
 
+def read_video(path: Path) -> None:
+    """The first frame of every stream."""
+    infos = video_streams(path)
+    with OpenStreams() as streams:
+        for info in infos:
+            frame = streams.reader(info).at(info.start)
+            linear_color(frame, slice(0, frame.height), path)
+            assert info.last >= info.start
+            assert info.rate > 0
+
+
 READERS: dict[Reader, Callable[[Path], object]] = {
     "color": read_color_plane,
     "depth": read_depth_plane,
     "mesh": read_mesh,
     "manifest": lambda path: Scene.open(path.parent),
     "scene": read_scene,
+    "video": read_video,
     "settings": lambda path: resolved("balanced", read_settings(path)),
 }
 
@@ -101,6 +116,7 @@ def main() -> None:
     Scene.open(scene).frame()
     (scene / "cube.obj").write_text(CUBE)
     load_mesh(scene / "cube.obj")
+    read_video(nasty_video.beside(scene / "v.ts"))
     pages = int(Path("/proc/self/statm").read_text().split()[0])
     limit = pages * resource.getpagesize() + SPARE
     resource.setrlimit(resource.RLIMIT_AS, (limit, limit))

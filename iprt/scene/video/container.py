@@ -159,6 +159,11 @@ def video_streams(path: Path) -> list[StreamInfo]:
             context = stream.codec_context
             if "attached_pic" in str(stream.disposition).lower() or context is None:
                 continue
+            if context.width < 1 or context.height < 1:  # so FFmpeg leaves what is beyond limits
+                raise FormatError(
+                    f"{path}: claims pictures of no size, or of more than the {MAX_PIXELS} pixels "
+                    "that are read"
+                )
             require_picture_size(path, context.width, context.height)
             with ffmpeg_decoding(path, "damaged or cut off video"):
                 found.append(_info(path, container, stream))
