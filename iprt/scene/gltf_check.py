@@ -37,23 +37,25 @@ Quadruple = Annotated[list[Number], Field(min_length=4, max_length=4)]
 Matrix = Annotated[list[Number], Field(min_length=16, max_length=16)]
 
 
-class _Part(BaseModel):
+class Part(BaseModel):
+    """Of a document; keys that are not read may be there."""
+
     model_config = ConfigDict(extra="ignore", strict=True, alias_generator=to_camel)
 
 
-class Buffer(_Part):
+class Buffer(Part):
     uri: str | None = None
     byte_length: Bytes
 
 
-class BufferView(_Part):
+class BufferView(Part):
     buffer: Index
     byte_offset: Bytes = 0
     byte_length: Bytes
     byte_stride: Annotated[int, Field(ge=4, le=252)] | None = None
 
 
-class Accessor(_Part):
+class Accessor(Part):
     buffer_view: Index | None = None
     byte_offset: Bytes = 0
     component_type: Literal[5120, 5121, 5122, 5123, 5125, 5126]
@@ -67,34 +69,34 @@ class Accessor(_Part):
         return _COMPONENT_BYTES[self.component_type] * _COMPONENTS[self.type]
 
 
-class Image(_Part):
+class Image(Part):
     uri: str | None = None
     buffer_view: Index | None = None
 
 
-class Texture(_Part):
+class Texture(Part):
     source: Index | None = None
 
 
-class TextureReference(_Part):
+class TextureReference(Part):
     index: Index
 
 
-class PbrMetallicRoughness(_Part):
+class PbrMetallicRoughness(Part):
     base_color_factor: Quadruple | None = None
     metallic_factor: Number = 1.0
     roughness_factor: Number = 1.0
     base_color_texture: TextureReference | None = None
 
 
-class GltfMaterial(_Part):
+class GltfMaterial(Part):
     name: str | None = None
     alpha_mode: str = "OPAQUE"
     emissive_factor: Triple | None = None
     pbr_metallic_roughness: PbrMetallicRoughness | None = None
 
 
-class Primitive(_Part):
+class Primitive(Part):
     attributes: dict[str, Index]
     indices: Index | None = None
     material: Index | None = None
@@ -102,26 +104,27 @@ class Primitive(_Part):
     targets: list[Any] = Field(default=[])
 
 
-class GltfMesh(_Part):
+class GltfMesh(Part):
     name: str | None = None
     primitives: Annotated[list[Primitive], Field(min_length=1)]
 
 
-class Node(_Part):
+class Node(Part):
     name: str | None = None
     children: list[Index] = Field(default=[])
     mesh: Index | None = None
+    skin: Index | None = None
     matrix: Matrix | None = None
     translation: Triple | None = None
     rotation: Quadruple | None = None
     scale: Triple | None = None
 
 
-class GltfScene(_Part):
+class GltfScene(Part):
     nodes: list[Index] = Field(default=[])
 
 
-class Gltf(_Part):
+class Gltf(Part):
     """The parts of a document that are read."""
 
     scene: Index = 0
@@ -166,12 +169,17 @@ def parsed_gltf(document: Any) -> Gltf:
     try:
         gltf = Gltf.model_validate(document)
     except ValidationError as error:
-        fault = error.errors(include_url=False, include_input=False)[0]
-        key = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in fault["loc"])
-        raise ValueError(f"{key.lstrip('.') or 'document'}: {fault['msg']}") from None
+        raise ValueError(first_fault(error)) from None
     for problem in _problems(gltf):
         raise ValueError(problem)
     return gltf
+
+
+def first_fault(error: ValidationError, where: str = "") -> str:
+    """One line for the first thing wrong with a part of a document, by its key below `where`."""
+    fault = error.errors(include_url=False, include_input=False)[0]
+    key = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in fault["loc"])
+    return f"{(where + key).lstrip('.') or 'document'}: {fault['msg']}"
 
 
 def _problems(gltf: Gltf) -> Iterator[str]:

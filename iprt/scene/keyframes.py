@@ -39,6 +39,18 @@ def _unit(values: list[float]) -> list[float]:
     return [value / length for value in values]
 
 
+def _clip(value: Any) -> str | int:
+    if isinstance(value, bool) or not isinstance(value, str | int) or value in ("",):
+        raise ValueError("expected the name of an animation in the glTF file, or its number")
+    if isinstance(value, int) and value < 0:
+        raise ValueError("expected a number from 0 on")
+    return value
+
+
+Clip = Annotated[str | int | None, PlainValidator(_clip)]
+"""`objects.animation`."""
+
+
 class _Keyframe(Table):
     time: Annotated[float, Field(ge=0.0, le=1e6)]
     interpolation: Literal["linear", "step"] = "linear"

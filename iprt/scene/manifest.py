@@ -26,7 +26,13 @@ from pydantic import (
 from iprt.errors import SceneError
 from iprt.scene.camera import View
 from iprt.scene.gloss import MAX_REAL_MATERIALS, Plane, RealMaterial
-from iprt.scene.keyframes import ObjectKeyframe, ObjectKeyframes, ViewKeyframe, ViewKeyframes
+from iprt.scene.keyframes import (
+    Clip,
+    ObjectKeyframe,
+    ObjectKeyframes,
+    ViewKeyframe,
+    ViewKeyframes,
+)
 from iprt.scene.manifest_problems import (
     MAX_PROBLEMS,
     cross_problems,
@@ -125,7 +131,7 @@ def _transform(values: list[float]) -> list[float]:
 
 
 class ObjectTable(Table):
-    """`[[objects]]`: a mesh and where it stands."""
+    """`[[objects]]`: a mesh and where it stands, and how it moves."""
 
     name: Name
     mesh: RelativePath
@@ -133,6 +139,7 @@ class ObjectTable(Table):
         list[float], Field(min_length=16, max_length=16), AfterValidator(_transform)
     ]
     material: MaterialTable | None = None
+    animation: Clip = None
     keyframes: ObjectKeyframes = Field(default=[])
 
 

@@ -30,6 +30,8 @@ class Mesh:
         At least one.
     dropped : tuple of str
         What the file holds and this does not, one phrase each.
+    deforms : bool
+        At other times vertices lie elsewhere.
     """
 
     positions: NDArray[np.float32]
@@ -39,6 +41,7 @@ class Mesh:
     material_index: NDArray[np.int32]
     materials: tuple[Material, ...]
     dropped: tuple[str, ...] = ()
+    deforms: bool = False
 
 
 def motion_between(

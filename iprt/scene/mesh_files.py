@@ -18,6 +18,7 @@ from urllib.parse import unquote
 
 from iprt.errors import FormatError
 from iprt.scene.gltf_check import Gltf, parsed_gltf
+from iprt.scene.gltf_numbers import numbered
 from iprt.scene.images import open_picture
 from iprt.scene.inside import require_inside
 from iprt.scene.ply_check import check_ply
@@ -66,6 +67,8 @@ class MeshFile:
         self._read: dict[Path, bytes] = {}
         self._decoded: dict[str, bytes] = {}
         self.gltf: Gltf | None = None
+        self._gltf_document: Any = None
+        self._gltf_chunk = b""
         self.references: dict[str, Path] = {}
         if self.suffix not in MESH_SUFFIXES:
             raise FormatError(f"{path}: not a PLY, OBJ, glTF or GLB file (by its suffix)")
@@ -101,10 +104,25 @@ class MeshFile:
             return self.data
         return b"".join(line for line in BytesIO(self.data) if not line.lstrip().startswith(b"#"))
 
-    def unread_parts(self) -> list[str]:
-        """What the file holds and is not read, one phrase each, in a fixed order."""
+    def numbered_gltf(self) -> bytes:
+        """The glTF file for trimesh, where nodes are named by their numbers, and the joints and
+        weights of vertices by what trimesh hands on: `JOINT_KEYS`, `WEIGHT_KEYS`.
+        """
+        return numbered(self._gltf_document, self._gltf_chunk if self.suffix == ".glb" else None)
+
+    def buffer(self, number: int) -> bytes:
+        """Contents of a glTF file's buffer, which may be shorter than it claims."""
+        assert self.gltf is not None
+        uri = self.gltf.buffers[number].uri
+        return self._gltf_chunk if uri is None else self._uri_bytes(uri)
+
+    def unread_parts(self, *, animated: bool = False) -> list[str]:
+        """What the file holds and is not read, one phrase each, in a fixed order.
+
+        `animated`: of a glTF file, an animation is.
+        """
         if self.gltf is not None:
-            return list(_unread_gltf(self.gltf))
+            return list(_unread_gltf(self.gltf, animated=animated))
         if self.suffix == ".obj":
             kinds = {line.split()[0] for line in _lines(self.data) if line.split()}
             return [word for word, key in (("lines", "l"), ("points", "p")) if key in kinds]
@@ -112,12 +130,12 @@ class MeshFile:
 
     def _look_inside(self) -> None:
         if self.suffix in _GLTF_SUFFIXES:
-            document, chunk = self._document()
-            self.gltf = parsed_gltf(document)
+            self._gltf_document, self._gltf_chunk = self._document()
+            self.gltf = parsed_gltf(self._gltf_document)
             for uri in self.gltf.uris():
                 if not uri.startswith("data:"):
                     self._refer(uri, unquote(uri))
-            self._check_gltf_textures(self.gltf, chunk)
+            self._check_gltf_textures(self.gltf)
         elif self.suffix == ".obj":
             self._refer_from_obj()
         else:
@@ -186,7 +204,7 @@ class MeshFile:
         file = self.references[written]
         open_picture(BytesIO(self._contents(file)), self.path.parent / file)
 
-    def _check_gltf_textures(self, gltf: Gltf, chunk: bytes) -> None:
+    def _check_gltf_textures(self, gltf: Gltf) -> None:
         """trimesh takes a texture that it cannot read for none."""
         for number in gltf.color_images():
             image = gltf.images[number]
@@ -194,9 +212,9 @@ class MeshFile:
                 data = self._uri_bytes(image.uri)
             elif image.buffer_view is not None:
                 view = gltf.buffer_views[image.buffer_view]
-                uri = gltf.buffers[view.buffer].uri
-                whole = chunk if uri is None else self._uri_bytes(uri)
-                data = whole[view.byte_offset : view.byte_offset + view.byte_length]
+                data = self.buffer(view.buffer)[
+                    view.byte_offset : view.byte_offset + view.byte_length
+                ]
             else:
                 raise ValueError(f"images[{number}]: neither uri nor bufferView")
             open_picture(BytesIO(data), self.path.with_name(f"{self.path.name}:images[{number}]"))
@@ -238,8 +256,8 @@ def _ply_textures(data: bytes) -> Iterator[str]:
             yield text[len("comment texturefile") :].strip()
 
 
-def _unread_gltf(gltf: Gltf) -> Iterator[str]:
-    for key in ("animations", "skins", "cameras"):
+def _unread_gltf(gltf: Gltf, *, animated: bool) -> Iterator[str]:
+    for key in ("cameras",) if animated else ("animations", "skins", "cameras"):
         if count := len(getattr(gltf, key)):
             yield f"{key} ({count})"
     primitives = [primitive for mesh in gltf.meshes for primitive in mesh.primitives]

@@ -22,7 +22,7 @@ from iprt.scene.untrusted import MAX_TRIANGLES, MAX_VERTICES, decoding
 
 
 @dataclass
-class _Part:
+class Part:
     """One geometry of the file, in object space; normals are NaN where the file has none."""
 
     positions: NDArray[np.float64]
@@ -58,46 +58,67 @@ def load_mesh(path: Path, material: Material | None = None, within: Path | None 
     dropped = file.unread_parts()
     with decoding(path, "cut off or damaged mesh file"), np.errstate(all="ignore"):
         parts = _load_parts(file, dropped)
-        mesh = _joined(file, parts, material, dropped)
+        mesh = joined(file, parts, material, dropped)
     if mesh.triangles.shape[0] == 0:
         raise FormatError(f"{path}: holds no triangles")
     return mesh
 
 
-def _load_parts(file: MeshFile, dropped: list[str]) -> list[_Part]:
+def _load_parts(file: MeshFile, dropped: list[str]) -> list[Part]:
+    return [
+        part_of(geometry, transform, dropped)
+        for transform, geometry in placed_geometries(file, file.readable_data(), dropped).values()
+    ]
+
+
+def placed_geometries(
+    file: MeshFile, data: bytes, dropped: list[str]
+) -> dict[str, tuple[NDArray[np.float64], Any]]:
+    """Transforms and triangles of trimesh by the name of their node; what else there is is noted.
+
+    Parameters
+    ----------
+    file : MeshFile
+    data : bytes
+        Its contents, for trimesh.
+    dropped : list of str
+
+    Raises
+    ------
+    FormatError
+        Larger than is read.
+    """
     import trimesh
 
     # An open file and a resolver of ours: trimesh finds no other files, and asks no server.
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         scene = trimesh.load_scene(
-            BytesIO(file.readable_data()),
+            BytesIO(data),
             file_type=file.suffix[1:],
             resolver=file,
             process=False,
         )
-    placed = [scene.graph[node] for node in scene.graph.nodes_geometry]
-    meshes = [
-        (transform, scene.geometry[name])
-        for transform, name in placed
+    placed = {node: scene.graph[node] for node in scene.graph.nodes_geometry}
+    meshes = {
+        node: (np.asarray(transform, np.float64), scene.geometry[name])
+        for node, (transform, name) in placed.items()
         if isinstance(scene.geometry[name], trimesh.Trimesh)
-    ]
+    }
     if len(meshes) < len(placed):
         _note(dropped, "points, lines or curves")
-    triangles = sum(len(geometry.faces) for _, geometry in meshes)
-    vertices = sum(len(geometry.vertices) for _, geometry in meshes)
+    triangles = sum(len(geometry.faces) for _, geometry in meshes.values())
+    vertices = sum(len(geometry.vertices) for _, geometry in meshes.values())
     if triangles > MAX_TRIANGLES or vertices > MAX_VERTICES:
         raise FormatError(
             f"{file.path}: {triangles} triangles and {vertices} vertices; "
             f"at most {MAX_TRIANGLES} and {MAX_VERTICES} are read"
         )
-    return [
-        _part(geometry, np.asarray(transform, np.float64), dropped)
-        for transform, geometry in meshes
-    ]
+    return meshes
 
 
-def _part(geometry: Any, transform: NDArray[np.float64], dropped: list[str]) -> _Part:
+def part_of(geometry: Any, transform: NDArray[np.float64], dropped: list[str]) -> Part:
+    """A mesh of trimesh, transformed by (4, 4) float64."""
     positions = np.asarray(geometry.vertices, np.float64).reshape(-1, 3)
     triangles = np.asarray(geometry.faces, np.int64).reshape(-1, 3)
     if triangles.size and not (triangles.min() >= 0 and triangles.max() < len(positions)):
@@ -123,11 +144,11 @@ def _part(geometry: Any, transform: NDArray[np.float64], dropped: list[str]) -> 
         normals = normals @ np.linalg.inv(linear) if np.linalg.det(linear) else normals * np.nan
         if np.linalg.det(linear) < 0.0:
             triangles = triangles[:, ::-1]
-    return _Part(positions, normals, uvs, triangles, material)
+    return Part(positions, normals, uvs, triangles, material)
 
 
-def _joined(
-    file: MeshFile, parts: list[_Part], override: Material | None, dropped: list[str]
+def joined(
+    file: MeshFile, parts: list[Part], override: Material | None, dropped: list[str]
 ) -> Mesh:
     """All parts in one mesh, with a material index per triangle."""
     materials: list[Material] = [override] if override is not None else []
@@ -180,7 +201,7 @@ def _base_colors(gltf: Gltf | None) -> dict[str, list[float]]:
     }
 
 
-def _usable_triangles(part: _Part) -> NDArray[np.int64]:
+def _usable_triangles(part: Part) -> NDArray[np.int64]:
     """Triangles with finite corners and an area above rounding noise."""
     corners = part.positions[part.triangles]
     with np.errstate(invalid="ignore"):

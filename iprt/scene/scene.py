@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
@@ -18,21 +18,18 @@ from iprt.scene.frame import Frame
 from iprt.scene.gloss import RealMaterial, with_gloss
 from iprt.scene.images import read_color
 from iprt.scene.inside import anywhere, require_inside
-from iprt.scene.keyframes import ObjectMotion, ViewMotion
+from iprt.scene.keyframes import ViewMotion
 from iprt.scene.manifest import (
     MANIFEST_NAME,
-    DiffuseTable,
     Manifest,
-    ObjectTable,
     ViewTable,
     read_manifest,
 )
 from iprt.scene.manifest_problems import problems_error
-from iprt.scene.material import Material
-from iprt.scene.mesh import Instance, Mesh
-from iprt.scene.meshes import load_mesh
+from iprt.scene.mesh import Instance
+from iprt.scene.objects import SceneObject, load_objects, objects_at
 from iprt.scene.scene_files import made_of, missing_files
-from iprt.scene.untrusted import MAX_PIXELS, MAX_TRIANGLES, is_file
+from iprt.scene.untrusted import MAX_PIXELS, is_file
 from iprt.scene.video.incidents import Stage, steady_frames
 from iprt.scene.video.source import FrameSource, RawFrame
 from iprt.scene.video.stream import Ahead
@@ -94,7 +91,6 @@ class Scene:
         self.manifest = manifest
         self.within = root if within is None else within
         self.source = FrameSource(root, manifest.video, self.within)
-        self._textures: dict[str, NDArray[np.float32]] = {}
         names = tuple(table.name for table in manifest.objects)
         self.views = {table.name: _scene_view(root, table, names) for table in manifest.views}
 
@@ -265,44 +261,38 @@ class Scene:
         return (played % len(frames) if loop else played) / self.source.fps
 
     @cached_property
-    def instances(self) -> tuple[Instance, ...]:
-        """All objects at the time of the first frame, in the manifest's order.
+    def objects(self) -> tuple[SceneObject, ...]:
+        """All objects, in the manifest's order.
 
         Raises
         ------
         FormatError
             A mesh or texture cannot be read, or all of them together are too large.
         """
-        meshes: dict[tuple[str, bool], Mesh] = {}
-        instances: list[Instance] = []
-        for table in self.manifest.objects:
-            instance = self._instance(table, meshes)
-            instances.append(replace(instance, to_world=self._motions[table.name].at(0.0)))
-            _require_readable(self.name, instances)
-        return tuple(instances)
+        return load_objects(self.root, self.manifest, self.within)
+
+    @cached_property
+    def instances(self) -> tuple[Instance, ...]:
+        """All objects at the time of the first frame, in the manifest's order.
+
+        Raises
+        ------
+        FormatError
+            As `objects`.
+        """
+        return objects_at(self.objects, 0.0)
 
     def instances_at(
         self, time_s: float, names: tuple[str, ...] | None = None
     ) -> tuple[Instance, ...]:
-        """The objects of these names, by default all, as `instances` but at another time.
+        """The objects of these names, by default all, at a time (`time_of`).
 
-        Their names, order, triangles and materials are the same at all times.
+        Their names, order, triangles and materials are the same at all times; transforms, and the
+        vertices of meshes that deform, are not.
         """
-        chosen = self.instances if names is None else self.instances_named(names)
-        return tuple(
-            replace(instance, to_world=self._motions[instance.name].at(time_s))
-            for instance in chosen
+        return objects_at(
+            (entry for entry in self.objects if names is None or entry.name in names), time_s
         )
-
-    @cached_property
-    def _motions(self) -> dict[str, ObjectMotion]:
-        """Where objects are over time, by name."""
-        return {
-            table.name: ObjectMotion.of(
-                np.array(table.to_world, np.float64).reshape(4, 4), table.keyframes
-            )
-            for table in self.manifest.objects
-        }
 
     def instances_of(self, view: str | None = None) -> tuple[Instance, ...]:
         """The objects that a view shows; all without a view.
@@ -323,30 +313,6 @@ class Scene:
         """The objects of these names, in the manifest's order."""
         return tuple(instance for instance in self.instances if instance.name in names)
 
-    def _instance(self, table: ObjectTable, meshes: dict[tuple[str, bool], Mesh]) -> Instance:
-        """An instance; what is the same of a mesh is shared between instances."""
-        to_world = np.array(table.to_world, np.float64).reshape(4, 4)
-        material = self._material(table)
-        key = (table.mesh, material is None)
-        if key not in meshes:
-            meshes[key] = load_mesh(self.root / table.mesh, material, self.within)
-        mesh = meshes[key]
-        if material is not None and mesh.materials[0] is not material:
-            mesh = replace(mesh, materials=(material,))
-        return Instance(table.name, mesh, to_world)
-
-    def _material(self, table: ObjectTable) -> Material | None:
-        if table.material is None:
-            return None
-        if isinstance(table.material, DiffuseTable) and table.material.texture is not None:
-            return table.material.material(self._texture(table.material.texture))
-        return table.material.material()
-
-    def _texture(self, name: str) -> NDArray[np.float32]:
-        if name not in self._textures:
-            self._textures[name] = read_color(self.root / name)
-        return self._textures[name]
-
     def require_not_ours(self, *paths: Path) -> None:
         """Keep outputs from replacing what the scene is made of; truths may be replaced.
 
@@ -361,24 +327,6 @@ class Scene:
                 raise SceneError(
                     f"{path}: belongs to the scene and is not overwritten; name another"
                 )
-
-
-def _require_readable(scene: str, instances: list[Instance]) -> None:
-    """Raise FormatError if the triangles or textures of objects are too many together."""
-    arrays: dict[int, NDArray[np.int32]] = {}
-    textures: dict[int, NDArray[np.float32]] = {}
-    for instance in instances:
-        arrays[id(instance.mesh.triangles)] = instance.mesh.triangles
-        for material in instance.mesh.materials:
-            if material.texture is not None:
-                textures[id(material.texture)] = material.texture
-    triangles = sum(len(array) for array in arrays.values())
-    texels = sum(texture.shape[0] * texture.shape[1] for texture in textures.values())
-    if triangles > MAX_TRIANGLES or texels > MAX_PIXELS:
-        raise FormatError(
-            f"{scene}: its objects have {triangles} triangles and {texels} pixels of textures; "
-            f"at most {MAX_TRIANGLES} and {MAX_PIXELS} are read"
-        )
 
 
 def _scene_view(root: Path, table: ViewTable, all_objects: tuple[str, ...]) -> SceneView:

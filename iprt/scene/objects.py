@@ -1,0 +1,145 @@
+"""The objects of a scene: their meshes read, and where they are over time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.errors import FormatError
+from iprt.scene.animated_mesh import AnimatedMesh, load_animated_mesh
+from iprt.scene.images import read_color
+from iprt.scene.keyframes import ObjectMotion
+from iprt.scene.manifest import DiffuseTable, Manifest, ObjectTable
+from iprt.scene.material import Material
+from iprt.scene.mesh import Instance, Mesh
+from iprt.scene.meshes import load_mesh
+from iprt.scene.untrusted import MAX_PIXELS, MAX_TRIANGLES
+
+AnyMesh = Mesh | AnimatedMesh
+
+
+@dataclass(frozen=True)
+class SceneObject:
+    """An object over time.
+
+    Attributes
+    ----------
+    name : str
+    mesh : Mesh or AnimatedMesh
+    motion : ObjectMotion
+    """
+
+    name: str
+    mesh: AnyMesh
+    motion: ObjectMotion
+
+    @property
+    def bound(self) -> Mesh:
+        """The mesh whose triangles and materials it has at all times."""
+        return self.mesh.bound if isinstance(self.mesh, AnimatedMesh) else self.mesh
+
+
+def objects_at(objects: Iterable[SceneObject], time_s: float) -> tuple[Instance, ...]:
+    """The objects at a time; those that share a mesh share what becomes of it."""
+    bent: dict[int, Mesh] = {}
+    instances = []
+    for entry in objects:
+        mesh = entry.mesh
+        if isinstance(mesh, AnimatedMesh):
+            if id(mesh) not in bent:
+                bent[id(mesh)] = mesh.at(time_s)
+            mesh = bent[id(mesh)]
+        instances.append(Instance(entry.name, mesh, entry.motion.at(time_s)))
+    return tuple(instances)
+
+
+def load_objects(root: Path, manifest: Manifest, within: Path) -> tuple[SceneObject, ...]:
+    """Read the meshes and textures of all objects, in the manifest's order.
+
+    Parameters
+    ----------
+    root : Path
+        The scene's folder.
+    manifest : Manifest
+    within : Path
+        Folder that all files must lie in, links followed.
+
+    Raises
+    ------
+    FormatError
+        One cannot be read, or all of them together are too large.
+    """
+    shelf = _Shelf(root, within)
+    objects: list[SceneObject] = []
+    for table in manifest.objects:
+        to_world = np.array(table.to_world, np.float64).reshape(4, 4)
+        motion = ObjectMotion.of(to_world, table.keyframes)
+        objects.append(SceneObject(table.name, shelf.mesh(table), motion))
+        _require_readable(manifest.name, [entry.bound for entry in objects])
+    return tuple(objects)
+
+
+class _Shelf:
+    """Meshes and textures that were read, which objects share."""
+
+    def __init__(self, root: Path, within: Path) -> None:
+        self._root, self._within = root, within
+        self._meshes: dict[tuple[str, bool, str | int | None], AnyMesh] = {}
+        self._textures: dict[str, NDArray[np.float32]] = {}
+
+    def mesh(self, table: ObjectTable) -> AnyMesh:
+        material = self._material(table)
+        key = (table.mesh, material is None, table.animation)
+        if key not in self._meshes:
+            self._meshes[key] = self._loaded(table, material)
+        mesh = self._meshes[key]
+        return mesh if material is None else _made_of(mesh, material)
+
+    def _loaded(self, table: ObjectTable, material: Material | None) -> AnyMesh:
+        path = self._root / table.mesh
+        if table.animation is None:
+            return load_mesh(path, material, self._within)
+        return load_animated_mesh(path, table.animation, material, self._within)
+
+    def _material(self, table: ObjectTable) -> Material | None:
+        if table.material is None:
+            return None
+        if isinstance(table.material, DiffuseTable) and table.material.texture is not None:
+            return table.material.material(self._texture(table.material.texture))
+        return table.material.material()
+
+    def _texture(self, name: str) -> NDArray[np.float32]:
+        if name not in self._textures:
+            self._textures[name] = read_color(self._root / name)
+        return self._textures[name]
+
+
+def _made_of(mesh: AnyMesh, material: Material) -> AnyMesh:
+    """A mesh that was loaded with one material, with another."""
+    if isinstance(mesh, AnimatedMesh):
+        return replace(mesh, bound=replace(mesh.bound, materials=(material,)))
+    if mesh.materials[0] is material:
+        return mesh
+    return replace(mesh, materials=(material,))
+
+
+def _require_readable(scene: str, meshes: list[Mesh]) -> None:
+    """Raise FormatError if the triangles or textures of objects are too many together."""
+    arrays: dict[int, NDArray[np.int32]] = {}
+    textures: dict[int, NDArray[np.float32]] = {}
+    for mesh in meshes:
+        arrays[id(mesh.triangles)] = mesh.triangles
+        for material in mesh.materials:
+            if material.texture is not None:
+                textures[id(material.texture)] = material.texture
+    triangles = sum(len(array) for array in arrays.values())
+    texels = sum(texture.shape[0] * texture.shape[1] for texture in textures.values())
+    if triangles > MAX_TRIANGLES or texels > MAX_PIXELS:
+        raise FormatError(
+            f"{scene}: its objects have {triangles} triangles and {texels} pixels of textures; "
+            f"at most {MAX_TRIANGLES} and {MAX_PIXELS} are read"
+        )
