@@ -2,9 +2,10 @@
 // (iprt/raster/rasterizer.py), where that is missing or to be checked.
 //
 //   kernel        in                                       out, [height * width]
-//   see_objects   objects (lib/objects_bvh.h)              front: world normal as the mesh has it,
-//                                                          radial distance (0: nothing); material:
-//                                                          albedo, 1 + material index
+//   see_objects   objects (lib/objects_bvh.h);             front: world normal as the mesh has it,
+//                 displacements: per vertex, to where it   radial distance (0: nothing); material:
+//                 was, object space (-D OBJECTS_DEFORM)    albedo, 1 + material index; displaced:
+//                                                          the same of the surface, world space
 //   show_objects  objects; front and material, which       display_front, display_material: the
 //                 nothing else reads; surface: tangent     same, edge pixels lent a surface; coverage:
 //                 planes of the panorama; previous view    fraction of the pixel in which an object
@@ -15,7 +16,8 @@
 // Pixel centres are at integer + 0.5. Both run over a rectangle; outside, nothing is written.
 // -D SAMPLES: coverage takes SAMPLES x SAMPLES rays a pixel. -D COVERAGE_TOLERANCE: an object is in
 // front up to this fraction of the distance behind the real surface. Coverage is 1 - M of Eq. 2 of
-// IPRT ("Interactive panoramic ray tracing").
+// IPRT ("Interactive panoramic ray tracing"). -D OBJECTS_DEFORM: meshes bend. What a point was
+// before is its object's motion of the point displaced.
 #include "objects_bvh.h"
 #include "tracing.h"
 #include "view.h"
@@ -29,8 +31,10 @@ TRACING_KERNEL void see_objects(
     const int height,
     __global const float *restrict view,
     OBJECT_PARAMETERS,
+    __global const float4 *restrict displacements,
     __global float4 *restrict front,
-    __global float4 *restrict material)
+    __global float4 *restrict material,
+    __global float4 *restrict displaced)
 {
     const int x = rectangle.x + (int)get_global_id(0), y = rectangle.y + (int)get_global_id(1);
     if (x >= rectangle.z || y >= rectangle.w)
@@ -46,6 +50,13 @@ TRACING_KERNEL void see_objects(
     front[pixel] = (float4)(at.normal, hit.t);
     material[pixel] = (float4)(object_albedo(world, at.material, at.vertices, at.weights),
                                at.material + 1);
+#ifdef OBJECTS_DEFORM
+    const float3 step = at.weights.x * displacements[at.vertices.x].xyz
+        + at.weights.y * displacements[at.vertices.y].xyz
+        + at.weights.z * displacements[at.vertices.z].xyz;
+    __global const float4 *rows = world.bvh.instances + BVH_INSTANCE_ROWS * hit.instance;
+    displaced[pixel] = (float4)(bvh_transform(rows + 3, step, 0.0f), 0.0f);
+#endif
 }
 
 // Rays that meet an object in front of the real surface; and the mean albedo of those that meet
@@ -110,6 +121,7 @@ TRACING_KERNEL void show_objects(
     const int surface_height,
     __global const float4 *restrict front,
     __global const float4 *restrict material,
+    __global const float4 *restrict displaced,
     __global float4 *restrict display_front,
     __global float4 *restrict display_material,
     __global float *restrict coverage,
@@ -141,8 +153,11 @@ TRACING_KERNEL void show_objects(
     coverage[pixel] = seen.w > 0.0f ? visible / (float)(SAMPLES * SAMPLES) : 0.0f;
     motion[pixel] = (float2)(-1e9f);
     if (seen.w > 0.0f) {
-        const float3 before =
-            bvh_transform(moved + 3 * ((int)its_material.w - 1), seen.w * d, 1.0f);
+        float3 point = seen.w * d;
+#ifdef OBJECTS_DEFORM
+        point += displaced[from >= 0 ? from : pixel].xyz;
+#endif
+        const float3 before = bvh_transform(moved + 3 * ((int)its_material.w - 1), point, 1.0f);
         motion[pixel] = view_project(previous, before);
     }
 }

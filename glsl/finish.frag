@@ -5,13 +5,16 @@
 // the panorama's texel (g . d <= 0: nothing there). It is 1 - M of IPRT Eq. 2. A covered pixel
 // whose centre has no surface borrows a neighbour's: its normal and material, and its tangent
 // plane's distance along this pixel's ray. Motion is the image point, in the previous view, of the
-// surface point before its object moved.
+// surface point before its object moved; with DEFORMING, before it bent, too.
 #version 330
 #include "view.glsl"
 #include "depth.glsl"
 
 uniform sampler2D geometry_in;       // front layer
 uniform sampler2D material_in;
+#ifdef DEFORMING
+uniform sampler2D displaced_in;
+#endif
 uniform sampler2D samples;           // encoded depth, SAMPLES x SAMPLES texels per pixel
 uniform ivec2 samples_origin;        // pixel of its corner
 uniform sampler2D surface;           // tangent planes of the real scene, equirect
@@ -57,7 +60,8 @@ float visible_fraction(ivec2 pixel)
     return visible / float(SAMPLES * SAMPLES);
 }
 
-void borrow(ivec2 pixel, vec3 d)
+// The pixel that a surface is borrowed from; the pixel itself where there is none.
+ivec2 borrow(ivec2 pixel, vec3 d)
 {
     ivec2 size = ivec2(view_size);
     for (int i = 0; i < 8; ++i) {
@@ -76,8 +80,9 @@ void borrow(ivec2 pixel, vec3 d)
         ratio = ratio > 0.0 ? clamp(ratio, 1.0 - BORROW_RANGE, 1.0 + BORROW_RANGE) : 1.0;
         geometry = vec4(lent.xyz, lent.w * ratio);
         material = texelFetch(material_in, from, 0);
-        return;
+        return from;
     }
+    return pixel;
 }
 
 vec2 previous_image_point(vec3 point, int index)
@@ -104,10 +109,16 @@ void main()
     geometry = texelFetch(geometry_in, pixel, 0);
     material = texelFetch(material_in, pixel, 0);
     float coverage = visible_fraction(pixel);
+    ivec2 lender = pixel;
     if (geometry.w == 0.0 && coverage > 0.0)
-        borrow(pixel, d);
-    if (geometry.w == 0.0)
+        lender = borrow(pixel, d);
+    if (geometry.w == 0.0) {
         display = vec4(0.0, NOWHERE, NOWHERE, 0.0);
-    else
-        display = vec4(coverage, previous_image_point(geometry.w * d, int(material.w) - 1), 0.0);
+        return;
+    }
+    vec3 point = geometry.w * d;
+#ifdef DEFORMING
+    point += texelFetch(displaced_in, lender, 0).xyz;
+#endif
+    display = vec4(coverage, previous_image_point(point, int(material.w) - 1), 0.0);
 }

@@ -21,3 +21,13 @@ vec4 fetch_vertex(int texel)
 
 vec4 position_u(int vertex) { return fetch_vertex(2 * vertex); }
 vec4 normal_v(int vertex) { return fetch_vertex(2 * vertex + 1); }
+
+#ifdef DEFORMING
+uniform sampler2D displacements; // one texel per vertex: to where it was, world space, 0
+
+vec4 displacement(int vertex)
+{
+    int column = vertex & ((1 << (VERTICES_WIDTH_LOG2 - 1)) - 1);
+    return texelFetch(displacements, ivec2(column, vertex >> (VERTICES_WIDTH_LOG2 - 1)), 0);
+}
+#endif

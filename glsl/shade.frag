@@ -1,7 +1,8 @@
 // One layer from the visible triangles: normal, radial distance, albedo and material.
 //
 // Everything is evaluated where the pixel-centre ray meets the triangle's plane; nothing is
-// interpolated by the rasterizer. With TEXTURED, only the pixels of one textured material.
+// interpolated by the rasterizer. With TEXTURED, only the pixels of one textured material. With
+// DEFORMING, also by how much the surface has bent since the previous frame.
 #version 330
 #include "view.glsl"
 #include "mesh.glsl"
@@ -18,6 +19,9 @@ uniform int textured;          // the material that has it
 
 layout(location = 0) out vec4 geometry;   // world normal, radial distance
 layout(location = 1) out vec4 material;   // albedo, 1 + material index
+#ifdef DEFORMING
+layout(location = 2) out vec4 displaced;  // world space, to where the mesh was before its motion; 0
+#endif
 
 float distance_along(vec3 d, int number)
 {
@@ -40,6 +44,9 @@ void main()
 {
     geometry = vec4(0.0);
     material = vec4(0.0);
+#ifdef DEFORMING
+    displaced = vec4(0.0);
+#endif
     ivec2 texel = ivec2(gl_FragCoord.xy);
     vec2 at = image_point(gl_FragCoord.xy);
     vec3 d = world_from_view * view_direction(at);
@@ -62,6 +69,10 @@ void main()
     normal = size > 1e-6 ? normal / size : -d;
     geometry = vec4(normal, dot(weights, vec3(dot(p0.xyz, d), dot(p1.xyz, d), dot(p2.xyz, d))));
     vec3 albedo = texelFetch(table, ivec2(0, triangle.w), 0).rgb;
+#ifdef DEFORMING
+    displaced = weights.x * displacement(triangle.x) + weights.y * displacement(triangle.y)
+        + weights.z * displacement(triangle.z);
+#endif
 
 #ifdef TEXTURED
     if (triangle.w != textured)

@@ -107,6 +107,7 @@ class Renderer:
             view,
             self.settings,
             openings=bool(frame.opening.any()),
+            deforming=any(instance.mesh.deforms for instance in self.instances),
             real_materials=frame.real_materials,
             own_radiance=own_radiance or frame.own_radiance,
             poses=frame.pose is not None,
@@ -353,7 +354,8 @@ class Renderer:
         Parameters
         ----------
         instances : iterable of Instance
-            The same objects, in the same order, with other transforms.
+            The same objects, in the same order, with other transforms; and other vertices, where a
+            mesh deforms.
 
         Raises
         ------

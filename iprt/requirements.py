@@ -29,6 +29,8 @@ class Requirements:
         Material kinds among the inserted objects.
     textured : bool
         One of them has a texture.
+    deforming : bool
+        Of one of them, vertices move.
     equirect_view : bool
         The picture is the whole panorama.
     opening_environment : bool
@@ -52,6 +54,7 @@ class Requirements:
     mirror: bool
     plastic: bool
     textured: bool
+    deforming: bool
     equirect_view: bool
     opening_environment: bool
     own_radiance: bool
@@ -68,6 +71,7 @@ class Requirements:
         settings: Settings,
         *,
         openings: bool,
+        deforming: bool = False,
         real_materials: tuple[Material, ...] = (),
         own_radiance: bool = False,
         color_map: bool = False,
@@ -75,7 +79,7 @@ class Requirements:
     ) -> Requirements:
         """`openings`: the video frame has windows; `real_materials`: its glossy surfaces;
         `own_radiance`: frames may come whose radiance is not their colour; `color_map`: which have
-        one; `poses`: they have them.
+        one; `poses`: they have them; `deforming`: vertices of objects move.
         """
         kinds = list(materials)
         tracing = bool(kinds) and settings.method == "iprt"
@@ -87,6 +91,7 @@ class Requirements:
             mirror=any(m.is_mirror for m in kinds),
             plastic=any(m.kind == "plastic" for m in kinds),
             textured=any(m.texture is not None for m in kinds),
+            deforming=deforming,
             equirect_view=view.projection == "equirect",
             opening_environment=tracing and settings.trace.openings == "environment" and openings,
             own_radiance=bool(kinds) and (own_radiance or color_map),
@@ -200,5 +205,6 @@ class Requirements:
             "bounding volume hierarchy of the objects": self.bvh or self.primary_rays,
             "objects in the view by rays, without OpenGL": self.primary_rays,
             "motion of the 360° camera": self.moving_camera,
+            "motion of every vertex": self.deforming,
             "equirect layers for rays off screen": self.equirect_layers,
         }

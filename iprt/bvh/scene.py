@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,6 +71,13 @@ class Shape:
         back[:3, 3] = centre
         return (points - centre).astype(np.float32), back
 
+    def displacements(self, before: Mesh) -> Floats:
+        """(V, 3), in the space of `place`: where the mesh's vertices were, less where they are."""
+        step = before.positions.astype(np.float64) - self.mesh.positions
+        if self.baked is not None:
+            step = step @ self.baked[:3, :3].T
+        return step.astype(np.float32)
+
     def normals(self) -> Floats:
         """(V, 3), in the space of `place`."""
         if self.baked is None:
@@ -104,6 +111,9 @@ class SceneBvh:
         Three vertices and the material of the mesh, per place of a packet.
     normals : (V, 4) float32
     uvs : (V, 2) float32
+    displacements : (V, 4) float32 or None
+        To where vertices were in the state before, by the space of their tree; None: all meshes are
+        those of then.
     instance_of : (I,) int32
         Index of each among the instances given.
     slots : (4 L,) int32
@@ -116,6 +126,7 @@ class SceneBvh:
     triangles: NDArray[np.int32]
     normals: Floats
     uvs: Floats
+    displacements: Floats | None
     instance_of: NDArray[np.int32]
     slots: NDArray[np.int32]
 
@@ -171,14 +182,17 @@ class SceneBuilder:
         shapes = shapes_of(instances)
         built: dict[tuple[int, bytes], int] = {}
         trees: list[tuple[Shape, MeshBvh]] = []
+        bent: list[Mesh | None] = []
         for index, shape in enumerate(shapes):
             if shape is not None and shape.key not in built:
                 built[shape.key] = len(trees)
                 trees.append((shape, self._tree(index, shape)))
+                bent.append(self._bent_from(index, shape))
         present = [index for index, shape in enumerate(shapes) if shape is not None]
         numbers = [built[shape.key] for shape in shapes if shape is not None]
         self._before = {i: trees[number] for i, number in zip(present, numbers, strict=True)}
-        return _assemble(instances, present, numbers, trees)
+        scene = _assemble(instances, present, numbers, trees)
+        return replace(scene, displacements=_displacements(trees, bent))
 
     def _tree(self, index: int, shape: Shape) -> MeshBvh:
         if index in self._before:
@@ -188,6 +202,12 @@ class SceneBuilder:
             if _same_triangles(before.mesh, shape.mesh):
                 return tree.refitted(shape.place()[0], shape.mesh.triangles)
         return build_mesh(shape.mesh, shape.place()[0], cached_tree)
+
+    def _bent_from(self, index: int, shape: Shape) -> Mesh | None:
+        """The mesh that an instance had in the state before, if its vertices have moved since."""
+        before = self._before[index][0].mesh if index in self._before else shape.mesh
+        same = before is shape.mesh or before.positions.shape != shape.mesh.positions.shape
+        return None if same else before
 
 
 def object_bounds(instances: Sequence[Instance], *, margin: float) -> Floats:
@@ -257,9 +277,24 @@ def _assemble(
         np.concatenate(triangles),
         np.concatenate(normals),
         np.concatenate(uvs),
+        None,
         np.array(present, np.int32),
         np.concatenate(slots),
     )
+
+
+def _displacements(
+    trees: Sequence[tuple[Shape, MeshBvh]], bent: Sequence[Mesh | None]
+) -> Floats | None:
+    if all(before is None for before in bent):
+        return None
+    rows = [
+        np.zeros((len(shape.mesh.positions), 3), np.float32)
+        if before is None
+        else shape.displacements(before)
+        for (shape, _), before in zip(trees, bent, strict=True)
+    ]
+    return np.pad(np.concatenate(rows), ((0, 0), (0, 1)))
 
 
 def _transforms(shape: Shape, instance: Instance) -> Floats:
@@ -296,6 +331,6 @@ def _invertible(matrix: Float) -> bool:
 def _same_triangles(a: Mesh, b: Mesh) -> bool:
     return (
         a.positions.shape == b.positions.shape
-        and np.array_equal(a.triangles, b.triangles)
+        and (a.triangles is b.triangles or np.array_equal(a.triangles, b.triangles))
         and np.array_equal(drawable(a.positions, a.triangles), drawable(b.positions, b.triangles))
     )

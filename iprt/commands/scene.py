@@ -352,6 +352,7 @@ def report_lines(report: SceneReport) -> list[str]:
             f"pitch {view['pitch_deg']:g}, fov {view['fov_y_deg']:g}; {shown}"
             + ("; has a truth" if view["truth"] else "")
         )
+        lines += [f"           moves: {view['moves']}"] if view["moves"] else []
     return lines
 
 
@@ -376,6 +377,7 @@ def _object_lines(entry: ObjectReport) -> list[str]:
         f"object     {entry.name}: {entry.triangles} triangles, {', '.join(entry.materials)}; "
         f"{size[0]:.2f} x {size[1]:.2f} x {size[2]:.2f} m from ({corner})"
     ]
+    lines += [f"           moves: {phrase}" for phrase in entry.moves]
     lines += [f"           not read: {phrase}" for phrase in entry.dropped]
     lines += [f"           warning: {phrase}" for phrase in entry.warnings]
     return lines

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+import pyopencl.array as cla
+from numpy.typing import DTypeLike, NDArray
 
 from iprt.bvh.scene import INSTANCE_ROWS, STACK, SceneBuilder, scene_sizes, shapes_of
 from iprt.bvh.wide import NODE_ROWS
@@ -28,7 +29,12 @@ class ObjectBvh:
     ----------
     motion : (3 M, 4) float32
         Per material of all instances: rows that take world points of its object to where they were
-        before the last `load`.
+        before the last `load`, if its vertices had not moved.
+    deforming : bool
+        There is a mesh that deforms.
+    displacements : (V, 4) float32 or None
+        Per vertex, in its mesh's space: to where it was before the last `load`. None: no mesh
+        deforms, or `follow_vertices` was not called.
 
     Raises
     ------
@@ -41,22 +47,37 @@ class ObjectBvh:
         self._builder = SceneBuilder()
         materials = [m for instance in instances for m in instance.mesh.materials]
         self._textured = any(m.texture is not None for m in materials)
+        self.deforming = any(instance.mesh.deforms for instance in instances)
         sizes = scene_sizes(shapes_of(instances))
         rows = {name: max(count, 1) for name, count in vars(sizes).items()}
         self._count = sizes.instances
-        self._nodes = device.empty("bvh nodes", (rows["nodes"], NODE_ROWS, 4))
-        self._packets = device.empty("bvh packets", (rows["packets"], 9, 4))
-        self._instances = device.empty("bvh instances", (rows["instances"], INSTANCE_ROWS, 4))
-        self._triangles = device.empty("bvh triangles", (4 * rows["packets"], 4), np.int32)
-        self._normals = device.empty("bvh normals", (rows["vertices"], 4))
-        self._uvs = self._texels = None
+        self._buffers: dict[str, cla.Array] = {}
+        self._make("nodes", (rows["nodes"], NODE_ROWS, 4))
+        self._make("packets", (rows["packets"], 9, 4))
+        self._make("instances", (rows["instances"], INSTANCE_ROWS, 4))
+        self._make("triangles", (4 * rows["packets"], 4), np.int32)
+        self._make("normals", (rows["vertices"], 4))
         table, texels = _albedo_table(materials)
         self._albedos = device.upload("bvh albedos", table)
+        self._texels = None
         self.motion = device.empty("bvh motion", (3 * max(len(materials), 1), 4))
         self._before: Sequence[Instance] | None = None
         if self._textured:
-            self._uvs = device.empty("bvh uvs", (rows["vertices"], 2))
+            self._make("uvs", (rows["vertices"], 2))
             self._texels = device.upload("bvh texels", texels)
+
+    def _make(self, name: str, shape: tuple[int, ...], dtype: DTypeLike = np.float32) -> None:
+        self._buffers[name] = self._device.empty(f"bvh {name}", shape, dtype)
+
+    def follow_vertices(self) -> None:
+        """Keep `displacements` too, where a mesh deforms."""
+        if self.deforming and self.displacements is None:
+            self._make("displacements", self._buffers["normals"].shape)
+            self._device.fill_zero(self._buffers["displacements"])
+
+    @property
+    def displacements(self) -> cla.Array | None:
+        return self._buffers.get("displacements")
 
     def load(self, instances: Sequence[Instance]) -> None:
         """Follow the objects: transforms and vertices may have changed since the last call.
@@ -66,19 +87,16 @@ class ObjectBvh:
         with self._device.profile.host("build bvh"):
             scene = self._builder.build(instances)
         with self._device.profile.section("upload"):
-            for buffer, values in (
-                (self._nodes, scene.nodes),
-                (self._packets, scene.packets),
-                (self._instances, scene.instances),
-                (self._triangles, scene.triangles),
-                (self._normals, scene.normals),
-                (self._uvs, scene.uvs),
-            ):
-                if buffer is not None:
-                    # The bound of the number of nodes is not always met.
-                    rows = np.zeros(buffer.shape, buffer.dtype)
-                    rows[: len(values)] = values
-                    self._device.write(buffer, rows)
+            for name in self._buffers:
+                values = getattr(scene, name)
+                buffer = self._room_for(name, 0 if values is None else len(values))
+                if values is None:
+                    self._device.fill_zero(buffer)
+                    continue
+                # The bound of the number of nodes is not always met.
+                rows = np.zeros(buffer.shape, buffer.dtype)
+                rows[: len(values)] = values
+                self._device.write(buffer, rows)
 
         moved = [
             motion_between(old.to_world, new.to_world)
@@ -89,6 +107,15 @@ class ObjectBvh:
             self._device.write(self.motion, np.concatenate(moved))
         self._before = instances
 
+    def _room_for(self, name: str, rows: int) -> cla.Array:
+        """The buffer, larger if need be: objects that shared a tree may come to need their own,
+        where one is flattened so far that it has no place in object space.
+        """
+        buffer = self._buffers[name]
+        if rows > buffer.shape[0]:
+            self._make(name, (rows, *buffer.shape[1:]), buffer.dtype)
+        return self._buffers[name]
+
     def defines(self) -> dict[str, Define]:
         """`-D` variants of kernels that trace the objects."""
         return bvh_defines(textured=self._textured)
@@ -96,13 +123,13 @@ class ObjectBvh:
     def arguments(self) -> tuple[Any, ...]:
         """What `OBJECT_PARAMETERS` of `cl/lib/objects_bvh.h` declares, up to the objects' boxes."""
         return (
-            self._nodes,
-            self._packets,
-            self._instances,
+            self._buffers["nodes"],
+            self._buffers["packets"],
+            self._buffers["instances"],
             self._count,
-            self._triangles,
-            self._normals,
-            self._uvs,
+            self._buffers["triangles"],
+            self._buffers["normals"],
+            self._buffers.get("uvs"),
             self._albedos,
             self._texels,
         )

@@ -31,16 +31,21 @@ class Visibility:
     def __init__(self, device: ComputeDevice, view: View, bvh: ObjectBvh) -> None:
         self._device = device
         self._bvh = bvh
+        bvh.follow_vertices()
         defines = plane_defines(
             equirect=view.projection == "equirect",
             SAMPLES=SAMPLES,
             COVERAGE_TOLERANCE=COVERAGE_TOLERANCE,
+            OBJECTS_DEFORM=bvh.deforming,
             **bvh.defines(),
         )
         self._see = device.kernel("visibility.cl", "see_objects", defines)
         self._show = device.kernel("visibility.cl", "show_objects", defines)
         self.front = device.empty("traced front", (view.height, view.width, 4))
         self.material = device.empty("traced material", (view.height, view.width, 4))
+        self._displaced: cla.Array | None = None
+        if bvh.deforming:
+            self._displaced = device.empty("traced displacement", (view.height, view.width, 4))
 
     def run(
         self,
@@ -75,12 +80,21 @@ class Visibility:
             for array in (
                 self.front,
                 self.material,
+                *(() if self._displaced is None else (self._displaced,)),
                 visible.front,
                 visible.material,
                 visible.cover,
             ):
                 self._device.fill_zero(array)
-            run(self._see, constants, *objects, self.front, self.material)
+            run(
+                self._see,
+                constants,
+                *objects,
+                self._bvh.displacements,
+                self.front,
+                self.material,
+                self._displaced,
+            )
             run(
                 self._show,
                 constants,
@@ -92,6 +106,7 @@ class Visibility:
                 panorama.height,
                 self.front,
                 self.material,
+                self._displaced,
                 visible.front,
                 visible.material,
                 visible.cover,

@@ -44,6 +44,8 @@ class Part:
         Of the materials of all instances.
     object_box : (8, 3) float64
         Corners, object space.
+    displacement : (V, 3) float64 or None
+        To where vertices were in the previous frame, object space; None: nowhere else.
     to_world, previous : (4, 4) float64
         This frame's and the previous frame's transform.
     """
@@ -57,6 +59,7 @@ class Part:
     object_box: Float
     to_world: Float
     previous: Float
+    displacement: Float | None = None
 
     @property
     def vertex_rows(self) -> int:
@@ -74,8 +77,18 @@ class Part:
 
     @property
     def motion(self) -> Float:
-        """(3, 4) affine map of this frame's world points to the previous frame's."""
+        """(3, 4) affine map of this frame's world points, displaced, to the previous frame's."""
         return motion_between(self.previous, self.to_world)
+
+    def move(self, instance: Instance) -> bool:
+        """Start a frame; whether the vertices have moved."""
+        before, self.instance = self.instance.mesh, instance
+        self.previous, self.to_world = self.to_world, _affine(instance.name, instance.to_world)
+        self.displacement = None
+        if instance.mesh is not before and instance.mesh.deforms:
+            self.displacement = before.positions.astype(np.float64) - instance.mesh.positions
+            self.object_box = _box_of(instance.mesh, self.triangles)
+        return self.displacement is not None or not np.array_equal(self.to_world, self.previous)
 
 
 class WorldGeometry:
@@ -96,6 +109,8 @@ class WorldGeometry:
         for less than gl_PrimitiveID costs on software renderers.
     triangles, vertices, table : moderngl.Texture
         See `glsl/mesh.glsl` and `glsl/shade.frag`.
+    displacements : moderngl.Texture or None
+        The same; None: no mesh deforms.
     images : dict of int to moderngl.Texture
         Texture by material.
     """
@@ -113,6 +128,10 @@ class WorldGeometry:
         )
         self.triangles.write(_padded(table, _TRIANGLES_WIDTH))
         self.vertices = context.texture((_VERTICES_WIDTH, max(rows, 1)), 4, dtype="f4")
+        self.displacements: moderngl.Texture | None = None
+        if any(instance.mesh.deforms for instance in instances):
+            size = (_VERTICES_PER_ROW, max(rows, 1))
+            self.displacements = context.texture(size, 4, bytes(16 * size[0] * size[1]), dtype="f4")
         self.table = context.texture((4, max(len(self.materials), 1)), 4, dtype="f4")
         self.images = {
             index: _mipmapped(context, material.texture)
@@ -126,11 +145,10 @@ class WorldGeometry:
     def move(self, instances: Sequence[Instance]) -> None:
         """Start a frame: current transforms become previous ones, and these the current ones."""
         for part in self.parts:
-            part.instance = instances[part.index]
-            part.previous = part.to_world
-            part.to_world = _affine(part.instance.name, part.instance.to_world)
-            if not np.array_equal(part.to_world, part.previous):
+            if part.move(instances[part.index]):
                 self._upload(part)
+            if self.displacements is not None and part.instance.mesh.deforms:
+                self._upload_displacements(self.displacements, part)
         self._upload_table()
 
     def _upload(self, part: Part) -> None:
@@ -152,6 +170,16 @@ class WorldGeometry:
         self.vertices.write(
             _padded(texels, _VERTICES_PER_ROW),
             viewport=(0, part.vertex_row, _VERTICES_WIDTH, part.vertex_rows),
+        )
+
+    def _upload_displacements(self, texture: moderngl.Texture, part: Part) -> None:
+        """Write to where one instance's vertices were, world space, before its motion."""
+        texels = np.zeros((len(part.instance.mesh.positions), 4), np.float32)
+        if part.displacement is not None:
+            texels[:, :3] = part.displacement @ part.to_world[:3, :3].T
+        texture.write(
+            _padded(texels, _VERTICES_PER_ROW),
+            viewport=(0, part.vertex_row, _VERTICES_PER_ROW, part.vertex_rows),
         )
 
     def _upload_table(self) -> None:
@@ -177,8 +205,7 @@ def _lay_out(instances: Sequence[Instance]) -> tuple[tuple[Part, ...], NDArray[n
         if len(order) == 0:
             continue
         triangles = mesh.triangles[order]
-        used = mesh.positions[triangles.ravel()].astype(np.float64)
-        box = box_corners(used.min(axis=0), used.max(axis=0))
+        box = _box_of(mesh, triangles)
         parts.append(Part(instance, index, row, count, triangles, materials, box, matrix, matrix))
         numbers = triangles + row * _VERTICES_PER_ROW
         material = mesh.material_index[order, None] + materials.start
@@ -190,6 +217,12 @@ def _lay_out(instances: Sequence[Instance]) -> tuple[tuple[Part, ...], NDArray[n
             f"the objects have {count} triangles, more than {_MAX_TRIANGLES}: simplify them"
         )
     return tuple(parts), np.concatenate(table), row
+
+
+def _box_of(mesh: Mesh, triangles: NDArray[np.int32]) -> Float:
+    """(8, 3) corners of a box around triangles of a mesh, object space."""
+    used = mesh.positions[triangles.ravel()].astype(np.float64)
+    return box_corners(used.min(axis=0), used.max(axis=0))
 
 
 def _drawing_order(mesh: Mesh) -> NDArray[np.int64]:

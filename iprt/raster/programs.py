@@ -30,8 +30,12 @@ class Programs:
     finish: moderngl.Program
 
     @classmethod
-    def build(cls, context: moderngl.Context, projection: Projection) -> Programs:
+    def build(
+        cls, context: moderngl.Context, projection: Projection, *, deforming: bool
+    ) -> Programs:
+        """`deforming`: of objects some of which bend."""
         defines = {"EQUIRECT": 1} if projection == "equirect" else {}
+        bent = {"DEFORMING": 1} if deforming else {}
         stages = f"visibility_{projection}"
 
         def visibility(**extra: int) -> moderngl.Program:
@@ -49,7 +53,7 @@ class Programs:
         return cls(
             visibility(),
             visibility(DEPTH_ONLY=1),
-            screen("shade.frag"),
-            screen("shade.frag", TEXTURED=1),
-            screen("finish.frag", SAMPLES=SAMPLES),
+            screen("shade.frag", **bent),
+            screen("shade.frag", TEXTURED=1, **bent),
+            screen("finish.frag", SAMPLES=SAMPLES, **bent),
         )

@@ -77,6 +77,7 @@ class Rasterizer:
 
     def __init__(self, instances: Sequence[Instance]) -> None:
         self._context = create_context()
+        self._deforming = any(instance.mesh.deforms for instance in instances)
         self.device_name: str = self._context.info["GL_RENDERER"]
         with self._context:
             self._geometry = WorldGeometry(self._context, instances)
@@ -91,15 +92,15 @@ class Rasterizer:
         self._targets: dict[Projection, Targets] = {}
 
     def move(self, instances: Sequence[Instance]) -> None:
-        """Start a frame with new transforms; the current ones become the previous ones.
+        """Start a frame with new transforms and vertices; the current ones become previous ones.
 
         Call it once per frame while objects move, and once more when they stop: motion is measured
-        from the transforms before the last call.
+        from where they were before the last call.
 
         Parameters
         ----------
         instances : sequence of Instance
-            The same objects, in the same order.
+            The same objects, in the same order; vertices differ only of meshes that deform.
 
         Raises
         ------
@@ -221,6 +222,8 @@ class Rasterizer:
             "seen_facing": targets.facing.images[0],
             "seen_away": targets.away.images[0],
         }
+        if geometry.displacements is not None:
+            textures["displacements"] = geometry.displacements
         for layer in (targets.front, targets.back):
             which = {"back_layer": layer is targets.back}
             bind_textures(programs.shade, textures)
@@ -253,6 +256,8 @@ class Rasterizer:
             "surface": self._surface,
             "table": self._geometry.table,
         }
+        if self._geometry.displacements is not None:
+            textures["displaced_in"] = targets.front.images[2]
         bind_textures(program, textures)
         self._fill(program, targets.display, [tile], {"samples_origin": (tile.x0, tile.y0)})
 
@@ -281,7 +286,9 @@ class Rasterizer:
 
     def _programs_for(self, view: View) -> Programs:
         if view.projection not in self._programs:
-            self._programs[view.projection] = Programs.build(self._context, view.projection)
+            self._programs[view.projection] = Programs.build(
+                self._context, view.projection, deforming=self._deforming
+            )
         return self._programs[view.projection]
 
     def _targets_for(self, view: View) -> Targets:
@@ -292,7 +299,9 @@ class Rasterizer:
             return held
         if held is not None:
             held.release()
-        self._targets[view.projection] = Targets.create(self._context, size)
+        self._targets[view.projection] = Targets.create(
+            self._context, size, deforming=self._deforming
+        )
         return self._targets[view.projection]
 
 

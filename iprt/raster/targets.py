@@ -61,7 +61,8 @@ class Targets:
     facing, away : Target
         1 + number of the nearest triangle that faces the capture centre, and that faces away.
     front, back : Target
-        The arrays of `Layer`.
+        The arrays of `Layer`; where meshes deform, the front has (displacement, 0), in world space,
+        too.
     display : Target
         The arrays of the displayed front layer, and (coverage, motion x, motion y, 0).
     """
@@ -75,14 +76,16 @@ class Targets:
     display: Target
 
     @classmethod
-    def create(cls, context: moderngl.Context, size: tuple[int, int]) -> Targets:
+    def create(
+        cls, context: moderngl.Context, size: tuple[int, int], *, deforming: bool
+    ) -> Targets:
         depth = context.depth_renderbuffer(size)
         return cls(
             size,
             depth,
             facing=Target.create(context, size, images=1, channels=1, depth=depth),
             away=Target.create(context, size, images=1, channels=1, depth=depth),
-            front=Target.create(context, size, images=2),
+            front=Target.create(context, size, images=3 if deforming else 2),
             back=Target.create(context, size, images=2),
             display=Target.create(context, size, images=3),
         )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal, Self, TypeVar
 
@@ -127,6 +127,12 @@ class ObjectMotion:
             _track(keyframes, "scale"),
         )
 
+    def describe(self) -> str | None:
+        """What moves and when, in words; None: nothing does."""
+        return _described(
+            {"translation": self.translation, "rotation": self.rotation, "scale": self.scale}
+        )
+
     def at(self, time_s: float) -> Float:
         """(4, 4) `to_world` at a time."""
         moved = np.zeros(3) if self.translation is None else self.translation.at(time_s)
@@ -152,6 +158,10 @@ class ViewMotion:
     def of(cls, view: View, keyframes: Sequence[ViewKeyframe]) -> ViewMotion:
         return cls(view, *(_track(keyframes, key) for key in ("yaw_deg", "pitch_deg", "fov_y_deg")))
 
+    def describe(self) -> str | None:
+        """What changes and when, in words; None: nothing does."""
+        return _described({"yaw": self.yaw_deg, "pitch": self.pitch_deg, "fov": self.fov_y_deg})
+
     def at(self, time_s: float) -> View:
         def value(track: Track | None, otherwise: float) -> float:
             return otherwise if track is None else float(track.at(time_s)[0])
@@ -162,6 +172,15 @@ class ViewMotion:
             pitch_deg=value(self.pitch_deg, self.view.pitch_deg),
             fov_y_deg=value(self.fov_y_deg, self.view.fov_y_deg),
         )
+
+
+def _described(tracks: Mapping[str, Track | None]) -> str | None:
+    keyed = {name: track.times for name, track in tracks.items() if track is not None}
+    if not keyed:
+        return None
+    first = min(float(times[0]) for times in keyed.values())
+    last = max(float(times[-1]) for times in keyed.values())
+    return f"keyframes of {', '.join(keyed)} from {first:g} to {last:g} s"
 
 
 def _track(keyframes: Sequence[_Keyframe], name: str, *, rotation: bool = False) -> Track | None:

@@ -82,7 +82,8 @@ class Instance:
 def require_same_objects(before: Sequence[Instance], after: Sequence[Instance]) -> None:
     """Raise SceneError unless these are the same objects, at most elsewhere.
 
-    They are if their names, order, triangles, materials and vertices are.
+    They are if their names, order, triangles and materials are, and the vertices of meshes that do
+    not deform.
     """
     names, others = ([instance.name for instance in those] for those in (before, after))
     if names != others:
@@ -105,14 +106,24 @@ def require_same_objects(before: Sequence[Instance], after: Sequence[Instance]) 
 def same_places(before: Sequence[Instance], after: Sequence[Instance]) -> bool:
     """Whether nothing has moved between two states of the same objects."""
     return all(
-        np.array_equal(old.to_world, new.to_world) for old, new in zip(before, after, strict=True)
+        np.array_equal(old.to_world, new.to_world)
+        and (old.mesh is new.mesh or _equal(old.mesh, new.mesh, "positions", "normals"))
+        for old, new in zip(before, after, strict=True)
     )
 
 
 def _same_shape(old: Mesh, new: Mesh) -> bool:
-    arrays = ("positions", "normals", "uvs", "triangles", "material_index")
+    vertices = () if old.deforms else ("positions", "normals")
     return (
-        all(np.array_equal(getattr(old, name), getattr(new, name)) for name in arrays)
+        old.deforms == new.deforms
+        and old.positions.shape == new.positions.shape
+        and _equal(old, new, "uvs", "triangles", "material_index", *vertices)
         and old.materials == new.materials
         and all(a.texture is b.texture for a, b in zip(old.materials, new.materials, strict=True))
     )
+
+
+def _equal(old: Mesh, new: Mesh, *names: str) -> bool:
+    """Whether these arrays are; most of them are the same."""
+    pairs = ((getattr(old, name), getattr(new, name)) for name in names)
+    return all(a is b or np.array_equal(a, b) for a, b in pairs)

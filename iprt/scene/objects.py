@@ -42,6 +42,14 @@ class SceneObject:
         """The mesh whose triangles and materials it has at all times."""
         return self.mesh.bound if isinstance(self.mesh, AnimatedMesh) else self.mesh
 
+    def describe(self) -> tuple[str, ...]:
+        """How it moves, a phrase each; nothing if it does not."""
+        phrases = [self.motion.describe()]
+        if isinstance(self.mesh, AnimatedMesh):
+            clip = self.mesh.clip
+            phrases.append(f"animation '{clip.name}' of {clip.duration:g} s")
+        return tuple(phrase for phrase in phrases if phrase is not None)
+
 
 def objects_at(objects: Iterable[SceneObject], time_s: float) -> tuple[Instance, ...]:
     """The objects at a time; those that share a mesh share what becomes of it."""

@@ -16,6 +16,7 @@ from iprt.scene.images import picture_size
 from iprt.scene.manifest import MANIFEST_NAME
 from iprt.scene.manifest_problems import problems_error
 from iprt.scene.mesh import Instance
+from iprt.scene.objects import SceneObject
 from iprt.scene.openings import classify_holes, solid_angles
 from iprt.scene.placement import RealSurfaces
 from iprt.scene.scene import Scene
@@ -34,13 +35,16 @@ class Share:
 
 @dataclass(frozen=True)
 class ObjectReport:
-    """An object: its size in metres, and what is lost of its file or wrong with its place."""
+    """An object: its size in metres at first, how it moves, and what is lost of its file or wrong
+    with its place.
+    """
 
     name: str
     triangles: int
     materials: tuple[str, ...]
     low: tuple[float, float, float]
     high: tuple[float, float, float]
+    moves: tuple[str, ...]
     dropped: tuple[str, ...]
     warnings: tuple[str, ...]
 
@@ -137,7 +141,10 @@ def describe_scene(scene: Scene, frame: Frame, raw: RawFrame) -> SceneReport:
             )
             for index, table in enumerate(scene.real_materials)
         ),
-        objects=tuple(_describe_object(instance, surfaces) for instance in scene.instances),
+        objects=tuple(
+            _describe_object(instance, entry, surfaces)
+            for instance, entry in zip(scene.instances, scene.objects, strict=True)
+        ),
         views={
             name: {
                 "width": entry.view.width,
@@ -147,6 +154,7 @@ def describe_scene(scene: Scene, frame: Frame, raw: RawFrame) -> SceneReport:
                 "fov_y_deg": entry.view.fov_y_deg,
                 "objects": list(entry.objects),
                 "truth": entry.truth is not None,
+                "moves": None if entry.motion is None else entry.motion.describe(),
             }
             for name, entry in scene.views.items()
         },
@@ -210,7 +218,9 @@ def _collect(problems: list[str], scene: Scene, action: Callable[[], Any]) -> An
         return None
 
 
-def _describe_object(instance: Instance, surfaces: RealSurfaces) -> ObjectReport:
+def _describe_object(
+    instance: Instance, entry: SceneObject, surfaces: RealSurfaces
+) -> ObjectReport:
     mesh, matrix = instance.mesh, instance.to_world
     vertices = mesh.positions.astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
     low, high = vertices.min(axis=0), vertices.max(axis=0)
@@ -220,6 +230,7 @@ def _describe_object(instance: Instance, surfaces: RealSurfaces) -> ObjectReport
         materials=tuple("mirror" if m.is_mirror else m.kind for m in mesh.materials),
         low=(float(low[0]), float(low[1]), float(low[2])),
         high=(float(high[0]), float(high[1]), float(high[2])),
+        moves=entry.describe(),
         dropped=mesh.dropped,
         warnings=tuple(surfaces.standing(instance).warnings()),
     )
