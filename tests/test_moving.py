@@ -22,7 +22,6 @@ from iprt.scene.mesh import Instance
 from tests.whole_frame import (
     CLAY,
     METHODS,
-    PANORAMA,
     VIEW,
     blocks,
     chosen,
@@ -36,7 +35,8 @@ from tests.worlds import Float, ball
 pytestmark = pytest.mark.gl
 
 METHOD = pytest.mark.parametrize("method", METHODS, ids="-".join)
-VIEWS = pytest.mark.parametrize("view", [VIEW, PANORAMA], ids=lambda view: view.projection)
+WIDE = View(160, 80, projection="equirect")
+VIEWS = pytest.mark.parametrize("view", [VIEW, WIDE], ids=lambda view: view.projection)
 
 
 @pytest.fixture(scope="module")

@@ -93,9 +93,7 @@ def require_same_objects(before: Sequence[Instance], after: Sequence[Instance]) 
         )
     for old, new in zip(before, after, strict=True):
         if new.to_world.shape != (4, 4) or not np.isfinite(new.to_world).all():
-            raise SceneError(
-                f"object {new.name}: to_world must be 4x4 finite numbers, got {new.to_world!r}"
-            )
+            raise SceneError(f"object {new.name}: to_world must be 4x4 finite numbers")
         if old.mesh is not new.mesh and not _same_shape(old.mesh, new.mesh):
             raise SceneError(
                 f"object {new.name}: cannot move, its triangles, vertices or materials are others "
