@@ -70,8 +70,8 @@ def states() -> list[list[Instance]]:
     found = []
     for step, bend in enumerate(bends()):
         both = bent(mesh, bend)
-        near, far = np.diag([0.3, 0.3, 0.3, 1.0]), np.diag([0.15, 0.25, 0.15, 1.0])
-        near[:3, 3], far[:3, 3] = (0.0, -1.1, -1.7), (0.9 - 0.1 * step, -1.2, -1.5)
+        near, far = np.diag([0.3, 0.3, 0.3, 1.0]), np.diag([0.2, 0.3, 0.2, 1.0])
+        near[:3, 3], far[:3, 3] = (0.0, -1.1, -1.7), (0.7 - 0.1 * step, -1.2, -1.5)
         far[0, 1] = 0.05 * step
         found.append([Instance("near", both, near), Instance("far", both, far), box, *others])
     return found
@@ -104,7 +104,7 @@ def test_motion_is_that_of_vertices(
             visible = renderer.virtual_pixels.visible  # type: ignore[union-attr]
             motion = renderer.layout.interior(device.read(visible.motion)).transpose(1, 2, 0)
             number = renderer.layout.interior(device.read(visible.id))[0].astype(int)
-            seen = picture.aovs["coverage"] > 0.0
+            seen = picture.aovs["coverage"] > 0.5  # the depth is the object's
             points = looked.directions() * picture.aovs["depth"][..., None]
             then = points.copy()
             pairs = zip(total(path[last], last), total(path[step], step), strict=True)
@@ -114,12 +114,12 @@ def test_motion_is_that_of_vertices(
             error = motion - previous.project(then)
             if view.projection == "equirect":
                 error[..., 0] -= view.width * np.round(error[..., 0] / view.width)
-            whole = seen & (picture.aovs["coverage"] == 1.0)
+            whole = picture.aovs["coverage"] == 1.0
             for index in (1, 2):
                 assert (whole & (number == index)).sum() > 3
             assert np.abs(error[whole]).max() < 0.01
             # Borrowed surfaces bend as those that lend them, which are a pixel away.
-            assert np.abs(error[seen]).max() < 3.0
+            assert np.abs(error[seen]).max() < 2.0
             if last == step:
                 assert np.abs((motion - own)[whole]).max() < 0.01
             else:
