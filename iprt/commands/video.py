@@ -26,9 +26,9 @@ from iprt.scene.fingerprint import fingerprint
 
 LOG = logging.getLogger("iprt.render")
 
-WARM_UP = 8
-"""Frames rendered before the first of a run, to give it a history. After so many, it differs from
-that of an uninterrupted run by no more than by its noise."""
+WARM_UP, WARM_UP_STEPS = 8, 16
+"""Frames of the video, and view frames, that are rendered at least before the first of a run, to
+give it a history. After these it differs from one of an uninterrupted run by the noise alone."""
 
 
 class Output(Protocol):
@@ -84,7 +84,7 @@ def render_video(
     def attempt() -> tuple[ComputeDevice, Film]:
         compute = ComputeDevice(handle, job.frame_limit)
         with job.film(compute) as film:
-            _render(film, target, frames, job.aovs)
+            _render(film, target, frames, job)
         return compute, film
 
     with locked(Path(os.path.realpath(output)).parent):
@@ -108,11 +108,19 @@ def render_video(
     return result
 
 
-def _render(film: Film, target: Output, frames: range, aovs: Sequence[str]) -> None:
+def warm_up(accumulate: int) -> int:
+    """Frames of the video to render before the first of a run, with so many view frames each."""
+    return max(WARM_UP, -(-WARM_UP_STEPS // accumulate))
+
+
+def _render(film: Film, target: Output, frames: range, job: Job) -> None:
     with progress_bar("rendering", len(frames), done=target.done, remaining=True) as progress:
         for run in runs(target.missing(), frames):
             for index, picture in film.frames(
-                run, warm_up=WARM_UP, aovs=aovs, progress=lambda _: progress(target.done)
+                run,
+                warm_up=warm_up(job.accumulate),
+                aovs=job.aovs,
+                progress=lambda _: progress(target.done),
             ):
                 target.write(index, picture, film.device.name)
                 progress(target.done)

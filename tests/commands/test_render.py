@@ -3,95 +3,25 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
 import OpenEXR
 import pytest
 
-from iprt.commands.job import Job
 from iprt.commands.knobs import KnobFlags
-from iprt.commands.render import render
 from iprt.commands.views import choose_view, moving_view
-from iprt.device.profile import PassTime, Profile
 from iprt.errors import FormatError, IprtError
-from iprt.film import view_at
-from iprt.renderer import RenderedFrame
 from iprt.scene.camera import View
 from iprt.scene.scene import Scene
 from iprt.settings import Settings, TraceSettings
-from tests.clips import write_clip
-
-
-class FakeProfile(Profile):
-    def passes(self) -> list[PassTime]:
-        return [PassTime("march", 3.0 * self.frames, 0.0, self.frames)]
-
-
-class FakeFilm:
-    """Pictures whose red channel is the number of view frames, and green the video frame's."""
-
-    calls: list[tuple[Any, ...]]
-    prepare_ms = 1.0
-
-    def __init__(self, device: Any, settings: Settings, view: Any, accumulate: int) -> None:
-        self.device, self.view, self.accumulate = device, view, accumulate
-        self.settings = settings
-
-    def __enter__(self) -> FakeFilm:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        pass
-
-    def frames(
-        self,
-        indices: Sequence[int],
-        *,
-        warm_up: int = 0,
-        aovs: tuple[str, ...] = (),
-        progress: Callable[[int], None],
-    ) -> Iterator[tuple[int, RenderedFrame]]:
-        self.calls.append((list(indices), warm_up, aovs, self.accumulate, self.settings))
-        for index in indices:
-            self.device.profile.frames += self.accumulate
-            progress(self.accumulate)
-            color = np.zeros((self.view.height, self.view.width, 3), np.float32)
-            color[..., 0], color[..., 1] = self.accumulate, index
-            layers = {"normal": color, "depth": np.full(color.shape[:2], 2.5, np.float32)}
-            yield index, RenderedFrame(color, {name: layers[name] for name in aovs})
-
-
-@pytest.fixture
-def folder(tmp_path: Path) -> Path:
-    return write_clip(tmp_path / "room")
+from tests.commands.conftest import FakeFilm
 
 
 @pytest.fixture
 def scene(folder: Path) -> Scene:
     return Scene.open(folder)
-
-
-@pytest.fixture
-def command(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., int]:
-    """`iprt render` with a fake device and film."""
-    monkeypatch.setattr(FakeFilm, "calls", [], raising=False)
-
-    def compute(*_: object) -> SimpleNamespace:
-        return SimpleNamespace(profile=FakeProfile(), name="a device")
-
-    def film(job: Job, device: SimpleNamespace) -> FakeFilm:
-        view = view_at(job.scene, job.view, 0)
-        return FakeFilm(device, job.settings, view, job.accumulate)
-
-    monkeypatch.setattr("iprt.device.choose.choose_device", lambda spec: spec)
-    monkeypatch.setattr("iprt.device.compute.ComputeDevice", compute)
-    monkeypatch.setattr("iprt.commands.video.ComputeDevice", compute)
-    monkeypatch.setattr(Job, "film", film)
-    return lambda *args, **kwargs: render(folder, *args, **kwargs)
 
 
 def test_first_view_is_the_default(scene: Scene) -> None:

@@ -1,0 +1,89 @@
+"""`iprt render` without a device: pictures that tell of which frame they are."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from iprt.commands.job import Job
+from iprt.commands.render import render
+from iprt.device.profile import PassTime, Profile
+from iprt.film import view_at
+from iprt.renderer import RenderedFrame
+from iprt.settings import Settings
+from tests.clips import write_clip
+
+
+class FakeProfile(Profile):
+    def passes(self) -> list[PassTime]:
+        return [PassTime("march", 3.0 * self.frames, 0.0, self.frames)]
+
+
+class FakeFilm:
+    """Pictures whose red channel is the number of view frames; green tells the video's frame.
+
+    Before each frame in `ends` is rendered, the first of its errors is raised, once.
+    """
+
+    calls: list[tuple[Any, ...]]
+    ends: dict[int, list[BaseException]]
+    prepare_ms = 1.0
+
+    def __init__(self, device: Any, settings: Settings, view: Any, accumulate: int) -> None:
+        self.device, self.view, self.accumulate = device, view, accumulate
+        self.settings = settings
+
+    def __enter__(self) -> FakeFilm:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        pass
+
+    def frames(
+        self,
+        indices: Sequence[int],
+        *,
+        warm_up: int = 0,
+        aovs: tuple[str, ...] = (),
+        progress: Callable[[int], None],
+    ) -> Iterator[tuple[int, RenderedFrame]]:
+        self.calls.append((list(indices), warm_up, aovs, self.accumulate, self.settings))
+        for index in indices:
+            if self.ends.get(index):
+                raise self.ends[index].pop(0)
+            self.device.profile.frames += self.accumulate
+            progress(self.accumulate)
+            color = np.zeros((self.view.height, self.view.width, 3), np.float32)
+            color[..., 0], color[..., 1] = self.accumulate, 0.1 * index
+            layers = {"normal": color, "depth": np.full(color.shape[:2], 2.5, np.float32)}
+            yield index, RenderedFrame(color, {name: layers[name] for name in aovs})
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    return write_clip(tmp_path / "room")
+
+
+@pytest.fixture
+def command(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., int]:
+    """`iprt render` with a fake device and film."""
+    monkeypatch.setattr(FakeFilm, "calls", [], raising=False)
+    monkeypatch.setattr(FakeFilm, "ends", {}, raising=False)
+
+    def compute(*_: object) -> SimpleNamespace:
+        return SimpleNamespace(profile=FakeProfile(), name="a device")
+
+    def film(job: Job, device: SimpleNamespace) -> FakeFilm:
+        view = view_at(job.scene, job.view, 0)
+        return FakeFilm(device, job.settings, view, job.accumulate)
+
+    monkeypatch.setattr("iprt.device.choose.choose_device", lambda spec: spec)
+    monkeypatch.setattr("iprt.device.compute.ComputeDevice", compute)
+    monkeypatch.setattr("iprt.commands.video.ComputeDevice", compute)
+    monkeypatch.setattr(Job, "film", film)
+    return lambda *args, **kwargs: render(folder, *args, **kwargs)

@@ -1,0 +1,64 @@
+"""A render of a video killed in the middle, with real kernels: it goes on without a jump."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from iprt import cli
+from iprt.scene.images import read_color
+from tests.clips import write_clip
+from tests.commands.test_faults import DEVICE, child_of
+
+FRAMES = 16
+KILLED_AT = 9
+FLAGS = ["--accumulate", "1", "--device", DEVICE, "--set", "trace.ratio_rows=16"]
+
+
+def words(scene: Path, output: Path) -> list[str]:
+    return ["render", str(scene), "-o", str(output), *FLAGS]
+
+
+def pictures(folder: Path) -> NDArray[np.float32]:
+    return np.stack([read_color(folder / f"{index:02d}.exr") for index in range(FRAMES)])
+
+
+@pytest.fixture(scope="module")
+def clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_clip(tmp_path_factory.mktemp("resume") / "clip", FRAMES, size=(48, 32))
+
+
+@pytest.fixture(scope="module")
+def whole(clip: Path) -> NDArray[np.float32]:
+    """The frames of an uninterrupted render."""
+    assert cli.main(words(clip, clip.parent / "whole" / "%02d.exr")) == 0
+    return pictures(clip.parent / "whole")
+
+
+def test_a_killed_render_goes_on_without_a_jump(clip: Path, whole: NDArray[np.float32]) -> None:
+    out = clip.parent / "out"
+    code = (
+        f"import sys; from iprt import cli; sys.exit(cli.main({words(clip, out / '%02d.exr')!r}))"
+    )
+    with child_of(code) as child:
+        until = time.monotonic() + 120.0
+        while not (out / f"{KILLED_AT - 1:02d}.exr").exists() and time.monotonic() < until:
+            assert child.poll() is None
+            time.sleep(0.005)
+        child.kill()
+        child.wait(timeout=30)
+    times = {path.name: path.stat().st_mtime_ns for path in out.glob("*.exr")}
+    assert KILLED_AT <= len(times) < FRAMES, "killed in the middle"
+    assert cli.main(words(clip, out / "%02d.exr")) == 0
+    assert len(list(out.iterdir())) == FRAMES, "and nothing else"
+    assert all((out / name).stat().st_mtime_ns == then for name, then in times.items())
+    resumed, first = pictures(out), len(times)
+    assert np.array_equal(resumed[:first], whole[:first]), "those before the kill, bit for bit"
+    seam = np.abs(resumed - whole)[first].mean()
+    change = np.abs(whole[first] - whole[first - 1]).mean()
+    assert seam < 0.12 * change
+    assert np.abs(resumed[first] - resumed[first - 1]).mean() == pytest.approx(change, rel=0.05)
