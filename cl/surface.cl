@@ -2,7 +2,7 @@
 //
 // in   depth     [H*W]    metres from the capture centre; INFINITY: open sky
 //      normal    [H*W*3]  world, unit, facing the capture centre
-//      opening   [H*W]    nonzero where the source has no depth (windows)
+//      marks     [H*W]    SURFACE_* flags to be set: OPENING where the source has no depth
 //      column    [W+1]    (cos, sin) of the azimuth of column edges
 //      row       [H+1]    cos of the polar angle of row edges
 // out  surface   [H*W]    xyz: g of the tangent plane g.x = 1; w: SURFACE_* flags (lib/real.h)
@@ -45,7 +45,7 @@ __kernel void build_surface(
     const int height,
     __global const float *restrict depth,      // metres
     __global const float *restrict normal,     // world
-    __global const uchar *restrict opening,    // 0 or 1
+    __global const uchar *restrict marks,
     __global const float2 *restrict column,    // column edges
     __global const float *restrict row,        // row edges
     __global float4 *restrict surface,         // out
@@ -57,7 +57,7 @@ __kernel void build_surface(
     const int texel = y * width + x;
     const float d = depth[texel];
     if (!isfinite(d)) {
-        surface[texel] = (float4)(0.0f, 0.0f, 0.0f, (float)SURFACE_NONE);
+        surface[texel] = (float4)(0.0f, 0.0f, 0.0f, (float)(SURFACE_NONE | marks[texel]));
         range[texel] = (float2)(INFINITY, INFINITY);
         return;
     }
@@ -68,7 +68,7 @@ __kernel void build_surface(
     const int step_x[4] = {1, -1, 0, 0};
     const int step_y[4] = {0, 0, -1, 1};
     const int flag[4] = {SURFACE_EAST, SURFACE_WEST, SURFACE_NORTH, SURFACE_SOUTH};
-    int flags = opening[texel] ? SURFACE_OPENING : 0;
+    int flags = marks[texel];
     float reach = footprint * d;   // how far the plane may leave the centre's depth in the texel
     for (int i = 0; i < 4; i++) {
         const int ny = y + step_y[i];

@@ -57,6 +57,7 @@ class Film:
         self._objects = view.objects if objects is None and isinstance(view, SceneView) else objects
         self._renderer: Renderer | None = None
         self._drifts = False
+        self._static_camera = False
 
     def close(self) -> None:
         """Release what the last run of frames held."""
@@ -116,6 +117,7 @@ class Film:
         before = warm_up_indices(indices, warm_up, self.scene.frame_indices[0])
         chosen = [*before, *indices]
         self._drifts = self.settings.drift and len(set(chosen)) > 1
+        self._static_camera = self.scene.source.static_camera and len(set(chosen)) > 1
         with self.scene.stream(chosen, strict=self.strict, drift=self._drifts) as frames:
             for number, (index, frame) in enumerate(zip(chosen, frames, strict=True)):
                 renderer = self._showing(frame, index)
@@ -137,8 +139,10 @@ class Film:
             renderer.move(instances)
             renderer.look(view)
             return renderer
-        require_memory(self.device, frame, instances, view, self.settings, drifts=self._drifts)
-        renderer = Renderer(self.device, frame, instances, view, self.settings, drifts=self._drifts)
+        given = (self.device, frame, instances, view, self.settings)
+        drifts, stays = self._drifts, self._static_camera
+        require_memory(*given, drifts=drifts, static_camera=stays)
+        renderer = Renderer(*given, drifts=drifts, static_camera=stays)
         self._renderer = renderer
         if not self.prepare_ms:
             self.device.finish()

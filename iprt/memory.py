@@ -58,6 +58,7 @@ class RenderPlan:
         *,
         own_radiance: bool = False,
         drifts: bool = False,
+        static_camera: bool = False,
     ) -> RenderPlan:
         """By the renderer's own code, on a device that allocates nothing; see `Renderer`."""
         from iprt.device.plan import PlanDevice
@@ -65,7 +66,14 @@ class RenderPlan:
 
         device = PlanDevice()
         renderer = Renderer(
-            device, frame, instances, view, settings, own_radiance=own_radiance, drifts=drifts
+            device,
+            frame,
+            instances,
+            view,
+            settings,
+            own_radiance=own_radiance,
+            drifts=drifts,
+            static_camera=static_camera,
         )
         return cls(view, renderer.requirements, device.buffers)
 
@@ -108,6 +116,7 @@ def require_memory(
     *,
     own_radiance: bool = False,
     drifts: bool = False,
+    static_camera: bool = False,
 ) -> None:
     """Refuse a picture whose buffers do not fit into the device's memory.
 
@@ -118,7 +127,15 @@ def require_memory(
     ------
     DeviceError
     """
-    plan = RenderPlan.of(frame, instances, view, settings, own_radiance=own_radiance, drifts=drifts)
+    plan = RenderPlan.of(
+        frame,
+        instances,
+        view,
+        settings,
+        own_radiance=own_radiance,
+        drifts=drifts,
+        static_camera=static_camera,
+    )
     problem = plan.problem(device.name, device.memory, device.largest_buffer)
     if problem is not None:
         raise DeviceError(problem)

@@ -20,6 +20,7 @@ from iprt.device.checked import checked
 from iprt.device.compute import ComputeDevice
 from iprt.gloss_pixels import GlossPixels
 from iprt.objects import Objects
+from iprt.passes.background import OTHER_LIGHT
 from iprt.passes.camera_motion import STILL, CameraMotion
 from iprt.passes.color_map import ColorMap
 from iprt.passes.composite import Composite
@@ -77,6 +78,9 @@ class Renderer:
         though `frame` has not.
     drifts : bool
         They may have a `color_map`.
+    static_camera : bool
+        Other frames will be loaded that are seen from the same place, so that what moving things
+        hide can be remembered.
 
     Raises
     ------
@@ -95,6 +99,7 @@ class Renderer:
         background: NDArray[np.float32] | None = None,
         own_radiance: bool = False,
         drifts: bool = False,
+        static_camera: bool = False,
     ) -> None:
         self.settings = settings or Settings()
         self.device = device = checked(device) if self.settings.check_kernels else device
@@ -112,6 +117,7 @@ class Renderer:
             own_radiance=own_radiance or frame.own_radiance,
             poses=frame.pose is not None,
             color_map=drifts or frame.color_map is not None,
+            static_camera=static_camera,
         )
         self._equirect = view.projection == "equirect"
         self._objects: Objects | None = None
@@ -135,6 +141,7 @@ class Renderer:
             outside=self.requirements.opening_environment,
             gloss=self.requirements.gloss,
             own_radiance=self.requirements.own_radiance,
+            background=self.settings.trace if self.requirements.background else None,
         )
         self._view_constants = [device.zeros(f"view {i}", (16,)) for i in range(2)]
         self.real = RealLayer(
@@ -326,12 +333,14 @@ class Renderer:
         self.panorama.load(frame)
         if self._color_map is not None:
             self._color_map.load(frame.color_map)
-        if self._lights is not None:
-            self._lights.load(frame.radiance)
         if needs.objects:
             changed = flux_change(self._frame.radiance, frame.radiance)
             cut = is_cut(self._frame, frame, changed)
             self._cut = self._cut or cut
+            elsewhere = cut or not np.array_equal(motion, STILL)
+            hidden = self.panorama.remember(forget=elsewhere or changed > OTHER_LIGHT)
+            if self._lights is not None:
+                self._lights.load(frame.radiance, hidden)
             if self.cache is not None:
                 self.cache.place(self.world, 1.0 if cut else changed, motion)
         self._frame = frame

@@ -40,6 +40,8 @@ class Requirements:
     own_radiance : bool
         Rays find another radiance than the picture shows: lights that were clipped, or another
         exposure.
+    background : bool
+        What moving things hide is remembered, and rays find it.
     real_materials : tuple of Material
         Glossy materials of the real scene that objects are reflected in; empty: all is diffuse.
     moving_camera : bool
@@ -59,6 +61,7 @@ class Requirements:
     opening_environment: bool
     own_radiance: bool
     color_map: bool
+    background: bool
     real_materials: tuple[Material, ...]
     moving_camera: bool
     settings: Settings
@@ -76,10 +79,12 @@ class Requirements:
         own_radiance: bool = False,
         color_map: bool = False,
         poses: bool = False,
+        static_camera: bool = False,
     ) -> Requirements:
         """`openings`: the video frame has windows; `real_materials`: its glossy surfaces;
         `own_radiance`: frames may come whose radiance is not their colour; `color_map`: which have
-        one; `poses`: they have them; `deforming`: vertices of objects move.
+        one; `poses`: they have them; `deforming`: vertices of objects move; `static_camera`: other
+        frames follow that are seen from the same place.
         """
         kinds = list(materials)
         tracing = bool(kinds) and settings.method == "iprt"
@@ -96,6 +101,7 @@ class Requirements:
             opening_environment=tracing and settings.trace.openings == "environment" and openings,
             own_radiance=bool(kinds) and (own_radiance or color_map),
             color_map=bool(kinds) and color_map,
+            background=tracing and settings.trace.background and static_camera,
             real_materials=real_materials if tracing else (),
             moving_camera=poses and bool(kinds),
             settings=settings,
@@ -174,6 +180,7 @@ class Requirements:
             "OPENING_ENVIRONMENT": self.opening_environment,
             "LIGHT_SAMPLING": self.light_sampling,
             "OUTSIDE_ROWS": OUTSIDE_ROWS,
+            "BACKGROUND": self.background,
             "BASSRT": self.settings.trace.back_faces,
             "MAX_BOUNCES": self.settings.trace.bounces,
             "TOUCHED_FRAMES": TOUCHED_FRAMES,
@@ -199,6 +206,7 @@ class Requirements:
             "distant environment behind windows": self.opening_environment,
             "radiance apart from the displayed colour": self.own_radiance,
             "drift of the video's exposure and white balance": self.color_map,
+            "memory of what moving things hide": self.background,
             "irradiance cache of the panorama": self.delta,
             "aiming rays at lights": self.light_sampling,
             "shadows in what objects reflect off screen": self.ratio_map,

@@ -69,6 +69,11 @@ class TraceSettings(BaseModel):
     back_faces: bool = Field(
         default=True, description="Substitute back faces that the camera never saw (BASSRT)."
     )
+    background: bool = Field(
+        default=True,
+        description="Remember what moving things hide in the video of a camera that stays, for "
+        "rays that pass behind these.",
+    )
     openings: Literal["environment", "surface"] = Field(
         default="environment",
         description="What windows show: what is far behind them, or their own radiance.",

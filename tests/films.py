@@ -59,6 +59,7 @@ class Film:
     objects: tuple[Instance, ...]
     view: View
     settings: Settings
+    static_camera: bool = False
 
 
 def films(**settings: Any) -> dict[str, Film]:
@@ -83,18 +84,32 @@ def films(**settings: Any) -> dict[str, Film]:
         ),
         "gloss": (glossy, (clay,), LOOK, {}),
         "walk": (_carried(room), (clay, brass), LOOK, {}),
+        "remembered": (_glossy(_passing(30, 15)), (clay,), LOOK, {}),
         "environment": (room, _objects(), LOOK, {"method": "ibl"}),
         "nothing": (room, (), LOOK, {}),
     }
     return {
-        name: Film(video, objects, view, Settings.model_validate(_merged(FEW, chosen, settings)))
+        name: Film(
+            video,
+            objects,
+            view,
+            Settings.model_validate(_merged(FEW, chosen, settings)),
+            static_camera=name == "remembered",
+        )
         for name, (video, objects, view, chosen) in own.items()
     }
 
 
 def play(device: ComputeDevice, film: Film) -> RenderedFrame:
     """The second of two frames, between which the head turned and the video went on."""
-    with Renderer(device, film.video[0], film.objects, film.view, film.settings) as renderer:
+    with Renderer(
+        device,
+        film.video[0],
+        film.objects,
+        film.view,
+        film.settings,
+        static_camera=film.static_camera,
+    ) as renderer:
         renderer.step()
         if film.view.projection == "perspective":
             renderer.look(replace(film.view, yaw_deg=film.view.yaw_deg + 4.0))
@@ -130,6 +145,18 @@ def _room(width: int, height: int) -> tuple[Frame, Frame]:
     rows, columns = np.indices((height, width))
     window = (np.abs(rows / height - 0.45) < 0.1) & (np.abs(columns / width - 0.6) < 0.1)
     return replace(before, opening=window), replace(after, opening=window)
+
+
+def _passing(width: int, height: int) -> tuple[Frame, Frame]:
+    """A room in which something comes between the camera, a window and the floor."""
+    before, after = (
+        room_frame(World(solids=(*ROOM.solids, *solids)), width, height, bright_walls)
+        for solids in ((), (Box((0.35, -0.5, -0.9), (0.25, 0.8, 0.1)),))
+    )
+    rows, columns = np.indices((height, width))
+    window = (np.abs(rows / height - 0.45) < 0.1) & (np.abs(columns / width - 0.6) < 0.1)
+    hidden = after.depth < before.depth
+    return replace(before, opening=window), replace(after, opening=window & ~hidden)
 
 
 def _glossy(video: tuple[Frame, Frame]) -> tuple[Frame, Frame]:

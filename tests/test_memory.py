@@ -70,7 +70,7 @@ def test_what_is_planned_is_what_the_driver_is_asked_for(
     """Counted at pyopencl, so that a buffer which somebody makes beside the accounts is seen."""
     view = VIEW if projection == "rectilinear" else View(96, 48, projection="equirect")
     chosen = Settings.model_validate(settings)
-    plan = RenderPlan.of(frame, objects(), view, chosen)
+    plan = RenderPlan.of(frame, objects(), view, chosen, static_camera=True)
     asked: list[int] = []
 
     class Counted(cl.Buffer):  # type: ignore[misc]
@@ -80,8 +80,9 @@ def test_what_is_planned_is_what_the_driver_is_asked_for(
 
     monkeypatch.setattr(cl, "Buffer", Counted)
     own = Idle(device.device)
-    with Renderer(own, frame, objects(), view, chosen) as renderer:
+    with Renderer(own, frame, objects(), view, chosen, static_camera=True) as renderer:
         renderer.render(1)
+        renderer.load(frame)
     assert sum(asked) == pytest.approx(plan.bytes, rel=0.02)
     assert max(asked) == max(plan.buffers.values())
 

@@ -190,6 +190,29 @@ def test_lights_and_shadows_off_screen_are_built_where_they_are_used(estimator: 
     assert not buffers(plan(DIFFUSE, settings=plain), "ratio map")
 
 
+def test_what_moves_is_remembered_where_the_camera_stays() -> None:
+    def built(*materials: Material, settings: Settings | None = None, stays: bool) -> PlanDevice:
+        balls = [ball((0.0, 0.0, -1.5), 0.3, m, subdivisions=1) for m in materials]
+        device = PlanDevice()
+        Renderer(device, FRAME, balls, VIEW, settings, static_camera=stays)
+        return device
+
+    def remembers(device: PlanDevice) -> set[bool]:
+        return {
+            bool(buffers(device, "background")),
+            "remember.cl" in files(device),
+            any("BACKGROUND" in used for _, _, used in device.kernels),
+        }
+
+    assert remembers(built(DIFFUSE, stays=True)) == {True}
+    assert "BACKGROUND" in defines(built(DIFFUSE, stays=True), "irradiance.cl")
+    assert remembers(built(DIFFUSE, stays=False)) == {False}
+    assert remembers(built(DIFFUSE, settings=tracing(background=False), stays=True)) == {False}
+    # Nothing is traced.
+    assert remembers(built(DIFFUSE, settings=Settings(method="ibl"), stays=True)) == {False}
+    assert remembers(built(stays=True)) == {False}
+
+
 class CountingPlan(PlanDevice):
     """Remembers every allocation."""
 

@@ -62,15 +62,30 @@ static inline int light_texel(const RealLayer layer, float3 v)
         + min((int)(uv.x * layer.grid.width), layer.grid.width - 1);
 }
 
+#ifdef BACKGROUND
+// Are rays in this direction aimed at the background, rather than at what stands before it?
+static inline int aims_behind(const RealLayer layer, int texel)
+{
+    return ((int)layer.back_surface[texel].w & SURFACE_AIMED) != 0;
+}
+#endif
+
 // Direction from x to the point of the tangent plane that the panorama shows towards v.
 static inline float3 towards_light(const RealLayer layer, float3 v, float3 x)
 {
     const int texel = light_texel(layer, v);
-    const float4 surface = layer.surface[texel];
+    float4 surface = layer.surface[texel];
+    float farthest = layer.grid.range[texel].y;
+#ifdef BACKGROUND
+    if (aims_behind(layer, texel)) {
+        surface = layer.back_surface[texel];
+        farthest = layer.back_range[texel].y;
+    }
+#endif
     if ((int)surface.w & SURFACE_NONE)
         return v;
     const float inverse = dot(surface.xyz, v);
-    const float radius = inverse > 0.0f ? 1.0f / inverse : layer.grid.range[texel].y;
+    const float radius = inverse > 0.0f ? 1.0f / inverse : farthest;
     return safe_normalize(radius * v - x, v);
 }
 
@@ -78,6 +93,10 @@ static inline float3 towards_light(const RealLayer layer, float3 v, float3 x)
 // where light_density() is positive only: the texel and its plane leave no point but that one.
 static inline int reaches_light(const RealLayer layer, const RealHit hit, float3 v)
 {
+#ifdef BACKGROUND
+    if (hit.behind != aims_behind(layer, hit.texel))
+        return 0;
+#endif
     return hit.texel == light_texel(layer, v);
 }
 
@@ -87,13 +106,21 @@ static inline float light_density(const Lights lights, const RealLayer layer, co
 {
     if (lights.count == 0 || (hit.kind != HIT_SURFACE && hit.kind != HIT_SKY))
         return 0.0f;
+#ifdef BACKGROUND
+    if (hit.behind != aims_behind(layer, hit.texel))
+        return 0.0f;
+#endif
     const float2 uv = equirect_uv(hit.direction);
     const int cell = min((int)(uv.y * lights.rows), lights.rows - 1) * lights.columns
         + min((int)(uv.x * lights.columns), lights.columns - 1);
     const float density = lights.density[cell];
     if (!(density > 0.0f) || hit.kind == HIT_SKY)
         return density;
+#ifdef BACKGROUND
+    const float3 g = (hit.behind ? layer.back_surface : layer.surface)[hit.texel].xyz;
+#else
     const float3 g = layer.surface[hit.texel].xyz;
+#endif
     const float3 y = x + hit.t * d;
     const float towards_centre = dot(g, hit.direction);
     if (!(towards_centre > LIGHT_GRAZING * length(g) && fabs(dot(g, y) - 1.0f) < LIGHT_OFF_PLANE))

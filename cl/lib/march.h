@@ -4,9 +4,9 @@
 //   MARCH_LAYER                           type of the layer, with a member `grid`
 //   MARCH_STATE                           type of what is carried from cell to cell
 //   MARCH_HIT                             type of the hit
-//   MARCH_SKIP(state, near, far, range)   may a cell whose depths lie in `range` be skipped by a
-//                                         ray that spans the radii [near, far] in it? May update
-//                                         the state.
+//   MARCH_SKIP(state, near, far, range, cell)   may a cell of the pyramid, whose depths lie in
+//                                         `range`, be skipped by a ray that spans the radii
+//                                         [near, far] in it? May update the state.
 //   MARCH_LEAF(layer, ray, segment, &state, hit)   nonzero if the ray hits in this texel
 // The function returns 1 on a hit, 0 when the ray leaves [t_min, t_max] without one, and -1 when
 // it reaches the step cap.
@@ -52,8 +52,9 @@ static int MARCH_NAME(const MARCH_LAYER layer, const PolarRay ray, float t_min, 
 
         const float r0 = ray.b * at.root0, r1 = ray.b * at.root1;
         const float near = at.u0 < 0.0f && at.u1 > 0.0f ? ray.b : fmin(r0, r1);
-        const float2 range = layer.grid.range[offset + at.row * columns + at.column];
-        if (!MARCH_SKIP(state, near, fmax(r0, r1), range)) {
+        const int cell = offset + at.row * columns + at.column;
+        const float2 range = layer.grid.range[cell];
+        if (!MARCH_SKIP(state, near, fmax(r0, r1), range, cell)) {
             if (level > 0) {
                 level--;
                 const int child_columns = cells_along(width, level);

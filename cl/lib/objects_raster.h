@@ -135,7 +135,7 @@ static inline int object_skip(float near, float far, float2 range, ObjectHit *hi
 #define MARCH_LAYER ObjectLayer
 #define MARCH_STATE ObjectRay
 #define MARCH_HIT ObjectHit
-#define MARCH_SKIP(state, near, far, range) object_skip(near, far, range, hit)
+#define MARCH_SKIP(state, near, far, range, cell) object_skip(near, far, range, hit)
 #define MARCH_LEAF(layer, ray, at, state, hit) equirect_leaf(layer, *(state), ray, at, hit)
 #define MARCH_END(state) 0
 #include "march.h"

@@ -121,14 +121,25 @@ static inline float3 captured_radiance(const World world, const RealHit hit, flo
     __global const float4 *picture = world.color;
     int width = world.real.grid.width, height = world.real.grid.height;
     float2 uv = equirect_uv(hit.direction);
+    __global const float4 *surfaces = world.real.surface;
+#ifdef BACKGROUND
+    if (hit.behind) {
+        picture = world.real.back_color;
+        surfaces = world.real.back_surface;
+    }
+#endif
     const int surface = hit.kind <= HIT_BACK_FACE;
 #ifdef OPENING_ENVIRONMENT
-    if (surface && (int)world.real.surface[hit.texel].w & SURFACE_OPENING) {
+    if (surface && (int)surfaces[hit.texel].w & SURFACE_OPENING) {
         // Behind windows: as the camera saw it in that direction, or else extrapolated.
         uv = equirect_uv(d);
         const int texel = min((int)(uv.y * height), height - 1) * width
             + min((int)(uv.x * width), width - 1);
-        if (!((int)world.real.surface[texel].w & SURFACE_OPENING)) {
+#ifdef BACKGROUND
+        picture = world.real.back_color;
+        surfaces = world.real.back_surface;
+#endif
+        if (!((int)surfaces[texel].w & SURFACE_OPENING)) {
             picture = world.outside;
             width = 2 * OUTSIDE_ROWS;
             height = OUTSIDE_ROWS;
@@ -143,6 +154,11 @@ static inline float3 real_radiance(const World world, const RealHit hit, float3 
 {
     float3 radiance = captured_radiance(world, hit, d);
 #ifdef RELIT
+#ifdef BACKGROUND
+    // What objects do to surfaces that the view does not show is not known.
+    if (hit.behind)
+        return radiance;
+#endif
     if (hit.kind <= HIT_BACK_FACE)
         radiance *= relit_factor(world.relit, hit.direction);
 #endif
@@ -247,8 +263,11 @@ typedef struct {
 // Index + 1 of the material of a glossy real surface that a ray has hit, else 0.
 static inline int gloss_at(const World world, const RealHit hit)
 {
-    const int seen = hit.kind == HIT_SURFACE
+    int seen = hit.kind == HIT_SURFACE
         && !((int)world.real.surface[hit.texel].w & SURFACE_OPENING);
+#ifdef BACKGROUND
+    seen &= !hit.behind;
+#endif
     return seen ? world.gloss.map[hit.texel] : 0;
 }
 

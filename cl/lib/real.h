@@ -3,6 +3,9 @@
 //
 // surface[texel].xyz = g, with g.x = 1 for the points x of the tangent plane (radial distance
 // along the unit direction v: 1 / (g.v)); g = 0 where nothing is. surface[texel].w holds flags.
+//
+// -D BACKGROUND: a second layer holds, per texel, the farthest surface that the video has shown
+// there (remember.cl), which is the first one's own where nothing nearer hides it (background.h).
 #ifndef IPRT_REAL_H
 #define IPRT_REAL_H
 
@@ -14,6 +17,8 @@
 #define SURFACE_SOUTH 8
 #define SURFACE_OPENING 16  // no depth in the source: a window; radiates, takes no shadow
 #define SURFACE_NONE 32     // open sky
+#define SURFACE_HIDDEN 64   // of the background: behind what the first layer shows
+#define SURFACE_AIMED 128   // the same, and brighter: rays at lights are aimed at it instead
 
 #define HIT_SURFACE 0       // the ray meets a visible surface
 #define HIT_SIDE 1          // it enters the assumed thickness of one, from behind or beside
@@ -29,6 +34,11 @@ typedef struct {
     float bias;              // metres: a start this little behind a surface is in front of it
     float nearest;           // smallest and largest finite depth, metres
     float farthest;
+#ifdef BACKGROUND
+    __global const float4 *back_surface;   // as `surface`
+    __global const float2 *back_range;     // as `grid.range`
+    __global const float4 *back_color;     // radiance; w is for remember.cl
+#endif
 } RealLayer;
 
 typedef struct {
@@ -36,19 +46,30 @@ typedef struct {
     float3 direction;   // where the panorama shows the radiance of what was hit
     int texel;
     int kind;           // HIT_*
+#ifdef BACKGROUND
+    int behind;         // it is background that the first layer hides
+#endif
 } RealHit;
 
 #define SIDE_FRONT 0    // between the capture centre and the surface
 #define SIDE_WITHIN 1   // started inside the thickness, and has not left it yet
-#define SIDE_BEHIND 2
+#define SIDE_BEHIND 2   // with a background: behind that too
+#define SIDE_BETWEEN 3  // behind the first layer, before the background
 
 static inline float real_thickness(const RealLayer layer, float r)
 {
     return fmax(layer.thickness, layer.thickness_ratio * r);
 }
 
-static inline int real_skip(const RealLayer layer, int *side, float near, float far, float2 range)
+static inline int real_skip(const RealLayer layer, int *side, float near, float far, float2 range,
+                            int cell)
 {
+#ifdef BACKGROUND
+    if (*side == SIDE_BETWEEN)
+        return near > range.y + real_thickness(layer, range.y) && far < layer.back_range[cell].x;
+    if (*side == SIDE_BEHIND)
+        range = layer.back_range[cell];
+#endif
     // A ray that was on the other side of these surfaces has just crossed one, or a gap.
     if (*side != SIDE_BEHIND && far < range.x) {
         *side = SIDE_FRONT;
@@ -113,6 +134,10 @@ static inline int back_face(const RealLayer layer, const PolarRay ray, const Seg
 }
 #endif
 
+#ifdef BACKGROUND
+#include "background.h"
+#endif
+
 // What happens to a ray in one texel. Surfaces are watertight across connected edges, because a
 // ray that is on different sides of two connected neighbours has met the surface between them.
 static inline int real_leaf(const RealLayer layer, const PolarRay ray, const Segment at, int *side,
@@ -134,12 +159,28 @@ static inline int real_leaf(const RealLayer layer, const PolarRay ray, const Seg
     const float thickness0 = real_thickness(layer, radius0);
     const float thickness1 = real_thickness(layer, radius1);
 
-    const int connected = flags & (at.entry == ENTRY_WEST    ? SURFACE_WEST
-                                   : at.entry == ENTRY_EAST  ? SURFACE_EAST
-                                   : at.entry == ENTRY_NORTH ? SURFACE_NORTH
-                                                             : SURFACE_SOUTH);
-
+    const int edge = at.entry == ENTRY_WEST ? SURFACE_WEST
+        : at.entry == ENTRY_EAST            ? SURFACE_EAST
+        : at.entry == ENTRY_NORTH           ? SURFACE_NORTH
+                                            : SURFACE_SOUTH;
+    int connected = flags & edge;
     hit->texel = texel;
+#ifdef BACKGROUND
+    hit->behind = 0;
+    const float4 back = layer.back_surface[texel];
+    const int back_flags = (int)back.w;
+    if (back_flags & SURFACE_HIDDEN)
+        return hidden_leaf(layer, ray, at, edge, surface, back, side, hit);
+    // Here the first layer is the background, too, to which the ray may come from a texel where it
+    // was between the two.
+    if (*side == SIDE_BETWEEN) {
+        const int out = behind0 <= 0.0f && connected;
+        *side = out ? SIDE_BEHIND : SIDE_FRONT;
+        connected = out ? connected : back_flags & edge;
+    } else {
+        connected |= back_flags & edge;
+    }
+#endif
     hit->kind = HIT_SURFACE;
     float u = at.u0;
     int found = 0;
@@ -190,7 +231,8 @@ static inline int real_leaf(const RealLayer layer, const PolarRay ray, const Seg
 #define MARCH_LAYER RealLayer
 #define MARCH_STATE int
 #define MARCH_HIT RealHit
-#define MARCH_SKIP(state, near, far, range) real_skip(layer, &state, near, far, range)
+#define MARCH_SKIP(state, near, far, range, cell)                                                  \
+    real_skip(layer, &state, near, far, range, cell)
 #define MARCH_LEAF(layer, ray, at, state, hit) real_leaf(layer, ray, at, state, hit)
 #define MARCH_END(state) (state == SIDE_BEHIND ? -1 : 0)
 #include "march.h"
@@ -204,8 +246,13 @@ static inline int radial_real(const RealLayer layer, const PolarRay ray, int tex
         return 0;
     const float2 range = layer.grid.range[texel];
     const float radius = surface_radius(0.0f, dot(surface.xyz, ray.d), 1.0f, 1.0f, range);
-    if (ray.od > radius + layer.bias)
+    if (ray.od > radius + layer.bias) {
+#ifdef BACKGROUND
+        return radial_background(layer, ray, texel, hit);
+#else
         return -1;
+#endif
+    }
     hit->t = fmax(radius - ray.od, 0.0f);
     return 1;
 }
@@ -220,6 +267,9 @@ static inline RealHit trace_real_layer(const RealLayer layer, float3 o, float3 d
         hit.direction = (float3)(0.0f, 1.0f, 0.0f);
         hit.texel = 0;
         hit.kind = HIT_UNKNOWN;
+#ifdef BACKGROUND
+        hit.behind = 0;
+#endif
         return hit;
     }
     const PolarRay ray = polar_ray(o, d);
@@ -229,6 +279,9 @@ static inline RealHit trace_real_layer(const RealLayer layer, float3 o, float3 d
     hit.kind = HIT_SURFACE;
     hit.texel = texel;
     hit.direction = d;
+#ifdef BACKGROUND
+    hit.behind = 0;
+#endif
     int found = 0;
     // Past this radius there is nothing left to meet.
     const float t_last = fmin(t_max, fabs(ray.od) + 1.25f * layer.farthest);
@@ -243,6 +296,9 @@ static inline RealHit trace_real_layer(const RealLayer layer, float3 o, float3 d
         hit.texel = texel;
         hit.direction = d;
         hit.kind = found == 0 ? HIT_SKY : HIT_UNKNOWN;
+#ifdef BACKGROUND
+        hit.behind = found == 0 && sky_behind(layer, texel);
+#endif
     }
     return hit;
 }

@@ -272,7 +272,9 @@ def memory_lines(
         view, objects = choose_view(scene, name)
         instances = scene.instances if objects is None else scene.instances_named(objects)
         label = "a view" if name is None else f"view {name}"
-        plans[label] = RenderPlan.of(frame, instances, view)
+        plans[label] = RenderPlan.of(
+            frame, instances, view, static_camera=scene.source.static_camera
+        )
     largest = max(plans, key=lambda label: plans[label].bytes)
     view, need = plans[largest].view, plans[largest].bytes
     line = f"memory: {amount(need)} for {largest} of {view.width} x {view.height}"
@@ -307,7 +309,12 @@ def render_plan(scene: Scene, frame: Frame) -> dict[str, dict[str, object]]:
 
     plan: dict[str, dict[str, object]] = {}
     for name, entry in scene.views.items():
-        built = RenderPlan.of(frame, scene.instances_of(name), entry.view)
+        built = RenderPlan.of(
+            frame,
+            scene.instances_of(name),
+            entry.view,
+            static_camera=scene.source.static_camera,
+        )
         memory = built.bytes / 2**20
         plan[name] = {"parts": built.requirements.describe(), "device_memory_mib": memory}
     return plan

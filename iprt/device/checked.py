@@ -32,6 +32,9 @@ GUARD_BYTES = 4096
 INFINITE: Mapping[str, str] = {
     "panorama.depth": "open sky is infinitely far",
     "panorama.range": "the same; cl/surface.cl",
+    "panorama.background depth": "open sky is infinitely far",
+    "panorama.background color": "the same, in the fourth channel; cl/remember.cl",
+    "panorama.background range": "the same; cl/surface.cl",
     "screen layers range": "where there is no object; cl/object_surface.cl",
     "equirect layers range": "the same",
     "real highlight": "all of what metal shows is highlight; cl/resample.cl",

@@ -81,6 +81,7 @@ class Highlight:
                     ),
                     panorama.radiance,
                     panorama.outside,
+                    *panorama.background_arguments(),
                 )
                 self._sample(
                     (count,),

@@ -33,9 +33,12 @@ class Lights:
         self._density = device.zeros("light density", (cells,))
         self.count = 0
 
-    def load(self, color: NDArray[np.float32]) -> None:
-        """Make the table of a panorama (H, W, 3), linear radiance."""
-        density, cells, cumulative = light_table(color, self.rows, self.columns)
+    def load(self, color: NDArray[np.float32], hidden: NDArray[np.float32] | None = None) -> None:
+        """Make the table of a panorama (H, W, 3), linear radiance.
+
+        `hidden` (H, W) is the luminance of lights that are remembered behind it, else 0.
+        """
+        density, cells, cumulative = light_table(color, self.rows, self.columns, hidden)
         self.count = len(cells)
         padded = np.zeros(self._cumulative.shape, np.float32)
         padded[: self.count + 1] = cumulative
@@ -59,7 +62,10 @@ class Lights:
 
 
 def light_table(
-    color: NDArray[np.float32], rows: int, columns: int
+    color: NDArray[np.float32],
+    rows: int,
+    columns: int,
+    hidden: NDArray[np.float32] | None = None,
 ) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.float64]]:
     """Sampling densities in proportion to what a cell's luminance exceeds the mean by.
 
@@ -71,6 +77,8 @@ def light_table(
     ----------
     color : (H, W, 3) float32
         Linear radiance, H >= `rows` and W >= `columns`.
+    hidden : (H, W) float32 or None
+        Luminance behind it that counts where it is larger.
 
     Returns
     -------
@@ -83,6 +91,8 @@ def light_table(
     """
     height, width = color.shape[:2]
     luminance = color.astype(np.float64) @ LUMINANCE
+    if hidden is not None:
+        luminance = np.maximum(luminance, hidden)
     row, column = np.arange(height) * rows // height, np.arange(width) * columns // width
     cell = (row[:, None] * columns + column).ravel()
     texels = np.bincount(cell, minlength=rows * columns)

@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pyopencl.array as cla
 from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
+from iprt.passes.background import Background
 from iprt.passes.pyramid import Pyramid, PyramidShape, equirect_edges
 from iprt.scene.frame import Frame
 from iprt.scene.outside import OUTSIDE_ROWS, outside_radiance
 
+if TYPE_CHECKING:
+    from iprt.settings import TraceSettings
+
 COARSEST_COLUMNS = 8
 """Cells span at most π/4 of azimuth, so that one plane per meridian decides a crossing."""
+SURFACE_OPENING = np.uint8(16)
+"""As in `cl/lib/real.h`."""
 START_BIAS = 1e-3
 """Metres, in a room: tolerance of a ray's start against the surface it starts from."""
 
@@ -42,6 +49,8 @@ class Panorama:
         where surfaces are glossy (`Highlight`).
     range : (cells, 2) float32
         Min/max pyramid of radial distances, level 0 first.
+    background : Background or None
+        What the video has shown behind all this, where that is remembered.
     median_depth, nearest, farthest : float
         Of the finite depths, in metres; `farthest` is 0 where all is open sky.
     mean_radiance : float
@@ -57,8 +66,11 @@ class Panorama:
         outside: bool = False,
         gloss: bool = False,
         own_radiance: bool = False,
+        background: TraceSettings | None = None,
     ) -> None:
-        """`own_radiance`: frames may come whose radiance is not their colour."""
+        """`own_radiance`: frames may come whose radiance is not their colour; `background`: what
+        they hide is remembered, by the thickness that surfaces are assumed to have.
+        """
         # Tiny panoramas are repeated texel by texel until the coarsest cells are narrow enough.
         self._repeat = max(1, -(-COARSEST_COLUMNS // width))
         self.width, self.height = width * self._repeat, height * self._repeat
@@ -82,10 +94,13 @@ class Panorama:
             self.radiated = device.empty("panorama.radiated", (*texels, 4))
         self._depth = device.empty("panorama.depth", texels)
         self._normal = device.empty("panorama.normal", (*texels, 3))
-        self._opening = device.empty("panorama.opening", texels, np.uint8)
+        self._marks = device.empty("panorama.marks", texels, np.uint8)
         column, row = equirect_edges(self.width, self.height)
         self.column = device.upload("panorama.column", column)
         self.row = device.upload("panorama.row", row)
+        self.background: Background | None = None
+        if background is not None:
+            self.background = Background(device, self.width, self.height, self.shape, background)
         self._build = device.kernel("surface.cl", "build_surface")
         self._pyramid = Pyramid(device)
         self.median_depth = self.nearest = self.farthest = self.mean_radiance = 0.0
@@ -111,25 +126,56 @@ class Panorama:
                 self._device.write(self.radiance, self._texels(radiance))
             self._device.write(self._depth, self._enlarged(frame.depth))
             self._device.write(self._normal, self._enlarged(frame.normal))
-            self._device.write(self._opening, self._enlarged(frame.opening))
+            self._device.write(self._marks, SURFACE_OPENING * self._enlarged(frame.opening))
             if self.gloss is not None:
                 diffuse = np.zeros(frame.depth.shape, np.uint8)
                 gloss = diffuse if frame.gloss is None else frame.gloss
                 self._device.write(self.gloss, self._enlarged(gloss))
+        self.build(self._depth, self._normal, self._marks, self.surface, self.range)
+
+    def build(
+        self,
+        depth: cla.Array,
+        normal: cla.Array,
+        marks: cla.Array,
+        surface: cla.Array,
+        range_: cla.Array,
+    ) -> None:
+        """Fill `surface` and `range_` of a layer with those (H, W) depths, normals and flags."""
+        size = (self.width, self.height)
+        edges = (self.column, self.row)
         with self._device.profile.section("surface"):
-            self._build(
-                (self.width, self.height),
-                self.width,
-                self.height,
-                self._depth,
-                self._normal,
-                self._opening,
-                self.column,
-                self.row,
-                self.surface,
-                self.range,
-            )
-        self._pyramid.run(self.range, self.shape)
+            self._build(size, *size, depth, normal, marks, *edges, surface, range_)
+        self._pyramid.run(range_, self.shape)
+
+    def remember(self, *, forget: bool) -> NDArray[np.float32] | None:
+        """Follow with what the loaded frame hides of those before, where that is remembered.
+
+        Parameters
+        ----------
+        forget : bool
+            They have nothing to do with it, or were seen from elsewhere.
+
+        Returns
+        -------
+        (h, w) float32 or None
+            `Background.hidden_light` by texels of the frame; None where nothing can be hidden.
+        """
+        if self.background is None:
+            return None
+        frame = (self._depth, self._normal, self._marks, self.radiance)
+        background = self.background
+        background.load(frame, scale=self.scale, farthest=self.farthest, forget=forget)
+        self.build(
+            background.depth,
+            background.normal,
+            background.marks,
+            background.surface,
+            background.range,
+        )
+        if background.first:
+            return None
+        return self._device.read(background.hidden_light)[:: self._repeat, :: self._repeat]
 
     def _texels(self, picture: NDArray[np.float32]) -> NDArray[np.float32]:
         """A picture (h, w, 3) as float4 per texel."""
@@ -156,8 +202,12 @@ class Panorama:
             float(thickness_ratio),
             float(START_BIAS * self.scale),
             self.nearest,
-            self.farthest,
+            self.farthest if self.background is None else self.background.farthest,
         )
+
+    def background_arguments(self) -> tuple[Any, ...]:
+        """What `BACKGROUND_PARAMETERS` of `cl/lib/scene.h` declares: nothing without."""
+        return () if self.background is None else self.background.arguments()
 
     @property
     def scale(self) -> float:

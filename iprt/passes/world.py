@@ -80,6 +80,7 @@ class World:
             *self.panorama.layer_arguments(trace.thickness, trace.thickness_ratio),
             self.panorama.radiated,
             self.panorama.outside,
+            *self.panorama.background_arguments(),
             *(self.bvh.arguments() if self.bvh else self._layers()),
             self.bounds,
             self.bounds.shape[0],

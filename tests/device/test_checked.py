@@ -115,7 +115,9 @@ def test_all_is_checked_where_the_driver_does_not_tell_what_is_const(
 
 @pytest.mark.gl
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["triangles", "around", "layers around", "environment", "nothing"])
+@pytest.mark.parametrize(
+    "name", ["triangles", "around", "layers around", "remembered", "environment", "nothing"]
+)
 def test_no_way_to_render_has_a_finding(device: ComputeDevice, name: str) -> None:
     """And checks leave all bits of the picture as they are."""
     picture = play(device, films(check_kernels=True)[name])
@@ -129,7 +131,8 @@ def test_no_way_to_render_has_a_finding(device: ComputeDevice, name: str) -> Non
 def test_films_build_every_kernel() -> None:
     plan = PlanDevice()
     for film in films().values():
-        Renderer(plan, film.video[0], film.objects, film.view, film.settings)
+        given = (plan, film.video[0], film.objects, film.view, film.settings)
+        Renderer(*given, static_camera=film.static_camera)
     assert {name for _, name, _ in plan.kernels} == entry_points()
 
 

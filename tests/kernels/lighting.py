@@ -24,19 +24,35 @@ class RealWorld:
     """A frame without objects, as `World` of `cl/lib/path.h`; `materials` are there to scatter."""
 
     def __init__(
-        self, device: ComputeDevice, frame: Frame, materials: tuple[Material, ...] = (Material(),)
+        self,
+        device: ComputeDevice,
+        frame: Frame,
+        materials: tuple[Material, ...] = (Material(),),
+        *,
+        before: Frame | None = None,
     ) -> None:
+        """`before` was seen first, and is remembered where `frame` hides it."""
         self._device = device
         settings = Settings.model_validate({"trace": {"objects": "raster"}})
         self._needs = Requirements.of(
-            materials, View(1, 1), settings, openings=bool(frame.opening.any())
+            materials,
+            View(1, 1),
+            settings,
+            openings=bool(frame.opening.any()),
+            static_camera=before is not None,
         )
         self.panorama = Panorama(
-            device, frame.width, frame.height, outside=self._needs.opening_environment
+            device,
+            frame.width,
+            frame.height,
+            outside=self._needs.opening_environment,
+            background=settings.trace if before is not None else None,
         )
-        self.panorama.load(frame)
+        for shown in (frame,) if before is None else (before, frame):
+            self.panorama.load(shown)
+            hidden = self.panorama.remember(forget=False)
         self.lights = Lights(device, frame.width, frame.height)
-        self.lights.load(frame.color)
+        self.lights.load(frame.color, hidden)
         self._world = World(
             self.panorama,
             None,

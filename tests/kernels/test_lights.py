@@ -137,6 +137,16 @@ def sky_alone() -> Frame:
     return replace(frame, color=random_panorama(128, 64))
 
 
+BLIND = Box((0.04, 0.25, -0.27), (0.14, 0.01, 0.14))
+"""It comes between the capture centre and most of the ceiling's lamp."""
+
+
+def lamp_behind_a_blind() -> Frame:
+    frame = room_frame(World(solids=(PILLAR, BLIND)), 256, 128, ceiling_lamp)
+    hides = frame.depth < room_frame(ROOM, 256, 128, ceiling_lamp).depth
+    return replace(frame, color=np.where(hides[..., None], 0.4, frame.color).astype(np.float32))
+
+
 FRAMES: dict[str, Callable[[], Frame]] = {
     "lamp": lambda: room_frame(ROOM, 256, 128, ceiling_lamp),
     "bright walls": lambda: room_frame(ROOM, 256, 128, bright_walls),
@@ -145,7 +155,10 @@ FRAMES: dict[str, Callable[[], Frame]] = {
     "sun": sunny_landscape,
     "plain": shining_plain,
     "sky": sky_alone,
+    "remembered lamp": lamp_behind_a_blind,
 }
+BEFORE = {"remembered lamp": lambda: room_frame(ROOM, 256, 128, ceiling_lamp)}
+"""What was seen before the frame and is remembered behind it."""
 PLACES = [(0.2, -1.2, -0.9), (-1.6, 0.2, -0.6)]
 CASES = [(name, place) for name in FRAMES if name != "plain" for place in PLACES]
 ŠIDÁK = 1.0 - (1.0 - 0.01) ** (1.0 / len(CASES))
@@ -170,7 +183,8 @@ def worlds(device: ComputeDevice) -> Callable[[str], RealWorld]:
 
     def world(name: str) -> RealWorld:
         if name not in made:
-            made[name] = RealWorld(device, FRAMES[name](), SHINY)
+            before = BEFORE[name]() if name in BEFORE else None
+            made[name] = RealWorld(device, FRAMES[name](), SHINY, before=before)
         return made[name]
 
     return world

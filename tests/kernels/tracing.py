@@ -16,6 +16,7 @@ from iprt.raster.layers import Layer, ObjectLayers
 from iprt.resources import CL
 from iprt.scene.camera import View
 from iprt.scene.frame import Frame
+from iprt.settings import TraceSettings
 from tests.oracles.worlds import Solid
 
 SURFACE, SIDE, BACK_FACE, SKY, UNKNOWN = range(5)
@@ -25,7 +26,7 @@ REAL_KERNEL = """
 %s
 #include "scene.h"
 __kernel void trace(const int n, __global const float4 *origin, __global const float4 *direction,
-                    __global float4 *found, __global int2 *what, REAL_PARAMETERS)
+                    __global float4 *found, __global int4 *what, REAL_PARAMETERS)
 {
     const int i = get_global_id(0);
     if (i >= n)
@@ -33,7 +34,11 @@ __kernel void trace(const int n, __global const float4 *origin, __global const f
     RealLayer layer = REAL_LAYER;
     RealHit hit = trace_real_layer(layer, origin[i].xyz, direction[i].xyz, INFINITY);
     found[i] = (float4)(hit.direction, hit.t);
-    what[i] = (int2)(hit.kind, hit.texel);
+    int behind = 0;
+#ifdef BACKGROUND
+    behind = hit.behind;
+#endif
+    what[i] = (int4)(hit.kind, hit.texel, behind, 0);
 }
 """
 
@@ -51,11 +56,15 @@ def four(vectors: NDArray[np.floating]) -> NDArray[np.float32]:
 
 @dataclass(frozen=True)
 class Hits:
-    """What `trace_real_layer` returned: t (N,), kind (N,), texel (N,), direction (N, 3)."""
+    """What `trace_real_layer` returned: t (N,), kind (N,), texel (N,), direction (N, 3).
+
+    `behind` (N,) tells that it is background which the first layer hides.
+    """
 
     t: NDArray[np.float32]
     kind: NDArray[np.int32]
     texel: NDArray[np.int32]
+    behind: NDArray[np.bool_]
     direction: NDArray[np.float32]
 
 
@@ -63,11 +72,18 @@ class RealTracer:
     """`trace_real_layer` over a panorama."""
 
     def __init__(
-        self, device: ComputeDevice, *, bassrt: bool = False, step_cap: int | None = None
+        self,
+        device: ComputeDevice,
+        *,
+        bassrt: bool = False,
+        background: bool = False,
+        step_cap: int | None = None,
     ) -> None:
         self._device = device
+        self._background = background
         cap = f"#undef MARCH_STEP_CAP\n#define MARCH_STEP_CAP {step_cap}" if step_cap else ""
-        self._kernel = build(device, REAL_KERNEL % cap, "trace", *(["-DBASSRT"] * bassrt))
+        options = ["-DBASSRT"] * bassrt + ["-DBACKGROUND"] * background
+        self._kernel = build(device, REAL_KERNEL % cap, "trace", *options)
 
     def __call__(
         self,
@@ -80,7 +96,7 @@ class RealTracer:
         """Trace (N, 3) rays; thickness as in `Panorama.layer_arguments`."""
         device, n = self._device, len(directions)
         found = device.empty("found", (n, 4))
-        what = device.empty("what", (n, 2), np.int32)
+        what = device.empty("what", (n, 4), np.int32)
         self._kernel(
             (n,),
             n,
@@ -91,9 +107,10 @@ class RealTracer:
             *panorama.layer_arguments(thickness, ratio),
             panorama.color,
             panorama.outside,
+            *(panorama.background_arguments() if self._background else ()),
         )
         f, w = device.read(found), device.read(what)
-        return Hits(f[:, 3], w[:, 0], w[:, 1], f[:, :3])
+        return Hits(f[:, 3], w[:, 0], w[:, 1], w[:, 2] > 0, f[:, :3])
 
 
 def random_directions(rng: np.random.Generator, n: int) -> NDArray[np.float32]:
@@ -102,10 +119,13 @@ def random_directions(rng: np.random.Generator, n: int) -> NDArray[np.float32]:
     return (d / np.linalg.norm(d, axis=1, keepdims=True)).astype(np.float32)
 
 
-def panorama_of(device: ComputeDevice, frame: Frame) -> Panorama:
-    """The frame's panorama, uploaded and built."""
-    panorama = Panorama(device, frame.width, frame.height)
-    panorama.load(frame)
+def panorama_of(device: ComputeDevice, frame: Frame, *before: Frame) -> Panorama:
+    """The frame's panorama, uploaded and built; `before` were seen first and are remembered."""
+    trace = TraceSettings() if before else None
+    panorama = Panorama(device, frame.width, frame.height, background=trace)
+    for shown in (*before, frame):
+        panorama.load(shown)
+        panorama.remember(forget=False)
     return panorama
 
 

@@ -100,6 +100,12 @@ class FrameSource:
         """(4, 4) world from the capture centre and axes of a frame; None: they are the world's."""
         return None if self._poses is None else self._poses[index - self.indices[0]]
 
+    @property
+    def static_camera(self) -> bool:
+        """Do several frames show what is around one place?"""
+        stays = self._poses is None or bool((self._poses == self._poses[:1]).all())
+        return stays and len(self.indices) > 1
+
     def files(self, index: int) -> dict[str, Path]:
         """The files of a frame by their key: color, depth, and normal where there are any."""
         return {key: track.file(index) for key, track in self._tracks.by_key.items()}
