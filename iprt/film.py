@@ -15,6 +15,9 @@ from iprt.scene.frame import Frame
 from iprt.scene.scene import Scene, SceneView
 from iprt.settings import Settings
 
+MEMORY_DOUBLED = 10
+"""Frames that a long memory is given at most, the earliest of them 512 warm-ups back."""
+
 
 class Film:
     """Renders frames of a scene's video, one view frame after another.
@@ -94,7 +97,8 @@ class Film:
         warm_up : int
             Frames that are rendered before the first, and not yielded, so that it has a history:
             those before it, in the step of `indices`. Where the video begins later, its first
-            frame stands for them.
+            frame stands for them. What only a longer memory holds (the background that moving
+            things hide) is looked up in a few frames before those, which are not rendered.
         aovs : names from `iprt.aovs.AOVS`
         progress : callable or None
             Called with the number of finished view frames of a frame after each.
@@ -114,15 +118,20 @@ class Film:
         """
         self.close()
         aovs = tuple(aovs)
-        before = warm_up_indices(indices, warm_up, self.scene.frame_indices[0])
-        chosen = [*before, *indices]
+        first = self.scene.frame_indices[0]
+        before = warm_up_indices(indices, warm_up, first)
+        remembered = memory_indices(before, first) if self.scene.source.static_camera else []
+        chosen = [*remembered, *before, *indices]
+        unseen = len(remembered) + len(before)
         self._drifts = self.settings.drift and len(set(chosen)) > 1
         self._static_camera = self.scene.source.static_camera and len(set(chosen)) > 1
         with self.scene.stream(chosen, strict=self.strict, drift=self._drifts) as frames:
             for number, (index, frame) in enumerate(zip(chosen, frames, strict=True)):
                 renderer = self._showing(frame, index)
                 del frame
-                wanted = number >= len(before)
+                if number < len(remembered):
+                    continue
+                wanted = number >= unseen
                 picture = renderer.render(self.accumulate, aovs if wanted else (), progress)
                 self.device.finish()  # adds up the times: hours of events would fill the memory
                 if wanted:
@@ -169,3 +178,10 @@ def warm_up_indices(indices: Sequence[int], count: int, first: int) -> list[int]
     """
     step = max(indices.step, 1) if isinstance(indices, range) else 1
     return [max(indices[0] - step * back, first) for back in range(count, 0, -1)]
+
+
+def memory_indices(before: Sequence[int], first: int) -> list[int]:
+    """Frames before those of a warm-up, down to `first`: ever fewer, over ever longer times."""
+    distances = [len(before) * 2**doubled for doubled in range(MEMORY_DOUBLED)]
+    found = {before[0] - distance for distance in distances} if before else set()
+    return sorted(index for index in found if index >= first)

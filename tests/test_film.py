@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,8 +13,8 @@ from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
 from iprt.errors import SceneError
-from iprt.film import Film, warm_up_indices
-from iprt.renderer import Renderer
+from iprt.film import Film, memory_indices, warm_up_indices
+from iprt.renderer import RenderedFrame, Renderer
 from iprt.scene.camera import View
 from iprt.scene.frame import Frame
 from iprt.scene.scene import Scene
@@ -27,7 +28,7 @@ SETTINGS = Settings.model_validate(FEW)
 
 @pytest.fixture(scope="module")
 def scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
-    return Scene.open(write_clip(tmp_path_factory.mktemp("clip"), 6))
+    return Scene.open(write_clip(tmp_path_factory.mktemp("clip"), 24))
 
 
 def film(scene: Scene, device: ComputeDevice, accumulate: int = 1) -> Film:
@@ -111,9 +112,46 @@ def test_warm_up_keeps_the_step_and_starts_with_the_video(
     assert warm_up_indices(indices, count, 0) == expected
 
 
+@pytest.mark.parametrize(
+    ("before", "expected"),
+    [
+        ([], []),
+        ([0, 0, 1, 2], []),
+        ([40, 41, 42, 43], [8, 24, 32, 36]),
+        ([41, 42], [9, 25, 33, 37, 39]),
+    ],
+)
+def test_memory_reaches_far_back_with_few_frames(before: list[int], expected: list[int]) -> None:
+    assert memory_indices(before, 0) == expected
+    assert len(memory_indices(range(10**6, 10**6 + 8), 0)) == 10
+
+
+def test_a_warm_up_gives_a_long_memory_what_it_needs(
+    scene: Scene, device: ComputeDevice, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Earlier frames are shown to the renderer, oldest first, and not rendered."""
+    told: list[int | str] = []
+    load, render = Renderer.load, Renderer.render
+
+    def loading(self: Renderer, frame: Frame) -> None:
+        told.append(frame.index)
+        load(self, frame)
+
+    def rendering(self: Renderer, *arguments: Any) -> RenderedFrame:
+        told.append("rendered")
+        return render(self, *arguments)
+
+    monkeypatch.setattr(Renderer, "load", loading)
+    monkeypatch.setattr(Renderer, "render", rendering)
+    with film(scene, device) as running:
+        assert [index for index, _ in running.frames([20], warm_up=2)] == [20]
+    shown = told[1:] if told[:2] == [2, 2] else told  # once more where memory is planned
+    assert shown == [2, 10, 14, 16, 18, "rendered", 19, "rendered", 20, "rendered"]
+
+
 def test_no_such_frame(scene: Scene, device: ComputeDevice) -> None:
-    with film(scene, device) as running, pytest.raises(SceneError, match="no frame 6"):
-        list(running.frames([5, 6]))
+    with film(scene, device) as running, pytest.raises(SceneError, match="no frame 24"):
+        list(running.frames([23, 24]))
 
 
 def test_a_plain_view_shows_all_objects_and_others_what_is_named(
