@@ -8,8 +8,8 @@ tangent coordinates (a, b) about a texel's direction, a plane `n . p = 1` is
 
 from __future__ import annotations
 
-from itertools import pairwise
-from typing import Any, TypeVar
+from functools import lru_cache
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,8 +23,10 @@ GAP_TOLERANCE = (3e-4, 0.05)
 """Largest distance from the local plane within a window, as a fraction of the depth: on clean
 depth, where a tight bound keeps windows from reaching around edges, and on the noisiest."""
 _NOISE_FACTOR = 4.0
-_BLOCK_ROWS = 32
+_BLOCK_ROWS = 24
 _MIN_SAMPLES = 3
+_NEAREST = np.float32(1e30)
+"""Largest inverse depth: so that no product is infinite, which times 0 is not 0."""
 
 
 def estimate_normals(depth: Plane, same: NDArray[np.uint8]) -> Plane:
@@ -40,14 +42,15 @@ def estimate_normals(depth: Plane, same: NDArray[np.uint8]) -> Plane:
     """
     height, width = depth.shape
     with np.errstate(divide="ignore"):
-        inverse = (np.float32(1.0) / depth).astype(np.float32)
+        inverse = np.minimum(np.float32(1.0) / depth, _NEAREST).astype(np.float32)
     spread = _column_spread(width, height)
     tolerance = float(np.clip(_NOISE_FACTOR * _noise(inverse), *GAP_TOLERANCE))
     padded_inverse = _over_poles(inverse, WINDOW_REACH)
     padded_same = _over_poles(same, WINDOW_REACH)
     normal = np.empty((height, width, 3), np.float32)
-    for first, last in _blocks(spread):
-        window = _Window(padded_inverse, padded_same, first, last, int(spread[first]))
+    for first in range(0, height, _BLOCK_ROWS):
+        last = min(first + _BLOCK_ROWS, height)
+        window = _Window(padded_inverse, padded_same, first, spread[first:last])
         fit = window.fit_planes(tolerance)
         normal[first:last] = np.where(inverse[first:last, :, None] > 0.0, fit, 0.0)
     return normal
@@ -82,6 +85,30 @@ def _column_spread(width: int, height: int) -> NDArray[np.intp]:
     return spread
 
 
+@lru_cache(maxsize=4)
+def _window_tables(width: int, height: int) -> dict[tuple[int, int], tuple[Plane, Plane, Plane]]:
+    """By steps down and aside, for each row: what 1/z is to be scaled by, and tangent coordinates.
+
+    Each (H, 1) float32. A neighbour more than about 75° away gets a scale that no plane has.
+    """
+    step = np.pi / height
+    theta = (np.arange(height) + 0.5) * step
+    spread = _column_spread(width, height)
+    tables = {}
+    reach = range(-WINDOW_REACH, WINDOW_REACH + 1)
+    for down, steps in ((d, s) for d in reach for s in reach):
+        phi = steps * spread * 2.0 * np.pi / width
+        to = theta + down * step
+        ahead = np.cos(theta) * np.cos(to) + np.sin(theta) * np.sin(to) * np.cos(phi)
+        across = np.sin(to) * np.sin(phi)
+        up = np.sin(theta) * np.cos(to) - np.cos(theta) * np.sin(to) * np.cos(phi)
+        ahead = np.where(ahead > 0.25, ahead, 1e-6)
+        columns = (1.0 / ahead, across / ahead, up / ahead)
+        scale, a, b = (column.astype(np.float32)[:, None] for column in columns)
+        tables[down, steps] = scale, a, b
+    return tables
+
+
 def _noise(inverse: Plane) -> float:
     """Median departure of inverse depth from a plane over three rows, as a fraction of it.
 
@@ -96,16 +123,6 @@ def _noise(inverse: Plane) -> float:
         return 0.0
     bend = above + below - np.float32(2.0 * np.cos(np.pi / inverse.shape[0])) * middle
     return float(np.median(np.abs(bend[surface]) / middle[surface]))
-
-
-def _blocks(spread: NDArray[np.intp]) -> list[tuple[int, int]]:
-    """Row ranges of equal spread, short enough to stay in the cache."""
-    starts = [0, *(np.nonzero(np.diff(spread))[0] + 1).tolist(), spread.size]
-    return [
-        (first, min(first + _BLOCK_ROWS, end))
-        for start, end in pairwise(starts)
-        for first in range(start, end, _BLOCK_ROWS)
-    ]
 
 
 def _over_poles(plane: NDArray[Scalar], rows: int) -> NDArray[Scalar]:
@@ -137,19 +154,29 @@ class _Window:
     inverse : (H + 2 reach, W) float32
         Inverse depth, continued over the poles.
     same : (H + 2 reach, W) uint8
-    first, last : int
-        Rows of the unpadded image.
-    spread : int
-        Columns per step.
+    first : int
+        Of the rows, in the unpadded image.
+    spread : (rows,) int
+        Columns per step in each row.
     """
 
     def __init__(
-        self, inverse: Plane, same: NDArray[np.uint8], first: int, last: int, spread: int
+        self,
+        inverse: Plane,
+        same: NDArray[np.uint8],
+        first: int,
+        spread: NDArray[np.intp],
     ) -> None:
-        self._inverse, self._same = inverse, same
-        self._first, self._last, self._spread = first, last, spread
+        self._first, self._last, self._spread = first, first + spread.size, spread
         self._height, self._width = inverse.shape[0] - 2 * WINDOW_REACH, inverse.shape[1]
-        self._center = self._shifted(inverse, 0, 0)
+        # Continued across the seam, so that what lies beside is a slice and no copy.
+        self._margin = WINDOW_REACH * int(spread.max())
+        columns = np.arange(-self._margin, self._width + self._margin) % self._width
+        rows = slice(first, self._last + 2 * WINDOW_REACH)
+        self._inverse, self._same = inverse[rows][:, columns], same[rows][:, columns]
+        self._tables = _window_tables(self._width, self._height)
+        self._joined = bool((self._same == self._same[0, 0]).all())
+        self._center = self._shifted(self._inverse, 0, 0)
 
     def fit_planes(self, tolerance: float) -> Plane:
         """(rows, W, 3) unit normals facing the centre; from the local slopes where too few fit."""
@@ -177,24 +204,61 @@ class _Window:
         )
 
     def _sums(self, slope_a: Plane, slope_b: Plane, tolerance: Plane) -> list[Plane]:
-        """Count and moments of a, b and inverse depth over the texels on the local plane."""
+        """Count and moments of a, b and inverse depth over the texels on the local plane.
+
+        Of two texels as many steps to either side, a is opposite and b the same: they are summed as
+        pairs.
+        """
         shape = self._center.shape
         sums = [np.zeros(shape, np.float32) for _ in range(9)]
-        sums[0] += 1.0
-        own = self._shifted(self._same, 0, 0)
+        n, sum_a, sum_b, sum_aa, sum_ab, sum_bb, sum_f, sum_af, sum_bf = sums
+        n += 1.0
         reach = range(-WINDOW_REACH, WINDOW_REACH + 1)
-        for down, steps in ((d, s) for d in reach for s in reach if (d, s) != (0, 0)):
-            rise, a, b = self._sample(down, steps)
-            member = np.abs(rise - slope_a * a - slope_b * b) <= tolerance
-            member &= self._shifted(self._same, down, steps) == own
-            weight = member.astype(np.float32)
-            rise = np.where(member, rise, np.float32(0.0))
-            powers: list[Any] = [1.0, a, b, a * a, a * b, b * b]
-            for total, power in zip(sums[:6], powers, strict=True):
-                total += weight * power
-            for total, power in zip(sums[6:], powers[:3], strict=True):
-                total += rise * power
+        product = np.empty(shape, np.float32)
+        for down, steps in (
+            (d, s) for d in reach for s in range(WINDOW_REACH + 1) if (d, s) != (0, 0)
+        ):
+            both, rise, a, b = self._on_plane(down, steps, slope_a, slope_b, tolerance)
+            if steps:
+                weight, other, _, _ = self._on_plane(down, -steps, slope_a, slope_b, tolerance)
+                difference, slant = both - weight, rise - other
+                both += weight
+                rise += other
+                for total, moment in (
+                    (sum_a, difference),
+                    (sum_ab, b * difference),
+                    (sum_af, slant),
+                ):
+                    np.multiply(moment, a, out=product)
+                    total += product
+            n += both
+            sum_f += rise
+            for total, factor, moment in (
+                (sum_b, b, both),
+                (sum_bb, b * b, both),
+                (sum_bf, b, rise),
+                (sum_aa, a * a, both),
+            ):
+                np.multiply(moment, factor, out=product)
+                total += product
         return sums
+
+    def _on_plane(
+        self, down: int, steps: int, slope_a: Plane, slope_b: Plane, tolerance: Plane
+    ) -> tuple[Plane, Plane, Plane, Plane]:
+        """1 where a texel of the window lies on the local plane; its rise there; its a and b."""
+        rise, a, b = self._sample(down, steps)
+        off = slope_a * a
+        np.subtract(rise, off, out=off)
+        off -= slope_b * b
+        np.abs(off, out=off)
+        member = off <= tolerance
+        if not self._joined:
+            own = self._shifted(self._same, 0, 0)
+            member &= self._shifted(self._same, down, steps) == own
+        weight = member.astype(np.float32)
+        rise *= weight
+        return weight, rise, a, b
 
     def _slope(self, line: list[tuple[Plane, Plane, Plane]], axis: int) -> Plane:
         """Slope of inverse depth along a line of samples.
@@ -226,23 +290,21 @@ class _Window:
 
         A neighbour more than about 75° away gets a rise that no plane has.
         """
-        step = np.pi / self._height
-        theta = (np.arange(self._first, self._last) + 0.5) * step
-        phi = steps * self._spread * 2.0 * np.pi / self._width
-        to = theta + down * step
-        ahead = np.cos(theta) * np.cos(to) + np.sin(theta) * np.sin(to) * np.cos(phi)
-        across = np.sin(to) * np.sin(phi)
-        up = np.sin(theta) * np.cos(to) - np.cos(theta) * np.sin(to) * np.cos(phi)
-        near = ahead > 0.25
-        ahead = np.where(near, ahead, 1e-6)
-        columns = (1.0 / ahead, across / ahead, up / ahead)
-        scale, a, b = (column.astype(np.float32)[:, None] for column in columns)
-        return self._shifted(self._inverse, down, steps) * scale - self._center, a, b
+        rows = slice(self._first, self._last)
+        scale, a, b = (t[rows] for t in self._tables[down, steps])
+        rise: Plane = self._shifted(self._inverse, down, steps) * scale
+        rise -= self._center
+        return rise, a, b
 
     def _shifted(self, plane: NDArray[Scalar], down: int, steps: int) -> NDArray[Scalar]:
-        top = WINDOW_REACH + down
-        rows = plane[self._first + top : self._last + top]
-        return np.roll(rows, -steps * self._spread, axis=1) if steps else rows
+        top, count = WINDOW_REACH + down, self._spread.size
+        left = self._margin + steps * self._spread
+        if steps == 0 or (left == left[0]).all():
+            return plane[top : top + count, left[0] : left[0] + self._width]
+        shifted = np.empty((count, self._width), plane.dtype)
+        for row, start in enumerate(left.tolist()):
+            shifted[row] = plane[top + row, start : start + self._width]
+        return shifted
 
     def _to_world(self, across: Plane, up: Plane, ahead: Plane) -> Plane:
         """Unit vectors facing the centre, from components east, north and away from it."""

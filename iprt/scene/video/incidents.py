@@ -7,8 +7,10 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import replace
 
+import numpy as np
+
 from iprt.errors import FormatError
-from iprt.scene.depth import sanitise_color
+from iprt.scene.depth import find_openings, sanitise_color
 from iprt.scene.frame import Frame
 from iprt.scene.video.source import FrameReader, FrameSource, Picture, RawFrame
 
@@ -17,6 +19,7 @@ LOOK_BACK = 300
 """Frames before the first one asked for that are searched for a good one."""
 
 
+Stored = tuple[Picture | None, Picture | None]
 Stage = Callable[[Frame], Frame]
 """What is done to sanitised frames."""
 
@@ -76,6 +79,7 @@ class SteadyReader:
         self._reader, self._first, self._strict = reader, first, strict
         self._incident = Incident(tell)
         self._last: Frame | None = None
+        self._stored: Stored = None, None  # what depth and normals of `_last` were made of
         self._color_of = self._depth_of = first  # the frames that `_last` is made of
 
     def read(self, index: int) -> Frame:
@@ -106,9 +110,22 @@ class SteadyReader:
         self._incident.end()
 
     def _keep(self, raw: RawFrame) -> Frame:
-        self._last = raw.sanitised()
+        self._last = self._unmoved(raw) or raw.sanitised()
+        self._stored = raw.depth, raw.normal
         self._color_of = self._depth_of = raw.index
         return self._last
+
+    def _unmoved(self, raw: RawFrame) -> Frame | None:
+        """A frame whose depth is that of the one before, which need not be filled and fitted anew.
+
+        As of a static scene with one picture of depth, or of depth with half the rate of colour.
+        """
+        if self._last is None or not _same((raw.depth, raw.normal), self._stored):
+            return None
+        color = sanitise_color(raw.color)
+        if not np.array_equal(find_openings(raw.depth, color), self._last.opening):
+            return None
+        return replace(self._last, color=color, index=raw.index, pose=raw.pose)
 
     def _recolored(self, index: int, color: Picture) -> Frame:
         """The last frame with the colour of another, and from where that was seen."""
@@ -142,6 +159,16 @@ class SteadyReader:
                 break
         if self._last is not None and newest is not None and newest[0] != self._depth_of:
             self._recolored(*newest)
+
+
+def _same(stored: Stored, others: Stored) -> bool:
+    """Whether depths and normals are equal, bit for bit."""
+    return all(
+        other is not None and np.array_equal(plane.view(np.uint32), other.view(np.uint32))
+        if plane is not None
+        else other is None
+        for plane, other in zip(stored, others, strict=True)
+    )
 
 
 def steady_frames(

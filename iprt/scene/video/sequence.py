@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -78,7 +79,10 @@ class PictureTrack:
         return picture_size(self.file(self._indices[0]))
 
     def reader(self, _: OpenStreams) -> Callable[[int], Picture]:
-        return lambda index: self._read(self.file(index))
+        if FRAME_PATTERN.search(self._pattern):
+            return lambda index: self._read(self.file(index))
+        kept = cache(self._read)  # one picture for all frames
+        return lambda index: kept(self.file(index))
 
 
 class DepthPictures(PictureTrack):

@@ -10,6 +10,7 @@ import time
 import weakref
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ import pytest
 from iprt.errors import FormatError, SceneError
 from iprt.scene.frame import Frame
 from iprt.scene.scene import Scene
+from iprt.scene.video import source
 from iprt.scene.video.stream import Ahead
 from tests.scene.files import MANIFEST, write_channels, write_rgb, write_scene
 
@@ -53,6 +55,39 @@ def test_a_stream_gives_what_single_frames_are(tmp_path: Path) -> None:
             for name in ("color", "depth", "opening", "normal"):
                 assert np.array_equal(getattr(frame, name), getattr(alone, name))
             assert alone.index == frame.index
+
+
+def test_depth_that_does_not_change_is_sanitised_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All but openings, which are told by colour: a dropout that lights up becomes a window."""
+    write_video(tmp_path, 6, 256)
+    manifest = (tmp_path / "scene.toml").read_text().replace("d.%03d.exr", "depth.exr")
+    (tmp_path / "scene.toml").write_text(manifest)
+    depth = np.full((128, 256), 3.0, np.float32)
+    depth[2, 100] = 0.0
+    write_channels(tmp_path / "depth.exr", Z=depth)
+    light = np.ones((128, 256, 3), np.float32)
+    light[2, 100] = 50.0
+    write_rgb(tmp_path / "c.004.exr", light)
+    fitted = 0
+    estimate = source.estimate_normals
+
+    def counted(*given: Any) -> Any:
+        nonlocal fitted
+        fitted += 1
+        return estimate(*given)
+
+    monkeypatch.setattr(source, "estimate_normals", counted)
+    scene = Scene.open(tmp_path)
+    with scene.stream(scene.frame_indices) as stream:
+        frames = list(stream)
+    assert fitted == 3, "the first, the one with a window, and the one after"
+    assert [bool(frame.opening[2, 100]) for frame in frames] == [False] * 3 + [True] + [False] * 2
+    for frame in frames:
+        alone = scene.frame(frame.index)
+        for name in ("color", "depth", "opening", "normal"):
+            assert np.array_equal(getattr(frame, name), getattr(alone, name))
 
 
 def test_unknown_frames_are_refused_before_anything_is_read(tmp_path: Path) -> None:
@@ -146,6 +181,7 @@ def test_a_signal_ends_a_program_that_waits_for_a_frame() -> None:
     program = """
 import os, signal, threading, time
 from iprt.ending import signals_raise
+from iprt.scene.video import source
 from iprt.scene.video.stream import Ahead
 
 def items():
