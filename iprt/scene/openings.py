@@ -58,7 +58,7 @@ def classify_holes(hole: Mask, color: NDArray[np.float32]) -> Holes:
         Linear radiance, finite.
     """
     height, width = hole.shape
-    label, count = _components(hole)
+    label, count = components(hole)
     rows, columns = np.nonzero(hole)
     of_texel = label[rows, columns]
     sr = np.bincount(of_texel, solid_angles(width, height)[rows], minlength=count)
@@ -81,7 +81,7 @@ def classify_holes(hole: Mask, color: NDArray[np.float32]) -> Holes:
     return Holes(texels(is_open), texels(~is_open & ~is_dropout), texels(is_dropout))
 
 
-def _components(hole: Mask) -> tuple[NDArray[np.intp], int]:
+def components(hole: Mask) -> tuple[NDArray[np.intp], int]:
     """Label 8-connected components on the sphere; 0-based labels, valid where `hole`."""
     height = hole.shape[0]
     label, count = ndimage.label(hole, structure=np.ones((3, 3)))

@@ -1,0 +1,145 @@
+"""Light that a camera clipped, found in the shading of the surfaces that it falls on.
+
+A picture with a white level shows a window, a lamp or the sun as white. Shadows and objects need
+to know how bright they are. `ClippedLights` joins what is clipped to lights (`light_groups`), and
+finds by what factor each is brighter (`lost_light`) from how it shades the surfaces around
+(`light_shading`). The picture stays as it is: what is recovered goes to `Frame.light`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.scene.frame import Frame
+from iprt.scene.gather import Float
+from iprt.scene.light_groups import GROUP_ROWS, Clipped, groups_of, lights_of, ties_of
+from iprt.scene.light_shading import shading_of
+from iprt.scene.lost_light import lost_light
+from iprt.scene.openings import solid_angles
+
+CHANGED = 0.3
+"""Share of the clipped area that comes or goes, from which on lights are estimated anew."""
+OTHER = 0.8
+"""Share from which on they are other lights: nothing of the old gains holds."""
+LEAST_CLIPPED = 0.02
+"""Of the flux of a light's strongest channel: a channel that is clipped less has lost nothing."""
+BLEND = 12
+"""Frames over which gains go over to those of a new estimate."""
+
+
+@dataclass(frozen=True)
+class Gains:
+    """How much brighter clipped texels are than they look.
+
+    Attributes
+    ----------
+    group : (2, cells) int
+        Of cells of the grid, for texels that are near and that are far; 0: none.
+    factor : (groups + 1, rows, 3) float32
+        By group and row of the picture; 1 for group 0.
+    covered : (cells,) float64
+        Share of the sphere that clipped texels cover in each cell.
+    """
+
+    group: NDArray[np.intp]
+    factor: NDArray[np.float32]
+    covered: Float
+
+    def of(self, clipped: Clipped) -> NDArray[np.float32]:
+        """(N, 3) gains of clipped texels."""
+        group = self.group[clipped.far.astype(np.intp), clipped.cell]
+        return self.factor[group, clipped.row]
+
+
+def covered(frame: Frame, clipped: Clipped) -> Float:
+    """`Gains.covered`."""
+    rows = min(GROUP_ROWS, frame.height)
+    weight = solid_angles(frame.width, frame.height)[clipped.row] / (4.0 * np.pi)
+    area = weight * clipped.share.max(-1)
+    return np.asarray(np.bincount(clipped.cell, area, 2 * rows * rows), np.float64)
+
+
+def recover(frame: Frame, clipped: Clipped, white: float) -> Gains:
+    """Estimate the gains of a frame's lights; all 1 where its surfaces tell nothing."""
+    cell_groups = groups_of(frame, clipped)
+    factor = np.ones((int(cell_groups.max()) + 1, frame.height, 3), np.float32)
+    area = covered(frame, clipped)
+    lights = lights_of(frame, clipped, cell_groups)
+    group = cell_groups[clipped.far.astype(np.intp), clipped.cell]
+    shading = shading_of(frame, clipped, group, lights, white) if lights else None
+    if shading is not None:
+        shares = np.stack([light.share(frame.height) for light in lights], axis=-1)
+        flux = np.stack([_flux(frame, clipped, group == light.group) for light in lights])
+        present = flux > LEAST_CLIPPED * flux.max(axis=1, keepdims=True)
+        gain = lost_light(shading, ties_of(lights), present).gain
+        for index, light in enumerate(lights):
+            more = shares[:, index, None] * (gain[index] - 1.0)
+            factor[light.group] += more.astype(np.float32)
+    return Gains(cell_groups, factor, area)
+
+
+def _flux(frame: Frame, clipped: Clipped, chosen: NDArray[np.bool_]) -> Float:
+    """(3,) clipped flux at the capture centre of some of the clipped texels, as they look."""
+    weight = solid_angles(frame.width, frame.height)[clipped.row[chosen], None]
+    color = frame.color.reshape(-1, 3)[clipped.texel[chosen]]
+    return np.asarray((weight * color * clipped.share[chosen]).sum(0), np.float64)
+
+
+class ClippedLights:
+    """A stage of a video's stream: gives frames in which something is clipped their `light`.
+
+    Gains are found in the first such frame, and stay while what is clipped does. Where much of it
+    comes or goes, they are found anew, and go over to the new ones gradually.
+
+    Parameters
+    ----------
+    white : float
+        Linear radiance at which the camera's channels are clipped; infinite: never.
+    """
+
+    def __init__(self, white: float) -> None:
+        self._white = white
+        self._gains: Gains | None = None
+        self._before: Gains | None = None
+        self._blended = 0
+
+    def __call__(self, frame: Frame) -> Frame:
+        clipped = Clipped.of(frame, self._white) if np.isfinite(self._white) else None
+        if clipped is None:
+            return frame
+        gain = self._gain(frame, clipped)
+        if (gain == 1.0).all():
+            return frame
+        light = frame.color.copy()
+        color = light.reshape(-1, 3)
+        color[clipped.texel] *= 1.0 + clipped.share * (gain - 1.0)
+        return replace(frame, light=light)
+
+    def _gain(self, frame: Frame, clipped: Clipped) -> NDArray[np.float32]:
+        """(N, 3) gains of the clipped texels now."""
+        now = covered(frame, clipped)
+        if self._gains is None:
+            self._gains = recover(frame, clipped, self._white)
+        elif self._before is None:
+            change = _change(self._gains.covered, now)
+            if change > CHANGED:
+                self._before = None if change > OTHER else self._gains
+                self._gains, self._blended = recover(frame, clipped, self._white), 0
+        gain = self._gains.of(clipped)
+        if self._before is None:
+            return gain
+        self._blended += 1
+        share = np.float32(self._blended / BLEND)
+        blended = self._before.of(clipped) ** (1 - share) * gain**share
+        if self._blended == BLEND:
+            self._before = None
+        return blended
+
+
+def _change(before: Float, after: Float) -> float:
+    """Share by which two areas differ, in [0, 1]."""
+    both = np.maximum(before, after).sum()
+    return float(np.abs(after - before).sum() / both) if both > 0.0 else 0.0
