@@ -61,6 +61,7 @@ class Film:
         self._renderer: Renderer | None = None
         self._drifts = False
         self._static_camera = False
+        self._clips = False
 
     def close(self) -> None:
         """Release what the last run of frames held."""
@@ -125,6 +126,7 @@ class Film:
         unseen = len(remembered) + len(before)
         self._drifts = self.settings.drift and len(set(chosen)) > 1
         self._static_camera = self.scene.source.static_camera and len(set(chosen)) > 1
+        self._clips = self.scene.clips and len(set(chosen)) > 1
         with self.scene.stream(chosen, strict=self.strict, drift=self._drifts) as frames:
             for number, (index, frame) in enumerate(zip(chosen, frames, strict=True)):
                 renderer = self._showing(frame, index)
@@ -149,9 +151,9 @@ class Film:
             renderer.look(view)
             return renderer
         given = (self.device, frame, instances, view, self.settings)
-        drifts, stays = self._drifts, self._static_camera
-        require_memory(*given, drifts=drifts, static_camera=stays)
-        renderer = Renderer(*given, drifts=drifts, static_camera=stays)
+        clips, drifts, stays = self._clips, self._drifts, self._static_camera
+        require_memory(*given, own_radiance=clips, drifts=drifts, static_camera=stays)
+        renderer = Renderer(*given, own_radiance=clips, drifts=drifts, static_camera=stays)
         self._renderer = renderer
         if not self.prepare_ms:
             self.device.finish()

@@ -122,6 +122,8 @@ def check(
     ]
     if empty:
         print("\n".join(empty))
+    if report.clipped is not None:
+        print(f"note: {report.clipped.line()}")
     for entry in report.objects:
         for phrase in entry.dropped:
             print(f"note: {entry.name}: not read from its file: {phrase}")
@@ -350,6 +352,8 @@ def report_lines(report: SceneReport) -> list[str]:
         _share_line("  open sky", report.open_sky),
         _share_line("  dropouts", report.dropouts),
     ]
+    if report.clipped is not None:
+        lines.append(f"clipped    {report.clipped.line()}")
     lines += [_real_material_line(entry) for entry in report.real_materials]
     lines += [line for entry in report.objects for line in _object_lines(entry)]
     for name, view in report.views.items():

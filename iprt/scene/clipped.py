@@ -88,6 +88,62 @@ def _flux(frame: Frame, clipped: Clipped, chosen: NDArray[np.bool_]) -> Float:
     return np.asarray((weight * color * clipped.share[chosen]).sum(0), np.float64)
 
 
+@dataclass(frozen=True)
+class Recovered:
+    """What is clipped in a frame, in numbers.
+
+    Attributes
+    ----------
+    lights : int
+        Groups of clipped texels.
+    area : float
+        Share of all directions that they cover.
+    seen, flux : float
+        Share of the flux at the capture centre that comes from them as they look, and as recovered.
+    factor : float
+        Their flux as recovered over that as they look.
+    """
+
+    lights: int
+    area: float
+    seen: float
+    flux: float
+    factor: float
+
+    @classmethod
+    def of(cls, frame: Frame, white: float) -> Recovered | None:
+        """None where nothing is clipped."""
+        clipped = Clipped.of(frame, white) if np.isfinite(white) else None
+        if clipped is None:
+            return None
+        weight = solid_angles(frame.width, frame.height)
+        at = clipped.row, clipped.texel % frame.width
+        shares = []
+        for picture in (frame.color, frame.color if frame.light is None else frame.light):
+            bright = picture.mean(axis=-1)
+            shares.append(
+                (float((weight[at[0]] * bright[at]).sum()), float(weight @ bright.sum(1)))
+            )
+        (seen, before), (flux, after) = shares
+        return cls(
+            lights=int(groups_of(frame, clipped).max()),
+            area=float(weight[at[0]].sum()) / (4.0 * np.pi),
+            seen=seen / before,
+            flux=flux / after,
+            factor=flux / seen,
+        )
+
+    def line(self) -> str:
+        """As text."""
+        what = f"{self.lights} clipped light(s) on {100 * self.area:.2f}% of all directions"
+        if self.factor == 1.0:
+            return f"{what}; nothing recovered: what they light is not seen well enough"
+        return (
+            f"{what}, recovered {self.factor:.1f} times as bright: "
+            f"{100 * self.seen:.1f}% of flux as seen, {100 * self.flux:.1f}% in truth"
+        )
+
+
 class ClippedLights:
     """A stage of a video's stream: gives frames in which something is clipped their `light`.
 

@@ -27,6 +27,8 @@ _SIGNATURES = {
     b"Pf": "pfm",
     b"PF": "pfm",
 }
+FLOAT_KINDS = ("exr", "pfm")
+"""Whose values have no upper end."""
 TEXTURE_FORMATS = ("PNG", "JPEG", "WEBP", "BMP", "TGA", "TIFF")
 """Names that Pillow has for what textures of meshes may be stored as."""
 MAX_SCANS = 100

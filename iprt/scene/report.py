@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from iprt.errors import IprtError
+from iprt.scene.clipped import Recovered
 from iprt.scene.frame import Frame
 from iprt.scene.images import picture_size
 from iprt.scene.manifest import MANIFEST_NAME
@@ -82,6 +83,7 @@ class SceneReport:
     openings: Share
     open_sky: Share
     dropouts: Share
+    clipped: Recovered | None
     normals: str
     real_materials: tuple[RealMaterialReport, ...]
     objects: tuple[ObjectReport, ...]
@@ -107,7 +109,7 @@ def describe_scene(scene: Scene, frame: Frame, raw: RawFrame) -> SceneReport:
     measured = np.isfinite(raw.depth) & (raw.depth > 0.0)
     holes = classify_holes(~measured, frame.color)
     weight = np.broadcast_to(solid_angles(frame.width, frame.height)[:, None], measured.shape)
-    flux = weight * frame.color.mean(axis=-1)
+    flux = weight * frame.radiance.mean(axis=-1)
 
     def share(mask: Any) -> Share:
         total = float(flux.sum())
@@ -131,6 +133,7 @@ def describe_scene(scene: Scene, frame: Frame, raw: RawFrame) -> SceneReport:
         openings=share(holes.opening),
         open_sky=share(holes.open_sky),
         dropouts=share(holes.dropout),
+        clipped=Recovered.of(frame, scene.source.white),
         normals="fitted to the depth" if raw.normal is None else "given",
         real_materials=tuple(
             RealMaterialReport(

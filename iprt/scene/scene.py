@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 
 from iprt.errors import FormatError, SceneError
 from iprt.scene.camera import View
+from iprt.scene.clipped import ClippedLights
 from iprt.scene.drift import Drift
 from iprt.scene.frame import Frame
 from iprt.scene.gloss import RealMaterial, with_gloss
@@ -161,8 +163,11 @@ class Scene:
         return self.sanitised(self.raw_frame(index))
 
     def sanitised(self, raw: RawFrame) -> Frame:
-        """A frame as read to one as it is rendered: cleaned, its glossy surfaces known."""
-        return with_gloss(raw.sanitised(), self.real_materials)
+        """A frame as read to one as it is rendered: cleaned, its glossy surfaces known, and the
+        light of what is clipped.
+        """
+        frame = with_gloss(raw.sanitised(), self.real_materials)
+        return ClippedLights(self.source.white)(frame)
 
     def raw_frame(self, index: int | None = None) -> RawFrame:
         """As `frame`, before anything is filled or cleaned."""
@@ -208,7 +213,16 @@ class Scene:
     def _stages(self, drift: bool) -> list[Stage]:
         """What a stream does to its sanitised frames, in order; made anew for each stream."""
         # Materials are told by their hue, in the colours of the reference frame.
-        return [*([Drift()] if drift else []), lambda f: with_gloss(f, self.real_materials)]
+        return [
+            *([Drift()] if drift else []),
+            lambda frame: with_gloss(frame, self.real_materials),
+            ClippedLights(self.source.white),
+        ]
+
+    @property
+    def clips(self) -> bool:
+        """Whether bright lights are clipped, so that frames may come with their `light`."""
+        return math.isfinite(self.source.white)
 
     def _require_frames(self, indices: Iterable[int]) -> None:
         for index in indices:

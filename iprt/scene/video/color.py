@@ -123,6 +123,20 @@ def encoding_of(frame: av.VideoFrame, path: Path) -> Encoding:
     return Encoding(how, matrix, transfer, primaries, full)
 
 
+def has_highlights(pixels: str, transfer: int) -> bool:
+    """Whether a stream holds what is brighter than reference white: PQ, HLG, or floats.
+
+    Parameters
+    ----------
+    pixels : str
+        FFmpeg's name of the pixel format.
+    transfer : int
+        Transfer characteristics (H.273).
+    """
+    how = layout(pixels)
+    return transfer in (_PQ, _HLG) or (how is not None and how.is_float)
+
+
 def _codes(frame: av.VideoFrame) -> tuple[int, int, int]:
     return int(frame.colorspace), int(frame.color_trc), int(frame.color_primaries)
 

@@ -51,6 +51,8 @@ class StreamInfo:
     width, height : int
     pixels : str
         FFmpeg's name of the pixel format.
+    transfer : int
+        Transfer characteristics (H.273).
     start, last : Fraction
         Times of the first and the last frame in seconds, on the file's clock.
     rate : Fraction
@@ -64,6 +66,7 @@ class StreamInfo:
     width: int
     height: int
     pixels: str
+    transfer: int
     start: Fraction
     last: Fraction
     rate: Fraction
@@ -189,6 +192,7 @@ def _info(path: Path, container: InputContainer, stream: Any) -> StreamInfo:
         width=stream.codec_context.width,
         height=stream.codec_context.height,
         pixels=stream.codec_context.pix_fmt or "",
+        transfer=int(stream.codec_context.color_trc),
         start=start,
         last=_last_time(container, stream, start, start + (claimed or 0)),
         rate=rate,

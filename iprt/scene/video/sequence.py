@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
@@ -10,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import FormatError
-from iprt.scene.images import file_kind, picture_size, read_depth
+from iprt.scene.images import FLOAT_KINDS, file_kind, picture_size, read_depth
 from iprt.scene.inside import require_inside
 from iprt.scene.manifest_problems import FRAME_PATTERN
 from iprt.scene.untrusted import is_file
@@ -77,6 +78,9 @@ class PictureTrack:
 
     def size(self) -> tuple[int, int]:
         return picture_size(self.file(self._indices[0]))
+
+    def white(self) -> float:
+        return math.inf if file_kind(self.file(self._indices[0])) in FLOAT_KINDS else 1.0
 
     def reader(self, _: OpenStreams) -> Callable[[int], Picture]:
         if FRAME_PATTERN.search(self._pattern):

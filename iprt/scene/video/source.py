@@ -106,6 +106,12 @@ class FrameSource:
         stays = self._poses is None or bool((self._poses == self._poses[:1]).all())
         return stays and len(self.indices) > 1
 
+    @cached_property
+    def white(self) -> float:
+        """Radiance from which on colour is clipped; infinite where it never is."""
+        given = self._video.white
+        return self._tracks.by_key["color"].white() if given is None else given
+
     def files(self, index: int) -> dict[str, Path]:
         """The files of a frame by their key: color, depth, and normal where there are any."""
         return {key: track.file(index) for key, track in self._tracks.by_key.items()}

@@ -20,6 +20,9 @@ class VideoTable(Table):
 
     `depth` may be left out where the file of `color` holds it. `frames` and `fps` are those of
     a video file by default, else one frame and 30 per second.
+
+    `white` is the linear radiance from which on the camera's colour is clipped, `inf` for never. By
+    default it is 1 for integers, and floats and HDR video never are.
     """
 
     color: FramePath
@@ -31,6 +34,7 @@ class VideoTable(Table):
     depth_encoding: Literal["linear", "inverse"] = "linear"
     normal: FramePath | None = None
     poses: RelativePath | None = None
+    white: Annotated[float, Field(gt=0.0, allow_inf_nan=True)] | None = None
     yaw_offset_deg: Degrees = 0.0
     frames: Annotated[list[FrameNumber], Field(min_length=2, max_length=2)] | None = None
     fps: Factor | None = None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -17,7 +18,7 @@ from iprt.scene.images import read_color, read_normal
 from iprt.scene.inside import require_inside
 from iprt.scene.table import LAST_FRAME
 from iprt.scene.video.clock import Clock, disagreements, frame_count
-from iprt.scene.video.color import linear_color, luma
+from iprt.scene.video.color import has_highlights, linear_color, luma
 from iprt.scene.video.container import StreamInfo, is_container, video_streams
 from iprt.scene.video.depth_code import DepthCode, unit_problem
 from iprt.scene.video.reader import OpenStreams
@@ -45,6 +46,9 @@ class Track(Protocol):
 
     def size(self) -> tuple[int, int]:
         """Width and height of the first picture, from its header."""
+
+    def white(self) -> float:
+        """Radiance at which its colours end, by its kind; infinite where they do not."""
 
     def reader(self, streams: OpenStreams) -> Callable[[int], Picture]:
         """What reads the picture of a frame, and is quickest if asked in order."""
@@ -86,6 +90,9 @@ class StreamTrack:
 
     def size(self) -> tuple[int, int]:
         return self._info.width, self._rows.stop - self._rows.start
+
+    def white(self) -> float:
+        return math.inf if has_highlights(self._info.pixels, self._info.transfer) else 1.0
 
     def reader(self, streams: OpenStreams) -> Callable[[int], Picture]:
         info, stream = self._info, streams.reader(self._info)
