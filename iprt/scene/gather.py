@@ -119,7 +119,7 @@ def visible(cells: Cells, x: Float, y: Float, steps: int) -> NDArray[np.bool_]:
         radius = np.sqrt(np.einsum("ijk,ijk->ij", point, point))
         front = depth[_cell(point, radius, cells.rows)]
         below = radius - front
-        free &= (below <= CLEARANCE * front) | (below >= THICKNESS * np.maximum(front, 1.0))
+        free &= (below <= CLEARANCE * front) | (below >= THICKNESS * front)
     return free
 
 

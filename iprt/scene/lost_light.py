@@ -29,13 +29,13 @@ Float = NDArray[np.float64]
 
 MAX_GAIN = 1e4
 """A sun in a picture that shows the landscape."""
-EXPECTED_GAIN, GAIN_SPREAD = 3.0, 1.5
+EXPECTED_GAIN, GAIN_SPREAD = 3.0, 2.5
 """Median, and standard deviation of its logarithm (so are all that follow)."""
 COLOR_SPREAD = 1.5
 """Of gains of two colours of one light."""
-EXPECTED_REFLECTANCE, REFLECTANCE_SPREAD = 0.4, 0.8
+EXPECTED_REFLECTANCE, REFLECTANCE_SPREAD = 0.4, 1.0
 MOST_REFLECTANCE, OVER_SPREAD = 0.9, 0.1
-CLIPPED_REFLECTANCE, CLIPPED_SPREAD = 0.6, 0.5
+CLIPPED_REFLECTANCE, CLIPPED_SPREAD = 0.6, 0.3
 """Of clipped surfaces that reflect: bright ones."""
 HUBER = 1.5
 """Standard deviations beyond which a residual counts linearly."""
