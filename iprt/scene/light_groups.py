@@ -26,8 +26,9 @@ KNOTS_DEG = (-25.0, -8.0, 8.0, 25.0, 50.0)
 below the horizon is ground, and skies are not even. A surface has one brightness."""
 LEAST_SHARE = 0.02
 """Of a group's clipped flux, below which a part of it is no light of its own."""
-SAME_WINDOW, SAME_ELEVATION = 1.0, 0.7
-"""Spreads of log-gains that parts of the distance have in common."""
+SAME_SIDE, ACROSS_HORIZON, SAME_ELEVATION = 0.6, 1.5, 0.7
+"""Spreads of log-gains of parts of the distance: of one window, both sky or both ground, or one of
+each; and of two windows at one elevation."""
 
 
 @dataclass(frozen=True)
@@ -163,7 +164,8 @@ def ties_of(lights: Sequence[Light]) -> list[Tie]:
     for i, a in enumerate(lights):
         for j, b in enumerate(lights[:i]):
             if a.far and b.far and a.group == b.group and a.knot == b.knot + 1:
-                ties.append(Tie(i, j, SAME_WINDOW))
+                one_side = a.knots_deg[a.knot] * b.knots_deg[b.knot] > 0.0
+                ties.append(Tie(i, j, SAME_SIDE if one_side else ACROSS_HORIZON))
             elif a.far and b.far and a.knots_deg[a.knot] == b.knots_deg[b.knot]:
                 ties.append(Tie(i, j, SAME_ELEVATION))
     return ties

@@ -35,7 +35,7 @@ COLOR_SPREAD = 1.5
 """Of gains of two colours of one light."""
 EXPECTED_REFLECTANCE, REFLECTANCE_SPREAD = 0.4, 1.0
 MOST_REFLECTANCE, OVER_SPREAD = 0.9, 0.1
-CLIPPED_REFLECTANCE, CLIPPED_SPREAD = 0.6, 0.3
+CLIPPED_REFLECTANCE, CLIPPED_SPREAD = 0.6, 0.2
 """Of clipped surfaces that reflect: bright ones."""
 HUBER = 1.5
 """Standard deviations beyond which a residual counts linearly."""
@@ -44,6 +44,9 @@ MODEL_SPREAD, MODEL_POINTS = 0.15, 6.0
 ALIKE = 4.0
 """Points whose errors are one error: they lie side by side."""
 STEPS, CONVERGED = 60, 1e-3
+STARTS = (2.0, 30.0)
+"""Gains from which the search starts: a small lamp shows no influence on walls unless it is bright.
+"""
 
 
 @dataclass(frozen=True)
@@ -113,13 +116,20 @@ def lost_light(shading: Shading, ties: Sequence[Tie], clipped: NDArray[np.bool_]
         Which channels of a light are clipped; the gains of others are 1.
     """
     problem = _Problem(shading, ties, clipped)
-    gains = np.where(clipped, np.log(2.0), 0.0).ravel()
-    damping = 1e-3
+    ends = [_descent(problem, np.where(clipped, np.log(g), 0.0).ravel()) for g in STARTS]
+    gains = min(ends, key=problem.unlikeliness)
+    problem.reweight(gains)
+    return LostLight(np.exp(gains).reshape(-1, 3), np.exp(problem.reflectance(gains)))
+
+
+def _descent(problem: _Problem, gains: Float) -> Float:
+    """Log-gains (3K,) of the optimum that lies downhill; those that are 0 stay."""
+    clipped, damping = gains > 0.0, 1e-3
     for _ in range(STEPS):
         problem.reweight(gains)
         cost, gradient, curvature = problem.linearised(gains)
         # A gain of 1 that would be lower stays where it is.
-        free = ~((gains <= 0.0) & (gradient > 0.0)) & clipped.ravel()
+        free = ~((gains <= 0.0) & (gradient > 0.0)) & clipped
         if not free.any():
             break
         here = np.ix_(free, free)
@@ -137,8 +147,7 @@ def lost_light(shading: Shading, ties: Sequence[Tie], clipped: NDArray[np.bool_]
         gains = moved
         if change < CONVERGED:
             break
-    problem.reweight(gains)
-    return LostLight(np.exp(gains).reshape(-1, 3), np.exp(problem.reflectance(gains)))
+    return gains
 
 
 class _Problem:
@@ -154,7 +163,7 @@ class _Problem:
         self.observed = np.log(shading.radiance * np.pi)
         self.weight = np.ones_like(self.observed)
         self.spread = np.full((self.segments, 3), 0.3)
-        self.reflects = np.zeros_like(shading.shine)
+        self.reflects = self.share = np.zeros_like(shading.shine)
 
     def residual(self, gains: Float) -> Float:
         """(n, 3): log-reflectance of each point by itself."""
@@ -198,6 +207,7 @@ class _Problem:
         per_light = np.bincount(self.shading.shining, minlength=self.lights)
         share = 1.0 / np.maximum(per_light, 1.0)[self.shading.shining, None]
         self.reflects = share / (CLIPPED_SPREAD * (1.0 + shine**2)) ** 2
+        self.share = share
 
     def _shine(self, gains: Float) -> tuple[Float, Float]:
         """(m, 3) logarithm of what clipped surfaces send over what they are expected to reflect,
@@ -220,6 +230,20 @@ class _Problem:
         total += ((self.rows @ gains - self.values) ** 2).sum()
         total += (self.belief * self._unlikely(reflectance)[0]).sum()
         return float(total + (self.reflects * self._shine(gains)[0] ** 2).sum())
+
+    def unlikeliness(self, gains: Float) -> float:
+        """Twice the negative log-likelihood, but for a constant, to tell which optimum is best."""
+        self.reweight(gains)
+        residual = self.residual(gains)
+        reflectance = self.of_segments(residual)
+        spread = self.spread[self.shading.segment]
+        apart = np.abs(residual - reflectance[self.shading.segment]) / spread
+        huber = np.where(apart < HUBER, apart**2, 2.0 * HUBER * apart - HUBER**2)
+        shine = self._shine(gains)[0] ** 2
+        total = ((huber + 2.0 * np.log(spread)) / ALIKE).sum()
+        total += ((self.rows @ gains - self.values) ** 2).sum()
+        total += (self.belief * self._unlikely(reflectance)[0]).sum()
+        return float(total + (self.share * shine / (1.0 + shine)).sum() / CLIPPED_SPREAD**2)
 
     @staticmethod
     def _unlikely(reflectance: Float) -> tuple[Float, Float, Float]:

@@ -1,0 +1,367 @@
+"""Light that was clipped is found: in rooms whose light is known, and as a stage of a video."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from PIL import Image
+
+from iprt import cli
+from iprt.scene import clipped as stage_module
+from iprt.scene.clipped import BLEND, ClippedLights, Recovered
+from iprt.scene.frame import Frame
+from iprt.scene.images import decode_srgb
+from iprt.scene.lost_light import MAX_GAIN
+from iprt.scene.openings import solid_angles
+from iprt.scene.scene import Scene
+from tests.radiosity import Albedo, Lamp, Window, room
+from tests.scene.files import write_channels, write_rgb, write_scene
+from tests.worlds import Float, sphere_frame
+
+PALETTE = np.array(
+    [
+        *([0.7, 0.3, 0.25], [0.3, 0.6, 0.3]),
+        *([0.4, 0.3, 0.2], [0.8, 0.8, 0.75]),
+        *([0.5, 0.5, 0.6], [0.2, 0.35, 0.6]),
+    ]
+)
+"""Reflectance of walls at low and high x, y, z."""
+
+
+def grey(value: float) -> Albedo:
+    return lambda points, _: np.full(points.shape, value)
+
+
+def coloured(_: Float, normals: Float) -> Float:
+    axis = np.abs(normals).argmax(-1)
+    side = np.take_along_axis(normals, axis[:, None], -1)[:, 0] > 0.0
+    return PALETTE[2 * axis + side]
+
+
+def tiled(points: Float, normals: Float) -> Float:
+    """Coloured walls with tiles of half a metre, every other one darker."""
+    odd = np.floor(2.0 * points).sum(-1).astype(int) % 2
+    return np.asarray(coloured(points, normals) * np.where(odd, 1.0, 0.55)[:, None])
+
+
+ROOMS: dict[str, Albedo] = {"grey": grey(0.5), "white": grey(0.85), "dark": grey(0.2)}
+ROOMS |= {"coloured": coloured, "tiled": tiled}
+LAMPS = {5.0: 0.8, 20.0: 0.4, 80.0: 0.2}
+"""Half the side of a lamp by its radiance: all light the room alike."""
+WARM = Lamp(0.2, -1.4, 0.4, (30.0, 20.0, 8.0))
+
+
+def srgb(color: NDArray[np.float32]) -> NDArray[np.uint8]:
+    seen = np.clip(color, 0.0, 1.0)
+    coded = np.where(seen <= 0.0031308, 12.92 * seen, 1.055 * seen ** (1 / 2.4) - 0.055)
+    return np.asarray(np.round(coded * 255.0), np.uint8)
+
+
+@cache
+def lamp_room(walls: str, *lamps: Lamp, rows: int = 64) -> Frame:
+    return room(ROOMS[walls], lamps, rows=rows)
+
+
+def lamp(radiance: float) -> Lamp:
+    return Lamp(0.2, -1.4, LAMPS[radiance], (radiance,) * 3)
+
+
+def clip(frame: Frame, white: float = 1.0) -> Frame:
+    return replace(frame, color=np.minimum(frame.color, np.float32(white)))
+
+
+def flux(picture: NDArray[np.float32], where: NDArray[np.bool_]) -> Float:
+    """(3,) flux at the capture centre out of some texels."""
+    height, width = where.shape
+    weight = np.broadcast_to(solid_angles(width, height)[:, None], where.shape)[where]
+    return np.asarray((weight[:, None] * picture[where]).sum(0, dtype=np.float64))
+
+
+def bright(frame: Frame) -> NDArray[np.bool_]:
+    return np.asarray(frame.color.max(axis=-1) > 1.0)
+
+
+def recovered(frame: Frame) -> NDArray[np.float32]:
+    """The light of the frame, clipped at 1; what is not clipped keeps its bits, and the picture."""
+    seen = clip(frame)
+    found = ClippedLights(1.0)(seen)
+    assert found.light is not None
+    assert found.color is seen.color
+    assert (found.light >= found.color).all()
+    below = seen.color < 0.95
+    assert np.array_equal(found.light[below], seen.color[below])
+    return found.light
+
+
+@pytest.mark.parametrize(
+    ("radiance", "walls"),
+    [(5.0, "white"), (5.0, "tiled"), (20.0, "grey"), (80.0, "coloured"), (80.0, "white")],
+)
+def test_a_lamp_is_as_bright_as_it_was(radiance: float, walls: str) -> None:
+    frame = lamp_room(walls, lamp(radiance))
+    lit = bright(frame)
+    ratio = flux(recovered(frame), lit) / flux(frame.color, lit)
+    np.testing.assert_allclose(ratio, 1.0, atol=0.25)
+
+
+def test_the_colour_of_a_lamp_that_looks_white() -> None:
+    frame = lamp_room("coloured", WARM)
+    lit = bright(frame)
+    assert (clip(frame).color[lit] == 1.0).mean() > 0.9
+    ratio = flux(recovered(frame), lit) / flux(frame.color, lit)
+    np.testing.assert_allclose(ratio, 1.0, atol=0.2)
+
+
+def test_two_lamps_are_told_apart() -> None:
+    dim, strong = Lamp(-1.2, -1.4, 0.4, (8.0,) * 3), Lamp(1.4, 1.5, 0.25, (40.0,) * 3)
+    frame = lamp_room("coloured", dim, strong)
+    light = recovered(frame)
+    for radiance in (8.0, 40.0):
+        lit = np.abs(frame.color - radiance).max(axis=-1) < 1.0
+        ratio = flux(light, lit) / flux(frame.color, lit)
+        np.testing.assert_allclose(ratio, 1.0, atol=0.3)
+
+
+def test_behind_a_window_the_sky_is_brighter_than_the_ground() -> None:
+    def sky(d: Float) -> Float:
+        return np.where(d[:, 1:2] > 0.0, 12.0, 2.5) * np.array([0.8, 0.9, 1.2])
+
+    frame = room(grey(0.5), (), Window((-1.0, -0.6), (1.0, 0.8), sky), rows=64)
+    light = recovered(frame)
+    elevation = (0.5 - (np.arange(64) + 0.5) / 64)[:, None] * 180.0
+    for low, high, tolerance in ((8.0, 30.0, 0.25), (-30.0, -8.0, 0.6)):
+        part = frame.opening & (elevation > low) & (elevation < high)
+        ratio = flux(light, part) / flux(frame.color, part)
+        np.testing.assert_allclose(ratio, 1.0, atol=tolerance)
+    whole = flux(light, frame.opening) / flux(frame.color, frame.opening)
+    np.testing.assert_allclose(whole, 1.0, atol=0.2)
+
+
+def test_eight_bits_do() -> None:
+    frame = lamp_room("coloured", lamp(20.0))
+    found = ClippedLights(1.0)(replace(frame, color=decode_srgb(srgb(frame.color))))
+    assert found.light is not None
+    lit = bright(frame)
+    np.testing.assert_allclose(flux(found.light, lit) / flux(frame.color, lit), 1.0, atol=0.25)
+
+
+@pytest.mark.parametrize("factor", [2.0**-10, 2.0**10])
+def test_light_and_lengths_may_have_any_unit(factor: float) -> None:
+    frame = clip(lamp_room("coloured", WARM))
+    plain = ClippedLights(1.0)(frame).light
+    scaled = replace(frame, color=frame.color * np.float32(factor))
+    brighter = ClippedLights(factor)(scaled).light
+    longer = ClippedLights(1.0)(replace(frame, depth=frame.depth * np.float32(factor))).light
+    assert plain is not None
+    assert brighter is not None
+    assert longer is not None
+    np.testing.assert_allclose(brighter, plain * factor, rtol=1e-3)
+    np.testing.assert_allclose(longer, plain, rtol=1e-3)
+
+
+def test_the_seam_does_not_show() -> None:
+    """A lamp across the seam is one lamp, as bright as elsewhere."""
+    frame = lamp_room("coloured", WARM)
+    column = int(np.nonzero(bright(frame).any(axis=0))[0].mean())
+    turned = replace(
+        frame,
+        **{
+            name: np.roll(getattr(frame, name), 128 - column, 1)
+            for name in ("color", "depth", "opening", "normal")
+        },
+    )
+    angle = 2.0 * np.pi * (128 - column) / 128
+    cos, sin = np.cos(angle), np.sin(angle)
+    turn = np.array([[cos, 0.0, -sin], [0.0, 1.0, 0.0], [sin, 0.0, cos]])
+    turned = replace(turned, normal=(turned.normal @ turn.T).astype(np.float32))
+    lit = bright(turned)
+    assert lit[:, 0].any()
+    assert lit[:, -1].any()
+    found = Recovered.of(ClippedLights(1.0)(clip(turned)), 1.0)
+    assert found is not None
+    assert found.lights == 1
+    np.testing.assert_allclose(
+        flux(recovered(turned), lit) / flux(turned.color, lit), 1.0, atol=0.25
+    )
+
+
+# What cannot be found ---------------------------------------------------------------------------
+
+
+def test_nothing_clipped_changes_nothing() -> None:
+    frame = lamp_room("grey", lamp(20.0))
+    assert ClippedLights(float("inf"))(frame) is frame
+    assert ClippedLights(25.0)(frame) is frame
+    nearly = replace(frame, color=np.minimum(frame.color, np.float32(0.985)))
+    assert ClippedLights(1.0)(nearly) is nearly
+    assert Recovered.of(nearly, 1.0) is None
+
+
+def test_all_clipped_tells_nothing() -> None:
+    """What no surface shows is not made up."""
+    frame = sphere_frame(2.0, 64, 32, 1.0)
+    assert ClippedLights(1.0)(frame) is frame
+    told = Recovered.of(frame, 1.0)
+    assert told is not None
+    assert told.factor == 1.0
+    assert "nothing recovered" in told.line()
+
+
+@pytest.mark.parametrize("wall", [0.02, 0.3, 0.9])
+def test_walls_without_shading_bound_the_light(wall: float) -> None:
+    """All around the same, and a white spot: a finite guess that no surface contradicts."""
+    frame = sphere_frame(2.0, 128, 64, wall)
+    frame.color[28:34, 60:68] = 1.0
+    found = ClippedLights(1.0)(frame)
+    light = frame.color if found.light is None else found.light
+    assert np.isfinite(light).all()
+    assert light.max() <= MAX_GAIN
+    # Where the spot alone would light the wall brighter than it is, it is too bright.
+    spot = np.zeros(frame.depth.shape, bool)
+    spot[28:34, 60:68] = True
+    assert (flux(light, spot) / 4.0 <= 10.0 * wall * np.pi).all()
+
+
+@pytest.mark.parametrize("size", [(2, 1), (8, 4), (3, 2), (130, 65)], ids=str)
+def test_any_size_and_any_noise(size: tuple[int, int]) -> None:
+    rng = np.random.default_rng(1)
+    width, height = size[1] * 2, size[1]
+    frame = sphere_frame(2.0, width, height, 1.0)
+    color = np.minimum(rng.random((height, width, 3)) * 1.2, 1.0).astype(np.float32)
+    depth = rng.uniform(0.5, 50.0, (height, width)).astype(np.float32)
+    depth[rng.random(depth.shape) < 0.1] = np.inf
+    normal = np.where(np.isfinite(depth)[..., None], frame.normal, np.float32(0.0))
+    opening = rng.random(depth.shape) < 0.1
+    found = ClippedLights(1.0)(Frame(color, depth, opening & np.isfinite(depth), normal))
+    light = color if found.light is None else found.light
+    assert np.isfinite(light).all()
+    assert (light >= color).all()
+    assert light.max() <= MAX_GAIN
+
+
+# In a video -------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def estimates(monkeypatch: pytest.MonkeyPatch) -> list[Frame]:
+    """The frames from which gains are estimated."""
+    seen: list[Frame] = []
+    recover = stage_module.recover
+
+    def record(frame: Frame, *rest: Any) -> Any:
+        seen.append(frame)
+        return recover(frame, *rest)
+
+    monkeypatch.setattr(stage_module, "recover", record)
+    return seen
+
+
+def brightness(frame: Frame, where: NDArray[np.bool_]) -> float:
+    return float((frame.color if frame.light is None else frame.light)[where].mean())
+
+
+def test_gains_stay_while_the_lights_do(estimates: list[Frame]) -> None:
+    """Noise at the white level, and things that pass before the lamp, leave it as bright."""
+    truth = lamp_room("grey", lamp(20.0))
+    frame, lit = clip(truth), bright(truth)
+    rng = np.random.default_rng(3)
+    stage = ClippedLights(1.0)
+    first = brightness(stage(frame), lit)
+    for _ in range(8):
+        noisy = frame.color - 0.01 * rng.random(frame.color.shape, np.float32)
+        noisy[28:40, 40:42] = 0.1
+        found = stage(replace(frame, color=noisy))
+        still = lit & (noisy.max(axis=-1) > 0.9)
+        assert brightness(found, still) == pytest.approx(first, rel=0.02)
+    assert len(estimates) == 1
+
+
+def test_a_lamp_that_is_switched_on_fades_in(estimates: list[Frame]) -> None:
+    one = Lamp(-1.2, -1.4, 0.4, (8.0,) * 3)
+    other = Lamp(1.4, 1.5, 0.4, (24.0,) * 3)
+    before, after = (lamp_room("grey", *lamps) for lamps in ((one,), (one, other)))
+    lit = np.abs(after.color - 24.0).max(axis=-1) < 1.0
+    stage = ClippedLights(1.0)
+    stage(clip(before))
+    levels = [brightness(stage(clip(after)), lit) for _ in range(BLEND + 4)]
+    assert len(estimates) == 2
+    steps = np.diff(np.log(levels))
+    assert (steps >= -1e-6).all()
+    assert steps.max() < 1.2 * np.log(24.0) / BLEND
+    assert levels[-1] == levels[-2] == pytest.approx(24.0, rel=0.3)
+    assert len(estimates) == 2
+
+
+def test_after_a_cut_other_lights_hold_at_once() -> None:
+    one = Lamp(-1.2, -1.4, 0.4, (8.0,) * 3)
+    other = Lamp(1.4, 1.5, 0.4, (24.0,) * 3)
+    before, after = (lamp_room("grey", light) for light in (one, other))
+    stage = ClippedLights(1.0)
+    stage(clip(before))
+    alone = ClippedLights(1.0)(clip(after))
+    assert alone.light is not None
+    np.testing.assert_array_equal(stage(clip(after)).light, alone.light)
+
+
+# In a scene -------------------------------------------------------------------------------------
+
+
+def lamp_scene(folder: Path, name: str, extra: str = "") -> Scene:
+    """The warm lamp in a room, clipped."""
+    frame = clip(lamp_room("coloured", WARM))
+    root = write_scene(folder)
+    write_rgb(root / "color.exr", frame.color)
+    write_channels(root / "depth.exr", Z=frame.depth)
+    Image.fromarray(srgb(frame.color)).save(root / "color.png")
+    manifest = (root / "scene.toml").read_text()
+    manifest = manifest.replace('color = "color.exr"', f'color = "{name}"\n{extra}')
+    (root / "scene.toml").write_text(manifest)
+    return Scene.open(root)
+
+
+@pytest.mark.parametrize(
+    ("name", "extra", "found"),
+    [
+        ("color.png", "", True),
+        ("color.png", "white = inf", False),
+        ("color.exr", "", False),
+        ("color.exr", "white = 1.0", True),
+    ],
+)
+def test_what_counts_as_clipped(tmp_path: Path, name: str, extra: str, found: bool) -> None:
+    """Pictures of integers, and others where the manifest says so."""
+    scene = lamp_scene(tmp_path / "lamp", name, extra)
+    frame = scene.frame()
+    assert (frame.light is not None) == found
+    assert scene.own_radiance == found
+    with scene.stream([0]) as frames:
+        (streamed,) = frames
+    if found:
+        np.testing.assert_array_equal(streamed.light, frame.light)
+    else:
+        assert streamed.light is None
+
+
+def test_info_and_check_tell(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    scene = lamp_scene(tmp_path / "lamp", "color.png")
+    told = Recovered.of(scene.frame(), 1.0)
+    assert told is not None
+    for verb in ("info", "check"):
+        assert cli.main(["scene", verb, str(scene.root)]) == 0
+        assert told.line() in capsys.readouterr().out
+    assert told.line().startswith("1 clipped light(s) on ")
+
+
+@pytest.mark.parametrize("value", ["0", "-1.0", "nan", '"never"'])
+def test_white_must_be_a_level(value: str, tmp_path: Path, fails: Callable[..., str]) -> None:
+    root = write_scene(tmp_path / "room")
+    text = (root / "scene.toml").read_text()
+    (root / "scene.toml").write_text(text.replace("[video]", f"[video]\nwhite = {value}"))
+    assert "video.white" in fails("scene", "info", root)
