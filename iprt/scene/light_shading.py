@@ -23,9 +23,9 @@ from iprt.scene.segments import lifted, points_of_segments, segments, spread_cel
 
 FINE_ROWS, LIGHT_ROWS, REST_ROWS = 128, 64, 32
 """Rows of cells: receivers and what hides; lights; everything else."""
-LIGHT_STEPS, REST_STEPS = 16, 8
+LIGHT_STEPS, REST_STEPS = 16, 6
 """Points at which lines of sight are tested."""
-CANDIDATES = 1400
+CANDIDATES = 1000
 """Cells around the sphere that shading is looked at in."""
 LEAST_RECEIVERS = 20
 SHINE_POINTS, MOSTLY = 12, 0.75

