@@ -42,16 +42,26 @@ class Gains:
         By group and row of the picture; 1 for group 0.
     covered : (cells,) float64
         Share of the sphere that clipped texels cover in each cell.
+    exposed : (3,) float64
+        What `exposure_of` the frame was.
     """
 
     group: NDArray[np.intp]
     factor: NDArray[np.float32]
     covered: Float
+    exposed: Float
 
-    def of(self, clipped: Clipped) -> NDArray[np.float32]:
-        """(N, 3) gains of clipped texels."""
+    def of(self, frame: Frame, clipped: Clipped) -> NDArray[np.float32]:
+        """(N, 3) gains of a frame's clipped texels: a camera that opens clips more of a light."""
         group = self.group[clipped.far.astype(np.intp), clipped.cell]
-        return self.factor[group, clipped.row]
+        opened = (self.exposed / exposure_of(frame)).astype(np.float32)
+        factor = self.factor[group, clipped.row]
+        return np.where(factor > 1.0, np.maximum(factor * opened, 1.0), 1.0).astype(np.float32)
+
+
+def exposure_of(frame: Frame) -> Float:
+    """(3,) how much brighter the video's reference frame shows what is grey."""
+    return np.ones(3) if frame.color_map is None else frame.color_map.sum(axis=1)
 
 
 def covered(frame: Frame, clipped: Clipped) -> Float:
@@ -78,7 +88,7 @@ def recover(frame: Frame, clipped: Clipped, white: float) -> Gains:
         for index, light in enumerate(lights):
             more = shares[:, index, None] * (gain[index] - 1.0)
             factor[light.group] += more.astype(np.float32)
-    return Gains(cell_groups, factor, area)
+    return Gains(cell_groups, factor, area, exposure_of(frame))
 
 
 def _flux(frame: Frame, clipped: Clipped, chosen: NDArray[np.bool_]) -> Float:
@@ -184,12 +194,12 @@ class ClippedLights:
             if change > CHANGED:
                 self._before = None if change > OTHER else self._gains
                 self._gains, self._blended = recover(frame, clipped, self._white), 0
-        gain = self._gains.of(clipped)
+        gain = self._gains.of(frame, clipped)
         if self._before is None:
             return gain
         self._blended += 1
         share = np.float32(self._blended / BLEND)
-        blended = self._before.of(clipped) ** (1 - share) * gain**share
+        blended = self._before.of(frame, clipped) ** (1 - share) * gain**share
         if self._blended == BLEND:
             self._before = None
         return blended

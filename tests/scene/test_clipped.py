@@ -283,6 +283,17 @@ def test_gains_stay_while_the_lights_do(estimates: list[Frame]) -> None:
     assert len(estimates) == 1
 
 
+def test_a_camera_that_stops_down_clips_less_of_a_lamp() -> None:
+    """What rays find stays, in the colours of the reference frame."""
+    truth = lamp_room("grey", lamp(20.0))
+    lit = bright(truth)
+    stage = ClippedLights(1.0)
+    first = stage(clip(truth))
+    dark = clip(replace(truth, color=truth.color * np.float32(0.5)))
+    later = stage(replace(dark, color_map=2.0 * np.eye(3)))
+    np.testing.assert_allclose(later.radiance[lit], first.radiance[lit], rtol=0.02)
+
+
 def test_a_lamp_that_is_switched_on_fades_in(estimates: list[Frame]) -> None:
     one = Lamp(-1.2, -1.4, 0.4, (8.0,) * 3)
     other = Lamp(1.4, 1.5, 0.4, (24.0,) * 3)
@@ -340,7 +351,7 @@ def test_what_counts_as_clipped(tmp_path: Path, name: str, extra: str, found: bo
     scene = lamp_scene(tmp_path / "lamp", name, extra)
     frame = scene.frame()
     assert (frame.light is not None) == found
-    assert scene.own_radiance == found
+    assert scene.clips == found
     with scene.stream([0]) as frames:
         (streamed,) = frames
     if found:
