@@ -10,9 +10,11 @@ more than 2 GB. Needs `pip install -e '.[fuzz]'`.
 from __future__ import annotations
 
 import argparse
+import os
 import subprocess
 import sys
 import tempfile
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 ONE = 30
@@ -32,7 +34,9 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as scratch:
         keep = given.keep or Path(scratch)
         targets = given.targets or TARGETS
-        failed = [name for name in targets if not _run(name, given.seconds, keep / name)]
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            clean = pool.map(lambda name: _run(name, given.seconds, keep / name), targets)
+            failed = [name for name, fine in zip(targets, clean, strict=True) if not fine]
     if failed:
         print(f"fuzz: failed: {', '.join(failed)}", file=sys.stderr)
     return 1 if failed else 0
