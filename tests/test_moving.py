@@ -20,15 +20,17 @@ from iprt.scene.frame import Frame
 from iprt.scene.material import Material
 from iprt.scene.mesh import Instance
 from tests.whole_frame import (
+    CLAY,
     METHODS,
     VIEW,
+    blocks,
     chosen,
     render,
     require_only_noise,
     still_life,
     two_frames,
 )
-from tests.worlds import Float
+from tests.worlds import Float, ball
 
 pytestmark = pytest.mark.gl
 
@@ -134,6 +136,37 @@ def test_motion_is_where_surfaces_were(
                 assert np.abs((motion - own)[seen]).max() < 0.01
             elif step:
                 assert np.abs((motion - own)[seen & (number <= 2)]).min() > 0.05
+
+
+@METHOD
+def test_nothing_trails(device: ComputeDevice, method: tuple[str, str]) -> None:
+    """A ball rolls below a lamp: eight frames later nothing is left of it and its shadow."""
+    frame = two_frames()[1]
+    view = View(96, 48, pitch_deg=-45.0, fov_y_deg=60.0)
+    places = [(x, -1.25, -1.3) for x in np.linspace(-0.9, 0.9, 19)]
+    objects = [[ball(place, 0.2, CLAY)] for place in places]
+    with Renderer(device, frame, objects[0], view, chosen(method)) as renderer:
+        renderer.render(8)
+        for moved in objects[1:]:
+            renderer.move(moved)
+            passing = renderer.render(1, AOVS)
+    there = render(device, frame, objects[-1], view, chosen(method, seed=1, fading=0.0), 48)
+    long_ago = np.zeros(there.aovs["coverage"].shape, bool)
+    for earlier in objects[:-11]:  # its shadow is up to three frames long
+        shown = render(device, frame, earlier, view, chosen(method), 1)
+        long_ago |= shown.aovs["coverage"] > 0.0
+    for later in objects[-11:]:
+        shown = render(device, frame, later, view, chosen(method), 1)
+        long_ago &= shown.aovs["coverage"] == 0.0
+    assert long_ago.sum() > 100
+    error = (passing.aovs["ratio"] - there.aovs["ratio"])[long_ago]
+    assert np.abs(error).mean() < 0.01
+    assert np.percentile(np.abs(error), 99) < 0.03
+    # Where it has just been there is a shadow still, so the test could fail.
+    assert there.aovs["ratio"].min() < 0.8
+    solid = passing.aovs["coverage"] == 1.0
+    np.testing.assert_allclose(passing.color[solid].mean(0), there.color[solid].mean(0), rtol=0.1)
+    assert np.isfinite(blocks(passing.color)).all()
 
 
 @METHOD

@@ -21,6 +21,11 @@ Planes = tuple[cla.Array, cla.Array, cla.Array]
 FAST_LENGTH = 6.0
 """Samples that the fast history is worth at most, as in ReLAX."""
 
+FAST_FRAMES, FAST_LEAST = 6, 3
+"""Frames after which the fast history starts anew if changes go on, so that it holds nothing older,
+and frames that it then has to hold before the slow one is compared with it: what has left is gone
+after eight. A fading mean of six samples still shows a quarter of it then."""
+
 IPRT_FADING = 0.1
 """Share of each frame in IPRT's temporal mean."""
 
@@ -138,6 +143,9 @@ class Temporal:
         self._device = device
         self._guide = guide
         self._unsettled = 0
+        # Frames that the fast history holds; whether the scene changed in between, and whether it
+        # did so before.
+        self._fast_frames, self._fast_stale, self._fast_again = 0, False, False
         defines = plane_defines(
             equirect=guide.equirect, **signal_defines(kind), **guide.camera_define
         )
@@ -245,15 +253,22 @@ class Temporal:
         self, signal: cla.Array, motion: cla.Array, level: cla.Array, *, changed: bool
     ) -> None:
         """While changes are recent, follow them with the fast history, and the slow one by it."""
-        if changed and not self._unsettled:
-            self._device.fill_zero(self._fast[1])
-        self._unsettled = SETTLE_FRAMES if changed else max(self._unsettled - 1, 0)
+        before = self._unsettled
+        self._unsettled = SETTLE_FRAMES if changed else max(before - 1, 0)
         if not self._unsettled:
             return
+        again = bool(before) and self._fast_stale and self._fast_frames >= FAST_FRAMES
+        if not before or again:
+            self._device.fill_zero(self._fast[1])
+            self._fast_frames, self._fast_stale, self._fast_again = 0, False, again
+        self._fast_stale |= changed and self._fast_frames > 0
+        self._fast_frames += 1
         self._fast, self._fast_before = self._fast_before, self._fast
         self._fetch(self._fast_before, self._fast, motion, loose=changed)
         fast, fast_length, _ = self._fast
         self._run(self._follow, signal, level, fast, fast_length, FAST_LENGTH)
+        if self._fast_again and self._fast_frames < FAST_LEAST:
+            return
         self._guide.wrap(fast)
         self._run(self._measure, self._now[0], self._scalar)
         self._guide.wrap(self._scalar)
