@@ -8,6 +8,9 @@
 // out  surface   [H*W]    xyz: g of the tangent plane g.x = 1; w: SURFACE_* flags (lib/real.h)
 //      range     [H*W]    smallest and largest radial distance of the plane within the texel
 //
+// -D BACKGROUND makes the layer that is remembered (remember.cl): where nothing is hidden, it is the
+// first layer, which is copied.
+//
 // Two neighbours are connected when the step between them is explained by the tangent plane of
 // either, or is below three texel footprints: only other steps are gaps a ray can pass.
 #include "real.h"
@@ -48,6 +51,10 @@ __kernel void build_surface(
     __global const uchar *restrict marks,
     __global const float2 *restrict column,    // column edges
     __global const float *restrict row,        // row edges
+#ifdef BACKGROUND
+    __global const float4 *restrict first_surface,
+    __global const float2 *restrict first_range,
+#endif
     __global float4 *restrict surface,         // out
     __global float2 *restrict range)           // out
 {
@@ -55,6 +62,18 @@ __kernel void build_surface(
     if (x >= width || y >= height)
         return;
     const int texel = y * width + x;
+    const int step_x[4] = {1, -1, 0, 0};
+    const int step_y[4] = {0, 0, -1, 1};
+#ifdef BACKGROUND
+    int hidden = marks[texel];
+    for (int i = 0; i < 4; i++)
+        hidden |= marks[clamp(y + step_y[i], 0, height - 1) * width + (x + step_x[i] + width) % width];
+    if (!(hidden & SURFACE_HIDDEN)) {
+        surface[texel] = first_surface[texel];
+        range[texel] = first_range[texel];
+        return;
+    }
+#endif
     const float d = depth[texel];
     if (!isfinite(d)) {
         surface[texel] = (float4)(0.0f, 0.0f, 0.0f, (float)(SURFACE_NONE | marks[texel]));
@@ -65,8 +84,6 @@ __kernel void build_surface(
     const float3 g = plane_at(depth, normal, texel, v);
     const float footprint = IPRT_PI / height;
 
-    const int step_x[4] = {1, -1, 0, 0};
-    const int step_y[4] = {0, 0, -1, 1};
     const int flag[4] = {SURFACE_EAST, SURFACE_WEST, SURFACE_NORTH, SURFACE_SOUTH};
     int flags = marks[texel];
     float reach = footprint * d;   // how far the plane may leave the centre's depth in the texel

@@ -66,17 +66,28 @@ class Background:
         self.range = device.empty("panorama.background range", (pyramid.offsets[-1], 2))
         self.farthest = 0.0
         self._remember = device.kernel("remember.cl", "remember")
+        self._build = device.kernel("surface.cl", "build_surface", {"BACKGROUND": True})
         self.first, self._seen = True, False
 
     def load(
-        self, frame: Sequence[cla.Array], *, scale: float, farthest: float, forget: bool
+        self,
+        frame: Sequence[cla.Array],
+        edges: Sequence[cla.Array],
+        first_layer: Sequence[cla.Array],
+        *,
+        scale: float,
+        farthest: float,
+        forget: bool,
     ) -> None:
-        """Follow the video to a frame.
+        """Follow the video to a frame; all but the coarser levels of `range`.
 
         Parameters
         ----------
         frame : (H, W) depth, (H, W, 3) normals, (H, W) flags, (H, W, 4) radiance
             On the device.
+        edges : columns and rows, as `Panorama` has them
+        first_layer : `Panorama.surface`, `Panorama.range`
+            Of the frame.
         scale, farthest : float
             As `Panorama` has them.
         forget : bool
@@ -98,6 +109,17 @@ class Background:
                 self.color,
                 self.marks,
                 self.hidden_light,
+            )
+            self._build(
+                self._size,
+                *self._size,
+                self.depth,
+                self.normal,
+                self.marks,
+                *edges,
+                *first_layer,
+                self.surface,
+                self.range,
             )
 
     def arguments(self) -> tuple[Any, ...]:

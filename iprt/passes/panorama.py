@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pyopencl.array as cla
 from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
@@ -131,22 +130,11 @@ class Panorama:
                 diffuse = np.zeros(frame.depth.shape, np.uint8)
                 gloss = diffuse if frame.gloss is None else frame.gloss
                 self._device.write(self.gloss, self._enlarged(gloss))
-        self.build(self._depth, self._normal, self._marks, self.surface, self.range)
-
-    def build(
-        self,
-        depth: cla.Array,
-        normal: cla.Array,
-        marks: cla.Array,
-        surface: cla.Array,
-        range_: cla.Array,
-    ) -> None:
-        """Fill `surface` and `range_` of a layer with those (H, W) depths, normals and flags."""
         size = (self.width, self.height)
-        edges = (self.column, self.row)
+        layer = (self._depth, self._normal, self._marks, self.column, self.row)
         with self._device.profile.section("surface"):
-            self._build(size, *size, depth, normal, marks, *edges, surface, range_)
-        self._pyramid.run(range_, self.shape)
+            self._build(size, *size, *layer, self.surface, self.range)
+        self._pyramid.run(self.range, self.shape)
 
     def remember(self, *, forget: bool) -> NDArray[np.float32] | None:
         """Follow with what the loaded frame hides of those before, where that is remembered.
@@ -163,16 +151,16 @@ class Panorama:
         """
         if self.background is None:
             return None
-        frame = (self._depth, self._normal, self._marks, self.radiance)
         background = self.background
-        background.load(frame, scale=self.scale, farthest=self.farthest, forget=forget)
-        self.build(
-            background.depth,
-            background.normal,
-            background.marks,
-            background.surface,
-            background.range,
+        background.load(
+            (self._depth, self._normal, self._marks, self.radiance),
+            (self.column, self.row),
+            (self.surface, self.range),
+            scale=self.scale,
+            farthest=self.farthest,
+            forget=forget,
         )
+        self._pyramid.run(background.range, self.shape)
         if background.first:
             return None
         return self._device.read(background.hidden_light)[:: self._repeat, :: self._repeat]
