@@ -37,10 +37,6 @@ GUARDED = {
 
 # Why no test tells a mutant from the program, by its label.
 EQUIVALENT: dict[str, str] = {
-    "iprt/scene/depth.py: steps = min(1000, max(40, int(_CG_TEXEL_STEPS / diagonal.size))) -> "
-    "steps = min(1000, max(41, int(_CG_TEXEL_STEPS / diagonal.size)))": (
-        "One step more of a solver that has long converged, or was going to be cut short."
-    ),
     "iprt/bvh/cache.py: most = fixed[-1] + MESH_DEPTH + 1 -> most = fixed[-1] + MESH_DEPTH - 1": (
         "Trees of the two greatest depths would be built anew each time: slower, the same picture."
     ),
