@@ -16,6 +16,7 @@ from iprt.knobs import resolved, settings_toml
 from tests.scene import corpus
 from tests.scene.files import CUBE, MANIFEST, OBJECT, VIEW, write_channels, write_png16
 from tests.scene.nasty_meshes import BINARY, CORNERS, DATA, TEXTURED, glb, gltf, ply
+from tests.scene.video.encoding import Track, grey16, plain, write_video
 
 PARTS = b"\n=====\n"
 """Between an OBJ file and its MTL file, which are fuzzed as one."""
@@ -42,6 +43,8 @@ def nasty(target: str) -> list[bytes]:
 
 def _target_of(file: str) -> str:
     name, _, suffix = file.rpartition(".")
+    if suffix in ("mkv", "mp4", "avi", "y4m"):
+        return "video"
     return {"toml": "scene" if name == "scene" else "settings", "jpg": "jpeg"}.get(suffix, suffix)
 
 
@@ -131,6 +134,24 @@ def _settings(_: Path) -> list[bytes]:
     return [settings_toml(resolved("balanced"), "all").encode(), b"[trace]\nrays = 4\n"]
 
 
+def _video(folder: Path) -> list[bytes]:
+    made = []
+    codes = [RNG.integers(0, 65536, (8, 16)) for _ in range(2)]
+    for file, track in (
+        ("a.mkv", grey16(codes)),
+        ("a.avi", Track("mjpeg", "yuvj420p", [plain(90, 32, 16)] * 2)),
+        ("a.mp4", Track("libx264", "yuv420p", [plain(50 + 9 * i, 32, 16) for i in range(3)])),
+        ("a.mov", Track("prores_ks", "yuv422p10le", [_deep(32, 16)])),
+    ):
+        made.append(write_video(folder / file, track).read_bytes())
+    return made
+
+
+def _deep(width: int, height: int) -> list[np.ndarray]:
+    """Planes of yuv422p10le."""
+    return [np.full((height, w), 512, "<u2") for w in (width, width // 2, width // 2)]
+
+
 _MAKERS = {
     "pfm": _pfm,
     "png": _png,
@@ -142,5 +163,6 @@ _MAKERS = {
     "glb": _glb,
     "scene": _scene,
     "settings": _settings,
+    "video": _video,
 }
 TARGETS = tuple(_MAKERS)

@@ -69,6 +69,9 @@ class Reading:
     def _glb(self, data: bytes) -> Files:
         return [("m.glb", data, ("mesh",))]
 
+    def _video(self, data: bytes) -> Files:
+        return [("a.mkv", data, ("video",))]
+
     def _settings(self, data: bytes) -> Files:
         return [("my.toml", data, ("settings",))]
 

@@ -76,12 +76,12 @@ def read_scene(path: Path) -> None:
 
 
 def read_video(path: Path) -> None:
-    """The first frame of every stream."""
+    """Some rows of the first frame of every stream."""
     infos = video_streams(path)
     with OpenStreams() as streams:
         for info in infos:
             frame = streams.reader(info).at(info.start)
-            linear_color(frame, slice(0, frame.height), path)
+            linear_color(frame, slice(0, min(frame.height, 16)), path)
             assert info.last >= info.start
             assert info.rate > 0
 
