@@ -1,0 +1,128 @@
+"""Hours of video: memory stays where it is, nothing becomes NaN, and the same seed shows the same.
+
+`python -m tests.test_soak 10000` plays so many frames twice and prints what it finds; the tests
+play as many as there is time for.
+"""
+
+from __future__ import annotations
+
+import gc
+import hashlib
+import sys
+import tempfile
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyopencl.array as cla
+import pytest
+
+from iprt.device.choose import choose_device
+from iprt.device.compute import ComputeDevice, Kernel
+from iprt.film import Film
+from iprt.scene.scene import Scene
+from tests.moving import FRAMES as CLIP
+from tests.moving import write_moving
+from tests.whole_frame import METHODS, chosen
+
+pytestmark = pytest.mark.gl
+
+FRAMES, AGAIN = 1_200, 300
+"""Frames of the tests' film, and of those that are played a second time."""
+WARM_UP = 200
+"""Frames until the interpreter, the driver and FFmpeg have the memory that they keep."""
+EVERY = 20
+"""Frames from one look at the memory to the next."""
+SLOPE = 2_000.0
+"""Bytes per frame by which memory may seem to grow: a picture of 128x64 pixels has 98,304."""
+SETTINGS: dict[str, Any] = {"trace": {"object_rays": 1}, "atrous": {"levels": 3}}
+"""Few rays: it is not the accuracy that lasts or does not."""
+
+
+class CountingDevice(ComputeDevice):
+    """Counts the buffers that are allocated and the kernels that are asked for."""
+
+    made = 0
+
+    def empty(self, *args: Any, **kwargs: Any) -> cla.Array:
+        self.made += 1
+        return super().empty(*args, **kwargs)
+
+    def kernel(self, *args: Any, **kwargs: Any) -> Kernel:
+        self.made += 1
+        return super().kernel(*args, **kwargs)
+
+
+@dataclass
+class Run:
+    """What a film came to, every `EVERY` frames.
+
+    Attributes
+    ----------
+    digests : list of str
+        Of all pictures so far.
+    memory : list of int
+        Bytes that the process holds.
+    made : list of int
+        Buffers and kernels made so far.
+    """
+
+    digests: list[str] = field(default_factory=list)
+    memory: list[int] = field(default_factory=list)
+    made: list[int] = field(default_factory=list)
+
+    @property
+    def slope(self) -> float:
+        """Bytes per frame by which memory grew after the warm-up, by least squares."""
+        after = self.memory[WARM_UP // EVERY :]
+        return float(np.polyfit(EVERY * np.arange(len(after)), after, 1)[0])
+
+
+def resident() -> int:
+    """Bytes of memory that the process holds."""
+    return 4096 * int(Path("/proc/self/statm").read_text().split()[1])
+
+
+def play(scene: Scene, compute: ComputeDevice, frames: int, method: tuple[str, str]) -> Run:
+    """Loop the clip for so many frames; no picture holds NaN."""
+    device = CountingDevice(compute.device)
+    settings = chosen(method, seed=5, **SETTINGS)
+    run, digest = Run(), hashlib.sha256()
+    with Film(scene, device, settings, view=scene.views["ahead"]) as film:
+        for number, (_, picture) in enumerate(film.frames([i % CLIP for i in range(frames)])):
+            assert np.isfinite(picture.color).all(), number
+            digest.update(picture.color)
+            if number % EVERY == EVERY - 1:
+                gc.collect()
+                run.digests.append(digest.hexdigest())
+                run.memory.append(resident())
+                run.made.append(device.made)
+    return run
+
+
+@pytest.mark.slow
+def test_a_long_film_stays_as_it_began(device: ComputeDevice, tmp_path: Path) -> None:
+    """No memory grows, on the device nothing is made anew, and again it is the same to the bit."""
+    scene = write_moving(tmp_path / "clip")
+    run = play(scene, device, FRAMES, METHODS[0])
+    assert abs(run.slope) < SLOPE
+    assert set(run.made) == {run.made[0]}
+    again = play(scene, device, AGAIN, METHODS[0])
+    assert again.digests == run.digests[: AGAIN // EVERY]
+    assert len(set(run.digests)) == FRAMES // EVERY
+
+
+def main(frames: int) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        scene = write_moving(Path(folder))
+        compute = ComputeDevice(choose_device("pocl"))
+        runs = [play(scene, compute, frames, METHODS[0]) for _ in range(2)]
+    for run in runs:
+        print(f"{frames} frames: {run.slope:.1f} bytes per frame, from {run.memory[0]} bytes")
+        print(f"  buffers and kernels: {run.made[0]}, at the end {run.made[-1]}")
+    print("the same to the bit" if runs[0].digests == runs[1].digests else "they differ")
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]))
