@@ -10,6 +10,7 @@ import argparse
 import logging
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 
@@ -28,6 +29,15 @@ PANORAMA = View(1024, 512, projection="equirect")
 VIEW_SIZE = 512
 SEED = 1
 LOG = logging.getLogger("scenes360")
+
+
+class Standing(Protocol):
+    """An object that is made of something and stands somewhere."""
+
+    @property
+    def material(self) -> Material: ...
+    @property
+    def to_world(self) -> np.ndarray: ...
 
 
 @dataclass(frozen=True)
@@ -133,7 +143,7 @@ plane = {{ point = [0, {height:g}, 0], normal = [0, 1, 0], tolerance = 0.006 }}
 """
 
 
-def object_toml(name: str, placed: Placed) -> str:
+def object_toml(name: str, placed: Standing) -> str:
     material = placed.material
     colour = ", ".join(f"{c:g}" for c in material.albedo)
     looks = {

@@ -7,13 +7,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from iprt.measure.target import truth_indices
 from iprt.scene.camera import View
 from iprt.scene.images import picture_size, read_color
 from iprt.scene.scene import Scene
+from iprt.scene.video.sequence import frame_path
 from scenes360.chart import make as chart
+from scenes360.train import plan as train
 
 SCENES = Path(__file__).parents[2] / "scenes360"
-NAMES = ["room", "chart"]
+NAMES = ["room", "chart", "train"]
+
+
+def truth_file(scene: Scene, path: Path, index: int) -> Path:
+    return frame_path(scene.root, str(path.relative_to(scene.root)), index)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -27,13 +34,20 @@ def test_manifest_and_files_fit(name: str) -> None:
         assert scene.instances_named(view.objects)
         size = (view.view.width, view.view.height)
         for path in (view.truth, view.truth_background, view.truth_mask):
-            assert path is None or picture_size(path) == size
+            if path is not None:
+                files = [truth_file(scene, path, i) for i in truth_indices(scene, view.name)]
+                assert files
+                assert all(picture_size(file) == size for file in files)
         for x0, y0, x1, y1 in view.cuts:
             assert 0 <= x0 < x1 <= size[0]
             assert 0 <= y0 < y1 <= size[1]
 
 
 def test_everything_together_is_small() -> None:
+    clip = [
+        path for path in (SCENES / "train").rglob("*") if path.suffix in (".mkv", ".exr", ".ply")
+    ]
+    assert sum(path.stat().st_size for path in clip) < 4e6
     files = [path for path in SCENES.rglob("*") if path.is_file() and path.suffix != ".pyc"]
     assert sum(path.stat().st_size for path in files) < 10e6
 
@@ -48,7 +62,7 @@ def test_meshes_are_closed_to_the_outside(name: str) -> None:
         agree = np.einsum("ij,ij->i", face, mesh.normals[mesh.triangles[:, 0]])
         assert (agree > 0.0).mean() > 0.99, instance.name
         assert mesh.positions[:, 1].min() == pytest.approx(
-            0.0 if name == "room" else -0.35, abs=2e-3
+            -0.35 if name == "chart" else 0.0, abs=2e-3
         )
 
 
@@ -109,6 +123,61 @@ def test_room_truth_differs_from_its_background_only_by_the_objects() -> None:
             continue
         change = np.abs(read_color(view.truth) - read_color(view.truth_background)).max(axis=-1)
         x0, y0, x1, y1 = view.cuts[1]
+        outside = np.ones(change.shape, bool)
+        outside[y0:y1, x0:x1] = False
+        assert change[~outside].mean() > 5 * change[outside].mean()
+
+
+def test_train_is_where_its_script_says() -> None:
+    """In every frame the locomotive is seen at its place, and farther things where it is not."""
+    scene = Scene.open(SCENES / "train")
+    assert len(scene.frame_indices) == train.FRAMES
+    view = View(scene.width, scene.height, projection="equirect")
+    with scene.stream(scene.frame_indices) as frames:
+        for frame in frames:
+            x = train.train_x(scene.time_of(frame.index))
+            for offset, seen in ((0.0, True), (0.45, False)):
+                middle = np.array([x + offset, train.RAIL_TOP + 0.2, train.TRACK_Z])
+                column, row = view.project(middle).astype(int)
+                distance = float(np.linalg.norm(middle))
+                assert (frame.depth[row, column] < distance) == seen, (frame.index, offset)
+
+
+def test_only_the_train_moves() -> None:
+    """Depth has no loss: what stands still is the same to the bit, and little of it is passed."""
+    scene = Scene.open(SCENES / "train")
+    depth = np.stack([scene.raw_frame(i).depth for i in (0, 8, 15, 23)])
+    still = (depth == depth[0]).all(axis=0)
+    assert 0.01 < 1.0 - still.mean() < 0.1
+    view = View(scene.width, scene.height, projection="equirect").directions()
+    moved = (view * depth[0][..., None])[~still]
+    assert (moved[:, 1] < -0.9).mean() > 0.99
+
+
+def test_inserted_objects_move_as_the_script_says() -> None:
+    scene = Scene.open(SCENES / "train")
+    for index in scene.frame_indices:
+        time_s = scene.time_of(index)
+        ball, knot = scene.instances_at(time_s, ("ball", "knot"))
+        up = ball.to_world[1, 3] - train.ball()[0][1, 3]
+        hop = (time_s / train.LAST_S * train.HOPS) % 1.0
+        assert up == pytest.approx(4.0 * train.HOP_HEIGHT * hop * (1.0 - hop), abs=1e-3)
+        turn = np.rad2deg(np.arctan2(knot.to_world[0, 2], knot.to_world[0, 0])) % 360.0
+        wanted = train.KNOT_TURN_DEG * time_s / train.LAST_S
+        assert turn == pytest.approx(wanted, abs=0.1)
+
+
+def test_train_truth_differs_from_its_background_only_by_the_objects() -> None:
+    scene = Scene.open(SCENES / "train")
+    view = scene.views["rug"]
+    assert view.truth is not None
+    assert view.truth_background is not None
+    indices = truth_indices(scene, "rug")
+    assert any(index + 1 in indices for index in indices), "frames that follow each other"
+    x0, y0, x1, y1 = view.cuts[0]
+    for index in indices:
+        files = [truth_file(scene, path, index) for path in (view.truth, view.truth_background)]
+        change = np.abs(read_color(files[0]) - read_color(files[1])).max(axis=-1)
         outside = np.ones(change.shape, bool)
         outside[y0:y1, x0:x1] = False
         assert change[~outside].mean() > 5 * change[outside].mean()
