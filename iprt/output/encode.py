@@ -157,14 +157,20 @@ def encode_piece(
         av.open(str(temporary), "w", format="mp4") as container,
     ):
         stream = None
+        packets: list[Any] = []
         for number, picture in enumerate(pictures):
             if stream is None:
                 stream = _stream(container, picture, codec, rate)
             frame = av.VideoFrame.from_ndarray(picture, format=CODECS[codec].pixels)
             frame.pts, frame.time_base = number, 1 / rate
-            container.mux(stream.encode(frame))
+            packets += stream.encode(frame)
         assert stream is not None, "a piece of no pictures"
-        container.mux(stream.encode())
+        packets += stream.encode()
+        # Of the shortest pieces, x265 makes up the times of decoding.
+        ahead = max(number - packet.pts for number, packet in enumerate(packets))
+        for number, packet in enumerate(packets):
+            packet.dts = number - ahead
+            container.mux(packet)
 
 
 def _stream(container: Any, picture: NDArray[Any], name: CodecName, rate: Fraction) -> Any:
@@ -230,32 +236,37 @@ def _mux(
 ) -> None:
     import av
 
+    decoded_at = -max(_decoded_ahead(piece) for _, piece in pieces)
     with av.open(str(path), "w", format=kind) as container:
         container.metadata["comment"] = comment
         stream = headers = None
-        decoded_at = 0
         for first, piece in pieces:
             with av.open(str(piece)) as part:
                 source = part.streams.video[0]
+                if stream is None:
+                    stream = container.add_stream_from_template(source)
+                    stream.codec_context.codec_tag = source.codec_context.codec_tag
+                    headers = source.codec_context.extradata
+                elif source.codec_context.extradata != headers:
+                    raise FormatError(f"{piece}: is of another encoder than {pieces[0][1].name}")
                 for packet in part.demux(source):
-                    if packet.pts is None or packet.dts is None:  # the last one, which is empty
+                    if packet.pts is None:  # the last one, which is empty
                         continue
-                    if stream is None:
-                        stream = container.add_stream_from_template(source)
-                        stream.codec_context.codec_tag = source.codec_context.codec_tag
-                        headers = source.codec_context.extradata
-                        decoded_at = packet.dts
-                    elif source.codec_context.extradata != headers:
-                        raise FormatError(
-                            f"{piece}: is of another encoder than {pieces[0][1].name}"
-                        )
                     frame = round(1 / rate / packet.time_base)
-                    # The shortest pieces are decoded in the order in which they are shown, and so
-                    # would start later than others.
-                    packet.pts, packet.dts = packet.pts + first * frame, decoded_at
-                    decoded_at += frame
+                    # Pieces differ in how much earlier than shown their pictures are decoded.
+                    packet.pts, packet.dts = packet.pts + first * frame, decoded_at * frame
+                    decoded_at += 1
                     packet.stream = stream
                     container.mux(packet)
+
+
+def _decoded_ahead(piece: Path) -> int:
+    """Pictures by which a piece is decoded earlier than it is shown."""
+    import av
+
+    with av.open(str(piece)) as part:
+        packet = next(part.demux(video=0))
+        return 0 if packet.dts is None else round(-packet.dts / (packet.duration or 1))
 
 
 def read_comment(path: Path) -> str | None:

@@ -119,6 +119,18 @@ def test_pictures_come_back_in_order_at_their_times(
     assert {each.suffix for each in tmp_path.iterdir()} <= {".mp4", suffix}
 
 
+@pytest.mark.parametrize("codec", CODECS)
+@pytest.mark.parametrize("length", [1, 2, 3])
+def test_the_shortest_pieces(length: int, codec: CodecName, tmp_path: Path) -> None:
+    """Encoders that look at several pictures at once differ here, and some guess."""
+    for attempt in range(8):
+        (tmp_path / f"{attempt}").mkdir()
+        path = written(tmp_path / f"{attempt}", ".mp4", codec, lengths=(4, length, length))
+        times, _, said = read(path, CODECS[codec].bits)
+        assert np.allclose(times, np.arange(4 + 2 * length) / float(NTSC))
+        assert said["rate"] == NTSC
+
+
 def test_joining_changes_no_picture(tmp_path: Path) -> None:
     _, whole, _ = read(written(tmp_path, ".mp4"), 8)
     for first, length in ((0, 5), (5, 5), (10, 2)):

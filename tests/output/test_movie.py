@@ -112,6 +112,13 @@ def test_parts_of_another_video_are_not_mixed_in(tmp_path: Path) -> None:
         movie(path)
 
 
+def test_what_a_killed_render_left_is_removed(tmp_path: Path) -> None:
+    left = movie(tmp_path / "a.mp4").parts / f".{'0a' * 16}.tmp"
+    left.write_bytes(b"half")
+    movie(tmp_path / "a.mp4")
+    assert not left.exists()
+
+
 def test_a_link_keeps_pointing_where_it_did(tmp_path: Path) -> None:
     (tmp_path / "there").mkdir()
     (tmp_path / "a.mp4").symlink_to(tmp_path / "there" / "b.mp4")
