@@ -112,14 +112,14 @@ def _highlight(renderer: Renderer) -> Image | None:
     diffuse = _planes(renderer, renderer.real.diffuse, slice(0, 3))
     if seen is None or diffuse is None:
         return None
-    color_map = renderer.color_map
+    color_map = renderer.frame.color_map
     seen = seen if color_map is None else seen @ color_map.T.astype(np.float32)
     return np.asarray(seen - diffuse)
 
 
 def _normal(renderer: Renderer) -> Image | None:
     normal = _mixed("normal", slice(0, 3))(renderer)
-    pose = renderer.pose
+    pose = renderer.frame.pose
     return (
         normal if normal is None or pose is None else (normal @ pose[:3, :3].T).astype(np.float32)
     )

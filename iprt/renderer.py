@@ -221,11 +221,6 @@ class Renderer:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    @property
-    def pose(self) -> NDArray[np.float64] | None:
-        """`Frame.pose` of the video frame that is shown."""
-        return self._frame.pose
-
     # The frame ------------------------------------------------------------------------------
 
     def step(self) -> None:
@@ -260,10 +255,8 @@ class Renderer:
         if self._camera is not None:
             self._camera.step()
         if tick.view_changed:
-            for constants, view in zip(
-                self._view_constants, (now, self._previous_view), strict=True
-            ):
-                self.device.write(constants, view.kernel_constants())
+            for rows, view in zip(self._view_constants, (now, self._previous_view), strict=True):
+                self.device.write(rows, view.kernel_constants())
 
     def _resample_real_layer(self, tick: Tick) -> None:
         highlight = self._highlight
@@ -307,9 +300,9 @@ class Renderer:
         )
 
     @property
-    def color_map(self) -> NDArray[np.float64] | None:
-        """`Frame.color_map` of the video frame that is shown."""
-        return self._frame.color_map
+    def frame(self) -> Frame:
+        """The video frame that is shown."""
+        return self._frame
 
     @property
     def _color_map_rows(self) -> cla.Array | None:
@@ -342,19 +335,15 @@ class Renderer:
             if self._lights is not None:
                 self._lights.load(frame.radiance, hidden)
             if self.cache is not None:
-                self.cache.place(self.world, 1.0 if cut else changed, motion)
+                self.cache.place(self.world, self._frame, frame, motion, changed=changed, cut=cut)
         self._frame = frame
         self._video_stale = True
-        if not np.array_equal(motion, STILL):
-            self._follow_camera(frame.pose)
-
-    def _follow_camera(self, pose: NDArray[np.float64] | None) -> None:
-        """View and objects in the axes of a capture centre that has moved."""
-        if self._camera is not None and pose is not None:
-            self._camera.pose = pose
+        if np.array_equal(motion, STILL):
+            return
         self._view_stale = 2
-        if self._objects is not None:
-            self._objects.move(seen_from(self.instances, pose))
+        if self._camera is not None and self._objects is not None and frame.pose is not None:
+            self._camera.pose = frame.pose
+            self._objects.move(seen_from(self.instances, frame.pose))
             self._objects_stale = 2
 
     def move(self, instances: Iterable[Instance]) -> None:

@@ -270,6 +270,7 @@ def test_random_numbers_go_on(device: ComputeDevice) -> None:
     """Cells that forget draw other samples: what they say over time is the mean of many."""
     rows = {"rows": 32}
     frame = room_frame(ROOM, 128, 64, bright_walls)
+    video = (frame, replace(frame, color=2.0 * frame.color))
     many = settings(irradiance={**rows, "first_rays": 2048, "samples": 2048})
     with Renderer(device, frame, objects(), VIEW, many) as renderer:
         renderer.step()
@@ -277,11 +278,12 @@ def test_random_numbers_go_on(device: ComputeDevice) -> None:
         sure = device.read(renderer.cache.mean)
     means = []
     with Renderer(device, frame, objects(), VIEW, settings(irradiance=rows)) as renderer:
-        for _ in range(40):
+        for i in range(40):
             renderer.step()
             assert renderer.cache is not None
             means.append(device.read(renderer.cache.mean))
-            renderer.cache.place(renderer.world, 0.25)
+            means[-1][:, :3] /= (1.0, 2.0)[i % 2]
+            renderer.load(video[(i + 1) % 2])
         drawn = device.read(renderer.cache.plane)[:, 3]
     known = (drawn > 80.0) & (sure[:, 3] > 0.0)
     assert known.sum() > 50

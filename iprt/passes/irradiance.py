@@ -11,8 +11,10 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from iprt.device.compute import ComputeDevice
 from iprt.passes.camera_motion import STILL
+from iprt.passes.cell_light import light_change
 from iprt.passes.guide import Guide, plane_defines
 from iprt.passes.mask import Mask
+from iprt.scene.frame import Frame
 
 if TYPE_CHECKING:
     from iprt.passes.world import World
@@ -22,6 +24,9 @@ if TYPE_CHECKING:
 BLACK = 1e-6
 """E_R up to this fraction of the panorama's mean radiance is black: what is relative to it is
 noise."""
+
+FOREVER = 1e6
+"""More samples than a cell ever has."""
 
 MOVED_SAMPLES = 64.0
 """Samples that a cell is worth at most that was fetched from where a moving camera saw it before.
@@ -104,31 +109,62 @@ class IrradianceCache:
         )
         return plane, mean, smooth
 
-    def place(self, world: World, changed: float, motion: NDArray[np.float64] = STILL) -> None:
-        """Follow the video to its new frame: forget what is elsewhere, doubt what is lit otherwise.
+    def place(
+        self,
+        world: World,
+        before: Frame,
+        now: Frame,
+        motion: NDArray[np.float64],
+        *,
+        changed: float,
+        cut: bool,
+    ) -> None:
+        """Follow the video to its next frame: forget what is elsewhere, and follow the light.
 
         Parameters
         ----------
-        changed : float
-            Share of the panorama's flux that changed, in [0, 1]. A mean of so many samples that its
-            error is as large as that is kept.
+        before, now : Frame
+            The same on the first frame. `world` holds `now`.
         motion : (3, 4) float64
-            `camera_motion` from the last frame. Where the camera moved, cells are fetched from
-            where their surfaces were.
+            `camera_motion` between them. Where the camera moved, cells are fetched from where
+            their surfaces were.
+        changed : float
+            Share of the panorama's flux that changed, in [0, 1].
+        cut : bool
+            They show different things, and nothing that is known holds.
         """
         panorama = world.panorama
-        kept = 1.0 / max(changed, 1e-4) ** 2
         grid = (self.columns, self.rows)
-        now = (self.plane, self.mean, self.irradiance)
+        cells = (self.plane, self.mean, self.irradiance)
         surface = (*grid, panorama.width, panorama.height, panorama.surface)
+        still = np.array_equal(motion, STILL)
         with self._device.profile.section("irradiance"):
-            if np.array_equal(motion, STILL):
-                self._place(grid, *surface, float(kept), *now)
-                return
-            self._before, now = now, self._before
-            self.plane, self.mean, self.irradiance = now
-            self._device.write(self._camera, motion.astype(np.float32).ravel())
-            self._move(grid, *surface, MOVED_SAMPLES, self._camera, *self._before, *now)
+            if still:
+                self._place(grid, *surface, 1.0 if cut else FOREVER, *cells)
+            else:
+                self._before, cells = cells, self._before
+                self.plane, self.mean, self.irradiance = cells
+                self._device.write(self._camera, motion.astype(np.float32).ravel())
+                kept = 1.0 if cut else MOVED_SAMPLES
+                self._move(grid, *surface, kept, self._camera, *self._before, *cells)
+        if still and changed > 0.0 and not cut:
+            self._relight(*light_change(before, now, self.rows, changed))
+
+    def _relight(self, factor: NDArray[np.float32], error: NDArray[np.float32]) -> None:
+        """Change E_R by (cells, 3) factors, known to (cells,) relative errors.
+
+        A mean of so many samples that its own error is as large is kept.
+        """
+        plane, mean, smooth = (
+            self._device.read(grid) for grid in (self.plane, self.mean, self.irradiance)
+        )
+        mean[:, :3] *= factor
+        smooth[:, :3] *= factor
+        left = np.minimum(mean[:, 3], 1.0 / np.maximum(error, 1e-4) ** 2)
+        plane[:, 3] += np.where(plane[:, 3] > 0.0, mean[:, 3] - left, 0.0)
+        mean[:, 3] = left
+        for grid, values in ((self.plane, plane), (self.mean, mean), (self.irradiance, smooth)):
+            self._device.write(grid, values)
 
     def run(self, world: World, guide: Guide, mask: Mask, view: cla.Array, *, least: float) -> None:
         """Refine the cells around the pixels that `mask` has listed.

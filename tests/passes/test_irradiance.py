@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from iprt.device.compute import ComputeDevice
+from iprt.passes.cell_light import light_change
 from iprt.passes.lights import flux_change
 from iprt.renderer import Renderer
 from iprt.scene.camera import View, equirect_pixel
@@ -215,19 +216,58 @@ def test_the_same_video_keeps_all(device: ComputeDevice) -> None:
             np.testing.assert_array_equal(old, new)
 
 
-def test_other_light_is_doubted_in_proportion(device: ComputeDevice) -> None:
+@pytest.mark.parametrize("factor", [0.8, 0.5])
+def test_light_is_followed_and_doubted_in_proportion(device: ComputeDevice, factor: float) -> None:
+    """Dimmed as a whole: so is E_R, which is as sure as half of the change is small."""
     frame = lamp_frame()
     with renderer(device, frame, first_rays=64) as made:
         made.render(2)
+        before = cells(made)
+        assert before[1][:, 3].max() >= 64.0
+        made.load(replace(frame, color=frame.color * np.float32(factor)))
+        after = cells(made)
+    known = before[1][:, 3] > 0.0
+    for old, new in zip(before[1:], after[1:], strict=True):
+        np.testing.assert_allclose(new[known, :3], factor * old[known, :3], rtol=0.06)
+    kept = 1.0 / (0.5 * np.log(factor)) ** 2
+    np.testing.assert_allclose(after[1][:, 3], np.minimum(before[1][:, 3], kept), rtol=0.1)
+
+
+def test_local_shadows_are_followed_locally(device: ComputeDevice) -> None:
+    """A shadow on the floor, of a thing out of sight: E_R falls there as the floor darkens."""
+    frame = lamp_frame()
+    d = View(256, 128, projection="equirect").directions()
+    t, normal, _ = ROOM.first_hit(np.zeros(3), d)
+    point = t[..., None] * d
+    shadow = (np.abs(point[..., 0] - 0.5) < 0.5) & (np.abs(point[..., 2] + 1.5) < 0.5)
+    shadow &= normal[..., 1] > 0.5
+    darker = np.where(shadow[..., None], np.float32(0.6), np.float32(1.0)) * frame.color
+    with renderer(device, frame) as made:
+        made.render(4)
         before = cells(made)[1]
-        assert before[:, 3].max() >= 64.0
-        # A fifth of the flux: what is known to a fifth, of 25 samples, is kept.
-        made.load(replace(frame, color=frame.color * np.float32(0.8)))
+        made.load(replace(frame, color=darker))
         after = cells(made)[1]
-        np.testing.assert_allclose(after[:, 3], np.minimum(before[:, 3], 25.0), rtol=1e-5)
-        np.testing.assert_array_equal(after[:, :3], before[:, :3])
-        made.load(replace(frame, color=frame.color * np.float32(80.0)))
-        assert cells(made)[1][:, 3].max() < 1.1
+    known = before[:, 3] > 0.0
+    share = shadow.reshape(ROWS, 4, 2 * ROWS, 4).mean((1, 3)).ravel()
+    inside, outside = known & (share == 1.0), known & (share == 0.0)
+    assert inside.sum() > 5
+    np.testing.assert_allclose(after[inside, :3], 0.6 * before[inside, :3], rtol=0.05)
+    np.testing.assert_array_equal(after[outside], before[outside])
+
+
+def test_things_that_pass_in_front_are_no_light(device: ComputeDevice) -> None:
+    """Half of a cell is hidden by something bright: what is left of its surface tells."""
+    frame = lamp_frame()
+    near = np.zeros(frame.depth.shape, bool)
+    near[64:, 1::2] = True  # other columns than the cells' centres
+    hidden = replace(
+        frame,
+        color=np.where(near[..., None], np.float32(5.0), frame.color),
+        depth=np.where(near, np.float32(0.5), frame.depth),
+    )
+    factor, error = light_change(frame, hidden, ROWS, flux_change(frame.color, hidden.color))
+    np.testing.assert_allclose(factor, 1.0, atol=1e-5)
+    assert error.max() < 0.05
 
 
 def test_what_moved_is_forgotten(device: ComputeDevice) -> None:
