@@ -67,7 +67,7 @@ def films(**settings: Any) -> dict[str, Film]:
     room, glossy = _room(32, 16), _glossy(_room(29, 15))
     clay, plastic, mirror, brass = _objects()
     own: dict[str, tuple[tuple[Frame, Frame], tuple[Instance, ...], View, dict[str, Any]]] = {
-        "triangles": (room, _objects(), LOOK, {"gbuffer": "cl"}),
+        "triangles": (room, _bending(_objects()), LOOK, {"gbuffer": "cl"}),
         "layers": (room, (plastic, brass), LOOK, {"trace": {"objects": "raster"}, **ALL_LEVELS}),
         "published": (
             room,
@@ -101,7 +101,7 @@ def films(**settings: Any) -> dict[str, Film]:
 
 
 def play(device: ComputeDevice, film: Film) -> RenderedFrame:
-    """The second of two frames, between which the head turned and the video went on."""
+    """The second of two frames; in between the head turned, objects moved, the video went on."""
     with Renderer(
         device,
         film.video[0],
@@ -114,6 +114,7 @@ def play(device: ComputeDevice, film: Film) -> RenderedFrame:
         if film.view.projection == "perspective":
             renderer.look(replace(film.view, yaw_deg=film.view.yaw_deg + 4.0))
         renderer.load(film.video[1])
+        renderer.move([_moved(instance) for instance in film.objects])
         return renderer.render(1, AOVS)
 
 
@@ -191,6 +192,22 @@ def _objects() -> tuple[Instance, ...]:
         ball((-0.15, -1.28, -1.15), 0.12, Material("conductor", alpha=0.0), subdivisions=1),
         ball((-0.45, -1.25, -1.3), 0.15, Material("conductor", alpha=0.2), subdivisions=1),
     )
+
+
+def _bending(objects: tuple[Instance, ...]) -> tuple[Instance, ...]:
+    """The first of them may change its shape."""
+    first, *others = objects
+    return replace(first, mesh=replace(first.mesh, deforms=True)), *others
+
+
+def _moved(instance: Instance) -> Instance:
+    """A little to the right; and larger, where the mesh deforms."""
+    to_world = instance.to_world.copy()
+    to_world[0, 3] += 0.02
+    mesh = instance.mesh
+    if mesh.deforms:
+        mesh = replace(mesh, positions=np.float32(1.1) * mesh.positions)
+    return replace(instance, mesh=mesh, to_world=to_world)
 
 
 def _merged(*tables: Mapping[str, Any]) -> dict[str, Any]:
