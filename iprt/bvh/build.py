@@ -53,7 +53,10 @@ class MeshBvh:
 
 def drawable(positions: Floats, triangles: NDArray[np.int32]) -> NDArray[np.int64]:
     """Indices of the triangles whose corners are finite."""
-    return np.flatnonzero(np.isfinite(positions)[triangles].all(axis=(1, 2)))
+    finite: NDArray[np.bool_] = np.isfinite(positions).all(axis=1)
+    if finite.all():
+        return np.arange(len(triangles))
+    return np.flatnonzero(finite[triangles].all(axis=1))
 
 
 def packet_count(triangles: int) -> int:

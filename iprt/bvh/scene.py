@@ -226,8 +226,9 @@ def object_bounds(instances: Sequence[Instance], *, margin: float) -> Floats:
 
 def _world_box(instance: Instance) -> tuple[Float, Float]:
     mesh, matrix = instance.mesh, instance.to_world
-    used = np.unique(mesh.triangles[drawable(mesh.positions, mesh.triangles)])
-    if len(used) == 0:
+    used = np.zeros(len(mesh.positions), bool)
+    used[mesh.triangles[drawable(mesh.positions, mesh.triangles)]] = True
+    if not used.any():
         return matrix[:3, 3], matrix[:3, 3]
     points = mesh.positions[used].astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
     return points.min(axis=0), points.max(axis=0)

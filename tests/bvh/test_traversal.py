@@ -208,3 +208,18 @@ def test_any_unit_of_length(device: ComputeDevice, factor: float) -> None:
     assert (met.triangle != other.triangle).sum() <= 5
     both = np.isfinite(met.t) & np.isfinite(other.t)
     np.testing.assert_allclose(other.t[both], factor * met.t[both], rtol=1e-4)
+
+
+def test_a_shared_tree_becomes_two(device: ComputeDevice) -> None:
+    """Where one of two objects is flattened: it has no place in the space of their mesh."""
+    mesh = sphere(3, materials=(Material(),))
+    near, far = (instance_of(mesh, placed(1.0, (x, 0.0, 0.0)), f"{x}") for x in (-2.0, 2.0))
+    tracer = BvhTracer(device, [near, far])
+    flat = replace(far, to_world=far.to_world @ np.diag([1.0, 1.0, 0.0, 1.0]))
+    o = np.array([[-2.0, 0.1, 5.0], [2.0, 0.1, 5.0]])
+    d = np.tile([[0.0, 0.0, -1.0]], (2, 1))
+    np.testing.assert_allclose(tracer(o, d).t, 5.0 - np.sqrt(1.0 - 0.01), atol=0.02)
+    tracer.load([near, flat])
+    met = tracer(o, d)
+    np.testing.assert_array_equal(met.instance, [0, 1])
+    np.testing.assert_allclose(met.t, [5.0 - np.sqrt(1.0 - 0.01), 5.0], atol=0.02)
