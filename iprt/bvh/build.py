@@ -53,7 +53,7 @@ class MeshBvh:
 
 def drawable(positions: Floats, triangles: NDArray[np.int32]) -> NDArray[np.int64]:
     """Indices of the triangles whose corners are finite."""
-    finite: NDArray[np.bool_] = np.isfinite(positions).all(axis=1)
+    finite = np.asarray(np.isfinite(positions).all(axis=1))
     if finite.all():
         return np.arange(len(triangles))
     return np.flatnonzero(finite[triangles].all(axis=1))
