@@ -10,6 +10,7 @@ from PIL import Image
 
 from iprt.errors import FormatError
 from iprt.scene import mesh_files, mesh_materials, meshes, untrusted
+from iprt.scene import objects as objects_module
 from iprt.scene import scene as scene_module
 from iprt.scene.images import read_color
 from iprt.scene.meshes import load_mesh
@@ -111,8 +112,8 @@ def test_objects_of_a_scene_count_together(tmp_path: Path, monkeypatch: pytest.M
     for number in range(2):
         Image.new("RGB", (8, 8)).save(folder / f"t{number}.png")
     for triangles, pixels, fits in ((12, 128, True), (11, 128, False), (12, 127, False)):
-        monkeypatch.setattr(scene_module, "MAX_TRIANGLES", triangles)
-        monkeypatch.setattr(scene_module, "MAX_PIXELS", pixels)
+        monkeypatch.setattr(objects_module, "MAX_TRIANGLES", triangles)
+        monkeypatch.setattr(objects_module, "MAX_PIXELS", pixels)
         scene = Scene.open(folder)
         if fits:
             assert len(scene.instances) == 4
