@@ -68,17 +68,16 @@ class Pairs:
         self._u, self._r = seen * brightness, wanted * brightness
 
     def fit(self) -> Values | None:
-        """The map (3, 3) from `seen` to `wanted` that holds for most pairs; None: none is sane."""
-        scale = self._median_scale()
-        matrix = np.diag(scale)
+        """The map (3, 3) from `seen` to `wanted` that holds for most pairs; None if not sane."""
+        matrix = np.diag(self._median_scale())
         width = WIDEST
         for _ in range(STEPS):
             error = self._errors(matrix)
             weight = self._share * (width * width / (width * width + error * error)) ** 2
-            scale, matrix = _ridge(self._u, self._r, weight, error)
+            matrix = _ridge(self._u, self._r, weight, error)
             noise = BEYOND_NOISE * weighted_quantile(error, self._share)
             width = max(NARROWING * width, min(max(noise, NARROWEST), EXPLAINED))
-        return next((m for m in (matrix, np.diag(scale)) if sane(m)), None)
+        return matrix if sane(matrix) else None
 
     def agree(self, matrix: Values) -> bool:
         """The map explains most pairs."""
@@ -138,9 +137,9 @@ def weighted_quantile(values: Values, weight: Values, share: float = 0.5) -> flo
     return float(values[order[np.searchsorted(below, share * below[-1])]])
 
 
-def _ridge(u: Values, r: Values, weight: Values, error: Values) -> tuple[Values, Values]:
+def _ridge(u: Values, r: Values, weight: Values, error: Values) -> Values:
     """Least squares in three steps, each drawn to the one before by what is likely: one scale, a
-    scale per channel (3,), and a map (3, 3).
+    scale per channel, and a map (3, 3).
     """
     weight = weight / weight.sum()
     variance = max(float((weight * error * error).sum()), LEAST_ERROR**2)
@@ -160,4 +159,4 @@ def _ridge(u: Values, r: Values, weight: Values, error: Values) -> tuple[Values,
     trust = told / (told + CLEAR * noise + likely / LIKELY_CROSSTALK**2)
     by_axis = (1.0 - trust) * (scale[:, None] * axes)
     by_axis += trust * (ur.T @ axes) / np.maximum(size - noise, noise)
-    return scale, np.asarray(by_axis @ axes.T)
+    return np.asarray(by_axis @ axes.T)

@@ -106,6 +106,34 @@ def test_much_noise_is_no_drift() -> None:
         assert drift(frame) is frame
 
 
+def test_drift_that_cannot_be_seen_is_none() -> None:
+    drift = Drift()
+    drift(FRAME)
+    for gain in (1.001, 0.999):
+        frame = shown(FRAME, exact, 0, gain * np.eye(3))
+        assert drift(frame) is frame
+
+
+def test_a_nearly_grey_room_tells_no_crosstalk() -> None:
+    """Colours that differ by less than noise would make a map that takes colours away."""
+    grey = FRAME.color.mean(axis=-1, keepdims=True)
+    world = replace(FRAME, color=(grey + 0.02 * (FRAME.color - grey)).astype(np.float32))
+    drift = Drift()
+    drift(replace(world, color=noisy(world.color, 0, 0.05)))
+    found = drift(replace(world, color=noisy(2.0 * world.color, 1, 0.05))).color_map
+    assert off(found, 2.0 * np.eye(3), FRAME.color) < 0.01
+
+
+def test_a_reference_without_colours_takes_none_away() -> None:
+    """Though the map that explains it best does, and cannot be undone."""
+    grey = FRAME.color.mean(axis=-1, keepdims=True)
+    world = replace(FRAME, color=(grey + 0.05 * (FRAME.color - grey)).astype(np.float32))
+    drift = Drift()
+    drift(replace(world, color=np.repeat(grey, 3, axis=-1)))
+    found = drift(shown(world, exact, 0, 0.5 * np.eye(3))).color_map
+    assert off(found, 0.5 * np.eye(3), FRAME.color) < 0.02
+
+
 @pytest.mark.parametrize("camera", ["exact", "8 bits"])
 def test_moving_things_do_not_count(camera: str) -> None:
     """A dark thing passes close by, over a fifth of the sphere; another part changes its colour."""
@@ -251,13 +279,15 @@ def test_the_map_is_found_while_the_camera_moves() -> None:
     """The reference is looked up where the surfaces were; far off, a later frame stands in."""
     drift = Drift()
     d = View(WIDTH, HEIGHT, projection="equirect").directions()
-    for step in range(8):
-        at = np.array([0.06 * step, 0.02 * step, -0.05 * step])
-        t, normal, _ = ROOM.first_hit(at, d)
+    for step in range(6):
+        at = np.array([0.2 * step, 0.05 * step, -0.15 * step])
         pose = np.eye(4)
+        pose[:3, :3] = View(1, 1, 30.0 * step).world_from_view
         pose[:3, 3] = at
+        w = d @ pose[:3, :3].T
+        t, normal, _ = ROOM.first_hit(at, w)
         gain = 1.1**step
-        color = bright_walls(at + t[..., None] * d, normal)
+        color = bright_walls(at + t[..., None] * w, normal)
         frame = replace(
             FRAME, color=(gain * color).astype(np.float32), depth=t.astype(np.float32), pose=pose
         )

@@ -49,6 +49,16 @@ def test_a_color_is_a_hue_whatever_lights_it() -> None:
     np.testing.assert_array_equal(np.flatnonzero(wide.all(axis=1)), [4, 5, 6])
 
 
+def test_a_color_is_that_of_the_reference_where_white_balance_drifts() -> None:
+    brown = RealMaterial("wood", COAT, color=(0.9, 0.8, 0.4), color_tolerance=0.01)
+    balance = np.array([0.6, 1.0, 1.7])
+    drifted = replace(FRAME, color=(FRAME.color * balance).astype(np.float32))
+    mapped = replace(drifted, color_map=np.diag(1.0 / balance))
+    assert brown.region(FRAME).any()
+    np.testing.assert_array_equal(brown.region(mapped), brown.region(FRAME))
+    assert not brown.region(drifted).any()
+
+
 @pytest.mark.parametrize("size", [(16, 8), (64, 32), (100, 50), (256, 128)])
 def test_a_mask_of_any_size_covers_the_panorama(size: tuple[int, int]) -> None:
     width, height = size
