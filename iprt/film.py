@@ -8,10 +8,11 @@ from typing import Self
 
 from iprt.device.compute import ComputeDevice
 from iprt.errors import DeviceError
-from iprt.memory import require_memory
+from iprt.memory import RenderPlan, require_memory
 from iprt.renderer import RenderedFrame, Renderer
 from iprt.scene.camera import View
 from iprt.scene.frame import Frame
+from iprt.scene.mesh import Instance
 from iprt.scene.scene import Scene, SceneView
 from iprt.settings import Settings
 
@@ -164,6 +165,18 @@ class Film:
     def view_at(self, index: int) -> View:
         """How a frame of the video is looked at."""
         return view_at(self.scene, self._view, index)
+
+
+def film_plan(scene: Scene, frame: Frame, instances: Iterable[Instance], view: View) -> RenderPlan:
+    """What a film of all of the scene's frames builds, of which `frame` is one."""
+    return RenderPlan.of(
+        frame,
+        instances,
+        view,
+        own_radiance=scene.clips,
+        drifts=len(scene.frame_indices) > 1,
+        static_camera=scene.source.static_camera,
+    )
 
 
 def view_at(scene: Scene, view: SceneView | View, index: int) -> View:

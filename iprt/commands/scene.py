@@ -267,16 +267,15 @@ def memory_lines(
 ) -> tuple[bool, list[str]]:
     """Whether a view needs more memory than the device has, and what to say about it."""
     from iprt.commands.views import choose_view
-    from iprt.memory import RenderPlan, amount
+    from iprt.film import film_plan
+    from iprt.memory import amount
 
     plans = {}
     for name in scene.views or (None,):
         view, objects = choose_view(scene, name)
         instances = scene.instances if objects is None else scene.instances_named(objects)
         label = "a view" if name is None else f"view {name}"
-        plans[label] = RenderPlan.of(
-            frame, instances, view, static_camera=scene.source.static_camera
-        )
+        plans[label] = film_plan(scene, frame, instances, view)
     largest = max(plans, key=lambda label: plans[label].bytes)
     view, need = plans[largest].view, plans[largest].bytes
     line = f"memory: {amount(need)} for {largest} of {view.width} x {view.height}"
@@ -307,16 +306,11 @@ def _device(spec: str | None) -> ComputeDevice | None:
 
 def render_plan(scene: Scene, frame: Frame) -> dict[str, dict[str, object]]:
     """What the renderer builds for each view of a scene and the memory that takes, by name."""
-    from iprt.memory import RenderPlan
+    from iprt.film import film_plan
 
     plan: dict[str, dict[str, object]] = {}
     for name, entry in scene.views.items():
-        built = RenderPlan.of(
-            frame,
-            scene.instances_of(name),
-            entry.view,
-            static_camera=scene.source.static_camera,
-        )
+        built = film_plan(scene, frame, scene.instances_of(name), entry.view)
         memory = built.bytes / 2**20
         plan[name] = {"parts": built.requirements.describe(), "device_memory_mib": memory}
     return plan

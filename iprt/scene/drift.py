@@ -27,10 +27,8 @@ ROWS = 256
 """Rows of the pictures that are compared, about: every n-th texel of a frame."""
 CELL_ROWS = 32
 """Rows of cells, whose means are compared."""
-WHITE = (0.98, 1.0)
-"""Where the brightest texel of a picture lies whose range ends at 1."""
 NEARLY_WHITE = 0.95
-"""From where on colours of such a picture may be clipped."""
+"""Share of the radiance at which a picture's range ends from where on colours may be clipped."""
 DARK_OF_WHITE, DARK_OF_MEDIAN = 0.005, 0.02
 """Radiance below which a colour is uncertain: of white where the range is limited, which eight
 bits resolve coarsely, and of the picture's median."""
@@ -80,18 +78,18 @@ class Sample:
     pose: Matrix | None
 
     @classmethod
-    def of(cls, frame: Frame) -> Sample:
+    def of(cls, frame: Frame, white: float) -> Sample:
+        """`white`: `FrameSource.white`."""
         step = max(1, frame.height // ROWS)
         start = step // 2
         color = frame.color[start::step, start::step]
         brightest = np.maximum(np.maximum(color[..., 0], color[..., 1]), color[..., 2])
-        limited = bool(WHITE[0] <= brightest.max() <= WHITE[1])
         median = float(np.median(brightest))
         return cls(
             color=np.ascontiguousarray(color),
             depth=np.ascontiguousarray(frame.depth[start::step, start::step]),
-            usable=brightest < NEARLY_WHITE if limited else np.ones(brightest.shape, np.bool_),
-            dark=max(DARK_OF_WHITE if limited else 0.0, DARK_OF_MEDIAN * median),
+            usable=brightest < NEARLY_WHITE * white,
+            dark=max(DARK_OF_WHITE * white if np.isfinite(white) else 0.0, DARK_OF_MEDIAN * median),
             pose=frame.pose,
         )
 
@@ -136,15 +134,21 @@ class Drift:
     one is clearly better, so that a steady video has none at all. Where the light has changed, the
     frame becomes the reference, in the colours of the first; where the camera has moved too far,
     the frame before does.
+
+    Parameters
+    ----------
+    white : float
+        Radiance from which on colours are clipped; infinite where they never are.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, white: float = np.inf) -> None:
+        self._white = white
         self._reference: Sample | None = None
         self._before: Sample | None = None
         self._map: Matrix | None = None
 
     def __call__(self, frame: Frame) -> Frame:
-        sample = Sample.of(frame)
+        sample = Sample.of(frame, self._white)
         if sample.legible:
             self._follow(sample)
             self._before = sample.mapped(self._map)

@@ -214,7 +214,7 @@ class Scene:
         """What a stream does to its sanitised frames, in order; made anew for each stream."""
         # Materials are told by their hue, in the colours of the reference frame.
         return [
-            *([Drift()] if drift else []),
+            *([Drift(self.source.white)] if drift else []),
             lambda frame: with_gloss(frame, self.real_materials),
             ClippedLights(self.source.white),
         ]

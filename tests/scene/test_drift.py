@@ -47,12 +47,13 @@ def exact(color: NDArray[np.floating], seed: int) -> NDArray[np.float32]:
     return color.astype(np.float32)
 
 
-CAMERAS: dict[str, tuple[Camera, float]] = {
-    "exact": (exact, 1e-5),
-    "noise": (noisy, 0.003),
-    "8 bits": (eight_bits, 0.005),
+CAMERAS: dict[str, tuple[Camera, float, float]] = {
+    "exact": (exact, np.inf, 1e-5),
+    "noise": (noisy, np.inf, 0.003),
+    "8 bits": (eight_bits, 1.0, 0.005),
 }
-"""How a camera shows light, and by how much the colours that its map gives may be off."""
+"""How a camera shows light, what it clips, and by how much the colours that its map gives may be
+off."""
 
 
 def shown(frame: Frame, camera: Camera, seed: int, color_map: Float | None = None) -> Frame:
@@ -82,10 +83,10 @@ def lamp(at: tuple[float, float, float], strength: float) -> Frame:
 @pytest.mark.parametrize("camera", CAMERAS)
 @pytest.mark.parametrize("name", MAPS)
 def test_known_maps_are_found(name: str, camera: str) -> None:
-    shows, bound = CAMERAS[camera]
+    shows, white, bound = CAMERAS[camera]
     # So that twice the light does not clip all of it.
     world = replace(FRAME, color=0.4 * FRAME.color)
-    drift = Drift()
+    drift = Drift(white)
     assert drift(shown(world, shows, 0)).color_map is None
     mapped = drift(shown(world, shows, 1, MAPS[name]))
     assert off(mapped.color_map, MAPS[name], world.color) < bound
@@ -93,9 +94,10 @@ def test_known_maps_are_found(name: str, camera: str) -> None:
 
 @pytest.mark.parametrize("camera", CAMERAS)
 def test_a_steady_video_has_no_map(camera: str) -> None:
-    drift = Drift()
+    shows, white, _ = CAMERAS[camera]
+    drift = Drift(white)
     for seed in range(6):
-        frame = shown(FRAME, CAMERAS[camera][0], seed)
+        frame = shown(FRAME, shows, seed)
         assert drift(frame) is frame
 
 
@@ -137,7 +139,7 @@ def test_a_reference_without_colours_takes_none_away() -> None:
 @pytest.mark.parametrize("camera", ["exact", "8 bits"])
 def test_moving_things_do_not_count(camera: str) -> None:
     """A dark thing passes close by, over a fifth of the sphere; another part changes its colour."""
-    shows, bound = CAMERAS[camera]
+    shows, white, bound = CAMERAS[camera]
     world = replace(FRAME, color=0.5 * FRAME.color)
     depth, color = world.depth.copy(), world.color.copy()
     depth[40:90, 20:105] = 0.3
@@ -145,7 +147,7 @@ def test_moving_things_do_not_count(camera: str) -> None:
     color[50:80, 150:180] *= (2.0, 0.5, 1.0)
     after = replace(world, depth=depth, color=color)
     for true in (np.eye(3), MAPS["all"]):
-        drift = Drift()
+        drift = Drift(white)
         drift(shown(world, shows, 0))
         mapped = drift(shown(after, shows, 1, true))
         assert off(mapped.color_map, true, world.color) < bound
@@ -154,7 +156,7 @@ def test_moving_things_do_not_count(camera: str) -> None:
 
 def test_clipped_texels_do_not_count() -> None:
     """What is clipped in one of the frames tells too small a change."""
-    drift = Drift()
+    drift = Drift(white=1.0)
     drift(shown(FRAME, eight_bits, 0))
     brighter = 1.15 * np.eye(3)
     frame = shown(FRAME, eight_bits, 1, brighter)
