@@ -130,7 +130,7 @@ def test_exposure_ramps_and_the_object_follows(device: ComputeDevice) -> None:
 
     found = unexposed(film(device, mapped, drifts=True))
     without = unexposed(film(device, exposed(GAINS)))
-    for where in places.values():
+    for name, where in places.items():
         assert where.sum() > 30
         figures = {
             kind: (flicker(pictures, where), rms(pictures[-5][where] - steady[-5][where]))
@@ -139,9 +139,11 @@ def test_exposure_ramps_and_the_object_follows(device: ComputeDevice) -> None:
         mean = float(steady[-5][where].mean())
         assert figures["mapped"][0] < 1.02 * figures["steady"][0] + 1e-4
         assert figures["mapped"][1] < 0.005 * mean
-        assert figures["without"][0] > 1.2 * figures["steady"][0]
-        # A history of so many frames is this far behind.
-        assert figures["without"][1] > 0.05 * mean
+        # A shadow is a quotient, in which exposure cancels, and E_R follows light by itself.
+        if name == "object":
+            assert figures["without"][0] > 1.2 * figures["steady"][0]
+            # A history of so many frames is this far behind.
+            assert figures["without"][1] > 0.1 * mean
 
 
 def test_untouched_pixels_keep_the_bits_of_the_input(device: ComputeDevice) -> None:
