@@ -217,6 +217,29 @@ def test_background_is_joined_to_what_is_beside_it(
     assert np.quantile(np.abs(hits.t - t), 0.99) < 1e-4
 
 
+def test_background_is_joined_where_its_texels_do_not_quite_meet(
+    device: ComputeDevice, trace: RealTracer
+) -> None:
+    """A sphere in noisy depth has steps at texel edges, also where what is hidden begins."""
+    rng = np.random.default_rng(9)
+    inward = -View(64, 32, projection="equirect").directions()
+    sphere = frame_of(rng.uniform(1.99, 2.01, (32, 64)), inward)
+    rows, columns = np.indices(sphere.depth.shape)
+    panel = (np.abs(rows - 16) < 4) & ((columns // 3) % 2 == 0) & (np.abs(columns - 32) < 10)
+    depth = np.where(panel, np.float32(1.0), sphere.depth)
+    panorama = panorama_of(device, frame_of(depth, inward), sphere)
+    n = 100_000
+    yaw, height = rng.uniform(-0.8, 0.8, (2, n)) * [[1.0], [0.3]]
+    end = np.stack([np.sin(yaw), height, -np.cos(yaw)], axis=1)
+    end *= 2.0 / np.linalg.norm(end, axis=1, keepdims=True)
+    yaw, height = rng.uniform(-0.8, 0.8, (2, n)) * [[1.0], [0.3]]
+    o = 1.6 * np.stack([np.sin(yaw), height, -np.cos(yaw)], axis=1)
+    d = (end - o) / np.linalg.norm(end - o, axis=1, keepdims=True)
+    hits = trace(panorama, o, d)
+    assert 0.3 < hits.behind.mean() < 0.7
+    assert (hits.kind == SURFACE).mean() > 0.9999
+
+
 def test_a_thing_that_hides_is_as_thick_as_assumed(
     device: ComputeDevice, trace: RealTracer
 ) -> None:
