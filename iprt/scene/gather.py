@@ -37,11 +37,11 @@ LEAST_OPEN = 0.1
 
 def cell_means(picture: NDArray[np.generic], rows: int) -> Float:
     """Means (rows, 2 rows, ...) over the cells of a picture (H, 2 H, ...); H >= `rows`."""
-    sums, texels = picture.astype(np.float64, copy=False), np.ones((1, 1))
+    sums, texels = picture, np.ones((1, 1))
     for axis, cells in ((0, rows), (1, 2 * rows)):
         size = picture.shape[axis]
         starts = -(-np.arange(cells) * size // cells)
-        sums = np.add.reduceat(sums, starts, axis=axis)
+        sums = np.add.reduceat(sums, starts, axis=axis, dtype=np.float64)
         texels = texels * np.diff(starts, append=size).reshape((-1, 1) if axis == 0 else (1, -1))
     return np.asarray(sums / texels.reshape(*texels.shape, *[1] * (picture.ndim - 2)))
 
@@ -83,9 +83,10 @@ class Cells:
     def of(cls, frame: Frame, rows: int) -> Cells:
         finite = np.isfinite(frame.depth)
         far = float(frame.depth[finite].max()) if finite.any() else 1.0
-        inverse = 1.0 / np.where(finite, frame.depth, SKY * far).astype(np.float64)
+        inverse = np.float32(1.0) / np.where(finite, frame.depth, np.float32(SKY * far))
         mean = cell_means(inverse, rows).ravel()
-        spread = np.sqrt(np.maximum(cell_means(inverse**2, rows).ravel() - mean**2, 0.0)) / mean
+        squared = cell_means(inverse * inverse, rows).ravel()
+        spread = np.sqrt(np.maximum(squared - mean**2, 0.0)) / mean
         direction = View(2 * rows, rows, projection="equirect").directions().reshape(-1, 3)
         normal = cell_means(frame.normal, rows).reshape(-1, 3)
         length = np.linalg.norm(normal, axis=-1)
