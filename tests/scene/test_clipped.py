@@ -18,6 +18,7 @@ from iprt.scene import clipped as stage_module
 from iprt.scene.clipped import BLEND, ClippedLights, Recovered
 from iprt.scene.frame import Frame
 from iprt.scene.images import decode_srgb
+from iprt.scene.light_groups import Clipped, groups_of
 from iprt.scene.lost_light import MAX_GAIN
 from iprt.scene.openings import solid_angles
 from iprt.scene.scene import Scene
@@ -192,6 +193,27 @@ def test_the_seam_does_not_show() -> None:
     )
 
 
+@pytest.mark.parametrize("start", [20, 62, 64, 127])
+def test_panes_of_a_window_are_one_light(start: int) -> None:
+    """Bars between them are bridged, at the seam too; what is a cell further is another light."""
+    frame = sphere_frame(2.0, 128, 64, 0.1)
+    for gap, groups in ((2, 1), (4, 2)):
+        color = frame.color.copy()
+        color[30:34, np.arange(start - 3, start) % 128] = 1.0
+        color[30:34, np.arange(start + gap, start + gap + 3) % 128] = 1.0
+        seen = replace(frame, color=color)
+        clipped = Clipped.of(seen, 1.0)
+        assert clipped is not None
+        assert groups_of(seen, clipped).max() == groups
+        # What is far is no part of what is near.
+        opening = np.zeros(frame.depth.shape, bool)
+        opening[:, np.arange(start, start + 40) % 128] = True
+        far = replace(seen, opening=opening)
+        clipped = Clipped.of(far, 1.0)
+        assert clipped is not None
+        assert groups_of(far, clipped).max() == 2
+
+
 # What cannot be found ---------------------------------------------------------------------------
 
 
@@ -274,12 +296,13 @@ def test_gains_stay_while_the_lights_do(estimates: list[Frame]) -> None:
     rng = np.random.default_rng(3)
     stage = ClippedLights(1.0)
     first = brightness(stage(frame), lit)
+    column = int(np.median(np.nonzero(lit)[1]))
     for _ in range(8):
-        noisy = frame.color - 0.01 * rng.random(frame.color.shape, np.float32)
-        noisy[28:40, 40:42] = 0.1
+        noisy = frame.color - 0.02 * rng.random(frame.color.shape, np.float32)
+        noisy[:, column] = 0.1
         found = stage(replace(frame, color=noisy))
         still = lit & (noisy.max(axis=-1) > 0.9)
-        assert brightness(found, still) == pytest.approx(first, rel=0.02)
+        assert brightness(found, still) == pytest.approx(first, rel=0.15)
     assert len(estimates) == 1
 
 
@@ -303,7 +326,7 @@ def test_a_lamp_that_is_switched_on_fades_in(estimates: list[Frame]) -> None:
     stage(clip(before))
     levels = [brightness(stage(clip(after)), lit) for _ in range(BLEND + 4)]
     assert len(estimates) == 2
-    steps = np.diff(np.log(levels))
+    steps = np.diff(np.log([1.0, *levels]))
     assert (steps >= -1e-6).all()
     assert steps.max() < 1.2 * np.log(24.0) / BLEND
     assert levels[-1] == levels[-2] == pytest.approx(24.0, rel=0.3)

@@ -38,9 +38,9 @@ def test_gains_of_several_lights_and_colours(outliers: int) -> None:
     seen = lit(gains, 0.05)
     rng = np.random.default_rng(1)
     spoilt = rng.permutation(300)[:outliers]
-    seen.radiance[spoilt] *= rng.uniform(2.0, 5.0, (outliers, 1))
+    seen.radiance[spoilt] *= rng.uniform(5.0, 10.0, (outliers, 1))
     found = lost_light(seen, [], np.ones((3, 3), bool))
-    np.testing.assert_allclose(found.gain[:2], gains[:2], rtol=0.25)
+    np.testing.assert_allclose(found.gain[:2], gains[:2], rtol=0.35 if outliers else 0.1)
     assert (found.gain[2] < 2.0).all()
     assert (found.gain >= 1.0).all()
 
@@ -57,12 +57,12 @@ def test_no_surface_reflects_more_than_it_receives(shine: float) -> None:
     """Single points, whose shading tells nothing: light must come from somewhere, and not more."""
     n = 40
     rng = np.random.default_rng(2)
-    level = shine * rng.uniform(0.8, 1.2, (n, 1)) * np.ones((1, 3))
+    level = shine * 10.0 ** rng.uniform(-2.0, 0.0, (n, 1)) * np.ones((1, 3))
     rest, lights = np.full((n, 3), 0.05), np.full((n, 3, 1), 0.1)
     found = lost_light(shading(level, np.arange(n), rest, lights), [], np.ones((1, 3), bool))
     reflectance = np.pi * level / (rest + lights[..., 0] * found.gain[0])
-    assert np.median(reflectance) <= 1.15 * MOST_REFLECTANCE
-    assert np.median(reflectance) >= 0.05
+    assert reflectance.max() <= 1.4 * MOST_REFLECTANCE
+    assert np.median(reflectance) >= 0.02
     assert (found.gain >= 1.0).all()
     assert (found.gain < 100.0).all()
 
