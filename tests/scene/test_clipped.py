@@ -193,7 +193,7 @@ def test_the_seam_does_not_show() -> None:
     )
 
 
-@pytest.mark.parametrize("start", [20, 62, 64, 127])
+@pytest.mark.parametrize("start", [0, 20, 64, 127])
 def test_panes_of_a_window_are_one_light(start: int) -> None:
     """Bars between them are bridged, at the seam too; what is a cell further is another light."""
     frame = sphere_frame(2.0, 128, 64, 0.1)
