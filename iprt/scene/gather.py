@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,7 +38,8 @@ LEAST_OPEN = 0.1
 
 def cell_means(picture: NDArray[np.generic], rows: int) -> Float:
     """Means (rows, 2 rows, ...) over the cells of a picture (H, 2 H, ...); H >= `rows`."""
-    sums, texels = picture, np.ones((1, 1))
+    sums: NDArray[Any] = picture
+    texels = np.ones((1, 1))
     for axis, cells in ((0, rows), (1, 2 * rows)):
         size = picture.shape[axis]
         starts = -(-np.arange(cells) * size // cells)
