@@ -222,7 +222,7 @@ def _row(result: Stability, *, trails: bool) -> Iterator[str]:
         length = result.trail.frames
         yield "-" if length is None else str(length)
         ages = result.trail.ages
-        ghosts = [f"{100.0 * ages[age].ghost:.0f}%" for age in (1, 4, 8) if age < len(ages)]
+        ghosts = [f"{round(100.0 * ages[age].ghost)}%" for age in (1, 4, 8) if age < len(ages)]
         yield ", ".join(ghosts)
 
 
