@@ -113,9 +113,9 @@ def test_motion_is_where_surfaces_were(
     turned = replace(view, yaw_deg=2.0) if view.projection == "perspective" else view
     with Renderer(device, frame, objects, view, settings) as renderer:
         for step, looked in ((0, view), (1, turned), (2, view), (2, view), (2, view)):
-            before = renderer.instances
+            before, previous = renderer.instances, renderer.view
+            still = np.array_equal(before[0].to_world, path[step][0].to_world)
             renderer.move(path[step])
-            previous, now = renderer.view, looked
             renderer.look(looked)
             picture = renderer.render(1, ("coverage", "depth"))
             visible = renderer.virtual_pixels.visible  # type: ignore[union-attr]
@@ -123,7 +123,7 @@ def test_motion_is_where_surfaces_were(
             number = renderer.layout.interior(device.read(visible.id))[0].astype(int)
             seen = picture.aovs["coverage"] == 1.0
             assert seen.sum() > 40
-            points = now.directions() * picture.aovs["depth"][..., None]
+            points = looked.directions() * picture.aovs["depth"][..., None]
             then = points.copy()
             for index, (old, new) in enumerate(zip(before, path[step], strict=True), start=1):
                 back = old.to_world @ np.linalg.inv(new.to_world)
@@ -132,10 +132,10 @@ def test_motion_is_where_surfaces_were(
             if view.projection == "equirect":
                 error[:, 0] -= view.width * np.round(error[:, 0] / view.width)
             assert np.abs(error).max() < 0.01
-            if before is path[step]:
+            if still and previous == looked:
                 assert np.abs((motion - own)[seen]).max() < 0.01
-            elif step:
-                assert np.abs((motion - own)[seen & (number <= 2)]).min() > 0.05
+            elif not still:
+                assert np.median(np.abs((motion - own)[seen & (number <= 2)])) > 0.5
 
 
 @METHOD
