@@ -7,6 +7,7 @@ from contextlib import suppress
 from typing import Self
 
 from iprt.device.compute import ComputeDevice
+from iprt.device.recovery import wait
 from iprt.errors import DeviceError
 from iprt.memory import RenderPlan, require_memory
 from iprt.renderer import RenderedFrame, Renderer
@@ -16,6 +17,8 @@ from iprt.scene.mesh import Instance
 from iprt.scene.scene import Scene, SceneView
 from iprt.settings import Settings
 
+LEAVING_S = 5.0
+"""Longest wait for a device that nobody asks anything any more."""
 MEMORY_DOUBLED = 10
 """Frames that a long memory is given at most, the earliest of them 512 warm-ups back."""
 
@@ -76,8 +79,8 @@ class Film:
     def __exit__(self, _: object, error: BaseException | None, __: object) -> None:
         if not isinstance(error, DeviceError):
             # A driver whose kernels still run when the program ends may crash.
-            with suppress(DeviceError):
-                self.device.wait()
+            with suppress(DeviceError), self.device.reported("its end"):
+                wait(self.device.name, self.device.queue, LEAVING_S)
         self.close()
 
     def frames(

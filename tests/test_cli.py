@@ -12,6 +12,7 @@ import pytest
 
 from iprt import cli
 from iprt.commands.help import unwrapped
+from iprt.ending import Ended
 from iprt.errors import DeviceError, SceneError
 
 ROOT = Path(__file__).parents[1]
@@ -95,6 +96,23 @@ def test_an_interrupt_is_one_line(install: Install, capsys: pytest.CaptureFixtur
     install(raising(KeyboardInterrupt()))
     assert cli.main(["try-it"]) == 130
     assert capsys.readouterr().err == "iprt: interrupted\n"
+
+
+@pytest.mark.parametrize(
+    ("error", "line"),
+    [
+        (KeyboardInterrupt(), "iprt: interrupted; 3 of 6 are finished\n"),
+        (Ended(15), "iprt: ended by SIGTERM; 3 of 6 are finished\n"),
+        (SceneError("bad"), "iprt: error: bad; 3 of 6 are finished\n"),
+    ],
+)
+def test_notes_of_errors_are_told(
+    error: BaseException, line: str, install: Install, capsys: pytest.CaptureFixture[str]
+) -> None:
+    error.add_note("3 of 6 are finished")
+    install(raising(error))
+    cli.main(["try-it"])
+    assert capsys.readouterr().err == line
 
 
 def test_a_defect_is_told_from_bad_input(
