@@ -105,11 +105,16 @@ def test_what_a_real_thing_uncovers_is_as_new(device: ComputeDevice) -> None:
             renderer.load(frame)
             renderer.step()
         found, _ = shown(renderer)
+        assert renderer.real_pixels is not None
+        history = renderer.layout.interior(device.read(renderer.real_pixels._filter.history))[0]
     real = truth[1] == 0.0
     assert rms((found - truth[0])[real]) < rms((fresh - truth[0])[real])
     uncovered = seen(depths[-1]) > seen(depths[-4]) * 1.05
     uncovered &= real
     assert uncovered.sum() > 60
+    # Three frames are all that is remembered there, and none of the ball's.
+    assert history[uncovered].max() < 3.1
+    assert np.median(history[real & ~uncovered]) > 5.0
     assert rms((found - truth[0])[uncovered]) < 1.2 * rms((fresh - truth[0])[uncovered])
 
 
