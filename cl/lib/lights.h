@@ -93,10 +93,6 @@ static inline float3 towards_light(const RealLayer layer, float3 v, float3 x)
 // where light_density() is positive only: the texel and its plane leave no point but that one.
 static inline int reaches_light(const RealLayer layer, const RealHit hit, float3 v)
 {
-#ifdef BACKGROUND
-    if (hit.behind != aims_behind(layer, hit.texel))
-        return 0;
-#endif
     return hit.texel == light_texel(layer, v);
 }
 
