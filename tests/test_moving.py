@@ -171,7 +171,7 @@ def test_nothing_trails(device: ComputeDevice, method: tuple[str, str]) -> None:
 
 @METHOD
 @VIEWS
-def test_moving_takes_no_more_memory(
+def test_moving_takes_no_more_memory_and_boxes_follow(
     device: ComputeDevice, frame: Frame, view: View, method: tuple[str, str]
 ) -> None:
     own = ComputeDevice(device.device)
@@ -181,6 +181,9 @@ def test_moving_takes_no_more_memory(
         renderer.render(1)
         renderer.move(elsewhere(objects))
         renderer.render(2)
+        fresh = Renderer(PlanDevice(), frame, elsewhere(objects), view, chosen(method))
+        assert fresh._objects is not None
+        np.testing.assert_array_equal(own.read(renderer.world.bounds), fresh._objects.bounds)
     assert plan.buffers == own.buffers
 
 
