@@ -5,6 +5,8 @@
 //      marks     [H*W]    SURFACE_* flags to be set: OPENING where the source has no depth
 //      column    [W+1]    (cos, sin) of the azimuth of column edges
 //      row       [H+1]    cos of the polar angle of row edges
+//      azimuth   [W]      (cos, sin) of the azimuth of column centres
+//      polar     [H]      (cos, sin) of the polar angle of row centres
 // out  surface   [H*W]    xyz: g of the tangent plane g.x = 1; w: SURFACE_* flags (lib/real.h)
 //      range     [H*W]    smallest and largest radial distance of the plane within the texel
 //
@@ -18,6 +20,12 @@
 // Planes seen at less than this cosine are tilted towards the viewer, so that g stays bounded.
 #define GRAZING 0.02f
 #define STEP_FOOTPRINTS 3.0f
+
+// Unit direction of the centre of a texel, from tables: sines would take most of the kernel's time.
+inline float3 centre_direction(float2 azimuth, float2 polar)
+{
+    return (float3)(polar.y * azimuth.y, polar.x, -polar.y * azimuth.x);
+}
 
 inline float3 tangent_plane(float depth, float3 n, float3 v)
 {
@@ -51,6 +59,8 @@ __kernel void build_surface(
     __global const uchar *restrict marks,
     __global const float2 *restrict column,    // column edges
     __global const float *restrict row,        // row edges
+    __global const float2 *restrict azimuth,   // column centres
+    __global const float2 *restrict polar,     // row centres
 #ifdef BACKGROUND
     __global const float4 *restrict first_surface,
     __global const float2 *restrict first_range,
@@ -80,7 +90,7 @@ __kernel void build_surface(
         range[texel] = (float2)(INFINITY, INFINITY);
         return;
     }
-    const float3 v = texel_direction(x, y, width, height);
+    const float3 v = centre_direction(azimuth[x], polar[y]);
     const float3 g = plane_at(depth, normal, texel, v);
     const float footprint = IPRT_PI / height;
 
@@ -96,7 +106,7 @@ __kernel void build_surface(
         const float e = depth[other];
         if (!isfinite(e))
             continue;
-        const float3 w = texel_direction(nx, ny, width, height);
+        const float3 w = centre_direction(azimuth[nx], polar[ny]);
         const float3 h = plane_at(depth, normal, other, w);
         const float unexplained = fmin(fabs(d - e), fmin(fabs(radius_towards(g, w) - e),
                                                          fabs(radius_towards(h, v) - d)));

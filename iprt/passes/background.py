@@ -72,7 +72,7 @@ class Background:
     def load(
         self,
         frame: Sequence[cla.Array],
-        edges: Sequence[cla.Array],
+        grid: Sequence[cla.Array],
         first_layer: Sequence[cla.Array],
         *,
         scale: float,
@@ -85,7 +85,7 @@ class Background:
         ----------
         frame : (H, W) depth, (H, W, 3) normals, (H, W) flags, (H, W, 4) radiance
             On the device.
-        edges : columns and rows, as `Panorama` has them
+        grid : edges and centres of columns and rows, as `cl/surface.cl` reads them
         first_layer : `Panorama.surface`, `Panorama.range`
             Of the frame.
         scale, farthest : float
@@ -116,7 +116,7 @@ class Background:
                 self.depth,
                 self.normal,
                 self.marks,
-                *edges,
+                *grid,
                 *first_layer,
                 self.surface,
                 self.range,

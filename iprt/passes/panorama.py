@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
 from iprt.passes.background import Background
-from iprt.passes.pyramid import Pyramid, PyramidShape, equirect_edges
+from iprt.passes.pyramid import Pyramid, PyramidShape, equirect_centres, equirect_edges
 from iprt.scene.frame import Frame
 from iprt.scene.outside import OUTSIDE_ROWS, outside_radiance
 
@@ -97,6 +97,13 @@ class Panorama:
         column, row = equirect_edges(self.width, self.height)
         self.column = device.upload("panorama.column", column)
         self.row = device.upload("panorama.row", row)
+        azimuth, polar = equirect_centres(self.width, self.height)
+        self._grid = (
+            self.column,
+            self.row,
+            device.upload("panorama.azimuth", azimuth),
+            device.upload("panorama.polar", polar),
+        )
         self.background: Background | None = None
         if background is not None:
             self.background = Background(device, self.width, self.height, self.shape, background)
@@ -131,7 +138,7 @@ class Panorama:
                 gloss = diffuse if frame.gloss is None else frame.gloss
                 self._device.write(self.gloss, self._enlarged(gloss))
         size = (self.width, self.height)
-        layer = (self._depth, self._normal, self._marks, self.column, self.row)
+        layer = (self._depth, self._normal, self._marks, *self._grid)
         with self._device.profile.section("surface"):
             self._build(size, *size, *layer, self.surface, self.range)
         self._pyramid.run(self.range, self.shape)
@@ -154,7 +161,7 @@ class Panorama:
         background = self.background
         background.load(
             (self._depth, self._normal, self._marks, self.radiance),
-            (self.column, self.row),
+            self._grid,
             (self.surface, self.range),
             scale=self.scale,
             farthest=self.farthest,

@@ -80,3 +80,12 @@ def equirect_edges(width: int, height: int) -> tuple[NDArray[np.float32], NDArra
     column[-1] = column[0]
     row = np.cos(np.arange(height + 1) / height * np.pi).astype(np.float32)
     return column, row
+
+
+def equirect_centres(width: int, height: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Cosine and sine of azimuths (width, 2) and polar angles (height, 2) of texel centres."""
+    phi = ((np.arange(width) + 0.5) / width - 0.5) * 2.0 * np.pi
+    theta = (np.arange(height) + 0.5) / height * np.pi
+    azimuth = np.stack([np.cos(phi), np.sin(phi)], axis=-1).astype(np.float32)
+    polar = np.stack([np.cos(theta), np.sin(theta)], axis=-1).astype(np.float32)
+    return azimuth, polar
