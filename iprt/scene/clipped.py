@@ -24,7 +24,7 @@ CHANGED = 0.3
 """Share of the clipped area that comes or goes, from which on lights are estimated anew."""
 OTHER = 0.8
 """Share from which on they are other lights: nothing of the old gains holds."""
-LEAST_CLIPPED = 0.02
+LEAST_CLIPPED = 0.25
 """Of the flux of a light's strongest channel: a channel that is clipped less has lost nothing."""
 BLEND = 12
 """Frames over which gains go over to those of a new estimate."""

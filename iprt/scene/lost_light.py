@@ -31,8 +31,10 @@ MAX_GAIN = 1e4
 """A sun in a picture that shows the landscape."""
 EXPECTED_GAIN, GAIN_SPREAD = 3.0, 2.5
 """Median, and standard deviation of its logarithm (so are all that follow)."""
-COLOR_SPREAD = 1.5
-"""Of gains of two colours of one light."""
+COLOR_SPREAD, HALF_CLIPPED_SPREAD = 1.5, 0.4
+"""Of gains of two colours of one light: both clipped, or one of them, which then is little more."""
+TINT_SPREAD = 0.2
+"""Of green against red and blue: lights are warm or cold, as glowing bodies and skies are."""
 EXPECTED_REFLECTANCE, REFLECTANCE_SPREAD = 0.4, 1.0
 MOST_REFLECTANCE, OVER_SPREAD = 0.9, 0.1
 CLIPPED_REFLECTANCE, CLIPPED_SPREAD = 0.6, 0.2
@@ -305,7 +307,12 @@ def _expectations(
     for light in range(lights):
         for c in range(3):
             expect({3 * light + c: 1.0}, float(np.log(EXPECTED_GAIN)), GAIN_SPREAD)
-            expect({3 * light + c: 1.0, 3 * light + (c + 1) % 3: -1.0}, 0.0, COLOR_SPREAD)
+            other = (c + 1) % 3
+            both = clipped[light, c] == clipped[light, other]
+            spread = COLOR_SPREAD if both else HALF_CLIPPED_SPREAD
+            expect({3 * light + c: 1.0, 3 * light + other: -1.0}, 0.0, spread)
+        if clipped[light].all():
+            expect({3 * light: -0.5, 3 * light + 1: 1.0, 3 * light + 2: -0.5}, 0.0, TINT_SPREAD)
     for tie in ties:
         for c in range(3):
             if clipped[tie.first, c] and clipped[tie.second, c]:
