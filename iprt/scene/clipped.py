@@ -40,6 +40,8 @@ class Gains:
         Of cells of the grid, for texels that are near and that are far; 0: none.
     factor : (groups + 1, rows, 3) float32
         By group and row of the picture; 1 for group 0.
+    channels : (groups + 1, 3) bool
+        Which channels of a group are clipped.
     covered : (cells,) float64
         Share of the sphere that clipped texels cover in each cell.
     exposed : (3,) float64
@@ -48,15 +50,21 @@ class Gains:
 
     group: NDArray[np.intp]
     factor: NDArray[np.float32]
+    channels: NDArray[np.bool_]
     covered: Float
     exposed: Float
 
     def of(self, frame: Frame, clipped: Clipped) -> NDArray[np.float32]:
-        """(N, 3) gains of a frame's clipped texels: a camera that opens clips more of a light."""
+        """(N, 3) by what a frame's clipped texels are brighter than they look.
+
+        A camera that opens clips more of a light.
+        """
         group = self.group[clipped.far.astype(np.intp), clipped.cell]
         opened = (self.exposed / exposure_of(frame)).astype(np.float32)
         factor = self.factor[group, clipped.row]
-        return np.where(factor > 1.0, np.maximum(factor * opened, 1.0), 1.0).astype(np.float32)
+        factor = np.where(factor > 1.0, np.maximum(factor * opened, 1.0), 1.0).astype(np.float32)
+        share = white_share(clipped, self.channels[group])
+        return np.asarray(1.0 + share * (factor - 1.0), np.float32)
 
 
 def exposure_of(frame: Frame) -> Float:
@@ -75,20 +83,32 @@ def covered(frame: Frame, clipped: Clipped) -> Float:
 def recover(frame: Frame, clipped: Clipped, white: float) -> Gains:
     """Estimate the gains of a frame's lights; all 1 where its surfaces tell nothing."""
     cell_groups = groups_of(frame, clipped)
-    factor = np.ones((int(cell_groups.max()) + 1, frame.height, 3), np.float32)
+    count = int(cell_groups.max()) + 1
+    factor = np.ones((count, frame.height, 3), np.float32)
     area = covered(frame, clipped)
-    lights = lights_of(frame, clipped, cell_groups)
     group = cell_groups[clipped.far.astype(np.intp), clipped.cell]
+    flux = np.stack([_flux(frame, clipped, group == number) for number in range(count)])
+    channels = flux > LEAST_CLIPPED * flux.max(axis=1, keepdims=True)
+    clipped = replace(clipped, share=white_share(clipped, channels[group]))
+    lights = lights_of(frame, clipped, cell_groups)
     shading = shading_of(frame, clipped, group, lights, white) if lights else None
     if shading is not None:
         shares = np.stack([light.share(frame.height) for light in lights], axis=-1)
-        flux = np.stack([_flux(frame, clipped, group == light.group) for light in lights])
-        present = flux > LEAST_CLIPPED * flux.max(axis=1, keepdims=True)
+        present = np.stack([channels[light.group] for light in lights])
         gain = lost_light(shading, ties_of(lights), present).gain
         for index, light in enumerate(lights):
             more = shares[:, index, None] * (gain[index] - 1.0)
             factor[light.group] += more.astype(np.float32)
-    return Gains(cell_groups, factor, area, exposure_of(frame))
+    return Gains(cell_groups, factor, channels, area, exposure_of(frame))
+
+
+def white_share(clipped: Clipped, channels: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """(N, 3) how far texels count as lights: as far as all `channels` (N, 3) of theirs are clipped.
+
+    Where one of them is not, the others have lost little; more would paint the rim of a light.
+    """
+    least = np.where(channels, clipped.share, np.float32(1.0)).min(axis=-1, keepdims=True)
+    return np.where(channels, least, np.float32(0.0))
 
 
 def _flux(frame: Frame, clipped: Clipped, chosen: NDArray[np.bool_]) -> Float:
@@ -181,11 +201,11 @@ class ClippedLights:
             return frame
         light = frame.color.copy()
         color = light.reshape(-1, 3)
-        color[clipped.texel] *= 1.0 + clipped.share * (gain - 1.0)
+        color[clipped.texel] *= gain
         return replace(frame, light=light)
 
     def _gain(self, frame: Frame, clipped: Clipped) -> NDArray[np.float32]:
-        """(N, 3) gains of the clipped texels now."""
+        """(N, 3) by what the clipped texels are brighter now."""
         now = covered(frame, clipped)
         if self._gains is None:
             self._gains = recover(frame, clipped, self._white)

@@ -14,7 +14,7 @@ from iprt.scene.gather import Float
 from iprt.scene.lost_light import Tie
 from iprt.scene.openings import components, solid_angles
 
-NEARLY, FULLY = 0.95, 0.99
+NEARLY, FULLY = 0.95, 0.98
 """Of the white level: where a channel begins to count as clipped, and where it wholly does. Codecs
 leave no clipped texel exactly at white."""
 GROUP_ROWS = 128

@@ -145,6 +145,18 @@ def test_behind_a_window_the_sky_is_brighter_than_the_ground() -> None:
     np.testing.assert_allclose(whole, 1.0, atol=0.2)
 
 
+def test_the_rim_of_a_lamp_is_not_painted() -> None:
+    """Where one channel is clipped and others are not, that one has lost little."""
+    frame = lamp_room("grey", lamp(20.0))
+    seen, lit = clip(frame), bright(frame)
+    rim = lit & ~np.roll(lit, 1, axis=1)
+    seen.color[rim] = (0.7, 0.8, 1.0)
+    found = ClippedLights(1.0)(seen)
+    assert found.light is not None
+    np.testing.assert_array_equal(found.light[rim], seen.color[rim])
+    assert found.light[lit & ~rim].min() > 10.0
+
+
 def test_eight_bits_do() -> None:
     frame = lamp_room("coloured", lamp(20.0))
     found = ClippedLights(1.0)(replace(frame, color=decode_srgb(srgb(frame.color))))
@@ -221,7 +233,7 @@ def test_nothing_clipped_changes_nothing() -> None:
     frame = lamp_room("grey", lamp(20.0))
     assert ClippedLights(float("inf"))(frame) is frame
     assert ClippedLights(25.0)(frame) is frame
-    nearly = replace(frame, color=np.minimum(frame.color, np.float32(0.985)))
+    nearly = replace(frame, color=np.minimum(frame.color, np.float32(0.975)))
     assert ClippedLights(1.0)(nearly) is nearly
     assert Recovered.of(nearly, 1.0) is None
 
