@@ -35,7 +35,7 @@ from iprt.passes.world import World
 from iprt.pixels import RatioMap, RealPixels, Tick, VirtualPixels
 from iprt.requirements import Requirements
 from iprt.scene.camera import View
-from iprt.scene.cut import is_cut
+from iprt.scene.cut import SWITCHED, is_cut
 from iprt.scene.frame import Frame
 from iprt.scene.mesh import Instance, require_same_objects, same_places
 from iprt.scene.pose import camera_motion, seen_from, view_from
@@ -329,7 +329,7 @@ class Renderer:
         if needs.objects:
             changed = flux_change(self._frame.radiance, frame.radiance)
             cut = is_cut(self._frame, frame, changed)
-            self._cut = self._cut or cut
+            self._cut = self._cut or cut or changed > SWITCHED
             elsewhere = cut or not np.array_equal(motion, STILL)
             hidden = self.panorama.remember(forget=elsewhere or changed > OTHER_LIGHT)
             if self._lights is not None:

@@ -102,12 +102,16 @@ def compare(
     for name in asked or [None]:
         knobs.resolved(seed=seed, method=name)  # faults in flags are told first
     opened = Scene.open(scene, allow_outside=allow_outside)
+    moving = len(opened.frame_indices) > 1
+    variants = [
+        knobs.resolved(still=not moving, seed=seed, method=name) for name in asked or [None]
+    ]
     views = views_with_truth(opened, view)
     for path in (html, None if save is None else save / "x.png"):
         if path is not None:
             require_writable(path)
             opened.require_not_ours(path)
-    if len(opened.frame_indices) > 1:
+    if moving:
         if html is not None:
             raise IprtError(f"--html {html}: is for still pictures; --save shows frames of a video")
         chosen = combinations_of(knobs, seed, asked, video)
@@ -118,7 +122,6 @@ def compare(
         ssim = [scores.ssim for result in played for scores in result.scores.values()]
         return int(_any_below(ssim, fail_under_ssim) or video.missed(played))
     video.require_none(opened.name)
-    variants = [knobs.resolved(still=True, seed=seed, method=name) for name in asked or [None]]
     compute = ComputeDevice(choose_device(device))
     results = _compare_stills(
         opened, views, variants, compute, background, frames, save=save, html=html

@@ -22,6 +22,7 @@ from iprt.device.probe import probe
 
 Record = dict[str, Any]
 CORE = (
+    "av",
     "imageio",
     "jinja2",
     "moderngl",

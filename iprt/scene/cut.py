@@ -21,6 +21,8 @@ OTHER_DEPTH = 0.15
 """Relative difference of distances from which on a surface is another one."""
 OTHER_SURFACES = 0.35
 """Share of the sphere with other surfaces from which on it is another scene."""
+SWITCHED = 0.5
+"""Share of the flux from which on what was accumulated misleads, although the scene is the same."""
 OTHER_LIGHT, OTHER_DETAIL = 0.2, 0.3
 """Or: so much of the flux is elsewhere, and details correlate less than this."""
 

@@ -54,10 +54,11 @@ def test_a_tree_that_is_none_holds_no_ray_up(device: ComputeDevice) -> None:
     own = ComputeDevice(device.device, limit_s=20.0)
     tracer = BvhTracer(own, [instance_of(sphere(2))])
     root = int(tracer.scene.instances.reshape(-1, 7, 4)[0, 6].view(np.int32)[0])
-    nodes = own.read(tracer._bvh._nodes)
+    buffer = tracer._bvh._buffers["nodes"]
+    nodes = own.read(buffer)
     nodes[root, 0::2, 0], nodes[root, 1::2, 0] = -1e6, 1e6
     nodes[root, 0:6:2, 1:], nodes[root, 1:6:2, 1:] = 1e6, -1e6
     nodes[root, 6].view(np.int32)[:] = root
-    own.write(tracer._bvh._nodes, nodes)
+    own.write(buffer, nodes)
     met = tracer(np.zeros((3, 3)), np.eye(3))
     assert not np.isfinite(met.t).any()

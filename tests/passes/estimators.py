@@ -17,6 +17,7 @@ import pyopencl.array as cla
 from scipy.stats import norm, t
 
 from iprt.device.compute import ComputeDevice
+from iprt.passes.camera_motion import STILL
 from iprt.passes.guide import Guide
 from iprt.passes.irradiance import IrradianceCache
 from iprt.passes.mask import Mask, MaskSettings
@@ -109,7 +110,8 @@ class Kernels:
         renderer = self.renderer
         assert renderer.real_pixels is not None
         cache = IrradianceCache(self.device, self._requirements(seed, rays))
-        cache.place(renderer.world, 0.0)
+        frame = renderer._frame
+        cache.place(renderer.world, frame, frame, STILL, changed=0.0, cut=False)
         cache.run(
             renderer.world, renderer.real_guide, renderer.real_pixels.mask, self.view, least=0.0
         )
