@@ -62,7 +62,7 @@ __kernel void remember(
 
     // Of infinities no differences are taken.
     const int uncovered = forget || now > around + margin;
-    const int alike = isfinite(around) && now >= around - margin
+    const int alike = !forget && isfinite(around) && now >= around - margin
         && dot(n, vload3(texel, kept_normal)) > SAME_NORMAL;
     const int windows = !forget && marks[texel] & kept_marks[texel] & SURFACE_OPENING;
     if (!uncovered && !(now >= before || alike || windows)) {

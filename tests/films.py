@@ -47,6 +47,8 @@ FEW: dict[str, Any] = {
     "atrous": {"levels": 2},
     "gloss": {"rays": 2},
 }
+SEEN_ONLY: dict[str, Any] = {"trace": {"relight_reflections": False}}
+"""Without the map of what objects do off screen, which takes longer than these pictures themselves."""
 ALL_LEVELS: dict[str, Any] = {"atrous": {"levels": 5}}
 """Taps of the last level reach the edge of the border around the planes."""
 
@@ -73,7 +75,10 @@ def films(**settings: Any) -> dict[str, Film]:
             room,
             (clay, mirror),
             LOOK,
-            {"trace": {"estimator": "ratio"}, "temporal": {"history": "iprt"}},
+            {
+                "trace": {"estimator": "ratio", "relight_reflections": False},
+                "temporal": {"history": "iprt"},
+            },
         ),
         "around": (_drifting(glossy), (clay, brass), AROUND, {}),
         "layers around": (
@@ -82,9 +87,9 @@ def films(**settings: Any) -> dict[str, Film]:
             AROUND,
             {"trace": {"estimator": "ratio", "objects": "raster"}},
         ),
-        "gloss": (glossy, (clay,), LOOK, {}),
+        "gloss": (glossy, (clay,), LOOK, SEEN_ONLY),
         "walk": (_carried(room), (clay, brass), LOOK, {}),
-        "remembered": (_glossy(_passing(30, 15)), (clay,), LOOK, {}),
+        "remembered": (_glossy(_passing(30, 15)), (clay,), LOOK, SEEN_ONLY),
         "environment": (room, _objects(), LOOK, {"method": "ibl"}),
         "nothing": (room, (), LOOK, {}),
     }

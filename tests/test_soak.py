@@ -28,7 +28,7 @@ from tests.whole_frame import METHODS, chosen
 
 pytestmark = pytest.mark.gl
 
-FRAMES, AGAIN = 1_200, 300
+FRAMES, AGAIN = 600, 150
 """Frames of the tests' film, and of those that are played a second time."""
 WARM_UP = 200
 """Frames until the interpreter, the driver and FFmpeg have the memory that they keep."""

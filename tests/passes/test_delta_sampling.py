@@ -46,13 +46,19 @@ def shares(
         yield ComputeDevice(choose_device("pocl"))
 
 
+@pytest.fixture(scope="module")
+def mixed(device: ComputeDevice) -> NDArray[np.float64]:
+    """What the kernels find as they are; see `absolute`."""
+    return absolute(device, room_frame(ROOM, 128, 64, ceiling_lamp), SCENES["ball"][1], 6, rays=8)
+
+
 @pytest.mark.parametrize(
     ("box", "light"),
     [("0.0f", "0.0f"), ("0.9f", "0.0f"), ("0.02f", "0.9f")],
     ids=["cosine", "boxes", "lights"],
 )
 def test_each_way_to_choose_directions_finds_the_same(
-    device: ComputeDevice,
+    mixed: NDArray[np.float64],
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     box: str,
@@ -60,7 +66,6 @@ def test_each_way_to_choose_directions_finds_the_same(
 ) -> None:
     frame = room_frame(ROOM, 128, 64, ceiling_lamp)
     objects = SCENES["ball"][1]
-    mixed = absolute(device, frame, objects, 6, rays=8)
     with shares(tmp_path, monkeypatch, box, light) as other:
         alone = absolute(other, frame, objects, 6, rays=8)
     for part in (0, 1):
