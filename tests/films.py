@@ -48,7 +48,7 @@ FEW: dict[str, Any] = {
     "gloss": {"rays": 2},
 }
 SEEN_ONLY: dict[str, Any] = {"trace": {"relight_reflections": False}}
-"""Without the map of what objects do off screen, which takes longer than these pictures themselves."""
+"""Without the map of what objects do off screen, which takes longer than these pictures."""
 ALL_LEVELS: dict[str, Any] = {"atrous": {"levels": 5}}
 """Taps of the last level reach the edge of the border around the planes."""
 
