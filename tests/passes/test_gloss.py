@@ -18,6 +18,7 @@ from iprt.scene.material import Material
 from iprt.scene.mesh import Instance
 from iprt.settings import Settings
 from tests.oracles.worlds import Sphere, World
+from tests.passes.test_highlight import partly_seen_floor
 from tests.worlds import Float, ball, bright_walls, room_frame, sphere_frame
 
 ROOM = World()
@@ -185,6 +186,20 @@ def test_a_coat_reflects_a_bright_object_and_hides_a_bright_wall(device: Compute
     silver = Material("conductor", (1.0, 1.0, 1.0), alpha=0.0)
     light = render(device, frame, [ball(BALL.centre, BALL.radius, silver)], frames=8)
     assert light.aovs["gloss"].mean() > change.mean()
+
+
+def test_what_was_not_seen_cannot_be_hidden(device: ComputeDevice) -> None:
+    """A black ball hides what a floor mirrors, but not where the camera saw no mirror image."""
+    black = [ball(BALL.centre, BALL.radius, BLACK)]
+
+    def hidden(unseen: NDArray[np.int64]) -> float:
+        picture = render(device, partly_seen_floor(unseen)[0], black, frames=4)
+        return float(-picture.aovs["gloss"][picture.aovs["coverage"] == 0.0].min())
+
+    ahead = np.arange(104, 152)
+    behind = hidden((ahead + 128) % 256)
+    assert behind > 1.0
+    assert hidden(ahead) < 0.6 * behind
 
 
 def test_without_influence_pixels_keep_their_bits(device: ComputeDevice) -> None:

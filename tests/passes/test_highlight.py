@@ -146,6 +146,19 @@ def test_few_rays_are_filtered_to_what_many_find(device: ComputeDevice) -> None:
     assert np.sqrt((error**2).mean()) < 0.12
 
 
+def test_each_place_is_held_to_the_highlight_that_was_seen_there(device: ComputeDevice) -> None:
+    """In a fifth of the azimuths the camera saw none, although the walls there are as bright."""
+    unseen = np.arange(104, 152)
+    frame, wanted = partly_seen_floor(unseen)
+    found = split(device, frame, rays=1).highlight.mean(-1)
+    slant = (frame.gloss == 1) & (np.abs(cosines(frame) - 0.6) < 0.1)
+    columns = np.arange(frame.width)
+    middle = np.abs(columns - unseen.mean()) < 4
+    far = np.abs(columns - unseen.mean()) > unseen.size
+    assert np.median(found[slant & middle] / wanted[slant & middle]) < 0.4
+    assert 0.7 < np.median(found[slant & far] / wanted[slant & far]) < 1.05
+
+
 def test_a_conductor_reflects_all_that_is_seen(device: ComputeDevice) -> None:
     frame = glossy(room_frame(ROOM, WIDTH, HEIGHT, bright_walls), Material("conductor"))
     found = split(device, frame, rays=1)
@@ -174,6 +187,18 @@ def mirrored_room(material: Material) -> Frame:
     floor = (frame.gloss == 1)[..., None]
     color = np.where(floor, 0.5 + mirror_image(frame), frame.color)
     return replace(frame, color=color.astype(np.float32))
+
+
+def partly_seen_floor(unseen: NDArray[np.int64]) -> tuple[Frame, Float]:
+    """Among very bright walls a floor that mirrors them, but not in these columns of its picture;
+    and what a smooth coat would reflect, (H, W).
+    """
+    frame = glossy(room_frame(ROOM, 256, 128, bright_walls), SMOOTH)
+    floor = (frame.gloss == 1)[..., None]
+    shine = 30.0 * mirror_image(frame)
+    color = np.where(floor, 3.0 + shine, 30.0 * frame.color)
+    color[:, unseen] = np.where(floor[:, unseen], 3.0, color[:, unseen])
+    return replace(frame, color=color.astype(np.float32)), shine.mean(-1)
 
 
 def mirror_image(frame: Frame) -> Float:
