@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from iprt.bvh.scene import SceneBuilder, scene_sizes, shapes_of
 from iprt.device.compute import ComputeDevice
 from iprt.scene.material import Material
 from iprt.scene.mesh import Instance, Mesh
@@ -223,3 +224,10 @@ def test_a_shared_tree_becomes_two(device: ComputeDevice) -> None:
     met = tracer(o, d)
     np.testing.assert_array_equal(met.instance, [0, 1])
     np.testing.assert_allclose(met.t, [5.0 - np.sqrt(1.0 - 0.01), 5.0], atol=0.02)
+
+
+def test_buffers_are_planned_large_enough() -> None:
+    instances = [instance_of(sphere(2)), instance_of(sphere(1))]
+    planned, built = scene_sizes(shapes_of(instances)), SceneBuilder().build(instances)
+    for name in ("nodes", "packets", "instances"):
+        assert getattr(planned, name) >= len(getattr(built, name))

@@ -43,6 +43,10 @@ GUARDED = {
 
 # Why no test tells a mutant from the program, by its label.
 EQUIVALENT: dict[str, str] = {
+    "iprt/passes/lights.py: return np.zeros(rows * columns), cells[:0], np.zeros(1) -> "
+    "return np.zeros(rows * columns), cells[:1], np.zeros(1)": (
+        "Without light there are no cells: both are empty."
+    ),
     "iprt/scene/normals.py: return 0.0 -> return 0.1": (
         "The noise of panoramas of fewer than three rows, or without surfaces: nothing is fitted."
     ),
