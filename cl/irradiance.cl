@@ -11,7 +11,7 @@
 //   want_cells     pixels that are traced (list, count, guide,  wanted: 1 at the cells around them,
 //                  touched), objects' boxes                     2 where objects have influence
 //   list_cells     wanted, mean                                 cells to refine; wanted cleared
-//   refine_cells   cells, world (lib/path.h)                    mean: rgb / pi, w samples
+//   refine_cells   cells, world (lib/world.h)                    mean: rgb / pi, w samples
 //   smooth_cells   cells, mean                                  smooth: joint filter of mean, ever
 //                                                               narrower as samples come in
 //   show_cells     guide, smooth                                3 planes: rgb / pi at the pixels

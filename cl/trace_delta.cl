@@ -4,7 +4,7 @@
 //
 // in   list, count    pixels to trace (y * width + x) and how many
 //      guide          7 planes (lib/guide.h): world normal, position, id
-//      world          lib/path.h
+//      world          lib/world.h
 //      cache          lib/irradiance.h
 // out  signal         6 planes: blocked / E_R rgb, bounce / E_R rgb
 //      samples        1 plane: rays that the pixel has sent since the start, in and out

@@ -4,7 +4,7 @@
 //
 // in   list, count    pixels to trace (y * width + x) and how many
 //      guide          7 planes (lib/guide.h): world normal, position, id
-//      real, objects  lib/path.h
+//      real, objects  lib/world.h
 // out  signal         6 planes: E_R rgb, E_RV rgb; irradiance / pi
 //      touched        1 plane: TOUCHED_FRAMES where a ray met an object
 //      samples        1 plane: rays that the pixel has sent since the start, in and out

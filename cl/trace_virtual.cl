@@ -5,7 +5,7 @@
 //      guide          7 planes (lib/guide.h): world normal towards the viewer, position, id
 //      albedo         3 planes
 //      history        1 plane: frames that the pixel's temporal mean was worth in the last picture
-//      real, objects  lib/path.h
+//      real, objects  lib/world.h
 // out  diffuse        3 planes (-D HAS_DIFFUSE): irradiance / pi
 //      specular       3 planes (-D HAS_SPECULAR): radiance
 //      hit            1 plane (-D HAS_SPECULAR): metres to what is reflected, the harmonic mean over

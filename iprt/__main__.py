@@ -1,8 +1,6 @@
 """`python -m iprt`: the same as the command `iprt`."""
 
-import sys
-
-from iprt.cli import main
+from iprt.cli import command
 
 if __name__ == "__main__":
-    sys.exit(main())
+    command()

@@ -14,6 +14,7 @@ import sys
 import traceback
 from collections.abc import Callable, Sequence
 from importlib import import_module
+from typing import NoReturn
 
 from tyro.extras import SubcommandApp
 
@@ -46,6 +47,25 @@ GROUPS = {"scene": "Look at, check and write scenes."}
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one verb and return the exit code. Errors of the user are one line on stderr."""
+    return _run(arguments)[0]
+
+
+def command(arguments: Sequence[str] | None = None) -> NoReturn:
+    """The process: runs one verb and ends.
+
+    Not by the drivers' own endings, if kernels may be running: these wait for one that hangs, and
+    take away what a thread needs that still compiles one (PoCL's crash then).
+    """
+    code, abrupt = _run(arguments)
+    if not abrupt:
+        sys.exit(code)
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(code)
+
+
+def _run(arguments: Sequence[str] | None) -> tuple[int, bool]:
+    """The exit code, and whether the device may still be busy."""
     words = list(sys.argv[1:] if arguments is None else arguments)
     debug = "--debug" in words
     words = [word for word in words if word != "--debug"]
@@ -57,43 +77,34 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 prog="iprt", description=DESCRIPTION, args=words, config=CONFIG
             )
         sys.stdout.flush()
-        return code or 0
+        return code or 0, False
     except IprtError as error:
         if debug:
             traceback.print_exc()
         print(f"iprt: error: {_told(error, str(error))}", file=sys.stderr)
-        if isinstance(error, DeviceHangError):
-            _leave(error.exit_code)
-        return error.exit_code
+        return error.exit_code, isinstance(error, DeviceHangError)
     except MemoryError:
         print("iprt: error: out of memory; lower --size or use a smaller panorama", file=sys.stderr)
-        return IprtError.exit_code
+        return IprtError.exit_code, False
     except KeyboardInterrupt as interrupt:
         print(f"iprt: {_told(interrupt, 'interrupted')}", file=sys.stderr)
-        return INTERRUPTED
+        return INTERRUPTED, True
     except Ended as ended:
         print(f"iprt: {_told(ended, f'ended by {ended.signal.name}')}", file=sys.stderr)
-        return 128 + ended.signal
+        return 128 + ended.signal, True
     except BrokenPipeError:
         # The reader of stdout has left; Python would complain once more while it shuts down.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
+        return 0, False
     except Exception:
         traceback.print_exc()
         print("iprt: this is a defect in iprt; please report the lines above", file=sys.stderr)
-        return DEFECT
+        return DEFECT, False
 
 
 def _told(error: BaseException, message: str) -> str:
     """The message and the notes that were added on the way up."""
     return "; ".join([message, *getattr(error, "__notes__", ())])
-
-
-def _leave(code: int) -> None:
-    """End the process without the drivers' own endings, which may wait for a kernel that hangs."""
-    sys.stdout.flush()
-    sys.stderr.flush()
-    os._exit(code)
 
 
 def application(arguments: Sequence[str]) -> SubcommandApp:

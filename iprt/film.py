@@ -12,6 +12,7 @@ from iprt.errors import DeviceError
 from iprt.memory import RenderPlan, require_memory
 from iprt.renderer import RenderedFrame, Renderer
 from iprt.scene.camera import View
+from iprt.scene.footage import Footage
 from iprt.scene.frame import Frame
 from iprt.scene.mesh import Instance
 from iprt.scene.scene import Scene, SceneView
@@ -63,9 +64,6 @@ class Film:
         self._view = view
         self._objects = view.objects if objects is None and isinstance(view, SceneView) else objects
         self._renderer: Renderer | None = None
-        self._drifts = False
-        self._static_camera = False
-        self._clips = False
 
     def close(self) -> None:
         """Release what the last run of frames held."""
@@ -128,12 +126,11 @@ class Film:
         remembered = memory_indices(before, first) if self.scene.source.static_camera else []
         chosen = [*remembered, *before, *indices]
         unseen = len(remembered) + len(before)
-        self._drifts = self.settings.drift and len(set(chosen)) > 1
-        self._static_camera = self.scene.source.static_camera and len(set(chosen)) > 1
-        self._clips = self.scene.clips and len(set(chosen)) > 1
-        with self.scene.stream(chosen, strict=self.strict, drift=self._drifts) as frames:
+        several = len(set(chosen)) > 1
+        drift = self.settings.drift and several
+        with self.scene.stream(chosen, strict=self.strict, drift=drift) as frames:
             for number, (index, frame) in enumerate(zip(chosen, frames, strict=True)):
-                renderer = self._showing(frame, index)
+                renderer = self._showing(frame, index, several=several)
                 del frame
                 if number < len(remembered):
                     continue
@@ -144,8 +141,8 @@ class Film:
                     yield index, picture
                 del picture
 
-    def _showing(self, frame: Frame, index: int) -> Renderer:
-        """The renderer, gone on to a frame of the video."""
+    def _showing(self, frame: Frame, index: int, *, several: bool) -> Renderer:
+        """The renderer, gone on to a frame of the video, of which there may be `several`."""
         view = self.view_at(index)
         instances = self.scene.instances_at(self.scene.time_of(index), self._objects)
         renderer = self._renderer
@@ -154,11 +151,10 @@ class Film:
             renderer.move(instances)
             renderer.look(view)
             return renderer
+        footage = _footage(self.scene, frame, self.settings) if several else None
         given = (self.device, frame, instances, view, self.settings)
-        clips, drifts, stays = self._clips, self._drifts, self._static_camera
-        require_memory(*given, own_radiance=clips, drifts=drifts, static_camera=stays)
-        renderer = Renderer(*given, own_radiance=clips, drifts=drifts, static_camera=stays)
-        self._renderer = renderer
+        require_memory(*given, footage)
+        self._renderer = renderer = Renderer(*given, footage=footage)
         if not self.prepare_ms:
             self.device.finish()
             self.prepare_ms = sum(entry.ms for entry in self.device.profile.passes())
@@ -172,12 +168,17 @@ class Film:
 
 def film_plan(scene: Scene, frame: Frame, instances: Iterable[Instance], view: View) -> RenderPlan:
     """What a film of all of the scene's frames builds, of which `frame` is one."""
-    return RenderPlan.of(
+    settings = Settings()
+    footage = _footage(scene, frame, settings) if len(scene.frame_indices) > 1 else None
+    return RenderPlan.of(frame, instances, view, settings, footage)
+
+
+def _footage(scene: Scene, frame: Frame, settings: Settings) -> Footage:
+    """What the frames of a scene's video may have, of which `frame` is one."""
+    return Footage.of(
         frame,
-        instances,
-        view,
         own_radiance=scene.clips,
-        drifts=len(scene.frame_indices) > 1,
+        drifts=settings.drift,
         static_camera=scene.source.static_camera,
     )
 

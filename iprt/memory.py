@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from iprt.device.compute import ComputeDevice
     from iprt.requirements import Requirements
     from iprt.scene.camera import View
+    from iprt.scene.footage import Footage
     from iprt.scene.frame import Frame
     from iprt.scene.mesh import Instance
     from iprt.settings import Settings
@@ -55,26 +56,14 @@ class RenderPlan:
         instances: Iterable[Instance],
         view: View,
         settings: Settings | None = None,
-        *,
-        own_radiance: bool = False,
-        drifts: bool = False,
-        static_camera: bool = False,
+        footage: Footage | None = None,
     ) -> RenderPlan:
         """By the renderer's own code, on a device that allocates nothing; see `Renderer`."""
         from iprt.device.plan import PlanDevice
         from iprt.renderer import Renderer
 
         device = PlanDevice()
-        renderer = Renderer(
-            device,
-            frame,
-            instances,
-            view,
-            settings,
-            own_radiance=own_radiance,
-            drifts=drifts,
-            static_camera=static_camera,
-        )
+        renderer = Renderer(device, frame, instances, view, settings, footage=footage)
         return cls(view, renderer.requirements, device.buffers)
 
     @property
@@ -113,10 +102,7 @@ def require_memory(
     instances: Iterable[Instance],
     view: View,
     settings: Settings,
-    *,
-    own_radiance: bool = False,
-    drifts: bool = False,
-    static_camera: bool = False,
+    footage: Footage | None = None,
 ) -> None:
     """Refuse a picture whose buffers do not fit into the device's memory.
 
@@ -127,15 +113,7 @@ def require_memory(
     ------
     DeviceError
     """
-    plan = RenderPlan.of(
-        frame,
-        instances,
-        view,
-        settings,
-        own_radiance=own_radiance,
-        drifts=drifts,
-        static_camera=static_camera,
-    )
+    plan = RenderPlan.of(frame, instances, view, settings, footage)
     problem = plan.problem(device.name, device.memory, device.largest_buffer)
     if problem is not None:
         raise DeviceError(problem)

@@ -36,6 +36,7 @@ from iprt.pixels import RatioMap, RealPixels, Tick, VirtualPixels
 from iprt.requirements import Requirements
 from iprt.scene.camera import View
 from iprt.scene.cut import SWITCHED, is_cut
+from iprt.scene.footage import Footage
 from iprt.scene.frame import Frame
 from iprt.scene.mesh import Instance, require_same_objects, same_places
 from iprt.scene.pose import camera_motion, seen_from, view_from
@@ -73,14 +74,8 @@ class Renderer:
     settings : Settings
     background : (H, W, 3) float32 or None
         Linear radiance to composite over in place of the resampled panorama.
-    own_radiance : bool
-        Frames that are loaded later may have a radiance that is not their colour (`Frame.radiance`)
-        though `frame` has not.
-    drifts : bool
-        They may have a `color_map`.
-    static_camera : bool
-        Other frames will be loaded that are seen from the same place, so that what moving things
-        hide can be remembered.
+    footage : Footage or None
+        What frames have that are loaded later. None: what `frame` has.
 
     Raises
     ------
@@ -97,9 +92,7 @@ class Renderer:
         settings: Settings | None = None,
         *,
         background: NDArray[np.float32] | None = None,
-        own_radiance: bool = False,
-        drifts: bool = False,
-        static_camera: bool = False,
+        footage: Footage | None = None,
     ) -> None:
         self.settings = settings or Settings()
         self.device = device = checked(device) if self.settings.check_kernels else device
@@ -111,13 +104,8 @@ class Renderer:
             materials,
             view,
             self.settings,
-            openings=bool(frame.opening.any()),
+            footage or Footage.of(frame),
             deforming=any(instance.mesh.deforms for instance in self.instances),
-            real_materials=frame.real_materials,
-            own_radiance=own_radiance or frame.own_radiance,
-            poses=frame.pose is not None,
-            color_map=drifts or frame.color_map is not None,
-            static_camera=static_camera,
         )
         self._equirect = view.projection == "equirect"
         self._objects: Objects | None = None

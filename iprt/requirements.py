@@ -10,6 +10,7 @@ from iprt.passes.highlight_gain import CELL
 from iprt.passes.mask import TOUCHED_FRAMES
 from iprt.passes.object_bvh import bvh_defines
 from iprt.scene.camera import View
+from iprt.scene.footage import Footage
 from iprt.scene.material import Material, material_defines
 from iprt.scene.outside import OUTSIDE_ROWS
 from iprt.settings import Settings
@@ -72,20 +73,11 @@ class Requirements:
         materials: Iterable[Material],
         view: View,
         settings: Settings,
+        footage: Footage,
         *,
-        openings: bool,
         deforming: bool = False,
-        real_materials: tuple[Material, ...] = (),
-        own_radiance: bool = False,
-        color_map: bool = False,
-        poses: bool = False,
-        static_camera: bool = False,
     ) -> Requirements:
-        """`openings`: the video frame has windows; `real_materials`: its glossy surfaces;
-        `own_radiance`: frames may come whose radiance is not their colour; `color_map`: which have
-        one; `poses`: they have them; `deforming`: vertices of objects move; `static_camera`: other
-        frames follow that are seen from the same place.
-        """
+        """`materials`: those of the objects; `deforming`: their vertices move."""
         kinds = list(materials)
         tracing = bool(kinds) and settings.method == "iprt"
         return cls(
@@ -98,12 +90,14 @@ class Requirements:
             textured=any(m.texture is not None for m in kinds),
             deforming=deforming,
             equirect_view=view.projection == "equirect",
-            opening_environment=tracing and settings.trace.openings == "environment" and openings,
-            own_radiance=bool(kinds) and (own_radiance or color_map),
-            color_map=bool(kinds) and color_map,
-            background=tracing and settings.trace.background and static_camera,
-            real_materials=real_materials if tracing else (),
-            moving_camera=poses and bool(kinds),
+            opening_environment=tracing
+            and settings.trace.openings == "environment"
+            and footage.openings,
+            own_radiance=bool(kinds) and (footage.own_radiance or footage.drifts),
+            color_map=bool(kinds) and footage.drifts,
+            background=tracing and settings.trace.background and footage.static_camera,
+            real_materials=footage.real_materials if tracing else (),
+            moving_camera=bool(kinds) and footage.poses,
             settings=settings,
         )
 

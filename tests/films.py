@@ -20,6 +20,7 @@ from iprt.device.compute import ComputeDevice, Kernel
 from iprt.renderer import RenderedFrame, Renderer
 from iprt.resources import CL
 from iprt.scene.camera import View
+from iprt.scene.footage import Footage
 from iprt.scene.frame import Frame
 from iprt.scene.material import Material
 from iprt.scene.mesh import Instance
@@ -113,7 +114,7 @@ def play(device: ComputeDevice, film: Film) -> RenderedFrame:
         film.objects,
         film.view,
         film.settings,
-        static_camera=film.static_camera,
+        footage=Footage.of(film.video[0], static_camera=film.static_camera),
     ) as renderer:
         renderer.step()
         if film.view.projection == "perspective":

@@ -10,6 +10,7 @@ import pytest
 from iprt.device.compute import ComputeDevice
 from iprt.renderer import RenderedFrame, Renderer
 from iprt.scene.camera import View
+from iprt.scene.footage import Footage
 from iprt.scene.frame import Frame
 from iprt.scene.material import Material
 from iprt.settings import Settings
@@ -52,7 +53,12 @@ def last_of(
     device: ComputeDevice, video: list[Frame], *, static_camera: bool, steps: int = 1
 ) -> RenderedFrame:
     with Renderer(
-        device, video[0], [MIRROR], VIEW, SETTINGS, static_camera=static_camera
+        device,
+        video[0],
+        [MIRROR],
+        VIEW,
+        SETTINGS,
+        footage=Footage.of(video[0], static_camera=static_camera),
     ) as renderer:
         renderer.step()
         for frame in video[1:]:

@@ -178,7 +178,7 @@ def test_an_interrupted_render_leaves_no_picture(scene: Path, tmp_path: Path) ->
         f"    Path({str(started)!r}).touch(); return render(self, *args, **kwargs)\n"
         "renderer.Renderer.render = marked\n"
         f"words = ['render', {str(scene)!r}, '-o', {str(tmp_path / 'a.png')!r}]\n"
-        "sys.exit(cli.main([*words, '--accumulate', '1000000']))"
+        "cli.command([*words, '--accumulate', '1000000'])"
     )
     with subprocess.Popen(
         [sys.executable, "-c", code], cwd=ROOT, stderr=subprocess.PIPE, text=True

@@ -18,6 +18,7 @@ from iprt.scene.frame import Frame
 from iprt.scene.material import Material
 from iprt.scene.mesh import Instance, Mesh
 from tests.whole_frame import (
+    METHOD,
     METHODS,
     VIEW,
     chosen,
@@ -30,9 +31,9 @@ from tests.worlds import Float, ball
 
 pytestmark = pytest.mark.gl
 
-METHOD = pytest.mark.parametrize("method", METHODS, ids="-".join)
 WIDE = View(160, 80, projection="equirect")
 VIEWS = pytest.mark.parametrize("view", [VIEW, WIDE], ids=lambda view: view.projection)
+
 CHECKS = np.random.default_rng(0).random((8, 8, 3)).astype(np.float32)
 
 

@@ -31,13 +31,11 @@ from iprt.settings import Settings
 from tests.oracles.worlds import Box, World
 from tests.passes.estimators import furnace, kernels, lamps
 from tests.scene.files import box_room, write_channels, write_scene
+from tests.whole_frame import METHOD, METHODS
 from tests.worlds import Radiance, ball, bright_walls, ceiling_lamp, cuboid, room_frame
 
 pytestmark = pytest.mark.gl
 
-METHODS = [("delta", "bvh"), ("ratio", "raster")]
-"""`trace.estimator` and `trace.objects`: every value of both."""
-METHOD = pytest.mark.parametrize("method", METHODS, ids="-".join)
 ROOT = Path(__file__).resolve().parents[1]
 ROOM = World(solids=(Box((-0.8, -0.9, -1.7), (0.25, 0.5, 0.2)),))
 VARNISH = Material("plastic", (0.4, 0.3, 0.2), alpha=0.1)

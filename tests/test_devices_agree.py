@@ -13,7 +13,8 @@ from iprt.device.compute import ComputeDevice
 from iprt.errors import DeviceError
 from iprt.measure.metrics import display
 from iprt.scene.camera import View
-from tests.test_determinism import METHOD, walk
+from tests.test_determinism import walk
+from tests.whole_frame import METHOD
 
 pytestmark = [pytest.mark.gl, pytest.mark.slow]
 

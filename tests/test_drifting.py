@@ -15,6 +15,7 @@ from iprt.device.plan import PlanDevice
 from iprt.renderer import Renderer
 from iprt.scene.camera import View
 from iprt.scene.drift import Drift
+from iprt.scene.footage import Footage
 from iprt.scene.frame import Frame
 from iprt.scene.material import Material
 from iprt.scene.mesh import Instance
@@ -28,6 +29,7 @@ Picture = NDArray[np.float32]
 VIEW = View(48, 36, pitch_deg=-35.0)
 AROUND = View(64, 32, projection="equirect")
 FRAME = room_frame(ROOM, 64, 32, bright_walls)
+DRIFTING = Footage.of(FRAME, drifts=True)
 OBJECTS = [
     ball((0.0, -1.1, -1.7), 0.3, CLAY, subdivisions=2),
     ball((-0.45, -1.25, -1.3), 0.15, BRASS, subdivisions=2),
@@ -86,7 +88,7 @@ def test_a_mapped_frame_shows_the_reference_mapped_back(device: ComputeDevice, k
     frame, view, settings = KINDS[kind]
     steady = film(device, [replace(frame) for _ in range(4)], view, settings)
     frames = [frame, replace(frame), shown(frame, CAMERA), replace(frame)]
-    drifting = film(device, frames, view, settings, drifts=True)
+    drifting = film(device, frames, view, settings, footage=Footage.of(frame, drifts=True))
     for index in range(2):
         assert np.array_equal(steady[index], drifting[index])
     for index, camera in ((2, CAMERA), (3, np.eye(3))):
@@ -128,7 +130,7 @@ def test_exposure_ramps_and_the_object_follows(device: ComputeDevice) -> None:
     def unexposed(pictures: list[Picture]) -> list[Picture]:
         return [p / np.float32(gain) for p, gain in zip(pictures, GAINS, strict=True)]
 
-    found = unexposed(film(device, mapped, drifts=True))
+    found = unexposed(film(device, mapped, footage=DRIFTING))
     without = unexposed(film(device, exposed(GAINS)))
     for name, where in places.items():
         assert where.sum() > 30
@@ -150,7 +152,7 @@ def test_untouched_pixels_keep_the_bits_of_the_input(device: ComputeDevice) -> N
     """The sky, on which no object has influence."""
     world = landscape_frame(64, 32)
     frame = shown(world, CAMERA)
-    with Renderer(device, world, OBJECTS, AROUND, SETTINGS, drifts=True) as renderer:
+    with Renderer(device, world, OBJECTS, AROUND, SETTINGS, footage=DRIFTING) as renderer:
         renderer.render(2)
         renderer.load(frame)
         rendered = renderer.render(1, ["ratio", "coverage"])
@@ -165,7 +167,7 @@ def test_a_jump_of_the_exposure_is_no_cut(device: ComputeDevice) -> None:
     drift = Drift()
     frames = [drift(frame) for frame in exposed([1.0] * 12 + [0.25] * 2)]
     steady = film(device, exposed([1.0] * 14))
-    jumped = film(device, frames, drifts=True)
+    jumped = film(device, frames, footage=DRIFTING)
     assert rms(jumped[-1] * 4.0 - steady[-1]) < 0.005 * float(steady[-1].mean())
 
 
@@ -176,11 +178,11 @@ def planned(frame: Frame, objects: list[Instance], **others: Any) -> PlanDevice:
 
 
 def test_only_videos_that_may_drift_build_for_it() -> None:
-    still, drifting = planned(FRAME, OBJECTS), planned(FRAME, OBJECTS, drifts=True)
+    still, drifting = planned(FRAME, OBJECTS), planned(FRAME, OBJECTS, footage=DRIFTING)
     assert not [1 for _, _, used in still.kernels if "COLOR_MAP" in dict(used)]
     more = set(drifting.buffers) - set(still.buffers)
     assert more == {"color map", "real diffuse", "panorama.radiance"}
     mapped = [file for file, _, used in drifting.kernels if "COLOR_MAP" in dict(used)]
     assert sorted(mapped) == ["composite.cl", "diffuse_part.cl"]
     assert planned(shown(FRAME, CAMERA), OBJECTS).buffers == drifting.buffers
-    assert planned(FRAME, [], drifts=True).buffers == planned(FRAME, []).buffers
+    assert planned(FRAME, [], footage=DRIFTING).buffers == planned(FRAME, []).buffers

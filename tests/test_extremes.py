@@ -20,6 +20,7 @@ from iprt.scene.mesh import Instance, Mesh
 from iprt.scene.video.source import RawFrame
 from tests.whole_frame import (
     CLAY,
+    METHOD,
     METHODS,
     PANORAMA,
     ROOM,
@@ -47,7 +48,6 @@ from tests.worlds import (
 
 pytestmark = pytest.mark.gl
 
-METHOD = pytest.mark.parametrize("method", METHODS, ids="-".join)
 SMALL = VIEW.resized(32, 24)
 
 # Light ----------------------------------------------------------------------------------------

@@ -17,6 +17,7 @@ from iprt.scene.mesh import Instance
 from tests.oracles.worlds import World
 from tests.whole_frame import (
     CLAY,
+    METHOD,
     METHODS,
     PANORAMA,
     ROOM,
@@ -43,7 +44,6 @@ from tests.worlds import (
 
 pytestmark = pytest.mark.gl
 
-METHOD = pytest.mark.parametrize("method", METHODS, ids="-".join)
 LAYERS = ("coverage", "depth", "normal", "background")
 Scene = tuple[Frame, Sequence[Instance], View]
 

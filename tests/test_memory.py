@@ -15,6 +15,7 @@ from iprt.device.compute import ComputeDevice
 from iprt.memory import PICTURE, REMEDIES, RenderPlan, remedy, what_to_lower
 from iprt.renderer import Renderer
 from iprt.scene.camera import View
+from iprt.scene.footage import Footage
 from iprt.scene.frame import Frame
 from iprt.scene.material import Material
 from iprt.scene.mesh import Instance
@@ -70,7 +71,8 @@ def test_what_is_planned_is_what_the_driver_is_asked_for(
     """Counted at pyopencl, so that a buffer which somebody makes beside the accounts is seen."""
     view = VIEW if projection == "rectilinear" else View(96, 48, projection="equirect")
     chosen = Settings.model_validate(settings)
-    plan = RenderPlan.of(frame, objects(), view, chosen, static_camera=True)
+    stays = Footage.of(frame, static_camera=True)
+    plan = RenderPlan.of(frame, objects(), view, chosen, stays)
     asked: list[int] = []
 
     class Counted(cl.Buffer):  # type: ignore[misc]
@@ -80,7 +82,7 @@ def test_what_is_planned_is_what_the_driver_is_asked_for(
 
     monkeypatch.setattr(cl, "Buffer", Counted)
     own = Idle(device.device)
-    with Renderer(own, frame, objects(), view, chosen, static_camera=True) as renderer:
+    with Renderer(own, frame, objects(), view, chosen, footage=stays) as renderer:
         renderer.render(1)
         renderer.load(frame)
     assert sum(asked) == pytest.approx(plan.bytes, rel=0.02)

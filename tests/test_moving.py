@@ -21,6 +21,7 @@ from iprt.scene.material import Material
 from iprt.scene.mesh import Instance
 from tests.whole_frame import (
     CLAY,
+    METHOD,
     METHODS,
     VIEW,
     blocks,
@@ -34,7 +35,6 @@ from tests.worlds import Float, ball
 
 pytestmark = pytest.mark.gl
 
-METHOD = pytest.mark.parametrize("method", METHODS, ids="-".join)
 WIDE = View(160, 80, projection="equirect")
 VIEWS = pytest.mark.parametrize("view", [VIEW, WIDE], ids=lambda view: view.projection)
 

@@ -18,7 +18,7 @@ from iprt.scene.mesh import Instance
 from iprt.scene.pose import view_from
 from iprt.settings import Settings
 from tests.oracles.worlds import Box, World
-from tests.whole_frame import BRASS, CLAY, METHODS, SATIN, chosen, rms
+from tests.whole_frame import BRASS, CLAY, METHOD, METHODS, SATIN, chosen, rms
 from tests.worlds import Float, ball, bright_walls, cuboid, filmed, pose_at, room_frame, turned
 
 pytestmark = pytest.mark.gl
@@ -27,7 +27,6 @@ ROOM = World(solids=(Box((-0.8, -0.9, -1.7), (0.25, 0.5, 0.2)),))
 VIEW = View(64, 48, yaw_deg=5.0, pitch_deg=-35.0)
 WHOLE = View(96, 48, projection="equirect")
 AOVS = ("ratio", "coverage", "background", "normal", "diffuse", "specular")
-METHOD = pytest.mark.parametrize("method", METHODS, ids="-".join)
 
 
 def objects() -> list[Instance]:

@@ -15,6 +15,7 @@ from iprt.device.plan import PlanDevice
 from iprt.memory import RenderPlan
 from iprt.renderer import Renderer
 from iprt.scene.camera import View
+from iprt.scene.footage import Footage
 from iprt.scene.frame import Frame
 from iprt.scene.material import Material
 from iprt.scene.mesh import Instance
@@ -94,7 +95,7 @@ def test_a_buffer_of_its_own_changes_no_bit(device: ComputeDevice, kind: dict[st
     frame = lit(**kind)
     plain = pictures(device, frame, LOOK)
     for others in (
-        pictures(device, frame, LOOK, own_radiance=True),
+        pictures(device, frame, LOOK, footage=Footage.of(frame, own_radiance=True)),
         pictures(device, replace(frame, light=frame.color), LOOK),
     ):
         for a, b in zip(plain, others, strict=True):
@@ -135,8 +136,7 @@ def test_only_frames_that_need_it_get_the_buffer(gloss: bool) -> None:
     plain, needed = planned(frame, [BALL]), planned(clipped(frame), [BALL])
     assert needed.kernels == plain.kernels
     assert needed.buffers == {**plain.buffers, "panorama.radiance": 64 * 32 * 16}
-    assert planned(frame, [BALL], own_radiance=True).buffers == needed.buffers
-    assert RenderPlan.of(frame, [BALL], LOOK, SETTINGS, own_radiance=True).bytes == sum(
-        needed.buffers.values()
-    )
+    clips = Footage.of(frame, own_radiance=True)
+    assert planned(frame, [BALL], footage=clips).buffers == needed.buffers
+    assert RenderPlan.of(frame, [BALL], LOOK, SETTINGS, clips).bytes == sum(needed.buffers.values())
     assert planned(clipped(frame), []).buffers == planned(frame, []).buffers

@@ -12,6 +12,7 @@ from iprt.device.plan import PlanDevice, PlannedBuffer
 from iprt.renderer import Renderer
 from iprt.requirements import Requirements
 from iprt.scene.camera import View
+from iprt.scene.footage import Footage
 from iprt.scene.material import Material
 from iprt.settings import Settings
 from tests.worlds import ball, sphere_frame
@@ -194,7 +195,9 @@ def test_what_moves_is_remembered_where_the_camera_stays() -> None:
     def built(*materials: Material, settings: Settings | None = None, stays: bool) -> PlanDevice:
         balls = [ball((0.0, 0.0, -1.5), 0.3, m, subdivisions=1) for m in materials]
         device = PlanDevice()
-        Renderer(device, FRAME, balls, VIEW, settings, static_camera=stays)
+        Renderer(
+            device, FRAME, balls, VIEW, settings, footage=Footage.of(FRAME, static_camera=stays)
+        )
         return device
 
     def remembers(device: PlanDevice) -> set[bool]:
@@ -236,8 +239,10 @@ def test_a_plan_tells_the_memory(view: View) -> None:
 
 
 def test_described_parts_are_those_that_are_built() -> None:
-    described = Requirements.of([DIFFUSE], VIEW, Settings(), openings=False).describe()
+    described = Requirements.of([DIFFUSE], VIEW, Settings(), Footage()).describe()
     assert described["diffuse reflection"]
     assert not described["glossy reflection"]
     assert not described["mirror reflection"]
-    assert not any(Requirements.of([], VIEW, Settings(), openings=True).describe().values())
+    assert not any(
+        Requirements.of([], VIEW, Settings(), Footage(openings=True)).describe().values()
+    )

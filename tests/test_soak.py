@@ -6,6 +6,7 @@ play as many as there is time for.
 
 from __future__ import annotations
 
+import ctypes
 import gc
 import hashlib
 import sys
@@ -17,6 +18,7 @@ from typing import Any
 import numpy as np
 import pyopencl.array as cla
 import pytest
+from scipy.stats import theilslopes
 
 from iprt.device.choose import choose_device
 from iprt.device.compute import ComputeDevice, Kernel
@@ -34,8 +36,8 @@ WARM_UP = 200
 """Frames until the interpreter, the driver and FFmpeg have the memory that they keep."""
 EVERY = 20
 """Frames from one look at the memory to the next."""
-SLOPE = 2_000.0
-"""Bytes per frame by which memory may seem to grow: a picture of 128x64 pixels has 98,304."""
+SLOPE = 100.0
+"""Bytes per frame by which memory in use may seem to grow: hardly an object that is forgotten."""
 SETTINGS: dict[str, Any] = {"trace": {"object_rays": 1}, "atrous": {"levels": 3}}
 """Few rays: it is not the accuracy that lasts or does not."""
 
@@ -62,21 +64,48 @@ class Run:
     ----------
     digests : list of str
         Of all pictures so far.
+    used : list of int
+        Bytes that are allocated and not freed, buffers of PoCL's devices among them.
     memory : list of int
-        Bytes that the process holds.
+        Bytes that the process holds: with what the allocator keeps, and so in large steps.
     made : list of int
         Buffers and kernels made so far.
     """
 
     digests: list[str] = field(default_factory=list)
+    used: list[int] = field(default_factory=list)
     memory: list[int] = field(default_factory=list)
     made: list[int] = field(default_factory=list)
 
     @property
     def slope(self) -> float:
-        """Bytes per frame by which memory grew after the warm-up, by least squares."""
-        after = self.memory[WARM_UP // EVERY :]
-        return float(np.polyfit(EVERY * np.arange(len(after)), after, 1)[0])
+        """Bytes per frame by which use grew after the warm-up: the median of all pairs' slopes,
+        because the thread that decodes ahead has a frame more or less at hand."""
+        after = self.used[WARM_UP // EVERY :]
+        return float(theilslopes(after, EVERY * np.arange(len(after))).slope)
+
+
+class Mallinfo(ctypes.Structure):
+    """What glibc tells of its allocator (`man mallinfo2`)."""
+
+    _fields_ = tuple(
+        (name, ctypes.c_size_t)
+        for name in (
+            *("arena", "ordblks", "smblks", "hblks", "hblkhd"),
+            *("usmblks", "fsmblks", "uordblks", "fordblks", "keepcost"),
+        )
+    )
+
+
+def in_use() -> int:
+    """Bytes that are allocated and not freed."""
+    try:
+        ask = ctypes.CDLL("libc.so.6").mallinfo2
+    except (OSError, AttributeError):
+        pytest.skip("needs glibc 2.33, which tells what is allocated")
+    ask.restype = Mallinfo
+    told = ask()
+    return int(told.uordblks + told.hblkhd)
 
 
 def resident() -> int:
@@ -96,6 +125,7 @@ def play(scene: Scene, compute: ComputeDevice, frames: int, method: tuple[str, s
             if number % EVERY == EVERY - 1:
                 gc.collect()
                 run.digests.append(digest.hexdigest())
+                run.used.append(in_use())
                 run.memory.append(resident())
                 run.made.append(device.made)
     return run
@@ -119,7 +149,8 @@ def main(frames: int) -> None:
         compute = ComputeDevice(choose_device("pocl"))
         runs = [play(scene, compute, frames, METHODS[0]) for _ in range(2)]
     for run in runs:
-        print(f"{frames} frames: {run.slope:.1f} bytes per frame, from {run.memory[0]} bytes")
+        print(f"{frames} frames: {run.slope:.1f} bytes per frame, {run.used[0]} at first")
+        print(f"  resident: {run.memory[0]} bytes, at the end {run.memory[-1]}")
         print(f"  buffers and kernels: {run.made[0]}, at the end {run.made[-1]}")
     print("the same to the bit" if runs[0].digests == runs[1].digests else "they differ")
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
 from iprt.aovs import AOVS
@@ -31,6 +32,7 @@ VIEW = View(48, 36, pitch_deg=-35.0)
 PANORAMA = View(64, 32, projection="equirect")
 METHODS = [("delta", "bvh"), ("ratio", "raster")]
 """`trace.estimator` and `trace.objects`: every value of both, in two builds of the kernels."""
+METHOD = pytest.mark.parametrize("method", METHODS, ids="-".join)
 
 
 def still_life() -> list[Instance]:

@@ -199,8 +199,8 @@ NOTES = (
     "frame against the truth's, in 1/255.",
     "untouched, relit, object: flicker, the mean absolute difference of consecutive pictures after "
     "motion compensation, in 1/255; x: over the input's, or the truth's, on the same pixels.",
-    "trail: frames until what has left is no longer seen; ghost: which share of it is seen so many "
-    "frames later.",
+    "trail: frames until what has left changes the picture by less than 1/255; ghost: which share "
+    "of it is seen so many frames later.",
 )
 
 

@@ -7,7 +7,6 @@ import logging
 import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Protocol
 
 from iprt.commands.job import Job
 from iprt.commands.progress import progress_bar
@@ -16,12 +15,12 @@ from iprt.errors import FormatError
 from iprt.film import Film, view_at
 from iprt.output.atomic import require_writable
 from iprt.output.encode import CodecName, frame_rate, require_codec, require_even
+from iprt.output.frames import FrameOutput
 from iprt.output.lock import locked
 from iprt.output.movie import Movie
 from iprt.output.picture import check_output
 from iprt.output.sequence import PictureSequence, is_pattern, numbered
 from iprt.output.spherical import equirect_boxes, is_spherical
-from iprt.renderer import RenderedFrame
 from iprt.scene.fingerprint import fingerprint
 
 LOG = logging.getLogger("iprt.render")
@@ -29,16 +28,6 @@ LOG = logging.getLogger("iprt.render")
 WARM_UP, WARM_UP_STEPS = 8, 16
 """Frames of the video, and view frames, that are rendered at least before the first of a run, to
 give it a history. After these it differs from one of an uninterrupted run by the noise alone."""
-
-
-class Output(Protocol):
-    """Where frames go: `PictureSequence` or `Movie`."""
-
-    @property
-    def done(self) -> int: ...
-    def missing(self) -> Sequence[int]: ...
-    def write(self, index: int, picture: RenderedFrame, device: str) -> None: ...
-    def finish(self) -> None: ...
 
 
 def check_video(job: Job, output: Path, frames: range, codec: CodecName) -> None:
@@ -113,7 +102,7 @@ def warm_up(accumulate: int) -> int:
     return max(WARM_UP, -(-WARM_UP_STEPS // accumulate))
 
 
-def _render(film: Film, target: Output, frames: range, job: Job) -> None:
+def _render(film: Film, target: FrameOutput, frames: range, job: Job) -> None:
     with progress_bar("rendering", len(frames), done=target.done, remaining=True) as progress:
         for run in runs(target.missing(), frames):
             for index, picture in film.frames(
@@ -136,7 +125,7 @@ def runs(missing: Sequence[int], frames: range) -> Iterator[range]:
             start = place + 1
 
 
-def _opened(job: Job, output: Path, frames: range, codec: CodecName) -> PictureSequence | Movie:
+def _opened(job: Job, output: Path, frames: range, codec: CodecName) -> FrameOutput:
     """The output, with what an earlier render has left of the same job."""
     scene = job.scene
     files = {"iprt:files": fingerprint(scene)}

@@ -7,12 +7,12 @@ pixel; nothing renders. Both meters take one frame after the other and keep the 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import map_coordinates, maximum_filter, uniform_filter
+from scipy.ndimage import map_coordinates, uniform_filter
 
 Image = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -24,10 +24,10 @@ KINDS: tuple[Kind, ...] = get_args(Kind)
 NEIGHBOURHOOD = 3
 """Side in pixels of the squares over which errors are averaged before trails are looked for: a
 trail is the same in neighbours, noise is not."""
-EXCESS = 1.25
-"""Error of what was left behind, over that of a film that has only begun, which still is noise."""
 LEVEL = 1.0 / 255.0
-"""Errors below one step of an 8-bit display are not seen."""
+"""What changes a picture by less than one step of an 8-bit display is not seen."""
+SURE = 2.0
+"""Standard errors by which a ghost must exceed what noise alone could make it."""
 MOVED_DEPTH = 0.05
 """Share by which depth changes where another real surface is seen than before."""
 INFLUENCE, NO_INFLUENCE = 0.06, 0.015
@@ -203,12 +203,35 @@ def left_behind(
 
 @dataclass(frozen=True)
 class Age:
-    """Pixels that were left so many frames ago; see `Trail`."""
+    """Pixels that were left so many frames ago.
+
+    Attributes
+    ----------
+    pixels : int
+    error : float
+        RMS difference from the converged picture: noise, and what is left of before.
+    ghost : float
+        Which share of what was there before is still seen: the least-squares coefficient of the
+        difference on that between the old and the new picture.
+    contrast : float
+        RMS of that difference.
+    """
 
     pixels: int
     error: float
-    noise: float
     ghost: float
+    contrast: float
+
+    @property
+    def told(self) -> bool:
+        """There are pixels enough to say anything."""
+        return self.pixels >= LEAST_PIXELS
+
+    @property
+    def seen(self) -> bool:
+        """The ghost is more than a step of a display, and more than noise would make it."""
+        noise = SURE * self.error * NEIGHBOURHOOD / np.sqrt(max(self.pixels, 1))
+        return bool(abs(self.ghost) * self.contrast > max(LEVEL, noise))
 
 
 @dataclass(frozen=True)
@@ -218,38 +241,24 @@ class Trail:
     Attributes
     ----------
     ages : tuple of Age
-        By the number of frames since something left: how many pixels; RMS difference from the
-        converged picture; the same of pixels that objects touch and that nothing has left, so many
-        frames after the film began, which is noise; and which share of what was there before is
-        still seen (the least-squares coefficient of the difference on that between the old and the
-        new picture).
+        By the number of frames since something left.
     """
 
     ages: tuple[Age, ...]
 
     @property
     def frames(self) -> int | None:
-        """Frames after which the error is noise and stays so; None: nothing left, or not so long
-        before the end that it could be seen."""
-        told = [age for age in self.ages if age.pixels >= LEAST_PIXELS]
+        """Frames after which no ghost is seen any more; None: nothing left, or not so long before
+        the end that it could be told."""
+        told = [index for index, age in enumerate(self.ages) if age.told]
         if not told:
             return None
-        beyond = [
-            index
-            for index, age in enumerate(self.ages)
-            if age.pixels >= LEAST_PIXELS and age.error > EXCESS * max(age.noise, LEVEL)
-        ]
-        length = beyond[-1] + 1 if beyond else 0
-        last = max(i for i, age in enumerate(self.ages) if age.pixels >= LEAST_PIXELS)
-        return length if length <= last else None
+        length = max((index + 1 for index in told if self.ages[index].seen), default=0)
+        return length if length <= told[-1] else None
 
     def record(self) -> dict[str, object]:
         """The same as plain data."""
-        ages = [
-            {"pixels": a.pixels, "error": a.error, "noise": a.noise, "ghost": a.ghost}
-            for a in self.ages
-        ]
-        return {"frames": self.frames, "ages": ages}
+        return {"frames": self.frames, "ages": [asdict(age) for age in self.ages]}
 
 
 class TrailMeter:
@@ -259,12 +268,9 @@ class TrailMeter:
         self._age: NDArray[np.int64] | None = None
         self._old: Image | None = None
         self._last: Image | None = None
-        self._noise: list[float] = []
         self._sums: list[NDArray[np.float64]] = []
 
-    def add(
-        self, shown: Image, converged: Image, *, left: Mask, covered: Mask, touched: Mask
-    ) -> None:
+    def add(self, shown: Image, converged: Image, *, left: Mask, covered: Mask) -> None:
         """Add the next picture of a film; the first is that with which it began.
 
         Parameters
@@ -273,8 +279,8 @@ class TrailMeter:
             The picture as it is, and as it would be without noise or past.
         left : (H, W) bool
             Pixels that something has just left; see `left_behind`.
-        covered, touched : (H, W) bool
-            Pixels that objects cover, and those that they cover or change.
+        covered : (H, W) bool
+            Pixels that objects cover.
         """
         if self._age is None or self._old is None or self._last is None:
             self._age = np.full(left.shape, -1)
@@ -285,8 +291,6 @@ class TrailMeter:
         older = np.where((self._age >= 0) & ~covered, self._age + 1, -1)
         self._age = np.where(left, 0, older)
         self._sums.append(np.zeros(4))
-        unmoved = touched & ~maximum_filter(self._age >= 0, NEIGHBOURHOOD)
-        self._noise.append(float(np.sqrt(square[unmoved].mean())) if unmoved.any() else 0.0)
         self._old[left] = self._last[left]
         apart = uniform_filter(self._old - converged, size)
         for age in range(len(self._sums)):
@@ -298,10 +302,14 @@ class TrailMeter:
         self._last = converged
 
     def result(self) -> Trail:
-        return Trail(tuple(map(_age_of, self._sums, self._noise)))
+        return Trail(tuple(map(_age_of, self._sums)))
 
 
-def _age_of(sums: NDArray[np.float64], noise: float) -> Age:
+def _age_of(sums: NDArray[np.float64]) -> Age:
     pixels, square, along, apart = map(float, sums)
-    error = float(np.sqrt(square / pixels)) if pixels else 0.0
-    return Age(int(pixels), error, noise, along / apart if apart > 0.0 else 0.0)
+    if not pixels:
+        return Age(0, 0.0, 0.0, 0.0)
+    ghost = along / apart if apart > 0.0 else 0.0
+    return Age(
+        int(pixels), float(np.sqrt(square / pixels)), ghost, float(np.sqrt(apart / pixels / 3.0))
+    )

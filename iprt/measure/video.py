@@ -230,13 +230,11 @@ class _Meters:
     def _add_trail(self, shown: metrics.Image, converged: RenderedFrame) -> None:
         now = _with_ratio(converged)
         before = self._last_converged or now
-        covered = now["coverage"] > 0.0
         self._trail.add(
             shown,
             metrics.display(converged.color, self._exposure),
             left=left_behind(before, now),
-            covered=covered,
-            touched=covered | (now["ratio"] != 1.0).any(axis=-1),
+            covered=now["coverage"] > 0.0,
         )
         self._last_converged = now
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from iprt.errors import FormatError
 from iprt.output.atomic import replacing
 from iprt.output.encode import CodecName, encode_piece, join_pieces, planes, read_comment
+from iprt.output.frames import FrameOutput
 from iprt.output.metadata import difference
 
 if TYPE_CHECKING:
@@ -33,7 +34,7 @@ SUFFIX = ".parts"
 DESCRIPTION = "job.json"
 
 
-class Movie:
+class Movie(FrameOutput):
     """Frames as a video file. Its folder is to be locked.
 
     Parameters
@@ -49,11 +50,6 @@ class Movie:
     exposure : float
     additions : mapping of bytes to bytes
         See `join_pieces`.
-
-    Attributes
-    ----------
-    done : int
-        How many frames are there.
 
     Raises
     ------
@@ -72,7 +68,7 @@ class Movie:
         exposure: float,
         additions: Mapping[bytes, bytes] | None = None,
     ) -> None:
-        self.path, self.frames = path, frames
+        self.path = path
         self._codec, self._rate, self._exposure = codec, rate, exposure
         self._additions = additions
         self._length = max(round(PIECE_S * rate), 1)
@@ -81,43 +77,23 @@ class Movie:
         self._target = Path(os.path.realpath(path))
         self.parts = self._target.with_name(self._target.name + SUFFIX)
         self.finished = _same(read_comment(self._target), description)
+        super().__init__(frames, ())
         if self.finished:
             shutil.rmtree(self.parts, ignore_errors=True)
         else:
             self._open(description)
-        self._missing = [] if self.finished else list(self._absent())
+            self._missing.extend(self._absent())
 
-    @property
-    def done(self) -> int:
-        return len(self.frames) - len(self._missing)
-
-    def missing(self) -> Sequence[int]:
-        """Numbers of the frames that are still to be rendered, in order."""
-        return tuple(self._missing)
-
-    def write(self, index: int, picture: RenderedFrame, device: str) -> None:
-        """Keep a frame; with the last one of a piece, encode that.
-
-        Raises
-        ------
-        FormatError
-            It cannot be written.
-        """
+    def _keep(self, index: int, picture: RenderedFrame, device: str) -> None:
+        """Keep a frame; with the last one of a piece, encode that."""
         position = self.frames.index(index)
         path = self._picture(position)
         with replacing(path) as temporary, temporary.open("wb") as file:
             np.save(file, planes(picture.color, self._exposure, self._codec))
-        self._missing.remove(index)
         self._encode(position - position % self._length)
 
     def finish(self) -> None:
-        """All frames are there: make the file, and remove the parts.
-
-        Raises
-        ------
-        FormatError
-            It cannot be written, or a part is damaged.
-        """
+        """Make the file, and remove the parts."""
         if self.finished:
             return
         pieces = [(first, self._piece(first)) for first in self._firsts()]

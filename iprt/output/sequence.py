@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from iprt.errors import FormatError
 from iprt.output.encode import FORMATS
+from iprt.output.frames import FrameOutput
 from iprt.output.metadata import difference
 from iprt.output.picture import write_picture
 from iprt.scene.manifest_problems import FRAME_PATTERN
@@ -47,7 +48,7 @@ def numbered(pattern: Path, index: int) -> Path:
     return pattern.with_name(FRAME_PATTERN.sub(lambda match: match[0] % index, pattern.name))
 
 
-class PictureSequence:
+class PictureSequence(FrameOutput):
     """Frames as files of their own. Its folder is to be locked.
 
     Parameters
@@ -59,11 +60,6 @@ class PictureSequence:
         Metadata of a frame, by its number.
     exposure : float
         For formats that hold what a display shows.
-
-    Attributes
-    ----------
-    done : int
-        How many frames are there.
 
     Raises
     ------
@@ -78,29 +74,14 @@ class PictureSequence:
         describe: Callable[[int], Metadata],
         exposure: float,
     ) -> None:
-        self.pattern, self.frames = pattern, frames
+        self.pattern = pattern
         self._describe, self._exposure = describe, exposure
         for path in pattern.parent.iterdir():
             if LEFT_BEHIND.fullmatch(path.name):
                 path.unlink()
-        self._missing = [index for index in frames if not self._is_there(index)]
+        super().__init__(frames, (index for index in frames if not self._is_there(index)))
 
-    @property
-    def done(self) -> int:
-        return len(self.frames) - len(self._missing)
-
-    def missing(self) -> Sequence[int]:
-        """Numbers of the frames that are still to be rendered, in order."""
-        return tuple(self._missing)
-
-    def write(self, index: int, picture: RenderedFrame, device: str) -> None:
-        """Keep a frame that the device of that name has rendered.
-
-        Raises
-        ------
-        FormatError
-            It cannot be written.
-        """
+    def _keep(self, index: int, picture: RenderedFrame, device: str) -> None:
         write_picture(
             numbered(self.pattern, index),
             picture.color,
@@ -108,7 +89,6 @@ class PictureSequence:
             exposure=self._exposure,
             metadata={**self._describe(index), "iprt:device": device},
         )
-        self._missing.remove(index)
 
     def finish(self) -> None:
         """Every frame stands by itself."""

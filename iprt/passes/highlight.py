@@ -114,7 +114,7 @@ class Highlight:
             )
 
     def arguments(self) -> tuple[Any, ...]:
-        """The glossy surfaces, as `WORLD_PARAMETERS` of `cl/lib/path.h` declares them, in order."""
+        """Glossy surfaces, as `WORLD_PARAMETERS` of `cl/lib/world.h` declares them, in order."""
         rows, columns, _ = self.gain.shape
         return (self._panorama.gloss, self.table, self.reflectance, self.gain, columns, rows)
 

@@ -74,7 +74,7 @@ class World:
         self.relit = (screen, constants, view.width, view.height, *there)
 
     def arguments(self, requirements: Requirements) -> tuple[Any, ...]:
-        """What `WORLD_PARAMETERS` of `cl/lib/path.h` declares, in order."""
+        """What `WORLD_PARAMETERS` of `cl/lib/world.h` declares, in order."""
         trace = requirements.settings.trace
         return (
             *self.panorama.layer_arguments(trace.thickness, trace.thickness_ratio),

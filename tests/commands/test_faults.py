@@ -60,7 +60,7 @@ def rendering(scene: Path, picture: Path) -> Iterator[subprocess.Popen[str]]:
         "def marked(self):\n"
         f"    step(self); Path({str(started)!r}).touch()\n"
         "renderer.Renderer.step = marked\n"
-        f"sys.exit(cli.main({words!r}))"
+        f"cli.command({words!r})"
     )
     with child_of(code) as child:
         until = time.monotonic() + 60.0
@@ -131,7 +131,7 @@ def test_a_signal_in_mid_write_keeps_the_old_picture(
         "    '''Write.'''\n"
         f"    write_picture(Path({str(picture)!r}), np.zeros((8, 8, 3), np.float32))\n"
         "cli.VERBS = {'go': 'm:f', 'other': 'm:f'}; cli._load = lambda _: verb\n"
-        "sys.exit(cli.main(['go']))"
+        "cli.command(['go'])"
     )
     with child_of(code) as child:
         _, stderr = child.communicate(timeout=60)
@@ -160,7 +160,7 @@ def test_a_disk_that_is_full_keeps_the_old_picture(name: str, share: float, tmp_
         f"    write_picture(Path({str(picture)!r}), 1.0 - noise)\n"
         f"resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, {limit}))\n"
         "cli.VERBS = {'go': 'm:f', 'other': 'm:f'}; cli._load = lambda _: verb\n"
-        "sys.exit(cli.main(['go']))"
+        "cli.command(['go'])"
     )
     with child_of(code) as child:
         _, stderr = child.communicate(timeout=60)
@@ -236,7 +236,7 @@ def test_a_device_that_hangs_ends_the_render(scene: Path, tmp_path: Path) -> Non
     flags = ["--size", "512", "512", "--set", "trace.object_rays=1024", "--device", DEVICE]
     flags += ["--frame-limit", "0.3"]
     words = ["render", str(scene), "-o", str(tmp_path / "out" / "a.png"), *flags]
-    code = f"import sys; from iprt import cli; sys.exit(cli.main({words!r}))"
+    code = f"import sys; from iprt import cli; cli.command({words!r})"
     start = time.monotonic()
     with child_of(code) as child:
         stdout, stderr = child.communicate(timeout=60)

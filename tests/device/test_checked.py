@@ -17,6 +17,7 @@ from iprt.device.plan import PlanDevice
 from iprt.errors import DefectError
 from iprt.renderer import Renderer
 from iprt.resources import CL
+from iprt.scene.footage import Footage
 from tests.films import entry_points, films, play
 
 COUNT = 70
@@ -132,7 +133,7 @@ def test_films_build_every_kernel() -> None:
     plan = PlanDevice()
     for film in films().values():
         given = (plan, film.video[0], film.objects, film.view, film.settings)
-        Renderer(*given, static_camera=film.static_camera)
+        Renderer(*given, footage=Footage.of(film.video[0], static_camera=film.static_camera))
     assert {name for _, name, _ in plan.kernels} == entry_points()
 
 

@@ -14,6 +14,7 @@ from iprt.passes.panorama import Panorama
 from iprt.passes.world import World
 from iprt.requirements import Requirements
 from iprt.scene.camera import View
+from iprt.scene.footage import Footage
 from iprt.scene.frame import Frame
 from iprt.scene.material import Material, material_table
 from iprt.settings import Settings
@@ -38,8 +39,7 @@ class RealWorld:
             materials,
             View(1, 1),
             settings,
-            openings=bool(frame.opening.any()),
-            static_camera=before is not None,
+            Footage.of(frame, static_camera=before is not None),
         )
         self.panorama = Panorama(
             device,

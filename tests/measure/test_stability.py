@@ -185,9 +185,8 @@ def film_with_a_trail(keep: float, sigma: float, frames: int = 24) -> Trail:
         ghost[covered] = 0.0
         age = np.where(left, 0, age + 1)
         noise = sigma / np.sqrt(1.0 + age)[..., None] * rng.normal(size=(H, W, 3))
-        touched = np.ones((H, W), bool)
         shown = converged + ghost + noise
-        meter.add(shown, converged, left=left, covered=covered, touched=touched)
+        meter.add(shown, converged, left=left, covered=covered)
         before = covered
     return meter.result()
 
@@ -200,7 +199,7 @@ def test_a_trail_is_as_long_as_it_is_seen(keep: float) -> None:
     assert len(told) > 15
     for index, age in enumerate(told):
         assert age.ghost == pytest.approx(keep ** (index + 1), abs=0.05)
-    seen = sum(0.4 * keep ** (index + 1) > 1.25 * LEVEL for index in range(24))
+    seen = sum(0.4 * keep ** (index + 1) > LEVEL for index in range(24))
     assert trail.frames is not None
     assert abs(trail.frames - seen) <= 1
     assert trail.record()["frames"] == trail.frames
@@ -225,5 +224,5 @@ def test_a_trail_that_does_not_end_has_no_length() -> None:
 def test_where_nothing_leaves_there_is_no_trail() -> None:
     meter, nowhere = TrailMeter(), np.zeros((H, W), bool)
     for _ in range(3):
-        meter.add(texture(), texture(), left=nowhere, covered=nowhere, touched=nowhere)
+        meter.add(texture(), texture(), left=nowhere, covered=nowhere)
     assert meter.result().frames is None

@@ -69,6 +69,12 @@ EQUIVALENT: dict[str, str] = {
     "iprt/bvh/cache.py: most = fixed[-1] + MESH_DEPTH + 1 -> most = fixed[-1] + MESH_DEPTH - 1": (
         "Trees of the two greatest depths would be built anew each time: slower, the same picture."
     ),
+    "iprt/truth/sensor.py: [[*rotation[0], 0.0], [*rotation[1], 0.0], [*rotation[2], 0.0], "
+    "[0, 0, 0, 1.0]] -> [[*rotation[0], 0.0], [*rotation[1], 0.0], [*rotation[2], 0.1], "
+    "[0, 0, 0, 1.0]]": ("Only directions are transformed: rays start at the origin."),
+    "iprt/truth/sensor.py: [[*rotation[0], 0.0], [*rotation[1], 0.0], [*rotation[2], 0.0], "
+    "[0, 0, 0, 1.0]] -> [[*rotation[0], 0.0], [*rotation[1], 0.0], [*rotation[2], 0.0], "
+    "[0, 0, 0, 2.1]]": ("The same."),
     "iprt/scene/normals.py: GAP_TOLERANCE = (3e-4, 0.05) -> GAP_TOLERANCE = (3e-4, 0.2)": (
         "A tuning value: nothing says how large a step in the noisiest depth still is one surface."
     ),

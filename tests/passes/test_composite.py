@@ -43,20 +43,26 @@ def test_equation(
     np.testing.assert_allclose(picture[3], coverage, rtol=1e-6)
 
 
-def test_untouched_pixels_keep_their_bits(device: ComputeDevice) -> None:
+@pytest.mark.parametrize("color_map", [False, True])
+def test_untouched_pixels_keep_their_bits(device: ComputeDevice, color_map: bool) -> None:
     rng = np.random.default_rng(1)
     layout = PlaneLayout(31, 17)
     colour = rng.gamma(0.3, 2.0, (3, 17, 31)).astype(np.float32)
     colour.ravel()[:3] = 0.0, 1e-30, 65504.0
     unlit = np.full((3, 17, 31), np.nan)
-    composite = Composite(device, layout, relit=True, diffuse=True, specular=True)
+    mapped = np.einsum("ij,jyx->iyx", COLOR_MAP, colour)
+    composite = Composite(
+        device, layout, relit=True, diffuse=True, specular=True, color_map=color_map
+    )
     composite.run(
         upload(device, layout, colour),
         ratio=device.upload("ratio", pixels(np.ones((3, 17, 31)))),
+        base=upload(device, layout, mapped) if color_map else None,
         coverage=upload(device, layout, np.zeros((1, 17, 31))),
         albedo=upload(device, layout, unlit),
         diffuse=upload(device, layout, unlit),
         specular=upload(device, layout, unlit),
+        color_map=mapped_rows(device).rows if color_map else None,
     )
     picture = device.read(composite.picture)
     assert np.array_equal(picture[..., :3], np.moveaxis(colour, 0, -1))
@@ -150,26 +156,6 @@ def test_changes_and_objects_are_mapped_back(
     expected = coverage * np.maximum(back(albedo * light + shine), 0.0) + (1.0 - coverage) * real
     np.testing.assert_allclose(picture[:3], expected, rtol=1e-4, atol=1e-5)
     np.testing.assert_allclose(picture[3], coverage, rtol=1e-6)
-
-
-def test_untouched_pixels_keep_their_bits_where_colours_are_mapped(device: ComputeDevice) -> None:
-    rng = np.random.default_rng(5)
-    layout = PlaneLayout(31, 17)
-    colour = rng.gamma(0.3, 2.0, (3, 17, 31)).astype(np.float32)
-    colour.ravel()[:3] = 0.0, 1e-30, 65504.0
-    unlit = np.full((3, 17, 31), np.nan)
-    composite = Composite(device, layout, relit=True, diffuse=True, specular=False, color_map=True)
-    composite.run(
-        upload(device, layout, colour),
-        ratio=device.upload("ratio", pixels(np.ones((3, 17, 31)))),
-        base=upload(device, layout, np.einsum("ij,jyx->iyx", COLOR_MAP, colour)),
-        coverage=upload(device, layout, np.zeros((1, 17, 31))),
-        albedo=upload(device, layout, unlit),
-        diffuse=upload(device, layout, unlit),
-        color_map=mapped_rows(device).rows,
-    )
-    picture = device.read(composite.picture)
-    assert np.array_equal(picture[..., :3], np.moveaxis(colour, 0, -1))
 
 
 @pytest.mark.parametrize("gloss", [False, True])

@@ -15,6 +15,7 @@ from iprt.passes.highlight_gain import highlight_gain
 from iprt.passes.panorama import Panorama
 from iprt.requirements import Requirements
 from iprt.scene.camera import View
+from iprt.scene.footage import Footage
 from iprt.scene.frame import Frame
 from iprt.scene.material import Material
 from iprt.settings import Settings
@@ -41,7 +42,7 @@ def split(device: ComputeDevice, frame: Frame, rays: int = 256) -> Split:
     settings = Settings.model_validate({"gloss": {"rays": rays}})
     view = View(8, 8)
     needs = Requirements.of(
-        [Material()], view, settings, openings=False, real_materials=frame.real_materials
+        [Material()], view, settings, Footage(real_materials=frame.real_materials)
     )
     panorama = Panorama(device, frame.width, frame.height, gloss=True)
     panorama.load(frame)
@@ -172,9 +173,7 @@ def test_any_size(device: ComputeDevice, width: int, height: int) -> None:
     frame = room_frame(ROOM, width, height, bright_walls)
     frame = glossy(frame, COAT, np.ones((height, width), bool))
     settings = Settings()
-    needs = Requirements.of(
-        [Material()], View(4, 4), settings, openings=False, real_materials=(COAT,)
-    )
+    needs = Requirements.of([Material()], View(4, 4), settings, Footage(real_materials=(COAT,)))
     panorama = Panorama(device, width, height, gloss=True)
     panorama.load(frame)
     Highlight(device, panorama, needs).run()
