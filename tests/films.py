@@ -40,8 +40,8 @@ ROOM = World(solids=(Box((-0.8, -0.9, -1.7), (0.25, 0.5, 0.2)),))
 CHECKS = np.random.default_rng(0).random((3, 5, 3)).astype(np.float32)
 FLOOR = Material("plastic", alpha=0.2)
 WALL = Material("conductor", (0.9, 0.7, 0.5), alpha=0.1)
-LOOK = View(19, 11, pitch_deg=-35.0)
-AROUND = View(21, 11, projection="equirect")
+LOOK = View(13, 7, pitch_deg=-35.0)
+AROUND = View(15, 7, projection="equirect")
 FEW: dict[str, Any] = {
     "trace": {"object_rays": 1, "bounces": 2, "ratio_rows": 16},
     "irradiance": {"rows": 16, "first_rays": 2, "rays": 1},

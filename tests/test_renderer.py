@@ -211,7 +211,7 @@ def test_frames_average_out_the_noise(
 ) -> None:
     """Four times the frames, about half the error, where E_R is known."""
     frame, objects = lit_room()
-    many = {"rays": 8, "object_rays": 32, "estimator": estimator}
+    many = {"rays": 8, "object_rays": 8, "estimator": estimator}
     sure: dict[str, Any] = {"rows": 32, "first_rays": 2048, "samples": 2048}
     truth = render(device, frame, objects, SMALL, 64, seed=1, trace=many, irradiance=sure, **RAW)
     # One ray of objects in every frame: by default there are more in the first ones.

@@ -30,9 +30,9 @@ from tests.whole_frame import METHODS, chosen
 
 pytestmark = pytest.mark.gl
 
-FRAMES, AGAIN = 600, 150
+FRAMES, AGAIN = 400, 100
 """Frames of the tests' film, and of those that are played a second time."""
-WARM_UP = 200
+WARM_UP = 120
 """Frames until the interpreter, the driver and FFmpeg have the memory that they keep."""
 EVERY = 20
 """Frames from one look at the memory to the next."""
