@@ -196,9 +196,18 @@ def left_behind(
     depths = before["depth"], now["depth"]
     nearer, farther = np.minimum(*depths), np.maximum(*depths)
     other = farther > (1.0 + MOVED_DEPTH) * nearer
-    influence, after = (np.abs(each["ratio"] - 1.0).max(axis=-1) for each in (before, now))
-    freed = (influence > INFLUENCE) & (after < NO_INFLUENCE)
+    freed = (_influence(before) > INFLUENCE) & (_influence(now) < NO_INFLUENCE)
     return np.asarray(free & (uncovered | other | freed))
+
+
+def taken(now: Mapping[str, NDArray[np.floating]]) -> Mask:
+    """Pixels (H, W) that an object covers, or whose light it changes visibly; see `left_behind`."""
+    return np.asarray((now["coverage"] > 0.0) | (_influence(now) > INFLUENCE))
+
+
+def _influence(picture: Mapping[str, NDArray[np.floating]]) -> NDArray[np.floating]:
+    """(H, W) by how much objects change the light of a pixel, as a share."""
+    return np.asarray(np.abs(picture["ratio"] - 1.0).max(axis=-1))
 
 
 @dataclass(frozen=True)
@@ -231,7 +240,7 @@ class Age:
     def seen(self) -> bool:
         """The ghost is more than a step of a display, and more than noise would make it."""
         noise = SURE * self.error * NEIGHBOURHOOD / np.sqrt(max(self.pixels, 1))
-        return bool(abs(self.ghost) * self.contrast > max(LEVEL, noise))
+        return bool(self.ghost * self.contrast > max(LEVEL, noise))
 
 
 @dataclass(frozen=True)
@@ -270,7 +279,7 @@ class TrailMeter:
         self._last: Image | None = None
         self._sums: list[NDArray[np.float64]] = []
 
-    def add(self, shown: Image, converged: Image, *, left: Mask, covered: Mask) -> None:
+    def add(self, shown: Image, converged: Image, *, left: Mask, taken: Mask) -> None:
         """Add the next picture of a film; the first is that with which it began.
 
         Parameters
@@ -279,8 +288,8 @@ class TrailMeter:
             The picture as it is, and as it would be without noise or past.
         left : (H, W) bool
             Pixels that something has just left; see `left_behind`.
-        covered : (H, W) bool
-            Pixels that objects cover.
+        taken : (H, W) bool
+            Pixels that something has come to, which are followed no longer; see `taken`.
         """
         if self._age is None or self._old is None or self._last is None:
             self._age = np.full(left.shape, -1)
@@ -288,7 +297,7 @@ class TrailMeter:
         size = (NEIGHBOURHOOD, NEIGHBOURHOOD, 1)
         error = uniform_filter(shown - converged, size)
         square = (error**2).mean(axis=-1)
-        older = np.where((self._age >= 0) & ~covered, self._age + 1, -1)
+        older = np.where((self._age >= 0) & ~taken, self._age + 1, -1)
         self._age = np.where(left, 0, older)
         self._sums.append(np.zeros(4))
         self._old[left] = self._last[left]

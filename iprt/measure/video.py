@@ -21,6 +21,7 @@ from iprt.measure.stability import (
     TrailMeter,
     left_behind,
     pixel_kinds,
+    taken,
 )
 from iprt.measure.sweep import Combination, still_settings
 from iprt.measure.target import Scores, Target, read_target, reduced_cut, truth_indices
@@ -234,7 +235,7 @@ class _Meters:
             shown,
             metrics.display(converged.color, self._exposure),
             left=left_behind(before, now),
-            covered=now["coverage"] > 0.0,
+            taken=taken(now),
         )
         self._last_converged = now
 

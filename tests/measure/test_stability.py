@@ -16,6 +16,7 @@ from iprt.measure.stability import (
     compensated,
     left_behind,
     pixel_kinds,
+    taken,
     was_so,
 )
 
@@ -165,6 +166,8 @@ def test_what_has_left() -> None:
     before["ratio"][0, 6] = now["ratio"][0, 6] = 0.8
     wanted = [[True, True, True, True, False, False, False]]
     np.testing.assert_array_equal(left_behind(before, now), wanted)
+    assert not (taken(now) & wanted).any()
+    assert taken(before)[np.asarray(wanted) & (before["depth"] == now["depth"])].all()
 
 
 def film_with_a_trail(keep: float, sigma: float, frames: int = 24) -> Trail:
@@ -186,7 +189,7 @@ def film_with_a_trail(keep: float, sigma: float, frames: int = 24) -> Trail:
         age = np.where(left, 0, age + 1)
         noise = sigma / np.sqrt(1.0 + age)[..., None] * rng.normal(size=(H, W, 3))
         shown = converged + ghost + noise
-        meter.add(shown, converged, left=left, covered=covered)
+        meter.add(shown, converged, left=left, taken=covered)
         before = covered
     return meter.result()
 
@@ -224,5 +227,5 @@ def test_a_trail_that_does_not_end_has_no_length() -> None:
 def test_where_nothing_leaves_there_is_no_trail() -> None:
     meter, nowhere = TrailMeter(), np.zeros((H, W), bool)
     for _ in range(3):
-        meter.add(texture(), texture(), left=nowhere, covered=nowhere)
+        meter.add(texture(), texture(), left=nowhere, taken=nowhere)
     assert meter.result().frames is None
