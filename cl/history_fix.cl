@@ -4,7 +4,7 @@
 // the mean.
 //
 //   in    guide (7 planes, guide.h), signal (SIGNAL_PLANES) and the variance of its scalar g, length
-//         (1 plane: how many samples the mean is worth)
+//         (1 plane: how many samples the mean is worth), level of tracing
 //   out   signal, variance: those of the other pixels are copied
 //
 // A neighbour weighs as much as its history is worth, times the falloff of the à-trous filter with
@@ -13,13 +13,16 @@
 #include "guide.h"
 #include "signal.h"
 
-#define TAPS 5       // in a row
+#define TAPS 5         // in a row
+#define SPARSEST 2     // level of one ray for 16 pixels
+#define SPARSE 0.1667f // a ray each in four frames of 16 has met no object: there is nothing to fix
 
 __kernel void fix_history(
     __global const float *restrict guide,    // 7 planes
     __global const float *restrict signal,   // SIGNAL_PLANES planes
     __global const float *restrict variance, // 1 plane
     __global const float *restrict length,   // 1 plane
+    __global const uchar *restrict level,    // of tracing, 1 plane (mask.cl)
     __global float *restrict signal_out,     // SIGNAL_PLANES planes
     __global float *restrict variance_out,   // 1 plane
     float stride,                            // pixels between taps where there is no history
@@ -36,7 +39,7 @@ __kernel void fix_history(
     float nx = guide[p], ny = guide[size + p], nz = guide[2 * size + p];
     float px = guide[3 * size + p], py = guide[4 * size + p], pz = guide[5 * size + p];
     float id = guide[GUIDE_ID * size + p], own = length[p];
-    bool fixed = id > 0.0f && own > 0.0f && own < enough;
+    bool fixed = id > 0.0f && own > 0.0f && own < (level[p] < SPARSEST ? enough : SPARSE * enough);
     float plane_scale = plane_sharpness / sqrt(fmax(px * px + py * py + pz * pz, 1e-30f));
 
     float centre[SIGNAL_PLANES], sum[SIGNAL_PLANES];

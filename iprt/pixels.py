@@ -118,7 +118,7 @@ class SignalFilter:
         if self._published:
             return accumulated.signal
         if self._fix is not None:
-            accumulated = self._fix.run(accumulated)
+            accumulated = self._fix.run(accumulated, mask.level)
         return self._atrous.run(
             accumulated.signal, accumulated.variance, roughness=roughness, rect=rect
         )

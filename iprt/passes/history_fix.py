@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pyopencl.array as cla
+
 from iprt.device.compute import ComputeDevice
 from iprt.passes.atrous import AtrousSettings
 from iprt.passes.guide import Guide, plane_defines
@@ -35,8 +37,8 @@ class HistoryFix:
         self._signal = device.zeros(f"{name} fixed", layout.shape(signal_planes(kind)))
         self._variance = device.zeros(f"{name} fixed variance", layout.shape(1))
 
-    def run(self, accumulated: Accumulated) -> Accumulated:
-        """The same signal, in buffers of this object."""
+    def run(self, accumulated: Accumulated, level: cla.Array) -> Accumulated:
+        """The same signal, in buffers of this object; `level` is `Mask.level`."""
         size = (self._guide.layout.width, self._guide.layout.height)
         with self._device.profile.section("history fix"):
             self._fix(
@@ -45,6 +47,7 @@ class HistoryFix:
                 accumulated.signal,
                 accumulated.variance,
                 accumulated.length,
+                level,
                 self._signal,
                 self._variance,
                 min(STRIDE, OF_HEIGHT * size[1]),

@@ -23,24 +23,30 @@ def run(
     signal: Array,
     variance: Array,
     length: Array,
+    level: Array | None = None,
 ) -> tuple[Array, Array]:
+    """`level`: of tracing; None: every pixel."""
     layout = gbuffer.layout
+    levels = np.zeros_like(length) if level is None else level
     fix = HistoryFix(device, gbuffer.guide(device), kind, SETTINGS, ENOUGH, name="test")
     fixed = fix.run(
         Accumulated(
             upload(device, layout, signal),
             upload(device, layout, length[None]),
             upload(device, layout, variance[None]),
-        )
+        ),
+        device.upload("level", layout.padded(levels[None]).astype(np.uint8)),
     )
     return read(device, layout, fixed.signal), read(device, layout, fixed.variance)[0]
 
 
-def twin(gbuffer: GBuffer, signal: Array, variance: Array, length: Array) -> tuple[Array, Array]:
+def twin(
+    gbuffer: GBuffer, signal: Array, variance: Array, length: Array, level: Array
+) -> tuple[Array, Array]:
     """Tap by tap over whole pictures, once for each stride that some pixel takes."""
     equirect, normal, position = gbuffer.equirect, gbuffer.normal, gbuffer.position
     ids = gbuffer.seen_ids
-    fixed = (ids > 0) & (length > 0) & (length < ENOUGH)
+    fixed = (ids > 0) & (length > 0) & (length < np.where(level < 2, ENOUGH, ENOUGH / 6.0))
     widest = min(14.0, len(length) / 36.0)
     strides = np.maximum(np.floor(widest / (1.0 + length) + 0.5).astype(int), 1)
     result, varied = signal.copy(), variance.copy()
@@ -75,9 +81,11 @@ def test_equals_twin(
     gbuffer = random_gbuffer(width, height, equirect=equirect)
     signal = rng.gamma(4.0, 0.25, (signal_planes(kind), height, width))
     variance = rng.gamma(2.0, 0.05, (height, width))
-    length = rng.choice([0.0, 1 / 16, 0.25, 1.0, 2.0, 40.0], (height, width))
-    fixed = run(device, gbuffer, kind, signal, variance, length)
-    for result, expected in zip(fixed, twin(gbuffer, signal, variance, length), strict=True):
+    length = rng.choice([0.0, 1 / 16, 0.2, 0.3, 1.0, 2.0, 40.0], (height, width))
+    level = rng.choice([0, 1, 2, 255], (height, width))
+    fixed = run(device, gbuffer, kind, signal, variance, length, level)
+    wanted = twin(gbuffer, signal, variance, length, level)
+    for result, expected in zip(fixed, wanted, strict=True):
         np.testing.assert_allclose(result, expected, rtol=2e-3, atol=1e-5)
 
 
