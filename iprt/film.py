@@ -37,7 +37,8 @@ class Film:
     objects : tuple of str or None
         Names of the objects to insert. None: those of the scene's view, or all.
     accumulate : int
-        View frames that are rendered for each frame of the video; the picture is the last.
+        View frames that are rendered for each frame of the video; the picture is the last. See
+        `memory`.
     strict : bool
         Stop at the first frame of the video that cannot be read, rather than bridge it.
 
@@ -58,7 +59,7 @@ class Film:
         accumulate: int = 1,
         strict: bool = False,
     ) -> None:
-        self.scene, self.device, self.settings = scene, device, settings
+        self.scene, self.device, self.settings = scene, device, memory(settings, accumulate)
         self.accumulate, self.strict = accumulate, strict
         self.prepare_ms = 0.0
         self._view = view
@@ -164,6 +165,16 @@ class Film:
     def view_at(self, index: int) -> View:
         """How a frame of the video is looked at."""
         return view_at(self.scene, self._view, index)
+
+
+def memory(settings: Settings, accumulate: int) -> Settings:
+    """Settings for so many view frames to each frame of the video.
+
+    What fades is half of the gain spent on less noise of our own, half on following the video more
+    closely: over as many view frames as before, the mean would hold less of the video, whose noise
+    reflections show; over as many of its frames, it would lag as far behind.
+    """
+    return settings.model_copy(update={"fading": settings.fading / accumulate**0.5})
 
 
 def film_plan(scene: Scene, frame: Frame, instances: Iterable[Instance], view: View) -> RenderPlan:

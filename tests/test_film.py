@@ -47,7 +47,8 @@ def test_frames_are_what_a_renderer_makes_of_the_video(scene: Scene, device: Com
         made = list(running.frames([1, 2, 4], aovs=["normal"]))
     assert [index for index, _ in made] == [1, 2, 4]
     view = scene.views["ahead"].view
-    with Renderer(device, scene.frame(1), scene.instances, view, SETTINGS) as renderer:
+    settings = SETTINGS.model_copy(update={"fading": SETTINGS.fading / np.sqrt(2.0)})
+    with Renderer(device, scene.frame(1), scene.instances, view, settings) as renderer:
         expected = [renderer.render(2).color]
         for index in (2, 4):
             renderer.load(scene.frame(index))

@@ -181,10 +181,10 @@ def stability_grid(results: Sequence[Stability], background: str) -> Grid:
     """One row per view and settings; at least one result."""
     from iprt.output.grid import Grid
 
-    trails = any(result.trail is not None for result in results)
+    trails = any(result.trails for result in results)
     columns = ["view", "settings", "SSIM", "cuts", "change", "untouched", "relit", "object"]
     columns += ["relit/truth", "object/truth"]
-    columns += ["trail", "ghost 1, 4, 8"] if trails else []
+    columns += ["trail", f"ghost at {GHOST_AGE}"] if trails else []
     return Grid(
         title=f"video; background: {background}",
         columns=tuple(columns),
@@ -194,13 +194,15 @@ def stability_grid(results: Sequence[Stability], background: str) -> Grid:
     )
 
 
+GHOST_AGE = 4
+"""Frames after something has left, at which tables say how much of it is still seen."""
 NOTES = (
     "SSIM, cuts: means over the frames with a truth. change: RMSE of the change from frame to "
     "frame against the truth's, in 1/255.",
     "untouched, relit, object: flicker, the mean absolute difference of consecutive pictures after "
     "motion compensation, in 1/255; x: over the input's, or the truth's, on the same pixels.",
-    "trail: frames until what has left changes the picture by less than 1/255; ghost: which share "
-    "of it is seen so many frames later.",
+    "trail: frames until what has left (objects, real things, shadows) changes the picture by less "
+    f"than 1/255; ghost: which share of it is seen {GHOST_AGE} frames later.",
 )
 
 
@@ -218,12 +220,13 @@ def _row(result: Stability, *, trails: bool) -> Iterator[str]:
     yield _number(255.0 * result.flicker["object"].output, 2)
     yield _flicker(result.true_flicker["relit"])
     yield _flicker(result.true_flicker["object"])
-    if trails and result.trail is not None:
-        length = result.trail.frames
-        yield "-" if length is None else str(length)
-        ages = result.trail.ages
-        ghosts = [f"{round(100.0 * ages[age].ghost)}%" for age in (1, 4, 8) if age < len(ages)]
-        yield ", ".join(ghosts)
+    if trails:
+        from iprt.measure.stability import CAUSES
+
+        told = [result.trails[cause] for cause in CAUSES]
+        yield ", ".join("-" if trail.frames is None else str(trail.frames) for trail in told)
+        ghosts = [trail.ages[min(GHOST_AGE, len(trail.ages) - 1)].ghost for trail in told]
+        yield ", ".join(f"{round(100.0 * ghost)}%" for ghost in ghosts)
 
 
 def _flicker(flicker: Flicker) -> str:

@@ -21,6 +21,10 @@ Kind = Literal["untouched", "relit", "object"]
 """What objects do to a pixel: nothing, to the last bit; they light or darken it; they cover it."""
 KINDS: tuple[Kind, ...] = get_args(Kind)
 
+Cause = Literal["object", "real", "light"]
+"""What can leave a pixel: an object, a real thing, or the shadow or light of an object."""
+CAUSES: tuple[Cause, ...] = get_args(Cause)
+
 NEIGHBOURHOOD = 3
 """Side in pixels of the squares over which errors are averaged before trails are looked for: a
 trail is the same in neighbours, noise is not."""
@@ -182,8 +186,8 @@ class FlickerMeter:
 
 def left_behind(
     before: Mapping[str, NDArray[np.floating]], now: Mapping[str, NDArray[np.floating]]
-) -> Mask:
-    """Pixels (H, W) that something has just left: an object, a real thing, or a shadow.
+) -> dict[Cause, Mask]:
+    """Pixels (H, W) that something has just left, by what it was.
 
     Parameters
     ----------
@@ -192,12 +196,12 @@ def left_behind(
         ratio (H, W, 3), as the renderer's auxiliary pictures of these names.
     """
     free = now["coverage"] == 0.0
-    uncovered = before["coverage"] > 0.0
+    uncovered = free & (before["coverage"] > 0.0)
     depths = before["depth"], now["depth"]
     nearer, farther = np.minimum(*depths), np.maximum(*depths)
-    other = farther > (1.0 + MOVED_DEPTH) * nearer
+    other = free & ~uncovered & (farther > (1.0 + MOVED_DEPTH) * nearer)
     freed = (_influence(before) > INFLUENCE) & (_influence(now) < NO_INFLUENCE)
-    return np.asarray(free & (uncovered | other | freed))
+    return {"object": uncovered, "real": other, "light": free & ~uncovered & ~other & freed}
 
 
 def taken(now: Mapping[str, NDArray[np.floating]]) -> Mask:
@@ -271,7 +275,7 @@ class Trail:
 
 
 class TrailMeter:
-    """Follows pixels that something has left, and adds up how wrong they are, by their age."""
+    """Follows pixels that one kind of thing has left, and adds up how wrong they are, by age."""
 
     def __init__(self) -> None:
         self._age: NDArray[np.int64] | None = None

@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 
 from iprt.measure import metrics
 from iprt.measure.stability import (
+    CAUSES,
     KINDS,
+    Cause,
     Flicker,
     FlickerMeter,
     Kind,
@@ -57,8 +59,8 @@ class Stability:
         Held against the truth, where two truths follow each other.
     unequal : int
         Pixels that no object changes and that are not the input's to the last bit.
-    trail : Trail or None
-        None: not measured.
+    trails : dict of Cause to Trail
+        Of what left; empty: not measured.
     """
 
     view: str
@@ -68,7 +70,7 @@ class Stability:
     flicker: Mapping[Kind, Flicker]
     true_flicker: Mapping[Kind, Flicker]
     unequal: int
-    trail: Trail | None
+    trails: Mapping[Cause, Trail]
 
     @property
     def worst_flicker(self) -> float:
@@ -90,7 +92,7 @@ class Stability:
             "flicker": {kind: self.flicker[kind].record() for kind in KINDS},
             "flicker_of_truth": {kind: self.true_flicker[kind].record() for kind in KINDS},
             "unequal_pixels": self.unequal,
-            "trail": None if self.trail is None else self.trail.record(),
+            "trails": {cause: trail.record() for cause, trail in self.trails.items()},
         }
 
 
@@ -196,7 +198,8 @@ class _Meters:
 
     def __init__(self, exposure: float) -> None:
         self._exposure = exposure
-        self._input, self._truth, self._trail = FlickerMeter(), FlickerMeter(), TrailMeter()
+        self._input, self._truth = FlickerMeter(), FlickerMeter()
+        self._trails = {cause: TrailMeter() for cause in CAUSES}
         self._scores: dict[int, Scores] = {}
         self._errors: list[float] = []
         self._last: tuple[metrics.Image, Target | None] | None = None
@@ -230,13 +233,12 @@ class _Meters:
 
     def _add_trail(self, shown: metrics.Image, converged: RenderedFrame) -> None:
         now = _with_ratio(converged)
-        before = self._last_converged or now
-        self._trail.add(
-            shown,
-            metrics.display(converged.color, self._exposure),
-            left=left_behind(before, now),
-            taken=taken(now),
-        )
+        left = left_behind(self._last_converged or now, now)
+        gone = np.logical_or.reduce(list(left.values()))
+        clean = metrics.display(converged.color, self._exposure)
+        for cause, meter in self._trails.items():
+            others = gone & ~left[cause]
+            meter.add(shown, clean, left=left[cause], taken=taken(now) | others)
         self._last_converged = now
 
     def result(self, view: str, label: str, *, measured: bool) -> Stability:
@@ -248,7 +250,7 @@ class _Meters:
             flicker={kind: self._input.result(kind) for kind in KINDS},
             true_flicker={kind: self._truth.result(kind) for kind in KINDS},
             unequal=self._unequal,
-            trail=self._trail.result() if measured else None,
+            trails={c: meter.result() for c, meter in self._trails.items()} if measured else {},
         )
 
 

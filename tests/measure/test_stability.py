@@ -164,10 +164,12 @@ def test_what_has_left() -> None:
     }
     before["ratio"][0, 3] = 0.8
     before["ratio"][0, 6] = now["ratio"][0, 6] = 0.8
-    wanted = [[True, True, True, True, False, False, False]]
-    np.testing.assert_array_equal(left_behind(before, now), wanted)
-    assert not (taken(now) & wanted).any()
-    assert taken(before)[np.asarray(wanted) & (before["depth"] == now["depth"])].all()
+    left = left_behind(before, now)
+    assert {cause: np.flatnonzero(mask).tolist() for cause, mask in left.items()} == {
+        "object": [0], "real": [1, 2], "light": [3],
+    }  # fmt: skip
+    assert np.flatnonzero(taken(before)).tolist() == [0, 3, 4, 6]
+    assert np.flatnonzero(taken(now)).tolist() == [4, 6]
 
 
 def film_with_a_trail(keep: float, sigma: float, frames: int = 24) -> Trail:

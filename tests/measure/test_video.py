@@ -18,6 +18,7 @@ from iprt import cli
 from iprt.commands.compare_video import VideoFlags, stability_grid
 from iprt.errors import IprtError
 from iprt.measure.metrics import display
+from iprt.measure.stability import CAUSES
 from iprt.measure.strip import COLUMNS, Strip
 from iprt.measure.sweep import Combination, combinations
 from iprt.measure.video import Player, over_background, resized
@@ -147,7 +148,7 @@ def test_the_truth_is_true_and_as_steady_as_its_input(scene: Any, film: type[Fak
     assert result.true_flicker["relit"].ratio == 1.0
     assert result.true_flicker["relit"].pixels == WIDTH * 12  # of one pair of truths
     assert result.flicker["relit"].pixels == (FRAMES - 1) * WIDTH * 12
-    assert result.trail is None
+    assert result.trails == {}
     assert result.worst_flicker == 1.0
 
 
@@ -197,9 +198,9 @@ def test_converged_pictures_have_no_past(scene: Any, film: type[FakeFilm]) -> No
     assert [accumulate for _, accumulate in converged] == [16] * 3
     assert {(settings.seed, settings.fading) for settings, _ in converged} == {(1, 0.0)}
     (result,) = played.results()
-    assert result.trail is not None
-    assert result.trail.frames is None, "nothing has left"
-    assert json.loads(json.dumps(result.record()))["trail"]["frames"] is None
+    assert all(trail.frames is None for trail in result.trails.values()), "nothing has left"
+    trails = json.loads(json.dumps(result.record()))["trails"]
+    assert {cause: trail["frames"] for cause, trail in trails.items()} == dict.fromkeys(CAUSES)
 
 
 def test_a_view_in_another_size(scene: Any) -> None:
@@ -272,7 +273,7 @@ def test_what_no_object_touches_is_as_steady_as_the_input(
     assert record["flicker"]["untouched"]["ratio"] == 1.0
     assert record["flicker"]["untouched"]["pixels"] > 20
     assert record["flicker"]["object"]["pixels"] > 50
-    assert record["trail"]["ages"][0]["pixels"] > 10
+    assert record["trails"]["object"]["ages"][0]["pixels"] > 10
     assert list(record["scores"]) == ["1", "2"]
     assert (tmp_path / "saved" / "ahead-base.png").exists()
     assert cli.main([*words, "--fail-over-flicker", "0.5"]) == 1
