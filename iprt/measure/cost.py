@@ -10,7 +10,7 @@ from statistics import fmean, median, stdev
 import numpy as np
 
 from iprt.device.counting import Work
-from iprt.device.profile import Cost, FrameCosts, Key, Kind, Profile, by_pass, pass_time
+from iprt.device.profile import Cost, FrameCosts, Key, Kind, by_pass, pass_time
 
 BLOCKS = 8
 """Runs of frames, each with a median of its own, whose spread tells how sure the median is."""
@@ -225,8 +225,3 @@ def _ms(costs: Iterable[tuple[Key, Cost]], kinds: Iterable[Kind] = PASS_KINDS) -
 
 def _share(timing: Timing, total: float) -> float:
     return timing.mean_ms / total if total > 0.0 else 0.0
-
-
-def last_rows(profile: Profile) -> list[PassRow]:
-    """Those of the last frame that has been resolved: a live table, for some microseconds."""
-    return pass_rows([profile.last]) if profile.last else []

@@ -153,10 +153,10 @@ class CostReport:
             parts = row.pop("parts")
             name = row.pop("name")
             rows.append({"pass": name, "part": "", "kind": "pass", **row})
-            for part in parts:
-                rows.append(
-                    {"pass": name, "part": part.pop("name"), **part, **(part["work"] or {})}
-                )
+            rows += [
+                {"pass": name, "part": part.pop("name"), **part, **(part["work"] or {})}
+                for part in parts
+            ]
         names = dict.fromkeys(name for row in rows for name in row if name != "work")
         return [{name: row.get(name) for name in names} for row in rows]
 

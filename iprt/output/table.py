@@ -34,7 +34,8 @@ def part_grid(report: CostReport) -> Grid:
     notes = (
         *_notes(report),
         "ms, p95, mean: of the frames; medians (ms) of parts do not add up to that of the whole",
-        "host: what the host spends on a pass while the device may run; its own work is in ms",
+        "host: what the host spends on a pass while the device may run; its own work is in ms. All "
+        "passes together may take longer than the wall shows: the device runs during such work",
         "MB: the buffers bound to a kernel, each once, or what is transferred; GB/s: MB by time, "
         "but of kernels that read where rays or lists lead",
         "steps: of a ray, on average; most: of the longest; active: work items with work to do",
@@ -47,7 +48,7 @@ def memory_grid(report: CostReport) -> Grid:
     total = sum(report.buffers.values())
     ranked = sorted(report.buffers.items(), key=lambda entry: -entry[1])
     rows = _ranked(ranked, total, lambda size: f"{size / 2**20:.2f}")
-    note = f"{amount(total)} of the {amount(report.memory)} that {report.device} has"
+    note = f"{amount(total)} of the device's {amount(report.memory)}"
     return Grid("memory", ("buffer", "MiB", "share"), rows, (note,))
 
 
@@ -59,7 +60,7 @@ def compile_grid(report: CostReport) -> Grid:
         files[file] = files.get(file, 0.0) + ms
     ranked = sorted(files.items(), key=lambda entry: -entry[1])
     rows = _ranked(ranked, report.compile_ms, lambda ms: f"{ms:.0f}")
-    note = f"{report.compile_ms:.0f} ms, once; drivers may finish when a kernel first runs"
+    note = f"{report.compile_ms:.0f} ms, once"
     return Grid("compiling", ("program", "ms", "share"), rows, (note,))
 
 

@@ -13,12 +13,23 @@ from iprt.scene.material import Material
 from iprt.scene.mesh import Instance, Mesh
 from tests.bvh.tracing import BvhTracer
 from tests.films import films, play
-from tests.kernels.tracing import RealTracer, panorama_of, random_directions
+from tests.kernels.tracing import RealTracer, build, panorama_of, random_directions
 from tests.oracles.traverse import FlatLayer, _crossings, trace_flat
 from tests.oracles.worlds import World
 from tests.worlds import bright_walls, room_frame
 
 TRACE = ("other", "trace")
+ADD = """
+#include "work.h"
+__kernel void add(const int count, const uint steps WORK_PARAMETER)
+{
+    if (get_global_id(0) >= count)
+        return;
+    COUNT_ITEM;
+    COUNT_RAY(work, WORK_REAL);
+    COUNT_STEPS(work, WORK_REAL, steps);
+}
+"""
 
 
 def test_steps_in_a_panorama_of_one_level_are_the_texels_on_the_way(device: ComputeDevice) -> None:
@@ -91,18 +102,19 @@ def test_steps_to_triangles_are_instances_nodes_and_packets(
 
 
 def test_sums_of_steps_need_more_than_32_bits(device: ComputeDevice) -> None:
+    """Three of seventy work items march 3 * 2^30 steps each."""
     counting = CountingDevice(device)
-    counters = np.array([7, 1, 5, 3, 4, 2, 6, 0, 6], np.uint32)
-    counting.write(counting._counters, counters)
-    work = counting.counted((100, 3))
-    assert (work.items, work.active) == (300, 7)
-    assert work.real == Rays(1, 5 + 3 * 2**32, 4)
-    assert work.objects == Rays(2, 6, 6)
-    x, y = counting.group_size(2)
-    assert work.groups == -(-100 // x) * -(-3 // y)
-    assert work.active_groups == 1
-    assert (work + work).real == Rays(2, 10 + 6 * 2**32, 4)
-    assert Work() + work == work
+    add = build(counting, ADD, "add")
+    add((70,), 3, np.uint32(3 * 2**30))
+    work = counting.work["other", "add"]
+    assert work.real == Rays(3, 9 * 2**30, 3 * 2**30)
+    group = counting.group_size(1)[0]
+    assert (work.items, work.active) == (70, 3)
+    assert (work.groups, work.active_groups) == (-(-70 // group), 1)
+    add((70,), 3, np.uint32(5))
+    total = counting.work["other", "add"]
+    assert total.real == Rays(6, 9 * 2**30 + 15, 3 * 2**30)
+    assert Work() + total == total
 
 
 @pytest.mark.gl
