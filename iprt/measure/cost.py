@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from statistics import fmean, median, stdev
+from statistics import fmean, median
 
 import numpy as np
+from numpy.typing import NDArray
 
 from iprt.device.counting import Work
 from iprt.device.profile import Cost, FrameCosts, Key, Kind, by_pass, pass_time
 
 BLOCKS = 8
-"""Runs of frames, each with a median of its own, whose spread tells how sure the median is."""
+"""Runs of frames that are taken together when it is asked how sure a median is."""
+RESAMPLES = 400
+"""Draws of as many of these runs, with replacement."""
 FEWEST_FRAMES = 2 * BLOCKS
 """Of fewer, nothing is said about that."""
 
@@ -28,7 +30,7 @@ class Timing:
         Median, 95th percentile and mean. Medians of parts do not add up to that of the whole;
         means do.
     error_ms : float or None
-        Standard error of the median, by the medians of `BLOCKS` runs of frames, so that what
+        Standard error of the median, by a bootstrap of `BLOCKS` runs of frames, so that what
         lasts for several frames counts as noise, too. None of fewer than `FEWEST_FRAMES`.
     """
 
@@ -40,11 +42,18 @@ class Timing:
     @classmethod
     def of(cls, values: Sequence[float]) -> Timing:
         """From the times of frames, in order; at least one."""
-        error = None
-        if len(values) >= FEWEST_FRAMES:
-            medians = [float(np.median(block)) for block in np.array_split(values, BLOCKS)]
-            error = stdev(medians) / math.sqrt(BLOCKS)
-        return cls(median(values), float(np.percentile(values, 95)), fmean(values), error)
+        error = _median_error(np.array(values)) if len(values) >= FEWEST_FRAMES else None
+        return cls(float(median(values)), float(np.percentile(values, 95)), fmean(values), error)
+
+
+def _median_error(values: NDArray[np.float64]) -> float:
+    length = len(values) // BLOCKS
+    blocks = values[len(values) - BLOCKS * length :].reshape(BLOCKS, length)
+    drawn = np.random.default_rng(0).integers(BLOCKS, size=(RESAMPLES, BLOCKS))
+    medians = np.median(blocks[drawn].reshape(RESAMPLES, -1), axis=1)
+    # Half of what one standard deviation to either side holds of a normal distribution: a run that
+    # something else disturbed, drawn often now and then, would rule their own deviation.
+    return 0.5 * float(np.diff(np.quantile(medians, (0.1587, 0.8413)))[0])
 
 
 @dataclass(frozen=True)
