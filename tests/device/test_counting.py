@@ -139,6 +139,8 @@ def test_a_picture_is_the_same_and_its_rays_are_those_asked_for(device: ComputeD
     assert refined.active > 0
     assert refined.real.count == refined.active * settings.irradiance.first_rays
     assert refined.objects == Rays()
+    assert work["irradiance", "want_cells"].active == listed
+    assert work["irradiance", "smooth_cells"].active == refined.active
     seen, shown = (work["trace view", kernel] for kernel in ("see_objects", "show_objects"))
     assert seen.active == seen.objects.count > 0
     assert shown.objects.count == COVERAGE_SAMPLES**2 * shown.active

@@ -69,17 +69,18 @@ def test_a_pass_that_most_frames_lack_has_a_median_of_zero() -> None:
 
 def test_bandwidth_is_bytes_by_time_where_buffers_are_streamed() -> None:
     profile = Profile()
-    launch(profile, "march", "trace", 2.0, 4_000_000)
-    launch(profile, "march", "write", 0.5, 1_000_000, Kind.TRANSFER)
-    launch(profile, "march", "blur", 1.0, 3_000_000)
-    launch(profile, "march", "blur", 1.0, 3_000_000)
-    with profile.host("draw"):
-        pass
-    profile.end_frame()
+    for blur in (1.0, 1.0, 4.0):
+        launch(profile, "march", "trace", 2.0, 4_000_000)
+        launch(profile, "march", "write", 0.5, 1_000_000, Kind.TRANSFER)
+        launch(profile, "march", "blur", blur, 3_000_000)
+        launch(profile, "march", "blur", blur, 3_000_000)
+        with profile.host("draw"):
+            pass
+        profile.end_frame()
     counted = {("march", "trace"): WorkRow.of(WORK, 2)}
     march, draw = pass_rows(profile.kept_frames(), counted)
     trace, write, blur = march.parts
-    assert (trace.gb_per_s, write.gb_per_s, blur.gb_per_s) == (None, 2.0, 3.0)
+    assert (trace.gb_per_s, write.gb_per_s, blur.gb_per_s) == (None, 2.0, 1.5)
     assert (trace.bytes, blur.bytes, blur.launches) == (4e6, 6e6, 2.0)
     assert draw.parts[0].gb_per_s is None
     assert draw.parts[0].kind is Kind.HOST

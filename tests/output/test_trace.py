@@ -18,7 +18,7 @@ def span(name: str, kind: Kind, start: int, end: int, frame: int = 0, part: str 
 
 SPANS = [
     # The section ends after the host work in it, and is recorded later.
-    span("draw", Kind.HOST, 110, 115),
+    span("draw", Kind.HOST, 105, 115),
     span("march", Kind.ENQUEUE, 105, 120),
     span("march", Kind.KERNEL, 130, 150, part="trace"),
     span("march", Kind.TRANSFER, 149, 160, part="write"),  # by the device's clock, before its turn
@@ -41,7 +41,7 @@ def test_each_track_shows_what_ran_from_the_first_on() -> None:
     assert track(FRAMES) == [("frame 0", 0.0, 65.0), ("frame 1", 95.0, 60.0)]
     assert track(HOST) == [
         ("march", 0.0, 15.0),
-        ("draw", 5.0, 5.0),
+        ("draw", 0.0, 10.0),
         ("blend", 16.0, 1.0),
         ("march", 95.0, 10.0),
     ]
