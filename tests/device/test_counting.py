@@ -144,3 +144,14 @@ def test_a_picture_is_the_same_and_its_rays_are_those_asked_for(device: ComputeD
     seen, shown = (work["trace view", kernel] for kernel in ("see_objects", "show_objects"))
     assert seen.active == seen.objects.count > 0
     assert shown.objects.count == COVERAGE_SAMPLES**2 * shown.active
+
+
+@pytest.mark.gl
+@pytest.mark.slow
+@pytest.mark.parametrize("name", films())
+def test_every_kernel_that_counts_leaves_the_picture_as_it_is(
+    device: ComputeDevice, name: str
+) -> None:
+    counting, film = CountingDevice(device), films()[name]
+    np.testing.assert_array_equal(play(counting, film).color, play(device, film).color)
+    assert bool(counting.work) == (name != "nothing")
