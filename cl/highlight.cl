@@ -64,11 +64,12 @@ TRACING_KERNEL void sample_highlight(
     __global const float4 *restrict real_materials, // lib/brdf.h
     __global const float4 *restrict reflectance,    // per real material: of conductors
     REAL_PARAMETERS,
-    __global float4 *restrict highlight)
+    __global float4 *restrict highlight WORK_PARAMETER)
 {
     const int item = get_global_id(0);
     if (item >= count)
         return;
+    COUNT_ITEM;
     const RealLayer layer = REAL_LAYER;
     const World world = captured(layer, real_color, real_outside);
     const int texel = list[item], index = gloss[texel] - 1;
@@ -115,11 +116,12 @@ __kernel void filter_highlight(
     __global const float4 *restrict real_materials,
     REAL_PARAMETERS,
     __global const float4 *restrict highlight,
-    __global float4 *restrict filtered)
+    __global float4 *restrict filtered WORK_PARAMETER)
 {
     const int item = get_global_id(0);
     if (item >= count)
         return;
+    COUNT_ITEM;
     const RealLayer layer = REAL_LAYER;
     const int texel = list[item], column = texel % real_width, row = texel / real_width;
     const float4 centre = highlight[texel];
@@ -169,11 +171,13 @@ TRACING_KERNEL void measure_cells(
     __global const float4 *restrict highlight,
     __global float4 *restrict seen,                 // out: columns x rows
     __global float4 *restrict shine,                // out
-    __global float4 *restrict irradiance)           // out
+    __global float4 *restrict irradiance            // out
+    WORK_PARAMETER)
 {
     const int cell_x = get_global_id(0), cell_y = get_global_id(1);
     if (cell_x >= columns || cell_y >= rows)
         return;
+    COUNT_ITEM;
     const RealLayer layer = REAL_LAYER;
     const World world = captured(layer, real_color, real_outside);
     const int x1 = min((cell_x + 1) * CELL, real_width), y1 = min((cell_y + 1) * CELL, real_height);

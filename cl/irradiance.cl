@@ -137,11 +137,13 @@ __kernel void want_cells(
     const int columns,
     const int rows,
     __global const float4 *restrict plane,
-    __global int *restrict wanted)         // out
+    __global int *restrict wanted          // out
+    WORK_PARAMETER)
 {
     const int item = get_global_id(0);
     if (item >= count[0])
         return;
+    COUNT_ITEM;
     const int pixel = plane_index(list[item] % width, list[item] / width, width);
     const int size = plane_size(width, height);
     const float3 p = load_planes(guide + 3 * size, size, pixel);
@@ -184,11 +186,13 @@ TRACING_KERNEL void refine_cells(
     __global const float4 *restrict plane,
     __global const float *restrict view,   // lib/view.h
     WORLD_PARAMETERS,
-    __global float4 *restrict mean)        // in, out
+    __global float4 *restrict mean         // in, out
+    WORK_PARAMETER)
 {
     const int item = get_global_id(0);
     if (item >= count[0])
         return;
+    COUNT_ITEM;
     const World world = WORLD(view);
     const int cell = list[item];
     const float3 g = plane[cell].xyz;
@@ -235,11 +239,13 @@ __kernel void smooth_cells(
     const int rows,
     __global const float4 *restrict plane,
     __global const float4 *restrict mean,
-    __global float4 *restrict smooth)      // out
+    __global float4 *restrict smooth       // out
+    WORK_PARAMETER)
 {
     const int item = get_global_id(0);
     if (item >= count[0])
         return;
+    COUNT_ITEM;
     const int cell = list[item], x = cell % columns, y = cell / columns;
     const float3 g = plane[cell].xyz, n = -normalize(g);
     const float3 v = texel_direction(x, y, columns, rows);

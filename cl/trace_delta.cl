@@ -48,11 +48,12 @@ TRACING_KERNEL void trace_delta(
     CACHE_PARAMETERS,
     const float least,                           // solid angle of objects that matters, sr
     __global uint *restrict samples,
-    __global float *restrict signal)
+    __global float *restrict signal WORK_PARAMETER)
 {
     const int item = get_global_id(0);
     if (item >= count[0])
         return;
+    COUNT_ITEM;
     const World world = WORLD(view);
     const IrradianceCache cache = CACHE;
     const TracedPixel at = TRACED_PIXEL(item, 0x64656c74u);

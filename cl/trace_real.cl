@@ -17,11 +17,12 @@ TRACING_KERNEL void trace_real(
     WORLD_PARAMETERS,
     __global uint *restrict samples,
     __global float *restrict signal,
-    __global float *restrict touched)
+    __global float *restrict touched WORK_PARAMETER)
 {
     const int item = get_global_id(0);
     if (item >= count[0])
         return;
+    COUNT_ITEM;
     const World world = WORLD(view);
     const TracedPixel at = TRACED_PIXEL(item, 0x7265616cu);
     const int pixel = at.pixel, size = at.size;

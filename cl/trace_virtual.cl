@@ -45,11 +45,12 @@ TRACING_KERNEL void trace_virtual(
     __global float *restrict diffuse,
     __global float *restrict specular,
     __global float *restrict hit_distance,
-    __global float *restrict touched)
+    __global float *restrict touched WORK_PARAMETER)
 {
     const int item = get_global_id(0);
     if (item >= count[0])
         return;
+    COUNT_ITEM;
     const World world = WORLD(view);
     const TracedPixel at = TRACED_PIXEL(item, 0x76697274u);
     const int pixel = at.pixel, size = at.size;

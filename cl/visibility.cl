@@ -34,11 +34,12 @@ TRACING_KERNEL void see_objects(
     __global const float4 *restrict displacements,
     __global float4 *restrict front,
     __global float4 *restrict material,
-    __global float4 *restrict displaced)
+    __global float4 *restrict displaced WORK_PARAMETER)
 {
     const int x = rectangle.x + (int)get_global_id(0), y = rectangle.y + (int)get_global_id(1);
     if (x >= rectangle.z || y >= rectangle.w)
         return;
+    COUNT_ITEM;
     const Objects world = OBJECTS(view);
     const int pixel = y * width + x;
     const float3 d = view_direction(view, (float2)(x + 0.5f, y + 0.5f));
@@ -125,11 +126,12 @@ TRACING_KERNEL void show_objects(
     __global float4 *restrict display_front,
     __global float4 *restrict display_material,
     __global float *restrict coverage,
-    __global float2 *restrict motion)
+    __global float2 *restrict motion WORK_PARAMETER)
 {
     const int x = rectangle.x + (int)get_global_id(0), y = rectangle.y + (int)get_global_id(1);
     if (x >= rectangle.z || y >= rectangle.w)
         return;
+    COUNT_ITEM;
     const Objects world = OBJECTS(view);
     const int pixel = y * width + x;
     const float3 d = view_direction(view, (float2)(x + 0.5f, y + 0.5f));

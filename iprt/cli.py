@@ -32,6 +32,7 @@ VERBS = {
     "render": "iprt.commands.render:render",
     "compare": "iprt.commands.compare:compare",
     "bench": "iprt.commands.bench:bench",
+    "profile": "iprt.commands.profile:profile",
     "settings": "iprt.commands.settings:settings",
     "reference": "iprt.commands.reference:reference",
     "scene info": "iprt.commands.scene:info",

@@ -152,14 +152,13 @@ class Film:
             renderer.move(instances)
             renderer.look(view)
             return renderer
-        footage = _footage(self.scene, frame, self.settings) if several else None
+        footage = footage_of(self.scene, frame, self.settings) if several else None
         given = (self.device, frame, instances, view, self.settings)
         require_memory(*given, footage)
         self._renderer = renderer = Renderer(*given, footage=footage)
         if not self.prepare_ms:
             self.device.finish()
-            self.prepare_ms = sum(entry.ms for entry in self.device.profile.passes())
-            self.device.profile.reset()
+            self.prepare_ms = self.device.profile.prepared()
         return renderer
 
     def view_at(self, index: int) -> View:
@@ -180,11 +179,11 @@ def memory(settings: Settings, accumulate: int) -> Settings:
 def film_plan(scene: Scene, frame: Frame, instances: Iterable[Instance], view: View) -> RenderPlan:
     """What a film of all of the scene's frames builds, of which `frame` is one."""
     settings = Settings()
-    footage = _footage(scene, frame, settings) if len(scene.frame_indices) > 1 else None
+    footage = footage_of(scene, frame, settings) if len(scene.frame_indices) > 1 else None
     return RenderPlan.of(frame, instances, view, settings, footage)
 
 
-def _footage(scene: Scene, frame: Frame, settings: Settings) -> Footage:
+def footage_of(scene: Scene, frame: Frame, settings: Settings) -> Footage:
     """What the frames of a scene's video may have, of which `frame` is one."""
     return Footage.of(
         frame,

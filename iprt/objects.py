@@ -175,7 +175,7 @@ class Objects:
         from iprt.raster.rasterizer import Rasterizer
 
         try:
-            with self._device.profile.compiling():
+            with self._device.profile.compiling("OpenGL"):
                 self._rasterizer = Rasterizer(self._instances)
         except DeviceError as error:
             if self._needs.traced_layers:

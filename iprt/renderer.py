@@ -237,7 +237,7 @@ class Renderer:
         self._objects_stale = max(self._objects_stale - 1, 0)
         self._view_stale = max(self._view_stale - 1, 0)
         self._previous_view = view
-        self.device.profile.frames += 1
+        self.device.profile.end_frame()
 
     def _place_view(self, tick: Tick, now: View) -> None:
         if self._camera is not None:

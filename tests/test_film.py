@@ -184,6 +184,6 @@ def test_hours_need_no_more_than_a_few_frames(
     with film(scene, device) as running:
         for _ in running.frames(range(24)):
             held.append(sum(each() is not None for each in made))
-            assert not device.profile._events
+            assert not device.profile._pending
     assert len(made) >= 24
     assert max(held) <= 6

@@ -17,6 +17,8 @@
 #ifndef IPRT_BVH_H
 #define IPRT_BVH_H
 
+#include "work.h"
+
 // -D BVH_STACK: three for each level of both trees, which the host bounds (iprt/bvh/build.py): a
 // level leaves at most three children to come back to.
 #define BVH_NODE_ROWS 7
@@ -34,6 +36,7 @@ typedef struct {
     __global const float4 *packets;
     __global const float4 *instances;
     int count;           // of instances
+    WORK_MEMBER
 } Bvh;
 
 typedef struct {
@@ -149,6 +152,7 @@ static inline float3 bvh_transform(__global const float4 *rows, float3 v, float 
 // d have a length.
 static inline int bvh_trace(const Bvh bvh, float3 o, float3 d, float t_max, BvhHit *hit)
 {
+    COUNT_RAY(bvh.work, WORK_OBJECTS);
     if (bvh.count == 0)
         return 0;
     int2 stack[BVH_STACK];     // reference, key of bvh_enter
@@ -187,8 +191,10 @@ static inline int bvh_trace(const Bvh bvh, float3 o, float3 d, float t_max, BvhH
             met = 1;
         }
         do {
-            if (top == 0)
+            if (top == 0) {
+                COUNT_STEPS(bvh.work, WORK_OBJECTS, step + 1);
                 return met;
+            }
             if (instance >= 0 && top == upper) {
                 instance = -1;
                 ray = bvh_ray(o, d);
@@ -197,6 +203,7 @@ static inline int bvh_trace(const Bvh bvh, float3 o, float3 d, float t_max, BvhH
         } while (as_float(stack[top].y & ~3) >= hit->t);
         reference = stack[top].x;
     }
+    COUNT_STEPS(bvh.work, WORK_OBJECTS, BVH_STEP_CAP);
     return met;
 }
 

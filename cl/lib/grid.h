@@ -4,6 +4,7 @@
 #define IPRT_GRID_H
 
 #include "equirect.h"
+#include "work.h"
 
 // Min/max pyramid. Level l has ceil(width / 2^l) x ceil(height / 2^l) cells; the levels follow
 // one another in `range`. Cells of the last rows and columns are clipped at width and height.
@@ -14,6 +15,7 @@ typedef struct {
     __global const float2 *range;    // (min, max) radial distance in metres per cell
     __global const float2 *column;   // width + 1: (cos, sin) of the azimuth of column edges
     __global const float *row;       // height + 1: cos of the polar angle of row edges
+    WORK_MEMBER
 } Grid;
 
 // A ray o + t d seen from the capture centre: the point is b (m + u d) with m the unit direction

@@ -4,6 +4,7 @@
 //   MARCH_LAYER                           type of the layer, with a member `grid`
 //   MARCH_STATE                           type of what is carried from cell to cell
 //   MARCH_HIT                             type of the hit
+//   MARCH_WORK                            what its rays are counted as (lib/work.h)
 //   MARCH_SKIP(state, near, far, range, cell)   may a cell of the pyramid, whose depths lie in
 //                                         `range`, be skipped by a ray that spans the radii
 //                                         [near, far] in it? May update the state.
@@ -76,11 +77,15 @@ static int MARCH_NAME(const MARCH_LAYER layer, const PolarRay ray, float t_min, 
                 offset -= child_columns * child_rows;
                 continue;
             }
-            if (MARCH_LEAF(layer, ray, at, &state, hit))
+            if (MARCH_LEAF(layer, ray, at, &state, hit)) {
+                COUNT_STEPS(layer.grid.work, MARCH_WORK, step + 1);
                 return 1;
+            }
         }
-        if (at.u1 >= u_end)
+        if (at.u1 >= u_end) {
+            COUNT_STEPS(layer.grid.work, MARCH_WORK, step + 1);
             return MARCH_END(state);
+        }
 
         at.u0 = at.u1;
         at.root0 = at.root1;
@@ -103,6 +108,7 @@ static int MARCH_NAME(const MARCH_LAYER layer, const PolarRay ray, float t_min, 
             at.row >>= 1;
         }
     }
+    COUNT_STEPS(layer.grid.work, MARCH_WORK, MARCH_STEP_CAP);
     return -1;
 }
 
@@ -110,6 +116,7 @@ static int MARCH_NAME(const MARCH_LAYER layer, const PolarRay ray, float t_min, 
 #undef MARCH_LAYER
 #undef MARCH_STATE
 #undef MARCH_HIT
+#undef MARCH_WORK
 #undef MARCH_SKIP
 #undef MARCH_LEAF
 #undef MARCH_END

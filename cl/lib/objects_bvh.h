@@ -163,8 +163,8 @@ static inline float object_lift(const Objects world, float distance)
 
 #define OBJECTS(view)                                                                              \
     {                                                                                              \
-        {bvh_nodes, bvh_packets, bvh_instances, bvh_count}, bvh_triangles, bvh_normals, bvh_uvs,   \
-            bvh_albedos, bvh_texels, objects_bounds, objects_count                                 \
+        {bvh_nodes, bvh_packets, bvh_instances, bvh_count WORK}, bvh_triangles, bvh_normals,       \
+            bvh_uvs, bvh_albedos, bvh_texels, objects_bounds, objects_count                        \
     }
 
 #endif

@@ -135,6 +135,7 @@ static inline int object_skip(float near, float far, float2 range, ObjectHit *hi
 #define MARCH_LAYER ObjectLayer
 #define MARCH_STATE ObjectRay
 #define MARCH_HIT ObjectHit
+#define MARCH_WORK WORK_OBJECTS
 #define MARCH_SKIP(state, near, far, range, cell) object_skip(near, far, range, hit)
 #define MARCH_LEAF(layer, ray, at, state, hit) equirect_leaf(layer, *(state), ray, at, hit)
 #define MARCH_END(state) 0
@@ -231,11 +232,15 @@ static inline int march_screen_objects(const Objects world, float3 o, float3 d, 
                 offset -= child_columns * child_rows;
                 continue;
             }
-            if (object_leaf(layer, o_world, d_world, row * width + column, t, next, r0, r1, hit))
+            if (object_leaf(layer, o_world, d_world, row * width + column, t, next, r0, r1, hit)) {
+                COUNT_STEPS(layer.grid.work, WORK_OBJECTS, step + 1);
                 return 1;
+            }
         }
-        if (next >= t1)
+        if (next >= t1) {
+            COUNT_STEPS(layer.grid.work, WORK_OBJECTS, step + 1);
             return 0;
+        }
         t = next;
         const int old_column = column, old_row = row;
         if (side <= level_edge) {
@@ -281,6 +286,7 @@ static inline int trace_objects(const Objects world, float3 o, float3 d, float t
 {
     if (!is_ray(o, d))
         return 0;
+    COUNT_RAY(world.equirect.grid.work, WORK_OBJECTS);
     const float2 reach = bounds_interval(world, o, d, t_max);
     if (!(reach.x <= reach.y))
         return 0;
@@ -356,7 +362,10 @@ static inline float object_lift(const Objects world, float distance)
 
 #define LAYER(name)                                                                                \
     {                                                                                              \
-        {name##_width, name##_height, name##_levels, name##_range, name##_column, name##_row},     \
+        {                                                                                          \
+            name##_width, name##_height, name##_levels, name##_range, name##_column,               \
+                name##_row WORK                                                                    \
+        },                                                                                         \
             name##_planes, name##_geometry, name##_material, name##_footprint                      \
     }
 

@@ -231,6 +231,7 @@ static inline int real_leaf(const RealLayer layer, const PolarRay ray, const Seg
 #define MARCH_LAYER RealLayer
 #define MARCH_STATE int
 #define MARCH_HIT RealHit
+#define MARCH_WORK WORK_REAL
 #define MARCH_SKIP(state, near, far, range, cell)                                                  \
     real_skip(layer, &state, near, far, range, cell)
 #define MARCH_LEAF(layer, ray, at, state, hit) real_leaf(layer, ray, at, state, hit)
@@ -272,6 +273,7 @@ static inline RealHit trace_real_layer(const RealLayer layer, float3 o, float3 d
 #endif
         return hit;
     }
+    COUNT_RAY(layer.grid.work, WORK_REAL);
     const PolarRay ray = polar_ray(o, d);
     const float2 uv = equirect_uv(d);
     const int texel = min((int)(uv.y * layer.grid.height), layer.grid.height - 1) * layer.grid.width

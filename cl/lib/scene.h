@@ -27,9 +27,9 @@
 
 #define REAL_LAYER                                                                                 \
     {                                                                                              \
-        {real_width, real_height, real_levels, real_range, real_column, real_row}, real_surface,   \
-            real_thickness_m, real_thickness_ratio, real_bias, real_nearest, real_farthest         \
-            BACKGROUND_LAYER                                                                       \
+        {real_width, real_height, real_levels, real_range, real_column, real_row WORK},            \
+            real_surface, real_thickness_m, real_thickness_ratio, real_bias, real_nearest,         \
+            real_farthest BACKGROUND_LAYER                                                         \
     }
 
 #endif

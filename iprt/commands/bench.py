@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-import json as json_format
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import tyro
 
 from iprt.commands.knobs import BALANCED, KnobFlags, Knobs
 from iprt.errors import IprtError
-
-if TYPE_CHECKING:
-    from rich.table import Table
-
-    from iprt.measure.bench import Benchmark
 
 MAX_FRAMES = 100_000
 MAX_SEEDS = 100
@@ -164,14 +158,15 @@ def _time(
     json: bool,
     allow_outside: bool,
 ) -> int:
-    from rich.console import Console
-
     from iprt.commands.progress import progress_bar
     from iprt.commands.views import choose_view
     from iprt.device.choose import choose_device
     from iprt.device.compute import ComputeDevice
     from iprt.measure.bench import WARM_UP, benchmark
     from iprt.memory import require_memory
+    from iprt.output.grid import print_grid
+    from iprt.output.profile_file import json_text
+    from iprt.output.table import pass_grid
     from iprt.scene.scene import Scene
 
     if len(views) > 1:
@@ -190,32 +185,12 @@ def _time(
             instances,
             chosen,
             settings,
+            scene=opened.name,
             frames=frames,
             progress=progress,
         )
     if json:
-        print(json_format.dumps({"scene": opened.name, **result.record()}, indent=2))
+        print(json_text(result))
     else:
-        Console().print(bench_table(result))
+        print_grid(pass_grid(result))
     return 0
-
-
-def bench_table(result: Benchmark) -> Table:
-    """Medians per pass; what a frame takes as a whole stands in the caption."""
-    from iprt.output.table import rows_table
-
-    caption = f"wall: {result.wall_ms:.2f} ms/frame, {1e3 / result.wall_ms:.1f} frames/s"
-    if result.traced is not None:
-        caption += f"\nreal surfaces relit by rays at {result.traced:.1%} of the pixels"
-    caption += (
-        f"\nonce: compiling kernels {result.compile_ms:.0f} ms, "
-        f"preparing the panorama {result.prepare_ms:.0f} ms"
-    )
-    return rows_table(
-        result.passes,
-        title=(
-            f"{result.width}x{result.height}, method {result.method}, "
-            f"medians of {result.frames} frames on {result.device}"
-        ),
-        caption=caption,
-    )

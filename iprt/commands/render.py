@@ -155,7 +155,7 @@ def render(
                 f"{output.stem}.%04d{output.suffix}, or one of .mp4, .mov, .mkv"
             )
         rendered = _render_still(job, output, indices[0])
-    _report(output, rendered, profile)
+    _report(job, indices[0], output, rendered, profile)
     return 0
 
 
@@ -209,20 +209,33 @@ def _render_still(job: Job, output: Path, index: int) -> tuple[ComputeDevice, Fi
 
 
 def _report(
-    output: Path, rendered: tuple[ComputeDevice, Film] | None, profile: Path | None
+    job: Job,
+    index: int,
+    output: Path,
+    rendered: tuple[ComputeDevice, Film] | None,
+    profile: Path | None,
 ) -> None:
-    """Tell where the time went and where the output is."""
+    """Tell where the time went and where the output is; `index` is the first frame."""
     from rich.console import Console
 
-    from iprt.output.table import pass_table, write_profile
+    from iprt.film import view_at
+    from iprt.measure.cost_report import CostReport
+    from iprt.output.grid import print_grid
+    from iprt.output.profile_file import write_profile
+    from iprt.output.table import pass_grid
 
-    console = Console()
     if rendered is None:
         LOG.info("%s: nothing to do, it is finished; to render it again, delete it", output)
     else:
         compute, film = rendered
-        times = compute.profile, compute.name
+        report = CostReport.of(
+            compute,
+            scene=job.scene.name,
+            view=view_at(job.scene, job.view, index),
+            settings=job.settings,
+            prepare_ms=film.prepare_ms,
+        )
         if profile is not None:
-            write_profile(profile, *times, prepare_ms=film.prepare_ms)
-        console.print(pass_table(*times, prepare_ms=film.prepare_ms))
-    console.print(str(output), highlight=False, soft_wrap=True)
+            write_profile(profile, report)
+        print_grid(pass_grid(report))
+    Console().print(str(output), highlight=False, soft_wrap=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import AbstractContextManager
 from functools import cached_property
 from typing import Any
@@ -14,7 +14,7 @@ import pyopencl as cl
 import pyopencl.array as cla
 from numpy.typing import DTypeLike, NDArray
 
-from iprt.device.profile import Profile
+from iprt.device.profile import Kind, Profile
 from iprt.device.recovery import reported, wait
 from iprt.errors import DeviceError, KernelError
 from iprt.memory import amount, what_to_lower
@@ -40,7 +40,7 @@ class Kernel:
         rounded = tuple(-(-n // m) * m for n, m in zip(size, local, strict=True))
         with self._device.reported(self._name):
             event = self._kernel(self._device.queue, rounded, local, *map(_argument, args))
-        self._device.profile.record(event)
+        self._device.profile.record(event, self._name, Kind.KERNEL, bound_bytes(args))
 
 
 class ComputeDevice:
@@ -109,19 +109,22 @@ class ComputeDevice:
         KernelError
             The program did not build.
         """
-        options = ["-cl-std=CL1.2", "-cl-kernel-arg-info", "-I", str(CL / "lib")]
-        for define, value in sorted((defines or {}).items()):
-            if value is not False:
-                options.append(f"-D{define}={_literal(value)}")
+        variant = [
+            f"-D{define}={_literal(value)}"
+            for define, value in sorted((defines or {}).items())
+            if value is not False
+        ]
+        options = ["-cl-std=CL1.2", "-cl-kernel-arg-info", "-I", str(CL / "lib"), *variant]
         key = (file, " ".join(options))
         if key not in self._programs:
-            self._programs[key] = self._build(file, options)
+            with self.profile.compiling(" ".join([file, *variant])):
+                self._programs[key] = self._build(file, options)
         return Kernel(self, cl.Kernel(self._programs[key], name))
 
     def _build(self, file: str, options: list[str]) -> Any:
         source = (CL / file).read_text()
         try:
-            with self.profile.compiling(), warnings.catch_warnings():
+            with warnings.catch_warnings():
                 # Some compilers report success at length; a failure raises with its log.
                 warnings.simplefilter("ignore", cl.CompilerWarning)
                 return cl.Program(self.context, source).build(options)
@@ -167,7 +170,7 @@ class ComputeDevice:
     def fill_zero(self, array: cla.Array) -> None:
         with self.reported("clearing a buffer"):
             event = cl.enqueue_fill_buffer(self.queue, array.data, np.uint8(0), 0, array.nbytes)
-        self.profile.record(event)
+        self.profile.record(event, "fill", Kind.TRANSFER, array.nbytes)
 
     def upload(self, name: str, values: NDArray[Any]) -> cla.Array:
         """A new buffer holding a copy of `values`."""
@@ -178,20 +181,20 @@ class ComputeDevice:
     def write(self, array: cla.Array, values: NDArray[Any]) -> None:
         """Overwrite a buffer with host values of its shape and dtype."""
         host = np.ascontiguousarray(values, dtype=array.dtype).reshape(array.shape)
-        self._copy(array.data, host)
+        self._copy("write", array.data, host, host.nbytes)
 
     def read(self, array: cla.Array) -> NDArray[Any]:
         """A host copy of a buffer, after all enqueued work on it."""
         host = np.empty(array.shape, array.dtype)
-        self._copy(host, array.data)
+        self._copy("read", host, array.data, host.nbytes)
         return host
 
-    def _copy(self, target: Any, source: Any) -> None:
+    def _copy(self, name: str, target: Any, source: Any, size: int) -> None:
         if self.limit_s is not None:
             self.wait()  # a blocking transfer would wait for the kernels before it without a limit
         with self.reported("a transfer"):
             event = cl.enqueue_copy(self.queue, target, source, is_blocking=True)
-        self.profile.record(event)
+        self.profile.record(event, name, Kind.TRANSFER, size)
 
     def wait(self) -> None:
         """Until all enqueued work is done."""
@@ -205,6 +208,11 @@ class ComputeDevice:
         """`wait`, and add up the times."""
         self.wait()
         self.profile.resolve()
+
+
+def bound_bytes(arguments: Iterable[Any]) -> int:
+    """Bytes of the buffers among a kernel's arguments, each counted once."""
+    return sum({id(a): a.nbytes for a in arguments if isinstance(a, cla.Array)}.values())
 
 
 def _argument(value: Any) -> Any:

@@ -1,15 +1,88 @@
-"""Where the time goes: OpenCL events, host sections and compile time, per pass."""
+"""Where the time goes: OpenCL events, host work and compile time, per frame, pass and kernel."""
 
 from __future__ import annotations
 
+import random
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
+from enum import StrEnum
+from typing import Any, NamedTuple
+
+from pyopencl import profiling_info
+
+QUEUED, START, END = profiling_info.QUEUED, profiling_info.START, profiling_info.END
 
 OTHER = "other"
 """The pass of what no section names."""
+MOST_FRAMES = 1024
+"""Frames whose costs are kept one by one; of more, so many chosen at random."""
+
+
+class Kind(StrEnum):
+    """What takes the time."""
+
+    KERNEL = "kernel"
+    TRANSFER = "transfer"
+    HOST = "host"
+    """Work of the host that a pass consists of, such as rasterization."""
+    ENQUEUE = "enqueue"
+    """What the host spends on a pass of the device, which meanwhile may run."""
+
+
+class Key(NamedTuple):
+    """What a cost is of: a kernel, a kind of transfer or a host section of a pass."""
+
+    pass_name: str
+    name: str
+    kind: Kind
+
+
+@dataclass(slots=True)
+class Cost:
+    """What it took in a frame.
+
+    Attributes
+    ----------
+    ms : float
+    launches : int
+    bytes : int
+        Of a transfer: moved. Of a kernel: in the buffers that are bound to it, each counted once.
+    """
+
+    ms: float = 0.0
+    launches: int = 0
+    bytes: int = 0
+
+    def add(self, ms: float, launches: int, size: int) -> None:
+        self.ms += ms
+        self.launches += launches
+        self.bytes += size
+
+
+FrameCosts = dict[Key, Cost]
+"""Costs of a frame, in the order in which they came up."""
+
+
+class Span(NamedTuple):
+    """Something that ran once, in nanoseconds of `time.perf_counter_ns`."""
+
+    key: Key
+    frame: int
+    start_ns: int
+    end_ns: int
+    bytes: int
+
+
+class _Launch(NamedTuple):
+    """An event, and the host's time just after it was enqueued."""
+
+    key: Key
+    frame: int
+    event: Any
+    enqueued_ns: int
+    bytes: int
 
 
 @dataclass(frozen=True)
@@ -36,73 +109,204 @@ class PassTime:
 
 
 class Profile:
-    """Collects events under the name of the pass that is current; resolves them on demand."""
+    """Collects events under the name of the pass that is current; resolves them on demand.
+
+    Attributes
+    ----------
+    frames : int
+        Those that have ended since `reset`.
+    compiled : dict of str to float
+        Milliseconds by program; never forgotten.
+    last : dict of Key to Cost
+        Costs of the last frame that has ended and been resolved.
+    """
 
     def __init__(self) -> None:
-        self.compile_ms = 0.0
-        self.frames = 0
+        self.compiled: dict[str, float] = {}
         self._pass = OTHER
-        self._events: list[tuple[str, Any]] = []
-        self._device_ms: dict[str, float] = {}
-        self._host_ms: dict[str, float] = {}
-        self._launches: dict[str, int] = {}
+        self._trace: list[Span] | None = None
+        self._clock_ns: int | None = None  # of the host, less that of the device's events
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget passes and frames; compile time stays."""
+        self.frames = 0
+        self.last: FrameCosts = {}
+        self._pending: list[_Launch | Span] = []
+        self._current: FrameCosts = {}
+        self._current_frame = 0
+        self._totals: FrameCosts = {}
+        self._kept: list[tuple[int, FrameCosts]] = []
+        self._random = random.Random(0)
+        if self._trace is not None:
+            self._trace = []
 
     @property
     def current(self) -> str:
         """The pass that events are recorded for now."""
         return self._pass
 
+    @property
+    def compile_ms(self) -> float:
+        """All programs together."""
+        return sum(self.compiled.values())
+
+    # Recording ------------------------------------------------------------------------------
+
     @contextmanager
     def section(self, name: str) -> Iterator[None]:
         """Device events recorded inside belong to the pass `name`, or to the one around it."""
-        outer = self._pass
-        self._pass = name if outer == OTHER else outer
+        if self._pass != OTHER:
+            yield
+            return
+        self._pass = name
+        start = time.perf_counter_ns()
         try:
             yield
         finally:
-            self._pass = outer
+            self._pass = OTHER
+            self._host(Key(name, name, Kind.ENQUEUE), start)
 
     @contextmanager
     def host(self, name: str) -> Iterator[None]:
         """Wall time inside is host work of the pass `name`; enqueue no kernels here."""
+        start = time.perf_counter_ns()
+        try:
+            yield
+        finally:
+            self._host(Key(name, name, Kind.HOST), start)
+
+    def _host(self, key: Key, start: int) -> None:
+        self._pending.append(Span(key, self.frames, start, time.perf_counter_ns(), 0))
+
+    @contextmanager
+    def compiling(self, program: str) -> Iterator[None]:
+        """Wall time inside goes to compiling `program`."""
         start = time.perf_counter()
         try:
             yield
         finally:
             elapsed = (time.perf_counter() - start) * 1e3
-            self._host_ms[name] = self._host_ms.get(name, 0.0) + elapsed
-            self._launches.setdefault(name, 0)
+            self.compiled[program] = self.compiled.get(program, 0.0) + elapsed
 
-    @contextmanager
-    def compiling(self) -> Iterator[None]:
-        start = time.perf_counter()
-        try:
-            yield
-        finally:
-            self.compile_ms += (time.perf_counter() - start) * 1e3
+    def record(self, event: Any, name: str, kind: Kind, size: int) -> None:
+        """Take note of what has just been enqueued, in the current pass.
 
-    def record(self, event: Any) -> None:
-        self._events.append((self._pass, event))
+        Parameters
+        ----------
+        event : pyopencl.Event
+        name : str
+            Of the kernel, or what kind of transfer it is.
+        kind : Kind
+        size : int
+            Bytes; see `Cost`.
+        """
+        key = Key(self._pass, name, kind)
+        self._pending.append(_Launch(key, self.frames, event, time.perf_counter_ns(), size))
+
+    def end_frame(self) -> None:
+        """What is recorded from now on belongs to the next frame."""
+        self.frames += 1
+
+    def trace(self) -> None:
+        """From now on keep every span, for `spans`: a hundred bytes for each launch."""
+        self._trace = []
+
+    # Results --------------------------------------------------------------------------------
 
     def resolve(self) -> None:
         """Add up the events recorded so far. Call after the queue has finished."""
-        for name, event in self._events:
-            elapsed = (event.profile.end - event.profile.start) * 1e-6
-            self._device_ms[name] = self._device_ms.get(name, 0.0) + elapsed
-            self._launches[name] = self._launches.get(name, 0) + 1
-        self._events.clear()
+        for entry in self._pending:
+            self._close_frames(entry.frame)
+            span = entry if isinstance(entry, Span) else self._timed(entry)
+            ms = (span.end_ns - span.start_ns) * 1e-6
+            cost = self._current.setdefault(span.key, Cost())
+            cost.add(ms, 1, span.bytes)
+            if self._trace is not None:
+                self._trace.append(span)
+        self._pending.clear()
+        self._close_frames(self.frames)
 
-    def reset(self) -> None:
-        """Forget passes and frames; compile time stays."""
-        self._events.clear()
-        self.frames = 0
-        for table in (self._device_ms, self._host_ms, self._launches):
-            table.clear()
+    def _timed(self, launch: _Launch) -> Span:
+        """In the device's own time."""
+        told = launch.event.get_profiling_info  # `event.profile` takes ten times as long
+        if self._trace is not None:
+            # The event was queued before the host looked at its own clock, once just before.
+            least = launch.enqueued_ns - told(QUEUED)
+            self._clock_ns = least if self._clock_ns is None else min(self._clock_ns, least)
+        return Span(launch.key, launch.frame, told(START), told(END), launch.bytes)
+
+    def _close_frames(self, frame: int) -> None:
+        """Keep the costs of the frames before `frame`."""
+        while self._current_frame < frame:
+            costs = self._current
+            for key, cost in costs.items():
+                total = self._totals.setdefault(key, Cost())
+                total.add(cost.ms, cost.launches, cost.bytes)
+            # Reservoir sampling: every frame is as likely to be kept as any other.
+            kept = (self._current_frame, costs)
+            if len(self._kept) < MOST_FRAMES:
+                self._kept.append(kept)
+            elif (place := self._random.randrange(self._current_frame + 1)) < MOST_FRAMES:
+                self._kept[place] = kept
+            self.last = costs
+            self._current = {}
+            self._current_frame += 1
+
+    def kept_frames(self) -> list[FrameCosts]:
+        """Costs of each frame that has ended, in order, or of `MOST_FRAMES` of them."""
+        self.resolve()
+        return [costs for _, costs in sorted(self._kept, key=lambda kept: kept[0])]
+
+    def totals(self) -> FrameCosts:
+        """Costs since `reset`, summed; those of a frame that has not ended included."""
+        self.resolve()
+        sums = {key: Cost(cost.ms, cost.launches, cost.bytes) for key, cost in self._totals.items()}
+        for key, cost in self._current.items():
+            sums.setdefault(key, Cost()).add(cost.ms, cost.launches, cost.bytes)
+        return sums
 
     def passes(self) -> list[PassTime]:
-        """Times per pass, in the order in which the passes first ran."""
+        """Times per pass, summed, in the order in which the passes first ran."""
+        return [pass_time(name, costs) for name, costs in by_pass(self.totals()).items()]
+
+    def last_passes(self) -> list[PassTime]:
+        """Those of the `last` frame. Cheap enough to be shown with every frame."""
+        return [pass_time(name, costs) for name, costs in by_pass(self.last).items()]
+
+    def prepared(self) -> float:
+        """Milliseconds that passes took so far, which are forgotten: the frames begin now."""
+        elapsed = sum(entry.ms for entry in self.passes())
+        self.reset()
+        return elapsed
+
+    def spans(self) -> list[Span]:
+        """All that ran since `trace` or `reset`, in the order of recording, by the host's clock."""
         self.resolve()
+        shift = self._clock_ns or 0
         return [
-            PassTime(name, self._device_ms.get(name, 0.0), self._host_ms.get(name, 0.0), launches)
-            for name, launches in self._launches.items()
+            span
+            if span.key.kind in (Kind.HOST, Kind.ENQUEUE)
+            else span._replace(start_ns=span.start_ns + shift, end_ns=span.end_ns + shift)
+            for span in self._trace or ()
         ]
+
+
+def by_pass(costs: FrameCosts) -> dict[str, FrameCosts]:
+    """The same costs, those of each pass for themselves."""
+    passes: dict[str, FrameCosts] = {}
+    for key, cost in costs.items():
+        passes.setdefault(key.pass_name, {})[key] = cost
+    return passes
+
+
+def pass_time(name: str, costs: FrameCosts) -> PassTime:
+    """The sum of what a pass consists of."""
+    device = [costs[key] for key in costs if key.kind in (Kind.KERNEL, Kind.TRANSFER)]
+    host = [costs[key] for key in costs if key.kind is Kind.HOST]
+    return PassTime(
+        name,
+        sum(cost.ms for cost in device),
+        sum(cost.ms for cost in host),
+        sum(cost.launches for cost in device),
+    )

@@ -11,7 +11,6 @@ import numpy as np
 from iprt.errors import FormatError
 from iprt.measure import metrics
 from iprt.measure.target import Background, Radiance, Scores, Target, read_target
-from iprt.output.table import pass_rows
 
 if TYPE_CHECKING:
     from iprt.device.compute import ComputeDevice
@@ -142,7 +141,8 @@ def render_target(
         device.finish()
         device.profile.reset()
         picture = renderer.render(frames=frames, progress=progress)
-    return picture.color, {row.name: row.ms for row in pass_rows(device.profile)}
+    profile = device.profile
+    return picture.color, {entry.name: entry.ms / profile.frames for entry in profile.passes()}
 
 
 def scored(target: Target, color: Radiance, what: str) -> Scores:

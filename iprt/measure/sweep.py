@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any, get_args
 
 from iprt.errors import IprtError
 from iprt.knobs import Assignment, changed, parse_assignment, resolved
-from iprt.measure.bench import WARM_UP, Benchmark, benchmark
+from iprt.measure.bench import WARM_UP, benchmark
 from iprt.measure.compare import render_target, scored
+from iprt.measure.cost_report import CostReport
 from iprt.measure.intervals import Estimate
 from iprt.measure.pareto import pareto_front
 from iprt.measure.target import Radiance, Scores, Target
@@ -49,7 +50,7 @@ class Outcome:
     ----------
     combination : Combination
     target : Target
-    bench : Benchmark
+    bench : CostReport
         Times of a head that turns.
     ssim, rmse : Estimate
         Over seeds, of the still picture; see `Scores`.
@@ -60,7 +61,7 @@ class Outcome:
 
     combination: Combination
     target: Target
-    bench: Benchmark
+    bench: CostReport
     ssim: Estimate
     ssim_cuts: tuple[Estimate, ...]
     rmse: Estimate
@@ -75,13 +76,13 @@ class Outcome:
     def record(self) -> dict[str, object]:
         """The same as plain data."""
         return {
+            **self.bench.record(),
             "view": self.target.name,
             "values": dict(self.combination.values),
             "ssim": asdict(self.ssim),
             "ssim_cuts": [asdict(cut) for cut in self.ssim_cuts],
             "rmse": asdict(self.rmse),
             "flip": None if self.flip is None else asdict(self.flip),
-            **self.bench.record(),
             "settings": self.combination.settings.model_dump(mode="json"),
         }
 
@@ -215,6 +216,7 @@ def run_sweep(
                 instances,
                 target.view,
                 combination.settings,
+                scene=scene.name,
                 frames=frames,
                 progress=forward,
             )
@@ -239,7 +241,7 @@ def still_settings(settings: Settings, seed: int) -> Settings:
 def _outcome(
     combination: Combination,
     target: Target,
-    bench: Benchmark,
+    bench: CostReport,
     scores: Sequence[Scores],
 ) -> Outcome:
     flips = [score.flip for score in scores if score.flip is not None]

@@ -1,129 +1,179 @@
-"""Where the time went: per-pass times as a table for people and as JSON for programs."""
+"""Where the time and the memory went, as tables for people."""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from pathlib import Path
+from collections.abc import Callable, Sequence
 
-from rich.table import Table
+from iprt.measure.changes import FALSE_ALARMS, Change
+from iprt.measure.cost import PartRow, PassRow, Timing, WorkRow
+from iprt.measure.cost_report import CostReport
+from iprt.memory import amount
+from iprt.output.grid import Grid
 
-from iprt.device.profile import Profile
-from iprt.output.atomic import replacing
-
-
-@dataclass(frozen=True)
-class PassRow:
-    """One pass, per frame.
-
-    Attributes
-    ----------
-    name : str
-    ms, device_ms, host_ms : float
-        Milliseconds per frame: total, by device events, and host work.
-    share : float
-        Fraction of the total of all passes, in [0, 1].
-    launches : float
-        Kernel launches and transfers per frame.
-    """
-
-    name: str
-    ms: float
-    share: float
-    device_ms: float
-    host_ms: float
-    launches: float
+TIMES = ("ms", "p95", "mean", "share", "host", "launches")
+WORK = ("MB", "GB/s", "rays", "steps", "most", "object rays", "steps", "most", "active")
+WORTH_A_ROW = 0.01
+"""Share of the whole from which on buffers and programs are named one by one."""
+CHANGED = "*"
 
 
-def pass_rows(profile: Profile) -> list[PassRow]:
-    """Rows per pass of a resolved profile, in the order in which the passes first ran."""
-    passes = profile.passes()
-    frames = max(profile.frames, 1)
-    total = sum(entry.ms for entry in passes)
-    return [
-        PassRow(
-            name=entry.name,
-            ms=entry.ms / frames,
-            share=entry.ms / total if total > 0.0 else 0.0,
-            device_ms=entry.device_ms / frames,
-            host_ms=entry.host_ms / frames,
-            launches=entry.launches / frames,
+def pass_grid(report: CostReport) -> Grid:
+    """Milliseconds per frame and pass; what is done once stands below."""
+    rows = [("all passes", *_times(report.frame, _sum(report.passes)))]
+    rows += [(row.name, *_pass_times(row)) for row in report.passes]
+    return Grid(_title(report), ("per frame", *TIMES), tuple(rows), _notes(report))
+
+
+def part_grid(report: CostReport) -> Grid:
+    """The same, with the kernels, transfers and host work of each pass, and what they had to do."""
+    empty = ("",) * len(WORK)
+    rows = [("all passes", *_times(report.frame, _sum(report.passes)), *empty)]
+    for row in report.passes:
+        rows.append((row.name, *_pass_times(row), *empty))
+        rows += [(f"  {part.name}", *_part_cells(part)) for part in row.parts]
+    notes = (
+        *_notes(report),
+        "ms, p95, mean: of the frames; medians (ms) of parts do not add up to that of the whole",
+        "host: what the host spends on a pass while the device may run; its own work is in ms. All "
+        "passes together may take longer than the wall shows: the device runs during such work",
+        "MB: the buffers bound to a kernel, each once, or what is transferred; GB/s: MB by time, "
+        "but of kernels that read where rays or lists lead",
+        "steps: of a ray, on average; most: of the longest; active: work items with work to do",
+    )
+    return Grid(_title(report), ("per frame", *TIMES, *WORK), tuple(rows), notes)
+
+
+def memory_grid(report: CostReport) -> Grid:
+    """Bytes by buffer, largest first; the small ones together."""
+    total = sum(report.buffers.values())
+    ranked = sorted(report.buffers.items(), key=lambda entry: -entry[1])
+    rows = _ranked(ranked, total, lambda size: f"{size / 2**20:.2f}")
+    note = f"{amount(total)} of the device's {amount(report.memory)}"
+    return Grid("memory", ("buffer", "MiB", "share"), rows, (note,))
+
+
+def compile_grid(report: CostReport) -> Grid:
+    """Milliseconds by source file, all of its variants together."""
+    files: dict[str, float] = {}
+    for program, ms in report.compiled.items():
+        file = program.partition(" ")[0]
+        files[file] = files.get(file, 0.0) + ms
+    ranked = sorted(files.items(), key=lambda entry: -entry[1])
+    rows = _ranked(ranked, report.compile_ms, lambda ms: f"{ms:.0f}")
+    note = f"{report.compile_ms:.0f} ms, once"
+    return Grid("compiling", ("program", "ms", "share"), rows, (note,))
+
+
+def change_grid(changes: Sequence[Change], settings: Sequence[str], before: str) -> Grid:
+    """What changed since a report that was called `before`; `settings` in words."""
+    rows = []
+    for change in changes:
+        indented = f"  {change.part}" if change.part else change.name
+        old, new = change.before_ms, change.after_ms
+        rows.append(
+            (
+                indented,
+                "" if old is None else f"{old:.3f}",
+                "" if new is None else f"{new:.3f}",
+                f"{change.difference_ms:+.3f}",
+                f"{change.difference_ms / old:+.1%}" if old and new is not None else "",
+                "" if change.noise_ms is None else f"±{change.noise_ms:.3f}",
+                CHANGED if change.beyond_noise else "",
+            )
         )
-        for entry in passes
-    ]
+    notes = (
+        f"{CHANGED}: in one of them only, or beyond the noise within both: where nothing changed, "
+        f"one row or more is marked in {FALSE_ALARMS:.0%} of comparisons",
+        "a machine that is busier in one of them shifts all rows",
+        *settings,
+    )
+    columns = ("median ms/frame", "before", "now", "change", "", "noise", "")
+    return Grid(f"against {before}", columns, tuple(rows), notes)
 
 
-def pass_table(profile: Profile, device: str, *, prepare_ms: float) -> Table:
-    """A table of milliseconds per frame and pass; what is done once stands in its caption.
-
-    Parameters
-    ----------
-    prepare_ms : float
-        Time spent once per video frame, before the first of the frames that `profile` covers.
-    """
-    return rows_table(
-        pass_rows(profile),
-        title=f"{profile.frames} frames on {device}",
-        caption=(
-            f"once: compiling kernels {profile.compile_ms:.0f} ms, "
-            f"preparing the panorama {prepare_ms:.0f} ms"
-        ),
+def _title(report: CostReport) -> str:
+    view = report.view
+    return (
+        f"{view.width}x{view.height}, method {report.settings.method}, "
+        f"{report.frames} frames on {report.device}"
     )
 
 
-def rows_table(rows: Sequence[PassRow], *, title: str, caption: str) -> Table:
-    """A table of passes with the sums of their columns."""
-    table = Table(
-        title=title,
-        caption=caption,
-        title_justify="left",
-        caption_justify="left",
-        show_footer=True,
-    )
-    table.add_column("pass", "sum")
-    sums = (
-        ("ms/frame", f"{sum(row.ms for row in rows):.2f}"),
-        ("share", ""),
-        ("device", f"{sum(row.device_ms for row in rows):.2f}"),
-        ("host", f"{sum(row.host_ms for row in rows):.2f}"),
-        ("launches/frame", f"{sum(row.launches for row in rows):.4g}"),
-    )
-    for header, footer in sums:
-        table.add_column(header, footer, justify="right")
-    for row in rows:
-        table.add_row(
-            row.name,
-            f"{row.ms:.2f}",
-            f"{row.share:.1%}",
-            f"{row.device_ms:.2f}",
-            f"{row.host_ms:.2f}",
-            f"{row.launches:.4g}",
+def _notes(report: CostReport) -> tuple[str, ...]:
+    notes = []
+    if report.wall is not None:
+        wall = report.wall
+        notes.append(
+            f"wall: {wall.ms:.2f} ms/frame (p95 {wall.p95_ms:.2f}), {1e3 / wall.ms:.1f} frames/s"
         )
-    return table
+    if report.traced is not None:
+        notes.append(f"real surfaces relit by rays at {report.traced:.1%} of the pixels")
+    notes.append(
+        f"once: compiling kernels {report.compile_ms:.0f} ms, "
+        f"preparing the panorama {report.prepare_ms:.0f} ms"
+    )
+    return tuple(notes)
 
 
-def profile_record(profile: Profile, device: str, *, prepare_ms: float) -> dict[str, object]:
-    """The same numbers as plain data: `device, frames, compile_ms, prepare_ms, ms, passes`."""
-    rows = pass_rows(profile)
-    return {
-        "device": device,
-        "frames": profile.frames,
-        "compile_ms": profile.compile_ms,
-        "prepare_ms": prepare_ms,
-        "ms": sum(row.ms for row in rows),
-        "passes": [asdict(row) for row in rows],
-    }
+def _sum(passes: Sequence[PassRow]) -> tuple[float, float, float]:
+    """Share, milliseconds of the host, launches."""
+    return (
+        sum(row.share for row in passes),
+        sum(row.enqueue_ms for row in passes),
+        sum(row.launches for row in passes),
+    )
 
 
-def write_profile(path: Path, profile: Profile, device: str, *, prepare_ms: float) -> None:
-    """Write `profile_record` as JSON, atomically.
+def _pass_times(row: PassRow) -> tuple[str, ...]:
+    return _times(row.timing, (row.share, row.enqueue_ms, row.launches))
 
-    Raises
-    ------
-    FormatError
-        The file cannot be written.
-    """
-    text = json.dumps(profile_record(profile, device, prepare_ms=prepare_ms), indent=2)
-    with replacing(path) as temporary:
-        temporary.write_text(text + "\n", encoding="utf-8")
+
+def _times(timing: Timing, others: tuple[float, float, float]) -> tuple[str, ...]:
+    share, host, launches = others
+    return (
+        f"{timing.ms:.2f}",
+        f"{timing.p95_ms:.2f}",
+        f"{timing.mean_ms:.2f}",
+        f"{share:.1%}",
+        f"{host:.2f}",
+        f"{launches:.4g}",
+    )
+
+
+def _part_cells(part: PartRow) -> tuple[str, ...]:
+    timing = part.timing
+    return (
+        f"{timing.ms:.2f}",
+        f"{timing.p95_ms:.2f}",
+        f"{timing.mean_ms:.2f}",
+        f"{part.share:.1%}",
+        "",
+        f"{part.launches:.4g}",
+        f"{part.bytes / 1e6:.2f}" if part.bytes else "",
+        "" if part.gb_per_s is None else f"{part.gb_per_s:.2f}",
+        *_work_cells(part.work),
+    )
+
+
+def _work_cells(work: WorkRow | None) -> tuple[str, ...]:
+    if work is None:
+        return ("",) * 7
+    real = _rays(work.rays, work.steps, work.most_steps)
+    objects = _rays(work.object_rays, work.object_steps, work.most_object_steps)
+    active = f"{work.active:.0f}/{work.items:.0f}"
+    return (*real, *objects, active)
+
+
+def _rays(count: float, steps: float, most: int) -> tuple[str, str, str]:
+    return (f"{count:.0f}", f"{steps:.1f}", str(most)) if count else ("", "", "")
+
+
+def _ranked(
+    ranked: Sequence[tuple[str, float]], total: float, text: Callable[[float], str]
+) -> tuple[tuple[str, ...], ...]:
+    """Rows of name, value and share; what is small comes together, last."""
+    named = [entry for entry in ranked if entry[1] >= WORTH_A_ROW * total]
+    others = ranked[len(named) :]
+    if others:
+        named.append((f"{len(others)} others", sum(value for _, value in others)))
+    return tuple((name, text(v), f"{v / total:.1%}" if total else "") for name, v in named)

@@ -23,7 +23,8 @@ __attribute__((intel_vec_len_hint(1)))
 #endif
 __kernel void trace(const int n, __global const float4 *origin, __global const float4 *direction,
                     __global const float *t_max, __global float *distance, __global int2 *what,
-                    __global float4 *point, __global const float *view, OBJECT_PARAMETERS)
+                    __global float4 *point, __global const float *view,
+                    OBJECT_PARAMETERS WORK_PARAMETER)
 {
     const int i = get_global_id(0);
     if (i >= n)

@@ -12,16 +12,12 @@ import pytest
 
 from iprt.commands.job import Job
 from iprt.commands.render import render
-from iprt.device.profile import PassTime, Profile
+from iprt.device.profile import Profile
 from iprt.film import view_at
 from iprt.renderer import RenderedFrame
 from iprt.settings import Settings
 from tests.clips import write_clip
-
-
-class FakeProfile(Profile):
-    def passes(self) -> list[PassTime]:
-        return [PassTime("march", 3.0 * self.frames, 0.0, self.frames)]
+from tests.profiles import frame
 
 
 class FakeFilm:
@@ -56,7 +52,8 @@ class FakeFilm:
         for index in indices:
             if self.ends.get(index):
                 raise self.ends[index].pop(0)
-            self.device.profile.frames += self.accumulate
+            for _ in range(self.accumulate):
+                frame(self.device.profile, {"march": 3.0})
             progress(self.accumulate)
             color = np.zeros((self.view.height, self.view.width, 3), np.float32)
             color[..., 0], color[..., 1] = self.accumulate, 0.1 * index
@@ -76,7 +73,7 @@ def command(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., int]
     monkeypatch.setattr(FakeFilm, "ends", {}, raising=False)
 
     def compute(*_: object) -> SimpleNamespace:
-        return SimpleNamespace(profile=FakeProfile(), name="a device")
+        return SimpleNamespace(profile=Profile(), name="a device", buffers={}, memory=2**30)
 
     def film(job: Job, device: SimpleNamespace) -> FakeFilm:
         view = view_at(job.scene, job.view, 0)

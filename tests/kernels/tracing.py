@@ -10,6 +10,7 @@ import pyopencl as cl
 from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice, Kernel
+from iprt.device.counting import CountingDevice, CountingKernel
 from iprt.passes.object_layers import EMPTY, NO_LAYERS, TracedLayers, int4
 from iprt.passes.panorama import Panorama
 from iprt.raster.layers import Layer, ObjectLayers
@@ -26,7 +27,8 @@ REAL_KERNEL = """
 %s
 #include "scene.h"
 __kernel void trace(const int n, __global const float4 *origin, __global const float4 *direction,
-                    __global float4 *found, __global int4 *what, REAL_PARAMETERS)
+                    __global float4 *found, __global int4 *what,
+                    REAL_PARAMETERS WORK_PARAMETER)
 {
     const int i = get_global_id(0);
     if (i >= n)
@@ -44,9 +46,11 @@ __kernel void trace(const int n, __global const float4 *origin, __global const f
 
 
 def build(device: ComputeDevice, source: str, name: str, *options: str) -> Kernel:
-    """Compile `source` against `cl/lib/`."""
-    flags = ["-cl-std=CL1.2", "-I", str(CL / "lib"), *options]
-    return Kernel(device, cl.Kernel(cl.Program(device.context, source).build(flags), name))
+    """Compile `source` against `cl/lib/`; on a `CountingDevice` it counts."""
+    counting = isinstance(device, CountingDevice)
+    flags = ["-cl-std=CL1.2", "-I", str(CL / "lib"), *options, *["-DCOUNT_WORK"] * counting]
+    kernel = Kernel(device, cl.Kernel(cl.Program(device.context, source).build(flags), name))
+    return CountingKernel(device, kernel) if isinstance(device, CountingDevice) else kernel
 
 
 def four(vectors: NDArray[np.floating]) -> NDArray[np.float32]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 import sys
 from pathlib import Path
@@ -11,34 +10,22 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rich.console import Console
 
-from iprt.commands.bench import bench, bench_table
+from iprt.commands.bench import bench
 from iprt.device.compute import ComputeDevice
-from iprt.device.profile import PassTime, Profile
+from iprt.device.profile import Profile
 from iprt.errors import IprtError
-from iprt.measure import bench as measured
-from iprt.measure.bench import TURN_DEG, WARM_UP, benchmark, median_rows, turned
-from iprt.output.table import PassRow
+from iprt.measure.bench import WARM_UP, benchmark
+from iprt.measure.reel import TURN_DEG, to_and_fro, turned
 from iprt.scene.camera import View
 from iprt.scene.scene import Scene
 from iprt.settings import Settings
+from tests.profiles import frame, launch
 
 ROOM = Path(__file__).parents[2] / "scenes360" / "room"
 VIEW = View(40, 30, yaw_deg=10.0)
-
-
-class FakeProfile(Profile):
-    """One pass, which takes as many milliseconds as the renderer says."""
-
-    times: list[float]
-
-    def passes(self) -> list[PassTime]:
-        return [PassTime("march", sum(self.times), 0.0, len(self.times))]
-
-    def reset(self) -> None:
-        super().reset()
-        self.times = []
+NOTHING: Any = (None, ())
+"""Frame and objects of a renderer that looks at neither."""
 
 
 class FakeRenderer:
@@ -48,9 +35,10 @@ class FakeRenderer:
 
     def __init__(self, device: Any, *_: Any) -> None:
         self.device = device
-        self.real_pixels = SimpleNamespace(mask=SimpleNamespace(count=None))
+        count = SimpleNamespace(get=lambda: np.array([300], np.int32))
+        self.real_pixels = SimpleNamespace(mask=SimpleNamespace(count=count))
         self.view = VIEW
-        device.profile.times.append(7.0)
+        launch(device.profile, "surface", "build", 7.0)
 
     def __enter__(self) -> FakeRenderer:
         return self
@@ -63,8 +51,7 @@ class FakeRenderer:
 
     def step(self) -> None:
         index = len(self.seen) - WARM_UP
-        self.device.profile.times.append(1000.0 if index <= 0 else float(index))
-        self.device.profile.frames += 1
+        frame(self.device.profile, {"march": 1000.0 if index <= 0 else float(index)})
 
 
 @pytest.fixture
@@ -75,26 +62,28 @@ def fake(monkeypatch: pytest.MonkeyPatch) -> Any:
     monkeypatch.setattr(FakeRenderer, "seen", [], raising=False)
     return SimpleNamespace(
         name="a device",
-        profile=FakeProfile(),
+        profile=Profile(),
+        buffers={},
+        memory=2**30,
         finish=lambda: None,
-        queue=SimpleNamespace(finish=lambda: None),
-        read=lambda _: np.array([300], np.int32),
+        wait=lambda: None,
     )
 
 
 def test_medians_leave_out_warm_up_and_preparation(fake: Any) -> None:
-    result = benchmark(fake, None, (), VIEW, Settings(), frames=6)  # type: ignore[arg-type]
+    result = benchmark(fake, *NOTHING, VIEW, Settings(), scene="room", frames=6)
     (march,) = result.passes
     assert (march.name, march.ms, march.share, march.launches) == ("march", 3.5, 1.0, 1.0)
-    assert result.ms == 3.5
+    assert result.frame.ms == 3.5
     assert result.prepare_ms == 7.0
     assert result.traced == 300 / (40 * 30)
     assert 0.0 < result.wall_ms < 100.0
+    assert (result.frames, result.scene, result.view) == (6, "room", VIEW)
     assert len(FakeRenderer.seen) == WARM_UP + 6
 
 
 def test_the_head_turns_in_every_frame_and_keeps_the_objects_in_view(fake: Any) -> None:
-    benchmark(fake, None, (), VIEW, Settings(), frames=300)  # type: ignore[arg-type]
+    benchmark(fake, *NOTHING, VIEW, Settings(), scene="room", frames=300)
     yaws = np.array([view.yaw_deg for view in FakeRenderer.seen])
     assert np.allclose(np.abs(np.diff(yaws)), TURN_DEG)
     assert yaws[0] == VIEW.yaw_deg
@@ -102,27 +91,15 @@ def test_the_head_turns_in_every_frame_and_keeps_the_objects_in_view(fake: Any) 
     assert abs(yaws.mean() - VIEW.yaw_deg) < 0.5
 
 
+def test_a_short_video_plays_to_and_fro() -> None:
+    assert to_and_fro(range(3, 6), 8) == [3, 4, 5, 4, 3, 4, 5, 4]
+    assert to_and_fro(range(3, 60), 4) == [3, 4, 5, 6]
+    assert to_and_fro(range(7, 9), 5) == [7, 8, 7, 8, 7]
+
+
 def test_an_equirect_view_does_not_turn() -> None:
     view = View(64, 32, projection="equirect")
     assert all(turned(view, index) == view for index in range(200))
-
-
-def test_a_pass_that_most_frames_lack_has_a_median_of_zero() -> None:
-    always = PassRow("march", 4.0, 0.5, 3.0, 1.0, 2.0)
-    once = PassRow("panorama", 9.0, 0.5, 9.0, 0.0, 1.0)
-    march, panorama = median_rows([[always, once], [always], [always]])
-    assert march == PassRow("march", 4.0, 1.0, 3.0, 1.0, 2.0)
-    assert (panorama.ms, panorama.share, panorama.launches) == (0.0, 0.0, 0.0)
-
-
-def test_table_tells_frame_rate_and_traced_share() -> None:
-    row = PassRow("march", 4.0, 1.0, 4.0, 0.0, 1.0)
-    result = measured.Benchmark("a device", "iprt", 40, 30, 6, 5.0, 4.0, 0.25, 7.0, 9.0, (row,))
-    stream = io.StringIO()
-    Console(file=stream, width=80).print(bench_table(result))
-    text = stream.getvalue()
-    for part in ("40x30", "6 frames on a device", "5.00 ms/frame", "200.0 frames/s", "25.0%"):
-        assert part in text
 
 
 @pytest.mark.parametrize("frames", [0, -3, 100_001])
@@ -135,7 +112,8 @@ def test_frames_out_of_range_are_refused(frames: int) -> None:
 def test_every_frame_does_all_that_a_new_direction_asks_for(device: ComputeDevice) -> None:
     scene = Scene.open(ROOM)
     view = scene.views["room"].view.resized(48, 32)
-    result = benchmark(device, scene.frame(), scene.instances, view, Settings(), frames=3)
+    given = (scene.frame(), scene.instances, view, Settings())
+    result = benchmark(device, *given, scene=scene.name, frames=3)
     rows = {row.name: row for row in result.passes}
     assert rows["rasterize view"].host_ms > 0.0
     once_a_frame = {"unpack", "trace real", "trace virtual", "relight", "composite"}

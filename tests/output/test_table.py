@@ -1,59 +1,98 @@
-"""The numbers of the pass table and of its JSON twin."""
+"""The tables of a profile, as people read them."""
 
 from __future__ import annotations
 
-import io
 import json
+from dataclasses import replace
 from pathlib import Path
 
-import pytest
-from rich.console import Console
-
-from iprt.device.profile import PassTime, Profile
-from iprt.output.table import pass_rows, pass_table, write_profile
-
-
-class FakeProfile(Profile):
-    """Two passes over four frames: 24 ms on the device, 8 ms on the host."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.frames = 4
-        self.compile_ms = 1234.0
-
-    def passes(self) -> list[PassTime]:
-        return [PassTime("raster", 0.0, 8.0, 0), PassTime("march", 24.0, 0.0, 8)]
+from iprt.device.profile import Kind, Profile
+from iprt.measure.changes import Change
+from iprt.measure.cost import WorkRow
+from iprt.measure.cost_report import CostReport
+from iprt.output.grid import Grid
+from iprt.output.profile_file import write_profile
+from iprt.output.table import change_grid, compile_grid, memory_grid, part_grid, pass_grid
+from tests.measure.test_cost import WORK, report_of
+from tests.profiles import launch
 
 
-def test_rows_are_per_frame() -> None:
-    raster, march = pass_rows(FakeProfile())
-    assert (raster.ms, raster.host_ms, raster.device_ms, raster.launches) == (2.0, 2.0, 0.0, 0.0)
-    assert (march.ms, march.device_ms, march.launches) == (6.0, 6.0, 2.0)
-    assert (raster.share, march.share) == (0.25, 0.75)
+def made() -> CostReport:
+    """24 ms on the device and 8 on the host per frame, over four frames."""
+    profile = Profile()
+    profile.compiled = {"march.cl -DX=1": 400.0, "march.cl": 600.0, "blend.cl": 234.0}
+    for _ in range(4):
+        launch(profile, "march", "trace", 20.0, 5_000_000)
+        launch(profile, "march", "write", 4.0, 2_000_000, Kind.TRANSFER)
+        launch(profile, "blend", "mix", 8.0, 16_000_000)
+        profile.end_frame()
+    report = report_of(profile, (40.0,) * 4)
+    return replace(
+        report.with_work(profile, {("march", "trace"): WorkRow.of(WORK, 1)}), traced=0.25
+    )
 
 
-def test_nothing_measured_divides_by_nothing() -> None:
-    assert pass_rows(Profile()) == []
+def cells(grid: Grid) -> dict[str, dict[str, str]]:
+    """By row and column; the second column of a name counts as `name 2`."""
+    names = [f"{n} 2" if n in grid.columns[:i] else n for i, n in enumerate(grid.columns)]
+    return {row[0]: dict(zip(names, row, strict=True)) for row in grid.rows}
 
 
-def test_table_shows_passes_sum_and_compile_time() -> None:
-    stream = io.StringIO()
-    Console(file=stream, width=100).print(pass_table(FakeProfile(), "a device", prepare_ms=56.0))
-    text = stream.getvalue()
-    rows = {line.split()[1]: line for line in text.splitlines() if line[:1] in "│┃"}
-    assert "75.0%" in rows["march"]
-    assert "6.00" in rows["march"]
-    assert "8.00" in rows["sum"]
-    assert "4 frames on a device" in text
-    assert "1234 ms" in text
-    assert "56 ms" in text
+def test_passes_come_with_their_sum_and_what_is_done_once() -> None:
+    grid = pass_grid(made())
+    rows = cells(grid)
+    assert list(rows) == ["all passes", "march", "blend"]
+    assert (rows["march"]["ms"], rows["march"]["share"]) == ("24.00", "75.0%")
+    assert rows["all passes"]["ms"] == "32.00"
+    assert (rows["all passes"]["share"], rows["all passes"]["launches"]) == ("100.0%", "3")
+    told = "\n".join([grid.title, *grid.notes])
+    for part in ("40x30", "4 frames on a device", "40.00 ms/frame", "25.0 frames/s", "25.0% of"):
+        assert part in told
+    assert "compiling kernels 1234 ms, preparing the panorama 7 ms" in told
 
 
-def test_profile_file(tmp_path: Path) -> None:
-    write_profile(tmp_path / "new" / "profile.json", FakeProfile(), "a device", prepare_ms=56.0)
-    record = json.loads((tmp_path / "new" / "profile.json").read_text())
-    assert (record["device"], record["frames"], record["compile_ms"]) == ("a device", 4, 1234.0)
-    assert record["prepare_ms"] == 56.0
-    assert record["ms"] == pytest.approx(8.0)
-    assert [entry["name"] for entry in record["passes"]] == ["raster", "march"]
-    assert sum(entry["ms"] for entry in record["passes"]) == pytest.approx(record["ms"])
+def test_parts_tell_bytes_bandwidth_and_work() -> None:
+    rows = cells(part_grid(made()))
+    assert list(rows) == ["all passes", "march", "  trace", "  write", "blend", "  mix"]
+    trace = rows["  trace"]
+    assert (trace["MB"], trace["GB/s"]) == ("5.00", "")
+    assert (trace["rays"], trace["steps"], trace["most"]) == ("40", "10.0", "25")
+    assert (trace["object rays"], trace["steps 2"], trace["most 2"]) == ("10", "3.0", "5")
+    assert trace["active"] == "30/100"
+    assert rows["  mix"]["GB/s"] == "2.00"
+    assert rows["  write"]["GB/s"] == "0.50"
+    assert rows["  mix"]["rays"] == ""
+
+
+def test_buffers_and_programs_that_are_small_come_together() -> None:
+    buffers = {"tiny": 1, "large": 3 * 2**20, "small": 2, "medium": 2**20}
+    grid = memory_grid(replace(made(), buffers=buffers, memory=2**30))
+    assert [row[0] for row in grid.rows] == ["large", "medium", "2 others"]
+    assert cells(grid)["large"] == {"buffer": "large", "MiB": "3.00", "share": "75.0%"}
+    assert grid.notes == ("4 MiB of the device's 1.0 GiB",)
+    grid = compile_grid(made())
+    assert [row[:2] for row in grid.rows] == [("march.cl", "1000"), ("blend.cl", "234")]
+
+
+def test_changes_beyond_the_noise_are_marked() -> None:
+    changes = [
+        Change("march", "", 10.0, 12.0, 0.5),
+        Change("march", "trace", 10.0, 10.1, 0.5),
+        Change("new", "", None, 3.0, None),
+    ]
+    grid = change_grid(changes, ["trace.rays = 4, was 2"], "old.json")
+    assert grid.rows == (
+        ("march", "10.000", "12.000", "+2.000", "+20.0%", "±0.500", "*"),
+        ("  trace", "10.000", "10.100", "+0.100", "+1.0%", "±0.500", ""),
+        ("new", "", "3.000", "+3.000", "", "", "*"),
+    )
+    assert grid.notes[-1] == "trace.rays = 4, was 2"
+
+
+def test_a_profile_file_holds_the_report(tmp_path: Path) -> None:
+    file = tmp_path / "new" / "profile.json"
+    report = made()
+    write_profile(file, report)
+    record = json.loads(file.read_text())
+    assert record == json.loads(json.dumps(report.record()))
+    assert sum(row["ms"] for row in record["passes"]) == record["ms"] == 32.0

@@ -1,0 +1,46 @@
+// What kernels that trace rays had to do. With -D COUNT_WORK they count it into a buffer, the last
+// parameter of those that declare WORK_PARAMETER (iprt/device/counting.py); without, nothing of all
+// this is left in them.
+//
+//   counter        what
+//   WORK_ITEMS     work items that had something to do
+//   WORK_REAL      rays through the panorama
+//   WORK_OBJECTS   rays towards objects
+// Each of the rays' is four: rays, steps of all marches (low and high 32 bits), steps of the longest
+// march.
+#ifndef IPRT_WORK_H
+#define IPRT_WORK_H
+
+#ifdef COUNT_WORK
+
+#define WORK_ITEMS 0
+#define WORK_REAL 1
+#define WORK_OBJECTS 5
+
+#define WORK_PARAMETER , __global uint *restrict work
+#define WORK_MEMBER __global uint *work;
+#define WORK , work
+#define COUNT_ITEM atomic_inc(work + WORK_ITEMS)
+#define COUNT_RAY(work, of) atomic_inc((work) + (of))
+#define COUNT_STEPS(work, of, steps) count_steps((work) + (of), steps)
+
+static inline void count_steps(__global uint *counter, uint steps)
+{
+    const uint before = atomic_add(counter + 1, steps);
+    if (before + steps < before)
+        atomic_inc(counter + 2);
+    atomic_max(counter + 3, steps);
+}
+
+#else
+
+#define WORK_PARAMETER
+#define WORK_MEMBER
+#define WORK
+#define COUNT_ITEM
+#define COUNT_RAY(work, of)
+#define COUNT_STEPS(work, of, steps)
+
+#endif
+
+#endif

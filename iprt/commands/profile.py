@@ -1,0 +1,178 @@
+"""`iprt profile`: where the time and the memory of a frame go, kernel by kernel."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import tyro
+
+from iprt.commands.bench import MAX_FRAMES
+from iprt.commands.knobs import BALANCED, Knobs
+from iprt.errors import IprtError
+
+if TYPE_CHECKING:
+    from iprt.device.compute import ComputeDevice
+    from iprt.measure.cost_report import CostReport
+    from iprt.measure.reel import Reel
+    from iprt.output.profile_file import OldReport
+    from iprt.scene.camera import View
+    from iprt.scene.scene import Scene, SceneView
+    from iprt.settings import Settings
+
+
+def profile(
+    scene: tyro.conf.Positional[Path],
+    /,
+    *,
+    view: str | None = None,
+    size: tuple[int, int] | None = None,
+    frames: int = 48,
+    method: Literal["iprt", "ibl"] | None = None,
+    knobs: Knobs = BALANCED,
+    device: str | None = None,
+    compare: Path | None = None,
+    trace: Path | None = None,
+    json: bool = False,
+    csv: bool = False,
+    allow_outside: bool = False,
+) -> int:
+    """Tell for every pass and kernel how long it takes, how much it moves, and what it has to do.
+
+    A video plays, frame after frame, with all that moves in it; around a still panorama the head
+    turns slowly, as for `iprt bench`. Times are medians over the frames, after a warm-up. Rays,
+    their steps and active work items are counted in other frames, by kernels that count.
+
+    Bytes of a kernel are those of the buffers bound to it, each counted once: what it moves if it
+    reads or writes all of them once. It moves less where it needs a part of a buffer, more where
+    caches do not keep what neighbours share. Bandwidth is given of kernels that go over whole
+    buffers only, not of those whose reads rays and lists lead.
+
+    Parameters
+    ----------
+    scene
+        Scene folder.
+    view
+        Name of a view of the scene, or `equirect` for the whole panorama. Default: the scene's
+        first view.
+    size
+        Width and height in pixels. Default: the view's own.
+    frames
+        Frames to time. How large the noise is can be told from 16 on.
+    method
+        How virtual objects are lit; `ibl` is the baseline: a distant environment without real
+        geometry. Short for --set method=.
+    knobs
+        Quality preset and single knobs. Later ones win: preset, file, flags.
+    device
+        gpu, cpu, a place such as 0:0 (see `iprt doctor`), or part of a device's name. Default: the
+        fastest kind there is.
+    compare
+        What --json of this verb or of `iprt bench` printed before: show what has changed since, and
+        which of it is beyond the noise.
+    trace
+        JSON file for a trace of what ran when, for Perfetto or Chrome's about:tracing.
+    json
+        Print a JSON object instead of tables.
+    csv
+        Print a line of comma-separated values for each pass and each of its parts.
+    allow_outside
+        Read files of the scene that are links to what lies outside its folder.
+
+    Returns
+    -------
+    int
+        Exit status 0.
+    """
+    if not 1 <= frames <= MAX_FRAMES:
+        raise IprtError(f"--frames {frames}: expected 1 to {MAX_FRAMES}")
+    if json and csv:
+        raise IprtError("--json and --csv: give one of them")
+    if csv and compare is not None:
+        raise IprtError("--compare: is for a table or --json, not for --csv")
+
+    from iprt.commands.views import moving_view
+    from iprt.device.choose import choose_device
+    from iprt.device.compute import ComputeDevice
+    from iprt.output.atomic import require_writable
+    from iprt.output.profile_file import read_profile
+    from iprt.scene.scene import Scene
+
+    settings = knobs.resolved(method=method)
+    old = None if compare is None else read_profile(compare)
+    opened = Scene.open(scene, allow_outside=allow_outside)
+    if trace is not None:
+        require_writable(trace)
+        opened.require_not_ours(trace)
+    chosen, objects = moving_view(opened, view, size=size)
+    reel = _reel(opened, chosen, objects, settings)
+    compute = ComputeDevice(choose_device(device))
+    if old is not None:
+        _require_comparable(old, compare, opened, compute, reel)
+    if trace is not None:
+        compute.profile.trace()
+    report = _measure(compute, reel, opened.name, frames)
+    if trace is not None:
+        from iprt.output.trace import write_trace
+
+        write_trace(trace, compute.profile.spans(), compute.name)
+    _print(report, old, compare, json=json, csv=csv)
+    return 0
+
+
+def _reel(
+    scene: Scene, view: SceneView | View, objects: tuple[str, ...] | None, settings: Settings
+) -> Reel:
+    """The video, if there is one; else a turn around the panorama."""
+    from iprt.measure.reel import Playback, Turn
+    from iprt.scene.camera import View
+
+    if len(scene.frame_indices) > 1:
+        return Playback(scene, view, objects, settings)
+    instances = scene.instances if objects is None else scene.instances_named(objects)
+    middle = view if isinstance(view, View) else view.view
+    return Turn(scene.frame(), instances, middle, settings)
+
+
+def _require_comparable(
+    old: OldReport, file: Path | None, scene: Scene, device: ComputeDevice, reel: Reel
+) -> None:
+    from iprt.measure.changes import require_comparable
+
+    try:
+        require_comparable(old, scene=scene.name, device=device.name, view=reel.view)
+    except IprtError as error:
+        raise IprtError(f"--compare {file}: {error}") from error
+
+
+def _measure(device: ComputeDevice, reel: Reel, scene: str, frames: int) -> CostReport:
+    from iprt.commands.progress import progress_bar
+    from iprt.measure.bench import COUNTED_FRAMES, WARM_UP, count_work, timed
+
+    # Timed first: what was timed is kept in the profile, for the trace.
+    with progress_bar("timing", WARM_UP + frames) as progress:
+        report = timed(device, reel, scene=scene, frames=frames, progress=progress)
+    with progress_bar("counting", WARM_UP + COUNTED_FRAMES) as progress:
+        counted = count_work(device, reel, progress)
+    return report.with_work(device.profile, counted)
+
+
+def _print(
+    report: CostReport, old: OldReport | None, file: Path | None, *, json: bool, csv: bool
+) -> None:
+    """Results, to stdout."""
+    from iprt.measure.changes import changed_settings, changes
+    from iprt.output.grid import print_grid
+    from iprt.output.profile_file import csv_text, json_text
+    from iprt.output.table import change_grid, compile_grid, memory_grid, part_grid
+
+    found = None if old is None else changes(old, report)
+    if csv:
+        print(csv_text(report), end="")
+    elif json:
+        print(json_text(report, found))
+    elif old is not None and found is not None:
+        print_grid(change_grid(found, changed_settings(old, report), str(file)))
+    else:
+        for grid in (part_grid(report), memory_grid(report), compile_grid(report)):
+            print_grid(grid)

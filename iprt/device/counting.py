@@ -1,0 +1,129 @@
+"""A device that counts what kernels have to do: rays, steps, and work items with something to do.
+
+Kernels that declare `WORK_PARAMETER` (`cl/lib/work.h`) are built once more, with counters, which
+cost time: `iprt profile` counts in frames that it does not time. Pictures are the same.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pyopencl.array as cla
+
+from iprt.device.compute import ComputeDevice, Define, Kernel
+from iprt.device.profile import Profile
+from iprt.resources import CL
+
+COUNTERS = 9
+"""Of one launch: `cl/lib/work.h`."""
+
+
+@dataclass(frozen=True)
+class Rays:
+    """Rays of one kind, and the steps of their marches.
+
+    Attributes
+    ----------
+    count : int
+    steps : int
+        Of all: cells of the pyramid; nodes, packets and instances of the hierarchy.
+    most_steps : int
+        Of the longest march.
+    """
+
+    count: int = 0
+    steps: int = 0
+    most_steps: int = 0
+
+    def __add__(self, other: Rays) -> Rays:
+        most = max(self.most_steps, other.most_steps)
+        return Rays(self.count + other.count, self.steps + other.steps, most)
+
+
+@dataclass(frozen=True)
+class Work:
+    """What launches of a kernel had to do.
+
+    Attributes
+    ----------
+    items, active : int
+        Work items that were asked for, and those with something to do. A kernel that works through
+        a list is launched for the longest that there can be.
+    groups, active_groups : int
+        Work groups, and those with such items, which come first.
+    real, objects : Rays
+        Through the panorama, and towards objects.
+    """
+
+    items: int = 0
+    active: int = 0
+    groups: int = 0
+    active_groups: int = 0
+    real: Rays = Rays()
+    objects: Rays = Rays()
+
+    def __add__(self, other: Work) -> Work:
+        return Work(
+            self.items + other.items,
+            self.active + other.active,
+            self.groups + other.groups,
+            self.active_groups + other.active_groups,
+            self.real + other.real,
+            self.objects + other.objects,
+        )
+
+
+class CountingDevice(ComputeDevice):
+    """Shares everything with `device` but the profile, and counts.
+
+    Attributes
+    ----------
+    work : dict of (str, str) to Work
+        By pass and kernel, summed; empty it to begin anew.
+    """
+
+    def __init__(self, device: ComputeDevice) -> None:
+        vars(self).update(vars(device))
+        self.profile = Profile()
+        self.work: dict[tuple[str, str], Work] = {}
+        self._counters = cla.zeros(self.queue, COUNTERS, np.uint32)
+
+    def kernel(self, file: str, name: str, defines: Mapping[str, Define] | None = None) -> Kernel:
+        if "WORK_PARAMETER" not in (CL / file).read_text():
+            return super().kernel(file, name, defines)
+        counting = super().kernel(file, name, {**(defines or {}), "COUNT_WORK": True})
+        return CountingKernel(self, counting)
+
+    def counted(self, size: tuple[int, ...]) -> Work:
+        """What the launch over `size` that was enqueued last has counted."""
+        active, *rays = map(int, self.read(self._counters))
+        real, objects = (
+            Rays(count, low + (high << 32), most) for count, low, high, most in (rays[:4], rays[4:])
+        )
+        local = self.group_size(len(size))
+        items = math.prod(size)
+        groups = math.prod(-(-n // m) for n, m in zip(size, local, strict=True))
+        filled = groups if active == items else -(-active // math.prod(local))
+        return Work(items, active, groups, filled, real, objects)
+
+
+class CountingKernel(Kernel):
+    """A kernel of a program that counts; call it as any other."""
+
+    def __init__(self, device: CountingDevice, kernel: Kernel) -> None:
+        super().__init__(device, kernel._kernel)
+        self._counting = device
+
+    def __call__(self, size: tuple[int, ...], *args: Any) -> None:
+        device = self._counting
+        if self._kernel.num_args == len(args):  # beside others that count
+            super().__call__(size, *args)
+            return
+        device.fill_zero(device._counters)
+        super().__call__(size, *args, device._counters)
+        key = (device.profile.current, self._name)
+        device.work[key] = device.work.get(key, Work()) + device.counted(size)

@@ -1,0 +1,160 @@
+"""What changed between two runs of frames, and whether that is more than noise."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from iprt.errors import IprtError
+from iprt.measure.cost import BLOCKS
+from iprt.measure.cost_report import CostReport
+from iprt.output.profile_file import OldReport
+from iprt.scene.camera import View
+
+FALSE_ALARMS = 0.05
+"""Probability that any row at all is marked where nothing has changed."""
+LEAST_ERROR_MS = 1e-3
+"""Clocks of devices tell no finer."""
+WALL, FRAME = "wall", "all passes"
+"""Rows of the frame as a whole."""
+
+
+@dataclass(frozen=True)
+class Median:
+    """A median over frames, in milliseconds, and its standard error, if known."""
+
+    ms: float
+    error_ms: float | None
+
+
+@dataclass(frozen=True)
+class Change:
+    """How a time differs.
+
+    Attributes
+    ----------
+    name, part : str
+        The pass, or `WALL`, or `FRAME`; the kernel, transfer or host work in it, else empty.
+    before_ms, after_ms : float or None
+        Medians; None: was not there.
+    noise_ms : float or None
+        Smaller differences than this are to be expected of noise. None: not known, too few frames.
+    """
+
+    name: str
+    part: str
+    before_ms: float | None
+    after_ms: float | None
+    noise_ms: float | None
+
+    @property
+    def difference_ms(self) -> float:
+        return (self.after_ms or 0.0) - (self.before_ms or 0.0)
+
+    @property
+    def beyond_noise(self) -> bool:
+        """Whether it has changed, as far as can be told."""
+        if self.before_ms is None or self.after_ms is None:
+            return True
+        return self.noise_ms is not None and abs(self.difference_ms) > self.noise_ms
+
+    def record(self) -> dict[str, object]:
+        """The same as plain data."""
+        return {
+            **asdict(self),
+            "difference_ms": self.difference_ms,
+            "beyond_noise": self.beyond_noise,
+        }
+
+
+def require_comparable(old: OldReport, *, scene: str, device: str, view: View) -> None:
+    """Times of other pictures, or of other devices, tell nothing.
+
+    Raises
+    ------
+    IprtError
+        It names what differs. The caller adds the file's name.
+    """
+    for what, before, now in (
+        ("scene", old.scene, scene),
+        ("device", old.device, device),
+        *((key, old.view.get(key), value) for key, value in asdict(view).items()),
+    ):
+        if before != now:
+            raise IprtError(f"was measured with {what} {before}, this is {now}; measure it anew")
+
+
+def changes(old: OldReport, new: CostReport) -> list[Change]:
+    """All rows of both, those of passes in the order of `new`; what is gone comes last."""
+    before, after = dict(_old_rows(old)), dict(_new_rows(new))
+    places = [*after, *(place for place in before if place not in after)]
+    count = sum(_error(before.get(place), after.get(place)) is not None for place in places)
+    return [_change(place, before.get(place), after.get(place), count) for place in places]
+
+
+def changed_settings(old: OldReport, new: CostReport) -> list[str]:
+    """Knobs that differ, in words."""
+    before, after = _flat(old.settings), _flat(new.settings.model_dump(mode="json"))
+    return [
+        f"{key} = {after.get(key)}, was {before.get(key)}"
+        for key in dict.fromkeys([*after, *before])
+        if before.get(key) != after.get(key)
+    ]
+
+
+def _change(
+    place: tuple[str, str], before: Median | None, after: Median | None, count: int
+) -> Change:
+    from scipy.stats import t
+
+    error, noise = _error(before, after), None
+    if error is not None:
+        # Welch's test of medians of blocks; with Bonferroni's correction for `count` of them.
+        # Its degrees of freedom are at least those of the noisier run.
+        noise = float(t.isf(0.5 * FALSE_ALARMS / count, BLOCKS - 1)) * error
+    return Change(
+        *place,
+        before_ms=None if before is None else before.ms,
+        after_ms=None if after is None else after.ms,
+        noise_ms=noise,
+    )
+
+
+def _error(before: Median | None, after: Median | None) -> float | None:
+    """Standard error of the difference, where it is known."""
+    if before is None or after is None or before.error_ms is None or after.error_ms is None:
+        return None
+    return max(math.hypot(before.error_ms, after.error_ms), LEAST_ERROR_MS)
+
+
+def _old_rows(old: OldReport) -> Iterator[tuple[tuple[str, str], Median]]:
+    if old.wall_ms is not None:
+        yield (WALL, ""), Median(old.wall_ms, old.wall_error_ms)
+    yield (FRAME, ""), Median(old.ms, old.error_ms)
+    for row in old.passes:
+        yield (row.name, ""), Median(row.ms, row.error_ms)
+        for part in row.parts:
+            yield (row.name, part.name), Median(part.ms, part.error_ms)
+
+
+def _new_rows(new: CostReport) -> Iterator[tuple[tuple[str, str], Median]]:
+    if new.wall is not None:
+        yield (WALL, ""), Median(new.wall.ms, new.wall.error_ms)
+    yield (FRAME, ""), Median(new.frame.ms, new.frame.error_ms)
+    for row in new.passes:
+        yield (row.name, ""), Median(row.timing.ms, row.timing.error_ms)
+        for part in row.parts:
+            yield (row.name, part.name), Median(part.timing.ms, part.timing.error_ms)
+
+
+def _flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Knobs by dotted key."""
+    flat: dict[str, Any] = {}
+    for key, value in values.items():
+        if isinstance(value, Mapping):
+            flat |= _flat(value, f"{prefix}{key}.")
+        else:
+            flat[prefix + key] = value
+    return flat

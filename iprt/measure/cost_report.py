@@ -1,0 +1,191 @@
+"""What a run of frames cost, as a whole and by pass, and its one form as plain data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+from iprt import __version__
+from iprt.measure.cost import (
+    Counted,
+    PassRow,
+    Timing,
+    frame_timing,
+    pass_rows,
+)
+from iprt.scene.camera import View
+from iprt.settings import Settings
+
+if TYPE_CHECKING:
+    from iprt.device.compute import ComputeDevice
+    from iprt.device.profile import Profile
+
+SCHEMA = 1
+"""Of the plain data: raised when what is there comes to mean something else."""
+
+
+@dataclass(frozen=True)
+class CostReport:
+    """What frames cost.
+
+    Attributes
+    ----------
+    scene, device : str
+        Names.
+    view : View
+        Of the first frame.
+    settings : Settings
+    frames : int
+    wall : Timing or None
+        From asking for a frame until the device has finished it, as one clock shows it: passes,
+        Python, and waiting. The picture stays on the device. None where pictures were read.
+    frame : Timing
+        All passes of a frame together.
+    traced : float or None
+        Fraction of the pixels at which rays relight the real surface; None where none are traced,
+        or it was not looked at.
+    prepare_ms : float
+        Time of passes before the first frame.
+    compiled : mapping of str to float
+        Milliseconds by program.
+    passes : tuple of PassRow
+    buffers : mapping of str to int
+        Bytes by name.
+    memory : int
+        Bytes that the device has.
+    """
+
+    scene: str
+    device: str
+    view: View
+    settings: Settings
+    frames: int
+    wall: Timing | None
+    frame: Timing
+    traced: float | None
+    prepare_ms: float
+    compiled: Mapping[str, float]
+    passes: tuple[PassRow, ...]
+    buffers: Mapping[str, int]
+    memory: int
+
+    @classmethod
+    def of(
+        cls,
+        device: ComputeDevice,
+        *,
+        scene: str,
+        view: View,
+        settings: Settings,
+        prepare_ms: float,
+        walls: Sequence[float] = (),
+        traced: float | None = None,
+    ) -> CostReport:
+        """Of the frames that the device's profile holds, at least one.
+
+        Parameters
+        ----------
+        walls : sequence of float
+            Milliseconds of each frame; see `wall`.
+        """
+        profile = device.profile
+        frames = profile.kept_frames()
+        return cls(
+            scene=scene,
+            device=device.name,
+            view=view,
+            settings=settings,
+            frames=profile.frames,
+            wall=Timing.of(walls) if walls else None,
+            frame=frame_timing(frames),
+            traced=traced,
+            prepare_ms=prepare_ms,
+            compiled=dict(profile.compiled),
+            passes=tuple(pass_rows(frames)),
+            buffers=dict(device.buffers),
+            memory=device.memory,
+        )
+
+    def with_work(self, profile: Profile, counted: Counted) -> CostReport:
+        """The same, of the same `profile`, with what kernels had to do."""
+        return replace(self, passes=tuple(pass_rows(profile.kept_frames(), counted)))
+
+    @property
+    def compile_ms(self) -> float:
+        """All programs together."""
+        return sum(self.compiled.values())
+
+    @property
+    def wall_ms(self) -> float:
+        """Median. There must be a `wall`."""
+        assert self.wall is not None
+        return self.wall.ms
+
+    def record(self) -> dict[str, Any]:
+        """The same as plain data, as JSON takes it."""
+        return {
+            "schema": SCHEMA,
+            "version": __version__,
+            "scene": self.scene,
+            "device": self.device,
+            "view": asdict(self.view),
+            "method": self.settings.method,
+            "width": self.view.width,
+            "height": self.view.height,
+            "frames": self.frames,
+            **_timing(self.wall, "wall_"),
+            **_timing(self.frame),
+            "traced": self.traced,
+            "prepare_ms": self.prepare_ms,
+            "compile_ms": self.compile_ms,
+            "compiled": dict(self.compiled),
+            "passes": [_pass_record(row) for row in self.passes],
+            "memory": self.memory,
+            "buffers": dict(self.buffers),
+            "settings": self.settings.model_dump(mode="json"),
+        }
+
+    def flat(self) -> list[dict[str, Any]]:
+        """A row of plain values per pass (no `part`) and per part, all with the same keys."""
+        rows: list[dict[str, Any]] = []
+        for row in map(_pass_record, self.passes):
+            parts = row.pop("parts")
+            name = row.pop("name")
+            rows.append({"pass": name, "part": "", "kind": "pass", **row})
+            rows += [
+                {"pass": name, "part": part.pop("name"), **part, **(part["work"] or {})}
+                for part in parts
+            ]
+        names = dict.fromkeys(name for row in rows for name in row if name != "work")
+        return [{name: row.get(name) for name in names} for row in rows]
+
+
+def _pass_record(row: PassRow) -> dict[str, Any]:
+    return {
+        "name": row.name,
+        **_timing(row.timing),
+        "share": row.share,
+        "launches": row.launches,
+        "device_ms": row.device_ms,
+        "host_ms": row.host_ms,
+        "enqueue_ms": row.enqueue_ms,
+        "parts": [
+            {
+                "name": part.name,
+                "kind": part.kind.value,
+                **_timing(part.timing),
+                "share": part.share,
+                "launches": part.launches,
+                "bytes": part.bytes,
+                "gb_per_s": part.gb_per_s,
+                "work": None if part.work is None else asdict(part.work),
+            }
+            for part in row.parts
+        ],
+    }
+
+
+def _timing(timing: Timing | None, prefix: str = "") -> dict[str, float | None]:
+    names = ("ms", "p95_ms", "mean_ms", "error_ms")
+    return {prefix + name: getattr(timing, name, None) for name in names}

@@ -1,0 +1,157 @@
+"""What is shown while frames are timed: a head that turns, or a video that plays."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Protocol
+
+from iprt.scene.camera import View
+from iprt.settings import Settings
+
+if TYPE_CHECKING:
+    from contextlib import AbstractContextManager
+
+    from iprt.device.compute import ComputeDevice
+    from iprt.renderer import Renderer
+    from iprt.scene.frame import Frame
+    from iprt.scene.mesh import Instance
+    from iprt.scene.scene import Scene, SceneView
+
+TURN_DEG = 0.2
+"""Yaw per frame: at 60 frames a second 12 degrees a second, a slow look around."""
+SWING = 25
+"""Frames from the middle of the swing to its end, so that the objects stay in view."""
+
+Step = Callable[["Renderer"], None]
+"""Takes a renderer on to its next frame, which it does not render."""
+
+
+class Reel(Protocol):
+    """Frames to time. Each run of them is the same.
+
+    Attributes
+    ----------
+    view : View
+        That of the first frame.
+    settings : Settings
+    """
+
+    @property
+    def view(self) -> View: ...
+
+    @property
+    def settings(self) -> Settings: ...
+
+    def renderer(self, device: ComputeDevice) -> Renderer:
+        """One that shows the first frame. The caller closes it."""
+
+    def steps(self, device: ComputeDevice, count: int) -> AbstractContextManager[Iterator[Step]]:
+        """`count` of them, the first of which leads to the first frame again."""
+
+
+@dataclass(frozen=True)
+class Turn:
+    """A still frame, around which the view turns to and fro by `TURN_DEG` a frame."""
+
+    frame: Frame
+    instances: Sequence[Instance]
+    view: View
+    settings: Settings
+
+    def renderer(self, device: ComputeDevice) -> Renderer:
+        """See `Reel`."""
+        from iprt.renderer import Renderer
+
+        return Renderer(device, self.frame, self.instances, self.view, self.settings)
+
+    @contextmanager
+    def steps(self, device: ComputeDevice, count: int) -> Iterator[Iterator[Step]]:
+        """See `Reel`."""
+        del device
+        yield (_look(turned(self.view, index)) for index in range(count))
+
+
+@dataclass(frozen=True)
+class Playback:
+    """A video with all that moves in it; to and fro where it has too few frames."""
+
+    scene: Scene
+    scene_view: SceneView | View
+    objects: tuple[str, ...] | None
+    settings: Settings
+
+    @property
+    def view(self) -> View:
+        """See `Reel`."""
+        return self._view_at(self.scene.frame_indices[0])
+
+    def _view_at(self, index: int) -> View:
+        from iprt.film import view_at
+
+        return view_at(self.scene, self.scene_view, index)
+
+    def _instances_at(self, index: int) -> tuple[Instance, ...]:
+        return self.scene.instances_at(self.scene.time_of(index), self.objects)
+
+    def renderer(self, device: ComputeDevice) -> Renderer:
+        """See `Reel`.
+
+        Raises
+        ------
+        DeviceError
+            The picture needs more memory than the device has.
+        """
+        from iprt.film import footage_of
+        from iprt.memory import require_memory
+        from iprt.renderer import Renderer
+
+        first = self.scene.frame_indices[0]
+        frame = self.scene.frame(first)
+        given = (device, frame, self._instances_at(first), self.view, self.settings)
+        footage = footage_of(self.scene, frame, self.settings)
+        require_memory(*given, footage)
+        return Renderer(*given, footage=footage)
+
+    @contextmanager
+    def steps(self, device: ComputeDevice, count: int) -> Iterator[Iterator[Step]]:
+        """See `Reel`. Waiting for a frame to be read is host work of the pass `read video`."""
+        indices = to_and_fro(self.scene.frame_indices, count)
+
+        def play() -> Iterator[Step]:
+            frames = iter(stream)
+            for index in indices:
+                with device.profile.host("read video"):
+                    frame = next(frames)
+                yield self._show(index, frame)
+
+        with self.scene.stream(indices, drift=self.settings.drift) as stream:
+            yield play()
+
+    def _show(self, index: int, frame: Frame) -> Step:
+        def step(renderer: Renderer) -> None:
+            renderer.load(frame)
+            renderer.move(self._instances_at(index))
+            renderer.look(self._view_at(index))
+
+        return step
+
+
+def _look(view: View) -> Step:
+    return lambda renderer: renderer.look(view)
+
+
+def turned(view: View, index: int) -> View:
+    """The view of frame `index`: to and fro about `view`, by `TURN_DEG` a frame."""
+    if view.projection == "equirect":
+        return view
+    phase = (index + SWING) % (4 * SWING)
+    steps = min(phase, 4 * SWING - phase) - SWING
+    return replace(view, yaw_deg=view.yaw_deg + TURN_DEG * steps)
+
+
+def to_and_fro(indices: range, count: int) -> list[int]:
+    """`count` of `indices`, from the first to the last and back, as often as it takes."""
+    there = [*indices, *indices[-2:0:-1]]
+    return [there[number % len(there)] for number in range(count)]

@@ -1,0 +1,163 @@
+"""The profile: what it adds up to, what belongs to which frame, and when things ran."""
+
+from __future__ import annotations
+
+import time
+from unittest import mock
+
+import numpy as np
+import pytest
+
+from iprt.device import profile as profile_module
+from iprt.device.compute import ComputeDevice, bound_bytes
+from iprt.device.profile import MOST_FRAMES, Key, Kind, PassTime, Profile
+from tests.profiles import MS, FakeEvent, frame, launch
+
+
+def test_passes_are_sums_over_frames() -> None:
+    profile = Profile()
+    for _ in range(3):
+        launch(profile, "march", "trace", 2.0)
+        launch(profile, "march", "fill", 0.5, kind=Kind.TRANSFER)
+        launch(profile, "blend", "mix", 1.0)
+        profile.end_frame()
+    launch(profile, "blend", "mix", 4.0)  # of a frame that has not ended
+    assert profile.frames == 3
+    assert profile.passes() == [PassTime("march", 7.5, 0.0, 6), PassTime("blend", 7.0, 0.0, 4)]
+    assert profile.passes()[0].ms == 7.5
+
+
+def test_costs_are_kept_frame_by_frame() -> None:
+    profile = Profile()
+    frame(profile, {"march": 2.0})
+    frame(profile, {"march": 3.0, "blend": 1.0})
+    launch(profile, "march", "march", 9.0)
+    kept = [
+        {key: cost.ms for key, cost in costs.items() if key.kind is Kind.KERNEL}
+        for costs in profile.kept_frames()
+    ]
+    march, blend = (Key(name, name, Kind.KERNEL) for name in ("march", "blend"))
+    assert kept == [{march: 2.0}, {march: 3.0, blend: 1.0}]
+    assert profile.last[blend].ms == 1.0
+    assert profile.last_passes() == [
+        PassTime("march", 3.0, 0.0, 1),
+        PassTime("blend", 1.0, 0.0, 1),
+    ]
+    profile.end_frame()
+    profile.end_frame()  # of nothing
+    profile.resolve()
+    assert profile.last == {}
+    assert [len(costs) > 0 for costs in profile.kept_frames()] == [True, True, True, False]
+
+
+def test_launches_and_bytes_of_a_kernel_add_up() -> None:
+    profile = Profile()
+    for size in (10, 30):
+        launch(profile, "filter", "level", 1.0, size)
+    launch(profile, "filter", "write", 0.25, 7, Kind.TRANSFER)
+    profile.end_frame()
+    (costs,) = profile.kept_frames()
+    level = costs[Key("filter", "level", Kind.KERNEL)]
+    assert (level.ms, level.launches, level.bytes) == (2.0, 2, 40)
+    assert costs[Key("filter", "write", Kind.TRANSFER)].bytes == 7
+
+
+def test_a_pass_within_a_pass_is_part_of_it() -> None:
+    profile = Profile()
+    with profile.section("outer"):
+        launch(profile, "inner", "kernel", 1.0)
+        assert profile.current == "outer"
+    assert profile.current == "other"
+    assert [entry.name for entry in profile.passes()] == ["outer"]
+
+
+def test_host_work_counts_and_waiting_for_the_device_does_not() -> None:
+    profile = Profile()
+    with profile.host("draw"):
+        time.sleep(0.02)
+    with profile.section("march"):
+        time.sleep(0.02)
+        launch(profile, "march", "trace", 1.0)
+    draw, march = profile.passes()
+    assert draw.device_ms == 0.0
+    assert 20.0 <= draw.host_ms < 200.0
+    assert (march.device_ms, march.host_ms, march.launches) == (1.0, 0.0, 1)
+    enqueued = profile.totals()[Key("march", "march", Kind.ENQUEUE)].ms
+    assert 20.0 <= enqueued < 200.0
+
+
+def test_preparation_is_forgotten_and_compiling_is_not() -> None:
+    profile = Profile()
+    with profile.compiling("a.cl -DX=1"):
+        time.sleep(0.01)
+    with profile.compiling("a.cl"):
+        pass
+    launch(profile, "surface", "build", 5.0)
+    assert profile.prepared() == 5.0
+    assert (profile.frames, profile.passes(), profile.kept_frames()) == (0, [], [])
+    assert list(profile.compiled) == ["a.cl -DX=1", "a.cl"]
+    assert 10.0 <= profile.compile_ms < 200.0
+
+
+def test_of_hours_as_many_frames_are_kept_from_all_times() -> None:
+    """Totals stay exact; every eighth frame costs more, and is no more likely to be kept."""
+    profile = Profile()
+    count = 20 * MOST_FRAMES
+    for index in range(count):
+        frame(profile, {"march": 9.0 if index % 8 == 0 else 1.0})
+        profile.resolve()
+    assert profile.passes()[0].device_ms == pytest.approx(count * 2.0)
+    key = Key("march", "march", Kind.KERNEL)
+    kept = np.array([costs[key].ms for costs in profile.kept_frames()])
+    assert len(kept) == MOST_FRAMES
+    assert abs(kept.mean() - 2.0) < 4.0 * kept.std() / np.sqrt(len(kept))
+    numbers = np.array([number for number, _ in profile._kept])
+    assert abs(numbers.mean() / count - 0.5) < 4.0 * np.sqrt(1.0 / 12.0 / MOST_FRAMES)
+
+
+def test_spans_of_the_device_are_told_by_the_clock_of_the_host() -> None:
+    """The device's clock is 1000 ms ahead; enqueuing took the host some time, once very little."""
+    profile = Profile()
+    profile.trace()
+    with mock.patch.object(profile_module.time, "perf_counter_ns") as now:
+        for enqueued, delay in ((10, 3), (20, 0), (30, 5)):
+            queued = 1000 + enqueued - delay
+            event = FakeEvent((queued + 1) * MS, (queued + 4) * MS, queued * MS)
+            now.return_value = enqueued * MS
+            profile.record(event, "trace", Kind.KERNEL, 8)
+        now.return_value = 40 * MS
+        with profile.host("draw"):
+            now.return_value = 45 * MS
+    profile.end_frame()
+    spans = [(s.key.name, s.start_ns // MS, s.end_ns // MS) for s in profile.spans()]
+    assert spans == [("trace", 8, 11), ("trace", 21, 24), ("trace", 26, 29), ("draw", 40, 45)]
+    profile.reset()
+    assert profile.spans() == []
+
+
+def test_without_a_trace_no_span_is_kept() -> None:
+    profile = Profile()
+    frame(profile, {"march": 1.0})
+    assert profile.spans() == []
+
+
+def test_a_device_tells_transfers_from_kernels_and_counts_bytes(device: ComputeDevice) -> None:
+    device.finish()
+    device.profile.reset()
+    kernel = device.kernel("pyramid.cl", "reduce_range")
+    with device.profile.section("some pass"):
+        ranges = device.upload("ranges", np.ones((4 * 2 + 2 * 1, 2), np.float32))
+        kernel((2, 1), 4, 2, 0, 8, ranges)
+        device.fill_zero(ranges)
+        device.read(ranges)
+    device.profile.end_frame()
+    (costs,) = device.profile.kept_frames()
+    assert all(cost.launches == 1 and cost.ms > 0.0 for cost in costs.values())
+    assert {key: cost.bytes for key, cost in costs.items()} == {
+        Key("some pass", "write", Kind.TRANSFER): 80,
+        Key("some pass", "reduce_range", Kind.KERNEL): 80,
+        Key("some pass", "fill", Kind.TRANSFER): 80,
+        Key("some pass", "read", Kind.TRANSFER): 80,
+        Key("some pass", "some pass", Kind.ENQUEUE): 0,
+    }
+    assert bound_bytes([ranges, 7, ranges, None, 0.5]) == 80
