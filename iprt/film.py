@@ -151,7 +151,7 @@ class Film:
             renderer.move(instances)
             renderer.look(view)
             return renderer
-        footage = _footage(self.scene, frame, self.settings) if several else None
+        footage = footage_of(self.scene, frame, self.settings) if several else None
         given = (self.device, frame, instances, view, self.settings)
         require_memory(*given, footage)
         self._renderer = renderer = Renderer(*given, footage=footage)
@@ -169,11 +169,11 @@ class Film:
 def film_plan(scene: Scene, frame: Frame, instances: Iterable[Instance], view: View) -> RenderPlan:
     """What a film of all of the scene's frames builds, of which `frame` is one."""
     settings = Settings()
-    footage = _footage(scene, frame, settings) if len(scene.frame_indices) > 1 else None
+    footage = footage_of(scene, frame, settings) if len(scene.frame_indices) > 1 else None
     return RenderPlan.of(frame, instances, view, settings, footage)
 
 
-def _footage(scene: Scene, frame: Frame, settings: Settings) -> Footage:
+def footage_of(scene: Scene, frame: Frame, settings: Settings) -> Footage:
     """What the frames of a scene's video may have, of which `frame` is one."""
     return Footage.of(
         frame,
