@@ -156,6 +156,7 @@ class Core:
             self._problems.pop(problem, None)
             self._failed.pop(client, None)
             self._exchange.publish(client, shown)
+            self._tell("rendering")
 
     def report_defect(self, error: Exception) -> None:
         """Tell of an error that no input should lead to, on whose account nothing need end."""
