@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,8 +13,10 @@ from iprt.device.compute import ComputeDevice
 from iprt.film import footage_of
 from iprt.renderer import Renderer
 from iprt.scene.edits import ObjectEdit, flat
+from iprt.scene.frame import Frame
 from iprt.scene.material import Material
 from iprt.scene.scene import Scene
+from iprt.scene.video.stream import Ahead
 from iprt.viewer.state import Playback
 from tests.clips import write_clip
 from tests.viewer.turns import SETTINGS, VIEW, Turns, turns
@@ -38,16 +41,16 @@ def test_a_picture_at_rest_is_refined_to_that_of_a_still(
     scene: Scene, device: ComputeDevice
 ) -> None:
     with turns(scene, device) as driver:
-        client = driver.join(frames=5)
+        client = driver.join(frames=13)
         driver.answer(client)
         driver.settle()
         shown = driver.shown(client)
         driver.settle()
         assert driver.shown(client) is shown
     with renderer_of(scene, device) as renderer:
-        expected = renderer.render(5).color
+        expected = renderer.render(13).color
     assert np.array_equal(shown.picture.color, expected)
-    assert (shown.frames, shown.step, shown.refined) == (5, 5, True)
+    assert (shown.frames, shown.step, shown.refined) == (13, 13, True)
     assert shown.noise is not None
     assert {"composite", "temporal"} <= {entry.name for entry in shown.passes}
 
@@ -214,6 +217,27 @@ def test_the_video_plays_by_its_clock(scene: Scene, device: ComputeDevice) -> No
     assert [shown.frame for shown in seen] == [1, 2, 7, 8, 11, 11]
     assert last.frame == 11
     assert last.refined
+
+
+def test_frames_that_are_late_are_not_decoded(
+    scene: Scene, device: ComputeDevice, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    decoded: list[int] = []
+    stream = Scene.stream
+
+    def noting(self: Scene, indices: Iterator[int], **options: bool) -> Ahead[Frame]:
+        return stream(self, (decoded.append(i) or i for i in indices), **options)
+
+    monkeypatch.setattr(Scene, "stream", noting)
+    with turns(scene, device) as driver:
+        client = driver.join()
+        driver.answer(client)
+        driver.change(playback=Playback(0, driver.clock.now))
+        driver.core.turn()
+        driver.until(lambda: 3 in decoded)  # as far ahead as there is room
+        driver.clock.now += 9.5 / 24.0
+        driver.until(lambda: driver.shown(client).frame == 9)
+    assert not {5, 6, 7, 8} & set(decoded)
 
 
 def test_a_video_that_loops_starts_anew(tmp_path: Path, device: ComputeDevice) -> None:
