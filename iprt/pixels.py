@@ -50,6 +50,8 @@ class Tick:
         The panorama is not that of the frame before.
     objects_changed : bool
         Objects moved since the frame before.
+    fading : float
+        Least share of this frame in the temporal means; 0: what the mean of all gives it.
     cut : bool
         The video shows something else: nothing that was accumulated holds.
     """
@@ -60,6 +62,7 @@ class Tick:
     view_changed: bool
     video_changed: bool
     objects_changed: bool
+    fading: float
     cut: bool = False
 
     @property
@@ -74,7 +77,6 @@ class SignalFilter:
     def __init__(
         self, device: ComputeDevice, guide: Guide, kind: Kind, settings: Settings, *, name: str
     ) -> None:
-        self._fading = settings.fading
         self._published = settings.temporal.history == "iprt"
         self._interpolate = Interpolate(device, guide, signal_planes(kind), settings.interpolate)
         rays = settings.trace.object_rays if kind in ("diffuse", "specular") else 1
@@ -113,7 +115,7 @@ class SignalFilter:
         if self._published:
             signal = self._atrous.run(signal, roughness=roughness, rect=rect)
         accumulated = self._temporal.run(
-            signal, motion, mask.level, fading=self._fading, changed=tick.changed
+            signal, motion, mask.level, fading=tick.fading, changed=tick.changed
         )
         if self._published:
             return accumulated.signal

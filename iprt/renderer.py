@@ -77,6 +77,12 @@ class Renderer:
     footage : Footage or None
         What frames have that are loaded later. None: what `frame` has.
 
+    Attributes
+    ----------
+    fading : float
+        Least share of a new frame in the temporal means from the next step on; at first that of
+        the settings.
+
     Raises
     ------
     DeviceError
@@ -95,6 +101,7 @@ class Renderer:
         footage: Footage | None = None,
     ) -> None:
         self.settings = settings or Settings()
+        self.fading = self.settings.fading
         self.device = device = checked(device) if self.settings.check_kernels else device
         self.instances = tuple(instances)
         self.view = view
@@ -220,6 +227,7 @@ class Renderer:
             view_changed=self._view_stale > 0,
             video_changed=self._video_stale,
             objects_changed=self._objects_stale > 0,
+            fading=self.fading,
             cut=self._cut,
         )
         view = view_from(self.view, self._frame.pose)

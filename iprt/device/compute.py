@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import AbstractContextManager
 from functools import cached_property
 from typing import Any
@@ -55,6 +55,11 @@ class ComputeDevice:
         Seconds after which a device that has not finished its work is taken to hang; None waits
         for ever.
 
+    Attributes
+    ----------
+    building : callable
+        Called with the name of a file of `cl/` before it is built, which may take seconds.
+
     Raises
     ------
     DeviceLostError, DeviceHangError
@@ -71,6 +76,7 @@ class ComputeDevice:
                 self.context, properties=cl.command_queue_properties.PROFILING_ENABLE
             )
         self.profile = Profile()
+        self.building: Callable[[str], None] = lambda file: None
         self._programs: dict[tuple[str, str], Any] = {}
 
     @cached_property
@@ -123,6 +129,7 @@ class ComputeDevice:
 
     def _build(self, file: str, options: list[str]) -> Any:
         source = (CL / file).read_text()
+        self.building(file)
         try:
             with warnings.catch_warnings():
                 # Some compilers report success at length; a failure raises with its log.

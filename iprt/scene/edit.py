@@ -21,10 +21,9 @@ from iprt.scene.images import read_depth
 from iprt.scene.inside import anywhere, require_inside
 from iprt.scene.manifest import MANIFEST_NAME, manifest_text, parse_manifest
 from iprt.scene.manifest_problems import FRAME_PATTERN
-from iprt.scene.mesh import Mesh
 from iprt.scene.mesh_files import MeshFile
 from iprt.scene.meshes import load_mesh
-from iprt.scene.placement import RealSurfaces, set_down
+from iprt.scene.placement import RealSurfaces, bounds, set_down
 from iprt.scene.scene import Scene
 from iprt.scene.untrusted import is_file
 from iprt.scene.video.container import is_container
@@ -112,7 +111,7 @@ def new_scene(
     }
     text = _manifest_text(_scene_name(folder), names, code, None if is_video else (first, last))
     parse_manifest(text, str(folder / MANIFEST_NAME))
-    with _copied(copies), replacing(folder / MANIFEST_NAME) as temporary:
+    with copied(copies), replacing(folder / MANIFEST_NAME) as temporary:
         temporary.write_text(text, encoding="utf-8")
     return len(source.indices)
 
@@ -161,15 +160,15 @@ def add_object(
     taken = {table.name for table in scene.manifest.objects}
     if name is not None and name in taken:
         raise SceneError(f"{scene.root}: an object is named '{name}' already; choose another name")
-    if name is not None and name != _free_name(name, set()):
+    if name is not None and name != free_name(name, set()):
         raise SceneError(f"--name '{name}': expected letters, digits, blanks, and any of _ . -")
-    chosen = name or _free_name(mesh_path.stem, taken)
-    view_name = _free_name(chosen, set(scene.views))
+    chosen = name or free_name(mesh_path.stem, taken)
+    view_name = free_name(chosen, set(scene.views))
     within = anywhere(mesh_path.parent) if allow_outside else None
     mesh = load_mesh(mesh_path, within=within)
-    bounds = _bounds(mesh)
-    to_world = set_down(RealSurfaces(scene.frame()), bounds, yaw_deg, pitch_deg, height)
-    copies, target = _mesh_copies(scene.root, MeshFile(mesh_path, within), chosen)
+    corners = bounds(mesh)
+    to_world = set_down(RealSurfaces(scene.frame()), corners, yaw_deg, pitch_deg, height)
+    copies, target = mesh_copies(scene.root, MeshFile(mesh_path, within), chosen)
     for copy in copies:
         require_inside(copy, scene.within)
     # Appending text keeps every comment; TOML lets [[objects]] follow other tables.
@@ -177,8 +176,8 @@ def add_object(
     text = "\n".join(
         [
             manifest_text(manifest_path).rstrip("\r\n") + "\n",
-            _object_text(chosen, target, to_world, material),
-            _view_text(view_name, chosen, bounds, to_world),
+            object_text(chosen, target, to_world, material),
+            _view_text(view_name, chosen, corners, to_world),
         ]
     )
     try:
@@ -188,10 +187,10 @@ def add_object(
             f"{manifest_path}: cannot be extended; write objects and views as [[objects]] and "
             "[[views]] tables"
         ) from error
-    with _copied(copies), replacing(manifest_path) as temporary:
+    with copied(copies), replacing(manifest_path) as temporary:
         temporary.write_bytes(text.encode("utf-8"))
-    foot = np.array([*(0.5 * (bounds[0] + bounds[1]))], np.float64)
-    foot[1] = bounds[0][1]
+    foot = np.array([*(0.5 * (corners[0] + corners[1]))], np.float64)
+    foot[1] = corners[0][1]
     base = to_world[:3, :3] @ foot + to_world[:3, 3]
     return Added(chosen, view_name, base, mesh.dropped)
 
@@ -224,7 +223,7 @@ def parse_material(text: str) -> dict[str, Any]:
 
 
 @contextmanager
-def _copied(copies: dict[Path, Path]) -> Iterator[None]:
+def copied(copies: dict[Path, Path]) -> Iterator[None]:
     """Copy files (target -> source); take the new ones away again if what follows fails.
 
     Raises
@@ -308,7 +307,7 @@ def _manifest_text(
     return "\n".join(lines)
 
 
-def _object_text(
+def object_text(
     name: str, mesh: str, to_world: NDArray[np.float64], material: dict[str, Any] | None
 ) -> str:
     rows = [", ".join(f"{value:.7g}" for value in row) for row in to_world]
@@ -323,11 +322,11 @@ def _object_text(
 def _view_text(
     name: str,
     object_name: str,
-    bounds: tuple[NDArray[np.float64], NDArray[np.float64]],
+    corners: tuple[NDArray[np.float64], NDArray[np.float64]],
     to_world: NDArray[np.float64],
 ) -> str:
     """A view at the object's centre, two and a half times as high as the object appears."""
-    low, high = bounds
+    low, high = corners
     center = to_world[:3, :3] @ (0.5 * (low + high)) + to_world[:3, 3]
     distance = max(float(np.linalg.norm(center)), 1e-6)
     radius = 0.5 * float(np.linalg.norm(to_world[:3, :3] @ (high - low)))
@@ -348,7 +347,7 @@ def _view_text(
     )
 
 
-def _mesh_copies(root: Path, file: MeshFile, name: str) -> tuple[dict[Path, Path], str]:
+def mesh_copies(root: Path, file: MeshFile, name: str) -> tuple[dict[Path, Path], str]:
     """Files to copy (target -> source) and the mesh's path in the manifest."""
     mesh, references = file.path, dict.fromkeys(file.references.values())
     if mesh.resolve().is_relative_to(root.resolve()):
@@ -357,17 +356,17 @@ def _mesh_copies(root: Path, file: MeshFile, name: str) -> tuple[dict[Path, Path
     folder = root / "meshes"
     taken = {path.stem for path in folder.iterdir()} if folder.is_dir() else set()
     if references:
-        folder = folder / _free_name(name, taken)
+        folder = folder / free_name(name, taken)
         target = folder / mesh.name
     else:
         target = folder / mesh.name
         if target.exists() and not filecmp.cmp(mesh, target, shallow=False):
-            target = folder / (_free_name(mesh.stem, taken) + mesh.suffix)
+            target = folder / (free_name(mesh.stem, taken) + mesh.suffix)
     copies = {target: mesh} | {folder / path: mesh.parent / path for path in references}
     return copies, target.relative_to(root).as_posix()
 
 
-def _free_name(wanted: str, taken: set[str]) -> str:
+def free_name(wanted: str, taken: set[str]) -> str:
     base = re.sub(r"[^\w. -]", "_", wanted) or "object"
     number = 2
     name = base
@@ -375,8 +374,3 @@ def _free_name(wanted: str, taken: set[str]) -> str:
         name = f"{base}-{number}"
         number += 1
     return name
-
-
-def _bounds(mesh: Mesh) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    used = mesh.positions[np.unique(mesh.triangles)].astype(np.float64)
-    return used.min(axis=0), used.max(axis=0)

@@ -11,7 +11,7 @@ from scipy import ndimage
 from iprt.errors import SceneError
 from iprt.scene.camera import View, equirect_direction, equirect_pixel
 from iprt.scene.frame import Frame
-from iprt.scene.mesh import Instance
+from iprt.scene.mesh import Instance, Mesh
 from iprt.scene.openings import solid_angles
 
 Array = NDArray[np.float64]
@@ -158,6 +158,12 @@ class RealSurfaces:
         return Standing(gap, hidden, _SETTLE * self._frame.median_depth)
 
 
+def bounds(mesh: Mesh) -> tuple[Array, Array]:
+    """Lowest and highest corner, (3,) each, of what the triangles of a mesh use."""
+    used = mesh.positions[np.unique(mesh.triangles)].astype(np.float64)
+    return used.min(axis=0), used.max(axis=0)
+
+
 def set_down(
     surfaces: RealSurfaces,
     bounds: tuple[Array, Array],
@@ -220,6 +226,37 @@ def set_down(
     return matrix
 
 
+def set_on(
+    to_world: Array, corners: tuple[Array, Array], point: Array, normal: Array | None = None
+) -> Array:
+    """Move an object so that it stands on a point of a surface.
+
+    Parameters
+    ----------
+    to_world : (4, 4) float64
+    corners : pair of (3,) float64
+        Lowest and highest of its mesh (`bounds`).
+    point : (3,) float64
+        Of the surface, in the world.
+    normal : (3,) float64 or None
+        Unit vector that the object's own +Y is turned to, by the shortest way. None: it keeps its
+        rotation.
+
+    Returns
+    -------
+    (4, 4) float64
+        The middle of its lower side is at `point`; its scale is what it was.
+    """
+    low, high = corners
+    foot = np.array([0.5 * (low[0] + high[0]), low[1], 0.5 * (low[2] + high[2])])
+    placed = to_world.copy()
+    if normal is not None:
+        up = to_world[:3, 1] / np.linalg.norm(to_world[:3, 1])
+        placed[:3, :3] = _turn(up, normal) @ to_world[:3, :3]
+    placed[:3, 3] = point - placed[:3, :3] @ foot
+    return placed
+
+
 def _support(surfaces: RealSurfaces, base: Array, radius: float, top: float) -> float:
     """y of the surface below; the floor's where none is seen (behind furniture)."""
     height = surfaces.height_below(base[0], base[2], 0.5 * radius, top)
@@ -228,6 +265,20 @@ def _support(surfaces: RealSurfaces, base: Array, radius: float, top: float) -> 
     if height is None:
         raise SceneError("no surface of the scene faces up; there is nothing to stand on")
     return height
+
+
+def _turn(start: Array, end: Array) -> Array:
+    """The smallest rotation (3, 3) that takes a unit vector to another."""
+    cosine = float(start @ end)
+    if cosine < -1.0 + 1e-9:
+        # Half a turn, about any axis across.
+        across = np.cross(start, np.eye(3)[int(np.abs(start).argmin())])
+        across /= np.linalg.norm(across)
+        return 2.0 * np.outer(across, across) - np.eye(3)
+    axis = np.cross(start, end)
+    cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
+    turn: Array = np.eye(3) + cross + cross @ cross / (1.0 + cosine)
+    return turn
 
 
 def _smoothed(normal: NDArray[np.float32]) -> Array:

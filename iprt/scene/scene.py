@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from contextlib import AbstractContextManager
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -177,7 +176,7 @@ class Scene:
 
     def stream(
         self, indices: Iterable[int], *, strict: bool = False, drift: bool = True, ahead: int = 2
-    ) -> AbstractContextManager[Iterable[Frame]]:
+    ) -> Ahead[Frame]:
         """Frames of the video, decoded and sanitised ahead on a thread, in the order asked for.
 
         A frame that cannot be read does not end the stream: what can be read of it is filled up
@@ -186,7 +185,8 @@ class Scene:
         Parameters
         ----------
         indices : iterable of int
-            Numbers of frames. In ascending order is quickest.
+            Numbers of frames. In ascending order is quickest. An iterator is asked for the next
+            one by the thread, when it is about to decode that.
         strict : bool
             Whether a frame that cannot be read is an error.
         drift : bool
@@ -196,18 +196,19 @@ class Scene:
 
         Returns
         -------
-        context manager
-            Gives what iterates over the frames, once; FormatError comes from there. Leaving the
-            context ends the thread.
+        Ahead
+            A context manager that gives what iterates over the frames, once; FormatError comes from
+            there. Leaving the context ends the thread.
 
         Raises
         ------
         SceneError
             No such frame.
         """
-        chosen = list(indices)
-        self._require_frames(chosen)
-        frames = steady_frames(self.source, chosen, self._stages(drift), strict=strict)
+        if not isinstance(indices, Iterator):
+            indices = list(indices)
+            self._require_frames(indices)
+        frames = steady_frames(self.source, indices, self._stages(drift), strict=strict)
         return Ahead(frames, ahead)
 
     def _stages(self, drift: bool) -> list[Stage]:

@@ -58,6 +58,22 @@ class Ahead(Generic[Item]):
         self._left.set()
         self._thread.join()
 
+    def ready(self) -> Item | None:
+        """The next item if it lies ready; None: it does not yet, or there is none any more.
+
+        The error that ended the items is raised where the next one would have come.
+        """
+        try:
+            item = self._ready.get_nowait()
+        except queue.Empty:
+            return None
+        if not isinstance(item, _End):
+            return item
+        self._put(item)
+        if item.error is not None:
+            raise item.error
+        return None
+
     def __iter__(self) -> Iterator[Item]:
         while not self._left.is_set():
             try:

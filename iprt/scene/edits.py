@@ -1,0 +1,186 @@
+"""Objects of a scene as they were edited, and the edits written to `scene.toml`.
+
+Comments, order and all else that the file says stay as they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tomlkit
+from numpy.typing import NDArray
+
+from iprt.errors import SceneError
+from iprt.output.atomic import replacing
+from iprt.scene.animated_mesh import AnimatedMesh
+from iprt.scene.edit import copied, mesh_copies, object_text
+from iprt.scene.inside import require_inside
+from iprt.scene.keyframes import ObjectMotion
+from iprt.scene.manifest import MANIFEST_NAME, manifest_text, parse_manifest
+from iprt.scene.material import Material
+from iprt.scene.mesh import Mesh
+from iprt.scene.mesh_files import MeshFile
+from iprt.scene.objects import AnyMesh, SceneObject
+from iprt.scene.scene import Scene
+
+Matrix = tuple[float, ...]
+"""The 16 values of a (4, 4) transform, row by row."""
+
+
+@dataclass(frozen=True)
+class ObjectEdit:
+    """How an object differs from what the scene's files say.
+
+    Attributes
+    ----------
+    name : str
+    to_world : tuple of 16 float or None
+        In place of its own; keyframes move it from there.
+    material : Material or None
+        In place of its own ones.
+    mesh : Mesh or AnimatedMesh or None
+        Of an object that the files do not have.
+    path : Path or None
+        Where that was read from.
+    removed : bool
+        It is not shown.
+    """
+
+    name: str
+    to_world: Matrix | None = None
+    material: Material | None = None
+    mesh: AnyMesh | None = field(default=None, compare=False)
+    path: Path | None = None
+    removed: bool = False
+
+
+def flat(to_world: NDArray[np.float64]) -> Matrix:
+    """A (4, 4) transform as edits have it."""
+    return tuple(float(value) for value in np.reshape(to_world, 16))
+
+
+def edited_objects(
+    objects: Sequence[SceneObject], edits: Iterable[ObjectEdit]
+) -> tuple[SceneObject, ...]:
+    """The objects with all edits; those that the scene does not have come last."""
+    by_name = {edit.name: edit for edit in edits}
+    known = {entry.name for entry in objects}
+    found = [_edited(entry, by_name.get(entry.name)) for entry in objects]
+    for edit in by_name.values():
+        if edit.name not in known and edit.mesh is not None:
+            entry = SceneObject(edit.name, edit.mesh, ObjectMotion(np.eye(4)))
+            found.append(_edited(entry, edit))
+    return tuple(entry for entry in found if entry is not None)
+
+
+def _edited(entry: SceneObject, edit: ObjectEdit | None) -> SceneObject | None:
+    if edit is None:
+        return entry
+    if edit.removed:
+        return None
+    if edit.to_world is not None:
+        to_world = np.reshape(np.array(edit.to_world, np.float64), (4, 4))
+        entry = replace(entry, motion=replace(entry.motion, to_world=to_world))
+    if edit.material is not None:
+        entry = replace(entry, mesh=_made_of(entry.mesh, edit.material))
+    return entry
+
+
+def _made_of(mesh: AnyMesh, material: Material) -> AnyMesh:
+    """The mesh, all of one material."""
+    if isinstance(mesh, AnimatedMesh):
+        return replace(mesh, bound=_bound_made_of(mesh.bound, material))
+    return _bound_made_of(mesh, material)
+
+
+def _bound_made_of(mesh: Mesh, material: Material) -> Mesh:
+    index = np.zeros_like(mesh.material_index)
+    return replace(mesh, materials=(material,), material_index=index)
+
+
+def save_edits(scene: Scene, edits: Iterable[ObjectEdit]) -> None:
+    """Write edits to a scene's `scene.toml`; files of objects that it did not have are copied.
+
+    Views that name their objects do not show new ones.
+
+    Raises
+    ------
+    SceneError, FormatError
+        Nothing has been written then.
+    """
+    path = scene.root / MANIFEST_NAME
+    document = tomlkit.parse(manifest_text(path))
+    tables = {str(table["name"]): table for table in document.get("objects", ())}
+    copies: dict[Path, Path] = {}
+    added: list[str] = []
+    for edit in edits:
+        table = tables.get(edit.name)
+        if edit.removed:
+            _remove(document, edit.name)
+        elif table is not None:
+            _edit_table(table, edit)
+        elif edit.path is not None and edit.to_world is not None:
+            files, target = mesh_copies(scene.root, MeshFile(edit.path, None), edit.name)
+            copies |= files
+            material = None if edit.material is None else _material_table(edit, None)
+            to_world = np.reshape(np.array(edit.to_world), (4, 4))
+            added.append(object_text(edit.name, target, to_world, material))
+    for copy in copies:
+        require_inside(copy, scene.within)
+    text = tomlkit.dumps(document)
+    if added:
+        text = "\n".join([text.rstrip("\r\n") + "\n", *added])
+    try:
+        parse_manifest(text, str(path))
+    except SceneError as error:
+        raise SceneError(f"{path}: the edits do not fit into it: {error}") from error
+    with copied(copies), replacing(path) as temporary:
+        temporary.write_bytes(text.encode("utf-8"))
+
+
+def _remove(document: Any, name: str) -> None:
+    """Take an object out, and its name from the views that show it."""
+    objects = document.get("objects", ())
+    for number in reversed(range(len(objects))):
+        if objects[number]["name"] == name:
+            del objects[number]
+    for view in document.get("views", ()):
+        if name in view.get("objects", ()):
+            view["objects"].remove(name)
+
+
+def _edit_table(table: Any, edit: ObjectEdit) -> None:
+    if edit.to_world is not None:
+        rows = [
+            ", ".join(f"{value:.7g}" for value in edit.to_world[i : i + 4]) for i in (0, 4, 8, 12)
+        ]
+        table["to_world"] = tomlkit.value("[\n" + "".join(f"  {row},\n" for row in rows) + "]")
+    if edit.material is not None:
+        written = tomlkit.inline_table()
+        written.update(_material_table(edit, table.get("material")))
+        table["material"] = written
+
+
+def _material_table(edit: ObjectEdit, before: Any) -> dict[str, Any]:
+    """What `material` says now."""
+    material = edit.material
+    assert material is not None
+    texture = None if before is None else before.get("texture")
+    if material.texture is not None and texture is None:
+        raise SceneError(
+            f"object {edit.name}: its texture is in its mesh file, which cannot be written; choose "
+            "a material without"
+        )
+    color = "reflectance" if material.kind == "conductor" else "albedo"
+    written: dict[str, Any] = {"kind": material.kind, color: list(material.albedo)}
+    if material.kind != "diffuse":
+        written["alpha"] = material.alpha
+    if material.kind == "plastic":
+        written["ior"] = material.ior
+    if material.texture is not None:
+        written["texture"] = str(texture)
+    return written

@@ -1,0 +1,46 @@
+"""How far a picture at rest is from the one that it refines to."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.scene.frame import LUMINANCE
+
+Picture = NDArray[np.float32]
+
+
+class Convergence:
+    """Estimates the noise of a mean of frames from how it changed while their number doubled.
+
+    Means of n and of 2n frames differ by half of the second's frames: the variance of their
+    difference is that of the second mean. So what a viewer has seen tells; no pass is asked.
+    """
+
+    def __init__(self) -> None:
+        self._frames = 0
+        self._before: Picture | None = None
+        self._measured: tuple[int, float] | None = None
+
+    def add(self, frames: int, picture: Picture) -> float | None:
+        """The estimate after so many frames; each picture at rest is to be added, from the first.
+
+        Returns
+        -------
+        float or None
+            Root of the mean squared error of luminance over the mean luminance. None before the
+            second frame.
+        """
+        if frames <= 1:
+            self._measured, self._before, self._frames = None, None, 0
+        if frames >= 2 * self._frames:
+            now = picture @ LUMINANCE
+            if self._before is not None:
+                error = float(np.sqrt(np.mean(np.square(now - self._before, dtype=np.float64))))
+                mean = float(now.mean(dtype=np.float64))
+                self._measured = frames, error / mean if mean > 0.0 else 0.0
+            self._before, self._frames = now, frames
+        if self._measured is None:
+            return None
+        measured_at, noise = self._measured
+        return noise * float(np.sqrt(measured_at / frames))

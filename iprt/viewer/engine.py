@@ -1,0 +1,274 @@
+"""The engine of a viewer: a thread that owns the device, and handles for all others."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.aovs import AOVS
+from iprt.device.compute import ComputeDevice
+from iprt.scene.edit import free_name
+from iprt.scene.edits import ObjectEdit, flat
+from iprt.scene.material import Material
+from iprt.scene.scene import Scene
+from iprt.settings import Settings
+from iprt.viewer.core import Core
+from iprt.viewer.exchange import Exchange
+from iprt.viewer.session import Shown
+from iprt.viewer.state import Playback, Request, Status, World
+
+LEAVING_S = 5.0
+"""Longest wait for a thread that is to end: kernels, compilers and decoders cannot be stopped."""
+
+
+class Client:
+    """One who looks at the scene, with a view of its own. Any thread may call any method."""
+
+    def __init__(self, exchange: Exchange, request: Request) -> None:
+        _require_renderable(request)
+        self._exchange = exchange
+        self._number = exchange.join(request)
+
+    def ask(self, request: Request) -> int:
+        """Want this in place of what was asked for before.
+
+        Returns
+        -------
+        int
+            The number that `Shown.number` reaches with the first picture that answers it.
+
+        Raises
+        ------
+        ValueError
+            A picture without pixels, or an auxiliary picture that there is not.
+        """
+        _require_renderable(request)
+        return self._exchange.ask(self._number, request)
+
+    @property
+    def shown(self) -> Shown | None:
+        """The newest picture; None: there is none yet."""
+        return self._exchange.shown(self._number)
+
+    def wait(self, number: int, timeout_s: float) -> Shown | None:
+        """The first picture from now on that answers `number`; None: there was none in time."""
+        return self._exchange.wait(self._number, lambda s: s.number >= number, timeout_s)
+
+    def wait_for_newer(self, step: int, timeout_s: float) -> Shown | None:
+        """The first picture after view frame `step`; None: there was none in time."""
+        return self._exchange.wait(self._number, lambda s: s.step > step, timeout_s)
+
+    def close(self) -> None:
+        """Look no more."""
+        self._exchange.leave(self._number)
+
+
+class Engine:
+    """Renders a scene for any number of clients, newest input first.
+
+    Edits, playback and settings are those of all clients. Any thread may call any method; none
+    waits for the device.
+
+    Parameters
+    ----------
+    scene : Scene
+    device : callable
+        Makes the device, on the engine's thread; called again when its driver lost it.
+    settings : Settings
+    clock : callable
+        Seconds, which the video plays by.
+    allow_outside : bool
+        See `Scene.open`.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        device: Callable[[], ComputeDevice],
+        settings: Settings | None = None,
+        *,
+        clock: Callable[[], float] = time.monotonic,
+        allow_outside: bool = False,
+    ) -> None:
+        self._clock, self._scene = clock, scene
+        self._names: set[str] = set()  # of objects that were added; some are not there yet
+        playback = Playback(scene.frame_indices[0])
+        self._exchange = Exchange(World(settings or Settings(), playback))
+        self._core = Core(self._exchange, scene, device, clock=clock, allow_outside=allow_outside)
+        self._thread = threading.Thread(target=self._run, name="iprt viewer", daemon=True)
+        self._thread.start()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End the thread: after the view frame that it renders, or left alone after `LEAVING_S`."""
+        until_s = time.monotonic() + LEAVING_S
+        self._exchange.close()
+        self._thread.join(LEAVING_S)
+        self._core.loader.close(until_s)
+
+    def _run(self) -> None:
+        core, exchange = self._core, self._exchange
+        try:
+            while not exchange.closed:
+                try:
+                    busy = core.turn()
+                except Exception as error:
+                    # A defect of ours must not take with it what the user has not saved yet.
+                    core.report_defect(error)
+                    busy = False
+                if not busy:
+                    exchange.rest(core.idle_s)
+        finally:
+            core.close()
+
+    # What is seen -----------------------------------------------------------------------------
+
+    def client(self, request: Request) -> Client:
+        """Another one who looks at the scene.
+
+        Raises
+        ------
+        ValueError
+            As `Client.ask`.
+        """
+        return Client(self._exchange, request)
+
+    @property
+    def world(self) -> World:
+        """What all clients share, as it was asked for."""
+        return self._exchange.world
+
+    @property
+    def scene(self) -> Scene:
+        """The scene as it was read last."""
+        return self._core.scene or self._scene
+
+    @property
+    def status(self) -> Status:
+        return self._exchange.status
+
+    # The video --------------------------------------------------------------------------------
+
+    def play(self) -> int:
+        """Go on with the video, from its first frame where it is at its end."""
+        now, (frames, loop) = self._clock(), self._video
+
+        def change(world: World) -> World:
+            if world.playback.since_s is not None:
+                return world
+            frame = world.playback.frame
+            at_end = frame >= frames[-1] and not loop
+            return replace(world, playback=Playback(frames[0] if at_end else frame, now))
+
+        return self._exchange.change(change)
+
+    def pause(self) -> int:
+        """Stay at the frame that is due now."""
+        now, (frames, loop), fps = self._clock(), self._video, self.scene.source.fps
+
+        def change(world: World) -> World:
+            playback = world.playback
+            frame = playback.index(playback.due(now, fps), frames, loop=loop)
+            return replace(world, playback=Playback(frame))
+
+        return self._exchange.change(change)
+
+    def seek(self, frame: int) -> int:
+        """Go to a frame, the nearest that there is; a video that plays goes on from there."""
+        now, frames = self._clock(), self._video[0]
+        frame = min(max(frame, frames[0]), frames[-1])
+
+        def change(world: World) -> World:
+            playing = world.playback.since_s is not None
+            return replace(world, playback=Playback(frame, now if playing else None))
+
+        return self._exchange.change(change)
+
+    @property
+    def _video(self) -> tuple[range, bool]:
+        return self.scene.frame_indices, self.scene.manifest.video.loop
+
+    # The scene --------------------------------------------------------------------------------
+
+    def set_settings(self, settings: Settings) -> int:
+        """Render with other settings, which may make kernels compile."""
+        return self._exchange.change(lambda world: replace(world, settings=settings))
+
+    def place(self, name: str, to_world: NDArray[np.float64]) -> int:
+        """Put an object elsewhere; (4, 4), its keyframes move it from there."""
+        placed = flat(to_world)
+        return self._exchange.change(
+            lambda world: world.edited(replace(world.edit_of(name), to_world=placed))
+        )
+
+    def paint(self, name: str, material: Material) -> int:
+        """Make an object of another material, all of it."""
+        return self._exchange.change(
+            lambda world: world.edited(replace(world.edit_of(name), material=material))
+        )
+
+    def remove(self, name: str) -> int:
+        """Take an object away."""
+        return self._exchange.change(
+            lambda world: world.edited(replace(world.edit_of(name), removed=True))
+        )
+
+    def restore(self, edits: tuple[ObjectEdit, ...]) -> int:
+        """Go back to edits that there were (`World.edits`): undo."""
+        return self._exchange.change(lambda world: replace(world, edits=edits))
+
+    def add(
+        self,
+        path: Path,
+        yaw_deg: float,
+        pitch_deg: float,
+        *,
+        height: float | None = None,
+        material: Material | None = None,
+    ) -> str:
+        """Read a mesh, and set it down on the surface seen in a direction, as soon as it is there.
+
+        Parameters
+        ----------
+        path : Path
+        yaw_deg, pitch_deg : float
+            In the axes of the capture centre.
+        height : float or None
+            Metres; see `set_down`.
+        material : Material or None
+            By default the mesh file's own.
+
+        Returns
+        -------
+        str
+            The name that the object will have. What goes wrong is told by `status`.
+        """
+        name = free_name(path.stem, self._core.object_names() | self._names)
+        self._names.add(name)
+        self._core.add(ObjectEdit(name, material=material, path=path), (yaw_deg, pitch_deg), height)
+        return name
+
+    def save(self) -> None:
+        """Write all edits to the scene's file, comments and order kept; `status` tells problems."""
+        self._core.save()
+
+
+def _require_renderable(request: Request) -> None:
+    if request.view.width < 1 or request.view.height < 1:
+        raise ValueError(f"{request.view}: a picture has at least one pixel")
+    if request.frames < 1:
+        raise ValueError(f"frames = {request.frames}: at least one is rendered")
+    if unknown := set(request.aovs) - set(AOVS):
+        raise ValueError(f"there is no auxiliary picture {', '.join(sorted(unknown))}")

@@ -1,0 +1,187 @@
+"""The video's frames when they are due: decoded ahead on a thread, dropped where that is late."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Self
+
+from iprt.scene.frame import Frame
+from iprt.scene.scene import Scene
+from iprt.scene.video.stream import Ahead
+from iprt.viewer.state import Playback
+
+WAKE_S = 0.1
+"""Seconds after which the thread looks again whether a frame is to be decoded."""
+
+
+@dataclass(frozen=True)
+class _Ordered:
+    """A frame that is being decoded: for which playback, and as which follower of its frame."""
+
+    playback: Playback
+    follower: int
+
+
+class Feed:
+    """Frames of a scene's video, as a playback asks for them. Nothing here waits for a decoder.
+
+    Parameters
+    ----------
+    scene : Scene
+    playback : Playback
+    drift : bool
+        See `Scene.stream`.
+    clock : callable
+        Seconds, of the playback's kind.
+    wake : callable
+        Called by the thread when a frame lies ready.
+
+    Attributes
+    ----------
+    arrived : bool
+        A frame of the present playback has been given.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        playback: Playback,
+        *,
+        drift: bool,
+        clock: Callable[[], float],
+        wake: Callable[[], None],
+    ) -> None:
+        self.scene, self.drift = scene, drift
+        self._clock, self._wake = clock, wake
+        self._frames, self._fps = scene.frame_indices, scene.source.fps
+        self._loop = scene.manifest.video.loop
+        self._condition = threading.Condition()
+        self._playback = playback
+        self._ordered: deque[_Ordered] = deque()
+        self._last: _Ordered | None = None
+        self._closed = False
+        self._held: tuple[int, Frame] | None = None
+        self.arrived = False
+        self._stream: Ahead[Frame] | None = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End the thread."""
+        with self._condition:
+            self._closed = True
+            self._condition.notify_all()
+        self._end_stream()
+
+    def follow(self, playback: Playback, shown: int | None) -> None:
+        """Go on with another playback; what is decoded for the one before is dropped.
+
+        Parameters
+        ----------
+        playback : Playback
+        shown : int or None
+            Number of the frame that was given last: it is not given again.
+        """
+        with self._condition:
+            if playback == self._playback:
+                return
+            self._playback, self._held = playback, None
+            self.arrived = shown == playback.index(0, self._frames, loop=self._loop)
+            if self.arrived:
+                self._last = _Ordered(playback, 0)
+            self._condition.notify_all()
+
+    def poll(self) -> Frame | None:
+        """The newest frame that is due and has not been given yet; None: there is none (yet).
+
+        Raises
+        ------
+        FormatError
+            A frame cannot be read and none before it. The next call tries again.
+        """
+        stream = self._opened()
+        newest: Frame | None = None
+        try:
+            while True:
+                if self._held is None and not self._fetch(stream):
+                    return newest
+                assert self._held is not None
+                follower, frame = self._held
+                if follower > self._playback.due(self._clock(), self._fps):
+                    return newest
+                newest, self._held, self.arrived = frame, None, True
+        except Exception:
+            self._end_stream()
+            raise
+
+    @property
+    def next_due_s(self) -> float | None:
+        """When the frame that lies ready is due, by the clock; None: none does."""
+        since = self._playback.since_s
+        if self._held is None or since is None:
+            return None
+        return since + self._held[0] / self._fps
+
+    def _fetch(self, stream: Ahead[Frame]) -> bool:
+        """Hold the next frame of this playback; whether one lies ready."""
+        while (frame := stream.ready()) is not None:
+            ordered = self._ordered.popleft()
+            if ordered.playback == self._playback:
+                self._held = ordered.follower, frame
+                return True
+        return False
+
+    def _opened(self) -> Ahead[Frame]:
+        if self._stream is None:
+            self._stream = self.scene.stream(self._indices(), drift=self.drift)
+            self._stream.__enter__()
+        return self._stream
+
+    def _end_stream(self) -> None:
+        stream, self._stream = self._stream, None
+        if stream is not None:
+            with self._condition:
+                ending, self._closed = self._closed, True
+                self._condition.notify_all()
+            stream.__exit__(None, None, None)
+            self._closed = ending
+        self._ordered.clear()
+        self._last = self._held = None
+
+    # On the stream's thread -------------------------------------------------------------------
+
+    def _indices(self) -> Iterator[int]:
+        """Numbers of the frames to decode, each as it is to be decoded."""
+        while True:
+            # Whoever asks for the next one has put the one before where it is found.
+            self._wake()
+            with self._condition:
+                while (ordered := self._next()) is None and not self._closed:
+                    self._condition.wait(WAKE_S)
+                if ordered is None or self._closed:
+                    return
+                self._last = ordered
+                self._ordered.append(ordered)
+            yield ordered.playback.index(ordered.follower, self._frames, loop=self._loop)
+
+    def _next(self) -> _Ordered | None:
+        """The frame to decode now; None: none is wanted."""
+        playback, last = self._playback, self._last
+        due = playback.due(self._clock(), self._fps)
+        if last is None or last.playback != playback:
+            return _Ordered(playback, due)
+        if playback.since_s is None:
+            return None
+        follower = max(last.follower + 1, due)
+        at_end = playback.index(follower, self._frames, loop=self._loop)
+        shown = playback.index(last.follower, self._frames, loop=self._loop)
+        if len(self._frames) == 1 or (at_end == shown and not self._loop):
+            return None  # the last frame stays
+        return _Ordered(playback, follower)

@@ -1,0 +1,274 @@
+"""The engine's turns: what is newest is seen, what is at rest is refined, nothing piles up."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from iprt.device.compute import ComputeDevice
+from iprt.film import footage_of
+from iprt.renderer import Renderer
+from iprt.scene.edits import ObjectEdit, flat
+from iprt.scene.frame import Frame
+from iprt.scene.material import Material
+from iprt.scene.scene import Scene
+from iprt.scene.video.stream import Ahead
+from iprt.viewer.state import Playback
+from tests.clips import write_clip
+from tests.viewer.turns import SETTINGS, VIEW, Turns, turns
+
+STILL = SETTINGS.model_copy(update={"fading": 0.0})
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
+    return Scene.open(write_clip(tmp_path_factory.mktemp("clip"), 12))
+
+
+def renderer_of(scene: Scene, device: ComputeDevice, **options: object) -> Renderer:
+    """A renderer of the state in which a viewer opens."""
+    given = {"view": VIEW, "settings": STILL, "instances": scene.instances, **options}
+    frame = scene.frame()
+    footage = footage_of(scene, frame, SETTINGS)
+    return Renderer(device, frame, footage=footage, **given)  # type: ignore[arg-type]
+
+
+def test_a_picture_at_rest_is_refined_to_that_of_a_still(
+    scene: Scene, device: ComputeDevice
+) -> None:
+    with turns(scene, device) as driver:
+        client = driver.join(frames=13)
+        driver.answer(client)
+        driver.settle()
+        shown = driver.shown(client)
+        driver.settle()
+        assert driver.shown(client) is shown
+    with renderer_of(scene, device) as renderer:
+        expected = renderer.render(13).color
+    assert np.array_equal(shown.picture.color, expected)
+    assert (shown.frames, shown.step, shown.refined) == (13, 13, True)
+    assert shown.noise is not None
+    assert {"composite", "temporal"} <= {entry.name for entry in shown.passes}
+
+
+def test_the_newest_look_wins(scene: Scene, device: ComputeDevice) -> None:
+    """A burst of looks costs one picture, that of the last one, as if there had been no other."""
+    with turns(scene, device) as driver:
+        client = driver.join(frames=3)
+        driver.answer(client)
+        driver.settle()
+        before = driver.shown(client)
+        looks = [replace(VIEW, yaw_deg=0.3 * number) for number in range(1, 101)]
+        numbers = [driver.ask(client, view=look, frames=3) for look in looks]
+        shown = driver.answer(client, numbers[-1])
+    assert shown.step == before.step + 1
+    assert shown.frames == 1
+    assert shown.request.view == looks[-1]
+    with renderer_of(scene, device) as renderer:
+        renderer.render(3)
+        renderer.look(looks[-1])
+        renderer.fading = SETTINGS.fading
+        expected = renderer.render(1).color
+    assert np.array_equal(shown.picture.color, expected)
+
+
+def test_what_was_blurred_in_motion_goes_at_rest(scene: Scene, device: ComputeDevice) -> None:
+    """By the share of a plain mean of the frames at rest, as soon as there are enough."""
+    with turns(scene, device) as driver:
+        client = driver.join()
+        driver.answer(client)
+        driver.ask(client, view=replace(VIEW, yaw_deg=2.0), frames=14)
+        driver.settle()
+        shown = driver.shown(client)
+    with renderer_of(scene, device) as renderer:
+        renderer.render(1)
+        renderer.look(replace(VIEW, yaw_deg=2.0))
+        for number in range(14):
+            renderer.fading = min(SETTINGS.fading, 1.0 / (number + 1))
+            picture = renderer.render(1)
+    assert shown.frames == 14
+    assert np.array_equal(shown.picture.color, picture.color)
+
+
+def test_clients_see_what_each_alone_would(scene: Scene, device: ComputeDevice) -> None:
+    requests = [
+        {"view": VIEW, "frames": 3},
+        {"view": replace(VIEW, width=24, yaw_deg=20.0), "frames": 4, "aovs": ("normal",)},
+    ]
+    alone = []
+    for request in requests:
+        with turns(scene, device) as driver:
+            client = driver.join(**request)
+            driver.answer(client)
+            driver.settle()
+            alone.append(driver.shown(client))
+    with turns(scene, device) as driver:
+        clients = [driver.join(**request) for request in requests]
+        for client in clients:
+            driver.answer(client)
+        built = len(device.built_programs)
+        driver.settle()
+        assert len(device.built_programs) == built
+        together = [driver.shown(client) for client in clients]
+    for one, other in zip(alone, together, strict=True):
+        assert np.array_equal(one.picture.color, other.picture.color)
+        assert one.frames == other.frames
+    assert set(together[1].picture.aovs) == {"normal"}
+
+
+def test_who_moves_comes_before_who_refines(scene: Scene, device: ComputeDevice) -> None:
+    with turns(scene, device) as driver:
+        patient = driver.join(frames=500)
+        driver.answer(patient)
+        moving = driver.join()
+        driver.answer(moving)
+        for number in range(3):
+            before = driver.shown(patient).step
+            asked = driver.ask(moving, view=replace(VIEW, yaw_deg=float(number)))
+            assert driver.core.turn()
+            assert driver.shown(moving).number >= asked
+            assert driver.shown(patient).step == before
+            assert driver.core.turn()
+            assert driver.shown(patient).step == before + 1
+
+
+def test_a_resized_window_needs_no_other_kernels(scene: Scene, device: ComputeDevice) -> None:
+    with turns(scene, device) as driver:
+        client = driver.join()
+        driver.answer(client)
+        built = len(device.built_programs)
+        for size in ((1, 1), (33, 7), (1, 40)):
+            shown = driver.answer(client, driver.ask(client, view=VIEW.resized(*size)))
+            assert shown.picture.color.shape == (size[1], size[0], 3)
+            assert np.isfinite(shown.picture.color).all()
+        assert len(device.built_programs) == built
+        assert driver.exchange.status.problems == ()
+
+
+def test_other_buffers_of_a_refined_picture_cost_no_frame(
+    scene: Scene, device: ComputeDevice
+) -> None:
+    with turns(scene, device) as driver:
+        client = driver.join(frames=2, geometry=False)
+        driver.answer(client)
+        driver.settle()
+        before = driver.shown(client)
+        shown = driver.answer(client, driver.ask(client, frames=2, aovs=("depth",)))
+    assert before.geometry is None
+    assert shown.geometry is not None
+    assert shown.step == before.step
+    assert np.array_equal(shown.picture.color, before.picture.color)
+    assert shown.picture.aovs["depth"].shape == (16, 32)
+
+
+def edited(driver: Turns, edit: ObjectEdit) -> int:
+    return driver.exchange.change(lambda world: world.edited(edit))
+
+
+def test_edits_are_seen_as_a_renderer_of_them_shows(scene: Scene, device: ComputeDevice) -> None:
+    to_world = scene.instances[0].to_world.copy()
+    to_world[0, 3] += 0.2
+    green = Material("plastic", (0.1, 0.6, 0.1), alpha=0.2)
+    moved = replace(scene.instances[0], to_world=to_world)
+    mesh = replace(moved.mesh, materials=(green,))
+    with turns(scene, device) as driver:
+        client = driver.join()
+        driver.answer(client)
+        placed = driver.answer(client, edited(driver, ObjectEdit("cube", flat(to_world))))
+        painted = driver.answer(client, edited(driver, ObjectEdit("cube", flat(to_world), green)))
+        removed = driver.answer(client, edited(driver, ObjectEdit("cube", removed=True)))
+        back = driver.answer(client, driver.change(edits=()))
+    with renderer_of(scene, device) as renderer:
+        first = renderer.render(1).color
+        renderer.move([moved])
+        renderer.fading = SETTINGS.fading
+        assert np.array_equal(placed.picture.color, renderer.render(1).color)
+    with renderer_of(scene, device, instances=[replace(moved, mesh=mesh)]) as renderer:
+        assert np.array_equal(painted.picture.color, renderer.render(1).color)
+    with renderer_of(scene, device, instances=[]) as renderer:
+        assert np.array_equal(removed.picture.color, renderer.render(1).color)
+    assert np.array_equal(back.picture.color, first)
+
+
+# The video ------------------------------------------------------------------------------------
+
+
+def test_the_video_plays_by_its_clock(scene: Scene, device: ComputeDevice) -> None:
+    """Frames whose time has passed are dropped; the last one stays; looking goes on meanwhile."""
+    with turns(scene, device) as driver:
+        client = driver.join(frames=2)
+        driver.answer(client)
+        driver.change(playback=Playback(0, driver.clock.now))
+        seen = []
+        for due in (1, 2, 7, 8, 11, 40):
+            driver.clock.now = 100.0 + (due + 0.5) / 24.0
+            wanted = min(due, 11)
+            driver.until(lambda wanted=wanted: driver.shown(client).frame == wanted)
+            seen.append(driver.shown(client))
+            if due == 8:
+                asked = driver.ask(client, view=replace(VIEW, yaw_deg=3.0), frames=2)
+                assert driver.answer(client, asked).frame == 8
+        driver.settle()
+        last = driver.shown(client)
+    assert [shown.frame for shown in seen] == [1, 2, 7, 8, 11, 11]
+    assert last.frame == 11
+    assert last.refined
+
+
+def test_frames_that_are_late_are_not_decoded(
+    scene: Scene, device: ComputeDevice, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    decoded: list[int] = []
+    stream = Scene.stream
+
+    def noting(self: Scene, indices: Iterator[int], **options: bool) -> Ahead[Frame]:
+        return stream(self, (decoded.append(i) or i for i in indices), **options)
+
+    monkeypatch.setattr(Scene, "stream", noting)
+    with turns(scene, device) as driver:
+        client = driver.join()
+        driver.answer(client)
+        driver.change(playback=Playback(0, driver.clock.now))
+        driver.core.turn()
+        driver.until(lambda: 3 in decoded)  # as far ahead as there is room
+        driver.clock.now += 9.5 / 24.0
+        driver.until(lambda: driver.shown(client).frame == 9)
+    assert not {5, 6, 7, 8} & set(decoded)
+
+
+def test_a_video_that_loops_starts_anew(tmp_path: Path, device: ComputeDevice) -> None:
+    folder = write_clip(tmp_path, 4)
+    manifest = folder / "scene.toml"
+    manifest.write_text(manifest.read_text().replace("fps = 24.0", "fps = 24.0\nloop = true"))
+    with turns(Scene.open(folder), device) as driver:
+        client = driver.join()
+        driver.answer(client)
+        driver.change(playback=Playback(2, driver.clock.now))
+        seen = []
+        for due in (1, 2, 3, 9):
+            driver.clock.now = 100.0 + (due + 0.5) / 24.0
+            wanted = (2 + due) % 4
+            driver.until(lambda wanted=wanted: driver.shown(client).frame == wanted)
+            seen.append(driver.shown(client).frame)
+    assert seen == [3, 0, 1, 3]
+
+
+def test_a_frame_sought_is_shown_as_a_renderer_shows_it(
+    scene: Scene, device: ComputeDevice
+) -> None:
+    with turns(scene, device) as driver:
+        client = driver.join()
+        driver.answer(client)
+        for frame in (3, 9, 4, 7):
+            number = driver.change(playback=Playback(frame))
+        shown = driver.answer(client, number)
+        assert shown.frame == 7
+        # What plays from there begins with the frame that is there, and so does a pause.
+        step = shown.step
+        number = driver.change(playback=Playback(7, driver.clock.now))
+        number = driver.change(playback=Playback(7))
+        assert driver.answer(client, number).step == step

@@ -1,0 +1,186 @@
+"""The engine as viewers use it: from other threads, which never wait for the device."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from iprt.device.compute import ComputeDevice
+from iprt.scene.camera import View
+from iprt.scene.edits import ObjectEdit, flat
+from iprt.scene.material import Material
+from iprt.scene.placement import bounds, set_on
+from iprt.scene.scene import Scene
+from iprt.viewer.convergence import Convergence
+from iprt.viewer.engine import Engine
+from iprt.viewer.state import Playback, Request
+from tests.clips import write_clip
+from tests.scene.files import HIGH, LOW
+from tests.viewer.turns import DEADLINE_S, SETTINGS, VIEW
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Scene:
+    return Scene.open(write_clip(tmp_path / "clip", 4))
+
+
+def engine_of(scene: Scene, device: ComputeDevice) -> Engine:
+    return Engine(scene, lambda: device, SETTINGS)
+
+
+def test_input_is_answered_within_two_frames(scene: Scene, device: ComputeDevice) -> None:
+    """Whatever is being rendered when it comes; and a burst of input costs two frames at most."""
+    with engine_of(scene, device) as engine:
+        client = engine.client(Request(VIEW, frames=10_000))
+        shown = client.wait(0, DEADLINE_S)
+        for turn in range(20):
+            assert shown is not None
+            before = shown.step
+            for part in range(10):
+                view = replace(VIEW, yaw_deg=turn + 0.1 * part)
+                number = client.ask(Request(view, frames=10_000))
+            shown = client.wait(number, DEADLINE_S)
+            assert shown is not None
+            assert shown.request.view == view
+            seen = client.shown
+            assert seen is not None
+            # One that was under way, and that of the newest look; one more may be done by now.
+            assert seen.step <= before + 3
+    assert not engine._thread.is_alive()
+
+
+def test_closing_ends_all_threads(scene: Scene, device: ComputeDevice) -> None:
+    engine = engine_of(scene, device)
+    client = engine.client(Request(VIEW, frames=10_000))
+    assert client.wait(0, DEADLINE_S) is not None
+    engine.play()
+    engine.close()
+    assert engine.status.doing == "closed"
+    names = {thread.name for thread in threading.enumerate()}
+    assert not names & {"iprt viewer", "iprt frames", "iprt loading"}
+    assert client.wait(10**9, DEADLINE_S) is None
+
+
+def test_requests_that_make_no_sense(scene: Scene, device: ComputeDevice) -> None:
+    with engine_of(scene, device) as engine:
+        with pytest.raises(ValueError, match="at least one pixel"):
+            engine.client(Request(VIEW.resized(0, 4)))
+        with pytest.raises(ValueError, match="no auxiliary picture nonsense"):
+            engine.client(Request(VIEW, aovs=("nonsense",)))
+
+
+def test_what_is_at_a_pixel(scene: Scene, device: ComputeDevice) -> None:
+    """The floor where the room is known to have it, with the object in front of it."""
+    view = View(33, 17, pitch_deg=-35.0)
+    with engine_of(scene, device) as engine:
+        client = engine.client(Request(view, frames=1))
+        shown = client.wait(0, DEADLINE_S)
+    assert shown is not None
+    geometry = shown.geometry
+    assert geometry is not None
+    object_pixel = tuple(int(v) for v in view.project(np.array([0.1, -0.75, -1.5])))
+    assert geometry.object_at(*object_pixel) == "cube"
+    seen, behind = geometry.seen(*object_pixel), geometry.real(*object_pixel)
+    assert seen is not None
+    assert behind is not None
+    assert seen.depth_m < behind.depth_m
+    floor = next((x, y) for x, y in ((1, 16), (31, 16)) if geometry.object_at(x, y) is None)
+    surface = geometry.seen(*floor)
+    assert surface is not None
+    direction = view.directions()[floor[1], floor[0]]
+    with np.errstate(divide="ignore"):
+        depth = np.where(direction > 0, HIGH / direction, LOW / direction).min()
+    np.testing.assert_allclose(surface.depth_m, depth, rtol=0.05)
+    np.testing.assert_allclose(surface.point, surface.depth_m * direction, rtol=1e-5)
+    assert surface.normal[1] > 0.9
+
+
+def test_things_stand_where_they_are_dropped(scene: Scene) -> None:
+    corners = bounds(scene.instances[0].mesh)
+    to_world = scene.instances[0].to_world
+    for normal in ((0.0, 1.0, 0.0), (1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.6, 0.0, 0.8)):
+        up, point = np.array(normal), np.array([0.3, -1.2, -2.0])
+        placed = set_on(to_world, corners, point, up)
+        corner = np.stack(np.meshgrid(*np.stack(corners).T), -1).reshape(-1, 3)
+        height = (corner @ placed[:3, :3].T + placed[:3, 3] - point) @ up
+        assert height.min() == pytest.approx(0.0, abs=1e-9)
+        assert height.max() == pytest.approx(0.6)
+        assert np.linalg.det(placed[:3, :3]) == pytest.approx(0.3**3)
+    upright = set_on(to_world, corners, point)
+    assert np.array_equal(upright[:3, :3], to_world[:3, :3])
+
+
+def test_noise_is_that_of_a_mean() -> None:
+    """Of independent frames, the estimate is the true error, to what few pixels allow."""
+    random = np.random.default_rng(1)
+    convergence, total = Convergence(), np.zeros((64, 64, 3))
+    for count in range(1, 65):
+        total += 2.0 + 0.5 * random.standard_normal((64, 64, 1))
+        noise = convergence.add(count, (total / count).astype(np.float32))
+        assert (noise is None) == (count == 1)
+        if noise is not None:
+            assert noise == pytest.approx(0.25 / np.sqrt(count), rel=0.1)
+    assert convergence.add(1, total.astype(np.float32)) is None
+
+
+def test_the_video_is_steered(scene: Scene, device: ComputeDevice) -> None:
+    now = [50.0]
+    engine = Engine(scene, lambda: device, SETTINGS, clock=lambda: now[0])
+    with engine:
+        engine.seek(2)
+        assert engine.world.playback == Playback(2)
+        engine.play()
+        now[0] += 0.5 / 24.0
+        engine.pause()
+        assert engine.world.playback == Playback(2)
+        engine.play()
+        now[0] += 10.0
+        engine.pause()
+        assert engine.world.playback == Playback(3)
+        engine.play()
+        assert engine.world.playback == Playback(0, now[0])
+        engine.seek(99)
+        assert engine.world.playback == Playback(3, now[0])
+
+
+def test_edits_are_saved_with_all_else_as_it_was(scene: Scene, device: ComputeDevice) -> None:
+    path = scene.root / "scene.toml"
+    text = path.read_text().replace("[[objects]]", "# my cube\n[[objects]]  # here")
+    path.write_text(text)
+    to_world = np.diag([0.2, 0.2, 0.2, 1.0])
+    to_world[:3, 3] = (0.5, -1.1, -1.5)
+    with engine_of(Scene.open(scene.root), device) as engine:
+        client = engine.client(Request(VIEW, frames=1))
+        assert client.wait(0, DEADLINE_S) is not None
+        engine.place("cube", to_world)
+        engine.paint("cube", Material("conductor", (0.9, 0.8, 0.7), alpha=0.05))
+        edited = client.wait(engine.place("cube", to_world), DEADLINE_S)
+        edits = engine.world.edits
+        assert edits == (
+            ObjectEdit("cube", flat(to_world), Material("conductor", (0.9, 0.8, 0.7), alpha=0.05)),
+        )
+        engine.save()
+        number = _until_saved(engine)
+        saved = client.wait(number, DEADLINE_S)
+    assert edited is not None
+    assert saved is not None
+    assert engine.status.problems == ()
+    written = path.read_text()
+    kept = [line for line in text.splitlines() if not line.startswith(("to_world", "material"))]
+    assert [line for line in kept if line not in written.splitlines()] == []
+    reopened = Scene.open(scene.root)
+    np.testing.assert_allclose(reopened.instances[0].to_world, to_world)
+    material = reopened.instances[0].mesh.materials[0]
+    assert (material.kind, material.albedo, material.alpha) == ("conductor", (0.9, 0.8, 0.7), 0.05)
+
+
+def _until_saved(engine: Engine) -> int:
+    """Number of the change that takes the saved edits off."""
+    exchange = engine._exchange
+    with exchange._condition:
+        assert exchange._condition.wait_for(lambda: exchange._world.edits == (), DEADLINE_S)
+        return exchange._world_number

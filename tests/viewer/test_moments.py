@@ -1,0 +1,244 @@
+"""Bad moments: each is told, the last good picture stays, and the viewer goes on."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from iprt.device import compute as module
+from iprt.device.compute import ComputeDevice
+from iprt.errors import DeviceLostError
+from iprt.scene.edits import ObjectEdit
+from iprt.scene.scene import Scene
+from iprt.viewer.core import POLL_S
+from iprt.viewer.state import Status
+from tests.clips import write_clip
+from tests.viewer.turns import SETTINGS, VIEW, Turns, turns
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Scene:
+    return Scene.open(write_clip(tmp_path / "clip", 3))
+
+
+def rewrite(scene: Scene, before: str, after: str) -> None:
+    """As an editor saves the scene's file: another one takes its place."""
+    path = scene.root / "scene.toml"
+    text = path.read_text()
+    assert before in text
+    other = path.with_suffix(".new")
+    other.write_text(text.replace(before, after))
+    other.rename(path)
+
+
+def look_again(driver: Turns) -> None:
+    """It is time to look at the scene's file, and what is found there is read."""
+    driver.clock.now += POLL_S
+    driver.core.turn()
+    driver.settle()
+
+
+def problems(driver: Turns) -> tuple[str, ...]:
+    return driver.exchange.status.problems
+
+
+def test_a_scene_is_followed_while_it_is_edited(scene: Scene, device: ComputeDevice) -> None:
+    with turns(scene, device) as driver:
+        client = driver.join()
+        first = driver.answer(client)
+        look_again(driver)
+        assert driver.shown(client) is first
+        rewrite(scene, "0.3, 0, 0, 0.1", "0.3, 0, 0, 0.3")
+        look_again(driver)
+        moved = driver.shown(client)
+        rewrite(scene, "0.3, 0, 0, 0.3", "0.3, 0, 0, oops")
+        look_again(driver)
+        assert driver.shown(client) is moved
+        (problem,) = problems(driver)
+        assert "scene.toml" in problem
+        assert "\n" not in problem
+        asked = driver.ask(client, view=replace(VIEW, yaw_deg=2.0))
+        turned = driver.answer(client, asked)
+        rewrite(scene, "0.3, 0, 0, oops", "0.3, 0, 0, 0.3")
+        look_again(driver)
+        assert problems(driver) == ()
+    assert np.abs(moved.picture.color - first.picture.color).max() > 0.01
+    assert np.abs(turned.picture.color - moved.picture.color).max() > 0.001
+
+
+def test_edits_stay_when_the_scene_is_read_again(scene: Scene, device: ComputeDevice) -> None:
+    with turns(scene, device) as driver:
+        client = driver.join()
+        driver.answer(client)
+        driver.exchange.change(lambda world: world.edited(ObjectEdit("cube", removed=True)))
+        driver.settle()
+        rewrite(scene, "0.3, 0, 0, 0.1", "0.3, 0, 0, 0.3")
+        look_again(driver)
+        geometry = driver.shown(client).geometry
+    assert geometry is not None
+    assert geometry.names == ()
+
+
+def test_a_mesh_that_cannot_be_read_is_told(
+    scene: Scene, device: ComputeDevice, tmp_path: Path
+) -> None:
+    bad = tmp_path / "bad.ply"
+    bad.write_text("no mesh")
+    with turns(scene, device) as driver:
+        client = driver.join()
+        first = driver.answer(client)
+        driver.core.add(ObjectEdit("bad", path=bad), (0.0, -40.0), None)
+        driver.settle()
+        (problem,) = problems(driver)
+        assert "bad.ply" in problem
+        assert driver.shown(client) is first
+        driver.core.add(ObjectEdit("good", path=scene.root / "cube.obj"), (40.0, -40.0), 0.3)
+        driver.settle()
+        assert problems(driver) == ()
+        added = driver.shown(client).geometry
+    assert added is not None
+    assert added.names == ("cube", "good")
+
+
+def test_a_scene_whose_mesh_is_broken_is_shown_without(scene: Scene, device: ComputeDevice) -> None:
+    (scene.root / "cube.obj").write_text("no mesh")
+    with turns(Scene.open(scene.root), device) as driver:
+        shown = driver.answer(driver.join())
+        (problem,) = problems(driver)
+    assert "cube.obj" in problem
+    assert shown.geometry is not None
+    assert shown.geometry.names == ()
+
+
+def test_a_video_that_cannot_be_read_is_told(scene: Scene, device: ComputeDevice) -> None:
+    """Once it is mended, and the scene saved again, it is shown."""
+    first = scene.root / "color.0000.exr"
+    good = first.read_bytes()
+    first.write_bytes(b"no picture")
+    with turns(scene, device) as driver:
+        client = driver.join()
+        driver.until(lambda: bool(problems(driver)))
+        assert "color.0000.exr" in problems(driver)[0]
+        assert driver.exchange.status.doing == "waiting"
+        first.write_bytes(good)
+        rewrite(scene, "fps = 24.0", "fps = 25.0")
+        driver.clock.now += POLL_S
+        driver.answer(client)
+        assert problems(driver) == ()
+
+
+def test_a_compiler_at_work_is_told(
+    scene: Scene, device: ComputeDevice, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Only where there is something to compile, and until its kernels have run once."""
+    own = ComputeDevice(device.device)
+    told: list[Status] = []
+    with turns(scene, own) as driver:
+        client = driver.join()
+        driver.answer(client)
+        tell = driver.exchange.tell
+        monkeypatch.setattr(driver.exchange, "tell", lambda s: (told.append(s), tell(s)))
+        driver.answer(client, driver.ask(client, view=replace(VIEW, yaw_deg=1.0)))
+        assert "compiling" not in {status.doing for status in told}
+        settings = SETTINGS.model_copy(update={"method": "ibl"})
+        driver.answer(client, driver.change(settings=settings))
+        files = [status.what for status in told if status.doing == "compiling"]
+        assert "trace_virtual.cl" in files
+        assert driver.exchange.status.doing == "rendering"
+        driver.settle()
+        assert driver.exchange.status == Status("waiting")
+
+
+class Loses:
+    """Lets launches of the kernel `composite` fail as those of a lost device do."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.times = 0
+        launch = module.Kernel.__call__
+
+        def failing(kernel: module.Kernel, *args: Any) -> None:
+            if self.times and kernel._name == "composite":
+                self.times -= 1
+                raise DeviceLostError("the device gave up")
+            launch(kernel, *args)
+
+        monkeypatch.setattr(module.Kernel, "__call__", failing)
+
+
+def test_a_lost_device_is_made_anew_once(
+    scene: Scene, device: ComputeDevice, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made: list[ComputeDevice] = []
+
+    def make() -> ComputeDevice:
+        made.append(ComputeDevice(device.device))
+        return made[-1]
+
+    loses = Loses(monkeypatch)
+    with turns(scene, make) as driver:
+        client = driver.join()
+        first = driver.answer(client)
+        loses.times = 1
+        again = driver.answer(client, driver.ask(client, frames=2))
+        assert len(made) == 2
+        assert np.array_equal(again.picture.color, first.picture.color)
+        assert problems(driver) == ()
+        loses.times = 2
+        driver.ask(client, view=replace(VIEW, yaw_deg=1.0))
+        driver.settle()
+        (problem,) = problems(driver)
+        assert "for the second time" in problem
+        assert driver.shown(client).request == again.request
+        driver.answer(client, driver.ask(client))
+        assert problems(driver) == ()
+
+
+def test_a_device_that_cannot_be_had_is_told(scene: Scene, device: ComputeDevice) -> None:
+    there = False
+
+    def make() -> ComputeDevice:
+        if not there:
+            raise DeviceLostError("no device")
+        return device
+
+    with turns(scene, make) as driver:
+        client = driver.join()
+        driver.settle()
+        assert problems(driver)[0].startswith("no device")
+        there = True
+        driver.answer(client, driver.ask(client))
+        assert problems(driver) == ()
+
+
+def test_a_view_that_does_not_fit_is_told(scene: Scene, device: ComputeDevice) -> None:
+    with turns(scene, device) as driver:
+        client = driver.join()
+        first = driver.answer(client)
+        driver.ask(client, view=VIEW.resized(16384, 16384))
+        driver.settle()
+        (problem,) = problems(driver)
+        assert "16384 x 16384" in problem
+        assert driver.shown(client) is first
+        driver.answer(client, driver.ask(client))
+        assert problems(driver) == ()
+
+
+def test_a_defect_is_told_and_the_viewer_goes_on(
+    scene: Scene, device: ComputeDevice, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with turns(scene, device) as driver:
+        client = driver.join()
+        first = driver.answer(client)
+        with monkeypatch.context() as patch:
+            patch.setattr("iprt.viewer.session.Renderer.render", lambda *_: 1 / 0)
+            driver.ask(client)
+            driver.settle()
+        (problem,) = problems(driver)
+        assert "ZeroDivisionError" in problem
+        assert driver.shown(client) is first
+        driver.answer(client, driver.ask(client))
+        assert problems(driver) == ()
