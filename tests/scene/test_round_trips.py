@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
 from iprt.output.exr import write_exr
-from iprt.scene.edit import _manifest_text, _object_text
+from iprt.scene.edit import _manifest_text, object_text
 from iprt.scene.images import read_color, read_depth
 from iprt.scene.manifest import parse_manifest
 from iprt.scene.meshes import load_mesh
@@ -164,7 +164,7 @@ def test_manifests_as_they_are_written(
     material = {"kind": "plastic", "albedo": [0.25, 0.5, 1.0], "alpha": 0.125}
     files = {"color": "c.%04d.exr", "depth": "d.%d.exr"}
     text = _manifest_text(name, files, DepthCode(depth_scale), (frames[0], frames[1]))
-    manifest = parse_manifest(text + _object_text(name, mesh, to_world, material), "scene.toml")
+    manifest = parse_manifest(text + object_text(name, mesh, to_world, material), "scene.toml")
     assert manifest.name == manifest.objects[0].name == name
     assert manifest.objects[0].mesh == mesh
     assert np.allclose(np.reshape(manifest.objects[0].to_world, (4, 4)), to_world, rtol=1e-6)
