@@ -225,8 +225,8 @@ def _row(result: Stability, *, trails: bool) -> Iterator[str]:
 
         told = [result.trails[cause] for cause in CAUSES]
         yield ", ".join("-" if trail.frames is None else str(trail.frames) for trail in told)
-        ghosts = [trail.ages[min(GHOST_AGE, len(trail.ages) - 1)].ghost for trail in told]
-        yield ", ".join(f"{round(100.0 * ghost)}%" for ghost in ghosts)
+        ages = [trail.ages[min(GHOST_AGE, len(trail.ages) - 1)] for trail in told]
+        yield ", ".join(f"{round(100.0 * age.ghost)}%" if age.told else "-" for age in ages)
 
 
 def _flicker(flicker: Flicker) -> str:

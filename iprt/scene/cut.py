@@ -39,7 +39,7 @@ def is_cut(before: Frame, after: Frame, flux_change: float) -> bool:
     """
     if before is after:
         return False
-    rows = min(ROWS, after.height)
+    rows = min(ROWS, after.height, after.width // 2)
     view = View(2 * rows, rows, projection="equirect")
     weights = np.broadcast_to(
         np.sin((np.arange(rows) + 0.5) / rows * np.pi)[:, None], (rows, 2 * rows)
