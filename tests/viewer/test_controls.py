@@ -124,6 +124,7 @@ def test_sliders_of_any_model_hold_what_it_allows(
     for value in (slider.low, slider.high, default, *map(slider.value, positions)):
         assert adapter.validate_python({"x": value}, strict=True).x == value
         assert slider.low <= value <= slider.high
+    assert (slider.value(0.0), slider.value(1.0)) == (slider.low, slider.high)
     first, second = sorted(positions)
     assert slider.value(first) <= slider.value(second)
     exact = Slider(slider.low, slider.high, False, slider.bend)
@@ -188,6 +189,11 @@ def test_presets_are_recognised_and_what_differs_is_named(quality: Quality) -> N
     preset = preset_of(settings)
     assert (preset.quality, preset.differing) == (quality, {"atrous.floor": (0.002, 0.01)})
     assert preset.text == f"{quality}, but atrous.floor 0.002 -> 0.01"
+
+
+def test_half_way_to_another_preset_is_the_default_one_still() -> None:
+    half = dict(list(PRESETS["draft"].items())[: len(PRESETS["draft"]) // 2])
+    assert preset_of(changed(Settings(), half)).quality == "balanced"
 
 
 @given(st.sampled_from(QUALITIES), st.sampled_from(QUALITIES), st.integers(0, 99))
