@@ -17,7 +17,6 @@ from iprt.device.compute import ComputeDevice
 from iprt.errors import IprtError
 from iprt.measure import metrics
 from iprt.renderer import Renderer
-from iprt.scene.camera import View
 from iprt.scene.scene import Scene
 from iprt.viewer.engine import Engine
 from iprt.viewer.lens import Lens
