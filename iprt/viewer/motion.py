@@ -28,6 +28,7 @@ class Motion:
         self._stirred_s = -REST_S
         self._target_fps: float | None = None
         self._pace: Pace | None = None
+        self._usual_s: float | None = None  # of a frame of which nothing is given up
 
     @property
     def target_fps(self) -> float | None:
@@ -55,11 +56,13 @@ class Motion:
         if not moving or self._target_fps is None:
             return None
         if self._pace is None or self._pace.base != base:
-            self._pace = Pace(self._target_fps, base)
+            self._pace = Pace(self._target_fps, base, usual_s=self._usual_s)
         rung = self._pace.rung
         return rung if rung.number > 0 else None
 
     def observe(self, shown: Shown, rung: Rung | None) -> None:
-        """Take note of a new picture that was asked for in motion, on a rung."""
+        """Take note of a new picture, for which `rung` was chosen."""
+        if rung is None and not shown.compiled:
+            self._usual_s = shown.seconds
         if self._pace is not None and self._pace.rung.number == (rung.number if rung else 0):
             self._pace.observe(shown.seconds, shown.compiled)
