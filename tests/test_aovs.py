@@ -47,6 +47,10 @@ def test_hit_distance_of_a_mirror_ball_is_that_of_a_box_room(device: ComputeDevi
     mirror = ball(BALL.centre, BALL.radius, SILVER)
     with Renderer(device, frame, [mirror], WIDE, chosen) as renderer:
         picture = renderer.render(1, ["hit_distance", "coverage"])
+        aside = mirror.to_world.copy()
+        aside[0, 3] -= 0.7
+        renderer.move([replace(mirror, to_world=aside)])
+        later = renderer.render(1, ["hit_distance", "coverage"]).aovs
     found, coverage = picture.aovs["hit_distance"], picture.aovs["coverage"]
     d = WIDE.directions()
     t, _, normal, _ = BALL.interval(np.zeros(3), d)
@@ -57,7 +61,9 @@ def test_hit_distance_of_a_mirror_ball_is_that_of_a_box_room(device: ComputeDevi
     assert inside.sum() > 100
     assert np.median(np.abs(found[inside] / true - 1.0)) < 0.01
     assert np.quantile(np.abs(found[inside] / true - 1.0), 0.95) < 0.05
-    assert (found[coverage == 0.0] == 0.0).all()
+    for values in (picture.aovs, later):
+        assert (values["hit_distance"][values["coverage"] == 0.0] == 0.0).all()
+        assert (values["hit_distance"][values["coverage"] == 1.0] > 0.1).all()
 
 
 def test_hit_distance_of_the_sky_and_of_what_does_not_reflect(device: ComputeDevice) -> None:
