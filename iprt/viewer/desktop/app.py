@@ -13,7 +13,6 @@ from iprt.viewer.desktop.desk import Desk
 from iprt.viewer.desktop.dialogs import MeshBrowser, draw_help, draw_leaving
 from iprt.viewer.desktop.pane import Pane
 from iprt.viewer.desktop.shortcuts import act_on_keys
-from iprt.viewer.desktop.style import icons
 from iprt.viewer.desktop.window import Window
 from iprt.viewer.engine import Engine
 from iprt.viewer.state import Status
@@ -32,10 +31,10 @@ _PANEL = (
     | imgui.WindowFlags_.no_nav
 )
 _TABS: tuple[tuple[str, Callable[[Desk], None]], ...] = (
-    (f"{icons.ICON_FA_CUBE}  Scene", scene_panel.draw),
-    (f"{icons.ICON_FA_EYE}  Picture", picture_panel.draw),
-    (f"{icons.ICON_FA_SLIDERS}  Settings", settings_panel.draw),
-    (f"{icons.ICON_FA_CHART_LINE}  Profile", profile_panel.draw),
+    ("Scene", scene_panel.draw),
+    ("Picture", picture_panel.draw),
+    ("Settings", settings_panel.draw),
+    ("Profile", profile_panel.draw),
 )
 
 

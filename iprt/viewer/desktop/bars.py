@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from imgui_bundle import icons_fontawesome_6 as icons
 from imgui_bundle import imgui
 
 from iprt.viewer.desktop.desk import Desk
-from iprt.viewer.desktop.style import ACCENT, BAD, GOOD, QUIET, Color, icons
+from iprt.viewer.desktop.style import ACCENT, BAD, GOOD, QUIET, Color
 from iprt.viewer.desktop.widgets import button
 
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from imgui_bundle import icons_fontawesome_6 as icons
 from imgui_bundle import imgui
 
 from iprt.scene.mesh_files import MESH_SUFFIXES
 from iprt.viewer.desktop.desk import Desk
 from iprt.viewer.desktop.shortcuts import ELSEWHERE, SHORTCUTS
-from iprt.viewer.desktop.style import ACCENT, BAD, QUIET, icons
+from iprt.viewer.desktop.style import ACCENT, BAD, QUIET
 from iprt.viewer.desktop.widgets import button, quiet
 
 _FIXED = (
@@ -25,8 +26,9 @@ def draw_help(desk: Desk) -> None:
     if not desk.help:
         return
     _centre()
-    opened, desk.help = imgui.begin("Keys and mouse", True, _FIXED)
-    if opened:
+    unfolded, opened = imgui.begin("Keys and mouse", True, _FIXED)
+    desk.help = bool(opened)
+    if unfolded:
         rows = [(entry.key, entry.about) for entry in SHORTCUTS]
         for heading, part in (("Mouse", ELSEWHERE[1:]), ("Keys", [*rows, ELSEWHERE[0]])):
             imgui.separator_text(heading)
@@ -89,8 +91,9 @@ class MeshBrowser:
         _centre()
         imgui.set_next_window_size(imgui.ImVec2(34 * em, 26 * em), imgui.Cond_.appearing)
         flags = imgui.WindowFlags_.no_collapse | imgui.WindowFlags_.no_saved_settings
-        opened, desk.browsing = imgui.begin("Add a mesh", True, flags)
-        if opened:
+        unfolded, opened = imgui.begin("Add a mesh", True, flags)
+        desk.browsing = bool(opened)
+        if unfolded:
             chosen = self._path()
             imgui.begin_child("files", imgui.ImVec2(0, -1.4 * imgui.get_frame_height()))
             chosen = self._list() or chosen

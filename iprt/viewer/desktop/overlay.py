@@ -7,13 +7,14 @@ from contextlib import contextmanager
 from itertools import combinations
 
 import numpy as np
+from imgui_bundle import icons_fontawesome_6 as icons
 from imgui_bundle import imgui
 from numpy.typing import NDArray
 
 from iprt.scene.camera import View
 from iprt.viewer.desktop.desk import Desk
 from iprt.viewer.desktop.gizmo import Matrix, Mode, Rectangle, camera_matrix
-from iprt.viewer.desktop.style import ACCENT, BAD, QUIET, TEXT, icons, packed
+from iprt.viewer.desktop.style import ACCENT, BAD, QUIET, TEXT, packed
 from iprt.viewer.viewport import Readout
 
 MARGIN = 10.0
@@ -176,11 +177,11 @@ def box(
     color = packed(ACCENT, 0.45)
     for a, b in _EDGES:
         if local[a, 2] < -1e-3 and local[b, 2] < -1e-3:
-            ends = [
+            start, end = (
                 imgui.ImVec2(
                     left + 0.5 * width - scale * local[i, 0] / local[i, 2],
                     top + 0.5 * height + scale * local[i, 1] / local[i, 2],
                 )
                 for i in (a, b)
-            ]
-            draw.add_line(*ends, color, 1.0)
+            )
+            draw.add_line(start, end, color, 1.0)

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import get_args
 
+from imgui_bundle import icons_fontawesome_6 as icons
 from imgui_bundle import imgui
 
 from iprt.viewer.desktop.desk import Desk
-from iprt.viewer.desktop.style import icons
 from iprt.viewer.desktop.widgets import button, choice, disabled, heading, label, quiet
 from iprt.viewer.lens import BUFFERS, Against, Lens
 from iprt.viewer.tone import Curve
@@ -44,7 +44,9 @@ def draw(desk: Desk) -> None:
 
 def _exposed(lens: Lens) -> Lens:
     label("exposure", "Stops on top of the scene's own exposure. Double click: none.")
-    changed, stops = imgui.slider_float("##exposure", lens.exposure_ev, -MOST_EV, MOST_EV, "%+.2f EV")
+    changed, stops = imgui.slider_float(
+        "##exposure", lens.exposure_ev, -MOST_EV, MOST_EV, "%+.2f EV"
+    )
     if changed:
         lens = replace(lens, exposure_ev=stops)
     if imgui.is_item_hovered() and imgui.is_mouse_double_clicked(0):

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import get_args
 
+from imgui_bundle import icons_fontawesome_6 as icons
 from imgui_bundle import imgui
 
 from iprt.scene.material import Material, MaterialKind
 from iprt.viewer.desktop.desk import Desk
-from iprt.viewer.desktop.style import icons
 from iprt.viewer.desktop.widgets import (
     button,
     choice,
@@ -47,9 +47,7 @@ def _files(desk: Desk) -> None:
     if button(f"{icons.ICON_FA_PLUS}  Add mesh", "A; or drop a file on the picture", width=third):
         desk.browsing = True
     imgui.same_line()
-    if button(
-        f"{icons.ICON_FA_FLOPPY_DISK}  Save", "Ctrl+S", width=third, enabled=desk.unsaved
-    ):
+    if button(f"{icons.ICON_FA_FLOPPY_DISK}  Save", "Ctrl+S", width=third, enabled=desk.unsaved):
         desk.save()
     imgui.same_line()
     half = 0.5 * (third - imgui.get_style().item_spacing.x)

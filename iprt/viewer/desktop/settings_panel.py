@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from imgui_bundle import icons_fontawesome_6 as icons
 from imgui_bundle import imgui
 
 from iprt.errors import IprtError
@@ -20,7 +21,6 @@ from iprt.viewer.controls import (
     with_value,
 )
 from iprt.viewer.desktop.desk import Desk
-from iprt.viewer.desktop.style import icons
 from iprt.viewer.desktop.widgets import button, choice, heading, hint, label, quiet
 
 _UNSET = "automatic"

@@ -45,7 +45,9 @@ SHORTCUTS = (
     Shortcut("T", "gizmo: move", (Key.t,), _mode("move")),
     Shortcut("R", "gizmo: turn", (Key.r,), _mode("turn")),
     Shortcut("S", "gizmo: scale", (Key.s,), _mode("scale")),
-    Shortcut("N", "slide: turn to the surface's normal, or stay upright", (Key.n,), _toggle("align")),
+    Shortcut(
+        "N", "slide: turn to the surface's normal, or stay upright", (Key.n,), _toggle("align")
+    ),
     Shortcut("Delete", "remove the selected object", (Key.delete,), Desk.remove),
     Shortcut("A", "add a mesh", (Key.a,), _toggle("browsing")),
     Shortcut("Ctrl+Z", "undo", (Key.mod_ctrl | Key.z,), Desk.undo),

@@ -1,11 +1,10 @@
-"""How the window looks: colours, fonts and icons."""
+"""How the window looks: colours and fonts."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 import imgui_bundle
-from imgui_bundle import icons_fontawesome_6 as icons  # noqa: F401, for all who draw
 from imgui_bundle import imgui, implot
 
 FONT_PX = 15.0

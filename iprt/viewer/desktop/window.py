@@ -49,8 +49,10 @@ class Window:
     ) -> None:
         self._window = _opened(title, size)
         self._window.exit_key = None  # Escape closes what is open, not all
-        handle = self._window._window
-        glfw.set_drop_callback(handle, lambda _, files: self._drop(dropped, files))
+        handle: Any = self._window._window
+        self._dropped = dropped
+        drop: Any = self._drop  # glfw's stubs have the types of C, not those that it hands over
+        glfw.set_drop_callback(handle, drop)
         glfw.set_window_refresh_callback(handle, self._stir)
         glfw.set_window_size_limits(handle, 1, 1, glfw.DONT_CARE, glfw.DONT_CARE)
         for event in (
@@ -75,7 +77,7 @@ class Window:
         self.scale: float = max(glfw.get_window_content_scale(handle)[0] / max(pixels, 1e-6), 1.0)
         apply_style(self.scale)
         # imgui's callbacks call those that were there before.
-        backends.glfw_init_for_opengl(ctypes.cast(handle, ctypes.c_void_p).value, True)
+        backends.glfw_init_for_opengl(ctypes.cast(handle, ctypes.c_void_p).value or 0, True)
         backends.opengl3_init("#version 330")
 
     def close(self) -> None:
@@ -124,11 +126,11 @@ class Window:
     def _stir(self, *_: Any) -> None:
         self._stirred_s = time.monotonic()
 
-    def _drop(self, dropped: Callable[[list[Path]], None], files: list[str]) -> None:
+    def _drop(self, _: Any, files: Any) -> None:
         self._stir()
         x, y = glfw.get_cursor_pos(self._window._window)
         imgui.get_io().add_mouse_pos_event(x, y)  # no motion is reported while things are dragged
-        dropped([Path(os.fsdecode(file)) for file in files])
+        self._dropped([Path(os.fsdecode(file)) for file in files])
 
     # Frames -----------------------------------------------------------------------------------
 
