@@ -104,6 +104,7 @@ class App:
         sight, status = desk.viewport.poll(), self._engine.status
         if sight is not desk.sight and sight is not None:
             self.window.upload(sight.pixels)
+            desk.timeline.add(sight.shown)
         desk.sight = sight
         self._close_when_saved(status)
         new = (sight, status, desk.notice)

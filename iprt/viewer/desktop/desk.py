@@ -16,6 +16,7 @@ from iprt.settings import Settings
 from iprt.viewer.desktop.gizmo import Mode
 from iprt.viewer.engine import Engine
 from iprt.viewer.objects import ObjectState
+from iprt.viewer.timeline import Timeline
 from iprt.viewer.viewport import Sight, Viewport
 
 NOTICE_S = 6.0
@@ -51,6 +52,8 @@ class Desk:
         Place in the picture that the mouse is at, as shares of its width and height.
     sight : Sight or None
         What is shown.
+    timeline : Timeline
+        What the last view frames took.
     """
 
     def __init__(self, engine: Engine, viewport: Viewport, folder: Path) -> None:
@@ -61,6 +64,7 @@ class Desk:
         self.help = self.browsing = self.leaving = self.closing = False
         self.cursor: tuple[float, float] | None = None
         self.sight: Sight | None = None
+        self.timeline = Timeline()
         self._notice: tuple[str, bool, float] | None = None
 
     # Notices ----------------------------------------------------------------------------------

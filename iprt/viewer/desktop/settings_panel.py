@@ -55,7 +55,6 @@ def _preset(desk: Desk, settings: Settings) -> None:
 
 
 def _row(desk: Desk, settings: Settings, control: Control) -> None:
-    imgui.push_id(control.key)
     now = value_of(settings, control.key)
     label(control.label, f"{control.help}\n\n{control.key}: {control.allowed}")
     differs = now != control.start and not (now is None and control.nullable)
@@ -64,28 +63,29 @@ def _row(desk: Desk, settings: Settings, control: Control) -> None:
     value = _value(control, now)
     if differs or (control.nullable and now is not None):
         imgui.same_line()
-        if button(icons.ICON_FA_ROTATE_LEFT, "Back to the default"):
+        if button(f"{icons.ICON_FA_ROTATE_LEFT}##{control.key}", "Back to the default"):
             value = value_of(Settings(), control.key)
     if value != now:
         try:
             desk.settings = with_value(settings, control.key, value)
         except IprtError as error:
             desk.say(str(error), bad=True)
-    imgui.pop_id()
 
 
 def _value(control: Control, now: Any) -> Any:
     """The control, drawn; its value, changed or not."""
+    name = f"##{control.key}"
     if now is None:
-        return control.start if imgui.button(_UNSET, imgui.ImVec2(-1.0, 0.0)) else None
+        pressed = imgui.button(f"{_UNSET}{name}", imgui.ImVec2(-1.0, 0.0))
+        return control.start if pressed else None
     if control.kind == "switch":
-        return imgui.checkbox("##", now)[1]
+        return imgui.checkbox(name, now)[1]
     if control.kind == "choice":
-        index = choice("##", control.choices, control.choices.index(now))
+        index = choice(name, control.choices, control.choices.index(now))
         return now if index is None else control.choices[index]
     if control.kind == "numbers":
         return _numbers(control, list(now))
-    return _number(control.sliders[0], now, control.unit)
+    return _number(name, control.sliders[0], now, control.unit)
 
 
 def _numbers(control: Control, now: list[float]) -> list[float]:
@@ -95,21 +95,19 @@ def _numbers(control: Control, now: list[float]) -> list[float]:
     for index, slider in enumerate(control.sliders):
         if index:
             imgui.same_line(0.0, spacing)
-        imgui.push_id(index)
         imgui.set_next_item_width(width)
-        now[index] = _number(slider, now[index], "")
-        imgui.pop_id()
+        now[index] = _number(f"##{control.key}.{index}", slider, now[index], "")
     return now
 
 
-def _number(slider: Slider, now: float, unit: str) -> float:
+def _number(name: str, slider: Slider, now: float, unit: str) -> float:
     """A slider, which takes other numbers by Ctrl and a click."""
     flags = imgui.SliderFlags_.logarithmic if slider.logarithmic else 0
     unit = f" {unit}".rstrip().replace("%", "%%")
     if slider.whole:
         changed, whole = imgui.slider_int(
-            "##", int(now), int(slider.low), int(slider.high), f"%d{unit}", flags
+            name, int(now), int(slider.low), int(slider.high), f"%d{unit}", flags
         )
         return whole if changed else now
-    changed, number = imgui.slider_float("##", now, slider.low, slider.high, f"%.4g{unit}", flags)
+    changed, number = imgui.slider_float(name, now, slider.low, slider.high, f"%.4g{unit}", flags)
     return float(f"{number:.{DIGITS}g}") if changed else now
