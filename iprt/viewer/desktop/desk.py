@@ -16,8 +16,9 @@ from iprt.settings import Settings
 from iprt.viewer.desktop.gizmo import Mode
 from iprt.viewer.engine import Engine
 from iprt.viewer.objects import ObjectState
+from iprt.viewer.sight import Sight
 from iprt.viewer.timeline import Timeline
-from iprt.viewer.viewport import Sight, Viewport
+from iprt.viewer.viewport import Viewport
 
 NOTICE_S = 6.0
 """A notice is shown so long."""

@@ -15,7 +15,7 @@ from iprt.scene.camera import View
 from iprt.viewer.desktop.desk import Desk
 from iprt.viewer.desktop.gizmo import Matrix, Mode, Rectangle, camera_matrix
 from iprt.viewer.desktop.style import ACCENT, BAD, QUIET, TEXT, packed
-from iprt.viewer.viewport import Readout
+from iprt.viewer.sight import Readout
 
 MARGIN = 10.0
 _MODES: tuple[tuple[Mode, str, str], ...] = (
@@ -116,6 +116,8 @@ def activity(desk: Desk, rectangle: Rectangle) -> None:
         lines.append((notice[0], BAD if notice[1] else TEXT))
     if status.doing in ("compiling", "loading"):
         lines.append((f"{status.doing} {status.what} ...", ACCENT))
+    if desk.sight is not None and desk.sight.gave_up:
+        lines.append((f"while it moves: {desk.sight.gave_up}", QUIET))
     if not lines:
         return
     left, top, width, height = rectangle

@@ -118,8 +118,6 @@ class Pane:
         if self.gesture == "press" and imgui.is_mouse_dragging(0, CLICK_PX):
             sliding = self._object is not None and self._object == desk.selected
             self.gesture = "slide" if sliding else "look"
-            if sliding:
-                self._take_hold()
             self._drag(*imgui.get_mouse_drag_delta(0, 0.0))
         elif self.gesture is not None:
             self._drag(io.mouse_delta.x, io.mouse_delta.y)
@@ -139,6 +137,7 @@ class Pane:
             self._take_hold()
         elif imgui.is_mouse_clicked(0):
             self.gesture = "press"
+            self._take_hold()
             self._object = None if desk.cursor is None else desk.viewport.object_at(*desk.cursor)
 
     def _drag(self, dx: float, dy: float) -> None:

@@ -21,15 +21,18 @@ from iprt.viewer.controls import (
     with_value,
 )
 from iprt.viewer.desktop.desk import Desk
-from iprt.viewer.desktop.widgets import button, choice, heading, hint, label, quiet
+from iprt.viewer.desktop.widgets import button, choice, disabled, heading, hint, label, quiet
 
+USUAL_FPS = 30.0
 _UNSET = "automatic"
+_LOGARITHMIC = imgui.SliderFlags_.logarithmic | imgui.SliderFlags_.always_clamp
 
 
 def draw(desk: Desk) -> None:
     """The whole panel."""
     settings = desk.settings
     _preset(desk, settings)
+    _pace(desk)
     for group in control_groups():
         name = group.name or "general"
         if not imgui.collapsing_header(name.replace("_", " ")):
@@ -52,6 +55,27 @@ def _preset(desk: Desk, settings: Settings) -> None:
         label("")
         if button("all defaults", width=-1.0):
             desk.settings = Settings()
+
+
+def _pace(desk: Desk) -> None:
+    viewport = desk.viewport
+    label(
+        "frame rate",
+        "Frames per second to hold while something moves. What that costs least is given up for "
+        "it, as was measured: rays, filters, resolution. At rest nothing is.",
+    )
+    held = viewport.target_fps is not None
+    changed, held = imgui.checkbox("##held", held)
+    if changed:
+        viewport.target_fps = USUAL_FPS if held else None
+    imgui.same_line()
+    imgui.set_next_item_width(-1.0)
+    with disabled(not held):
+        changed, fps = imgui.slider_float(
+            "##fps", viewport.target_fps or USUAL_FPS, 1.0, 120.0, "%.0f fps", _LOGARITHMIC
+        )
+    if changed and held:
+        viewport.target_fps = round(fps)
 
 
 def _row(desk: Desk, settings: Settings, control: Control) -> None:

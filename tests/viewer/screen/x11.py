@@ -95,6 +95,7 @@ class Screen:
 
     def drop(self, path: str, x: int, y: int, step: Callable[[], None]) -> None:
         """Let go of a file over a window at a point; `step` lets the window take events."""
+        self.move(x, y)
         display, target = self._display, self._window_at(x, y)
         source = self._root.create_window(0, 0, 1, 1, 0, X.CopyFromParent)
         atom = display.intern_atom
