@@ -28,8 +28,10 @@ def draw(desk: Desk) -> None:
 
 def _plot(timeline: Timeline) -> None:
     """The passes' times on top of each other, by view frame."""
-    steps, below = timeline.steps.astype(np.float64), np.zeros(len(timeline.steps))
-    series = timeline.series()
+    steps, series = timeline.steps.astype(np.float64), timeline.series()
+    if len(steps) == 1:
+        steps, series = np.append(steps, steps + 1.0), {k: v.repeat(2) for k, v in series.items()}
+    below = np.zeros(len(steps))
     most = max(float(sum(series.values(), below).max()), 1e-3)
     flags = implot.Flags_.no_legend | implot.Flags_.no_menus | implot.Flags_.no_box_select
     size = imgui.ImVec2(-1.0, PLOT_EM * imgui.get_font_size())
@@ -37,8 +39,7 @@ def _plot(timeline: Timeline) -> None:
         return
     locked = implot.AxisFlags_.lock | implot.AxisFlags_.no_highlight
     implot.setup_axes("", "ms", locked | implot.AxisFlags_.no_tick_labels, locked)
-    last = max(steps[-1], steps[0] + 1.0)
-    implot.setup_axes_limits(steps[0], last, 0.0, 1.1 * most, imgui.Cond_.always)
+    implot.setup_axes_limits(steps[0], steps[-1], 0.0, 1.1 * most, imgui.Cond_.always)
     for number, (name, times) in enumerate(series.items()):
         spec = implot.Spec()
         spec.fill_color = _color(number)

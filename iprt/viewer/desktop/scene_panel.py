@@ -10,6 +10,7 @@ from imgui_bundle import imgui
 
 from iprt.scene.material import Material, MaterialKind
 from iprt.viewer.desktop.desk import Desk
+from iprt.viewer.desktop.style import ACCENT, TEXT
 from iprt.viewer.desktop.widgets import (
     button,
     choice,
@@ -103,8 +104,11 @@ def _objects(desk: Desk) -> None:
         imgui.same_line()
         words = state.name + ("  (keyframes move it)" if state.keyframed else "")
         imgui.align_text_to_frame_padding()
-        if imgui.selectable(words, state.name == desk.selected)[0]:
+        selected = state.name == desk.selected
+        imgui.push_style_color(imgui.Col_.text, imgui.ImVec4(*(ACCENT if selected else TEXT)))
+        if imgui.selectable(words, selected)[0]:
             desk.selected = state.name
+        imgui.pop_style_color()
         imgui.pop_id()
 
 

@@ -278,6 +278,34 @@ def test_keys(user: User) -> None:
     assert [state.name for state in user.engine.objects] == ["cube"]
 
 
+def test_closing_asks_about_edits(user: User) -> None:
+    user.at_rest()
+    path = user.folder / "clip" / "scene.toml"
+    text = path.read_text()
+    user.app.window.closing = True
+    assert user.app.closed, "there is nothing to save"
+    user.engine.remove("cube")
+    assert not user.app.closed
+    assert user.desk.leaving
+    user.press("Stay")
+    assert not user.app.closed
+    assert not user.desk.leaving
+    user.app.window.closing = True
+    assert not user.app.closed
+    user.press("Save and close")
+    user.until(lambda: user.app.closed)
+    assert "cube" not in path.read_text()
+    user.app.window.closing = False
+    path.write_text(text)
+    user.until(lambda: shows(user, "cube"))
+
+
+def shows(user: User, name: str) -> bool:
+    sight = user.desk.sight
+    geometry = None if sight is None else sight.shown.geometry
+    return geometry is not None and name in geometry.names
+
+
 def cube_pixel(user: User) -> tuple[float, float]:
     """In its middle."""
     view = user.at_rest().request.view
