@@ -302,7 +302,7 @@ class Viewport:
         """Yaw and pitch in degrees of a place, in the axes of the capture centre (`Engine.add`)."""
         shown = self._client.shown
         view = self.view if shown is None else shown.request.view
-        pose = None if shown is None or shown.geometry is None else shown.geometry.pose
+        pose = None if shown is None else shown.pose
         pixel = np.array([x * view.width, y * view.height])
         right, up, back = view_from(view, pose).unproject(pixel)
         return float(np.rad2deg(np.arctan2(right, -back))), float(np.rad2deg(np.arcsin(up)))
