@@ -166,8 +166,7 @@ class Pane:
         sight = self._desk.sight
         if sight is None or sight.shown.request.view.projection != "perspective":
             return None
-        geometry = sight.shown.geometry
-        return sight.shown.request.view, None if geometry is None else geometry.pose
+        return sight.shown.request.view, sight.shown.pose
 
     def _foot(self, state: ObjectState) -> NDArray[np.float64]:
         """The middle of an object's lower side, before its transform."""
