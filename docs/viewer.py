@@ -46,7 +46,8 @@ def main() -> None:
         app.close()
         engine.close()
         screen.close()
-    picture.quantize(COLORS).save(FOLDER / "viewer.png", optimize=True)
+    palette = picture.quantize(COLORS, kmeans=2)
+    picture.quantize(palette=palette).save(FOLDER / "viewer.png", optimize=True)
 
 
 if __name__ == "__main__":

@@ -10,6 +10,9 @@ from iprt.viewer.desktop.style import ACCENT, BAD, GOOD, QUIET, Color
 from iprt.viewer.desktop.widgets import button
 
 
+HELP = "H: keys"
+
+
 def playback(desk: Desk) -> None:
     """Play, pause, step, scrub."""
     frames, scene = desk.frames, desk.engine.scene
@@ -37,17 +40,24 @@ def playback(desk: Desk) -> None:
 
 
 def status(desk: Desk) -> None:
-    """One line: what the engine does, how fast, how large and how good the picture is."""
+    """One line: what the engine does, how fast, how large and how good the picture is.
+
+    What there is no room for is left out.
+    """
     state, color = _activity(desk)
     imgui.text_colored(imgui.ImVec4(*color), state)
+    gap = 1.6 * imgui.get_font_size()
+    end = imgui.get_window_width() - imgui.get_style().window_padding.x
+    help_left = end - imgui.calc_text_size(HELP).x
     for words, about in _figures(desk):
-        imgui.same_line(0.0, 1.6 * imgui.get_font_size())
+        imgui.same_line(0.0, gap)
+        if imgui.get_cursor_pos().x + imgui.calc_text_size(words).x > help_left - gap:
+            break
         imgui.text_colored(imgui.ImVec4(*QUIET), words)
         imgui.set_item_tooltip(about)
-    help_words = "H: keys"
-    room = imgui.get_window_width() - imgui.calc_text_size(help_words).x
-    imgui.same_line(max(room - imgui.get_style().window_padding.x, 0.0))
-    imgui.text_colored(imgui.ImVec4(*QUIET), help_words)
+    if imgui.get_cursor_pos().x < help_left:
+        imgui.same_line(help_left)
+        imgui.text_colored(imgui.ImVec4(*QUIET), HELP)
 
 
 def _activity(desk: Desk) -> tuple[str, Color]:
@@ -69,8 +79,11 @@ def _figures(desk: Desk) -> list[tuple[str, str]]:
     shown, view = sight.shown, sight.shown.request.view
     seconds = max(shown.seconds, 1e-6)
     frames = f"{shown.frames} frame{'s' if shown.frames > 1 else ''}"
+    speed = f"{1e3 * seconds:.0f} ms  {1.0 / seconds:.1f} fps"
+    if shown.compiled:
+        speed = f"compiled in {seconds:.1f} s"
     figures = [
-        (f"{1e3 * seconds:.0f} ms  {1.0 / seconds:.1f} fps", "Of the last view frame"),
+        (speed, "Of the last view frame"),
         (f"{view.width} × {view.height}", "Pixels that are rendered"),
         (frames, f"The picture is the mean of so many, of {shown.request.frames}"),
     ]
