@@ -9,7 +9,6 @@ from iprt.viewer.desktop.desk import Desk
 from iprt.viewer.desktop.style import ACCENT, BAD, GOOD, QUIET, Color
 from iprt.viewer.desktop.widgets import button
 
-
 HELP = "H: keys"
 
 
