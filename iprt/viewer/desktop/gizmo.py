@@ -73,6 +73,7 @@ def manipulate(
         None: it stays.
     """
     GIZMO.set_orthographic(False)
+    GIZMO.allow_axis_flip(False)
     GIZMO.set_drawlist()
     GIZMO.set_rect(*rectangle)
     matrix = _columns(to_world)
