@@ -29,6 +29,9 @@ ROOM_DOWN, ROOM_UP = 0.9, 0.8
 """Share of the time of a frame that the rung may take to which one goes down, or up."""
 UP_S, TURN_S = 2.0, 1.0
 """Seconds on a rung before going up, and before going back where one came from."""
+PATIENCE_S = 30.0
+"""Seconds on a rung after which what was learned of better ones is doubted: the load may have been
+another just as the rung changed. Twice as long each time."""
 OTHER_LOAD = 1.5
 """Factor between times of a rung now and when it was new at which what was learned is forgotten."""
 
@@ -65,6 +68,7 @@ class Pace:
         self._factors: dict[int, float] = {}  # of the rungs that were stood on
         self._before: tuple[int, float] | None = None  # the rung before, and seconds of its frames
         self._went_up = False  # at the last change
+        self._patience_s = PATIENCE_S
         self._times: list[float] = []  # of the frames that count since then
         self._usual_s: float | None = None  # their mean, once a window is full
         self._skip, self._stood_s = SKIPPED, 0.0
@@ -125,7 +129,7 @@ class Pace:
         elif self._usual_s is not None and _differ(mean, self._usual_s, OTHER_LOAD):
             # Other things are slow now: what was learned may hold no more.
             self._factors.clear()
-            self._usual_s = None
+            self._usual_s, self._patience_s = None, PATIENCE_S
         if full and self._usual_s is None:
             self._usual_s = mean
 
@@ -156,6 +160,9 @@ class Pace:
             fits = [n for n in range(now) if self._expected(n, mean) <= ROOM_UP * target]
             if fits:
                 self._go(fits[0], mean)
+            elif self._stood_s >= self._patience_s:
+                self._factors.clear()
+                self._patience_s *= 2.0
 
     def _fitting(self, below: range, mean: float) -> int:
         """The first rung that holds the target, or else the quickest."""
