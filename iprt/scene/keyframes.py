@@ -133,16 +133,33 @@ class ObjectMotion:
             {"translation": self.translation, "rotation": self.rotation, "scale": self.scale}
         )
 
+    @property
+    def moves(self) -> bool:
+        """There are keyframes."""
+        return any(track is not None for track in (self.translation, self.rotation, self.scale))
+
     def at(self, time_s: float) -> Float:
         """(4, 4) `to_world` at a time."""
-        moved = np.zeros(3) if self.translation is None else self.translation.at(time_s)
-        turn = np.array(NO_ROTATION) if self.rotation is None else self.rotation.at(time_s)
-        scale = np.ones(3) if self.scale is None else self.scale.at(time_s)
+        moved, linear, scale = self._keyed(time_s)
         placed = self.to_world.copy()
-        linear = transform((0.0, 0.0, 0.0), turn, np.ones(3))[:3, :3]
         placed[:3, :3] = linear @ self.to_world[:3, :3] * scale
         placed[:3, 3] += moved
         return placed
+
+    def before(self, placed: Float, time_s: float) -> Float:
+        """The (4, 4) `to_world` with which it would be at `placed` at a time: `at` undone."""
+        moved, linear, scale = self._keyed(time_s)
+        to_world = placed.copy()
+        to_world[:3, :3] = linear.T @ placed[:3, :3] / scale
+        to_world[:3, 3] -= moved
+        return to_world
+
+    def _keyed(self, time_s: float) -> tuple[Float, Float, Float]:
+        """How far (3,), by which turn (3, 3) and how much larger (3,) it is at a time."""
+        moved = np.zeros(3) if self.translation is None else self.translation.at(time_s)
+        turn = np.array(NO_ROTATION) if self.rotation is None else self.rotation.at(time_s)
+        scale = np.ones(3) if self.scale is None else self.scale.at(time_s)
+        return moved, transform((0.0, 0.0, 0.0), turn, np.ones(3))[:3, :3], scale
 
 
 @dataclass(frozen=True)

@@ -160,8 +160,10 @@ class RealSurfaces:
 
 def bounds(mesh: Mesh) -> tuple[Array, Array]:
     """Lowest and highest corner, (3,) each, of what the triangles of a mesh use."""
-    used = mesh.positions[np.unique(mesh.triangles)].astype(np.float64)
-    return used.min(axis=0), used.max(axis=0)
+    used = np.zeros(len(mesh.positions), np.bool_)
+    used[mesh.triangles] = True
+    corners = mesh.positions[used].astype(np.float64)
+    return corners.min(axis=0), corners.max(axis=0)
 
 
 def set_down(

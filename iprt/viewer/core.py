@@ -20,6 +20,7 @@ from iprt.settings import Settings
 from iprt.viewer.exchange import Asked, Exchange, Wanted
 from iprt.viewer.feed import Feed
 from iprt.viewer.loading import Loaded, Loader, Watch, load, load_what_can_be
+from iprt.viewer.objects import ObjectState, object_states
 from iprt.viewer.session import Session, Stage
 from iprt.viewer.state import Doing, Playback, World
 
@@ -41,6 +42,11 @@ class Core:
         Seconds; the playback's `since_s` are of its kind.
     allow_outside : bool
         See `Scene.open`.
+
+    Attributes
+    ----------
+    objects : tuple of ObjectState
+        Of the newest stage; any thread may look.
     """
 
     def __init__(
@@ -71,6 +77,7 @@ class Core:
         self._objects: tuple[Loaded, tuple[ObjectEdit, ...], tuple[SceneObject, ...]] | None = None
         self._footage: tuple[Loaded, Settings, Footage] | None = None
         self._stage: Stage | None = None
+        self.objects: tuple[ObjectState, ...] = ()
         self._sessions: dict[int, Session] = {}
         self._failed: dict[int, tuple[Stage, Asked]] = {}
         self._turns: dict[int, int] = {}
@@ -226,7 +233,9 @@ class Core:
                 for a, b in zip(parts, (frame, objects, footage, world.settings), strict=True)
             ):
                 return known
-        instances = objects_at(objects, loaded.scene.time_of(frame.index))
+        time_s = loaded.scene.time_of(frame.index)
+        instances = objects_at(objects, time_s)
+        self.objects = object_states(objects, instances, time_s, self.objects)
         self._stage = Stage(self._settled, frame, objects, instances, footage, world.settings)
         return self._stage
 

@@ -21,6 +21,7 @@ from iprt.scene.scene import Scene
 from iprt.settings import Settings
 from iprt.viewer.core import Core
 from iprt.viewer.exchange import Exchange
+from iprt.viewer.objects import ObjectState
 from iprt.viewer.session import Shown
 from iprt.viewer.state import Playback, Request, Status, World
 
@@ -154,6 +155,14 @@ class Engine:
     def scene(self) -> Scene:
         """The scene as it was read last."""
         return self._core.scene or self._scene
+
+    @property
+    def objects(self) -> tuple[ObjectState, ...]:
+        """The objects with all edits, where they are in the frame that is shown next.
+
+        Nothing before there is a frame.
+        """
+        return self._core.objects
 
     @property
     def status(self) -> Status:

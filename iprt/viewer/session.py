@@ -70,6 +70,8 @@ class Shown:
         Of the last view frame.
     seconds : float
         That it took, transfers included.
+    device : str
+        What rendered it.
     """
 
     number: int
@@ -82,6 +84,7 @@ class Shown:
     noise: float | None
     passes: tuple[PassTime, ...]
     seconds: float
+    device: str
 
     @property
     def refined(self) -> bool:
@@ -167,6 +170,7 @@ class Session:
             self._convergence.add(self._rested, picture.color),
             tuple(device.profile.passes()),
             time.perf_counter() - begin,
+            device.name,
         )
 
     def _follow(self, device: ComputeDevice, stage: Stage, request: Request) -> Renderer:

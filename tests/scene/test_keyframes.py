@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -52,6 +53,16 @@ def test_without_keyframes_nothing_moves(tmp_path: Path) -> None:
     for time in (0.0, 1.5, 1e6):
         np.testing.assert_array_equal(placed(scene, time), TO_WORLD)
         assert scene.views["ahead"].at(time) == scene.views["ahead"].view
+
+
+def test_what_is_put_somewhere_while_it_moves_is_there(tmp_path: Path) -> None:
+    (entry,) = opened(tmp_path / "s", KEYS).objects
+    elsewhere = np.random.default_rng(0).normal(size=(4, 4))
+    elsewhere[3] = 0, 0, 0, 1
+    assert entry.motion.moves
+    for time in (0.0, 1.5, 2.75, 9.0):
+        moved = replace(entry.motion, to_world=entry.motion.before(elsewhere, time))
+        np.testing.assert_allclose(moved.at(time), elsewhere, atol=1e-9)
 
 
 def test_keyframes_come_on_top_of_to_world(tmp_path: Path) -> None:

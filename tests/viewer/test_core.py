@@ -272,3 +272,45 @@ def test_a_frame_sought_is_shown_as_a_renderer_shows_it(
         number = driver.change(playback=Playback(7, driver.clock.now))
         number = driver.change(playback=Playback(7))
         assert driver.answer(client, number).step == step
+
+
+def test_the_objects_are_told_as_they_are_shown(tmp_path: Path, device: ComputeDevice) -> None:
+    """Of the frame that is shown, with what was edited, and nothing that can be written to."""
+    folder = write_clip(tmp_path, 12)
+    manifest = folder / "scene.toml"
+    keys = "[[objects.keyframes]]\ntime = {}\ntranslation = [{}, 0, 0]\n"
+    keyframes = keys.format(0.0, 0.0) + keys.format(0.25, 0.6)
+    text = manifest.read_text().replace("\n[[views]]", f"\n{keyframes}\n[[views]]")
+    still = text[text.index("[[objects]]") : text.index("[[objects.keyframes]]")]
+    manifest.write_text(text + "\n" + still.replace('"cube"', '"still"'))
+    scene = Scene.open(folder)
+    material = Material("conductor", (0.9, 0.8, 0.7), alpha=0.05)
+    with turns(scene, device) as driver:
+        assert driver.core.objects == ()
+        client = driver.join()
+        driver.change(playback=Playback(3))
+        driver.answer(client)
+        driver.settle()
+        moving, still_one = driver.core.objects
+        assert (moving.name, still_one.name) == ("cube", "still")
+        assert (moving.keyframed, still_one.keyframed) == (True, False)
+        base = scene.objects[0].motion.to_world
+        np.testing.assert_allclose(moving.to_world[:3, 3] - base[:3, 3], (0.3, 0, 0), atol=1e-12)
+        assert np.array_equal(moving.motion.to_world, base)
+        low, high = moving.corners
+        assert np.array_equal((low, high), [[-1] * 3, [1] * 3])
+        wanted = moving.to_world.copy()
+        wanted[:3, 3] = 0.2, -0.9, -1.4
+        driver.exchange.change(
+            lambda world: world.edited(
+                ObjectEdit("cube", flat(moving.placed(wanted)), material)
+            ).edited(ObjectEdit("still", removed=True))
+        )
+        driver.settle()
+        (edited,) = driver.core.objects
+        np.testing.assert_allclose(edited.to_world, wanted, atol=1e-12)
+        assert edited.materials == (material,)
+        assert edited.corners is moving.corners
+        for array in (edited.to_world, *edited.corners):
+            with pytest.raises(ValueError, match="read-only"):
+                array[0] = 0.0

@@ -1,0 +1,196 @@
+"""How a viewer shows a picture: exposure, tone curve, buffers in false colours, comparisons."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cache
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.viewer.tone import Bytes, Curve, developed
+
+Against = Literal["input", "ibl", "truth"]
+"""What a picture is compared with: the video without objects, the baseline that is lit by the
+panorama as distant environment, or the path-traced truth of a view of the scene."""
+
+Appearance = Literal[
+    "radiance", "change", "share", "ratio", "direction", "distance", "motion", "label", "count"
+]
+
+ERROR_LEVELS = 64
+"""Of 255: the difference that is white in an error map."""
+MOTION_PX = 16.0
+"""Motion of which the colour is full."""
+
+
+@dataclass(frozen=True)
+class Buffer:
+    """An auxiliary picture, as viewers offer it.
+
+    Attributes
+    ----------
+    appearance : str
+        How its values become colours.
+    unit : str
+        Of the values, as they are read out.
+    """
+
+    appearance: Appearance
+    unit: str = ""
+
+
+BUFFERS: Mapping[str, Buffer] = {
+    "background": Buffer("radiance"),
+    "normal": Buffer("direction"),
+    "depth": Buffer("distance", "m"),
+    "albedo": Buffer("share"),
+    "coverage": Buffer("share"),
+    "motion": Buffer("motion", "px"),
+    "ratio": Buffer("ratio"),
+    "irradiance_real": Buffer("radiance"),
+    "irradiance_mixed": Buffer("radiance"),
+    "diffuse": Buffer("radiance"),
+    "specular": Buffer("radiance"),
+    "highlight": Buffer("radiance"),
+    "gloss": Buffer("change"),
+    "tracing_level": Buffer("label"),
+}
+"""All of `iprt.aovs.AOVS`, by name."""
+
+
+@dataclass(frozen=True)
+class Lens:
+    """How one client sees its picture; nothing is rendered anew for it, but what is compared with.
+
+    Attributes
+    ----------
+    exposure_ev : float
+        Stops on top of the scene's exposure.
+    curve : {"srgb", "filmic"}
+    buffer : str or None
+        The auxiliary picture that is shown in place of the picture.
+    against : {"input", "ibl", "truth"} or None
+        What is shown right of `split`.
+    split : float
+        Share of the width, from the left.
+    error : bool
+        Show where and how much the two differ, in place of both.
+    """
+
+    exposure_ev: float = 0.0
+    curve: Curve = "srgb"
+    buffer: str | None = None
+    against: Against | None = None
+    split: float = 0.5
+    error: bool = False
+
+    def factor(self, exposure: float) -> float:
+        """What radiance is multiplied by, where the scene's exposure is `exposure`."""
+        return exposure * float(2.0**self.exposure_ev)
+
+    def develop(self, radiance: NDArray[np.float32], exposure: float) -> Bytes:
+        """(H, W, 3) uint8 of linear radiance."""
+        return developed(radiance, self.factor(exposure), self.curve)
+
+    def color(self, name: str, values: NDArray[np.float32], exposure: float) -> Bytes:
+        """(H, W, 3) uint8 of an auxiliary picture, (H, W) or (H, W, 3) float32."""
+        appearance = BUFFERS[name].appearance
+        if appearance == "radiance":
+            return self.develop(_three(values), exposure)
+        if appearance == "change":
+            # Grey where nothing changes, as bright as white paper's half.
+            return self.develop(_three(values) + np.float32(0.18 / self.factor(exposure)), exposure)
+        return _APPEARANCES[appearance](values)
+
+    def compare(self, ours: Bytes, other: Bytes) -> Bytes:
+        """Both side by side, or where they differ; all (H, W, 3) uint8."""
+        if self.error:
+            return error_map(ours, other)
+        column = round(min(max(self.split, 0.0), 1.0) * ours.shape[1])
+        both = ours.copy()
+        both[:, column:] = other[:, column:]
+        return both
+
+
+def error_map(ours: Bytes, other: Bytes) -> Bytes:
+    """Mean difference of the channels: black for none, white for `ERROR_LEVELS` of 255."""
+    difference = np.abs(ours.astype(np.int16) - other).mean(axis=2, dtype=np.float32)
+    return _ramp(difference / ERROR_LEVELS)
+
+
+# False colours -----------------------------------------------------------------------------------
+
+
+@cache
+def cubehelix() -> Bytes:
+    """(256, 3) colours that grow evenly in brightness, from black to white (Green, "A colour scheme
+    for the display of astronomical intensity images", 2011, with start 0.5, 1.5 rotations, hue 1).
+    """
+    share = np.linspace(0.0, 1.0, 256)[:, None]
+    angle = 2.0 * np.pi * (0.5 / 3.0 + 1.0 - 1.5 * share)
+    around = np.array([[-0.14861, 1.78277], [-0.29227, -0.90649], [1.97294, 0.0]])
+    turned = np.concatenate([np.cos(angle), np.sin(angle)], axis=1) @ around.T
+    colors = share + 0.5 * share * (1.0 - share) * turned
+    return _gray(colors)
+
+
+def _three(values: NDArray[np.float32]) -> NDArray[np.float32]:
+    return values if values.ndim == 3 else np.repeat(values[..., None], 3, axis=2)
+
+
+def _ramp(share: NDArray[Any]) -> Bytes:
+    """Colours of values in [0, 1]; beyond, and NaN, as the ends."""
+    index = np.nan_to_num(255.0 * np.clip(share, 0.0, 1.0)).astype(np.uint8)
+    colors: Bytes = cubehelix()[index]
+    return colors
+
+
+def _gray(share: NDArray[Any]) -> Bytes:
+    levels: Bytes = np.rint(255.0 * np.clip(np.nan_to_num(share), 0.0, 1.0)).astype(np.uint8)
+    return levels
+
+
+def _distance(metres: NDArray[np.float32]) -> Bytes:
+    """Near is bright, by the logarithm; what is infinitely far, or nowhere, is black."""
+    known = np.isfinite(metres) & (metres > 0.0)
+    if not known.any():
+        return np.zeros((*metres.shape, 3), np.uint8)
+    logs = np.log(np.where(known, metres, 1.0))
+    low, high = np.percentile(logs[known], (1.0, 99.0))
+    share = 0.1 + 0.9 * (high - logs) / max(float(high - low), 1e-3)
+    return _ramp(np.where(known, np.maximum(share, 0.1), 0.0))
+
+
+def _motion(pixels: NDArray[np.float32]) -> Bytes:
+    """Right is red, down is green, rest is grey; what was nowhere before is blue."""
+    known = np.asarray(np.abs(pixels[..., :2]) < 1e8).all(axis=2, keepdims=True)
+    share = 0.5 + 0.5 * np.clip(pixels[..., :2] / MOTION_PX, -1.0, 1.0)
+    shown = np.concatenate([share, np.full_like(share[..., :1], 0.5)], axis=2)
+    return _gray(np.where(known, shown, np.array([0.0, 0.0, 1.0])))
+
+
+def _label(level: NDArray[np.float32]) -> Bytes:
+    """Tracing levels 0 to 2, from every pixel to every fourth in x and y; nothing is black."""
+    colors = np.array([(240, 90, 60), (240, 200, 70), (70, 130, 200), (0, 0, 0)], np.uint8)
+    return colors[np.clip(np.nan_to_num(level), 0, 3).astype(np.int64)]
+
+
+def _count(values: NDArray[np.float32]) -> Bytes:
+    """By the logarithm, the largest is white."""
+    largest = max(float(np.nan_to_num(values).max(initial=0.0)), 1e-12)
+    share = np.maximum(values, 0.0) / np.float32(largest)
+    return _ramp(np.log1p(255.0 * share) / np.log(256.0))
+
+
+_APPEARANCES: Mapping[str, Callable[[NDArray[np.float32]], Bytes]] = {
+    "share": lambda values: _gray(_three(values)),
+    "ratio": lambda values: _gray(0.5 * _three(values)),
+    "direction": lambda values: _gray(0.5 + 0.5 * _three(values)),
+    "distance": _distance,
+    "motion": _motion,
+    "label": _label,
+    "count": _count,
+}

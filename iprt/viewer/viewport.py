@@ -1,0 +1,377 @@
+"""One window on the scene: where it looks, through which lens, and what it shows."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.errors import IprtError
+from iprt.output.atomic import require_writable
+from iprt.output.metadata import picture_metadata
+from iprt.output.picture import check_output, write_picture
+from iprt.output.png import write_display_png
+from iprt.scene.camera import View
+from iprt.scene.placement import set_on
+from iprt.scene.pose import view_from
+from iprt.viewer.developer import Developer
+from iprt.viewer.engine import Client, Engine
+from iprt.viewer.lens import BUFFERS, Lens
+from iprt.viewer.session import Shown
+from iprt.viewer.state import REST_FRAMES, Request
+from iprt.viewer.tone import Bytes
+
+MIN_FOV_DEG, MAX_FOV_DEG = 2.0, 150.0
+ZOOM_STEP = 0.9
+"""Of the field of view, per step of a wheel."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sight:
+    """What a window shows.
+
+    Attributes
+    ----------
+    pixels : (H, W, 3) uint8
+        Display-referred.
+    shown : Shown
+        What it was made from; `shown.picture` is linear.
+    caption : str
+        What is compared, and how alike they are; empty without a comparison.
+    latency_s : float or None
+        From the newest input that it answers, to it.
+    latency_frames : int or None
+        The same in view frames of this window. None: no input has been answered yet.
+    """
+
+    pixels: Bytes
+    shown: Shown
+    caption: str
+    latency_s: float | None
+    latency_frames: int | None
+
+
+@dataclass(frozen=True, eq=False)
+class Readout:
+    """What a pixel holds.
+
+    Attributes
+    ----------
+    x, y : int
+        Of the picture as it was rendered.
+    radiance : (3,) float32
+        Linear.
+    value : (1..3,) float32 or None
+        Of the auxiliary picture that is shown, in `unit`.
+    unit : str
+    depth_m : float or None
+        From the capture centre, of what is seen; None: open sky.
+    normal : (3,) float64 or None
+        In the world.
+    name : str or None
+        Of the object there.
+    """
+
+    x: int
+    y: int
+    radiance: NDArray[np.float32]
+    value: NDArray[np.float32] | None
+    unit: str
+    depth_m: float | None
+    normal: NDArray[np.float64] | None
+    name: str | None
+
+
+class Viewport:
+    """A window's camera and lens. One thread at a time may use it; nothing waits for the device.
+
+    Places in the picture are shares of its width and height, from its upper left corner.
+
+    Parameters
+    ----------
+    engine : Engine
+    view : View
+        Where it looks at first; its size is that of the window, in pixels.
+    objects : tuple of str or None
+        Names of the objects that it shows. None: all.
+    frames : int
+        View frames to which a picture at rest is refined.
+
+    Attributes
+    ----------
+    view : View
+        Where it looks; of the window's size.
+    name : str or None
+        Of the scene's view that it shows, until it is turned.
+    """
+
+    def __init__(
+        self,
+        engine: Engine,
+        view: View,
+        *,
+        objects: tuple[str, ...] | None = None,
+        frames: int = REST_FRAMES,
+    ) -> None:
+        self._engine = engine
+        self.view, self.name = view, self._name_of(view)
+        self._objects, self._frames = objects, frames
+        self._scale, self._lens = 1.0, Lens()
+        self._developer = Developer()
+        self._sight: Sight | None = None
+        self._made_of: tuple[object, ...] = ()
+        self._latency: tuple[float, int] | None = None
+        # Of each input: its number, when it came, and at which view frame.
+        self._asked: deque[tuple[int, float, int]] = deque(maxlen=256)
+        self._client = engine.client(self._request())
+        self._baseline: Client | None = None
+
+    def close(self) -> None:
+        """Look no more."""
+        self._client.close()
+        if self._baseline is not None:
+            self._baseline.close()
+        self._developer.close()
+
+    # Where it looks ---------------------------------------------------------------------------
+
+    def turn(self, dx_px: float, dy_px: float) -> None:
+        """Drag what is seen by so many pixels of the window, right and down."""
+        view = self.view
+        if view.projection == "equirect":
+            return
+        degrees = float(np.rad2deg(1.0 / view.focal_px))
+        yaw = (view.yaw_deg - dx_px * degrees + 180.0) % 360.0 - 180.0
+        pitch = min(max(view.pitch_deg + dy_px * degrees, -90.0), 90.0)
+        self.look(replace(view, yaw_deg=yaw, pitch_deg=pitch))
+
+    def zoom(self, steps: float) -> None:
+        """Narrow the field of view by steps of a wheel; widen it by negative ones."""
+        wanted = self.view.fov_y_deg * ZOOM_STEP**steps
+        self.look(replace(self.view, fov_y_deg=min(max(wanted, MIN_FOV_DEG), MAX_FOV_DEG)))
+
+    def look(self, view: View) -> None:
+        """Look elsewhere; the window keeps its size."""
+        view = view.resized(self.view.width, self.view.height)
+        if view != self.view:
+            self.view, self.name = view, None
+            self._ask()
+
+    def resize(self, width: int, height: int) -> None:
+        """Follow the window's size, in pixels; 0 counts as 1."""
+        view = self.view.resized(max(width, 1), max(height, 1))
+        if view != self.view:
+            self.view = view
+            self._ask()
+
+    def go_to(self, name: str) -> None:
+        """Look as a view of the scene does, at the frame that is shown, and show its objects."""
+        scene = self._engine.scene
+        entry = scene.views[name]
+        frame = self._client.shown.frame if self._client.shown else scene.frame_indices[0]
+        view = entry.at(scene.time_of(frame))
+        self.view, self.name = view.resized(self.view.width, self.view.height), name
+        self._objects = entry.objects
+        self._ask()
+
+    def _name_of(self, view: View) -> str | None:
+        """Of the scene's view that looks so."""
+        for name, entry in self._engine.scene.views.items():
+            if entry.view.resized(view.width, view.height) == view:
+                return name
+        return None
+
+    # How it is shown --------------------------------------------------------------------------
+
+    @property
+    def lens(self) -> Lens:
+        return self._lens
+
+    @lens.setter
+    def lens(self, lens: Lens) -> None:
+        before, self._lens = self._lens, lens
+        if (before.buffer, before.against) != (lens.buffer, lens.against):
+            self._ask()
+
+    @property
+    def scale(self) -> float:
+        """Pixels that are rendered per pixel of the window, in x and y."""
+        return self._scale
+
+    @scale.setter
+    def scale(self, scale: float) -> None:
+        if scale != self._scale:
+            self._scale = scale
+            self._ask()
+
+    def show_objects(self, names: tuple[str, ...] | None) -> None:
+        """Show these objects only; None: all."""
+        if names != self._objects:
+            self._objects = names
+            self._ask()
+
+    @property
+    def objects(self) -> tuple[str, ...] | None:
+        """Names of the objects that are shown, those that were added included; None: all."""
+        if self._objects is None:
+            return None
+        added = [edit.name for edit in self._engine.world.edits if edit.path is not None]
+        return self._objects + tuple(name for name in added if name not in self._objects)
+
+    def follow(self) -> None:
+        """Ask for what others have added, too."""
+        if self._objects is not None and self._request() != self._wanted:
+            self._ask()
+
+    def _ask(self) -> None:
+        step = self._client.shown.step if self._client.shown else 0
+        number = self._client.ask(self._request())
+        self._asked.append((number, time.perf_counter(), step))
+        if self._lens.against == "ibl":
+            request = replace(self._request(), method="ibl", aovs=(), geometry=False)
+            if self._baseline is None:
+                self._baseline = self._engine.client(request)
+            else:
+                self._baseline.ask(request)
+        elif self._baseline is not None:
+            self._baseline.close()
+            self._baseline = None
+
+    def _request(self) -> Request:
+        lens, view = self._lens, self.view
+        width, height = (max(round(side * self._scale), 1) for side in (view.width, view.height))
+        rendered = view.resized(width, height)
+        if lens.against == "truth" and self.name is not None:
+            rendered = self._developer.truth.view(self._engine.scene, self.name, rendered)
+        aovs = [] if lens.buffer is None else [lens.buffer]
+        if lens.against == "input" and "background" not in aovs:
+            aovs.append("background")
+        request = Request(rendered, self.objects, aovs=tuple(aovs), frames=self._frames)
+        self._wanted = request
+        return request
+
+    # What it shows ----------------------------------------------------------------------------
+
+    def poll(self) -> Sight | None:
+        """The newest picture, the same object as before if nothing is new; None: none yet."""
+        self.follow()
+        shown = self._client.shown
+        if shown is None:
+            return None
+        other = None if self._baseline is None else self._baseline.shown
+        made_of = (shown, other, self._lens, self.name, self._developer.scores)
+        if self._sight is None or made_of != self._made_of:
+            self._clock(shown)
+            pixels, caption = self._developer.develop(
+                self._engine.scene, self.name, self._lens, shown, other
+            )
+            self._made_of = made_of
+            self._sight = Sight(pixels, shown, caption, *(self._latency or (None, None)))
+        return self._sight
+
+    def _clock(self, shown: Shown) -> None:
+        while self._asked and self._asked[0][0] <= shown.number:
+            _, asked_s, step = self._asked.popleft()
+            self._latency = time.perf_counter() - asked_s, shown.step - step
+
+    # What is at a place -----------------------------------------------------------------------
+
+    def readout(self, x: float, y: float) -> Readout | None:
+        """What the last picture holds at a place; None: there is none, or it is outside."""
+        found = self._pixel(x, y)
+        if found is None:
+            return None
+        shown, column, row = found
+        buffer, surface, name = self._lens.buffer, None, None
+        if shown.geometry is not None:
+            surface = shown.geometry.seen(column, row)
+            name = shown.geometry.object_at(column, row)
+        values = None if buffer is None else shown.picture.aovs.get(buffer)
+        return Readout(
+            column,
+            row,
+            shown.picture.color[row, column],
+            None if values is None else np.atleast_1d(values[row, column]),
+            "" if buffer is None else BUFFERS[buffer].unit,
+            None if surface is None else surface.depth_m,
+            None if surface is None else surface.normal,
+            name,
+        )
+
+    def object_at(self, x: float, y: float) -> str | None:
+        """Name of the object that is seen at a place."""
+        found = self._pixel(x, y)
+        if found is None or found[0].geometry is None:
+            return None
+        return found[0].geometry.object_at(*found[1:])
+
+    def drop(self, name: str, x: float, y: float, *, upright: bool) -> bool:
+        """Set an object on the real surface at a place; whether there is one.
+
+        Parameters
+        ----------
+        upright : bool
+            It keeps its rotation; or else its own +Y is turned to the surface's normal.
+        """
+        found = self._pixel(x, y)
+        state = next((state for state in self._engine.objects if state.name == name), None)
+        if found is None or found[0].geometry is None or state is None:
+            return False
+        surface = found[0].geometry.real(*found[1:])
+        if surface is None:
+            return False
+        normal = None if upright else surface.normal
+        placed = set_on(state.to_world, state.corners, surface.point, normal)
+        self._engine.place(name, state.placed(placed))
+        return True
+
+    def aim(self, x: float, y: float) -> tuple[float, float]:
+        """Yaw and pitch in degrees of a place, in the axes of the capture centre (`Engine.add`)."""
+        shown = self._client.shown
+        view = self.view if shown is None else shown.request.view
+        pose = None if shown is None or shown.geometry is None else shown.geometry.pose
+        pixel = np.array([x * view.width, y * view.height])
+        right, up, back = view_from(view, pose).unproject(pixel)
+        return float(np.rad2deg(np.arctan2(right, -back))), float(np.rad2deg(np.arcsin(up)))
+
+    def _pixel(self, x: float, y: float) -> tuple[Shown, int, int] | None:
+        shown = self._client.shown
+        if shown is None or not (0.0 <= x < 1.0 and 0.0 <= y < 1.0):
+            return None
+        height, width = shown.picture.color.shape[:2]
+        return shown, int(x * width), int(y * height)
+
+    # Files ------------------------------------------------------------------------------------
+
+    def screenshot(self, path: Path) -> None:
+        """Write what is seen to a PNG file, or the linear picture and its buffer to an EXR file.
+
+        Raises
+        ------
+        IprtError
+            There is no picture yet, or the file cannot be written.
+        """
+        sight = self.poll()
+        if sight is None:
+            raise IprtError(f"{path}: there is no picture yet")
+        shown = sight.shown
+        settings = self._engine.world.settings
+        metadata = picture_metadata(
+            scene=self._engine.scene.name,
+            view=shown.request.view,
+            objects=shown.request.objects,
+            settings=settings.model_dump(mode="json"),
+            seed=settings.seed,
+            frames=shown.frames,
+            device=shown.device,
+        )
+        check_output(path)
+        require_writable(path)
+        if path.suffix.lower() == ".png":
+            write_display_png(path, sight.pixels / 255.0, metadata=metadata)
+        else:
+            write_picture(path, shown.picture.color, aovs=shown.picture.aovs, metadata=metadata)
