@@ -229,10 +229,14 @@ class Viewport:
 
     def _ask(self) -> None:
         step = self._client.shown.step if self._client.shown else 0
-        number = self._client.ask(self._request())
+        request = self._request()
+        number = self._client.ask(request)
         self._asked.append((number, time.perf_counter(), step))
         if self._lens.against == "ibl":
-            request = replace(self._request(), method="ibl", aovs=(), geometry=False)
+            settings = (request.settings or self._engine.world.settings).model_copy(
+                update={"method": "ibl"}
+            )
+            request = replace(request, settings=settings, aovs=(), geometry=False)
             if self._baseline is None:
                 self._baseline = self._engine.client(request)
             else:
