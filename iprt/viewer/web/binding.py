@@ -8,7 +8,7 @@ from typing import Any
 
 from iprt.errors import IprtError
 
-Post = Callable[[object, Callable[[], None]], None]
+Post = Callable[[object, Callable[[], object]], None]
 """Have something done by the window's thread; of what has the same key, only the newest."""
 
 HELD_S = 0.4
@@ -43,11 +43,12 @@ class Binding:
         self._seen = read()
         self._show(self._seen)
 
-        @handle.on_update
         async def changed(event: Any) -> None:
             if event.client_id is not None:  # else it was ourselves
                 self._touched_s = time.monotonic()
                 post(self, self._written)
+
+        handle.on_update(changed)
 
     @property
     def touched(self) -> bool:
@@ -80,6 +81,7 @@ class Binding:
 def on_click(handle: Any, post: Post, do: Callable[[], object]) -> None:
     """Have a button do something, by the window's thread."""
 
-    @handle.on_click
     async def clicked(_event: Any) -> None:
-        post(handle, lambda: do() and None)
+        post(handle, do)
+
+    handle.on_click(clicked)

@@ -79,7 +79,7 @@ class Browser:
         self.read: str | None = None
         self._start = view, objects
         self._closed, self._wake = False, threading.Event()
-        self._todo: dict[object, Callable[[], None]] = {}
+        self._todo: dict[object, Callable[[], object]] = {}
         self._camera: Camera | None = None
         self._followed: Camera | None = None
         self._told: tuple[View, float] | None = None
@@ -99,7 +99,7 @@ class Browser:
 
     # Of any thread ----------------------------------------------------------------------------
 
-    def post(self, key: object, do: Callable[[], None]) -> None:
+    def post(self, key: object, do: Callable[[], object]) -> None:
         """Have something done by this window's thread; of what has the same key, the newest."""
         self._todo[key] = do
         self._wake.set()
@@ -215,19 +215,20 @@ class Browser:
     def _listen(self) -> None:
         client = self.client
 
-        @client.camera.on_update
         async def moved(camera: Any) -> None:
             self._camera_came(camera)
 
-        @client.scene.on_click()
         async def clicked(event: Any) -> None:
             x, y = event.screen_pos
             self.post("click", lambda: self._clicked(x, y))
 
-        @client.scene.on_click(modifier="shift")
         async def dropped(event: Any) -> None:
             x, y = event.screen_pos
             self.post("click", lambda: self._dropped(x, y))
+
+        client.camera.on_update(moved)
+        client.scene.on_click()(clicked)
+        client.scene.on_click(modifier="shift")(dropped)
 
     def _work(self) -> None:
         while self._todo:

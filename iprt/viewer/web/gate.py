@@ -46,8 +46,8 @@ def require_token(token: str) -> str:
     plain = token.isascii() and token.replace("-", "").replace("_", "").isalnum()
     if not plain or len(token) < LEAST_TOKEN:
         raise IprtError(
-            f"the token needs at least {LEAST_TOKEN} characters, of letters, digits, - and _; leave "
-            "it out to get one"
+            f"the token needs at least {LEAST_TOKEN} characters, of letters, digits, - and _; "
+            "leave it out to get one"
         )
     return token
 

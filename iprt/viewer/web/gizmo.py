@@ -59,13 +59,14 @@ class Gizmo:
             NAME, SIZE_PX, fixed=True, line_width=3.0, depth_test=False
         )
 
-        @self._handle.on_update
         async def updated(event: Any) -> None:
             ended = event.phase == "end"
             self._dragged = not ended
             handle = event.target
             pose = np.array(handle.wxyz), np.array(handle.position)
             self._browser.post("gizmo", lambda: self._moved(pose, ended=ended))
+
+        self._handle.on_update(updated)
 
     def _moved(self, pose: tuple[Float, Float], *, ended: bool) -> None:
         """Bring the object to where the gizmo was dragged."""

@@ -91,7 +91,6 @@ class Host:
         camera.position, camera.look_at = position_of(view), np.zeros(3)
         camera.fov = float(np.deg2rad(view.fov_y_deg))
 
-        @viser.on_client_connect
         async def came(client: Any) -> None:
             with self._lock:
                 if not self._ended.is_set():
@@ -99,12 +98,14 @@ class Host:
                         self._engine, client, view, self._objects
                     )
 
-        @viser.on_client_disconnect
         async def went(client: Any) -> None:
             with self._lock:
                 browser = self._browsers.pop(client.client_id, None)
             if browser is not None:
                 browser.close()
+
+        viser.on_client_connect(came)
+        viser.on_client_disconnect(went)
 
 
 def _url(bound: str, port: int, token: str | None) -> str:

@@ -58,8 +58,8 @@ class LensPanel:
             return nothing if value is None else value
 
         def write(value: Any) -> None:
-            plain = None if nothing is not None and value == nothing else value
-            browser.viewport.lens = replace(browser.viewport.lens, **{part: plain})
+            change: dict[str, Any] = {part: None if value == nothing else value}
+            browser.viewport.lens = replace(browser.viewport.lens, **change)
 
         self._bindings.append(Binding(handle, read, write, browser.post, browser.tell))
 

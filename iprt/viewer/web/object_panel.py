@@ -46,11 +46,11 @@ class ObjectPanel:
             "Add a mesh", icon="plus", mime_type=MESHES, hint="Set down in the middle of the view"
         )
 
-        @upload.on_upload
         async def uploaded(event: Any) -> None:
             file = event.target.value
             post(upload, lambda: self._add(file.name, file.content))
 
+        upload.on_upload(uploaded)
         undo = gui.add_button("Undo", icon="arrow-back-up", hint="The last edit, of anybody")
         on_click(undo, post, lambda: browser.engine.undo())
         self.sync()

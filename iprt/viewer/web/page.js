@@ -45,6 +45,9 @@
       setTimeout(attach, 20);
       return;
     }
+    // Else pictures get smaller, or larger, whenever the browser is slow, or quick.
+    const own = { fixedDpr: window.devicePixelRatio, enableOrbitCrosshair: false };
+    window.__viserTestpoints?.devSettings.set(own);
     turnPictures(viser, mesh);
     steer(viser);
     window.iprt = { picture: () => picture }; // for tests

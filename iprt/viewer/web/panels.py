@@ -84,7 +84,9 @@ class Status:
             rows.append(("picture", f"{view.width} × {view.height}, {share} %, {sent}"))
             noise = "" if shown.noise is None else f", noise {100 * shown.noise:.2g} %"
             rows.append(("frames", f"{shown.frames} of {shown.request.frames}{noise}"))
-            rows.append(("speed", f"{1000 * shown.seconds:.0f} ms per frame{self._rate(shown.step)}"))
+            rows.append(
+                ("speed", f"{1000 * shown.seconds:.0f} ms per frame{self._rate(shown.step)}")
+            )
             if sight.latency_s is not None:
                 frames = sight.latency_frames
                 text = f"{1000 * sight.latency_s:.0f} ms, {frames} frame{'s' * (frames != 1)}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 from typing import Any
 
@@ -67,8 +68,6 @@ class PictureSender:
             )
         self._client.flush()
         # Answered after the picture, as all messages are in order.
-        try:
+        with contextlib.suppress(TimeoutError):  # a tab that its browser has put to sleep
             self._client.local_storage.get_item("iprt", timeout=ANSWER_S)
-        except TimeoutError:
-            pass  # a tab that its browser has put to sleep
         self._sent, self._sent_s, self.lossless = sight, time.monotonic(), lossless

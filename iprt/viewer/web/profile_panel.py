@@ -60,7 +60,9 @@ class ProfilePanel:
             f"<td align='right'>{100 * ms / total:.0f} %</td></tr>"
             for name, ms in sorted(medians.items(), key=lambda item: -item[1])
         )
-        head = "<tr style='opacity:.55'><td>pass</td><td>median ms</td><td>p95</td><td>share</td></tr>"
+        head = (
+            "<tr style='opacity:.55'><td>pass</td><td>median ms</td><td>p95</td><td>share</td></tr>"
+        )
         style = "width:100%;font-size:.8em;padding:.4em"
         return f"<table class='profile' style='{style}'>{head}{rows}</table>"
 

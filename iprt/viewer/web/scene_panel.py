@@ -13,7 +13,6 @@ if TYPE_CHECKING:
 
 FREE = "free"
 """In place of a view's name: it was turned."""
-MESHES = ".glb,.gltf,.obj,.ply,.stl"
 
 
 class ScenePanel:
@@ -36,10 +35,10 @@ class ScenePanel:
             self._add_playback()
         files = gui.add_button_group("Picture", ("PNG", "EXR"), hint="Save what you see")
 
-        @files.on_click
         async def wanted(event: Any) -> None:
             post("screenshot", lambda: self._save_picture(event.target.value.lower()))
 
+        files.on_click(wanted)
         save = gui.add_button(
             "Save the scene", icon="device-floppy", hint="Into scene.toml; comments stay"
         )
@@ -66,7 +65,7 @@ class ScenePanel:
     async def _toggled(self, _event: Any) -> None:
         engine = self._browser.engine
         playing = engine.world.playback.since_s is not None
-        self._browser.post("play", lambda: (engine.pause if playing else engine.play)() and None)
+        self._browser.post("play", engine.pause if playing else engine.play)
 
     def _frame(self) -> int:
         """That is asked for, or in a video that plays, the one that is seen."""

@@ -92,6 +92,7 @@ def start(listening: socket.socket, gate: Gate, label: str) -> Any:
     if len(made) != 1 or server.get_port() != gate.port:
         with _silent():
             server.stop()
+        listening.close()
         raise IprtError(f"viser {viser.__version__} is not known here; pip install 'iprt[view]'")
     # Any client can ask for this, which would show the scene by way of viser's own server.
     server.request_share_url = lambda *_, **__: None
