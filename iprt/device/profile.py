@@ -117,8 +117,6 @@ class Profile:
         Those that have ended since `reset`.
     compiled : dict of str to float
         Milliseconds by program; never forgotten.
-    last : dict of Key to Cost
-        Costs of the last frame that has ended and been resolved.
     """
 
     def __init__(self) -> None:
@@ -131,7 +129,6 @@ class Profile:
     def reset(self) -> None:
         """Forget passes and frames; compile time stays."""
         self.frames = 0
-        self.last: FrameCosts = {}
         self._pending: list[_Launch | Span] = []
         self._current: FrameCosts = {}
         self._current_frame = 0
@@ -249,7 +246,6 @@ class Profile:
                 self._kept.append(kept)
             elif (place := self._random.randrange(self._current_frame + 1)) < MOST_FRAMES:
                 self._kept[place] = kept
-            self.last = costs
             self._current = {}
             self._current_frame += 1
 
@@ -269,10 +265,6 @@ class Profile:
     def passes(self) -> list[PassTime]:
         """Times per pass, summed, in the order in which the passes first ran."""
         return [pass_time(name, costs) for name, costs in by_pass(self.totals()).items()]
-
-    def last_passes(self) -> list[PassTime]:
-        """Those of the `last` frame. Cheap enough to be shown with every frame."""
-        return [pass_time(name, costs) for name, costs in by_pass(self.last).items()]
 
     def prepared(self) -> float:
         """Milliseconds that passes took so far, which are forgotten: the frames begin now."""

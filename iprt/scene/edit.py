@@ -6,7 +6,7 @@ import filecmp
 import json
 import re
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -347,20 +347,36 @@ def _view_text(
     )
 
 
-def mesh_copies(root: Path, file: MeshFile, name: str) -> tuple[dict[Path, Path], str]:
-    """Files to copy (target -> source) and the mesh's path in the manifest."""
+def mesh_copies(
+    root: Path, file: MeshFile, name: str, others: Mapping[Path, Path] | None = None
+) -> tuple[dict[Path, Path], str]:
+    """Files to copy (target -> source) and the mesh's path in the manifest.
+
+    Parameters
+    ----------
+    root : Path
+        The scene's folder.
+    file : MeshFile
+    name : str
+        Of the object.
+    others : mapping of Path to Path or None
+        What will be copied besides.
+    """
     mesh, references = file.path, dict.fromkeys(file.references.values())
     if mesh.resolve().is_relative_to(root.resolve()):
         return {}, mesh.resolve().relative_to(root.resolve()).as_posix()
     # Files that come together stay together, apart from other meshes' files of the same names.
-    folder = root / "meshes"
-    taken = {path.stem for path in folder.iterdir()} if folder.is_dir() else set()
+    folder, others = root / "meshes", others or {}
+    there = {target: target for target in folder.iterdir()} if folder.is_dir() else {}
+    there |= others
+    inside = (target.relative_to(folder) for target in there if target.is_relative_to(folder))
+    taken = {Path(path.parts[0]).stem for path in inside}
     if references:
         folder = folder / free_name(name, taken)
         target = folder / mesh.name
     else:
         target = folder / mesh.name
-        if target.exists() and not filecmp.cmp(mesh, target, shallow=False):
+        if target in there and not filecmp.cmp(mesh, there[target], shallow=False):
             target = folder / (free_name(mesh.stem, taken) + mesh.suffix)
     copies = {target: mesh} | {folder / path: mesh.parent / path for path in references}
     return copies, target.relative_to(root).as_posix()

@@ -20,7 +20,7 @@ from iprt.scene.animated_mesh import AnimatedMesh
 from iprt.scene.edit import copied, mesh_copies, object_text
 from iprt.scene.inside import require_inside
 from iprt.scene.keyframes import ObjectMotion
-from iprt.scene.manifest import MANIFEST_NAME, manifest_text, parse_manifest
+from iprt.scene.manifest import MANIFEST_NAME, DiffuseTable, manifest_text, parse_manifest
 from iprt.scene.material import Material
 from iprt.scene.mesh import Mesh
 from iprt.scene.mesh_files import MeshFile
@@ -105,7 +105,7 @@ def _bound_made_of(mesh: Mesh, material: Material) -> Mesh:
 def save_edits(scene: Scene, edits: Iterable[ObjectEdit]) -> None:
     """Write edits to a scene's `scene.toml`; files of objects that it did not have are copied.
 
-    Views that name their objects do not show new ones.
+    A view that lists its objects shows new ones, too, unless it has a truth: that does not.
 
     Raises
     ------
@@ -122,13 +122,14 @@ def save_edits(scene: Scene, edits: Iterable[ObjectEdit]) -> None:
         if edit.removed:
             _remove(document, edit.name)
         elif table is not None:
-            _edit_table(table, edit)
+            _edit_table(table, edit, scene)
         elif edit.path is not None and edit.to_world is not None:
-            files, target = mesh_copies(scene.root, MeshFile(edit.path, None), edit.name)
+            files, target = mesh_copies(scene.root, MeshFile(edit.path, None), edit.name, copies)
             copies |= files
-            material = None if edit.material is None else _material_table(edit, None)
+            material = None if edit.material is None else _material_table(edit, scene)
             to_world = np.reshape(np.array(edit.to_world), (4, 4))
             added.append(object_text(edit.name, target, to_world, material))
+            _show(document, edit.name)
     for copy in copies:
         require_inside(copy, scene.within)
     text = tomlkit.dumps(document)
@@ -148,12 +149,21 @@ def _remove(document: Any, name: str) -> None:
     for number in reversed(range(len(objects))):
         if objects[number]["name"] == name:
             del objects[number]
+    if "objects" in document and not objects:
+        del document["objects"]  # `objects = []` would forbid the tables of new ones
     for view in document.get("views", ()):
         if name in view.get("objects", ()):
             view["objects"].remove(name)
 
 
-def _edit_table(table: Any, edit: ObjectEdit) -> None:
+def _show(document: Any, name: str) -> None:
+    """Put a new object into the views that list theirs, but those with a truth."""
+    for view in document.get("views", ()):
+        if "objects" in view and "truth" not in view:
+            view["objects"].append(name)
+
+
+def _edit_table(table: Any, edit: ObjectEdit, scene: Scene) -> None:
     if edit.to_world is not None:
         rows = [
             ", ".join(f"{value:.7g}" for value in edit.to_world[i : i + 4]) for i in (0, 4, 8, 12)
@@ -161,20 +171,14 @@ def _edit_table(table: Any, edit: ObjectEdit) -> None:
         table["to_world"] = tomlkit.value("[\n" + "".join(f"  {row},\n" for row in rows) + "]")
     if edit.material is not None:
         written = tomlkit.inline_table()
-        written.update(_material_table(edit, table.get("material")))
+        written.update(_material_table(edit, scene))
         table["material"] = written
 
 
-def _material_table(edit: ObjectEdit, before: Any) -> dict[str, Any]:
+def _material_table(edit: ObjectEdit, scene: Scene) -> dict[str, Any]:
     """What `material` says now."""
     material = edit.material
     assert material is not None
-    texture = None if before is None else before.get("texture")
-    if material.texture is not None and texture is None:
-        raise SceneError(
-            f"object {edit.name}: its texture is in its mesh file, which cannot be written; choose "
-            "a material without"
-        )
     color = "reflectance" if material.kind == "conductor" else "albedo"
     written: dict[str, Any] = {"kind": material.kind, color: list(material.albedo)}
     if material.kind != "diffuse":
@@ -182,5 +186,23 @@ def _material_table(edit: ObjectEdit, before: Any) -> dict[str, Any]:
     if material.kind == "plastic":
         written["ior"] = material.ior
     if material.texture is not None:
-        written["texture"] = str(texture)
+        if material.kind != "diffuse":
+            raise SceneError(
+                f"object {edit.name}: {material.kind} with a texture cannot be written; choose a "
+                "diffuse material, or one without a texture"
+            )
+        written["texture"] = _texture_name(edit.name, material.texture, scene)
     return written
+
+
+def _texture_name(name: str, texture: NDArray[np.float32], scene: Scene) -> str:
+    """The file that a texture was read from, as the scene names it."""
+    for table, entry in zip(scene.manifest.objects, scene.objects, strict=True):
+        if isinstance(table.material, DiffuseTable) and table.material.texture is not None:
+            known = entry.bound.materials[0].texture
+            if known is not None and np.array_equal(known, texture):
+                return table.material.texture
+    raise SceneError(
+        f"object {name}: its texture is in its mesh file, which cannot be written; choose a "
+        "material without"
+    )

@@ -9,7 +9,7 @@ from dataclasses import replace
 from iprt.device.compute import ComputeDevice
 from iprt.errors import DeviceHangError, DeviceLostError, IprtError, SceneError
 from iprt.film import footage_of
-from iprt.scene.edits import ObjectEdit, edited_objects, flat, save_edits
+from iprt.scene.edits import ObjectEdit, edited_objects, flat
 from iprt.scene.footage import Footage
 from iprt.scene.frame import Frame
 from iprt.scene.meshes import load_mesh
@@ -20,14 +20,13 @@ from iprt.settings import Settings
 from iprt.viewer.canvas import Stage
 from iprt.viewer.exchange import Asked, Exchange, Wanted
 from iprt.viewer.feed import Feed
-from iprt.viewer.loading import Loaded, Loader, Watch, load, load_what_can_be
+from iprt.viewer.files import POLL_S, Loaded, SceneFiles
+from iprt.viewer.loading import Loader
 from iprt.viewer.objects import ObjectState, object_states
 from iprt.viewer.session import Session
 from iprt.viewer.state import Doing, Playback, World
 
 LOG = logging.getLogger("iprt.viewer")
-POLL_S = 0.5
-"""Between two looks whether the scene's file was edited."""
 
 
 class Core:
@@ -60,18 +59,21 @@ class Core:
         allow_outside: bool = False,
     ) -> None:
         self._exchange, self._make_device, self._clock = exchange, device, clock
-        self._allow_outside = allow_outside
-        self._root = scene.root
         self._device: ComputeDevice | None = None
         self._lost = False  # the device, since the last picture
         self._compiling: str | None = None
         self._problems: dict[str, str] = {}
         self.loader = Loader(exchange.stir)
-        self._watch = Watch(scene.root)
-        self._polled_s = clock()
-        self._reloading = False
-        self._loaded: Loaded | None = None
+        self._files = SceneFiles(
+            scene,
+            exchange,
+            self.loader,
+            self._problems,
+            clock=clock,
+            allow_outside=allow_outside,
+        )
         self._feed: Feed | None = None
+        self._fed: Loaded | None = None  # whose video that is
         self._unreadable: Playback | None = None  # its frame cannot be read
         self._frame: Frame | None = None
         self._settled = 0  # number of the last change of which all that it asks for is there
@@ -83,7 +85,6 @@ class Core:
         self._failed: dict[int, tuple[Stage, Asked]] = {}
         self._turns: dict[int, int] = {}
         self._turn = 0
-        self._begin_loading(scene)
 
     def close(self) -> None:
         """Release all; the loader's threads end by themselves."""
@@ -99,7 +100,7 @@ class Core:
     def turn(self) -> bool:
         """Do what is most urgent; whether there was anything to do."""
         collected = self.loader.collect()
-        self._look_for_edits()
+        self._files.poll()
         wanted = self._exchange.take()
         for client in self._sessions.keys() - wanted.requests.keys():
             self._sessions.pop(client).close()
@@ -213,7 +214,7 @@ class Core:
 
     def _staged(self, wanted: Wanted) -> Stage | None:
         """What there is to see now; None: nothing yet."""
-        loaded = self._loaded
+        loaded = self._files.loaded
         if loaded is None:
             return None
         world = wanted.world
@@ -245,15 +246,16 @@ class Core:
         drift = world.settings.drift and len(scene.frame_indices) > 1
         if (
             self._feed is None
+            or self._fed is None
             or self._feed.drift != drift
-            or not _same_video(self._feed.scene, scene)
+            or not self._fed.same_video(loaded)
         ):
             if self._feed is not None:
                 self._feed.close()
             self._feed = Feed(
                 scene, playback, drift=drift, clock=self._clock, wake=self._exchange.stir
             )
-            self._unreadable = None
+            self._fed, self._unreadable = loaded, None
         self._feed.follow(playback, None if self._frame is None else self._frame.index)
         if self._unreadable == playback:
             return
@@ -283,58 +285,20 @@ class Core:
             self._footage = known = (loaded, settings, footage)
         return known[2]
 
-    # The scene's files ------------------------------------------------------------------------
-
-    def _begin_loading(self, scene: Scene) -> None:
-        def job() -> Callable[[], None]:
-            loaded = load_what_can_be(scene)
-            return lambda: self._accept(loaded)
-
-        self._reloading = True
-        self.loader.start(scene.name, job, self._refuse)
-
-    def _look_for_edits(self) -> None:
-        now = self._clock()
-        if now - self._polled_s < POLL_S or self._reloading:
-            return
-        self._polled_s = now
-        if self._watch.changed():
-            self.reload()
-
-    def reload(self) -> None:
-        """Read the scene's files again; if they cannot be used, all stays as it is."""
-        root = self._root
-
-        def job() -> Callable[[], None]:
-            loaded = load(Scene.open(root, allow_outside=self._allow_outside))
-            return lambda: self._accept(loaded)
-
-        self._reloading = True
-        self.loader.start(str(root), job, self._refuse)
-
-    def _accept(self, loaded: Loaded) -> None:
-        self._reloading = False
-        self._loaded = loaded
-        self._problems.pop("scene", None)
-        if loaded.problem is not None:
-            self._problems["scene"] = loaded.problem
-
-    def _refuse(self, problem: str) -> None:
-        self._reloading = False
-        self._problems["scene"] = problem
-
     # What else is read and written beside -----------------------------------------------------
 
     @property
     def scene(self) -> Scene | None:
         """The scene as it was read last; None: not yet."""
-        return None if self._loaded is None else self._loaded.scene
+        loaded = self._files.loaded
+        return None if loaded is None else loaded.scene
 
     def object_names(self) -> set[str]:
         """Those of the scene's objects, and of those that were added."""
-        loaded = () if self._loaded is None else self._loaded.objects
+        loaded = self._files.loaded
+        objects = () if loaded is None else loaded.objects
         edits = self._exchange.world.edits
-        return {entry.name for entry in loaded} | {edit.name for edit in edits}
+        return {entry.name for entry in objects} | {edit.name for edit in edits}
 
     def add(self, edit: ObjectEdit, direction: tuple[float, float], height: float | None) -> None:
         """Read the mesh of `edit.path` and set it down where (yaw, pitch) in degrees points."""
@@ -352,7 +316,7 @@ class Core:
 
             def finish() -> None:
                 self._problems.pop("mesh", None)
-                self._exchange.change(lambda world: world.edited(added))
+                self._exchange.edit(added.name, lambda _: added)
 
             return finish
 
@@ -360,31 +324,7 @@ class Core:
 
     def save(self) -> None:
         """Write all edits to the scene's file, and go on with what that says then."""
-        scene, edits = self.scene, self._exchange.world.edits
-        if scene is None or not edits:
-            return
-        written = scene
-
-        def job() -> Callable[[], None]:
-            save_edits(written, edits)
-            loaded = load(Scene.open(self._root, allow_outside=self._allow_outside))
-
-            def finish() -> None:
-                self._problems.pop("save", None)
-                self._accept(loaded)
-                self._exchange.change(lambda world: world.without(edits))
-
-            return finish
-
-        self.loader.start(f"saving {scene.name}", job, lambda text: self._remember("save", text))
+        self._files.save()
 
     def _remember(self, key: str, problem: str) -> None:
         self._problems[key] = problem
-
-
-def _same_video(one: Scene, other: Scene) -> bool:
-    """Whether both show the same frames."""
-    return one is other or (
-        one.manifest.video == other.manifest.video
-        and one.manifest.real_materials == other.manifest.real_materials
-    )

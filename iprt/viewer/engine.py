@@ -101,7 +101,7 @@ class Engine:
         self._clock, self._scene = clock, scene
         self._names: set[str] = set()  # of objects that were added; some are not there yet
         playback = Playback(scene.frame_indices[0])
-        self._exchange = Exchange(World(settings or Settings(), playback))
+        self._exchange = Exchange(World(settings or Settings(), playback), clock)
         self._core = Core(self._exchange, scene, device, clock=clock, allow_outside=allow_outside)
         self._thread = threading.Thread(target=self._run, name="iprt viewer", daemon=True)
         self._thread.start()
@@ -218,25 +218,26 @@ class Engine:
     def place(self, name: str, to_world: NDArray[np.float64]) -> int:
         """Put an object elsewhere; (4, 4), its keyframes move it from there."""
         placed = flat(to_world)
-        return self._exchange.change(
-            lambda world: world.edited(replace(world.edit_of(name), to_world=placed))
-        )
+        return self._exchange.edit(name, lambda edit: replace(edit, to_world=placed))
 
     def paint(self, name: str, material: Material) -> int:
         """Make an object of another material, all of it."""
-        return self._exchange.change(
-            lambda world: world.edited(replace(world.edit_of(name), material=material))
-        )
+        return self._exchange.edit(name, lambda edit: replace(edit, material=material))
 
     def remove(self, name: str) -> int:
         """Take an object away."""
-        return self._exchange.change(
-            lambda world: world.edited(replace(world.edit_of(name), removed=True))
-        )
+        return self._exchange.edit(name, lambda edit: replace(edit, removed=True))
 
-    def restore(self, edits: tuple[ObjectEdit, ...]) -> int:
-        """Go back to edits that there were (`World.edits`): undo."""
-        return self._exchange.change(lambda world: replace(world, edits=edits))
+    def undo(self) -> int:
+        """Take the last edit back: a whole gesture, if there was one; none before the last `save`.
+
+        Edits are undone by who asks, whoever made them.
+        """
+        return self._exchange.undo()
+
+    def redo(self) -> int:
+        """Make the edit again that was undone last, if none was made since."""
+        return self._exchange.redo()
 
     def add(
         self,

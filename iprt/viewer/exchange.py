@@ -6,9 +6,12 @@ Of each kind only the newest is kept, so that nothing can pile up.
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+from iprt.scene.edits import ObjectEdit
+from iprt.viewer.history import History
 from iprt.viewer.session import Shown
 from iprt.viewer.state import Request, Status, World
 
@@ -42,7 +45,9 @@ class Wanted:
 class Exchange:
     """What is wanted, and what is shown. Any thread may call any method."""
 
-    def __init__(self, world: World) -> None:
+    def __init__(self, world: World, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
+        self._history = History()
         self._condition = threading.Condition()
         self._number = 0
         self._clients = 0
@@ -88,6 +93,34 @@ class Exchange:
                 self._world, self._world_number = world, self._number
                 self._stir()
             return self._world_number
+
+    def edit(self, name: str, edit: Callable[[ObjectEdit], ObjectEdit]) -> int:
+        """Change the edit of an object, in a way that can be undone; the number of this."""
+
+        def change(world: World) -> World:
+            after = world.edited(edit(world.edit_of(name)))
+            if after != world:
+                self._history.add(world.edits, after.edits, self._clock())
+            return after
+
+        return self.change(change)
+
+    def undo(self) -> int:
+        """Take the last change of edits back; the number of this."""
+        return self.change(lambda world: replace(world, edits=self._history.undo(world.edits)))
+
+    def redo(self) -> int:
+        """Make again what was undone last; the number of this."""
+        return self.change(lambda world: replace(world, edits=self._history.redo(world.edits)))
+
+    def saved(self, edits: tuple[ObjectEdit, ...]) -> int:
+        """The scene's files have these now, and there is no way back; the number of this."""
+
+        def change(world: World) -> World:
+            self._history.clear()
+            return world.without(edits)
+
+        return self.change(change)
 
     @property
     def world(self) -> World:

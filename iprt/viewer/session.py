@@ -41,6 +41,8 @@ class Shown:
         That it took, transfers included.
     device : str
         What rendered it.
+    compiled : bool
+        Kernels were compiled or buffers made for it: the next ones will be quicker.
     """
 
     number: int
@@ -54,6 +56,7 @@ class Shown:
     passes: tuple[PassTime, ...]
     seconds: float
     device: str
+    compiled: bool
 
     @property
     def refined(self) -> bool:
@@ -108,6 +111,7 @@ class Session:
         """
         begin = time.perf_counter()
         built = len(device.built_programs)
+        known = self._canvases[0] if self._canvases else None
         canvas = self._canvas(device, stage, request)
         # Where only other buffers are asked for, nothing needs to be rendered.
         steps = 1 if canvas.rested < request.frames else 0
@@ -132,6 +136,7 @@ class Session:
             tuple(device.profile.passes()),
             time.perf_counter() - begin,
             device.name,
+            canvas is not known or len(device.built_programs) > built,
         )
 
     def _canvas(self, device: ComputeDevice, stage: Stage, request: Request) -> Canvas:

@@ -11,7 +11,7 @@ import pytest
 
 from iprt.device import compute as module
 from iprt.device.compute import ComputeDevice
-from iprt.errors import DeviceLostError
+from iprt.errors import DeviceHangError, DeviceLostError, IprtError
 from iprt.scene.edits import ObjectEdit
 from iprt.scene.scene import Scene
 from iprt.viewer.core import POLL_S
@@ -153,17 +153,39 @@ def test_a_compiler_at_work_is_told(
         assert driver.exchange.status == Status("waiting")
 
 
-class Loses:
+def test_it_is_told_that_a_picture_is_rendered(
+    scene: Scene, device: ComputeDevice, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """From before the first kernel on, and not that one is compiled."""
+    with turns(scene, device) as driver:
+        client = driver.join()
+        driver.answer(client)
+        driver.settle()
+        assert driver.exchange.status.doing == "waiting"
+        told: list[Status] = []
+        launch = module.Kernel.__call__
+
+        def noting(kernel: module.Kernel, *args: Any) -> None:
+            told.append(driver.exchange.status)
+            launch(kernel, *args)
+
+        monkeypatch.setattr(module.Kernel, "__call__", noting)
+        driver.answer(client, driver.ask(client, view=replace(VIEW, yaw_deg=1.0)))
+    assert set(told) == {Status("rendering")}
+
+
+class Fails:
     """Lets launches of the kernel `composite` fail as those of a lost device do."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.times = 0
+        self.error: IprtError = DeviceLostError("the device gave up")
         launch = module.Kernel.__call__
 
         def failing(kernel: module.Kernel, *args: Any) -> None:
             if self.times and kernel._name == "composite":
                 self.times -= 1
-                raise DeviceLostError("the device gave up")
+                raise self.error
             launch(kernel, *args)
 
         monkeypatch.setattr(module.Kernel, "__call__", failing)
@@ -178,16 +200,16 @@ def test_a_lost_device_is_made_anew_once(
         made.append(ComputeDevice(device.device))
         return made[-1]
 
-    loses = Loses(monkeypatch)
+    fails = Fails(monkeypatch)
     with turns(scene, make) as driver:
         client = driver.join()
         first = driver.answer(client)
-        loses.times = 1
+        fails.times = 1
         again = driver.answer(client, driver.ask(client, frames=2))
         assert len(made) == 2
         assert np.array_equal(again.picture.color, first.picture.color)
         assert problems(driver) == ()
-        loses.times = 2
+        fails.times = 2
         driver.ask(client, view=replace(VIEW, yaw_deg=1.0))
         driver.settle()
         (problem,) = problems(driver)
@@ -195,6 +217,34 @@ def test_a_lost_device_is_made_anew_once(
         assert driver.shown(client).request == again.request
         driver.answer(client, driver.ask(client))
         assert problems(driver) == ()
+
+
+def test_a_device_that_hangs_is_left_alone(
+    scene: Scene, device: ComputeDevice, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """No second try of what it hung at, which would take as long; the next request gets another
+    device."""
+    made: list[ComputeDevice] = []
+
+    def make() -> ComputeDevice:
+        made.append(ComputeDevice(device.device))
+        return made[-1]
+
+    fails = Fails(monkeypatch)
+    with turns(scene, make) as driver:
+        client = driver.join()
+        first = driver.answer(client)
+        fails.error, fails.times = DeviceHangError("has not answered for 60 s"), 1
+        driver.ask(client, view=replace(VIEW, yaw_deg=1.0))
+        driver.settle()
+        assert problems(driver) == ("has not answered for 60 s",)
+        assert driver.exchange.status.doing == "waiting"
+        assert (fails.times, len(made)) == (0, 1)
+        assert driver.shown(client) is first
+        again = driver.answer(client, driver.ask(client))
+        assert len(made) == 2
+        assert problems(driver) == ()
+    assert np.array_equal(again.picture.color, first.picture.color)
 
 
 def test_a_device_that_cannot_be_had_is_told(scene: Scene, device: ComputeDevice) -> None:

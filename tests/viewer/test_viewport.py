@@ -17,11 +17,11 @@ from iprt.device.compute import ComputeDevice
 from iprt.errors import IprtError
 from iprt.measure import metrics
 from iprt.renderer import Renderer
-from iprt.scene.camera import View
 from iprt.scene.scene import Scene
 from iprt.viewer.engine import Engine
 from iprt.viewer.lens import Lens
-from iprt.viewer.viewport import Sight, Viewport
+from iprt.viewer.sight import Sight
+from iprt.viewer.viewport import Viewport
 from tests.clips import write_clip
 from tests.viewer.turns import DEADLINE_S, SETTINGS, VIEW
 
@@ -91,20 +91,6 @@ def test_any_size_of_a_window(viewport: Viewport) -> None:
         viewport.resize(width, height)
         sight = until(viewport, lambda s: s.shown.request.view == viewport.view)
         assert sight.pixels.shape == (max(height, 1), max(width, 1), 3)
-
-
-def test_scale_is_what_is_rendered(viewport: Viewport) -> None:
-    viewport.scale = 0.5
-    sight = until(viewport, lambda s: s.pixels.shape == (16, 24, 3))
-    assert (viewport.view.width, viewport.view.height) == (48, 32)
-    # The same places are the same directions.
-    assert viewport.aim(0.25, 0.75) == pytest.approx(aimed(LOOK, 0.25, 0.75))
-    assert sight.shown.request.view.fov_y_deg == LOOK.fov_y_deg
-
-
-def aimed(view: View, x: float, y: float) -> tuple[float, float]:
-    right, up, back = view.unproject(np.array([x * view.width, y * view.height]))
-    return float(np.rad2deg(np.arctan2(right, -back))), float(np.rad2deg(np.arcsin(up)))
 
 
 def test_exposure_renders_nothing_anew(viewport: Viewport, engine: Engine) -> None:
