@@ -10,6 +10,7 @@ import contextlib
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from socket import gethostname
 from typing import TYPE_CHECKING
 
 from iprt.errors import IprtError
@@ -31,17 +32,22 @@ class Address:
     ----------
     url : str
         With the token, if there is one.
-    host : str
-        As it was asked for.
     port : int
     local : bool
         From this machine alone.
     """
 
     url: str
-    host: str
     port: int
     local: bool
+
+    @property
+    def text(self) -> str:
+        """What to tell the user."""
+        if not self.local:
+            return f"open {self.url}"
+        tunnel = f"ssh -L {self.port}:localhost:{self.port} {gethostname()}"
+        return f"open {self.url}\nfrom elsewhere, first: {tunnel}"
 
 
 def serve(

@@ -85,3 +85,12 @@ def on_click(handle: Any, post: Post, do: Callable[[], object]) -> None:
         post(handle, do)
 
     handle.on_click(clicked)
+
+
+def on_trigger(command: Any, post: Post, do: Callable[[], object]) -> None:
+    """Have a command's key do something, by the window's thread."""
+
+    async def triggered(_event: Any) -> None:
+        post(command, do)
+
+    command.on_trigger(triggered)

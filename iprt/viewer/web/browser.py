@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import contextlib
 import logging
 import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,8 @@ from iprt.errors import IprtError
 from iprt.scene.camera import View
 from iprt.viewer.engine import Engine
 from iprt.viewer.objects import ObjectState
-from iprt.viewer.viewport import Readout, Sight, Viewport
+from iprt.viewer.sight import Readout, Sight
+from iprt.viewer.viewport import Viewport
 from iprt.viewer.web.camera import look_of, position_of
 from iprt.viewer.web.gizmo import Gizmo
 from iprt.viewer.web.panels import Panels
@@ -54,6 +55,8 @@ class Browser:
         Where it looks at first.
     objects : tuple of str or None
         Names of the objects that it shows. None: all.
+    uploads : Path
+        Folder for files that its user adds.
 
     Attributes
     ----------
@@ -70,9 +73,14 @@ class Browser:
     """
 
     def __init__(
-        self, engine: Engine, client: Any, view: View, objects: tuple[str, ...] | None
+        self,
+        engine: Engine,
+        client: Any,
+        view: View,
+        objects: tuple[str, ...] | None,
+        uploads: Path,
     ) -> None:
-        self.engine, self.client = engine, client
+        self.engine, self.client, self.uploads = engine, client, uploads
         self.sight: Sight | None = None
         self.selected: str | None = None
         self.snapping = self.aligned = False
@@ -106,6 +114,8 @@ class Browser:
 
     def _camera_came(self, camera: Any) -> None:
         wxyz = tuple(float(value) for value in camera.wxyz)
+        if not np.isfinite([*wxyz, camera.fov]).all():
+            return
         self._camera = Camera(wxyz, camera.fov, camera.image_width, camera.image_height)
         self._wake.set()
 
@@ -185,9 +195,7 @@ class Browser:
             self.engine, view.resized(max(camera.width, 1), max(camera.height, 1)), objects=objects
         )
         try:
-            # A browser that goes is found out by whatever is sent to it next.
-            with contextlib.suppress(RuntimeError):
-                self._serve()
+            self._serve()
         finally:
             self.viewport.close()
 
@@ -207,6 +215,10 @@ class Browser:
                     due_s = time.monotonic() + PANELS_S
             except IprtError as error:
                 self.tell(str(error))
+                busy = False
+            except Exception as error:
+                LOG.error("a defect of iprt", exc_info=error)
+                self.tell(f"a defect of iprt: {type(error).__name__}: {error}")
                 busy = False
             if not busy:
                 waiting = self.engine.status.doing == "waiting"

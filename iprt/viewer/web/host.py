@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import tempfile
 import threading
+from pathlib import Path
+from socket import gethostname
 from typing import Any, Self
 
 import numpy as np
@@ -39,6 +42,7 @@ class Host:
         self._engine, self._view, self._objects = engine, view, objects
         self._browsers: dict[int, Browser] = {}
         self._lock = threading.Lock()
+        self._uploads = tempfile.TemporaryDirectory(prefix="iprt-")
         self._ended = threading.Event()
         if token is not None:
             require_token(token)
@@ -49,7 +53,7 @@ class Host:
             token = new_token()
         gate = Gate(server.page(), port, token)
         self._server = server.start(listening, gate, f"iprt {engine.scene.name}")
-        self.address = Address(_url(bound, port, token), host, port, local)
+        self.address = Address(_url(bound, port, token), port, local)
         self._set_up()
 
     def __enter__(self) -> Self:
@@ -79,6 +83,7 @@ class Host:
         for browser in browsers:
             browser.join(LEAVING_S)
         server.stop(self._server)
+        self._uploads.cleanup()
 
     def _set_up(self) -> None:
         viser, view = self._server, self._view
@@ -95,7 +100,7 @@ class Host:
             with self._lock:
                 if not self._ended.is_set():
                     self._browsers[client.client_id] = Browser(
-                        self._engine, client, view, self._objects
+                        self._engine, client, view, self._objects, Path(self._uploads.name)
                     )
 
         async def went(client: Any) -> None:
@@ -109,8 +114,6 @@ class Host:
 
 
 def _url(bound: str, port: int, token: str | None) -> str:
-    from socket import gethostname
-
     if is_loopback(bound):
         name = "localhost"
     elif bound in ("0.0.0.0", "::"):

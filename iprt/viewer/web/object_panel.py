@@ -14,7 +14,7 @@ from iprt.measure.metrics import srgb_encode
 from iprt.scene.images import decode_srgb
 from iprt.scene.material import Material, MaterialKind
 from iprt.viewer.objects import ObjectState
-from iprt.viewer.web.binding import Binding, on_click
+from iprt.viewer.web.binding import Binding, on_click, on_trigger
 
 if TYPE_CHECKING:
     from iprt.viewer.web.browser import Browser
@@ -32,12 +32,11 @@ class ObjectPanel:
         gui, post = browser.client.gui, browser.post
         self._bindings: list[Binding] = []
         self._known: tuple[str, ...] = ()
-        self._folder = tempfile.TemporaryDirectory(prefix="iprt-")
         with gui.add_folder("Object"):
             self._names = gui.add_dropdown(
                 "Selected", (NONE,), hint="Or click one in the picture; Shift+click puts it there"
             )
-            self._bind(self._names, lambda: browser.selected or NONE, self._select)
+            self._bind(self._names, self._selected, self._select)
             self._edited = [*self._add_place(), *self._add_material()]
             remove = gui.add_button("Remove", icon="trash")
             on_click(remove, post, self._remove)
@@ -52,17 +51,30 @@ class ObjectPanel:
 
         upload.on_upload(uploaded)
         undo = gui.add_button("Undo", icon="arrow-back-up", hint="The last edit, of anybody")
-        on_click(undo, post, lambda: browser.engine.undo())
+        on_click(undo, post, browser.engine.undo)
+        self._add_keys()
         self.sync()
 
-    def close(self) -> None:
-        self._folder.cleanup()
+    def _add_keys(self) -> None:
+        browser, gui = self._browser, self._browser.client.gui
+        keys = (
+            ("Undo", "Z", "cmd/ctrl", browser.engine.undo),
+            ("Redo", "Z", "cmd/ctrl+shift", browser.engine.redo),
+            ("Remove the selected object", "delete", None, self._remove),
+        )
+        for label, key, modifier, do in keys:
+            command = gui.add_command(label, hotkey=key, modifier=modifier)
+            on_trigger(command, browser.post, do)
 
     def _bind(self, handle: Any, read: Any, write: Any) -> None:
         browser = self._browser
         self._bindings.append(Binding(handle, read, write, browser.post, browser.tell))
 
     # Which one --------------------------------------------------------------------------------
+
+    def _selected(self) -> str:
+        name = self._browser.selected
+        return name if name is not None and name in self._known else NONE
 
     def _select(self, name: str) -> None:
         self._browser.selected = None if name == NONE else name
@@ -73,7 +85,8 @@ class ObjectPanel:
 
     def _add(self, name: str, content: bytes) -> None:
         browser = self._browser
-        path = Path(self._folder.name) / (Path(name).name or "mesh")
+        # In a folder of its own: it is read again when the scene is saved.
+        path = Path(tempfile.mkdtemp(dir=browser.uploads)) / (Path(name).name or "mesh")
         if path.suffix.lower() not in MESHES.split(","):
             raise IprtError(f"{path.name}: expected a mesh, one of {MESHES}")
         path.write_bytes(content)
@@ -83,6 +96,8 @@ class ObjectPanel:
         browser = self._browser
         names = tuple(state.name for state in browser.engine.objects)
         if names != self._known:
+            if browser.selected in set(self._known) - set(names):
+                browser.selected = None
             self._known = names
             self._names.options = (NONE, *names)
         shown = browser.selected_state is not None

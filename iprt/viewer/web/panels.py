@@ -87,6 +87,8 @@ class Status:
             rows.append(
                 ("speed", f"{1000 * shown.seconds:.0f} ms per frame{self._rate(shown.step)}")
             )
+            if sight.gave_up:
+                rows.append(("gave up", sight.gave_up))
             if sight.latency_s is not None:
                 frames = sight.latency_frames
                 text = f"{1000 * sight.latency_s:.0f} ms, {frames} frame{'s' * (frames != 1)}"

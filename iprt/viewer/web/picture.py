@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.viewer.viewport import Sight
+from iprt.viewer.sight import Sight
 from iprt.viewer.web.camera import camera_of, quaternion
 
 QUALITY = 88
@@ -41,13 +41,7 @@ class PictureSender:
         self.lossless = False
 
     def follow(self, sight: Sight) -> bool:
-        """Send a picture if the browser does not have it as well as it should; whether it was.
-
-        Raises
-        ------
-        RuntimeError
-            The browser has gone.
-        """
+        """Send a picture if the browser does not have it as well as it should; whether it was."""
         if sight is not self._sent:
             self._send(sight, lossless=sight.shown.refined)
         elif not self.lossless and time.monotonic() - self._sent_s > REST_S:
@@ -68,6 +62,7 @@ class PictureSender:
             )
         self._client.flush()
         # Answered after the picture, as all messages are in order.
-        with contextlib.suppress(TimeoutError):  # a tab that its browser has put to sleep
+        # Never from a tab that its browser has put to sleep, or that is gone.
+        with contextlib.suppress(TimeoutError, RuntimeError):
             self._client.local_storage.get_item("iprt", timeout=ANSWER_S)
         self._sent, self._sent_s, self.lossless = sight, time.monotonic(), lossless

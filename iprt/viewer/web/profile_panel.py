@@ -2,70 +2,75 @@
 
 from __future__ import annotations
 
-from collections import deque
+import time
 from html import escape
-from statistics import median
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from iprt.device.profile import PassTime
+from iprt.viewer.timeline import WHOLE, Timeline, TimelineRow
 
 if TYPE_CHECKING:
     from iprt.viewer.web.browser import Browser
 
-FRAMES = 200
+HEIGHT_PX = 170
+COLORS = ("#868e96", "#4dabf7", "#ffa94d", "#69db7c", "#f783ac", "#ffd43b")
+EVERY_S = 0.5
+"""Between two updates, which are of some size."""
+MOST_PASSES = len(COLORS) - 2
+"""That have a line of their own."""
 
 
 class ProfilePanel:
     """Of the window's thread."""
 
     def __init__(self, browser: Browser) -> None:
-        self._browser = browser
-        self._frames: deque[tuple[int, float, tuple[PassTime, ...]]] = deque(maxlen=FRAMES)
-        gui = browser.client.gui
-        steps = np.arange(2.0)
-        self._plot = gui.add_uplot(
-            (steps, np.zeros(2), np.zeros(2)),
-            ({"label": "frame"}, _series("device", "#4dabf7"), _series("with the host", "#ffa94d")),
+        self._browser, self._gui = browser, browser.client.gui
+        self._timeline = Timeline()
+        self._lines: list[str] = []
+        self._plot = self._gui.add_uplot(
+            (np.arange(2.0), np.zeros(2)),
+            ({"label": "step"}, _line("with the host", 0)),
             title="ms per view frame",
-            height=170,
+            height=HEIGHT_PX,
         )
-        self._table = gui.add_html("")
+        self._table = self._gui.add_html("")
+        self._due_s = 0.0
 
     def sync(self) -> None:
         sight = self._browser.sight
-        if sight is None or (self._frames and self._frames[-1][0] == sight.shown.step):
+        if sight is None or not self._timeline.add(sight.shown) or time.monotonic() < self._due_s:
             return
-        shown = sight.shown
-        self._frames.append((shown.step, 1000.0 * shown.seconds, shown.passes))
-        if len(self._frames) > 1:
-            self._plot.data = (
-                np.array([step for step, _, _ in self._frames], np.float64),
-                np.array([sum(p.ms for p in passes) for _, _, passes in self._frames]),
-                np.array([ms for _, ms, _ in self._frames]),
-            )
-        self._table.content = self._rows()
-
-    def _rows(self) -> str:
-        times: dict[str, list[float]] = {}
-        for _, _, passes in self._frames:
-            for entry in passes:
-                times.setdefault(entry.name, []).append(entry.ms)
-        medians = {name: median(values) for name, values in times.items()}
-        total = sum(medians.values()) or 1.0
-        rows = "".join(
-            f"<tr><td>{escape(name)}</td><td align='right'>{ms:.2f}</td>"
-            f"<td align='right'>{np.percentile(times[name], 95):.2f}</td>"
-            f"<td align='right'>{100 * ms / total:.0f} %</td></tr>"
-            for name, ms in sorted(medians.items(), key=lambda item: -item[1])
+        self._due_s = time.monotonic() + EVERY_S
+        rows, series = self._timeline.table(), self._timeline.series()
+        whole = np.sum(list(series.values()), axis=0)
+        passes = sorted((row for row in rows if row.name != WHOLE), key=lambda row: -row.share)
+        if len(self._lines) < min(len(passes), MOST_PASSES):
+            self._lines = [row.name for row in passes[:MOST_PASSES]]
+            names = ["with the host", WHOLE, *self._lines]
+            lines = [_line(name, number) for number, name in enumerate(names)]
+            self._plot.series = ({"label": "step"}, *lines)
+        self._plot.data = (
+            self._timeline.steps.astype(np.float64),
+            self._timeline.wall_ms,
+            whole,
+            *(series[name] for name in self._lines),
         )
-        head = (
-            "<tr style='opacity:.55'><td>pass</td><td>median ms</td><td>p95</td><td>share</td></tr>"
-        )
-        style = "width:100%;font-size:.8em;padding:.4em"
-        return f"<table class='profile' style='{style}'>{head}{rows}</table>"
+        self._table.content = _table([*rows[-1:], *passes])
 
 
-def _series(label: str, color: str) -> dict[str, object]:
-    return {"label": label, "stroke": color, "width": 1.5, "points": {"show": False}}
+def _line(label: str, number: int) -> dict[str, object]:
+    points = {"show": False}
+    return {"label": label, "stroke": COLORS[number], "width": 1.5, "points": points}
+
+
+def _table(rows: list[TimelineRow]) -> str:
+    names = "".join(f"<td>{name}</td>" for name in ("pass", "median ms", "p95", "share"))
+    lines = "".join(
+        f"<tr><td>{escape(row.name)}</td><td>{row.median_ms:.2f}</td><td>{row.p95_ms:.2f}</td>"
+        f"<td>{100 * row.share:.0f} %</td></tr>"
+        for row in rows
+    )
+    head = f"<tr style='opacity:.55'>{names}</tr>"
+    style = "width:100%;font-size:.8em;padding:.4em;font-variant-numeric:tabular-nums"
+    return f"<table class='profile' style='{style}'>{head}{lines}</table>"

@@ -6,7 +6,7 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from iprt.viewer.web.binding import Binding, on_click
+from iprt.viewer.web.binding import Binding, on_click, on_trigger
 
 if TYPE_CHECKING:
     from iprt.viewer.web.browser import Browser
@@ -23,9 +23,9 @@ class ScenePanel:
         gui, post = browser.client.gui, browser.post
         self._bindings: list[Binding] = []
         scene = engine.scene
-        if scene.views:
-            views = gui.add_dropdown("View", (FREE, *scene.views), hint="The scene's own views")
-            self._bind(views, lambda: browser.viewport.name or FREE, self._go_to)
+        self._names = tuple(scene.views)
+        self._views = gui.add_dropdown("View", (FREE, *self._names), hint="The scene's own views")
+        self._bind(self._views, lambda: browser.viewport.name or FREE, self._go_to)
         everything = gui.add_checkbox(
             "All objects", False, hint="Else those that the view is meant to show"
         )
@@ -60,12 +60,12 @@ class ScenePanel:
             lambda: engine.world.playback.since_s is not None,
             lambda play: engine.play() if play else engine.pause(),
         )
-        gui.add_command("Play or pause", hotkey="K").on_trigger(self._toggled)
+        on_trigger(gui.add_command("Play or pause", hotkey="space"), browser.post, self._toggle)
 
-    async def _toggled(self, _event: Any) -> None:
+    def _toggle(self) -> None:
         engine = self._browser.engine
         playing = engine.world.playback.since_s is not None
-        self._browser.post("play", engine.pause if playing else engine.play)
+        (engine.pause if playing else engine.play)()
 
     def _frame(self) -> int:
         """That is asked for, or in a video that plays, the one that is seen."""
@@ -75,7 +75,7 @@ class ScenePanel:
         return playback.frame
 
     def _go_to(self, name: str) -> None:
-        if name != FREE:
+        if name in self._browser.engine.scene.views:
             self._browser.go_to(name)
 
     def _show_all(self, everything: bool) -> None:
@@ -93,5 +93,9 @@ class ScenePanel:
             browser.client.send_file_download(name, path.read_bytes(), save_immediately=True)
 
     def sync(self) -> None:
+        names = tuple(self._browser.engine.scene.views)
+        if names != self._names:
+            self._names = names
+            self._views.options = (FREE, *names)
         for binding in self._bindings:
             binding.sync()

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from iprt.viewer.web.browser import Browser
 
 OWN = "own"
+MOST_FPS = 240
 STEPS = 200
 """Of a slider of numbers that are not whole."""
 
@@ -37,6 +38,16 @@ class SettingsPanel:
         )
         self._bind(preset, self._quality, self._go_to)
         self._about = self._gui.add_markdown("")
+        rate = self._gui.add_number(
+            "Frame rate",
+            0,
+            min=0,
+            max=MOST_FPS,
+            step=1,
+            hint="Frames per second to hold while something moves, at the cost of resolution and "
+            "rays; 0: give up nothing. Of this window",
+        )
+        self._bind(rate, lambda: round(browser.viewport.target_fps or 0.0), self._hold)
         for group in control_groups():
             with self._gui.add_folder(group.name or "general", expand_by_default=False):
                 for control in group.controls:
@@ -67,6 +78,9 @@ class SettingsPanel:
     def _go_to(self, quality: Any) -> None:
         if quality != OWN:
             self._engine.set_settings(with_preset(self._engine.world.settings, quality))
+
+    def _hold(self, fps: int) -> None:
+        self._browser.viewport.target_fps = float(fps) if fps > 0 else None
 
     def _get(self, key: str) -> Any:
         return value_of(self._engine.world.settings, key)

@@ -204,7 +204,8 @@ def test_an_object_is_moved(place: Place) -> None:
     dropped = np.reshape(np.array(place.engine.world.edits[0].to_world), (4, 4))
     assert browser.viewport.view.project(dropped[:3, 3])[0] == pytest.approx(40.0, abs=12.0)
     assert dropped[1, 3] < before[1, 3]
-    place.engine.restore(())
+    place.engine.undo()
+    until(lambda: place.engine.world.edits == (), "it is not undone")
     place.leave(visitor)
 
 
