@@ -29,8 +29,9 @@ POLL_S, REST_POLL_S = 0.008, 0.05
 """Between two looks for a picture, while there is something to wait for, and else."""
 PANELS_S = 0.1
 """Between two updates of the panels."""
-SETTLE_S = 2.0
-"""Longest time that a browser takes to follow where it is told to look."""
+SETTLE_S, AGAIN_S = 6.0, 0.5
+"""Longest time that a browser takes to look where it is told to. It is told so often meanwhile:
+what comes while its page is still being made is lost."""
 SAME_DEG = 1e-4
 
 
@@ -90,7 +91,8 @@ class Browser:
         self._todo: dict[object, Callable[[], object]] = {}
         self._camera: Camera | None = None
         self._followed: Camera | None = None
-        self._told: tuple[View, float] | None = None
+        self._told: View | None = None
+        self._told_s = self._again_s = 0.0
         self._camera_came(client.camera)
         self._thread = threading.Thread(
             target=self._run, name=f"iprt browser {client.client_id}", daemon=True
@@ -128,8 +130,15 @@ class Browser:
     def go_to(self, name: str) -> None:
         """Look as a view of the scene does."""
         self.viewport.go_to(name)
-        view = self.viewport.view
-        self._told = view, time.monotonic() + SETTLE_S
+        self._direct(self.viewport.view)
+
+    def _direct(self, view: View) -> None:
+        """Have the browser look so."""
+        self._told, self._told_s = view, time.monotonic()
+        self._tell_camera(view)
+
+    def _tell_camera(self, view: View) -> None:
+        self._again_s = time.monotonic() + AGAIN_S
         camera = self.client.camera
         with self.client.atomic():
             camera.fov = float(np.deg2rad(view.fov_y_deg))
@@ -188,7 +197,6 @@ class Browser:
 
     def _run(self) -> None:
         view, objects = self._start
-        self._told = view, time.monotonic() + SETTLE_S
         camera = self._camera
         assert camera is not None
         self.viewport = Viewport(
@@ -200,6 +208,7 @@ class Browser:
             self.viewport.close()
 
     def _serve(self) -> None:
+        self._direct(self.viewport.view)
         self._sender, self.gizmo = PictureSender(self.client), Gizmo(self)
         panels = Panels(self)
         self._listen()
@@ -252,9 +261,11 @@ class Browser:
         viewport.resize(camera.width, camera.height)
         view = look_of(viewport.view, np.array(camera.wxyz), camera.fov)
         if self._told is not None:
-            told, until_s = self._told
             # Where it looked before it heard is not news.
-            if not _same(view, told) and time.monotonic() < until_s:
+            now = time.monotonic()
+            if not _same(view, self._told) and now < self._told_s + SETTLE_S:
+                if now > self._again_s:
+                    self._tell_camera(self._told)
                 return
             self._told = None
         self._followed = camera

@@ -24,8 +24,8 @@ FLAGS = [
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
 ]
-SIZE = (540, 560)
-"""Of the browser's window: a picture of 200 x 560 pixels beside the panels."""
+SIZE = (500, 240)
+"""Of the browser's window: a picture of 160 x 240 pixels beside the panels."""
 
 TEXTURE = """() => {
     const image = __viserMutable.backgroundMaterial.uniforms.colorMap.value.image;
@@ -34,6 +34,13 @@ TEXTURE = """() => {
     context.drawImage(image, 0, 0);
     return [image.width, image.height, Array.from(context.getImageData(0, 0, image.width,
         image.height).data)];
+}"""
+FORWARD = """() => {
+    const { camera, nodePoseData } = __viserMutable;
+    const [w, x, y, z] = nodePoseData[""].wxyz;
+    const root = camera.quaternion.clone().set(x, y, z, w).invert();
+    const at = camera.position.clone().set(0, 0, -1).applyQuaternion(camera.quaternion);
+    return [...at.applyQuaternion(root).toArray(), camera.fov];
 }"""
 PROJECT = """(point) => {
     const { camera, nodePoseData } = __viserMutable;
@@ -83,6 +90,10 @@ class Visitor:
     def project(self, point: NDArray[np.float64]) -> NDArray[np.float64]:
         """Where the browser draws a point: shares of the picture's width and height."""
         return np.array(self.page.evaluate(PROJECT, [float(value) for value in point]))
+
+    def looks(self) -> NDArray[np.float64]:
+        """Where the browser's camera looks: unit direction, and field of view in degrees."""
+        return np.array(self.page.evaluate(FORWARD))
 
     def canvas(self) -> tuple[float, float]:
         """Width and height in pixels."""
