@@ -36,7 +36,9 @@ def main() -> None:
 
         device = choose_device()
         engine = Engine(scene, lambda: ComputeDevice(device, limit_s=600.0))
-        app = App(engine, view, objects=entry.objects, folder=FOLDER, frames=FRAMES)
+        app = App(
+            engine, view, objects=entry.objects, target_fps=None, folder=FOLDER, frames=FRAMES
+        )
         app.desk.selected = "pot"
         screen = Screen(display)
         screen.move(SIZE[0] - 20, SIZE[1] - 20)

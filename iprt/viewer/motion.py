@@ -19,14 +19,18 @@ class Motion:
 
     Parameters
     ----------
+    target_fps : float or None
+        See the property.
     clock : callable
         Seconds.
     """
 
-    def __init__(self, clock: Callable[[], float] = time.perf_counter) -> None:
+    def __init__(
+        self, target_fps: float | None, clock: Callable[[], float] = time.perf_counter
+    ) -> None:
         self._clock = clock
         self._stirred_s = -REST_S
-        self._target_fps: float | None = None
+        self._target_fps = target_fps
         self._pace: Pace | None = None
         self._usual_s: float | None = None  # of a frame of which nothing is given up
 

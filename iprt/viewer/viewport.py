@@ -44,6 +44,8 @@ class Viewport:
         Where it looks at first; its size is that of the window, in pixels.
     objects : tuple of str or None
         Names of the objects that it shows. None: all.
+    target_fps : float or None
+        See the property.
     frames : int
         View frames to which a picture at rest is refined.
 
@@ -61,12 +63,13 @@ class Viewport:
         view: View,
         *,
         objects: tuple[str, ...] | None = None,
+        target_fps: float | None = None,
         frames: int = REST_FRAMES,
     ) -> None:
         self._engine = engine
         self.view, self.name = view, self._name_of(view)
         self._objects, self._frames = objects, frames
-        self._lens, self._motion = Lens(), Motion()
+        self._lens, self._motion = Lens(), Motion(target_fps)
         self._rung: Rung | None = None  # that was asked for last
         self._edits = engine.world.edits
         self._developer = Developer()

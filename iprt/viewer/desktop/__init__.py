@@ -19,6 +19,7 @@ def run(
     view: View,
     *,
     objects: tuple[str, ...] | None = None,
+    target_fps: float | None = None,
     folder: Path | None = None,
     frames: int = REST_FRAMES,
 ) -> None:
@@ -32,6 +33,8 @@ def run(
         Where to look at first; its size is that of the window.
     objects : tuple of str or None
         Names of the objects to show at first. None: all.
+    target_fps : float or None
+        Frames per second to hold in motion; see `Viewport.target_fps`.
     folder : Path or None
         Where screenshots go; the current one by default.
     frames : int
@@ -48,7 +51,14 @@ def run(
         raise IprtError(
             f"the viewer needs what is not installed ({error.name}); pip install 'iprt[view]'"
         ) from error
-    app = App(engine, view, objects=objects, folder=folder or Path.cwd(), frames=frames)
+    app = App(
+        engine,
+        view,
+        objects=objects,
+        target_fps=target_fps,
+        folder=folder or Path.cwd(),
+        frames=frames,
+    )
     try:
         app.run()
     finally:

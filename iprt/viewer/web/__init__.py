@@ -55,6 +55,7 @@ def serve(
     view: View,
     *,
     objects: tuple[str, ...] | None = None,
+    target_fps: float | None = None,
     host: str = "127.0.0.1",
     port: int = PORT,
     token: str | None = None,
@@ -70,6 +71,8 @@ def serve(
         Where browsers look at first; they have sizes of their own.
     objects : tuple of str or None
         Names of the objects that they show at first. None: all.
+    target_fps : float or None
+        Frames per second to hold in motion; see `Viewport.target_fps`.
     host : str
         Address to listen at. If others than this machine can reach it, they need the token.
     port : int
@@ -93,6 +96,8 @@ def serve(
     with warnings.catch_warnings(), contextlib.suppress(KeyboardInterrupt):
         # Browsers go at any moment; what is on its way to them then is lost, and is to be.
         warnings.filterwarnings("ignore", "Queued a .* on a closed connection", UserWarning)
-        with Host(engine, view, objects, host=host, port=port, token=token) as hosting:
+        with Host(
+            engine, view, objects, target_fps=target_fps, host=host, port=port, token=token
+        ) as hosting:
             ready(hosting.address)
             hosting.wait()

@@ -52,10 +52,9 @@ class Browser:
     ----------
     engine : Engine
     client : viser.ClientHandle
-    view : View
-        Where it looks at first.
-    objects : tuple of str or None
-        Names of the objects that it shows. None: all.
+    start : View, tuple of str or None, float or None
+        Where it looks at first, names of the objects that it shows (None: all), and frames per
+        second to hold in motion.
     uploads : Path
         Folder for files that its user adds.
 
@@ -77,8 +76,7 @@ class Browser:
         self,
         engine: Engine,
         client: Any,
-        view: View,
-        objects: tuple[str, ...] | None,
+        start: tuple[View, tuple[str, ...] | None, float | None],
         uploads: Path,
     ) -> None:
         self.engine, self.client, self.uploads = engine, client, uploads
@@ -86,7 +84,7 @@ class Browser:
         self.selected: str | None = None
         self.snapping = self.aligned = False
         self.read: str | None = None
-        self._start = view, objects
+        self._start = start
         self._closed, self._wake = False, threading.Event()
         self._todo: dict[object, Callable[[], object]] = {}
         self._camera: Camera | None = None
@@ -196,11 +194,14 @@ class Browser:
             self.tell("there is no surface: the video shows open sky there")
 
     def _run(self) -> None:
-        view, objects = self._start
+        view, objects, target_fps = self._start
         camera = self._camera
         assert camera is not None
         self.viewport = Viewport(
-            self.engine, view.resized(max(camera.width, 1), max(camera.height, 1)), objects=objects
+            self.engine,
+            view.resized(max(camera.width, 1), max(camera.height, 1)),
+            objects=objects,
+            target_fps=target_fps,
         )
         try:
             self._serve()

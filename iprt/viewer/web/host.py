@@ -35,11 +35,13 @@ class Host:
         view: View,
         objects: tuple[str, ...] | None,
         *,
+        target_fps: float | None = None,
         host: str,
         port: int,
         token: str | None,
     ) -> None:
-        self._engine, self._view, self._objects = engine, view, objects
+        self._engine, self._view = engine, view
+        self._start = view, objects, target_fps
         self._browsers: dict[int, Browser] = {}
         self._lock = threading.Lock()
         self._uploads = tempfile.TemporaryDirectory(prefix="iprt-")
@@ -100,7 +102,7 @@ class Host:
             with self._lock:
                 if not self._ended.is_set():
                     self._browsers[client.client_id] = Browser(
-                        self._engine, client, view, self._objects, Path(self._uploads.name)
+                        self._engine, client, self._start, Path(self._uploads.name)
                     )
 
         async def went(client: Any) -> None:

@@ -163,7 +163,9 @@ def opened(
     patch.setattr(app_module, "IDLE_S", 0.005)
     engine = Engine(scene, lambda: device, SETTINGS)
     view = scene.views["ahead"].view
-    app = App(engine, view.resized(800, 600), objects=None, folder=folder, frames=FRAMES)
+    app = App(
+        engine, view.resized(800, 600), objects=None, target_fps=None, folder=folder, frames=FRAMES
+    )
     screen = Screen(display)
     user = User(app, screen, folder)
     _note_places(patch, user.places)
