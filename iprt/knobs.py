@@ -42,7 +42,9 @@ class Knob:
     help : str
         Meaning, unit and consequence.
     allowed : str
-        Its type and bounds in words.
+        Its type, bounds and unit in words.
+    schema : mapping
+        The JSON schema of its values.
     """
 
     key: str
@@ -50,6 +52,7 @@ class Knob:
     default: Any
     help: str
     allowed: str
+    schema: Schema
 
 
 @dataclass(frozen=True)
@@ -81,11 +84,22 @@ def resolved(quality: Quality, assignments: Iterable[Assignment] = ()) -> Settin
     IprtError
         A key is no knob, or a value is of the wrong type or out of its bounds.
     """
-    # All of them, as a group's default may differ from its fields' own.
-    values = dict(_flat(Settings().model_dump(mode="json")))
-    sources: dict[str, str] = {}
     preset = [Assignment(k, v, f"preset {quality}: {k}") for k, v in PRESETS[quality].items()]
-    for item in (*preset, *assignments):
+    return assigned(Settings(), (*preset, *assignments))
+
+
+def assigned(settings: Settings, assignments: Iterable[Assignment]) -> Settings:
+    """The settings with `assignments`, of which later ones win.
+
+    Raises
+    ------
+    IprtError
+        As `resolved`.
+    """
+    # All of them, as a group's default may differ from its fields' own.
+    values = plain_values(settings)
+    sources: dict[str, str] = {}
+    for item in assignments:
         _require_knob(item)
         values[item.key], sources[item.key] = item.value, item.source
     try:
@@ -97,8 +111,13 @@ def resolved(quality: Quality, assignments: Iterable[Assignment] = ()) -> Settin
 
 def changed(settings: Settings, values: Mapping[str, Any]) -> Settings:
     """The settings with other values, by key, which are allowed ones."""
-    now = dict(_flat(settings.model_dump(mode="json")))
-    return Settings.model_validate_json(json.dumps(_nested({**now, **values})), strict=True)
+    now = {**plain_values(settings), **values}
+    return Settings.model_validate_json(json.dumps(_nested(now)), strict=True)
+
+
+def plain_values(settings: Settings) -> dict[str, Any]:
+    """The value of every knob, as plain data."""
+    return dict(_flat(settings.model_dump(mode="json")))
 
 
 def read_settings(path: Path) -> list[Assignment]:
@@ -151,7 +170,7 @@ def plain_value(text: str) -> Any:
 
 def settings_toml(settings: Settings, title: str) -> str:
     """A file that sets every knob to its value in `settings`, with comments to edit it by."""
-    values = dict(_flat(settings.model_dump(mode="json")))
+    values = plain_values(settings)
     lines, group = [f"# {title}", ""], ""
     for knob in knobs().values():
         if knob.group != group:
@@ -244,13 +263,13 @@ def _walk_group(
             inner.append((schema, definitions, defaults[field], key, summary))
         else:
             help_text = schema.get("description", "")
-            yield Knob(key, name, defaults[field], help_text, allowed(schema)), about
+            yield Knob(key, name, defaults[field], help_text, allowed(schema), schema), about
     for arguments in inner:
         yield from _walk_group(*arguments)
 
 
 def allowed(schema: Schema) -> str:
-    """Type and bounds of a JSON schema in words."""
+    """Type, bounds and unit of a JSON schema in words."""
     if "anyOf" in schema:
         return " or ".join(allowed(option) for option in schema["anyOf"])
     if "const" in schema:
@@ -264,7 +283,8 @@ def allowed(schema: Schema) -> str:
         return f"a list of [{inside}]"
     words = {"boolean": "true or false", "integer": "a whole number", "number": "a number"}
     if kind in ("integer", "number"):
-        return words[kind] + _bounds(schema)
+        unit = f" {schema['unit']}" if "unit" in schema else ""
+        return words[kind] + _bounds(schema) + unit
     return words.get(str(kind), "nothing" if kind == "null" else "a text")
 
 

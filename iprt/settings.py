@@ -40,6 +40,7 @@ class TraceSettings(BaseModel):
         ge=1,
         le=1024,
         description="Rays per traced pixel of real surfaces and frame; noise ∝ 1/√rays.",
+        json_schema_extra={"unit": "rays"},
     )
     object_rays: int = Field(
         default=4,
@@ -47,6 +48,7 @@ class TraceSettings(BaseModel):
         le=1024,
         description="The same for pixels of objects in their first eight frames; a quarter later, "
         "up to four times as many at their edges.",
+        json_schema_extra={"unit": "rays"},
     )
     bounces: int = Field(
         default=4,
@@ -58,7 +60,8 @@ class TraceSettings(BaseModel):
         default=0.05,
         ge=0.0,
         le=10.0,
-        description="Least thickness of real surfaces in metres, in a room (median depth 2 m).",
+        description="Least thickness of real surfaces, in a room (median depth 2 m).",
+        json_schema_extra={"unit": "m"},
     )
     thickness_ratio: float = Field(
         default=0.05,
@@ -92,6 +95,7 @@ class TraceSettings(BaseModel):
         le=2048,
         description="Rows of the panorama that holds such shadows where the view does not show "
         "them.",
+        json_schema_extra={"unit": "rows"},
     )
 
 
@@ -106,6 +110,7 @@ class GlossSettings(BaseModel):
         le=4096,
         description="Rays per glossy texel, once per video frame, that find the highlight to take "
         "off.",
+        json_schema_extra={"unit": "rays"},
     )
 
 

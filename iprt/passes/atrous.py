@@ -28,6 +28,7 @@ class AtrousSettings(BaseModel):
         le=5,
         description="Levels: taps reach 2^levels - 1 pixels on real surfaces, 31 at 5, twice as "
         "far on objects; 0 leaves the noise.",
+        json_schema_extra={"unit": "levels"},
     )
     normal_sharpness: float = Field(
         default=24.0,
@@ -47,6 +48,7 @@ class AtrousSettings(BaseModel):
         le=100.0,
         description="Differences of so many standard deviations count as noise; lower keeps more "
         "detail and more noise.",
+        json_schema_extra={"unit": "σ"},
     )
     floor: float = Field(
         default=0.002,

@@ -43,21 +43,28 @@ class IrradianceSettings(BaseModel):
         ge=16,
         le=2048,
         description="Rows of the grid around the capture centre; it has twice as many columns.",
+        json_schema_extra={"unit": "rows"},
     )
     first_rays: int = Field(
-        default=8, ge=1, le=4096, description="Rays with which a cell starts when it is needed."
+        default=8,
+        ge=1,
+        le=4096,
+        description="Rays with which a cell starts when it is needed.",
+        json_schema_extra={"unit": "rays"},
     )
     rays: int = Field(
         default=4,
         ge=1,
         le=1024,
         description="Further rays per cell and frame, where objects have influence.",
+        json_schema_extra={"unit": "rays"},
     )
     samples: int = Field(
         default=256,
         ge=1,
         le=2**20,
         description="Rays after which a cell is not refined further; noise of E_R ∝ 1/√samples.",
+        json_schema_extra={"unit": "rays"},
     )
 
 

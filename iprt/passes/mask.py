@@ -32,7 +32,8 @@ class MaskSettings(BaseModel):
         default=10.0,
         ge=0.0,
         le=1e4,
-        description="σ_p of Eq. 3 in 1/m: higher traces more pixels (1000 is nearly all of them).",
+        description="σ_p of Eq. 3: higher traces more pixels (1000 is nearly all of them).",
+        json_schema_extra={"unit": "1/m"},
     )
     low: float = Field(
         default=0.3, gt=0.0, le=1.0, description="δ1 of Eq. 4: below, one ray for 16 pixels."

@@ -80,15 +80,17 @@ class TemporalSettings(BaseModel):
         default=2.0,
         gt=0.0,
         le=10.0,
-        description="Half width of the clamping box in deviations; lower: less ghosting, more "
-        "noise.",
+        description="Half width of the clamping box in standard deviations; lower: less ghosting, "
+        "more noise.",
+        json_schema_extra={"unit": "σ"},
     )
     antilag_sigma: float = Field(
         default=3.0,
         gt=0.0,
         le=100.0,
-        description="Differences between fast and slow history up to so many deviations count as "
-        "noise; lower: quicker, noisier.",
+        description="Differences between fast and slow history up to so many standard deviations "
+        "count as noise; lower: quicker, noisier.",
+        json_schema_extra={"unit": "σ"},
     )
     enough: float = Field(
         default=1.5,
@@ -96,6 +98,7 @@ class TemporalSettings(BaseModel):
         le=100.0,
         description="Diffuse light of pixels whose history is worth fewer samples is mixed with "
         "that of neighbours up to 28 pixels away, or 1/18 of the picture; 0: never.",
+        json_schema_extra={"unit": "samples"},
     )
 
 

@@ -17,12 +17,13 @@ from iprt.scene.objects import SceneObject, objects_at
 from iprt.scene.placement import RealSurfaces, bounds, set_down
 from iprt.scene.scene import Scene
 from iprt.settings import Settings
+from iprt.viewer.canvas import Stage
 from iprt.viewer.exchange import Asked, Exchange, Wanted
 from iprt.viewer.feed import Feed
 from iprt.viewer.files import POLL_S, Loaded, SceneFiles
 from iprt.viewer.loading import Loader
 from iprt.viewer.objects import ObjectState, object_states
-from iprt.viewer.session import Session, Stage
+from iprt.viewer.session import Session
 from iprt.viewer.state import Doing, Playback, World
 
 LOG = logging.getLogger("iprt.viewer")

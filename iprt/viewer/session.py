@@ -1,4 +1,4 @@
-"""What one client sees: a renderer that follows the newest request, and starts anew if it must."""
+"""What one client sees: renderers that follow the newest request."""
 
 from __future__ import annotations
 
@@ -6,43 +6,15 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from iprt.device.compute import ComputeDevice
 from iprt.device.profile import PassTime
-from iprt.errors import SceneError
-from iprt.memory import require_memory
-from iprt.renderer import RenderedFrame, Renderer
-from iprt.scene.footage import Footage
-from iprt.scene.frame import Frame
-from iprt.scene.mesh import Instance, require_same_objects, same_places
-from iprt.scene.objects import SceneObject
-from iprt.settings import Settings
-from iprt.viewer.convergence import Convergence
+from iprt.renderer import RenderedFrame
+from iprt.viewer.canvas import Canvas, Stage, Wanted
 from iprt.viewer.geometry import Geometry
 from iprt.viewer.state import Request
-
-
-@dataclass(frozen=True, eq=False)
-class Stage:
-    """All that there is to see; another one as soon as anything of it changes.
-
-    Attributes
-    ----------
-    number : int
-        Of the newest change to the world that it shows.
-    frame : Frame
-    objects : tuple of SceneObject
-    instances : tuple of Instance
-        The objects, where they are in that frame.
-    footage : Footage
-    settings : Settings
-    """
-
-    number: int
-    frame: Frame
-    objects: tuple[SceneObject, ...]
-    instances: tuple[Instance, ...]
-    footage: Footage
-    settings: Settings
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,8 +32,10 @@ class Shown:
     frame : int
         Number of the video's frame.
     picture : RenderedFrame
+    pose : (4, 4) float64 or None
+        World from the capture centre's axes; None: they are the same.
     geometry : Geometry or None
-        If it was asked for.
+        If it was asked for, at rest.
     frames : int
         View frames for which nothing has moved, this one included: what the picture is a mean of.
     noise : float or None
@@ -72,6 +46,8 @@ class Shown:
         That it took, transfers included.
     device : str
         What rendered it.
+    compiled : bool
+        Kernels were compiled or buffers made for it: the next ones will be quicker.
     """
 
     number: int
@@ -79,17 +55,24 @@ class Shown:
     request: Request
     frame: int
     picture: RenderedFrame
+    pose: NDArray[np.float64] | None
     geometry: Geometry | None
     frames: int
     noise: float | None
     passes: tuple[PassTime, ...]
     seconds: float
     device: str
+    compiled: bool
 
     @property
     def refined(self) -> bool:
         """It stays as it is until something else is asked for."""
         return self.frames >= self.request.frames
+
+
+KEPT = 2
+"""Renderers that a session keeps: of the picture in motion and of that at rest, which may differ in
+size and knobs."""
 
 
 class Session:
@@ -104,16 +87,10 @@ class Session:
 
     def __init__(self, compiling: Callable[[str | None], None]) -> None:
         self._compiling = compiling
-        self._renderer: Renderer | None = None
-        self._device: ComputeDevice | None = None
-        self._footage: Footage | None = None
+        self._canvases: list[Canvas] = []  # the last one used comes first
         self._shown_stage: Stage | None = None
         self._shown_number: int | None = None
-        self._geometry: Geometry | None = None
-        self._convergence = Convergence()
         self._steps = 0
-        self._rested = 0
-        self._moved = False  # since the renderer was made
 
     def behind(self, stage: Stage, number: int) -> bool:
         """The last picture is not of this stage, or not of the request with this number."""
@@ -121,14 +98,14 @@ class Session:
 
     def unrefined(self, request: Request) -> bool:
         """The picture would gain from another view frame, as far as was asked for."""
-        return self._rested < request.frames
+        return not self._canvases or self._canvases[0].rested < request.frames
 
     def close(self) -> None:
-        """Release the renderer; the next `render` makes another."""
-        renderer, self._renderer = self._renderer, None
-        self._device = self._shown_stage = self._shown_number = self._geometry = None
-        if renderer is not None:
-            renderer.close()
+        """Release the renderers; the next `render` makes others."""
+        for canvas in self._canvases:
+            canvas.close()
+        self._canvases.clear()
+        self._shown_stage = self._shown_number = None
 
     def render(self, device: ComputeDevice, stage: Stage, number: int, request: Request) -> Shown:
         """A view frame of what is wanted now, on top of those before, where these are still true.
@@ -140,24 +117,18 @@ class Session:
         """
         begin = time.perf_counter()
         built = len(device.built_programs)
-        renderer = self._follow(device, stage, request)
-        # A fresh renderer that nothing disturbs averages all frames. What was accumulated in
-        # motion is blurred by it, and must go: until the frames at rest weigh as much, as in
-        # motion, and then by their plain mean, so that nothing jumps.
-        at_rest = 1.0 / (self._rested + 1) if self._moved else 0.0
-        renderer.fading = min(renderer.settings.fading, at_rest)
+        known = self._canvases[0] if self._canvases else None
+        canvas = self._canvas(device, stage, request)
         # Where only other buffers are asked for, nothing needs to be rendered.
-        steps = 1 if self._rested < max(request.frames, 1) else 0
+        steps = 1 if canvas.rested < request.frames else 0
         if len(device.built_programs) == built:
             self._compiling(None)  # else drivers compile at the first launch
         device.profile.reset()
-        picture = renderer.render(steps, request.aovs)
-        if request.geometry and (self._geometry is None or self._rested == 0):
-            self._geometry = Geometry.of(renderer, renderer.instances)
+        picture = canvas.paint(steps, request.aovs)
+        geometry = canvas.geometry(request.frames) if request.geometry else None
         device.finish()
         self._compiling(None)
         self._steps += steps
-        self._rested += steps
         self._shown_stage, self._shown_number = stage, number
         return Shown(
             max(stage.number, number),
@@ -165,81 +136,32 @@ class Session:
             request,
             stage.frame.index,
             picture,
-            self._geometry if request.geometry else None,
-            self._rested,
-            self._convergence.add(self._rested, picture.color),
+            stage.frame.pose,
+            geometry,
+            canvas.rested,
+            canvas.noise,
             tuple(device.profile.passes()),
             time.perf_counter() - begin,
             device.name,
+            canvas is not known or len(device.built_programs) > built,
         )
 
-    def _follow(self, device: ComputeDevice, stage: Stage, request: Request) -> Renderer:
-        """The renderer, brought to what is wanted: the same one if it can go there."""
-        wanted = stage.instances
+    def _canvas(self, device: ComputeDevice, stage: Stage, request: Request) -> Canvas:
+        """One that shows what is wanted: one that was kept, if it can go there."""
+        instances = stage.instances
         if request.objects is not None:
-            wanted = tuple(i for i in wanted if i.name in request.objects)
-        settings = stage.settings
-        if request.method is not None:
-            settings = settings.model_copy(update={"method": request.method})
-        renderer = self._renderer
-        if renderer is None or not self._serves(device, stage, request, wanted, settings):
-            return self._renewed(device, stage, request, wanted, settings)
-        changed = False
-        if stage.frame is not renderer.frame:
-            renderer.load(stage.frame)
-            changed = True
-        if not same_places(renderer.instances, wanted):
-            renderer.move(wanted)
-            changed = True
-        if request.view != renderer.view:
-            renderer.look(request.view)
-            changed = True
-        if changed:
-            self._rested, self._moved, self._geometry = 0, True, None
-        return renderer
-
-    def _serves(
-        self,
-        device: ComputeDevice,
-        stage: Stage,
-        request: Request,
-        instances: tuple[Instance, ...],
-        settings: Settings,
-    ) -> bool:
-        """Whether the renderer can go on: what it cannot follow needs other kernels or buffers."""
-        renderer = self._renderer
-        assert renderer is not None
-        now, then = request.view, renderer.view
-        if (now.width, now.height, now.projection) != (then.width, then.height, then.projection):
-            return False
-        if device is not self._device or settings != renderer.settings:
-            return False
-        if stage.footage != self._footage or not _same_kind(stage.frame, renderer.frame):
-            return False
-        try:
-            require_same_objects(renderer.instances, instances)
-        except SceneError:
-            return False
-        return True
-
-    def _renewed(
-        self,
-        device: ComputeDevice,
-        stage: Stage,
-        request: Request,
-        instances: tuple[Instance, ...],
-        settings: Settings,
-    ) -> Renderer:
-        self.close()
-        given = (device, stage.frame, instances, request.view, settings)
-        require_memory(*given, stage.footage)
-        self._renderer = Renderer(*given, footage=stage.footage)
-        self._device, self._footage = device, stage.footage
-        self._rested, self._moved = 0, False
-        return self._renderer
-
-
-def _same_kind(now: Frame, then: Frame) -> bool:
-    """Whether a renderer of one frame can load the other."""
-    size = (now.width, now.height) == (then.width, then.height)
-    return size and (now.pose is None) == (then.pose is None)
+            instances = tuple(i for i in instances if i.name in request.objects)
+        wanted = Wanted(stage, instances, request.view, request.settings or stage.settings)
+        for canvas in self._canvases:
+            if canvas.serves(device, wanted):
+                self._canvases.remove(canvas)
+                self._canvases.insert(0, canvas)
+                canvas.follow(wanted)
+                return canvas
+        # Only what differs in size and knobs may be wanted again.
+        for canvas in self._canvases[KEPT - 1 :]:
+            canvas.close()
+        del self._canvases[KEPT - 1 :]
+        canvas = Canvas(device, wanted)
+        self._canvases.insert(0, canvas)
+        return canvas

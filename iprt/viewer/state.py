@@ -7,7 +7,7 @@ from typing import Literal
 
 from iprt.scene.camera import View
 from iprt.scene.edits import ObjectEdit
-from iprt.settings import Method, Settings
+from iprt.settings import Settings
 
 REST_FRAMES = 64
 """View frames to which a picture at rest is refined, as `iprt render` does with stills."""
@@ -23,8 +23,8 @@ class Request:
         Where it looks, in the world, and how large the picture is.
     objects : tuple of str or None
         Names of the objects that it shows. None: all.
-    method : {"iprt", "ibl"} or None
-        In place of that of the settings, to compare with.
+    settings : Settings or None
+        In place of the world's: to be quicker for a while, or to compare with.
     aovs : tuple of str
         Auxiliary pictures that come with the picture, of `iprt.aovs.AOVS`.
     geometry : bool
@@ -35,7 +35,7 @@ class Request:
 
     view: View
     objects: tuple[str, ...] | None = None
-    method: Method | None = None
+    settings: Settings | None = None
     aovs: tuple[str, ...] = ()
     geometry: bool = True
     frames: int = REST_FRAMES

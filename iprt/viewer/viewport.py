@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from iprt.errors import IprtError
 from iprt.output.atomic import require_writable
@@ -20,70 +19,16 @@ from iprt.scene.placement import set_on
 from iprt.scene.pose import view_from
 from iprt.viewer.developer import Developer
 from iprt.viewer.engine import Client, Engine
+from iprt.viewer.ladder import Rung
 from iprt.viewer.lens import BUFFERS, Lens
+from iprt.viewer.motion import Motion
 from iprt.viewer.session import Shown
+from iprt.viewer.sight import Readout, Sight
 from iprt.viewer.state import REST_FRAMES, Request
-from iprt.viewer.tone import Bytes
 
 MIN_FOV_DEG, MAX_FOV_DEG = 2.0, 150.0
 ZOOM_STEP = 0.9
 """Of the field of view, per step of a wheel."""
-
-
-@dataclass(frozen=True, eq=False)
-class Sight:
-    """What a window shows.
-
-    Attributes
-    ----------
-    pixels : (H, W, 3) uint8
-        Display-referred.
-    shown : Shown
-        What it was made from; `shown.picture` is linear.
-    caption : str
-        What is compared, and how alike they are; empty without a comparison.
-    latency_s : float or None
-        From the newest input that it answers, to it.
-    latency_frames : int or None
-        The same in view frames of this window. None: no input has been answered yet.
-    """
-
-    pixels: Bytes
-    shown: Shown
-    caption: str
-    latency_s: float | None
-    latency_frames: int | None
-
-
-@dataclass(frozen=True, eq=False)
-class Readout:
-    """What a pixel holds.
-
-    Attributes
-    ----------
-    x, y : int
-        Of the picture as it was rendered.
-    radiance : (3,) float32
-        Linear.
-    value : (1..3,) float32 or None
-        Of the auxiliary picture that is shown, in `unit`.
-    unit : str
-    depth_m : float or None
-        From the capture centre, of what is seen; None: open sky.
-    normal : (3,) float64 or None
-        In the world.
-    name : str or None
-        Of the object there.
-    """
-
-    x: int
-    y: int
-    radiance: NDArray[np.float32]
-    value: NDArray[np.float32] | None
-    unit: str
-    depth_m: float | None
-    normal: NDArray[np.float64] | None
-    name: str | None
 
 
 class Viewport:
@@ -120,14 +65,17 @@ class Viewport:
         self._engine = engine
         self.view, self.name = view, self._name_of(view)
         self._objects, self._frames = objects, frames
-        self._scale, self._lens = 1.0, Lens()
+        self._lens, self._motion = Lens(), Motion()
+        self._rung: Rung | None = None  # that was asked for last
+        self._edits = engine.world.edits
         self._developer = Developer()
         self._sight: Sight | None = None
         self._made_of: tuple[object, ...] = ()
         self._latency: tuple[float, int] | None = None
         # Of each input: its number, when it came, and at which view frame.
         self._asked: deque[tuple[int, float, int]] = deque(maxlen=256)
-        self._client = engine.client(self._request())
+        self._wanted = self._request()
+        self._client = engine.client(self._wanted)
         self._baseline: Client | None = None
 
     def close(self) -> None:
@@ -159,14 +107,16 @@ class Viewport:
         view = view.resized(self.view.width, self.view.height)
         if view != self.view:
             self.view, self.name = view, None
-            self._ask()
+            self._motion.stir()
+            self._input()
 
     def resize(self, width: int, height: int) -> None:
         """Follow the window's size, in pixels; 0 counts as 1."""
         view = self.view.resized(max(width, 1), max(height, 1))
         if view != self.view:
             self.view = view
-            self._ask()
+            self._motion.stir()
+            self._input()
 
     def go_to(self, name: str) -> None:
         """Look as a view of the scene does, at the frame that is shown, and show its objects."""
@@ -176,7 +126,7 @@ class Viewport:
         view = entry.at(scene.time_of(frame))
         self.view, self.name = view.resized(self.view.width, self.view.height), name
         self._objects = entry.objects
-        self._ask()
+        self._input()
 
     def _name_of(self, view: View) -> str | None:
         """Of the scene's view that looks so."""
@@ -195,24 +145,23 @@ class Viewport:
     def lens(self, lens: Lens) -> None:
         before, self._lens = self._lens, lens
         if (before.buffer, before.against) != (lens.buffer, lens.against):
-            self._ask()
+            self._input()
 
     @property
-    def scale(self) -> float:
-        """Pixels that are rendered per pixel of the window, in x and y."""
-        return self._scale
+    def target_fps(self) -> float | None:
+        """Frames per second to hold in motion, with less resolution and cheaper knobs if need be;
+        None: nothing is given up. At rest nothing is ever."""
+        return self._motion.target_fps
 
-    @scale.setter
-    def scale(self, scale: float) -> None:
-        if scale != self._scale:
-            self._scale = scale
-            self._ask()
+    @target_fps.setter
+    def target_fps(self, target_fps: float | None) -> None:
+        self._motion.target_fps = target_fps
 
     def show_objects(self, names: tuple[str, ...] | None) -> None:
         """Show these objects only; None: all."""
         if names != self._objects:
             self._objects = names
-            self._ask()
+            self._input()
 
     @property
     def objects(self) -> tuple[str, ...] | None:
@@ -222,17 +171,26 @@ class Viewport:
         added = [edit.name for edit in self._engine.world.edits if edit.path is not None]
         return self._objects + tuple(name for name in added if name not in self._objects)
 
-    def follow(self) -> None:
-        """Ask for what others have added, too."""
-        if self._objects is not None and self._request() != self._wanted:
+    def _input(self) -> None:
+        """Ask for what is wanted now, and take the time until it is there."""
+        step = self._client.shown.step if self._client.shown else 0
+        self._asked.append((self._ask(), time.perf_counter(), step))
+
+    def _follow(self) -> None:
+        """Ask for what others have changed, and for more or less as it moves or rests."""
+        if self._engine.world.edits is not self._edits:
+            self._edits = self._engine.world.edits
+            self._motion.stir()
+        if self._request() != self._wanted:
             self._ask()
 
-    def _ask(self) -> None:
-        step = self._client.shown.step if self._client.shown else 0
-        number = self._client.ask(self._request())
-        self._asked.append((number, time.perf_counter(), step))
+    def _ask(self) -> int:
+        self._wanted = request = self._request()
+        number = self._client.ask(request)
         if self._lens.against == "ibl":
-            request = replace(self._request(), method="ibl", aovs=(), geometry=False)
+            settings = request.settings or self._engine.world.settings
+            baseline = settings.model_copy(update={"method": "ibl"})
+            request = replace(request, settings=baseline, aovs=(), geometry=False)
             if self._baseline is None:
                 self._baseline = self._engine.client(request)
             else:
@@ -240,26 +198,32 @@ class Viewport:
         elif self._baseline is not None:
             self._baseline.close()
             self._baseline = None
+        return number
 
     def _request(self) -> Request:
-        lens, view = self._lens, self.view
-        width, height = (max(round(side * self._scale), 1) for side in (view.width, view.height))
-        rendered = view.resized(width, height)
+        lens, world = self._lens, self._engine.world
+        playing = world.playback.since_s is not None
+        self._rung = rung = self._motion.rung(world.settings, playing=playing)
+        view = self.view
         if lens.against == "truth" and self.name is not None:
-            rendered = self._developer.truth.view(self._engine.scene, self.name, rendered)
+            view = self._developer.truth.view(self._engine.scene, self.name, view)
+        elif rung is not None:
+            sides = (max(round(side * rung.scale), 1) for side in (view.width, view.height))
+            view = view.resized(*sides)
         aovs = [] if lens.buffer is None else [lens.buffer]
         if lens.against == "input" and "background" not in aovs:
             aovs.append("background")
-        request = Request(rendered, self.objects, aovs=tuple(aovs), frames=self._frames)
-        self._wanted = request
-        return request
+        settings = None if rung is None else rung.settings
+        return Request(view, self.objects, settings, tuple(aovs), frames=self._frames)
 
     # What it shows ----------------------------------------------------------------------------
 
     def poll(self) -> Sight | None:
         """The newest picture, the same object as before if nothing is new; None: none yet."""
-        self.follow()
         shown = self._client.shown
+        if shown is not None and (self._sight is None or shown is not self._sight.shown):
+            self._motion.observe(shown, self._rung)
+        self._follow()
         if shown is None:
             return None
         other = None if self._baseline is None else self._baseline.shown
@@ -270,8 +234,13 @@ class Viewport:
                 self._engine.scene, self.name, self._lens, shown, other
             )
             self._made_of = made_of
-            self._sight = Sight(pixels, shown, caption, *(self._latency or (None, None)))
+            latency = self._latency or (None, None)
+            self._sight = Sight(pixels, shown, caption, self._gave_up(shown), *latency)
         return self._sight
+
+    def _gave_up(self, shown: Shown) -> str:
+        rung = self._rung
+        return "" if rung is None or shown.request is not self._wanted else rung.gave_up
 
     def _clock(self, shown: Shown) -> None:
         while self._asked and self._asked[0][0] <= shown.number:
@@ -333,7 +302,7 @@ class Viewport:
         """Yaw and pitch in degrees of a place, in the axes of the capture centre (`Engine.add`)."""
         shown = self._client.shown
         view = self.view if shown is None else shown.request.view
-        pose = None if shown is None or shown.geometry is None else shown.geometry.pose
+        pose = None if shown is None else shown.pose
         pixel = np.array([x * view.width, y * view.height])
         right, up, back = view_from(view, pose).unproject(pixel)
         return float(np.rad2deg(np.arctan2(right, -back))), float(np.rad2deg(np.arcsin(up)))

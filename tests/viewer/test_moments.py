@@ -284,7 +284,7 @@ def test_a_defect_is_told_and_the_viewer_goes_on(
         client = driver.join()
         first = driver.answer(client)
         with monkeypatch.context() as patch:
-            patch.setattr("iprt.viewer.session.Renderer.render", lambda *_: 1 / 0)
+            patch.setattr("iprt.viewer.canvas.Renderer.render", lambda *_: 1 / 0)
             driver.ask(client)
             driver.settle()
         (problem,) = problems(driver)

@@ -1,0 +1,177 @@
+"""What quality may be given up for speed, in which order: the ladder that `Pace` climbs.
+
+`docs/ladder.py` measures it and writes `ladder.json`, which is part of the package.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from iprt.knobs import changed, plain_values
+from iprt.presets import Quality
+from iprt.settings import Settings
+
+FILE = "ladder.json"
+SCALE = "scale"
+"""Name of the picture's resolution among the knobs of a ladder: sides relative to the window's."""
+
+Value = bool | int | float
+
+
+class MeasuredKnob(BaseModel):
+    """One knob changed by itself, from the settings at the top."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    key: str
+    value: Value
+    ms_share: float = Field(gt=0.0, description="Of the time of a frame at the top.")
+    ssim_cost: float = Field(description="SSIM at the top minus this one.")
+
+
+class MeasuredRung(BaseModel):
+    """All that is changed on a rung, from the settings at the top."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    changes: dict[str, Value]
+    ms_share: float = Field(gt=0.0, description="Of the time of a frame at the top.")
+    ssim_cost: float = Field(description="SSIM at the top minus this one.")
+
+
+class Ladder(BaseModel):
+    """Rungs from the best and slowest down, and what they were measured on."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    device: str
+    date: str
+    scene: str
+    views: tuple[str, ...]
+    size: tuple[int, int]
+    quality: Quality = Field(description="The preset at the top.")
+    ms: float = Field(description="Of a frame at the top, mean of the views.")
+    ssim: float = Field(description="Of a picture at the top, mean of the views' cuts.")
+    compiling: dict[str, int] = Field(
+        description="Programs that are compiled when a knob is turned; other knobs compile none."
+    )
+    knobs: tuple[MeasuredKnob, ...]
+    rungs: tuple[MeasuredRung, ...]
+
+    def cost_of(self, key: str, value: Value) -> float:
+        """SSIM that a knob costs by itself at this value; 0 where that was not measured."""
+        costs = (k.ssim_cost for k in self.knobs if (k.key, k.value) == (key, value))
+        return next(costs, 0.0)
+
+
+@cache
+def measured_ladder() -> Ladder:
+    """The ladder of the package."""
+    text = files("iprt.viewer").joinpath(FILE).read_text(encoding="utf-8")
+    return Ladder.model_validate_json(text)
+
+
+@dataclass(frozen=True)
+class Rung:
+    """Settings and resolution that are quicker than what the user asked for.
+
+    Attributes
+    ----------
+    number : int
+        0: what the user asked for; higher: quicker.
+    settings : Settings
+    scale : float
+        Sides of the picture relative to the window's, at most 1.
+    share : float
+        Time of a frame relative to rung 0, as it was measured on another device.
+    ssim_cost : float
+        SSIM relative to rung 0, as it was measured on another scene.
+    gave_up : str
+        What differs from what was asked for and what each costs by itself:
+        `trace object rays 4 -> 1 (-0.004 SSIM), resolution 71 % (-0.010 SSIM)`; or empty.
+    """
+
+    number: int
+    settings: Settings
+    scale: float
+    share: float
+    ssim_cost: float
+    gave_up: str
+
+
+def rungs_below(base: Settings, ladder: Ladder) -> tuple[Rung, ...]:
+    """The rungs that are left below settings, of which the first are these themselves.
+
+    A rung sets no knob to more than `base` has; those that give up nothing more are left out.
+    """
+    found = [Rung(0, base, 1.0, 1.0, 0.0, "")]
+    own, before = plain_values(base), (1.0, 0.0)
+    for measured in ladder.rungs:
+        given_up = {
+            key: value
+            for key, value in measured.changes.items()
+            if key != SCALE and float(value) < float(own[key])
+        }
+        scale = float(measured.changes.get(SCALE, 1.0))
+        settings = changed(base, given_up)
+        last = found[-1]
+        if (settings, scale) != (last.settings, last.scale):
+            share = last.share * measured.ms_share / before[0]
+            cost = last.ssim_cost + measured.ssim_cost - before[1]
+            text = _in_words(own, given_up, scale, ladder)
+            found.append(Rung(len(found), settings, scale, share, cost, text))
+        before = measured.ms_share, measured.ssim_cost
+    return tuple(found)
+
+
+def _in_words(
+    own: Mapping[str, Value], given_up: Mapping[str, Value], scale: float, ladder: Ladder
+) -> str:
+    parts = []
+    for key, value in given_up.items():
+        cost = ladder.cost_of(key, value) - ladder.cost_of(key, own[key])
+        name = key.replace(".", " ").replace("_", " ")
+        parts.append(f"{name} {_word(own[key])} -> {_word(value)} ({-cost:+.3f} SSIM)")
+    if scale < 1.0:
+        cost = ladder.cost_of(SCALE, scale)
+        parts.append(f"resolution {100.0 * scale:.0f} % ({-cost:+.3f} SSIM)")
+    return ", ".join(parts)
+
+
+def _word(value: Value) -> str:
+    return ("off", "on")[value] if isinstance(value, bool) else f"{value:g}"
+
+
+def order_of_notches(notches: Mapping[str, Sequence[MeasuredKnob]]) -> list[MeasuredKnob]:
+    """In which order to turn knobs down, notch by notch: what saves most for its SSIM first.
+
+    Parameters
+    ----------
+    notches : mapping of str to sequence of MeasuredKnob
+        By knob, from the top down.
+    """
+    left = {key: list(found) for key, found in notches.items() if found}
+    at = dict.fromkeys(left, (1.0, 0.0))  # share and cost of the knob as it is now
+    order = []
+    while left:
+
+        def price(key: str) -> float:
+            """SSIM per factor of time that the next notch saves."""
+            share, cost = at[key]
+            notch = left[key][0]
+            saved = math.log(share / notch.ms_share)
+            return max(notch.ssim_cost - cost, 0.0) / saved if saved > 0.0 else math.inf
+
+        key = min(left, key=price)
+        notch = left[key].pop(0)
+        order.append(notch)
+        at[key] = notch.ms_share, notch.ssim_cost
+        if not left[key]:
+            del left[key]
+    return order

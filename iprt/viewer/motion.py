@@ -1,0 +1,68 @@
+"""What a window asks for while something moves: less, if that is needed to hold a frame rate."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from iprt.settings import Settings
+from iprt.viewer.ladder import Rung
+from iprt.viewer.pace import Pace
+from iprt.viewer.session import Shown
+
+REST_S = 0.3
+"""Without input, after which a picture is at rest."""
+
+
+class Motion:
+    """Tells motion from rest, and what is given up in motion. At rest nothing is.
+
+    Parameters
+    ----------
+    clock : callable
+        Seconds.
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.perf_counter) -> None:
+        self._clock = clock
+        self._stirred_s = -REST_S
+        self._target_fps: float | None = None
+        self._pace: Pace | None = None
+        self._usual_s: float | None = None  # of a frame of which nothing is given up
+
+    @property
+    def target_fps(self) -> float | None:
+        """Frames per second to hold in motion; None: nothing is given up for it."""
+        return self._target_fps
+
+    @target_fps.setter
+    def target_fps(self, target_fps: float | None) -> None:
+        if target_fps != self._target_fps:
+            self._target_fps, self._pace = target_fps, None
+
+    def stir(self) -> None:
+        """There was input, just now."""
+        self._stirred_s = self._clock()
+
+    def rung(self, base: Settings, *, playing: bool) -> Rung | None:
+        """What to render now in place of `base`; None: that, at full resolution.
+
+        Parameters
+        ----------
+        playing : bool
+            The video moves.
+        """
+        moving = playing or self._clock() - self._stirred_s < REST_S
+        if not moving or self._target_fps is None:
+            return None
+        if self._pace is None or self._pace.base != base:
+            self._pace = Pace(self._target_fps, base, usual_s=self._usual_s)
+        rung = self._pace.rung
+        return rung if rung.number > 0 else None
+
+    def observe(self, shown: Shown, rung: Rung | None) -> None:
+        """Take note of a new picture, for which `rung` was chosen."""
+        if rung is None and not shown.compiled:
+            self._usual_s = shown.seconds
+        if self._pace is not None and self._pace.rung.number == (rung.number if rung else 0):
+            self._pace.observe(shown.seconds, shown.compiled)

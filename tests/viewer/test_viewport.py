@@ -1,0 +1,222 @@
+"""A window's camera, lens and picking, on a real engine."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import imageio.v3
+import numpy as np
+import pytest
+
+from iprt.aovs import AOVS
+from iprt.device.compute import ComputeDevice
+from iprt.errors import IprtError
+from iprt.measure import metrics
+from iprt.renderer import Renderer
+from iprt.scene.scene import Scene
+from iprt.viewer.engine import Engine
+from iprt.viewer.lens import Lens
+from iprt.viewer.sight import Sight
+from iprt.viewer.viewport import Viewport
+from tests.clips import write_clip
+from tests.viewer.turns import DEADLINE_S, SETTINGS, VIEW
+
+LOOK = VIEW.resized(48, 32)
+
+
+@pytest.fixture(scope="module")
+def engine(device: ComputeDevice, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Engine]:
+    scene = Scene.open(write_clip(tmp_path_factory.mktemp("viewport") / "clip", 4))
+    with Engine(scene, lambda: device, SETTINGS) as made:
+        yield made
+
+
+@pytest.fixture
+def viewport(engine: Engine) -> Iterator[Viewport]:
+    made = Viewport(engine, LOOK, frames=2)
+    yield made
+    engine.undo()
+    made.close()
+
+
+def until(viewport: Viewport, ready: Callable[[Sight], bool]) -> Sight:
+    end = time.monotonic() + DEADLINE_S
+    while time.monotonic() < end:
+        sight = viewport.poll()
+        if sight is not None and ready(sight):
+            return sight
+        time.sleep(0.005)
+    raise AssertionError("no such picture in time")
+
+
+def at_rest(viewport: Viewport) -> Sight:
+    return until(viewport, lambda s: s.shown.refined and s.shown.request == viewport._wanted)
+
+
+def test_shows_what_iprt_renders(viewport: Viewport, engine: Engine, device: ComputeDevice) -> None:
+    sight = at_rest(viewport)
+    scene = engine.scene
+    settings = SETTINGS.model_copy(update={"fading": 0.0})
+    with Renderer(device, scene.frame(0), scene.instances, LOOK, settings) as renderer:
+        picture = renderer.render(2).color
+    expected = np.rint(255.0 * metrics.display(picture, scene.exposure))
+    np.testing.assert_array_equal(sight.pixels, expected)
+    assert viewport.poll() is sight, "nothing new"
+
+
+def test_dragging_keeps_the_scene_under_the_cursor(viewport: Viewport) -> None:
+    """At the centre, where degrees per pixel are those of the focal length."""
+    before = viewport.view
+    viewport.turn(0.01, -0.02)
+    after = viewport.view
+    center = np.array([24.0, 16.0])
+    seen = before.project(after.unproject(center)) - center
+    np.testing.assert_allclose(seen, np.array([-0.01 * np.cos(np.deg2rad(30)), 0.02]), atol=1e-5)
+    viewport.turn(0.0, 1e6)
+    assert viewport.view.pitch_deg == 90.0
+    viewport.turn(1e5, 0.0)
+    assert -180.0 <= viewport.view.yaw_deg < 180.0
+    viewport.zoom(1.0)
+    assert viewport.view.fov_y_deg < before.fov_y_deg
+    viewport.zoom(-1000.0)
+    assert viewport.view.fov_y_deg < 180.0
+
+
+def test_any_size_of_a_window(viewport: Viewport) -> None:
+    for width, height in ((0, 0), (1, 1), (40, 7), (48, 32)):
+        viewport.resize(width, height)
+        sight = until(viewport, lambda s: s.shown.request.view == viewport.view)
+        assert sight.pixels.shape == (max(height, 1), max(width, 1), 3)
+
+
+def test_exposure_renders_nothing_anew(viewport: Viewport, engine: Engine) -> None:
+    before = at_rest(viewport)
+    viewport.lens = Lens(exposure_ev=1.0)
+    after = until(viewport, lambda s: s is not before)
+    assert after.shown is before.shown
+    expected = metrics.display(after.shown.picture.color, 2.0 * engine.scene.exposure)
+    np.testing.assert_array_equal(after.pixels, np.rint(255.0 * expected))
+
+
+@pytest.mark.parametrize("against", ["input", "ibl"])
+def test_comparisons_are_of_the_same_view(
+    viewport: Viewport, engine: Engine, device: ComputeDevice, against: str
+) -> None:
+    """Beside the object, input and baseline are the video as it is; ours has shadows there."""
+    viewport.lens = Lens(against=against, split=0.0)
+    viewport.turn(1.0, 0.0)
+    sight = until(viewport, lambda s: "|" in s.caption and s.shown.request == viewport._wanted)
+    with Renderer(device, engine.scene.frame(0), (), viewport.view, SETTINGS) as renderer:
+        video = Lens().develop(renderer.render().color, engine.scene.exposure)
+    geometry = viewport._client.shown.geometry
+    beside, on = geometry.coverage == 0.0, geometry.coverage == 1.0
+    assert on.any()
+    ours = Lens().develop(sight.shown.picture.color, engine.scene.exposure)
+    assert (np.abs(ours.astype(int) - video)[beside] > 4).any(), "no shadow"
+    np.testing.assert_array_equal(sight.pixels[beside], video[beside])
+    if against == "input":
+        np.testing.assert_array_equal(sight.pixels, video)
+    else:
+        assert (np.abs(sight.pixels.astype(int) - video)[on] > 4).any(), "no object"
+
+
+def test_truth_is_scored_as_iprt_compare_does(engine: Engine, device: ComputeDevice) -> None:
+    """SSIM of the shared scene format's own score function, and only in the view that it shows."""
+    from iprt.measure.target import read_target
+    from iprt.scene.images import read_color
+
+    scene = Scene.open(Path(__file__).parents[2] / "scenes360" / "room")
+    name = next(name for name, entry in scene.views.items() if entry.truth is not None)
+    own = scene.views[name].view
+    with Engine(scene, lambda: device, SETTINGS) as room:
+        viewport = Viewport(room, own.resized(own.width // 8 + 3, own.height // 8 + 5), frames=1)
+        viewport.go_to(name)
+        viewport.lens = Lens(against="truth")
+        sight = until(viewport, lambda s: "SSIM" in s.caption)
+        size = (sight.pixels.shape[1], sight.pixels.shape[0])
+        assert size == (own.width // 8, own.height // 8)
+        target = read_target(scene, name, "panorama", size, sight.shown.frame)
+        score = target.score(sight.shown.picture.color).ssim
+        assert f"SSIM {score:.3f}" in sight.caption
+        right = np.rint(255.0 * target.shown)[:, size[0] // 2 :]
+        np.testing.assert_array_equal(sight.pixels[:, size[0] // 2 :], right)
+        viewport.turn(3.0, 0.0)
+        turned = until(viewport, lambda s: "truth" in s.caption and "|" not in s.caption)
+        assert turned.shown is not None
+        viewport.close()
+    assert read_color(scene.views[name].truth).shape == (own.height, own.width, 3)
+
+
+def test_readout_is_what_files_hold(viewport: Viewport, tmp_path: Path) -> None:
+    viewport.lens = Lens(buffer="depth")
+    sight = at_rest(viewport)
+    path = tmp_path / "picture.exr"
+    viewport.screenshot(path)
+    import OpenEXR
+
+    with OpenEXR.File(str(path)) as file:
+        channels = file.parts[0].channels
+        radiance, depth = channels["RGB"].pixels, channels["depth.Z"].pixels
+        assert json.loads(file.header()["iprt:view"])["pitch_deg"] == LOOK.pitch_deg
+    for x, y in ((0.0, 0.0), (0.5, 0.5), (0.99, 0.99)):
+        read = viewport.readout(x, y)
+        assert read is not None
+        np.testing.assert_array_equal(read.radiance, radiance[read.y, read.x])
+        assert read.value is not None
+        assert read.value[0] == depth[read.y, read.x]
+        assert read.unit == "m"
+        assert read.depth_m == pytest.approx(depth[read.y, read.x], rel=1e-3)
+    assert viewport.readout(1.0, 0.5) is None
+    png = tmp_path / "picture.png"
+    viewport.screenshot(png)
+    np.testing.assert_array_equal(imageio.v3.imread(png), sight.pixels)
+    with pytest.raises(IprtError, match=r"picture\.tga"):
+        viewport.screenshot(tmp_path / "picture.tga")
+
+
+def test_dropped_objects_stand_where_the_cursor_is(viewport: Viewport, engine: Engine) -> None:
+    at_rest(viewport)
+    x, y = 0.5, 0.95
+    surface = viewport._client.shown.geometry.real(24, 30)
+    assert viewport.drop("cube", x, y, upright=True)
+    number = viewport._client.ask(viewport._request())
+    until(viewport, lambda s: s.shown.number >= number and s.shown.refined)
+    (state,) = engine.objects
+    low, high = state.corners
+    foot = state.to_world @ [0.5 * (low[0] + high[0]), low[1], 0.5 * (low[2] + high[2]), 1.0]
+    np.testing.assert_allclose(foot[:3], surface.point, atol=1e-9)
+    assert viewport.object_at(x, y - 0.02) == "cube"
+    assert not viewport.drop("nobody", x, y, upright=True)
+
+
+def test_latency_is_told(viewport: Viewport) -> None:
+    at_rest(viewport)
+    viewport.turn(2.0, 0.0)
+    sight = until(viewport, lambda s: s.shown.request.view == viewport.view)
+    assert sight.latency_frames is not None
+    assert 1 <= sight.latency_frames <= 2
+    assert sight.latency_s is not None
+    assert sight.latency_s > 0.0
+
+
+def test_all_buffers_can_be_seen(viewport: Viewport) -> None:
+    for name in AOVS:
+        viewport.lens = Lens(buffer=name)
+        sight = until(viewport, lambda s, name=name: name in s.shown.picture.aovs)
+        assert sight.pixels.shape == (32, 48, 3)
+
+
+def test_views_of_the_scene_are_known_by_name(viewport: Viewport, engine: Engine) -> None:
+    (name,) = engine.scene.views
+    assert viewport.name == name
+    viewport.turn(1.0, 0.0)
+    assert viewport.name is None
+    viewport.go_to(name)
+    assert viewport.name == name
+    assert viewport.view == LOOK
+    viewport.look(replace(LOOK, fov_y_deg=50.0))
+    assert viewport.name is None
