@@ -36,6 +36,7 @@ if shutil.which("Xvfb") is None:
 from imgui_bundle import imgui
 
 from iprt.viewer.desktop import app as app_module
+from iprt.viewer.desktop import window as window_module
 from iprt.viewer.desktop.app import App
 from iprt.viewer.desktop.gizmo import GIZMO
 from iprt.viewer.desktop.style import BAD
@@ -250,6 +251,37 @@ def test_the_screen_shows_what_iprt_renders(user: User, tmp_path: Path) -> None:
     flags = ("--seed", 7, "--yaw", view.yaw_deg, "--pitch", view.pitch_deg, "--fov", view.fov_y_deg)
     expected = rendered(user, tmp_path / "b.png", *flags, frame=1)
     np.testing.assert_array_equal(user.picture(), expected)
+
+
+def test_draws_for_a_reason_only(user: User, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever the user does wakes the window; at rest it costs next to nothing."""
+    monkeypatch.setattr(window_module, "STIRRED_S", 0.03)
+    user.at_rest()
+    x, y = user.point(20.0, 20.0)
+    events: dict[str, Callable[[], None]] = {
+        "move": lambda: user.screen.move(x, y),
+        "press": lambda: user.screen.button(3, down=True),
+        "drag": lambda: user.screen.move(x + 2.0, y),
+        "release": lambda: user.screen.button(3, down=False),
+        "wheel": lambda: user.screen.wheel(1),
+        "key": lambda: user.screen.key("n"),
+    }
+    for name, act in events.items():
+        drawn = quiet_frames(user)
+        act()
+        for _ in range(20):
+            user.app.step()
+        assert imgui.get_frame_count() > drawn, name
+
+
+def quiet_frames(user: User) -> int:
+    """Steps until no frames are drawn any more; how many were, in all."""
+    while True:
+        drawn = imgui.get_frame_count()
+        for _ in range(20):
+            user.app.step()
+        if imgui.get_frame_count() == drawn:
+            return drawn
 
 
 def test_keys(user: User) -> None:
