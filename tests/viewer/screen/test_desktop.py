@@ -264,7 +264,7 @@ def test_draws_for_a_reason_only(user: User, monkeypatch: pytest.MonkeyPatch) ->
         "drag": lambda: user.screen.move(x + 2.0, y),
         "release": lambda: user.screen.button(3, down=False),
         "wheel": lambda: user.screen.wheel(1),
-        "key": lambda: user.screen.key("n"),
+        "key": lambda: user.screen.key("Shift_L"),
     }
     for name, act in events.items():
         drawn = quiet_frames(user)
