@@ -160,11 +160,12 @@ def test_a_step_of_the_load_is_followed_in_a_few_frames_and_taken_back(seed: int
 def test_a_rung_that_disappoints_is_not_tried_again_and_again() -> None:
     """A device on which most of the ladder saves nothing, but for its lowest rung."""
     device = Simulated(
-        Pace(30.0, BASE, ladder()), lambda _: 0.05, shares=(1.0, 1.0, 1.0, 0.98, 0.95, 0.9, 0.5)
+        Pace(30.0, BASE, ladder()), lambda _: 0.05, shares=(1.0, 1.0, 1.0, 0.98, 0.95, 0.9, 0.3)
     )
     device.play(5000)
-    assert set(device.numbers[100:]) == {6}
-    assert len(device.changes) <= 6
+    assert np.mean(np.array(device.numbers[200:]) == 6) > 0.95
+    # It is tried once more in a minute and a half: then its time may have come.
+    assert len(device.changes) <= 7
 
 
 def test_a_load_that_ends_as_the_rung_changes_is_not_held_against_the_better_ones() -> None:

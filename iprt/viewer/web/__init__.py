@@ -1,0 +1,98 @@
+"""The viewer in a browser, through viser: for a device in another room.
+
+One engine renders for all browsers, each of which has a view and a lens of its own. Edits, the
+video and the settings are shared.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from socket import gethostname
+from typing import TYPE_CHECKING
+
+from iprt.errors import IprtError
+
+if TYPE_CHECKING:
+    from iprt.scene.camera import View
+    from iprt.viewer.engine import Engine
+
+PORT = 8080
+FOV_DEG = 70.0
+"""Vertical field of view at first, where the view that was asked for is a whole panorama."""
+
+
+@dataclass(frozen=True)
+class Address:
+    """Where a viewer can be reached.
+
+    Attributes
+    ----------
+    url : str
+        With the token, if there is one.
+    port : int
+    local : bool
+        From this machine alone.
+    """
+
+    url: str
+    port: int
+    local: bool
+
+    @property
+    def text(self) -> str:
+        """What to tell the user."""
+        if not self.local:
+            return f"open {self.url}"
+        tunnel = f"ssh -L {self.port}:localhost:{self.port} {gethostname()}"
+        return f"open {self.url}\nfrom elsewhere, first: {tunnel}"
+
+
+def serve(
+    engine: Engine,
+    view: View,
+    *,
+    objects: tuple[str, ...] | None = None,
+    host: str = "127.0.0.1",
+    port: int = PORT,
+    token: str | None = None,
+    ready: Callable[[Address], None],
+) -> None:
+    """Let browsers look at what an engine renders, until interrupted (Ctrl+C).
+
+    Parameters
+    ----------
+    engine : Engine
+        Stays open.
+    view : View
+        Where browsers look at first; they have sizes of their own.
+    objects : tuple of str or None
+        Names of the objects that they show at first. None: all.
+    host : str
+        Address to listen at. If others than this machine can reach it, they need the token.
+    port : int
+        0: any that is free.
+    token : str or None
+        None: one is made where one is needed.
+    ready : callable
+        Told where the viewer is, once browsers may come.
+
+    Raises
+    ------
+    IprtError
+        viser is missing, or the address cannot be had.
+    """
+    try:
+        from iprt.viewer.web.host import Host
+    except ModuleNotFoundError as error:
+        raise IprtError(f"{error.name} is missing: pip install 'iprt[view]'") from error
+    if view.projection == "equirect":
+        view = replace(view, projection="perspective", fov_y_deg=FOV_DEG)
+    with warnings.catch_warnings(), contextlib.suppress(KeyboardInterrupt):
+        # Browsers go at any moment; what is on its way to them then is lost, and is to be.
+        warnings.filterwarnings("ignore", "Queued a .* on a closed connection", UserWarning)
+        with Host(engine, view, objects, host=host, port=port, token=token) as hosting:
+            ready(hosting.address)
+            hosting.wait()

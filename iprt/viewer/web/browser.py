@@ -1,0 +1,307 @@
+"""One browser: its camera, its picture and its panels, by a thread of its own."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.errors import IprtError
+from iprt.scene.camera import View
+from iprt.viewer.engine import Engine
+from iprt.viewer.objects import ObjectState
+from iprt.viewer.sight import Readout, Sight
+from iprt.viewer.viewport import Viewport
+from iprt.viewer.web.camera import look_of, position_of
+from iprt.viewer.web.gizmo import Gizmo
+from iprt.viewer.web.panels import Panels
+from iprt.viewer.web.picture import PictureSender
+
+LOG = logging.getLogger("iprt.viewer")
+POLL_S, REST_POLL_S = 0.008, 0.05
+"""Between two looks for a picture, while there is something to wait for, and else."""
+PANELS_S = 0.1
+"""Between two updates of the panels."""
+SETTLE_S, AGAIN_S = 6.0, 0.5
+"""Longest time that a browser takes to look where it is told to. It is told so often meanwhile:
+what comes while its page is still being made is lost."""
+SAME_DEG = 1e-4
+
+
+@dataclass(frozen=True)
+class Camera:
+    """viser's, as a browser has sent it; quaternion and vertical field of view in radians."""
+
+    wxyz: tuple[float, ...]
+    fov: float
+    width: int
+    height: int
+
+
+class Browser:
+    """What one browser sees, from when it connects until it is gone.
+
+    Parameters
+    ----------
+    engine : Engine
+    client : viser.ClientHandle
+    view : View
+        Where it looks at first.
+    objects : tuple of str or None
+        Names of the objects that it shows. None: all.
+    uploads : Path
+        Folder for files that its user adds.
+
+    Attributes
+    ----------
+    viewport : Viewport
+        Of this thread.
+    sight : Sight or None
+        The picture that the browser has.
+    selected : str or None
+        Name of the object that is edited.
+    snapping, aligned : bool
+        It stays on surfaces while it is dragged; its +Y is turned to their normals.
+    read : str or None
+        What the pixel holds that was clicked last.
+    """
+
+    def __init__(
+        self,
+        engine: Engine,
+        client: Any,
+        view: View,
+        objects: tuple[str, ...] | None,
+        uploads: Path,
+    ) -> None:
+        self.engine, self.client, self.uploads = engine, client, uploads
+        self.sight: Sight | None = None
+        self.selected: str | None = None
+        self.snapping = self.aligned = False
+        self.read: str | None = None
+        self._start = view, objects
+        self._closed, self._wake = False, threading.Event()
+        self._todo: dict[object, Callable[[], object]] = {}
+        self._camera: Camera | None = None
+        self._followed: Camera | None = None
+        self._told: View | None = None
+        self._told_s = self._again_s = 0.0
+        self._camera_came(client.camera)
+        self._thread = threading.Thread(
+            target=self._run, name=f"iprt browser {client.client_id}", daemon=True
+        )
+        self._thread.start()
+
+    def close(self) -> None:
+        """The browser is gone: let its thread end."""
+        self._closed = True
+        self._wake.set()
+
+    def join(self, timeout_s: float) -> None:
+        self._thread.join(timeout_s)
+
+    # Of any thread ----------------------------------------------------------------------------
+
+    def post(self, key: object, do: Callable[[], object]) -> None:
+        """Have something done by this window's thread; of what has the same key, the newest."""
+        self._todo[key] = do
+        self._wake.set()
+
+    def _camera_came(self, camera: Any) -> None:
+        wxyz = tuple(float(value) for value in camera.wxyz)
+        if not np.isfinite([*wxyz, camera.fov]).all():
+            return
+        self._camera = Camera(wxyz, camera.fov, camera.image_width, camera.image_height)
+        self._wake.set()
+
+    # Of the window's thread -------------------------------------------------------------------
+
+    def tell(self, text: str) -> None:
+        """Show a line to the user, that something did not work."""
+        self.client.add_notification("", text, color="red", auto_close_seconds=8.0)
+
+    def go_to(self, name: str) -> None:
+        """Look as a view of the scene does."""
+        self.viewport.go_to(name)
+        self._direct(self.viewport.view)
+
+    def _direct(self, view: View) -> None:
+        """Have the browser look so."""
+        self._told, self._told_s = view, time.monotonic()
+        self._tell_camera(view)
+
+    def _tell_camera(self, view: View) -> None:
+        self._again_s = time.monotonic() + AGAIN_S
+        camera = self.client.camera
+        with self.client.atomic():
+            camera.fov = float(np.deg2rad(view.fov_y_deg))
+            camera.position = position_of(view)
+            camera.look_at = np.zeros(3)
+
+    @property
+    def selected_state(self) -> ObjectState | None:
+        """The selected object with all edits, also those that no picture shows yet."""
+        name = self.selected
+        state = next((state for state in self.engine.objects if state.name == name), None)
+        if state is None:
+            return None
+        edit = self.engine.world.edit_of(state.name)
+        if edit.removed:
+            return None
+        if edit.to_world is not None:
+            motion = replace(state.motion, to_world=np.reshape(np.array(edit.to_world), (4, 4)))
+            state = replace(state, motion=motion, to_world=motion.at(state.time_s))
+        if edit.material is not None:
+            state = replace(state, materials=(edit.material,))
+        return state
+
+    @property
+    def centre(self) -> NDArray[np.float64]:
+        """The capture centre in the world, which is the origin of what the browser draws."""
+        geometry = None if self.sight is None else self.sight.shown.geometry
+        if geometry is None or geometry.pose is None:
+            return np.zeros(3)
+        return geometry.pose[:3, 3]
+
+    @property
+    def lossless(self) -> bool:
+        """The browser has the picture without loss."""
+        return self._sender.lossless
+
+    def drop_at(self, point: NDArray[np.float64]) -> bool:
+        """Set the selected object on the surface behind a point that the browser draws."""
+        view = self.viewport.view
+        x, y = view.project(point) / (view.width, view.height)
+        if self.selected is None or not np.isfinite(x + y):
+            return False
+        return self.viewport.drop(self.selected, x, y, upright=not self.aligned)
+
+    def _clicked(self, x: float, y: float) -> None:
+        """Select what is there, and tell what it holds."""
+        self.selected = self.viewport.object_at(x, y)
+        readout = self.viewport.readout(x, y)
+        self.read = None if readout is None else _described(readout)
+
+    def _dropped(self, x: float, y: float) -> None:
+        if self.selected is None:
+            self.tell("click the object first that is to go there")
+        elif not self.viewport.drop(self.selected, x, y, upright=not self.aligned):
+            self.tell("there is no surface: the video shows open sky there")
+
+    def _run(self) -> None:
+        view, objects = self._start
+        camera = self._camera
+        assert camera is not None
+        self.viewport = Viewport(
+            self.engine, view.resized(max(camera.width, 1), max(camera.height, 1)), objects=objects
+        )
+        try:
+            self._serve()
+        finally:
+            self.viewport.close()
+
+    def _serve(self) -> None:
+        self._direct(self.viewport.view)
+        self._sender, self.gizmo = PictureSender(self.client), Gizmo(self)
+        panels = Panels(self)
+        self._listen()
+        due_s = 0.0
+        while not self._closed:
+            self._wake.clear()
+            try:
+                self._work()
+                busy = self._show()
+                if time.monotonic() >= due_s:
+                    panels.sync()
+                    self.gizmo.sync()
+                    due_s = time.monotonic() + PANELS_S
+            except IprtError as error:
+                self.tell(str(error))
+                busy = False
+            except Exception as error:
+                LOG.error("a defect of iprt", exc_info=error)
+                self.tell(f"a defect of iprt: {type(error).__name__}: {error}")
+                busy = False
+            if not busy:
+                waiting = self.engine.status.doing == "waiting"
+                self._wake.wait(REST_POLL_S if waiting else POLL_S)
+
+    def _listen(self) -> None:
+        client = self.client
+
+        async def moved(camera: Any) -> None:
+            self._camera_came(camera)
+
+        async def clicked(event: Any) -> None:
+            x, y = event.screen_pos
+            self.post("click", lambda: self._clicked(x, y))
+
+        async def dropped(event: Any) -> None:
+            x, y = event.screen_pos
+            self.post("click", lambda: self._dropped(x, y))
+
+        client.camera.on_update(moved)
+        client.scene.on_click()(clicked)
+        client.scene.on_click(modifier="shift")(dropped)
+
+    def _work(self) -> None:
+        while self._todo:
+            self._todo.pop(next(iter(self._todo)))()
+        camera = self._camera
+        if camera is None or camera == self._followed:
+            return
+        viewport = self.viewport
+        viewport.resize(camera.width, camera.height)
+        view = look_of(viewport.view, np.array(camera.wxyz), camera.fov)
+        if self._told is not None:
+            # Where it looked before it heard is not news.
+            now = time.monotonic()
+            if not _same(view, self._told) and now < self._told_s + SETTLE_S:
+                if now > self._again_s:
+                    self._tell_camera(self._told)
+                return
+            self._told = None
+        self._followed = camera
+        if not _same(view, viewport.view):
+            viewport.look(view)
+
+    def _show(self) -> bool:
+        """Send the newest picture, if there is one; whether there was."""
+        sight = self.viewport.poll()
+        if sight is None or self._closed:
+            return False
+        sent = self._sender.follow(sight)
+        self.sight = sight
+        return sent
+
+
+def _same(a: View, b: View) -> bool:
+    """Whether two cameras look alike, but for rounding."""
+    apart = abs((a.yaw_deg - b.yaw_deg + 180.0) % 360.0 - 180.0)
+    fov = abs(a.fov_y_deg - b.fov_y_deg)
+    return max(apart, abs(a.pitch_deg - b.pitch_deg), fov) < SAME_DEG
+
+
+def _described(readout: Readout) -> str:
+    """In one line."""
+    parts = [
+        f"({readout.x}, {readout.y})",
+        "RGB " + " ".join(f"{value:.4g}" for value in readout.radiance),
+    ]
+    if readout.value is not None:
+        values = " ".join(f"{value:.4g}" for value in readout.value)
+        parts.append(f"buffer {values} {readout.unit}".rstrip())
+    if readout.depth_m is not None:
+        parts.append(f"depth {readout.depth_m:.3f} m")
+    if readout.normal is not None:
+        parts.append("normal " + " ".join(f"{value:.2f}" for value in readout.normal))
+    if readout.name is not None:
+        parts.append(readout.name)
+    return ", ".join(parts)

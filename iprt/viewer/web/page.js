@@ -1,0 +1,161 @@
+// What viser's page lacks to look around in a panorama: a drag turns the view with the scene under
+// the cursor, the wheel narrows the field of view, and the last picture turns with the view until
+// the next one is there, so that gizmos stay on what they belong to.
+//
+// Works on what viser's page has for its own tests (window.__viserMutable).
+"use strict";
+(() => {
+  const LEAST_FOV = 2, LARGEST_FOV = 150, ZOOM_STEP = 0.9; // as in iprt/viewer/viewport.py
+  const KEY_STEP = 0.05; // radians
+  const PICTURE = "/picture"; // the node that tells how the newest picture looks; see picture.py
+
+  const fragment = `
+    varying vec2 vUv;
+    uniform sampler2D colorMap;
+    uniform bool enabled;
+    uniform bool moved;
+    uniform mat3 turn; // from the view to that of the picture
+    uniform vec2 extent; // tangents of half the fields of view
+    uniform vec2 pictureExtent;
+    void main() {
+      if (!enabled) discard;
+      vec2 at = vUv;
+      float light = 1.0;
+      if (moved) {
+        vec3 ray = turn * vec3((2.0 * vUv - 1.0) * extent, -1.0);
+        at = 0.5 + 0.5 * ray.xy / (max(-ray.z, 1e-6) * pictureExtent);
+        vec2 beside = abs(at - 0.5);
+        if (ray.z >= 0.0 || max(beside.x, beside.y) > 0.5) light = 0.5;
+      }
+      gl_FragColor = vec4(light * texture2D(colorMap, clamp(at, 0.0, 1.0)).rgb, 1.0);
+      #ifdef USE_REVERSED_DEPTH_BUFFER
+        gl_FragDepth = 0.0;
+      #else
+        gl_FragDepth = 1.0;
+      #endif
+    }`;
+
+  function attach() {
+    const viser = window.__viserMutable;
+    let mesh = null;
+    viser?.scene?.traverse((node) => {
+      if (node.material && node.material === viser.backgroundMaterial) mesh = node;
+    });
+    if (!mesh || !viser.camera || !viser.cameraControl || !viser.canvas) {
+      setTimeout(attach, 20);
+      return;
+    }
+    // Else pictures get smaller, or larger, whenever the browser is slow, or quick.
+    const own = { fixedDpr: window.devicePixelRatio, enableOrbitCrosshair: false };
+    window.__viserTestpoints?.devSettings.set(own);
+    turnPictures(viser, mesh);
+    steer(viser);
+    window.iprt = { picture: () => picture }; // for tests
+  }
+
+  // The last picture, turned ------------------------------------------------------------------
+
+  let picture = null; // how it looks: quaternion of its camera, tangents of half its fields of view
+
+  function turnPictures(viser, mesh) {
+    const material = mesh.material, uniforms = material.uniforms;
+    const identity = [1, 0, 0, 0, 1, 0, 0, 0, 1];
+    Object.assign(uniforms, {
+      moved: { value: false }, turn: { value: identity },
+      extent: { value: [1, 1] }, pictureExtent: { value: [1, 1] },
+    });
+    material.fragmentShader = fragment;
+    material.needsUpdate = true;
+
+    // viser sets the texture once it is decoded; of messages that came with it, the newest count.
+    let texture = uniforms.colorMap.value;
+    Object.defineProperty(uniforms.colorMap, "value", {
+      get: () => texture,
+      set: (next) => {
+        texture = next;
+        const pose = viser.nodePoseData[PICTURE];
+        if (next && pose?.wxyz && pose?.position) {
+          const [w, x, y, z] = pose.wxyz;
+          // viser's cameras look along +Z, with +Y down; those of three.js are turned about X.
+          const half = viser.camera.quaternion.clone().set(1, 0, 0, 0);
+          const turned = viser.camera.quaternion.clone().set(x, y, z, w).multiply(half);
+          picture = { quaternion: turned, extent: pose.position.slice(0, 2) };
+        }
+      },
+    });
+
+    const world = viser.camera.quaternion.clone();
+    mesh.onBeforeRender = (_renderer, _scene, camera) => {
+      if (!picture) return;
+      const high = Math.tan((camera.fov * Math.PI) / 360), wide = high * camera.aspect;
+      const root = viser.nodePoseData[""]?.wxyz ?? [1, 0, 0, 0];
+      world.set(root[1], root[2], root[3], root[0]);
+      const turn = world.multiply(picture.quaternion).invert().multiply(camera.quaternion);
+      const same = (a, b) => Math.abs(a / b - 1) < 1e-4;
+      const still = Math.hypot(turn.x, turn.y, turn.z) < 1e-5;
+      const [pictureWide, pictureHigh] = picture.extent;
+      uniforms.moved.value = !(still && same(high, pictureHigh) && same(wide, pictureWide));
+      uniforms.turn.value = columns(turn);
+      uniforms.extent.value = [wide, high];
+      uniforms.pictureExtent.value = picture.extent;
+      material.uniformsNeedUpdate = true;
+    };
+  }
+
+  function columns({ x, y, z, w }) {
+    return [
+      1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y),
+      2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x),
+      2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y),
+    ];
+  }
+
+  // Mouse and keys ----------------------------------------------------------------------------
+
+  function steer(viser) {
+    // All before viser's own: on the window, on the way down.
+    const listen = (kind, heard) =>
+      window.addEventListener(kind, heard, { capture: true, passive: false });
+
+    listen("pointerdown", (event) => {
+      if (event.target !== viser.canvas) return;
+      const controls = viser.cameraControl;
+      // So that the scene follows the cursor: viser's own drag is that of a model in the middle.
+      const speed = -Math.tan((viser.camera.fov * Math.PI) / 360) / Math.PI;
+      controls.azimuthRotateSpeed = controls.polarRotateSpeed = speed;
+      const rotate = controls.mouseButtons.left;
+      Object.assign(controls.mouseButtons, { middle: rotate, right: rotate, wheel: 0 });
+      Object.assign(controls.touches, { two: 0, three: 0 });
+    });
+
+    listen("wheel", (event) => {
+      if (event.target !== viser.canvas) return;
+      event.preventDefault();
+      event.stopImmediatePropagation();
+      const lines = [100, 3, 1][event.deltaMode];
+      const { camera } = viser;
+      const fov = camera.fov * ZOOM_STEP ** (-event.deltaY / lines);
+      camera.fov = Math.min(Math.max(fov, LEAST_FOV), LARGEST_FOV);
+      camera.updateProjectionMatrix();
+      viser.requestRender();
+      viser.sendCamera();
+    });
+
+    const turns = { ArrowLeft: [1, 0], ArrowRight: [-1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
+    const moves = new Set(["KeyW", "KeyA", "KeyS", "KeyD", "KeyQ", "KeyE"]);
+    listen("keydown", (event) => {
+      const typing = event.target.closest?.("input, textarea, select, [role=slider], [contenteditable]");
+      if (typing || event.ctrlKey || event.metaKey || event.altKey) return;
+      // The view never leaves the capture centre.
+      if (moves.has(event.code)) event.stopImmediatePropagation();
+      const turn = turns[event.code];
+      if (!turn || event.target.closest?.("[role]")) return;
+      event.preventDefault();
+      event.stopImmediatePropagation();
+      const share = viser.camera.fov / 60;
+      viser.cameraControl.rotate(KEY_STEP * share * turn[0], KEY_STEP * share * turn[1], false);
+    });
+  }
+
+  attach();
+})();

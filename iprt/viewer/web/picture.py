@@ -1,0 +1,68 @@
+"""A window's picture, sent to its browser: lossy while it changes, without loss at rest."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.viewer.sight import Sight
+from iprt.viewer.web.camera import camera_of, quaternion
+
+QUALITY = 88
+"""Of JPEG pictures, out of 100."""
+REST_S = 1.0
+"""A picture that nothing has followed for so long is sent without loss, though not refined yet."""
+ANSWER_S = 20.0
+"""Longest wait for a browser to say that it has a picture."""
+PICTURE = "/picture"
+"""The node whose pose tells `page.js` which way the picture looks."""
+
+
+class PictureSender:
+    """Sends pictures to one browser, each once the one before has come there.
+
+    So that nothing piles up on the way, however slow it is. One thread may use it.
+
+    Attributes
+    ----------
+    lossless : bool
+        The last one was sent so.
+    """
+
+    def __init__(self, client: Any) -> None:
+        self._client = client
+        self._pose = client.scene.add_frame(PICTURE, show_axes=False)
+        self._sent: Sight | None = None
+        self._sent_s = 0.0
+        self.lossless = False
+
+    def follow(self, sight: Sight) -> bool:
+        """Send a picture if the browser does not have it as well as it should; whether it was."""
+        if sight is not self._sent:
+            self._send(sight, lossless=sight.shown.refined)
+        elif not self.lossless and time.monotonic() - self._sent_s > REST_S:
+            self._send(sight, lossless=True)
+        else:
+            return False
+        return True
+
+    def _send(self, sight: Sight, *, lossless: bool) -> None:
+        view = sight.shown.request.view
+        high = float(np.tan(0.5 * np.deg2rad(view.fov_y_deg)))
+        extent: NDArray[np.float64] = np.array([high * view.width / view.height, high, 1.0])
+        with self._client.atomic():
+            self._pose.wxyz = quaternion(camera_of(view))
+            self._pose.position = extent
+            self._client.scene.set_background_image(
+                sight.pixels, format="png" if lossless else "jpeg", jpeg_quality=QUALITY
+            )
+        self._client.flush()
+        # Answered after the picture, as all messages are in order.
+        # Never from a tab that its browser has put to sleep, or that is gone.
+        with contextlib.suppress(TimeoutError, RuntimeError):
+            self._client.local_storage.get_item("iprt", timeout=ANSWER_S)
+        self._sent, self._sent_s, self.lossless = sight, time.monotonic(), lossless

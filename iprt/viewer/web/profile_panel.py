@@ -1,0 +1,76 @@
+"""Where the time of a view frame goes: the last ones as a plot, their medians as a table."""
+
+from __future__ import annotations
+
+import time
+from html import escape
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from iprt.viewer.timeline import WHOLE, Timeline, TimelineRow
+
+if TYPE_CHECKING:
+    from iprt.viewer.web.browser import Browser
+
+HEIGHT_PX = 170
+COLORS = ("#868e96", "#4dabf7", "#ffa94d", "#69db7c", "#f783ac", "#ffd43b")
+EVERY_S = 0.5
+"""Between two updates, which are of some size."""
+MOST_PASSES = len(COLORS) - 2
+"""That have a line of their own."""
+
+
+class ProfilePanel:
+    """Of the window's thread."""
+
+    def __init__(self, browser: Browser) -> None:
+        self._browser, self._gui = browser, browser.client.gui
+        self._timeline = Timeline()
+        self._lines: list[str] = []
+        self._plot = self._gui.add_uplot(
+            (np.arange(2.0), np.zeros(2)),
+            ({"label": "step"}, _line("with the host", 0)),
+            title="ms per view frame",
+            height=HEIGHT_PX,
+        )
+        self._table = self._gui.add_html("")
+        self._due_s = 0.0
+
+    def sync(self) -> None:
+        sight = self._browser.sight
+        if sight is None or not self._timeline.add(sight.shown) or time.monotonic() < self._due_s:
+            return
+        self._due_s = time.monotonic() + EVERY_S
+        rows, series = self._timeline.table(), self._timeline.series()
+        whole = np.sum(list(series.values()), axis=0)
+        passes = sorted((row for row in rows if row.name != WHOLE), key=lambda row: -row.share)
+        if len(self._lines) < min(len(passes), MOST_PASSES):
+            self._lines = [row.name for row in passes[:MOST_PASSES]]
+            names = ["with the host", WHOLE, *self._lines]
+            lines = [_line(name, number) for number, name in enumerate(names)]
+            self._plot.series = ({"label": "step"}, *lines)
+        self._plot.data = (
+            self._timeline.steps.astype(np.float64),
+            self._timeline.wall_ms,
+            whole,
+            *(series[name] for name in self._lines),
+        )
+        self._table.content = _table([*rows[-1:], *passes])
+
+
+def _line(label: str, number: int) -> dict[str, object]:
+    points = {"show": False}
+    return {"label": label, "stroke": COLORS[number], "width": 1.5, "points": points}
+
+
+def _table(rows: list[TimelineRow]) -> str:
+    names = "".join(f"<td>{name}</td>" for name in ("pass", "median ms", "p95", "share"))
+    lines = "".join(
+        f"<tr><td>{escape(row.name)}</td><td>{row.median_ms:.2f}</td><td>{row.p95_ms:.2f}</td>"
+        f"<td>{100 * row.share:.0f} %</td></tr>"
+        for row in rows
+    )
+    head = f"<tr style='opacity:.55'>{names}</tr>"
+    style = "width:100%;font-size:.8em;padding:.4em;font-variant-numeric:tabular-nums"
+    return f"<table class='profile' style='{style}'>{head}{lines}</table>"

@@ -1,0 +1,305 @@
+"""The viewer in a browser, for real: Chromium looks at it, drags, clicks, and vanishes."""
+
+from __future__ import annotations
+
+import gc
+import re
+import socket
+import struct
+import threading
+import weakref
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from PIL import Image
+
+from iprt.device.compute import ComputeDevice
+from iprt.renderer import Renderer
+from iprt.scene.camera import View
+from iprt.scene.scene import Scene
+from iprt.viewer.engine import Engine
+from iprt.viewer.tone import developed
+from iprt.viewer.viewport import Viewport
+from tests.clips import write_clip
+from tests.viewer.screen.browsing import Visitor, browsing, until
+from tests.viewer.turns import SETTINGS
+
+viser = pytest.importorskip("viser", reason="pip install 'iprt[view]'")
+
+from iprt.viewer.web.browser import Browser  # noqa: E402
+from iprt.viewer.web.host import Host  # noqa: E402
+
+pytestmark = [pytest.mark.screen, pytest.mark.slow]
+
+
+FRAMES = 6
+"""View frames to which pictures at rest are refined here."""
+PICTURE = re.compile(rb"\xff\xd8\xff|\x89PNG")
+
+
+@dataclass
+class Place:
+    """A viewer, and what opens pages of it."""
+
+    engine: Engine
+    host: Host
+    open: Callable[[str], Visitor]
+    visitors: list[Visitor]
+
+    def visit(self) -> tuple[Visitor, Browser]:
+        before = self.host.browsers
+        visitor = self.open(self.host.address.url)
+        self.visitors.append(visitor)
+        return visitor, next(b for b in self.host.browsers if b not in before)
+
+
+@pytest.fixture(scope="module")
+def viewer(tmp_path_factory: pytest.TempPathFactory, device: ComputeDevice) -> Iterator[Place]:
+    scene = Scene.open(write_clip(tmp_path_factory.mktemp("clip") / "clip", 4, fps=2.0))
+    view = scene.views["ahead"].view
+    with (
+        pytest.MonkeyPatch.context() as patch,
+        browsing() as opened,
+        Engine(scene, lambda: device, SETTINGS) as engine,
+        Host(engine, view, None, host="127.0.0.1", port=0, token=None) as host,
+    ):
+        few = partial(Viewport, frames=FRAMES)
+        patch.setattr("iprt.viewer.web.browser.Viewport", few)
+        yield Place(engine, host, opened, [])
+
+
+@pytest.fixture
+def place(viewer: Place) -> Iterator[Place]:
+    """Without anybody, before and after; pages must not complain, nor ask for anything else."""
+    yield viewer
+    for visitor in viewer.visitors:
+        visitor.page.close()
+    errors = [error for visitor in viewer.visitors for error in visitor.errors]
+    elsewhere = [url for visitor in viewer.visitors for url in visitor.elsewhere]
+    viewer.visitors.clear()
+    until(lambda: not viewer.host.browsers, "browsers are still there")
+    assert (errors, elsewhere) == ([], [])
+
+
+def at_rest(visitor: Visitor, browser: Browser) -> View:
+    """Wait until the picture is what the browser looks at, refined; the view."""
+
+    def rests() -> bool:
+        sight, view = browser.sight, browser.viewport.view
+        looks = [*view.world_from_view @ (0.0, 0.0, -1.0), view.fov_y_deg]
+        return (
+            sight is not None
+            and browser.lossless
+            and sight.shown.refined
+            and sight.shown.request.view == view
+            and bool(np.allclose(visitor.looks(), looks, atol=1e-5))
+        )
+
+    until(rests, "the picture does not come to rest")
+    return browser.viewport.view
+
+
+def cube_middle(place: Place) -> NDArray[np.float64]:
+    state = place.engine.objects[0]
+    return state.to_world[:3, :3] @ np.mean(state.corners, axis=0) + state.to_world[:3, 3]
+
+
+def test_at_rest_the_browser_has_the_renderers_bits(place: Place, device: ComputeDevice) -> None:
+    visitor, browser = place.visit()
+    view, scene = at_rest(visitor, browser), place.engine.scene
+    assert (view.width, view.height) == visitor.canvas()
+    assert (view.yaw_deg, view.pitch_deg, view.fov_y_deg) == (0.0, -30.0, 60.0)
+    settings = SETTINGS.model_copy(update={"fading": 0.0})
+    with Renderer(device, scene.frame(0), scene.instances_of("ahead"), view, settings) as renderer:
+        color = renderer.render(frames=FRAMES).color
+    expected = developed(color, scene.exposure)
+    assert np.array_equal(visitor.texture(), expected)
+    # And on the screen, through the page's own shader; not where the panel's edge is.
+    visitor.page.wait_for_function(
+        "__viserMutable.backgroundMaterial.uniforms.moved.value === false"
+    )
+    shot = screen(visitor)[:, : view.width - 4]
+    np.savez("/tmp/web/shot.npz", shot=shot, expected=expected)
+    assert np.array_equal(shot, expected[:, : view.width - 4])
+
+
+def screen(visitor: Visitor) -> NDArray[np.uint8]:
+    """(H, W, 3): the window."""
+    return np.asarray(Image.open(BytesIO(visitor.page.screenshot())).convert("RGB"))
+
+
+def test_looking_around(place: Place, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A drag takes the scene along; gizmos, and the last picture until the next, go with it."""
+    visitor, browser = place.visit()
+    before = at_rest(visitor, browser)
+    old = screen(visitor)
+    monkeypatch.setattr(browser, "_show", lambda: False)  # no more pictures
+    right, down = 30, 20
+    visitor.drag((60, 120), (right, down))
+    degrees = np.rad2deg(1.0 / before.focal_px)
+    turned = (before.yaw_deg - right * degrees, before.pitch_deg + down * degrees)
+
+    def looks() -> bool:
+        view = browser.viewport.view
+        return bool(np.allclose((view.yaw_deg, view.pitch_deg), turned, atol=0.1))
+
+    until(looks, f"it does not turn to {turned}")
+    warped = screen(visitor)
+    monkeypatch.undo()
+    view = at_rest(visitor, browser)
+    inner = np.s_[down + 15 :, right + 15 : view.width - 8]
+    new = screen(visitor)[inner].astype(float)
+    stale, late = (np.abs(new - image[inner]).mean() for image in (old, warped))
+    assert late < 0.25 * stale
+
+    middle = cube_middle(place)
+    x, y = visitor.project(middle)
+    assert browser.viewport.object_at(x, y) == "cube"
+    assert (x, y) == pytest.approx(view.project(middle) / (view.width, view.height), abs=1e-3)
+    visitor.page.mouse.move(60, 120)
+    visitor.page.mouse.wheel(0, -200)
+    until(lambda: browser.viewport.view.fov_y_deg < 55.0, "it does not zoom")
+    assert at_rest(visitor, browser).fov_y_deg == pytest.approx(60.0 * 0.9**2)
+
+
+def test_two_at_once(place: Place) -> None:
+    """Views of their own; video, edits and settings are shared, and shown to both."""
+    (one, mine), (two, yours) = place.visit(), place.visit()
+    view = at_rest(two, yours)
+    one.drag((60, 120), (40, 0))
+    until(lambda: mine.viewport.view.yaw_deg < -1.0, "it does not turn")
+    assert yours.viewport.view == view
+
+    one.page.get_by_label("Play").click()
+    until(lambda: place.engine.world.playback.since_s is not None, "it does not play")
+    two.page.wait_for_function("document.querySelector('input[type=checkbox]:checked')")
+    until(lambda: yours.sight.shown.frame > 0, "the video stands")
+    two.page.get_by_label("Play").click()
+    until(lambda: place.engine.world.playback.since_s is None, "it does not pause")
+    place.engine.seek(0)
+
+    for visitor in (one, two):
+        visitor.tab("Settings")
+        visitor.page.get_by_text("atrous", exact=True).click()
+    levels = one.page.get_by_label("levels")
+    levels.fill("1")
+    levels.press("Enter")
+    until(lambda: place.engine.world.settings.atrous.levels == 1, "the knob does not turn")
+    two.page.wait_for_function(
+        "[...document.querySelectorAll('input')].some((i) => i.value === '1')"
+    )
+    place.engine.set_settings(SETTINGS)
+
+
+def test_an_object_is_moved(place: Place) -> None:
+    """Clicked, dragged by its gizmo, put elsewhere by a click; then all is taken back."""
+    visitor, browser = place.visit()
+    at_rest(visitor, browser)
+    width, height = visitor.canvas()
+    x, y = visitor.project(cube_middle(place)) * (width, height)
+    visitor.page.mouse.click(x, y)
+    until(lambda: browser.selected == "cube", "it is not selected")
+    visitor.page.wait_for_function("__viserMutable.nodeRefFromName['/gizmo']")
+    before = place.engine.objects[0].to_world
+    # Along the world's +X, to the right: the gizmo's arrow is drawn there.
+    along = visitor.project(cube_middle(place) + np.array([0.1, 0.0, 0.0])) * (width, height) - (
+        x,
+        y,
+    )
+    ahead = 50.0 * along / np.linalg.norm(along)
+    until(lambda: _grabbed(visitor, browser, (x + ahead[0], y + ahead[1])), "nothing to grab")
+    moved = until(lambda: place.engine.world.edits, "it is not moved")
+    to_world = np.reshape(np.array(moved[0].to_world), (4, 4))
+    assert to_world[0, 3] > before[0, 3] + 0.02
+    np.testing.assert_allclose(to_world[1:3, 3], before[1:3, 3], atol=1e-6)
+    np.testing.assert_allclose(to_world[:3, :3], before[:3, :3], atol=1e-6)
+
+    visitor.page.keyboard.down("Shift")
+    visitor.page.mouse.click(20, 0.85 * height)
+    visitor.page.keyboard.up("Shift")
+    until(lambda: place.engine.world.edits[0].to_world != moved[0].to_world, "it is not put there")
+    dropped = np.reshape(np.array(place.engine.world.edits[0].to_world), (4, 4))
+    assert browser.viewport.view.project(dropped[:3, 3])[0] == pytest.approx(20.0, abs=12.0)
+    assert dropped[1, 3] < before[1, 3]
+    place.engine.undo()
+    until(lambda: place.engine.world.edits == (), "it is not undone")
+
+
+def _grabbed(visitor: Visitor, browser: Browser, at: tuple[float, float]) -> bool:
+    visitor.drag(at, (20, 0), steps=8)
+    return bool(browser.engine.world.edits)
+
+
+def test_reloading(place: Place) -> None:
+    visitor, first = place.visit()
+    at_rest(visitor, first)
+    visitor.load()
+    until(lambda: place.host.browsers and place.host.browsers[-1] is not first, "nobody came")
+    until(lambda: len(place.host.browsers) == 1, "the old one stays")
+    at_rest(visitor, place.host.browsers[0])
+
+
+def test_those_that_vanish_leave_nothing(place: Place) -> None:
+    """Twenty connections that are cut while pictures are on their way."""
+    import msgspec
+    from websockets.sync.client import connect
+
+    hello = msgspec.msgpack.encode(
+        {
+            "type": "ViewerCameraMessage",
+            "wxyz": (0.0, 1.0, 0.0, 0.0),
+            "position": (0.0, 0.0, 0.0),
+            "fov": 1.0,
+            "near": 0.01,
+            "far": 1000.0,
+            "image_height": 16,
+            "image_width": 32,
+            "look_at": (0.0, 0.0, -1.0),
+            "up_direction": (0.0, 1.0, 0.0),
+        }
+    )
+    url = place.host.address.url.replace("http", "ws")
+    seen: list[weakref.ref[Browser]] = []
+    for turn in range(20):
+        protocol: Any = f"viser-v{viser.__version__}"
+        connection = connect(url, subprotocols=[protocol], max_size=None)
+        connection.send(hello)
+        (browser,) = until(lambda: place.host.browsers, "nobody came")
+        seen.append(weakref.ref(browser))
+        if turn % 2:
+            while not PICTURE.search(connection.recv()):
+                pass
+        del browser
+        # Without a word: the connection is reset.
+        linger = struct.pack("ii", 1, 0)
+        connection.socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, linger)
+        connection.socket.close()
+        until(lambda: not place.host.browsers, "it is still there")
+    until(lambda: not place.engine._core._sessions, "the engine renders for it")
+    until(lambda: not _threads("iprt browser"), "a thread is left")
+    gc.collect()
+    assert [ref() for ref in seen if ref() is not None] == []
+
+
+def _threads(name: str) -> list[str]:
+    return [thread.name for thread in threading.enumerate() if thread.name.startswith(name)]
+
+
+def test_bad_news_is_shown(place: Place) -> None:
+    """A scene that breaks while it is open is told of in the page, until it is mended."""
+    visitor, browser = place.visit()
+    at_rest(visitor, browser)
+    path: Path = place.engine.scene.root / "scene.toml"
+    text = path.read_text()
+    path.write_text(text.replace("format = 1", "format = 99"))
+    visitor.page.wait_for_selector(".problem")
+    assert "format" in visitor.page.inner_text(".problem")
+    path.write_text(text)
+    visitor.page.wait_for_selector(".problem", state="detached")
