@@ -441,6 +441,8 @@ def test_a_window_of_one_pixel(user: User) -> None:
 
 
 def test_a_scene_file_that_breaks_and_is_mended(user: User) -> None:
+    user.press("Scene")
+    user.away()
     user.at_rest()
     path = user.folder / "clip" / "scene.toml"
     text = path.read_text()
@@ -451,8 +453,12 @@ def test_a_scene_file_that_breaks_and_is_mended(user: User) -> None:
     assert user.reds() > reds + 50, "the problem is told"
     top = user.picture()[:80]
     np.testing.assert_array_equal(top, seen[:80], "the picture stays")
+    path.write_text(text.replace('name = "ahead"', 'name = "another"'))
+    user.until(lambda: "another" in user.engine.scene.views)
+    user.wait()
     path.write_text(text)
-    user.until(lambda: user.problems() == ())
+    user.until(lambda: "ahead" in user.engine.scene.views)
+    assert user.problems() == ()
     user.at_rest()
     np.testing.assert_array_equal(user.picture(), seen)
 
