@@ -208,6 +208,8 @@ class Browser:
             self.viewport.close()
 
     def _serve(self) -> None:
+        if self._closed:
+            return
         self._direct(self.viewport.view)
         self._sender, self.gizmo = PictureSender(self.client), Gizmo(self)
         panels = Panels(self)
