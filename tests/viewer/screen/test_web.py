@@ -33,7 +33,7 @@ from tests.viewer.turns import SETTINGS
 
 viser = pytest.importorskip("viser", reason="pip install 'iprt[view]'")
 
-from iprt.viewer.web.browser import Browser  # noqa: E402
+from iprt.viewer.web.browser import Browser, Start  # noqa: E402
 from iprt.viewer.web.host import Host  # noqa: E402
 
 pytestmark = [
@@ -72,7 +72,7 @@ def viewer(tmp_path_factory: pytest.TempPathFactory, device: ComputeDevice) -> I
         pytest.MonkeyPatch.context() as patch,
         browsing() as opened,
         Engine(scene, lambda: device, SETTINGS) as engine,
-        Host(engine, view, None, host="127.0.0.1", port=0, token=None) as host,
+        Host(engine, Start(view), host="127.0.0.1", port=0, token=None) as host,
     ):
         few = partial(Viewport, frames=FRAMES)
         patch.setattr("iprt.viewer.web.browser.Viewport", few)
