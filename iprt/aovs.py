@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
@@ -9,7 +10,7 @@ import numpy as np
 import pyopencl.array as cla
 from numpy.typing import NDArray
 
-from iprt.passes.temporal import Kind
+from iprt.passes.temporal import Accumulated, Kind
 
 if TYPE_CHECKING:
     from iprt.renderer import Renderer
@@ -40,14 +41,51 @@ def _mixed(name: str, channels: slice) -> Reader:
 
     def image(renderer: Renderer) -> Image | None:
         real = _planes(renderer, getattr(renderer.real, name), channels)
-        virtual = _visible(name, channels)(renderer)
-        coverage = _visible("coverage", slice(0, 1))(renderer)
-        if real is None or virtual is None or coverage is None:
-            return real
-        front = coverage > 0.5
-        return np.where(front if real.ndim == 2 else front[..., None], virtual, real)
+        return _in_front(renderer, _visible(name, channels)(renderer), real)
 
     return image
+
+
+def _in_front(renderer: Renderer, virtual: Image | None, real: Image | None) -> Image | None:
+    """`virtual` where objects cover half of the pixel, else `real`; None of one counts as 0."""
+    coverage = _visible("coverage", slice(0, 1))(renderer)
+    if virtual is None or coverage is None:
+        return real
+    front = coverage > 0.5
+    behind = np.zeros_like(virtual) if real is None else real
+    return np.where(front if virtual.ndim == 2 else front[..., None], virtual, behind)
+
+
+def _history_length(renderer: Renderer) -> Image | None:
+    def length(accumulated: Accumulated) -> Image | None:
+        return _planes(renderer, accumulated.length, slice(0, 1))
+
+    return _of_signals(renderer, length, np.minimum)
+
+
+def _variance(renderer: Renderer) -> Image | None:
+    def variance(accumulated: Accumulated) -> Image | None:
+        return _planes(renderer, accumulated.variance, slice(0, 1))
+
+    return _of_signals(renderer, variance, np.add)
+
+
+def _of_signals(
+    renderer: Renderer, read: Callable[[Accumulated], Image | None], both: np.ufunc
+) -> Image | None:
+    """Of what is seen; `both` joins what was read of an object's diffuse and specular light."""
+    objects, surfaces = renderer.virtual_pixels, renderer.real_pixels
+    signals = objects.accumulated if objects else ()
+    virtual = functools.reduce(both, map(read, signals)) if signals else None
+    accumulated = surfaces.accumulated if surfaces else None
+    return _in_front(renderer, virtual, read(accumulated) if accumulated else None)
+
+
+def _hit_distance(renderer: Renderer) -> Image | None:
+    pixels = renderer.virtual_pixels
+    met = _planes(renderer, pixels.hit, slice(0, 1)) if pixels else None
+    # Beside objects, where no rays start, the plane holds what was there before.
+    return _in_front(renderer, met, None)
 
 
 def _irradiance_real(renderer: Renderer) -> Image | None:
@@ -140,15 +178,22 @@ AOVS: dict[str, Reader] = {
     "highlight": _highlight,
     "gloss": _gloss,
     "tracing_level": _tracing_level,
+    "hit_distance": _hit_distance,
+    "history_length": _history_length,
+    "variance": _variance,
 }
 """Name -> what reads it back. background: radiance without objects; normal (world) and depth
 (metres from the capture centre) of what is seen; albedo and coverage of the objects; motion: x and
 y in pixels of where what is seen was in the frame before, -1e9: nowhere; ratio: E_RV / E_R;
 irradiance_*: E_R and E_RV over pi; diffuse: what the albedo is multiplied by; specular: radiance;
 highlight: what glossy real surfaces reflect towards the camera, of the background; gloss: what
-objects change in it; tracing_level: 0, 1, 2, and 255 where nothing is traced. All but the
-background is in the colours of the video's reference frame (`iprt.scene.drift`), where the frame's
-differ."""
+objects change in it; tracing_level: 0, 1, 2, and 255 where nothing is traced;
+hit_distance: metres from objects to what they reflect specularly, 1e6: the sky, 0: nothing;
+history_length: frames with all their rays that the temporal mean is worth; variance: of the
+luminance of that mean, which guides the spatial filter (of real surfaces: what objects change, as a
+fraction of E_R with the estimator "delta", over pi with "ratio"; of objects: of diffuse and
+specular light, added up). All but the background is in the colours of the video's reference frame
+(`iprt.scene.drift`), where the frame's differ."""
 
 
 def read_aov(renderer: Renderer, name: str) -> Image:

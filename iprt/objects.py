@@ -177,6 +177,7 @@ class Objects:
         try:
             with self._device.profile.compiling("OpenGL"):
                 self._rasterizer = Rasterizer(self._instances)
+            self._device.opengl = self._rasterizer.memory
         except DeviceError as error:
             if self._needs.traced_layers:
                 raise

@@ -18,7 +18,7 @@ from iprt.passes.object_layers import VisibleLayer
 from iprt.passes.real_layer import RealLayer
 from iprt.passes.reflection_motion import ReflectionMotion
 from iprt.passes.relight import Relight
-from iprt.passes.temporal import Kind, Temporal, signal_planes
+from iprt.passes.temporal import Accumulated, Kind, Temporal, signal_planes
 from iprt.passes.trace import TraceReal, TraceVirtual
 from iprt.passes.world import World
 from iprt.requirements import Requirements
@@ -72,7 +72,14 @@ class Tick:
 
 
 class SignalFilter:
-    """Sparse samples of one signal become a clean picture: interpolate, accumulate, filter."""
+    """Sparse samples of one signal become a clean picture: interpolate, accumulate, filter.
+
+    Attributes
+    ----------
+    accumulated : Accumulated or None
+        The signal before the spatial filter, after the first frame; of the published filter, after
+        it.
+    """
 
     def __init__(
         self, device: ComputeDevice, guide: Guide, kind: Kind, settings: Settings, *, name: str
@@ -84,6 +91,7 @@ class SignalFilter:
         self._atrous = Atrous(
             device, guide, kind, settings.atrous, name=name, guided=not self._published
         )
+        self.accumulated: Accumulated | None = None
         self._fix: HistoryFix | None = None
         enough = settings.temporal.enough
         # Reflections differ too much between far pixels.
@@ -117,10 +125,11 @@ class SignalFilter:
         accumulated = self._temporal.run(
             signal, motion, mask.level, fading=tick.fading, changed=tick.changed
         )
-        if self._published:
-            return accumulated.signal
         if self._fix is not None:
             accumulated = self._fix.run(accumulated, mask.level)
+        self.accumulated = accumulated
+        if self._published:
+            return accumulated.signal
         return self._atrous.run(
             accumulated.signal, accumulated.variance, roughness=roughness, rect=rect
         )
@@ -138,6 +147,8 @@ class RealPixels:
         Holds the ratio.
     change : 6 planes or None
         `TraceReal.signal`, filtered, after the first frame.
+    accumulated : Accumulated or None
+        The same before the spatial filter.
     """
 
     def __init__(
@@ -161,6 +172,10 @@ class RealPixels:
         self._filter = SignalFilter(device, guide, kind, settings, name=name)
         self.relight = Relight(device, guide, delta=requirements.delta, name=name)
         self.change: cla.Array | None = None
+
+    @property
+    def accumulated(self) -> Accumulated | None:
+        return self._filter.accumulated
 
     def run(self, world: World, cache: IrradianceCache | None, tick: Tick) -> cla.Array:
         """Relight the frame's real pixels and return the ratio per pixel.
@@ -237,6 +252,8 @@ class VirtualPixels:
     visible : VisibleLayer
     reflected : dict of {"diffuse", "specular"} to 3 planes
         Filtered, after the first frame.
+    hit : 1 plane or None
+        See `TraceVirtual`.
     """
 
     def __init__(
@@ -268,6 +285,16 @@ class VirtualPixels:
             else None
         )
         self.reflected: dict[Kind, cla.Array] = {}
+
+    @property
+    def hit(self) -> cla.Array | None:
+        return self._trace.hit
+
+    @property
+    def accumulated(self) -> tuple[Accumulated, ...]:
+        """Of each signal, before the spatial filter; empty before the first frame."""
+        found = (signal_filter.accumulated for signal_filter in self._filters.values())
+        return tuple(signal for signal in found if signal is not None)
 
     def run(self, world: World, tick: Tick) -> None:
         """Shade the frame's virtual pixels; `world.relit` is what they reflect."""

@@ -27,7 +27,7 @@ SETTINGS = Settings.model_validate(
     {
         "gbuffer": "cl",
         "atrous": {"levels": 0},
-        "trace": {"relight_reflections": False, "jitter": False, "bounces": 1},
+        "trace": {"relight_reflections": False, "jitter": False},
         "irradiance": {"rows": 16, "first_rays": 2, "rays": 1},
     }
 )

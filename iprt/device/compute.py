@@ -57,6 +57,8 @@ class ComputeDevice:
 
     Attributes
     ----------
+    opengl : dict of str to int
+        Bytes by name that OpenGL holds besides `buffers`, perhaps on another device.
     building : callable
         Called with the name of a file of `cl/` before it is built, which may take seconds.
 
@@ -70,6 +72,7 @@ class ComputeDevice:
         self.device = device
         self.limit_s = limit_s
         self.buffers: dict[str, int] = {}
+        self.opengl: dict[str, int] = {}
         with self.reported("creating a context"):
             self.context = cl.Context([device])
             self.queue = cl.CommandQueue(

@@ -43,6 +43,7 @@ class PlanDevice(ComputeDevice):
     def __init__(self) -> None:
         self.profile = Profile()
         self.buffers: dict[str, int] = {}
+        self.opengl: dict[str, int] = {}
         self.kernels: list[tuple[str, str, dict[str, Define]]] = []
 
     def kernel(  # type: ignore[override]

@@ -51,7 +51,7 @@ class CostReport:
         Milliseconds by program.
     passes : tuple of PassRow
     buffers : mapping of str to int
-        Bytes by name.
+        Bytes by name, those of OpenGL included.
     memory : int
         Bytes that the device has.
     """
@@ -103,7 +103,7 @@ class CostReport:
             prepare_ms=prepare_ms,
             compiled=dict(profile.compiled),
             passes=tuple(pass_rows(frames)),
-            buffers=dict(device.buffers),
+            buffers={**device.buffers, **device.opengl},
             memory=device.memory,
         )
 

@@ -11,7 +11,7 @@ from iprt.memory import amount
 from iprt.output.grid import Grid
 
 TIMES = ("ms", "p95", "mean", "share", "host", "launches")
-WORK = ("MB", "GB/s", "rays", "steps", "most", "object rays", "steps", "most", "active")
+WORK = ("MB", "GB/s", "rays", "steps", "most", "object rays", "steps", "most", "active", "groups")
 WORTH_A_ROW = 0.01
 """Share of the whole from which on buffers and programs are named one by one."""
 CHANGED = "*"
@@ -38,7 +38,8 @@ def part_grid(report: CostReport) -> Grid:
         "passes together may take longer than the wall shows: the device runs during such work",
         "MB: the buffers bound to a kernel, each once, or what is transferred; GB/s: MB by time, "
         "but of kernels that read where rays or lists lead",
-        "steps: of a ray, on average; most: of the longest; active: work items with work to do",
+        "steps: of a ray, on average; most: of the longest; active: work items with work to do; "
+        "groups: work groups with such, the tiles of passes over pixels",
     )
     return Grid(_title(report), ("per frame", *TIMES, *WORK), tuple(rows), notes)
 
@@ -48,7 +49,9 @@ def memory_grid(report: CostReport) -> Grid:
     total = sum(report.buffers.values())
     ranked = sorted(report.buffers.items(), key=lambda entry: -entry[1])
     rows = _ranked(ranked, total, lambda size: f"{size / 2**20:.2f}")
-    note = f"{amount(total)} of the device's {amount(report.memory)}"
+    opengl = sum(size for name, size in ranked if name.startswith("OpenGL"))
+    besides = f", and {amount(opengl)} of OpenGL's" if opengl else ""
+    note = f"{amount(total - opengl)} of the device's {amount(report.memory)}{besides}"
     return Grid("memory", ("buffer", "MiB", "share"), rows, (note,))
 
 
@@ -157,11 +160,12 @@ def _part_cells(part: PartRow) -> tuple[str, ...]:
 
 def _work_cells(work: WorkRow | None) -> tuple[str, ...]:
     if work is None:
-        return ("",) * 7
+        return ("",) * (len(WORK) - 2)
     real = _rays(work.rays, work.steps, work.most_steps)
     objects = _rays(work.object_rays, work.object_steps, work.most_object_steps)
     active = f"{work.active:.0f}/{work.items:.0f}"
-    return (*real, *objects, active)
+    groups = f"{work.active_groups:.0f}/{work.groups:.0f}"
+    return (*real, *objects, active, groups)
 
 
 def _rays(count: float, steps: float, most: int) -> tuple[str, str, str]:

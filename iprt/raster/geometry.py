@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from iprt.errors import SceneError
 from iprt.raster.region import box_corners
+from iprt.raster.targets import texture_bytes
 from iprt.scene.mesh import Instance, Mesh, motion_between
 
 Float = NDArray[np.float64]
@@ -141,6 +142,14 @@ class WorldGeometry:
         for part in self.parts:
             self._upload(part)
         self._upload_table()
+
+    @property
+    def nbytes(self) -> tuple[int, int]:
+        """Of the triangles, and of the textures with their mipmaps."""
+        tables = [self.triangles, self.vertices, self.table, self.displacements]
+        triangles = sum(texture_bytes(table) for table in tables if table is not None)
+        images = sum(map(texture_bytes, self.images.values()))
+        return self.positions.size + triangles, images * 4 // 3
 
     def move(self, instances: Sequence[Instance]) -> None:
         """Start a frame: current transforms become previous ones, and these the current ones."""

@@ -15,7 +15,7 @@ from iprt.raster.geometry import Part, WorldGeometry
 from iprt.raster.layers import COVERAGE_TOLERANCE, NO_MOTION, SAMPLES, Layer, ObjectLayers
 from iprt.raster.programs import Programs
 from iprt.raster.region import Rect, box_rects, merge
-from iprt.raster.targets import Target, Targets
+from iprt.raster.targets import Target, Targets, texture_bytes
 from iprt.scene.camera import Projection, View
 from iprt.scene.material import Material
 from iprt.scene.mesh import Instance
@@ -66,6 +66,8 @@ class Rasterizer:
         Index of the instance that each material belongs to.
     device_name : str
         The OpenGL renderer.
+    memory : dict of str to int
+        Bytes by name of what it holds now; always the same dict.
 
     Raises
     ------
@@ -88,6 +90,13 @@ class Rasterizer:
             self._surface = self._context.texture((1, 1), 4, bytes(16), dtype="f4")
         self.materials: tuple[Material, ...] = self._geometry.materials
         self.material_object: NDArray[np.int32] = self._geometry.material_object
+        triangles, textures = self._geometry.nbytes
+        self.memory = {
+            "OpenGL triangles": triangles,
+            "OpenGL textures": textures,
+            "OpenGL samples": texture_bytes(self._samples),
+            "OpenGL surface": texture_bytes(self._surface),
+        }
         self._programs: dict[Projection, Programs] = {}
         self._targets: dict[Projection, Targets] = {}
 
@@ -124,6 +133,7 @@ class Rasterizer:
             if self._surface.size != (width, height):
                 self._surface.release()
                 self._surface = self._context.texture((width, height), 4, dtype="f4")
+                self.memory["OpenGL surface"] = texture_bytes(self._surface)
             self._surface.write(np.ascontiguousarray(surface, np.float32))
 
     def render(self, view: View, previous: View | None = None, *, shade: bool) -> ObjectLayers:
@@ -299,10 +309,10 @@ class Rasterizer:
             return held
         if held is not None:
             held.release()
-        self._targets[view.projection] = Targets.create(
-            self._context, size, deforming=self._deforming
-        )
-        return self._targets[view.projection]
+        targets = Targets.create(self._context, size, deforming=self._deforming)
+        self._targets[view.projection] = targets
+        self.memory[f"OpenGL layers, {view.projection}"] = targets.nbytes
+        return targets
 
 
 def _nothing(view: View, shade: bool) -> ObjectLayers:

@@ -11,6 +11,15 @@ from numpy.typing import NDArray
 
 from iprt.raster.region import Rect
 
+DEPTH_BYTES = 4
+"""Of a texel of depth, as drivers store it."""
+
+
+def texture_bytes(texture: moderngl.Texture) -> int:
+    """Of a texture without mipmaps, as it was asked for; drivers may round up."""
+    texel = DEPTH_BYTES if texture.depth else texture.components * int(texture.dtype[1:])
+    return int(texture.width * texture.height * texel)
+
 
 @dataclass(frozen=True)
 class Target:
@@ -41,6 +50,10 @@ class Target:
             texels = np.frombuffer(data, np.float32)
             pixels[rect.pixels] = texels.reshape(rect.y1 - rect.y0, rect.x1 - rect.x0, 4)
         return pixels
+
+    @property
+    def nbytes(self) -> int:
+        return sum(map(texture_bytes, self.images))
 
     def release(self) -> None:
         self.framebuffer.release()
@@ -89,6 +102,13 @@ class Targets:
             back=Target.create(context, size, images=2),
             display=Target.create(context, size, images=3),
         )
+
+    @property
+    def nbytes(self) -> int:
+        """Of all images, and of the depth."""
+        targets = (self.facing, self.away, self.front, self.back, self.display)
+        width, height = self.size
+        return sum(target.nbytes for target in targets) + DEPTH_BYTES * width * height
 
     def release(self) -> None:
         for target in (self.facing, self.away, self.front, self.back, self.display):

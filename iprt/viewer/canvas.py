@@ -85,6 +85,7 @@ class Canvas:
         self._renderer = Renderer(*given, footage=stage.footage)
         self._device, self._footage = device, stage.footage
         self._geometry: Geometry | None = None
+        self._outdated = True  # the geometry
         self._convergence = Convergence()
         self._moved = False
         self.rested = 0
@@ -114,15 +115,15 @@ class Canvas:
         renderer, changed = self._renderer, False
         if wanted.stage.frame is not renderer.frame:
             renderer.load(wanted.stage.frame)
-            changed = True
+            changed, self._geometry = True, None
         if not same_places(renderer.instances, wanted.instances):
             renderer.move(wanted.instances)
             changed = True
         if wanted.view != renderer.view:
             renderer.look(wanted.view)
-            changed = True
+            changed, self._geometry = True, None
         if changed:
-            self.rested, self._moved, self._geometry = 0, True, None
+            self.rested, self._moved, self._outdated = 0, True, True
 
     def paint(self, steps: int, aovs: Sequence[str]) -> RenderedFrame:
         """The picture after so many more view frames, 0 or 1."""
@@ -137,10 +138,17 @@ class Canvas:
         self.noise = self._convergence.add(self.rested, picture.color)
         return picture
 
-    def geometry(self) -> Geometry:
-        """The surfaces that the picture shows."""
-        if self._geometry is None or self.rested <= 1:
+    def geometry(self, frames: int) -> Geometry | None:
+        """The surfaces that the picture shows.
+
+        Reading them takes longer than a quick device needs for a frame. So they come with the
+        second frame at rest, or with the last one if `frames` are fewer; until then there are none
+        after the camera moved, and those of before after an object did: it slides over what is
+        real, which has stayed.
+        """
+        if self._outdated and self.rested >= min(frames, 2):
             self._geometry = Geometry.of(self._renderer, self._renderer.instances)
+            self._outdated = False
         return self._geometry
 
 

@@ -34,12 +34,12 @@ class Convergence:
         if frames <= 1:
             self._measured, self._before, self._frames = None, None, 0
         if frames >= 2 * self._frames:
-            now = picture @ LUMINANCE
             if self._before is not None:
-                error = float(np.sqrt(np.mean(np.square(now - self._before, dtype=np.float64))))
+                now, before = picture @ LUMINANCE, self._before @ LUMINANCE
+                error = float(np.sqrt(np.mean(np.square(now - before, dtype=np.float64))))
                 mean = float(now.mean(dtype=np.float64))
                 self._measured = frames, error / mean if mean > 0.0 else 0.0
-            self._before, self._frames = now, frames
+            self._before, self._frames = picture, frames
         if self._measured is None:
             return None
         measured_at, noise = self._measured

@@ -271,7 +271,10 @@ class Engine:
         return name
 
     def save(self) -> None:
-        """Write all edits to the scene's file, comments and order kept; `status` tells problems."""
+        """Write all edits to the scene's file, comments and order kept; `status` tells problems.
+
+        New objects are put into the views that list theirs, but those with a truth (`save_edits`).
+        """
         self._core.save()
 
 

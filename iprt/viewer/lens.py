@@ -57,6 +57,9 @@ BUFFERS: Mapping[str, Buffer] = {
     "highlight": Buffer("radiance"),
     "gloss": Buffer("change"),
     "tracing_level": Buffer("label"),
+    "hit_distance": Buffer("distance", "m"),
+    "history_length": Buffer("count", "frames"),
+    "variance": Buffer("count"),
 }
 """All of `iprt.aovs.AOVS`, by name."""
 

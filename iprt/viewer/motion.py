@@ -19,15 +19,20 @@ class Motion:
 
     Parameters
     ----------
+    target_fps : float or None
+        See the property.
     clock : callable
         Seconds.
     """
 
-    def __init__(self, clock: Callable[[], float] = time.perf_counter) -> None:
+    def __init__(
+        self, target_fps: float | None, clock: Callable[[], float] = time.perf_counter
+    ) -> None:
         self._clock = clock
         self._stirred_s = -REST_S
-        self._target_fps: float | None = None
+        self._target_fps = target_fps
         self._pace: Pace | None = None
+        self._usual_s: float | None = None  # of a frame of which nothing is given up
 
     @property
     def target_fps(self) -> float | None:
@@ -55,11 +60,13 @@ class Motion:
         if not moving or self._target_fps is None:
             return None
         if self._pace is None or self._pace.base != base:
-            self._pace = Pace(self._target_fps, base)
+            self._pace = Pace(self._target_fps, base, usual_s=self._usual_s)
         rung = self._pace.rung
         return rung if rung.number > 0 else None
 
     def observe(self, shown: Shown, rung: Rung | None) -> None:
-        """Take note of a new picture that was asked for in motion, on a rung."""
+        """Take note of a new picture, for which `rung` was chosen."""
+        if rung is None and not shown.compiled:
+            self._usual_s = shown.seconds
         if self._pace is not None and self._pace.rung.number == (rung.number if rung else 0):
             self._pace.observe(shown.seconds, shown.compiled)

@@ -29,6 +29,9 @@ ROOM_DOWN, ROOM_UP = 0.9, 0.8
 """Share of the time of a frame that the rung may take to which one goes down, or up."""
 UP_S, TURN_S = 2.0, 1.0
 """Seconds on a rung before going up, and before going back where one came from."""
+PATIENCE_S = 30.0
+"""Seconds on a rung after which what was learned of better ones is doubted: the load may have been
+another just as the rung changed. Twice as long each time."""
 OTHER_LOAD = 1.5
 """Factor between times of a rung now and when it was new at which what was learned is forgotten."""
 
@@ -45,9 +48,19 @@ class Pace:
         another `Pace`.
     ladder : Ladder or None
         None: that of the package.
+    usual_s : float or None
+        Seconds that a frame takes as the user asked for it, if that is known: then it begins on
+        the rung that this leads to.
     """
 
-    def __init__(self, target_fps: float, base: Settings, ladder: Ladder | None = None) -> None:
+    def __init__(
+        self,
+        target_fps: float,
+        base: Settings,
+        ladder: Ladder | None = None,
+        *,
+        usual_s: float | None = None,
+    ) -> None:
         self.base = base
         self.rungs: Sequence[Rung] = rungs_below(base, ladder or measured_ladder())
         self._target_s = 1.0 / target_fps
@@ -55,9 +68,12 @@ class Pace:
         self._factors: dict[int, float] = {}  # of the rungs that were stood on
         self._before: tuple[int, float] | None = None  # the rung before, and seconds of its frames
         self._went_up = False  # at the last change
+        self._patience_s = PATIENCE_S
         self._times: list[float] = []  # of the frames that count since then
         self._usual_s: float | None = None  # their mean, once a window is full
         self._skip, self._stood_s = SKIPPED, 0.0
+        if usual_s is not None and usual_s > TOO_SLOW * self._target_s:
+            self._go(self._fitting(range(1, len(self.rungs)), usual_s), usual_s)
 
     @property
     def rung(self) -> Rung:
@@ -113,7 +129,7 @@ class Pace:
         elif self._usual_s is not None and _differ(mean, self._usual_s, OTHER_LOAD):
             # Other things are slow now: what was learned may hold no more.
             self._factors.clear()
-            self._usual_s = None
+            self._usual_s, self._patience_s = None, PATIENCE_S
         if full and self._usual_s is None:
             self._usual_s = mean
 
@@ -137,15 +153,21 @@ class Pace:
         below = range(now + 1, len(self.rungs))
         if newest > TOO_SLOW * target and mean > ALL_TOO_SLOW * target:
             if below and (not self._went_up or self._stood_s >= TURN_S):
-                fits = [n for n in below if self._expected(n, mean) <= ROOM_DOWN * target]
                 # It was noise in part that led here: the longer mean is less so.
-                mean = min(mean, _mean(self._times))
-                self._go(fits[0] if fits else min(below, key=self._factor), mean)
+                self._go(self._fitting(below, mean), min(mean, _mean(self._times)))
         elif self._stood_s >= UP_S and len(self._times) >= WINDOW:
             mean = _mean(self._times)
             fits = [n for n in range(now) if self._expected(n, mean) <= ROOM_UP * target]
             if fits:
                 self._go(fits[0], mean)
+            elif self._stood_s >= self._patience_s:
+                self._factors.clear()
+                self._patience_s *= 2.0
+
+    def _fitting(self, below: range, mean: float) -> int:
+        """The first rung that holds the target, or else the quickest."""
+        fits = [n for n in below if self._expected(n, mean) <= ROOM_DOWN * self._target_s]
+        return fits[0] if fits else min(below, key=self._factor, default=self._now)
 
     def _expected(self, number: int, mean: float) -> float:
         """Seconds of a frame on a rung, if they are `mean` on the present one."""

@@ -6,6 +6,9 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from iprt.device.compute import ComputeDevice
 from iprt.device.profile import PassTime
 from iprt.renderer import RenderedFrame
@@ -29,8 +32,10 @@ class Shown:
     frame : int
         Number of the video's frame.
     picture : RenderedFrame
+    pose : (4, 4) float64 or None
+        World from the capture centre's axes; None: they are the same.
     geometry : Geometry or None
-        If it was asked for.
+        If it was asked for, at rest.
     frames : int
         View frames for which nothing has moved, this one included: what the picture is a mean of.
     noise : float or None
@@ -50,6 +55,7 @@ class Shown:
     request: Request
     frame: int
     picture: RenderedFrame
+    pose: NDArray[np.float64] | None
     geometry: Geometry | None
     frames: int
     noise: float | None
@@ -119,7 +125,7 @@ class Session:
             self._compiling(None)  # else drivers compile at the first launch
         device.profile.reset()
         picture = canvas.paint(steps, request.aovs)
-        geometry = canvas.geometry() if request.geometry else None
+        geometry = canvas.geometry(request.frames) if request.geometry else None
         device.finish()
         self._compiling(None)
         self._steps += steps
@@ -130,6 +136,7 @@ class Session:
             request,
             stage.frame.index,
             picture,
+            stage.frame.pose,
             geometry,
             canvas.rested,
             canvas.noise,

@@ -19,6 +19,7 @@ from iprt.scene.placement import set_on
 from iprt.scene.pose import view_from
 from iprt.viewer.developer import Developer
 from iprt.viewer.engine import Client, Engine
+from iprt.viewer.geometry import Geometry
 from iprt.viewer.ladder import Rung
 from iprt.viewer.lens import BUFFERS, Lens
 from iprt.viewer.motion import Motion
@@ -43,6 +44,8 @@ class Viewport:
         Where it looks at first; its size is that of the window, in pixels.
     objects : tuple of str or None
         Names of the objects that it shows. None: all.
+    target_fps : float or None
+        See the property.
     frames : int
         View frames to which a picture at rest is refined.
 
@@ -60,12 +63,13 @@ class Viewport:
         view: View,
         *,
         objects: tuple[str, ...] | None = None,
+        target_fps: float | None = None,
         frames: int = REST_FRAMES,
     ) -> None:
         self._engine = engine
         self.view, self.name = view, self._name_of(view)
         self._objects, self._frames = objects, frames
-        self._lens, self._motion = Lens(), Motion()
+        self._lens, self._motion = Lens(), Motion(target_fps)
         self._rung: Rung | None = None  # that was asked for last
         self._edits = engine.world.edits
         self._developer = Developer()
@@ -74,6 +78,7 @@ class Viewport:
         self._latency: tuple[float, int] | None = None
         # Of each input: its number, when it came, and at which view frame.
         self._asked: deque[tuple[int, float, int]] = deque(maxlen=256)
+        self._at_rest: tuple[Geometry, int] | None = None  # the last one, and its video frame
         self._wanted = self._request()
         self._client = engine.client(self._wanted)
         self._baseline: Client | None = None
@@ -223,6 +228,8 @@ class Viewport:
         shown = self._client.shown
         if shown is not None and (self._sight is None or shown is not self._sight.shown):
             self._motion.observe(shown, self._rung)
+            if shown.geometry is not None:
+                self._at_rest = shown.geometry, shown.frame
         self._follow()
         if shown is None:
             return None
@@ -256,9 +263,9 @@ class Viewport:
             return None
         shown, column, row = found
         buffer, surface, name = self._lens.buffer, None, None
-        if shown.geometry is not None:
-            surface = shown.geometry.seen(column, row)
-            name = shown.geometry.object_at(column, row)
+        if (surfaces := self._surfaces(x, y)) is not None:
+            geometry, *place = surfaces
+            surface, name = geometry.seen(*place), geometry.object_at(*place)
         values = None if buffer is None else shown.picture.aovs.get(buffer)
         return Readout(
             column,
@@ -273,10 +280,8 @@ class Viewport:
 
     def object_at(self, x: float, y: float) -> str | None:
         """Name of the object that is seen at a place."""
-        found = self._pixel(x, y)
-        if found is None or found[0].geometry is None:
-            return None
-        return found[0].geometry.object_at(*found[1:])
+        found = self._surfaces(x, y)
+        return None if found is None else found[0].object_at(*found[1:])
 
     def drop(self, name: str, x: float, y: float, *, upright: bool) -> bool:
         """Set an object on the real surface at a place; whether there is one.
@@ -286,11 +291,11 @@ class Viewport:
         upright : bool
             It keeps its rotation; or else its own +Y is turned to the surface's normal.
         """
-        found = self._pixel(x, y)
+        found = self._surfaces(x, y)
         state = next((state for state in self._engine.objects if state.name == name), None)
-        if found is None or found[0].geometry is None or state is None:
+        if found is None or state is None:
             return False
-        surface = found[0].geometry.real(*found[1:])
+        surface = found[0].real(*found[1:])
         if surface is None:
             return False
         normal = None if upright else surface.normal
@@ -302,7 +307,7 @@ class Viewport:
         """Yaw and pitch in degrees of a place, in the axes of the capture centre (`Engine.add`)."""
         shown = self._client.shown
         view = self.view if shown is None else shown.request.view
-        pose = None if shown is None or shown.geometry is None else shown.geometry.pose
+        pose = None if shown is None else shown.pose
         pixel = np.array([x * view.width, y * view.height])
         right, up, back = view_from(view, pose).unproject(pixel)
         return float(np.rad2deg(np.arctan2(right, -back))), float(np.rad2deg(np.arcsin(up)))
@@ -313,6 +318,21 @@ class Viewport:
             return None
         height, width = shown.picture.color.shape[:2]
         return shown, int(x * width), int(y * height)
+
+    def _surfaces(self, x: float, y: float) -> tuple[Geometry, int, int] | None:
+        """What is known of the surfaces that are seen, and the pixel of a place there.
+
+        Pictures in motion may have none of their own: what is real has stayed where it was, as long
+        as neither the view nor the video moves.
+        """
+        found = self._pixel(x, y)
+        if found is None or self._at_rest is None:
+            return None
+        shown, (geometry, frame) = found[0], self._at_rest
+        view = geometry.view
+        if frame != shown.frame or shown.request.view.resized(view.width, view.height) != view:
+            return None
+        return geometry, int(x * view.width), int(y * view.height)
 
     # Files ------------------------------------------------------------------------------------
 

@@ -118,11 +118,9 @@ def test_sums_of_steps_need_more_than_32_bits(device: ComputeDevice) -> None:
 
 
 @pytest.mark.gl
-def test_a_picture_is_the_same_and_its_rays_are_those_asked_for(device: ComputeDevice) -> None:
-    film = films(trace={"light_sampling": False})["triangles"]
+def test_rays_of_a_picture_are_those_asked_for(device: ComputeDevice) -> None:
+    film = films(trace={"light_sampling": False, "relight_reflections": False})["triangles"]
     counting = CountingDevice(device)
-    np.testing.assert_array_equal(play(counting, film).color, play(device, film).color)
-
     settings = film.settings
     with Renderer(counting, film.video[0], film.objects, film.view, settings) as renderer:
         counting.work.clear()

@@ -25,7 +25,9 @@ WORK = Work(100, 30, 4, 2, Rays(40, 400, 25), Rays(10, 30, 5))
 
 
 def device_with(profile: Profile) -> Any:
-    return SimpleNamespace(profile=profile, name="a device", buffers={"x": 60}, memory=600)
+    return SimpleNamespace(
+        profile=profile, name="a device", buffers={"x": 60}, opengl={}, memory=600
+    )
 
 
 def report_of(profile: Profile, walls: tuple[float, ...] = ()) -> CostReport:

@@ -58,7 +58,7 @@ def test_parts_tell_bytes_bandwidth_and_work() -> None:
     assert (trace["MB"], trace["GB/s"]) == ("5.00", "")
     assert (trace["rays"], trace["steps"], trace["most"]) == ("40", "10.0", "25")
     assert (trace["object rays"], trace["steps 2"], trace["most 2"]) == ("10", "3.0", "5")
-    assert trace["active"] == "30/100"
+    assert (trace["active"], trace["groups"]) == ("30/100", "2/4")
     assert rows["  mix"]["GB/s"] == "2.00"
     assert rows["  write"]["GB/s"] == "0.50"
     assert rows["  mix"]["rays"] == ""
@@ -70,6 +70,9 @@ def test_buffers_and_programs_that_are_small_come_together() -> None:
     assert [row[0] for row in grid.rows] == ["large", "medium", "2 others"]
     assert cells(grid)["large"] == {"buffer": "large", "MiB": "3.00", "share": "75.0%"}
     assert grid.notes == ("4 MiB of the device's 1.0 GiB",)
+    grid = memory_grid(replace(made(), buffers=buffers | {"OpenGL layers": 2**21}, memory=2**30))
+    assert cells(grid)["OpenGL layers"]["MiB"] == "2.00"
+    assert grid.notes == ("4 MiB of the device's 1.0 GiB, and 2 MiB of OpenGL's",)
     grid = compile_grid(made())
     assert [row[:2] for row in grid.rows] == [("march.cl", "1000"), ("blend.cl", "234")]
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Sequence
 
+import moderngl
 import numpy as np
 import pytest
 
@@ -236,3 +238,33 @@ def test_two_rasterizers_and_repeated_calls_agree() -> None:
     np.testing.assert_array_equal(first.front.geometry, again.front.geometry)
     np.testing.assert_array_equal(first.back.material, again.back.material)
     np.testing.assert_array_equal(first.coverage, again.coverage)
+
+
+def test_memory_is_what_opengl_holds() -> None:
+    """Asked of OpenGL, image by image, while views and surfaces come and go."""
+    held = [id(entry) for entry in _opengl_objects()]
+    with rasterizer([placed(sphere(), (0.0, 0.0, -2.0))]) as opened:
+        for view in (*EQUIRECT, PERSPECTIVE[0]):
+            opened.render(view, shade=True)
+            opened.set_surface(np.zeros((view.height, view.width, 4), np.float32))
+        own = [entry for entry in _opengl_objects() if id(entry) not in held]
+        with opened._context:
+            assert sum(opened.memory.values()) == sum(map(_bytes, own))
+    assert opened.memory["OpenGL textures"] == 0
+    assert len(opened.memory) == 6
+
+
+def _opengl_objects() -> list[moderngl.Texture | moderngl.Renderbuffer | moderngl.Buffer]:
+    kinds = (moderngl.Texture, moderngl.Renderbuffer, moderngl.Buffer)
+    gc.collect()
+    return [
+        entry
+        for entry in gc.get_objects()
+        if isinstance(entry, kinds) and not isinstance(entry.mglo, moderngl.InvalidObject)
+    ]
+
+
+def _bytes(entry: moderngl.Texture | moderngl.Renderbuffer | moderngl.Buffer) -> int:
+    if isinstance(entry, moderngl.Renderbuffer):
+        return 4 * entry.width * entry.height
+    return entry.size if isinstance(entry, moderngl.Buffer) else len(entry.read())

@@ -10,6 +10,7 @@ import pytest
 
 from iprt.device.compute import ComputeDevice
 from iprt.renderer import Renderer
+from iprt.scene.edits import flat
 from iprt.scene.scene import Scene
 from iprt.viewer.session import KEPT
 from tests.clips import write_clip
@@ -81,3 +82,29 @@ def test_a_client_has_settings_of_its_own(scene: Scene, device: ComputeDevice) -
             expected = alone.render().color
         np.testing.assert_array_equal(driver.shown(theirs).picture.color, expected)
         assert (driver.shown(ours).picture.color != expected).any()
+
+
+def test_surfaces_come_at_rest(scene: Scene, device: ComputeDevice) -> None:
+    """Not while the camera turns; real ones stay known while an object moves over them."""
+    with turns(scene, device) as driver:
+        client = driver.join(frames=3)
+        assert driver.answer(client).geometry is None
+        driver.settle()
+        rested = driver.shown(client).geometry
+        assert rested is not None
+        cube = np.array(scene.objects[0].motion.to_world)
+        cube[0, 3] += 0.1
+        world = driver.exchange.world
+        moved = world.edited(replace(world.edit_of("cube"), to_world=flat(cube)))
+        shown = driver.answer(client, driver.change(edits=moved.edits))
+        assert shown.frames == 1
+        assert shown.geometry is rested
+        driver.settle()
+        after = driver.shown(client).geometry
+        assert after is not None
+        assert (after.coverage != rested.coverage).any()
+        np.testing.assert_array_equal(after.real_depth, rested.real_depth)
+        turned = driver.answer(
+            client, driver.ask(client, view=replace(VIEW, yaw_deg=9.0), frames=3)
+        )
+        assert turned.geometry is None

@@ -284,7 +284,7 @@ def test_the_objects_are_told_as_they_are_shown(tmp_path: Path, device: ComputeD
     still = text[text.index("[[objects]]") : text.index("[[objects.keyframes]]")]
     manifest.write_text(text + "\n" + still.replace('"cube"', '"still"'))
     scene = Scene.open(folder)
-    material = Material("conductor", (0.9, 0.8, 0.7), alpha=0.05)
+    material = Material("plastic", (0.9, 0.8, 0.7), alpha=0.05)
     with turns(scene, device) as driver:
         assert driver.core.objects == ()
         client = driver.join()

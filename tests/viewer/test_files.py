@@ -24,6 +24,9 @@ from tests.clips import clip_color, write_clip
 from tests.scene.files import CUBE, write_rgb
 from tests.viewer.turns import Clock, Turns, turns
 
+PLASTIC = Material("plastic", (0.2, 0.5, 0.3), alpha=0.3)
+"""For which the clip's kernels need not be compiled again."""
+
 
 @pytest.fixture
 def scene(tmp_path: Path) -> Scene:
@@ -143,7 +146,7 @@ def test_a_saved_scene_is_what_was_shown(
         client = driver.join()
         driver.answer(client)
         core, exchange = driver.core, driver.exchange
-        core.add(ObjectEdit("wedge", path=path), (20.0, -40.0), 0.3)
+        core.add(ObjectEdit("wedge", material=PLASTIC, path=path), (20.0, -40.0), 0.3)
         driver.settle()
         exchange.edit("cube", lambda edit: replace(edit, removed=True))
         driver.settle()

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from itertools import pairwise
+from dataclasses import replace
+from itertools import groupby, pairwise
+from pathlib import Path
 from typing import get_args
 
 import numpy as np
@@ -11,9 +13,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from iprt.device.compute import ComputeDevice
 from iprt.knobs import changed, plain_values, resolved
 from iprt.presets import Quality
+from iprt.scene.scene import Scene
 from iprt.settings import Settings
+from iprt.viewer.engine import Engine
 from iprt.viewer.ladder import (
     SCALE,
     Ladder,
@@ -24,6 +29,9 @@ from iprt.viewer.ladder import (
     rungs_below,
 )
 from iprt.viewer.pace import Pace
+from iprt.viewer.state import Request
+from tests.clips import write_clip
+from tests.viewer.turns import DEADLINE_S, SETTINGS, VIEW
 
 SHARES = (0.8, 0.62, 0.45, 0.3, 0.2, 0.12)
 RAYS = (32, 16, 8, 4, 2, 1)
@@ -108,6 +116,15 @@ def test_it_finds_the_best_rung_that_holds_the_target_at_once(load: float, rung:
     assert set(device.numbers[7:]) == {rung}
 
 
+@pytest.mark.parametrize(("load", "rung"), [(0.02, 0), (0.0395, 2), (0.07, 4), (9.0, 6)])
+def test_what_is_known_of_the_first_rung_saves_the_search(load: float, rung: int) -> None:
+    pace = Pace(30.0, BASE, ladder(), usual_s=load)
+    assert pace.rung.number == rung
+    device = Simulated(pace, lambda _: load, noise=0.0)
+    device.play(300)
+    assert set(device.numbers) == {rung}
+
+
 @pytest.mark.parametrize("seed", range(8))
 @pytest.mark.parametrize("load", [0.02, 0.0395, 0.07, 0.1, 0.2])
 @pytest.mark.parametrize("noise", [0.1, 0.2])
@@ -115,7 +132,7 @@ def test_noise_does_not_keep_it_from_settling(load: float, noise: float, seed: i
     device = Simulated(Pace(30.0, BASE, ladder()), lambda _: load, noise=noise, seed=seed)
     device.play(2000)
     assert len(device.changes) <= 4
-    assert sum(frame >= 1000 for frame, _, _ in device.changes) <= (noise > 0.1)
+    assert sum(frame >= 1000 for frame, _, _ in device.changes) <= 1
     number = device.numbers[-1]
     assert np.mean(device.seconds[-1000:]) < 1.15 / 30.0
     # The one above would take too long, or so nearly that it is not worth the change.
@@ -143,11 +160,23 @@ def test_a_step_of_the_load_is_followed_in_a_few_frames_and_taken_back(seed: int
 def test_a_rung_that_disappoints_is_not_tried_again_and_again() -> None:
     """A device on which most of the ladder saves nothing, but for its lowest rung."""
     device = Simulated(
-        Pace(30.0, BASE, ladder()), lambda _: 0.05, shares=(1.0, 1.0, 1.0, 0.98, 0.95, 0.9, 0.5)
+        Pace(30.0, BASE, ladder()), lambda _: 0.05, shares=(1.0, 1.0, 1.0, 0.98, 0.95, 0.9, 0.3)
     )
     device.play(5000)
-    assert set(device.numbers[100:]) == {6}
-    assert len(device.changes) <= 6
+    assert np.mean(np.array(device.numbers[200:]) == 6) > 0.95
+    # It is tried once more in a minute and a half: then its time may have come.
+    assert len(device.changes) <= 7
+
+
+def test_a_load_that_ends_as_the_rung_changes_is_not_held_against_the_better_ones() -> None:
+    pace = Pace(30.0, BASE, ladder())
+    device = Simulated(pace, lambda _: 0.1 if not pace.rung.number else 0.02, noise=0.05)
+    device.play(20)
+    assert pace.rung.number > 0
+    device.load = lambda _: 0.02
+    device.play(6000)
+    assert sum(device.seconds[: device.numbers.index(0, 20)]) < 40.0
+    assert set(device.numbers[-1000:]) == {0}
 
 
 def test_nothing_holds_the_target() -> None:
@@ -180,7 +209,8 @@ def test_whatever_the_device_it_does_not_hunt(
     device.require_no_hunting()
     assert len(device.changes) <= 8 * len(loads)
     tail = device.numbers[-length // 4 :]
-    assert len(set(tail)) <= 2
+    # By then it has tried what there is to try, but for a last look at a rung or two.
+    assert sum(a != b for a, b in pairwise(tail)) <= 3
     if min(shares) * loads[-1] < 0.7 / 30.0:
         assert np.median(device.seconds[-length // 4 :]) < 1.15 / 30.0
 
@@ -216,6 +246,24 @@ def test_rungs_start_from_what_was_asked_for_and_never_exceed_it(quality: Qualit
         assert ("resolution" in below.gave_up) == (below.scale < 1.0)
 
 
+def test_what_was_not_there_is_not_given_up() -> None:
+    """Of a rung of two knobs, of which the user has turned down one already, the other is left."""
+    knobs = tuple(
+        MeasuredKnob(key=key, value=1, ms_share=0.5, ssim_cost=cost)
+        for key, cost in (("trace.rays", 0.1), ("trace.object_rays", 0.2))
+    )
+    both = MeasuredRung(
+        changes={"trace.rays": 1, "trace.object_rays": 1}, ms_share=0.25, ssim_cost=0.3
+    )
+    measured = ladder().model_copy(update={"knobs": knobs, "rungs": (both,)})
+    for rays, share, cost in ((2, 0.25, 0.3), (1, 0.5, 0.2)):
+        base = changed(BASE, {"trace.rays": rays})
+        _, rung = rungs_below(base, measured)
+        assert (rung.share, rung.ssim_cost) == pytest.approx((share, cost))
+        assert ("trace rays 2 -> 1 (-0.100 SSIM)" in rung.gave_up) == (rays == 2)
+        assert "trace object rays 64 -> 1 (-0.200 SSIM)" in rung.gave_up
+
+
 def test_the_ladder_of_the_package_gives_up_more_and_more() -> None:
     found = measured_ladder()
     before = MeasuredRung(changes={}, ms_share=1.0, ssim_cost=-1.0)
@@ -243,3 +291,37 @@ def test_what_saves_most_for_its_error_is_given_up_first() -> None:
     }
     order = [(notch.key, notch.value) for notch in order_of_notches(notches)]
     assert order == [("free", 1), ("cheap", 2), ("dear", 1), ("cheap", 1), ("useless", 1)]
+
+
+def test_an_engine_follows_down_and_up_again(tmp_path: Path, device: ComputeDevice) -> None:
+    """Settings and resolution, on times as a slow and then a quick device would take them."""
+    small = MeasuredRung(
+        changes={"trace.object_rays": 1, "atrous.levels": 1, SCALE: 0.5},
+        ms_share=0.2,
+        ssim_cost=0.1,
+    )
+    base = changed(SETTINGS, {"trace.object_rays": 2})
+    pace = Pace(5.0, base, ladder().model_copy(update={"rungs": (small,)}))
+    scene = Scene.open(write_clip(tmp_path / "clip", 2))
+    seen = []
+    with Engine(scene, lambda: device, base) as engine:
+        client = engine.client(Request(VIEW))
+        for frame in range(150):
+            seconds = 0.8 if frame < 30 else 0.15
+            rung = pace.rung
+            width, height = (round(rung.scale * n) for n in (VIEW.width, VIEW.height))
+            wanted = VIEW.resized(width, height)
+            view = replace(wanted, yaw_deg=0.01 * frame)
+            number = client.ask(Request(view, settings=rung.settings))
+            shown = client.wait(number, DEADLINE_S)
+            assert shown is not None, engine.status
+            assert shown.picture.color.shape == (height, width, 3)
+            assert shown.request.settings is rung.settings
+            seen.append((rung.number, shown.picture.color.mean()))
+            pace.observe(seconds * rung.share, shown.compiled)
+        assert not engine.status.problems
+    assert [number for number, _ in groupby(number for number, _ in seen)] == [0, 1, 0]
+    assert pace.rung.settings is base
+    # The light of the picture is the same, however little of it is rendered.
+    means = [np.mean([mean for number, mean in seen if number == rung]) for rung in (0, 1)]
+    assert means[1] == pytest.approx(means[0], rel=0.05)

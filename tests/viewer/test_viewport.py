@@ -39,7 +39,7 @@ def engine(device: ComputeDevice, tmp_path_factory: pytest.TempPathFactory) -> I
 def viewport(engine: Engine) -> Iterator[Viewport]:
     made = Viewport(engine, LOOK, frames=2)
     yield made
-    engine.restore(())
+    engine.undo()
     made.close()
 
 
@@ -184,7 +184,7 @@ def test_dropped_objects_stand_where_the_cursor_is(viewport: Viewport, engine: E
     surface = viewport._client.shown.geometry.real(24, 30)
     assert viewport.drop("cube", x, y, upright=True)
     number = viewport._client.ask(viewport._request())
-    until(viewport, lambda s: s.shown.number >= number)
+    until(viewport, lambda s: s.shown.number >= number and s.shown.refined)
     (state,) = engine.objects
     low, high = state.corners
     foot = state.to_world @ [0.5 * (low[0] + high[0]), low[1], 0.5 * (low[2] + high[2]), 1.0]

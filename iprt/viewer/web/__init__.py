@@ -80,7 +80,8 @@ def serve(
         viser is missing, or the address cannot be had.
     """
     try:
-        from iprt.viewer.web.host import Host, Start
+        from iprt.viewer.web.browser import Start
+        from iprt.viewer.web.host import Host
     except ModuleNotFoundError as error:
         raise IprtError(f"{error.name} is missing: pip install 'iprt[view]'") from error
     if view.projection == "equirect":

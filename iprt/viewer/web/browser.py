@@ -206,8 +206,9 @@ class Browser:
         start, camera = self._start, self._camera
         assert camera is not None
         view = start.view.resized(max(camera.width, 1), max(camera.height, 1))
-        self.viewport = Viewport(self.engine, view, objects=start.objects)
-        self.viewport.target_fps = start.target_fps
+        self.viewport = Viewport(
+            self.engine, view, objects=start.objects, target_fps=start.target_fps
+        )
         try:
             self._serve()
         finally:

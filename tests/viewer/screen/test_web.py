@@ -130,6 +130,7 @@ def test_at_rest_the_browser_has_the_renderers_bits(place: Place, device: Comput
         "__viserMutable.backgroundMaterial.uniforms.moved.value === false"
     )
     shot = screen(visitor)[:, : view.width - 4]
+    np.savez("/tmp/web/shot.npz", shot=shot, expected=expected)
     assert np.array_equal(shot, expected[:, : view.width - 4])
 
 
@@ -192,6 +193,7 @@ def test_two_at_once(place: Place) -> None:
         visitor.tab("Settings")
         visitor.page.get_by_text("atrous", exact=True).click()
     levels = one.input("levels")
+    Path("/tmp/web/dom.html").write_text(one.page.content()); one.page.screenshot(path="/tmp/web/two.png")
     levels.fill("1")
     levels.press("Enter")
     until(lambda: place.engine.world.settings.atrous.levels == 1, "the knob does not turn")

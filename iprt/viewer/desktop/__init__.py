@@ -1,0 +1,65 @@
+"""The viewer in a window of the desktop: `run`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from iprt.errors import IprtError
+
+if TYPE_CHECKING:
+    from iprt.scene.camera import View
+    from iprt.viewer.engine import Engine
+
+REST_FRAMES = 64
+
+
+def run(
+    engine: Engine,
+    view: View,
+    *,
+    objects: tuple[str, ...] | None = None,
+    target_fps: float | None = None,
+    folder: Path | None = None,
+    frames: int = REST_FRAMES,
+) -> None:
+    """Show a scene in a window, until the user closes it.
+
+    Parameters
+    ----------
+    engine : Engine
+        Stays open.
+    view : View
+        Where to look at first; its size is that of the window.
+    objects : tuple of str or None
+        Names of the objects to show at first. None: all.
+    target_fps : float or None
+        Frames per second to hold in motion; see `Viewport.target_fps`.
+    folder : Path or None
+        Where screenshots go; the current one by default.
+    frames : int
+        View frames to which a picture at rest is refined.
+
+    Raises
+    ------
+    IprtError
+        What the window needs is not installed; or there is no display.
+    """
+    try:
+        from iprt.viewer.desktop.app import App
+    except ImportError as error:
+        raise IprtError(
+            f"the viewer needs what is not installed ({error.name}); pip install 'iprt[view]'"
+        ) from error
+    app = App(
+        engine,
+        view,
+        objects=objects,
+        target_fps=target_fps,
+        folder=folder or Path.cwd(),
+        frames=frames,
+    )
+    try:
+        app.run()
+    finally:
+        app.close()

@@ -1,0 +1,176 @@
+"""The desktop viewer: its window's frames, one after another."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from imgui_bundle import imgui
+
+from iprt.scene.camera import View
+from iprt.viewer.desktop import bars, picture_panel, profile_panel, scene_panel, settings_panel
+from iprt.viewer.desktop.desk import Desk
+from iprt.viewer.desktop.dialogs import MeshBrowser, draw_help, draw_leaving
+from iprt.viewer.desktop.pane import Pane
+from iprt.viewer.desktop.shortcuts import act_on_keys
+from iprt.viewer.desktop.window import Window
+from iprt.viewer.engine import Engine
+from iprt.viewer.state import Status
+from iprt.viewer.viewport import Viewport
+
+PANEL_WIDTH = 340.0
+"""At the right, in units of 1/96 inch, as all that is drawn."""
+BUSY_S, IDLE_S = 0.01, 0.1
+"""Longest waits for events, while the engine works on a picture and while it rests."""
+
+_PANEL = (
+    imgui.WindowFlags_.no_decoration
+    | imgui.WindowFlags_.no_move
+    | imgui.WindowFlags_.no_saved_settings
+    | imgui.WindowFlags_.no_bring_to_front_on_focus
+    | imgui.WindowFlags_.no_nav
+)
+_TABS: tuple[tuple[str, Callable[[Desk], None]], ...] = (
+    ("Scene", scene_panel.draw),
+    ("Picture", picture_panel.draw),
+    ("Settings", settings_panel.draw),
+    ("Profile", profile_panel.draw),
+)
+
+
+class App:
+    """The viewer in its window. It never waits for the device.
+
+    Parameters
+    ----------
+    engine : Engine
+    view : View
+        Where it looks at first. Its size is that of the window, in units of the screen.
+    objects : tuple of str or None
+        Names of the objects that it shows at first. None: all.
+    target_fps : float or None
+        Frames per second to hold in motion.
+    folder : Path
+        Where screenshots go, and where one looks for meshes first.
+    frames : int
+        View frames to which a picture at rest is refined.
+
+    Raises
+    ------
+    DeviceError
+        No window can be opened.
+    """
+
+    def __init__(
+        self,
+        engine: Engine,
+        view: View,
+        *,
+        objects: tuple[str, ...] | None,
+        target_fps: float | None,
+        folder: Path,
+        frames: int,
+    ) -> None:
+        self._engine = engine
+        self.window = Window(engine.scene.name, (view.width, view.height), self._drop)
+        viewport = Viewport(engine, view, objects=objects, target_fps=target_fps, frames=frames)
+        self.desk = Desk(engine, viewport, folder)
+        self.pane = Pane(self.desk, self.window)
+        self._browser = MeshBrowser(folder)
+        self._dropped: list[Path] = []
+        self._drawn: tuple[object, ...] = ()
+        self._discarding = False
+
+    def close(self) -> None:
+        """Take the window off the screen; the engine stays."""
+        self.desk.viewport.close()
+        self.window.close()
+
+    @property
+    def closed(self) -> bool:
+        """The user has closed the window, and does not miss any edits."""
+        if self.window.closing and self.desk.unsaved and not self._discarding:
+            self.window.closing = False
+            self.desk.leaving = True
+        return self.window.closing
+
+    def run(self) -> None:
+        """Until the window is closed."""
+        while not self.closed:
+            self.step()
+
+    def step(self) -> None:
+        """Wait shortly for something new, and draw it."""
+        desk, status = self.desk, self._engine.status
+        busy = status.doing != "waiting" or desk.playing
+        stirred = self.window.wait(BUSY_S if busy else IDLE_S)
+        sight, status = desk.viewport.poll(), self._engine.status
+        if sight is not desk.sight and sight is not None:
+            self.window.upload(sight.pixels)
+            desk.timeline.add(sight.shown)
+        desk.sight = sight
+        self._close_when_saved(status)
+        new = (sight, status, desk.notice)
+        typing = imgui.get_io().want_text_input  # its cursor blinks
+        if stirred or typing or new != self._drawn:
+            self._drawn = new
+            with self.window.frame():
+                self._draw()
+
+    def _close_when_saved(self, status: Status) -> None:
+        if self.desk.closing:
+            self.window.closing = not self.desk.unsaved
+            self.desk.closing = self.desk.unsaved and not status.problems
+
+    def _drop(self, files: list[Path]) -> None:
+        self._dropped += files
+
+    def _draw(self) -> None:
+        desk = self.desk
+        self.window.rename(f"{desk.engine.scene.name}{' *' if desk.unsaved else ''} - iprt")
+        act_on_keys(desk)
+        width, height = imgui.get_io().display_size
+        panel = round(PANEL_WIDTH * self.window.scale)
+        panel = panel if desk.panels and width > 1.5 * panel else 0
+        line = round(imgui.get_frame_height() + 2.0 * imgui.get_style().item_spacing.y)
+        bars_height = (line if len(desk.frames) > 1 else 0) + line
+        bars_height = bars_height if height > 2 * bars_height else 0
+        self.pane.draw((0.0, 0.0, width - panel, height - bars_height))
+        if self._dropped:
+            dropped, self._dropped = self._dropped, []
+            desk.add(dropped)
+        if bars_height:
+            self._draw_bars(height - bars_height, width - panel, bars_height)
+        if panel:
+            self._draw_panel(width - panel, panel, height)
+        draw_help(desk)
+        self._browser.draw(desk)
+        if draw_leaving(desk):
+            self._discarding = self.window.closing = True
+
+    def _draw_panel(self, left: float, width: float, height: float) -> None:
+        imgui.set_next_window_pos(imgui.ImVec2(left, 0.0))
+        imgui.set_next_window_size(imgui.ImVec2(width, height))
+        imgui.begin("panels", None, _PANEL)
+        if imgui.begin_tab_bar("tabs"):
+            for name, draw in _TABS:
+                if imgui.begin_tab_item(name)[0]:
+                    imgui.begin_child("content", imgui.ImVec2(0.0, 0.0))
+                    draw(self.desk)
+                    imgui.end_child()
+                    imgui.end_tab_item()
+            imgui.end_tab_bar()
+        imgui.end()
+
+    def _draw_bars(self, top: float, width: float, height: float) -> None:
+        imgui.set_next_window_pos(imgui.ImVec2(0.0, top))
+        imgui.set_next_window_size(imgui.ImVec2(width, height))
+        padding = imgui.ImVec2(imgui.get_style().window_padding.x, imgui.get_style().item_spacing.y)
+        imgui.push_style_var(imgui.StyleVar_.window_padding, padding)
+        imgui.begin("bars", None, _PANEL)
+        if len(self.desk.frames) > 1:
+            bars.playback(self.desk)
+        imgui.align_text_to_frame_padding()
+        bars.status(self.desk)
+        imgui.end()
+        imgui.pop_style_var()

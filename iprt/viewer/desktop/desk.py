@@ -1,0 +1,209 @@
+"""What the window's parts share: the selection, and all that keys and buttons do."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.errors import IprtError
+from iprt.scene.mesh_files import MESH_SUFFIXES
+from iprt.settings import Settings
+from iprt.viewer.desktop.gizmo import Mode
+from iprt.viewer.engine import Engine
+from iprt.viewer.objects import ObjectState
+from iprt.viewer.sight import Sight
+from iprt.viewer.timeline import Timeline
+from iprt.viewer.viewport import Viewport
+
+NOTICE_S = 6.0
+"""A notice is shown so long."""
+
+
+class Desk:
+    """A viewport on an engine and what the user holds in hand. For the interface's thread.
+
+    Parameters
+    ----------
+    engine : Engine
+    viewport : Viewport
+    folder : Path
+        Where screenshots go.
+
+    Attributes
+    ----------
+    selected : str or None
+        Name of an object, which may not be there yet.
+    mode : {"move", "turn", "scale"}
+        Of the gizmo.
+    align : bool
+        Objects that slide over surfaces turn their +Y to the normal.
+    readout : bool
+        The values at the cursor are shown beside it.
+    panels, help, browsing, leaving : bool
+        What is open: the panels; the list of shortcuts; the browser of mesh files; the question
+        whether to save.
+    closing : bool
+        The window is to close as soon as all is saved.
+    cursor : (x, y) or None
+        Place in the picture that the mouse is at, as shares of its width and height.
+    sight : Sight or None
+        What is shown.
+    timeline : Timeline
+        What the last view frames took.
+    """
+
+    def __init__(self, engine: Engine, viewport: Viewport, folder: Path) -> None:
+        self.engine, self.viewport, self.folder = engine, viewport, folder
+        self.selected: str | None = None
+        self.mode: Mode = "move"
+        self.align, self.readout, self.panels = False, True, True
+        self.help = self.browsing = self.leaving = self.closing = False
+        self.cursor: tuple[float, float] | None = None
+        self.sight: Sight | None = None
+        self.timeline = Timeline()
+        self._notice: tuple[str, bool, float] | None = None
+
+    # Notices ----------------------------------------------------------------------------------
+
+    def say(self, text: str, *, bad: bool = False) -> None:
+        """Tell something for a while."""
+        self._notice = text, bad, time.monotonic() + NOTICE_S
+
+    @property
+    def notice(self) -> tuple[str, bool] | None:
+        """What is to be told now, and whether it is bad."""
+        if self._notice is None or time.monotonic() > self._notice[2]:
+            self._notice = None
+            return None
+        return self._notice[:2]
+
+    # Objects ----------------------------------------------------------------------------------
+
+    @property
+    def state(self) -> ObjectState | None:
+        """Of the object that is selected."""
+        return next((state for state in self.engine.objects if state.name == self.selected), None)
+
+    def placement(self, state: ObjectState) -> NDArray[np.float64]:
+        """(4, 4) where an object is wanted in the frame that is shown."""
+        edited = self.engine.world.edit_of(state.name).to_world
+        if edited is None:
+            return state.to_world
+        base = np.reshape(np.array(edited, np.float64), (4, 4))
+        placed: NDArray[np.float64] = replace(state.motion, to_world=base).at(state.time_s)
+        return placed
+
+    def place(self, state: ObjectState, to_world: NDArray[np.float64]) -> None:
+        """Want an object there in the frame that is shown."""
+        self.engine.place(state.name, state.placed(to_world))
+
+    def remove(self) -> None:
+        """Take the selected object away."""
+        if self.state is not None:
+            self.engine.remove(self.state.name)
+            self.say(f"{self.selected} removed; Ctrl+Z brings it back")
+            self.selected = None
+
+    def add(self, paths: Sequence[Path]) -> None:
+        """Set meshes down on the surface at the cursor, or in the middle of the picture."""
+        for path in paths:
+            if path.suffix.lower() not in MESH_SUFFIXES:
+                kinds = ", ".join(MESH_SUFFIXES)
+                self.say(f"{path.name}: not a mesh; these are read: {kinds}", bad=True)
+                continue
+            x, y = self.cursor or (0.5, 0.6)
+            self.selected = self.engine.add(path, *self.viewport.aim(x, y))
+            self.say(f"{path.name} is added as {self.selected}")
+
+    def undo(self) -> None:
+        """Take the last edit back."""
+        self.engine.undo()
+
+    def redo(self) -> None:
+        """Do again what was taken back."""
+        self.engine.redo()
+
+    @property
+    def unsaved(self) -> bool:
+        """There are edits that the scene's file does not have."""
+        return bool(self.engine.world.edits)
+
+    def save(self) -> None:
+        """Write the scene's file."""
+        if self.unsaved:
+            self.engine.save()
+            self.say(f"saved to {self.engine.scene.root / 'scene.toml'}")
+        else:
+            self.say("nothing to save")
+
+    # Settings ---------------------------------------------------------------------------------
+
+    @property
+    def settings(self) -> Settings:
+        """As the user set them."""
+        return self.engine.world.settings
+
+    @settings.setter
+    def settings(self, settings: Settings) -> None:
+        self.engine.set_settings(settings)
+
+    # The video --------------------------------------------------------------------------------
+
+    @property
+    def frames(self) -> range:
+        return self.engine.scene.frame_indices
+
+    @property
+    def frame(self) -> int:
+        """Of the video: the one that is wanted, or shown while the video plays."""
+        playback = self.engine.world.playback
+        shown = self.sight
+        return playback.frame if playback.since_s is None or shown is None else shown.shown.frame
+
+    @property
+    def playing(self) -> bool:
+        return self.engine.world.playback.since_s is not None
+
+    def toggle_playing(self) -> None:
+        """Play or pause."""
+        if len(self.frames) > 1:
+            (self.engine.pause if self.playing else self.engine.play)()
+
+    def step(self, frames: int) -> None:
+        """Pause, so many frames later."""
+        if len(self.frames) > 1:
+            frame = self.frame
+            self.engine.pause()
+            self.engine.seek(frame + frames)
+
+    # Files ------------------------------------------------------------------------------------
+
+    def screenshot(self, suffix: str) -> Path | None:
+        """Write a picture to a file that is not there yet; its path."""
+        path = self._free_path(suffix)
+        try:
+            self.viewport.screenshot(path)
+        except IprtError as error:
+            self.say(str(error), bad=True)
+            return None
+        self.say(f"written: {path}")
+        return path
+
+    def _free_path(self, suffix: str) -> Path:
+        stem = f"{self.engine.scene.name}-{self.viewport.name or 'view'}"
+        number = 1
+        while (path := self.folder / f"{stem}-{number:03d}{suffix}").exists():
+            number += 1
+        return path
+
+    def escape(self) -> None:
+        """Close what is open, or else let go of what is selected."""
+        if self.help or self.browsing or self.leaving:
+            self.help = self.browsing = self.leaving = False
+        else:
+            self.selected = None

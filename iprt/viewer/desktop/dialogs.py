@@ -1,0 +1,157 @@
+"""Windows over all others: the browser of mesh files, the list of keys, the question at the end."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from imgui_bundle import icons_fontawesome_6 as icons
+from imgui_bundle import imgui
+
+from iprt.scene.mesh_files import MESH_SUFFIXES
+from iprt.viewer.desktop.desk import Desk
+from iprt.viewer.desktop.shortcuts import ELSEWHERE, SHORTCUTS
+from iprt.viewer.desktop.style import ACCENT, BAD, QUIET
+from iprt.viewer.desktop.widgets import button, quiet
+
+_FIXED = (
+    imgui.WindowFlags_.no_resize
+    | imgui.WindowFlags_.no_collapse
+    | imgui.WindowFlags_.no_saved_settings
+    | imgui.WindowFlags_.always_auto_resize
+)
+
+
+def draw_help(desk: Desk) -> None:
+    """What keys and the mouse do."""
+    if not desk.help:
+        return
+    _centre()
+    unfolded, opened = imgui.begin("Keys and mouse", True, _FIXED)
+    desk.help = bool(opened)
+    if unfolded:
+        rows = [(entry.key, entry.about) for entry in SHORTCUTS]
+        for heading, part in (("Mouse", ELSEWHERE[1:]), ("Keys", [*rows, ELSEWHERE[0]])):
+            imgui.separator_text(heading)
+            for key, about in part:
+                imgui.text_colored(imgui.ImVec4(*ACCENT), key)
+                imgui.same_line(11.0 * imgui.get_font_size())
+                imgui.text_unformatted(about)
+    imgui.end()
+
+
+def draw_leaving(desk: Desk) -> bool:
+    """Ask whether to save before the window closes; whether it may close now."""
+    if not desk.leaving:
+        return False
+    _centre()
+    leave = False
+    imgui.begin("Unsaved edits", None, _FIXED)
+    imgui.text_unformatted(f"{desk.engine.scene.name} has edits that its file does not have.")
+    quiet("They are lost when the window closes.")
+    imgui.spacing()
+    if button("Save and close"):
+        desk.save()
+        desk.leaving = False
+        desk.closing = True
+    imgui.same_line()
+    if button("Close without saving"):
+        leave = True
+    imgui.same_line()
+    if button("Stay"):
+        desk.leaving = False
+    imgui.end()
+    return leave
+
+
+def _centre() -> None:
+    middle = imgui.get_main_viewport().get_center()
+    imgui.set_next_window_pos(middle, imgui.Cond_.appearing, imgui.ImVec2(0.5, 0.5))
+
+
+class MeshBrowser:
+    """A list of folders and mesh files: it needs no helper of the desktop's, near or far.
+
+    Parameters
+    ----------
+    folder : Path
+        Where to begin.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder.resolve()
+        self._text = str(self._folder)
+        self._open = False
+
+    def draw(self, desk: Desk) -> None:
+        """While `desk.browsing`."""
+        if not desk.browsing:
+            self._open = False
+            return
+        em = imgui.get_font_size()
+        _centre()
+        imgui.set_next_window_size(imgui.ImVec2(34 * em, 26 * em), imgui.Cond_.appearing)
+        flags = imgui.WindowFlags_.no_collapse | imgui.WindowFlags_.no_saved_settings
+        unfolded, opened = imgui.begin("Add a mesh", True, flags)
+        desk.browsing = bool(opened)
+        if unfolded:
+            chosen = self._path()
+            imgui.begin_child("files", imgui.ImVec2(0, -1.4 * imgui.get_frame_height()))
+            chosen = self._list() or chosen
+            imgui.end_child()
+            quiet("It is set down in the middle of the picture; or drop files on the picture.")
+            if chosen is not None:
+                desk.browsing = False
+                desk.cursor = None
+                desk.add([chosen])
+        imgui.end()
+
+    def _path(self) -> Path | None:
+        """The line for a path; a file that was typed."""
+        imgui.set_next_item_width(-1.0)
+        if not self._open:
+            imgui.set_keyboard_focus_here()
+            self._open = True
+        entered, self._text = imgui.input_text(
+            "##path", self._text, imgui.InputTextFlags_.enter_returns_true
+        )
+        if not entered:
+            return None
+        path = Path(self._text).expanduser()
+        if path.is_dir():
+            self._go_to(path)
+            return None
+        return path
+
+    def _list(self) -> Path | None:
+        """Folders and meshes; a file that was clicked."""
+        if imgui.selectable(f"{icons.ICON_FA_FOLDER_OPEN}  ..", False)[0]:
+            self._go_to(self._folder.parent)
+        try:
+            entries = sorted(self._folder.iterdir(), key=lambda path: path.name.lower())
+            folders = [path for path in entries if path.is_dir() and path.name[0] != "."]
+        except OSError as error:
+            imgui.text_colored(imgui.ImVec4(*BAD), f"{self._folder}: {error.strerror}")
+            return None
+        for path in folders:
+            if imgui.selectable(f"{icons.ICON_FA_FOLDER}  {path.name}", False)[0]:
+                self._go_to(path)
+        chosen = None
+        for path in entries:
+            if path.suffix.lower() in MESH_SUFFIXES and not path.is_dir():
+                if imgui.selectable(f"{icons.ICON_FA_CUBE}  {path.name}", False)[0]:
+                    chosen = path
+                imgui.same_line()
+                imgui.text_colored(imgui.ImVec4(*QUIET), f"  {_size(path)}")
+        return chosen
+
+    def _go_to(self, folder: Path) -> None:
+        self._folder = folder.resolve()
+        self._text = str(self._folder)
+
+
+def _size(path: Path) -> str:
+    try:
+        size = path.stat().st_size
+    except OSError:
+        return ""
+    return f"{size / 1e6:.1f} MB" if size >= 1e5 else f"{size / 1e3:.1f} kB"

@@ -1,0 +1,99 @@
+"""The gizmo that moves, turns and scales an object, over the picture."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from imgui_bundle import imguizmo
+from numpy.typing import NDArray
+
+from iprt.scene.camera import View
+
+GIZMO = imguizmo.im_guizmo
+Matrix = NDArray[np.float64]
+Mode = Literal["move", "turn", "scale"]
+Rectangle = tuple[float, float, float, float]
+"""Left, top, width and height on the screen."""
+NEAR_M, FAR_M = 0.01, 1000.0
+
+_OPERATIONS = {
+    "move": GIZMO.OPERATION.translate,
+    "turn": GIZMO.OPERATION.rotate,
+    "scale": GIZMO.OPERATION.scale,
+}
+_SPACES = {
+    "move": GIZMO.MODE.world,
+    "turn": GIZMO.MODE.world,
+    "scale": GIZMO.MODE.local,
+}
+
+
+def camera_matrix(view: View, pose: Matrix | None) -> Matrix:
+    """(4, 4) transform from the world to view space, of a view at a capture centre of this pose."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = view.world_from_view.T
+    if pose is not None:
+        matrix[:3, 3] = -matrix[:3, :3] @ pose[:3, 3]
+    return matrix
+
+
+def projection_matrix(view: View) -> Matrix:
+    """(4, 4) OpenGL projection of a perspective view."""
+    up = 1.0 / np.tan(0.5 * np.deg2rad(view.fov_y_deg))
+    depth = NEAR_M - FAR_M
+    return np.array(
+        [
+            [up * view.height / view.width, 0.0, 0.0, 0.0],
+            [0.0, up, 0.0, 0.0],
+            [0.0, 0.0, (FAR_M + NEAR_M) / depth, 2.0 * FAR_M * NEAR_M / depth],
+            [0.0, 0.0, -1.0, 0.0],
+        ]
+    )
+
+
+def manipulate(
+    rectangle: Rectangle, view: View, pose: Matrix | None, to_world: Matrix, mode: Mode
+) -> Matrix | None:
+    """Draw the gizmo of an object in the present window; where a drag of it puts the object.
+
+    Parameters
+    ----------
+    rectangle : (left, top, width, height)
+        Of the picture on the screen.
+    view : View
+    pose : (4, 4) float64 or None
+        Of the capture centre.
+    to_world : (4, 4) float64
+    mode : {"move", "turn", "scale"}
+
+    Returns
+    -------
+    (4, 4) float64 or None
+        None: it stays.
+    """
+    GIZMO.set_orthographic(False)
+    GIZMO.allow_axis_flip(False)
+    GIZMO.set_drawlist()
+    GIZMO.set_rect(*rectangle)
+    matrix = _columns(to_world)
+    GIZMO.manipulate(
+        _columns(camera_matrix(view, pose)),
+        _columns(projection_matrix(view)),
+        _OPERATIONS[mode],
+        _SPACES[mode],
+        matrix,
+    )
+    if not GIZMO.is_using():
+        return None
+    moved: Matrix = np.reshape(np.array(matrix.values, np.float64), (4, 4)).T
+    return moved
+
+
+def slides() -> bool:
+    """The drag is that of the centre, which goes anywhere."""
+    return bool(GIZMO.get_active_handle_type() == GIZMO.MOVETYPE.mt_move_screen)
+
+
+def _columns(matrix: Matrix) -> GIZMO.Matrix16:
+    return GIZMO.Matrix16([float(value) for value in matrix.T.ravel()])

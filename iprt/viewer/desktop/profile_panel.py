@@ -1,0 +1,90 @@
+"""The panel of times: what each pass of the last view frames took."""
+
+from __future__ import annotations
+
+import numpy as np
+from imgui_bundle import imgui, implot
+
+from iprt.viewer.desktop.desk import Desk
+from iprt.viewer.desktop.style import packed
+from iprt.viewer.desktop.widgets import heading, quiet
+from iprt.viewer.timeline import WHOLE, Timeline
+
+PLOT_EM = 13.0
+"""Height of the plot."""
+OPACITY = 0.85
+
+
+def draw(desk: Desk) -> None:
+    """The whole panel."""
+    heading("Passes of the last view frames")
+    if not desk.timeline.steps.size:
+        quiet("Nothing has been rendered yet.")
+        return
+    _plot(desk.timeline)
+    _table(desk.timeline)
+    quiet("What iprt profile prints in full: kernels, bytes, rays, memory.")
+
+
+def _plot(timeline: Timeline) -> None:
+    """The passes' times on top of each other, by view frame."""
+    steps, series = timeline.steps.astype(np.float64), timeline.series()
+    if len(steps) == 1:
+        steps, series = np.append(steps, steps + 1.0), {k: v.repeat(2) for k, v in series.items()}
+    below = np.zeros(len(steps))
+    most = max(float(sum(series.values(), below).max()), 1e-3)
+    flags = implot.Flags_.no_legend | implot.Flags_.no_menus | implot.Flags_.no_box_select
+    size = imgui.ImVec2(-1.0, PLOT_EM * imgui.get_font_size())
+    if not implot.begin_plot("##passes", size, flags):
+        return
+    locked = implot.AxisFlags_.lock | implot.AxisFlags_.no_highlight
+    implot.setup_axes("", "ms", locked | implot.AxisFlags_.no_tick_labels, locked)
+    implot.setup_axes_limits(steps[0], steps[-1], 0.0, 1.1 * most, imgui.Cond_.always)
+    for number, (name, times) in enumerate(series.items()):
+        spec = implot.Spec()
+        spec.fill_color = _color(number)
+        spec.fill_alpha = OPACITY
+        implot.plot_shaded(name, steps, below, below + times, spec)
+        below = below + times
+    implot.end_plot()
+
+
+def _table(timeline: Timeline) -> None:
+    flags = imgui.TableFlags_.row_bg | imgui.TableFlags_.sizing_stretch_prop
+    if not imgui.begin_table("passes", 4, flags):
+        return
+    for name, weight in (("pass", 4.0), ("median ms", 2.2), ("95 %", 1.8), ("share", 1.6)):
+        imgui.table_setup_column(name, imgui.TableColumnFlags_.none, weight)
+    imgui.table_headers_row()
+    rows = [(number, row) for number, row in enumerate(timeline.table())]
+    whole = [entry for entry in rows if entry[1].name == WHOLE]
+    others = sorted(
+        (entry for entry in rows if entry[1].name != WHOLE), key=lambda entry: -entry[1].share
+    )
+    for number, row in [*whole, *others]:
+        imgui.table_next_row()
+        imgui.table_next_column()
+        if row.name != WHOLE:
+            _swatch(number)
+        imgui.text_unformatted(row.name)
+        for words in (f"{row.median_ms:.2f}", f"{row.p95_ms:.2f}", f"{100.0 * row.share:.0f} %"):
+            imgui.table_next_column()
+            imgui.text_unformatted(words)
+    imgui.end_table()
+
+
+def _color(number: int) -> imgui.ImVec4:
+    """Of a pass, by its place in a frame."""
+    return implot.get_colormap_color(number)
+
+
+def _swatch(number: int) -> None:
+    """A square of the pass's colour, before its name."""
+    corner, side = imgui.get_cursor_screen_pos(), imgui.get_font_size()
+    color = _color(number)
+    low = imgui.ImVec2(corner.x, corner.y + 0.2 * side)
+    high = imgui.ImVec2(corner.x + 0.6 * side, corner.y + 0.8 * side)
+    shade = packed((color.x, color.y, color.z, OPACITY))
+    imgui.get_window_draw_list().add_rect_filled(low, high, shade, 2.0)
+    imgui.dummy(imgui.ImVec2(0.6 * side, side))
+    imgui.same_line()

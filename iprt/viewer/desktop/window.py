@@ -1,0 +1,184 @@
+"""The window: moderngl-window opens it, imgui's own GLFW and OpenGL backends draw into it."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import time
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+# Before glfw: so that both use the same library.
+from imgui_bundle import imgui, imguizmo, implot  # isort: skip
+import glfw
+import moderngl
+import numpy as np
+from imgui_bundle.imgui import backends
+from moderngl_window.context.glfw.window import Window as GlfwWindow
+from numpy.typing import NDArray
+
+from iprt.errors import DeviceError
+from iprt.viewer.desktop.style import apply_style
+
+STIRRED_S = 0.6
+"""Drawn again and again so long after any input: tooltips appear, and popups settle."""
+
+
+class Window:
+    """One window with its OpenGL context and its imgui context; one at a time.
+
+    Parameters
+    ----------
+    title : str
+    size : (width, height)
+        In screen units.
+    dropped : callable
+        Called with the files that were dropped on it.
+
+    Raises
+    ------
+    DeviceError
+        There is no display, or no OpenGL 3.3 on it.
+    """
+
+    def __init__(
+        self, title: str, size: tuple[int, int], dropped: Callable[[list[Path]], None]
+    ) -> None:
+        self._window = _opened(title, size)
+        self._window.exit_key = None  # Escape closes what is open, not all
+        handle: Any = self._window._window
+        self._dropped = dropped
+        drop: Any = self._drop  # glfw's stubs have the types of C, not those that it hands over
+        glfw.set_drop_callback(handle, drop)
+        glfw.set_window_refresh_callback(handle, self._stir)
+        glfw.set_window_size_limits(handle, 1, 1, glfw.DONT_CARE, glfw.DONT_CARE)
+        for event in (
+            "resize",
+            "iconify",
+            "key_event",
+            "mouse_position_event",
+            "mouse_drag_event",
+            "mouse_press_event",
+            "mouse_release_event",
+            "mouse_scroll_event",
+            "unicode_char_entered",
+        ):
+            setattr(self._window, f"{event}_func", self._stir)
+        self._stirred_s = time.monotonic()
+        self._texture: moderngl.Texture | None = None
+        imgui.create_context()
+        implot.create_context()
+        imgui.get_io().set_ini_filename("")
+        # On X11 pixels are the screen's units, and everything is to be that much larger.
+        pixels = glfw.get_framebuffer_size(handle)[0] / max(glfw.get_window_size(handle)[0], 1)
+        self.scale: float = max(glfw.get_window_content_scale(handle)[0] / max(pixels, 1e-6), 1.0)
+        apply_style(self.scale)
+        # imgui's callbacks call those that were there before.
+        backends.glfw_init_for_opengl(ctypes.cast(handle, ctypes.c_void_p).value or 0, True)
+        backends.opengl3_init("#version 330")
+
+    def close(self) -> None:
+        """Take the window off the screen."""
+        backends.opengl3_shutdown()
+        backends.glfw_shutdown()
+        implot.destroy_context()
+        imgui.destroy_context()
+        self._window.destroy()
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """In screen units."""
+        size: tuple[int, int] = self._window.size
+        return size
+
+    @size.setter
+    def size(self, size: tuple[int, int]) -> None:
+        self._window.size = size
+
+    @property
+    def closing(self) -> bool:
+        """Somebody wants it closed."""
+        return bool(self._window.is_closing)
+
+    @closing.setter
+    def closing(self, closing: bool) -> None:
+        self._window.is_closing = closing
+
+    @property
+    def pixels_per_unit(self) -> float:
+        """Of the screen; above 1 on high-resolution displays of some systems."""
+        return float(self._window.buffer_width / max(self._window.width, 1))
+
+    def rename(self, title: str) -> None:
+        if title != self._window.title:
+            self._window.title = title
+
+    # Events -----------------------------------------------------------------------------------
+
+    def wait(self, timeout_s: float) -> bool:
+        """Take events, and wait for one at most so long; whether there is something to draw for."""
+        glfw.wait_events_timeout(timeout_s)
+        return time.monotonic() - self._stirred_s < STIRRED_S
+
+    def _stir(self, *_: Any) -> None:
+        self._stirred_s = time.monotonic()
+
+    def _drop(self, _: Any, files: Any) -> None:
+        self._stir()
+        x, y = glfw.get_cursor_pos(self._window._window)
+        imgui.get_io().add_mouse_pos_event(x, y)  # no motion is reported while things are dragged
+        self._dropped([Path(os.fsdecode(file)) for file in files])
+
+    # Frames -----------------------------------------------------------------------------------
+
+    @contextmanager
+    def frame(self) -> Iterator[None]:
+        """Draw by imgui inside; then it is on the screen."""
+        backends.opengl3_new_frame()
+        backends.glfw_new_frame()
+        imgui.new_frame()
+        imguizmo.im_guizmo.begin_frame()
+        try:
+            yield
+        except BaseException:
+            imgui.end_frame()
+            raise
+        imgui.render()
+        self._window.ctx.screen.use()
+        self._window.ctx.clear(0.05, 0.05, 0.06)
+        backends.opengl3_render_draw_data(imgui.get_draw_data())
+        glfw.swap_buffers(self._window._window)
+
+    def upload(self, pixels: NDArray[np.uint8]) -> None:
+        """Take a picture (H, W, 3) for `picture`."""
+        height, width = pixels.shape[:2]
+        if self._texture is None or self._texture.size != (width, height):
+            if self._texture is not None:
+                self._texture.release()
+            self._texture = self._window.ctx.texture((width, height), 3, alignment=1)
+        self._texture.write(np.ascontiguousarray(pixels), alignment=1)
+
+    def picture(self, width_px: int, height_px: int) -> Any:
+        """imgui's name of the picture that was uploaded, to be drawn that large; None: none was."""
+        if self._texture is None:
+            return None
+        same = self._texture.size == (width_px, height_px)
+        kind = moderngl.NEAREST if same else moderngl.LINEAR
+        self._texture.filter = kind, kind
+        return imgui.ImTextureRef(self._texture.glo)
+
+
+def _opened(title: str, size: tuple[int, int]) -> GlfwWindow:
+    advice = "open it from a desktop session, or view the scene in a browser by --web"
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        try:
+            return GlfwWindow(
+                title=title, size=size, gl_version=(3, 3), vsync=True, samples=0, resizable=True
+            )
+        except Exception as error:  # moderngl's are plain Exceptions
+            reasons = [str(warning.message).rstrip(".") for warning in said] or [str(error)]
+            raise DeviceError(f"no window can be opened ({reasons[-1]}); {advice}") from error

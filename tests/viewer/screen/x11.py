@@ -1,0 +1,150 @@
+"""A screen of the tests' own, with a mouse and keys: Xvfb, and events by its XTEST extension."""
+
+from __future__ import annotations
+
+import os
+import select
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from Xlib import XK, X
+from Xlib.display import Display
+from Xlib.ext import xtest
+from Xlib.protocol import event
+
+START_S = 20.0
+
+
+@contextmanager
+def xvfb(width: int, height: int) -> Iterator[str]:
+    """An X server on a free display, `:N`, while it is used."""
+    read, write = os.pipe()
+    command = ["Xvfb", "-displayfd", str(write), "-screen", "0", f"{width}x{height}x24"]
+    server = subprocess.Popen(
+        [*command, "-nolisten", "tcp"],
+        pass_fds=(write,),
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    os.close(write)
+    try:
+        ready, _, _ = select.select([read], [], [], START_S)
+        number = os.read(read, 16).strip().decode() if ready else ""
+        assert number, "Xvfb did not start"
+        yield f":{number}"
+    finally:
+        os.close(read)
+        server.terminate()
+        server.wait()
+
+
+class Screen:
+    """What a user sees and does. Everything is in pixels of the screen."""
+
+    def __init__(self, display: str) -> None:
+        self._display = Display(display)
+        self._root = self._display.screen().root
+
+    def close(self) -> None:
+        self._display.close()
+
+    def picture(self, left: int, top: int, width: int, height: int) -> NDArray[np.uint8]:
+        """(height, width, 3) what the screen shows there."""
+        raw = self._root.get_image(left, top, width, height, X.ZPixmap, 0xFFFFFFFF)
+        pixels = np.frombuffer(raw.data, np.uint8).reshape(height, width, 4)
+        return np.ascontiguousarray(pixels[..., 2::-1])
+
+    def move(self, x: float, y: float) -> None:
+        xtest.fake_input(self._display, X.MotionNotify, x=round(x), y=round(y))
+        self._display.sync()
+
+    def button(self, number: int, *, down: bool) -> None:
+        """1: left, 3: right; 4 and 5: the wheel."""
+        xtest.fake_input(self._display, X.ButtonPress if down else X.ButtonRelease, number)
+        self._display.sync()
+
+    def wheel(self, steps: int) -> None:
+        for _ in range(abs(steps)):
+            for down in (True, False):
+                self.button(4 if steps > 0 else 5, down=down)
+
+    def key(self, name: str, *, control: bool = False) -> None:
+        """Press and release; the name is one of X's keysyms."""
+        codes = [self._display.keysym_to_keycode(XK.string_to_keysym(name))]
+        if control:
+            codes.insert(0, self._display.keysym_to_keycode(XK.XK_Control_L))
+        for kind, order in ((X.KeyPress, codes), (X.KeyRelease, codes[::-1])):
+            for code in order:
+                xtest.fake_input(self._display, kind, code)
+        self._display.sync()
+
+    def focus(self) -> None:
+        """On the topmost window: no window manager does it."""
+        for window in reversed(self._root.query_tree().children):
+            if window.get_attributes().map_state == X.IsViewable:
+                window.set_input_focus(X.RevertToParent, X.CurrentTime)
+                self._display.sync()
+                return
+
+    # Drag and drop, as the protocol XDND has it ------------------------------------------------
+
+    def drop(self, path: str, x: int, y: int, step: Callable[[], None]) -> None:
+        """Let go of a file over a window at a point; `step` lets the window take events."""
+        self.move(x, y)
+        display, target = self._display, self._window_at(x, y)
+        source = self._root.create_window(0, 0, 1, 1, 0, X.CopyFromParent)
+        atom = display.intern_atom
+        selection, kind = atom("XdndSelection"), atom("text/uri-list")
+        source.set_selection_owner(selection, X.CurrentTime)
+
+        def tell(name: str, *values: int) -> None:
+            data = [source.id, *values, *[0] * (4 - len(values))]
+            message = event.ClientMessage(
+                window=target, client_type=atom(name), data=(32, data), sequence_number=0
+            )
+            target.send_event(message)
+            display.sync()
+
+        tell("XdndEnter", 5 << 24, kind)
+        tell("XdndPosition", 0, x << 16 | y, X.CurrentTime, atom("XdndActionCopy"))
+        self._answer(step, atom("XdndStatus"), path)
+        tell("XdndDrop", 0, X.CurrentTime)
+        self._answer(step, atom("XdndFinished"), path)
+        source.destroy()
+
+    def _answer(self, step: Callable[[], None], until: int, path: str) -> None:
+        """Serve the file's name until the window sends a message."""
+        end = time.monotonic() + START_S
+        while time.monotonic() < end:
+            step()
+            while self._display.pending_events():
+                received = self._display.next_event()
+                if received.type == X.SelectionRequest:
+                    self._serve(received, f"file://{path}\r\n".encode())
+                elif received.type == X.ClientMessage and received.client_type == until:
+                    return
+        raise AssertionError("the window does not answer")
+
+    def _serve(self, request: Any, data: bytes) -> None:
+        request.requestor.change_property(request.property, request.target, 8, data)
+        answer = event.SelectionNotify(
+            time=request.time,
+            requestor=request.requestor,
+            selection=request.selection,
+            target=request.target,
+            property=request.property,
+        )
+        request.requestor.send_event(answer)
+        self._display.sync()
+
+    def _window_at(self, x: int, y: int) -> Any:
+        window, reached = self._root, self._root.translate_coords(self._root, x, y).child
+        while reached != X.NONE:
+            window = reached
+            reached = window.translate_coords(self._root, x, y).child
+        return window
