@@ -22,7 +22,7 @@ from iprt.device.compute import ComputeDevice
 from iprt.output.atomic import replacing
 from iprt.scene.scene import Scene
 from iprt.viewer.engine import Engine
-from iprt.viewer.web.browser import Browser
+from iprt.viewer.web.browser import Browser, Start
 from iprt.viewer.web.host import Host
 
 FOLDER = Path(__file__).resolve().parent
@@ -38,7 +38,7 @@ def main() -> None:
     chromium = shutil.which("chromium") or shutil.which("google-chrome")
     with (
         Engine(scene, lambda: ComputeDevice(choose_device())) as engine,
-        Host(engine, view, None, host="127.0.0.1", port=0, token=None) as host,
+        Host(engine, Start(view), host="127.0.0.1", port=0, token=None) as host,
         sync_playwright() as playwright,
     ):
         chrome = playwright.chromium.launch(executable_path=chromium, args=FLAGS)

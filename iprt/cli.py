@@ -33,6 +33,7 @@ VERBS = {
     "compare": "iprt.commands.compare:compare",
     "bench": "iprt.commands.bench:bench",
     "profile": "iprt.commands.profile:profile",
+    "view": "iprt.commands.view:view",
     "settings": "iprt.commands.settings:settings",
     "reference": "iprt.commands.reference:reference",
     "scene info": "iprt.commands.scene:info",

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
@@ -18,6 +18,8 @@ from iprt.presets import Quality
 from iprt.settings import Settings
 
 FILE = "ladder.json"
+NO_SLOWER = 0.99
+"""Least that a rung is taken to save."""
 SCALE = "scale"
 """Name of the picture's resolution among the knobs of a ladder: sides relative to the window's."""
 
@@ -69,6 +71,11 @@ class Ladder(BaseModel):
         costs = (k.ssim_cost for k in self.knobs if (k.key, k.value) == (key, value))
         return next(costs, 0.0)
 
+    def share_of(self, key: str, value: Value) -> float:
+        """Share of the time with only that knob turned; 1 where that was not measured."""
+        shares = (k.ms_share for k in self.knobs if (k.key, k.value) == (key, value))
+        return next(shares, 1.0)
+
 
 @cache
 def measured_ladder() -> Ladder:
@@ -112,6 +119,7 @@ def rungs_below(base: Settings, ladder: Ladder) -> tuple[Rung, ...]:
     """
     found = [Rung(0, base, 1.0, 1.0, 0.0, "")]
     own, before = plain_values(base), (1.0, 0.0)
+    idle_before: Collection[str] = ()
     for measured in ladder.rungs:
         given_up = {
             key: value
@@ -122,11 +130,18 @@ def rungs_below(base: Settings, ladder: Ladder) -> tuple[Rung, ...]:
         settings = changed(base, given_up)
         last = found[-1]
         if (settings, scale) != (last.settings, last.scale):
-            share = last.share * measured.ms_share / before[0]
+            # Less what was given up from the start, as far as that is known by itself.
+            idle = [k for k in measured.changes if k != SCALE and k not in given_up]
+            new = [(k, measured.changes[k]) for k in idle if k not in idle_before]
+            factor = measured.ms_share / before[0]
+            factor /= math.prod(min(ladder.share_of(k, v), 1.0) for k, v in new)
+            share = last.share * min(factor, NO_SLOWER)
             cost = last.ssim_cost + measured.ssim_cost - before[1]
+            cost = max(cost - sum(ladder.cost_of(k, v) for k, v in new), last.ssim_cost)
             text = _in_words(own, given_up, scale, ladder)
             found.append(Rung(len(found), settings, scale, share, cost, text))
         before = measured.ms_share, measured.ssim_cost
+        idle_before = measured.changes.keys()
     return tuple(found)
 
 

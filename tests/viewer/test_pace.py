@@ -246,6 +246,24 @@ def test_rungs_start_from_what_was_asked_for_and_never_exceed_it(quality: Qualit
         assert ("resolution" in below.gave_up) == (below.scale < 1.0)
 
 
+def test_what_was_not_there_is_not_given_up() -> None:
+    """Of a rung of two knobs, of which the user has turned down one already, the other is left."""
+    knobs = tuple(
+        MeasuredKnob(key=key, value=1, ms_share=0.5, ssim_cost=cost)
+        for key, cost in (("trace.rays", 0.1), ("trace.object_rays", 0.2))
+    )
+    both = MeasuredRung(
+        changes={"trace.rays": 1, "trace.object_rays": 1}, ms_share=0.25, ssim_cost=0.3
+    )
+    measured = ladder().model_copy(update={"knobs": knobs, "rungs": (both,)})
+    for rays, share, cost in ((2, 0.25, 0.3), (1, 0.5, 0.2)):
+        base = changed(BASE, {"trace.rays": rays})
+        _, rung = rungs_below(base, measured)
+        assert (rung.share, rung.ssim_cost) == pytest.approx((share, cost))
+        assert ("trace rays 2 -> 1 (-0.100 SSIM)" in rung.gave_up) == (rays == 2)
+        assert "trace object rays 64 -> 1 (-0.200 SSIM)" in rung.gave_up
+
+
 def test_the_ladder_of_the_package_gives_up_more_and_more() -> None:
     found = measured_ladder()
     before = MeasuredRung(changes={}, ms_share=1.0, ssim_cost=-1.0)

@@ -10,7 +10,6 @@ import contextlib
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from socket import gethostname
 from typing import TYPE_CHECKING
 
 from iprt.errors import IprtError
@@ -41,14 +40,6 @@ class Address:
     port: int
     local: bool
 
-    @property
-    def text(self) -> str:
-        """What to tell the user."""
-        if not self.local:
-            return f"open {self.url}"
-        tunnel = f"ssh -L {self.port}:localhost:{self.port} {gethostname()}"
-        return f"open {self.url}\nfrom elsewhere, first: {tunnel}"
-
 
 def serve(
     engine: Engine,
@@ -58,6 +49,7 @@ def serve(
     host: str = "127.0.0.1",
     port: int = PORT,
     token: str | None = None,
+    target_fps: float | None = None,
     ready: Callable[[Address], None],
 ) -> None:
     """Let browsers look at what an engine renders, until interrupted (Ctrl+C).
@@ -76,6 +68,9 @@ def serve(
         0: any that is free.
     token : str or None
         None: one is made where one is needed.
+    target_fps : float or None
+        Frames per second that windows hold at first while something moves; see
+        `Viewport.target_fps`.
     ready : callable
         Told where the viewer is, once browsers may come.
 
@@ -85,6 +80,7 @@ def serve(
         viser is missing, or the address cannot be had.
     """
     try:
+        from iprt.viewer.web.browser import Start
         from iprt.viewer.web.host import Host
     except ModuleNotFoundError as error:
         raise IprtError(f"{error.name} is missing: pip install 'iprt[view]'") from error
@@ -93,6 +89,7 @@ def serve(
     with warnings.catch_warnings(), contextlib.suppress(KeyboardInterrupt):
         # Browsers go at any moment; what is on its way to them then is lost, and is to be.
         warnings.filterwarnings("ignore", "Queued a .* on a closed connection", UserWarning)
-        with Host(engine, view, objects, host=host, port=port, token=token) as hosting:
+        begin = Start(view, objects, target_fps)
+        with Host(engine, begin, host=host, port=port, token=token) as hosting:
             ready(hosting.address)
             hosting.wait()

@@ -36,6 +36,25 @@ SAME_DEG = 1e-4
 
 
 @dataclass(frozen=True)
+class Start:
+    """How browsers begin.
+
+    Attributes
+    ----------
+    view : View
+        Where they look; they have sizes of their own.
+    objects : tuple of str or None
+        Names of the objects that they show. None: all.
+    target_fps : float or None
+        See `Viewport.target_fps`.
+    """
+
+    view: View
+    objects: tuple[str, ...] | None = None
+    target_fps: float | None = None
+
+
+@dataclass(frozen=True)
 class Camera:
     """viser's, as a browser has sent it; quaternion and vertical field of view in radians."""
 
@@ -52,10 +71,7 @@ class Browser:
     ----------
     engine : Engine
     client : viser.ClientHandle
-    view : View
-        Where it looks at first.
-    objects : tuple of str or None
-        Names of the objects that it shows. None: all.
+    start : Start
     uploads : Path
         Folder for files that its user adds.
 
@@ -73,20 +89,13 @@ class Browser:
         What the pixel holds that was clicked last.
     """
 
-    def __init__(
-        self,
-        engine: Engine,
-        client: Any,
-        view: View,
-        objects: tuple[str, ...] | None,
-        uploads: Path,
-    ) -> None:
+    def __init__(self, engine: Engine, client: Any, start: Start, uploads: Path) -> None:
         self.engine, self.client, self.uploads = engine, client, uploads
         self.sight: Sight | None = None
         self.selected: str | None = None
         self.snapping = self.aligned = False
         self.read: str | None = None
-        self._start = view, objects
+        self._start = start
         self._closed, self._wake = False, threading.Event()
         self._todo: dict[object, Callable[[], object]] = {}
         self._camera: Camera | None = None
@@ -165,10 +174,8 @@ class Browser:
     @property
     def centre(self) -> NDArray[np.float64]:
         """The capture centre in the world, which is the origin of what the browser draws."""
-        geometry = None if self.sight is None else self.sight.shown.geometry
-        if geometry is None or geometry.pose is None:
-            return np.zeros(3)
-        return geometry.pose[:3, 3]
+        pose = None if self.sight is None else self.sight.shown.pose
+        return np.zeros(3) if pose is None else pose[:3, 3]
 
     @property
     def lossless(self) -> bool:
@@ -196,11 +203,11 @@ class Browser:
             self.tell("there is no surface: the video shows open sky there")
 
     def _run(self) -> None:
-        view, objects = self._start
-        camera = self._camera
+        start, camera = self._start, self._camera
         assert camera is not None
+        view = start.view.resized(max(camera.width, 1), max(camera.height, 1))
         self.viewport = Viewport(
-            self.engine, view.resized(max(camera.width, 1), max(camera.height, 1)), objects=objects
+            self.engine, view, objects=start.objects, target_fps=start.target_fps
         )
         try:
             self._serve()
@@ -208,6 +215,8 @@ class Browser:
             self.viewport.close()
 
     def _serve(self) -> None:
+        if self._closed:
+            return
         self._direct(self.viewport.view)
         self._sender, self.gizmo = PictureSender(self.client), Gizmo(self)
         panels = Panels(self)

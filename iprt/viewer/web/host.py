@@ -10,10 +10,9 @@ from typing import Any, Self
 
 import numpy as np
 
-from iprt.scene.camera import View
 from iprt.viewer.engine import Engine
 from iprt.viewer.web import Address, server
-from iprt.viewer.web.browser import Browser
+from iprt.viewer.web.browser import Browser, Start
 from iprt.viewer.web.camera import position_of
 from iprt.viewer.web.gate import Gate, is_loopback, new_token, require_token
 
@@ -32,14 +31,13 @@ class Host:
     def __init__(
         self,
         engine: Engine,
-        view: View,
-        objects: tuple[str, ...] | None,
+        start: Start,
         *,
         host: str,
         port: int,
         token: str | None,
     ) -> None:
-        self._engine, self._view, self._objects = engine, view, objects
+        self._engine, self._start = engine, start
         self._browsers: dict[int, Browser] = {}
         self._lock = threading.Lock()
         self._uploads = tempfile.TemporaryDirectory(prefix="iprt-")
@@ -86,7 +84,7 @@ class Host:
         self._uploads.cleanup()
 
     def _set_up(self) -> None:
-        viser, view = self._server, self._view
+        viser, view = self._server, self._start.view
         viser.scene.set_up_direction("+y")
         viser.scene.world_axes.visible = False
         viser.gui.configure_theme(
@@ -100,7 +98,7 @@ class Host:
             with self._lock:
                 if not self._ended.is_set():
                     self._browsers[client.client_id] = Browser(
-                        self._engine, client, view, self._objects, Path(self._uploads.name)
+                        self._engine, client, self._start, Path(self._uploads.name)
                     )
 
         async def went(client: Any) -> None:

@@ -24,8 +24,8 @@ FLAGS = [
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
 ]
-SIZE = (500, 240)
-"""Of the browser's window: a picture of 160 x 240 pixels beside the panels."""
+SIZE = (600, 240)
+"""Of the browser's window: a picture of 260 x 240 pixels beside the panels."""
 
 TEXTURE = """() => {
     const image = __viserMutable.backgroundMaterial.uniforms.colorMap.value.image;
@@ -106,6 +106,11 @@ class Visitor:
         mouse.down()
         mouse.move(start[0] + by[0], start[1] + by[1], steps=steps)
         mouse.up()
+
+    def input(self, label: str) -> Any:
+        """The text box of a labelled number."""
+        path = f"//label[normalize-space()='{label}']/following::input[not(@type='hidden')][1]"
+        return self.page.locator(f"xpath={path}")
 
     def tab(self, name: str) -> None:
         self.page.get_by_role("tab", name=name).click()
