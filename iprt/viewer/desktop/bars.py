@@ -10,6 +10,8 @@ from iprt.viewer.desktop.style import ACCENT, BAD, GOOD, QUIET, Color
 from iprt.viewer.desktop.widgets import button
 
 HELP = "H: keys"
+SHORTEST_EM = 8.0
+"""Of the video's slider, beside which times are told."""
 
 
 def playback(desk: Desk) -> None:
@@ -29,13 +31,16 @@ def playback(desk: Desk) -> None:
     fps = scene.source.fps
     now, end = ((frame - frames[0]) / fps for frame in (desk.frame, frames[-1]))
     words = f"{now:.2f} / {end:.2f} s"
-    imgui.set_next_item_width(-imgui.calc_text_size(words).x - 2.0 * imgui.get_font_size())
+    room = imgui.calc_text_size(words).x + 2.0 * imgui.get_font_size()
+    told = imgui.get_content_region_avail().x > room + SHORTEST_EM * imgui.get_font_size()
+    imgui.set_next_item_width(-room if told else -1.0)
     changed, frame = imgui.slider_int("##frame", desk.frame, frames[0], frames[-1], "frame %d")
     if changed:
         desk.engine.seek(frame)
-    imgui.same_line()
-    imgui.align_text_to_frame_padding()
-    imgui.text_colored(imgui.ImVec4(*QUIET), words)
+    if told:
+        imgui.same_line()
+        imgui.align_text_to_frame_padding()
+        imgui.text_colored(imgui.ImVec4(*QUIET), words)
 
 
 def status(desk: Desk) -> None:

@@ -1,0 +1,180 @@
+"""Bad moments of the desktop viewer, and quiet ones."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from imgui_bundle import imgui
+
+from iprt.device.compute import Kernel
+from iprt.errors import DeviceLostError
+from iprt.viewer.desktop import window as window_module
+from tests.scene.files import CUBE
+from tests.viewer.screen.user import SIZE, User
+
+pytestmark = pytest.mark.screen
+
+
+def test_draws_for_a_reason_only(user: User, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever the user does wakes the window; at rest it costs next to nothing."""
+    monkeypatch.setattr(window_module, "STIRRED_S", 0.03)
+    user.at_rest()
+    x, y = user.point(20.0, 20.0)
+    events: dict[str, Callable[[], None]] = {
+        "move": lambda: user.screen.move(x, y),
+        "press": lambda: user.screen.button(3, down=True),
+        "drag": lambda: user.screen.move(x + 2.0, y),
+        "release": lambda: user.screen.button(3, down=False),
+        "wheel": lambda: user.screen.wheel(1),
+        "key": lambda: user.screen.key("Shift_L"),
+    }
+    for name, act in events.items():
+        drawn = quiet_frames(user)
+        act()
+        for _ in range(20):
+            user.app.step()
+        assert imgui.get_frame_count() > drawn, name
+
+
+def quiet_frames(user: User) -> int:
+    """Steps until no frames are drawn any more; how many were, in all."""
+    while True:
+        drawn = imgui.get_frame_count()
+        for _ in range(20):
+            user.app.step()
+        if imgui.get_frame_count() == drawn:
+            return drawn
+
+
+def test_closing_asks_about_edits(user: User) -> None:
+    user.at_rest()
+    path = user.folder / "clip" / "scene.toml"
+    text = path.read_text()
+    user.app.window.closing = True
+    assert user.app.closed, "there is nothing to save"
+    user.engine.remove("cube")
+    assert not user.app.closed
+    assert user.desk.leaving
+    user.press("Stay")
+    assert not user.app.closed
+    assert not user.desk.leaving
+    user.app.window.closing = True
+    assert not user.app.closed
+    user.press("Save and close")
+    user.until(lambda: user.app.closed)
+    assert "cube" not in path.read_text()
+    user.app.window.closing = False
+    path.write_text(text)
+    user.until(lambda: user.shows("cube"))
+
+
+def test_a_window_of_one_pixel(user: User) -> None:
+    user.at_rest()
+    size = user.app.window.size
+    user.app.window.size = (1, 1)
+    user.until(lambda: user.app.window.size == (1, 1))
+    user.wait(3)
+    user.app.window.size = size
+    user.until(lambda: user.app.pane.rectangle[2:] == SIZE)
+    shown = user.at_rest()
+    assert (shown.request.view.width, shown.request.view.height) == SIZE
+    assert shown.picture.color.std() > 0.0
+    assert user.problems() == ()
+
+
+def test_a_scene_file_that_breaks_and_is_mended(user: User) -> None:
+    user.press("Scene")
+    user.away()
+    user.at_rest()
+    path = user.folder / "clip" / "scene.toml"
+    text = path.read_text()
+    seen, reds = user.picture(), user.reds()
+    path.write_text(text.replace("format = 1", "format = "))
+    user.until(lambda: user.problems() != ())
+    user.wait()
+    assert user.reds() > reds + 50, "the problem is told"
+    top = user.picture()[:80]
+    np.testing.assert_array_equal(top, seen[:80], "the picture stays")
+    path.write_text(text.replace('name = "ahead"', 'name = "another"'))
+    user.until(lambda: "another" in user.engine.scene.views)
+    user.wait()
+    path.write_text(text)
+    user.until(lambda: "ahead" in user.engine.scene.views)
+    assert user.problems() == ()
+    user.at_rest()
+    np.testing.assert_array_equal(user.picture(), seen)
+
+
+def test_files_that_are_dropped(user: User) -> None:
+    """A mesh is added at the cursor; one that cannot be read is told of, and all goes on."""
+    user.at_rest()
+    good, bad = user.folder / "box of mine.obj", user.folder / "broken.obj"
+    good.write_text(CUBE)
+    bad.write_text("v 1 2\nf 1 2 3\n")
+    x, y = (round(value) for value in user.point(60.0, 150.0))
+    user.screen.drop(str(bad), x, y, user.app.step)
+    user.until(lambda: any("broken.obj" in problem for problem in user.problems()))
+    user.screen.drop(str(good).replace(" ", "%20"), x, y, user.app.step)
+    user.until(lambda: len(user.engine.objects) == 2)
+    state = user.engine.objects[1]
+    view = user.at_rest().request.view
+    low, high = state.corners
+    foot = state.to_world[:3, :3] @ (0.5 * (low + high) * (1, 0, 1) + low * (0, 1, 0))
+    pixel = view.project(foot + state.to_world[:3, 3])
+    assert abs(pixel - (60.0, 150.0)).max() < 12.0
+    assert user.desk.selected == state.name
+
+
+def test_a_device_that_is_lost(user: User, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Twice: that is told, and the next input is answered."""
+    user.at_rest()
+    seen, left = user.picture(), [2]
+    launch = Kernel.__call__
+
+    def failing(kernel: Kernel, *args: Any) -> None:
+        if left[0] and kernel._name == "composite":
+            left[0] -= 1
+            raise DeviceLostError("the device gave up")
+        launch(kernel, *args)
+
+    monkeypatch.setattr(Kernel, "__call__", failing)
+    user.drag((128, 96), (150, 96))
+    user.until(lambda: any("gave up" in problem for problem in user.problems()))
+    user.wait()
+    assert user.reds() > 50
+    user.drag((150, 96), (128, 96))
+    user.away()
+    user.at_rest()
+    assert user.problems() == ()
+    assert np.abs(user.picture().astype(int) - seen).mean() < 2.0
+
+
+def test_what_is_missing_is_told() -> None:
+    """Without a display, without the extra: in a process in which no window was ever open."""
+    script = (
+        "import sys, types, pathlib\n"
+        "from iprt.scene.camera import View\n"
+        "from iprt.viewer import desktop\n"
+        "if 'extra' in sys.argv: sys.modules['imgui_bundle'] = None\n"
+        "engine = types.SimpleNamespace(scene=types.SimpleNamespace(name='room'))\n"
+        "try: desktop.run(engine, View(64, 64))\n"
+        "except desktop.IprtError as error: print(error)\n"
+    )
+    environment = {k: v for k, v in os.environ.items() if "DISPLAY" not in k}
+    for missing, expected in (("display", "--web"), ("extra", "pip install 'iprt[view]'")):
+        done = subprocess.run(
+            [sys.executable, "-c", script, missing],
+            env=environment,
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        assert expected in done.stdout, done.stdout
+        assert done.stdout.count("\n") == 1
+        assert done.stderr == ""

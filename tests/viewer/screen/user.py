@@ -1,0 +1,203 @@
+"""One who sits before the desktop viewer: acts by X's events, and looks at X's pixels."""
+
+from __future__ import annotations
+
+import shutil
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from iprt.device.compute import ComputeDevice
+from iprt.scene.scene import Scene
+from iprt.viewer.engine import Engine
+from iprt.viewer.lens import Lens
+from iprt.viewer.session import Shown
+from tests.clips import write_clip
+from tests.viewer.turns import DEADLINE_S, SETTINGS
+
+pytest.importorskip("imgui_bundle", reason="needs the extra `view`")
+pytest.importorskip("moderngl_window", reason="needs the extra `view`")
+pytest.importorskip("Xlib", reason="needs the extra `screen`")
+if shutil.which("Xvfb") is None:
+    pytest.skip("needs Xvfb", allow_module_level=True)
+
+from imgui_bundle import imgui
+
+from iprt.viewer.desktop import app as app_module
+from iprt.viewer.desktop.app import App
+from iprt.viewer.desktop.style import BAD
+from tests.viewer.screen.x11 import Screen, xvfb
+
+SIZE = (256, 192)
+"""Of the picture."""
+FRAMES = 3
+"""To which it is refined."""
+
+
+class User:
+    """The viewer's user; steps of the viewer are taken while he waits."""
+
+    def __init__(self, app: App, screen: Screen, folder: Path) -> None:
+        self.app, self.screen, self.folder = app, screen, folder
+        self.engine, self.desk = app._engine, app.desk
+        self.places: dict[str, tuple[float, float, float, float]] = {}  # of widgets, by label
+
+    def until(self, done: Callable[[], bool]) -> None:
+        end = time.monotonic() + DEADLINE_S
+        while not done():
+            assert time.monotonic() < end, self.engine.status
+            self.app.step()
+
+    def wait(self, draws: int = 4) -> None:
+        """Some drawn frames after input; none are drawn if there was none."""
+        before = imgui.get_frame_count()
+        for _ in range(draws):
+            self.app.step()
+        while imgui.get_frame_count() < before + draws and self.app.window.wait(0.0):
+            self.app.step()
+
+    def at_rest(self) -> Shown:
+        """The picture of what was asked for last, refined and drawn."""
+
+        def done() -> bool:
+            sight, viewport = self.desk.sight, self.desk.viewport
+            return (
+                sight is not None
+                and sight.shown.refined
+                and sight.shown.request == viewport._wanted
+                and sight.shown.frame == self.desk.frame
+                and sight.shown.number >= self.engine._exchange._world_number
+            )
+
+        self.until(done)
+        self.wait(2)
+        assert self.desk.sight is not None
+        return self.desk.sight.shown
+
+    def point(self, x: float, y: float) -> tuple[float, float]:
+        """On the screen, of a pixel of the picture."""
+        left, top = self.app.window._window.position
+        return left + self.app.pane.rectangle[0] + x, top + self.app.pane.rectangle[1] + y
+
+    def picture(self) -> NDArray[np.uint8]:
+        """What the screen shows of the pane."""
+        left, top = (round(value) for value in self.point(0.0, 0.0))
+        width, height = (round(value) for value in self.app.pane.rectangle[2:])
+        return self.screen.picture(left, top, width, height)
+
+    def move(self, x: float, y: float) -> None:
+        self.screen.move(*self.point(x, y))
+        self.wait()
+
+    def away(self) -> None:
+        """The mouse off the picture, where nothing is beside it."""
+        self.move(self.app.pane.rectangle[2] + 60.0, self.app.pane.rectangle[3] + 20.0)
+
+    def drag(self, start: tuple[float, float], end: tuple[float, float], steps: int = 4) -> None:
+        self.move(*start)
+        self.screen.button(1, down=True)
+        self.wait(2)
+        for share in np.linspace(0.0, 1.0, steps + 1)[1:]:
+            self.screen.move(*self.point(*(np.array(start) * (1 - share) + np.array(end) * share)))
+            self.wait(2)
+        self.screen.button(1, down=False)
+        self.wait()
+
+    def click(self, x: float, y: float) -> None:
+        self.drag((x, y), (x, y), steps=1)
+
+    def press(self, label: str, share: float = 0.5) -> None:
+        """Click on a widget, at a share of its width; scroll to it first."""
+        self.wait(2)
+        corner, height = self.app.pane.rectangle[:2], self.app.window.size[1]
+        while self.places[label][3] > height - 20.0:
+            self.move(self.app.pane.rectangle[2] + 100.0, 100.0)
+            self.screen.wheel(-1)
+            self.wait(2)
+        left, top, right, bottom = self.places[label]
+        self.click(left + share * (right - left) - corner[0], 0.5 * (top + bottom) - corner[1])
+
+    def key(self, name: str, *, control: bool = False) -> None:
+        self.screen.key(name, control=control)
+        self.wait()
+
+    def problems(self) -> tuple[str, ...]:
+        return self.engine.status.problems
+
+    def reds(self) -> int:
+        """Pixels of the pane in the colour of problems."""
+        difference = np.abs(self.picture().astype(int) - 255.0 * np.array(BAD[:3])).max(axis=2)
+        return int((difference < 12).sum())
+
+    def shows(self, name: str) -> bool:
+        """An object is seen in the last picture."""
+        sight = self.desk.sight
+        geometry = None if sight is None else sight.shown.geometry
+        return geometry is not None and name in geometry.names
+
+    def cube(self) -> tuple[float, float]:
+        """The pixel of the object's middle."""
+        view = self.at_rest().request.view
+        x, y = view.project(self.engine.objects[0].to_world[:3, 3])
+        return float(x), float(y)
+
+    def reset(self) -> None:
+        """All as it was when the viewer was opened."""
+        desk, engine = self.desk, self.engine
+        desk.selected, desk.help, desk.readout = None, False, True
+        desk.mode, desk.align, desk._notice = "move", False, None
+        while engine.world.edits:
+            engine.undo()
+        engine.pause()
+        engine.seek(0)
+        engine.set_settings(SETTINGS)
+        desk.viewport.lens = Lens()
+        desk.viewport.go_to("ahead")
+        assert self.app.pane.gesture is None
+
+
+@contextmanager
+def seated(device: ComputeDevice, folder: Path) -> Iterator[User]:
+    """Before a viewer of a clip of four frames, on a screen of its own; its picture has `SIZE`."""
+    scene = Scene.open(write_clip(folder / "clip", 4, size=SIZE))
+    with pytest.MonkeyPatch.context() as patch, xvfb(1280, 800) as display:
+        patch.setenv("DISPLAY", display)
+        patch.delenv("WAYLAND_DISPLAY", raising=False)
+        patch.setattr(app_module, "IDLE_S", 0.005)
+        engine = Engine(scene, lambda: device, SETTINGS)
+        view = scene.views["ahead"].view
+        app = App(engine, view.resized(800, 600), objects=None, folder=folder, frames=FRAMES)
+        screen = Screen(display)
+        user = User(app, screen, folder)
+        _note_places(patch, user.places)
+        user.wait()
+        sides = (800 - app.pane.rectangle[2], 600 - app.pane.rectangle[3])
+        app.window.size = round(SIZE[0] + sides[0]), round(SIZE[1] + sides[1])
+        user.until(lambda: app.pane.rectangle[2:] == SIZE)
+        screen.focus()
+        try:
+            yield user
+        finally:
+            app.close()
+            engine.close()
+            screen.close()
+
+
+def _note_places(patch: pytest.MonkeyPatch, places: dict[str, Any]) -> None:
+    """Remember where widgets were drawn last, by their labels."""
+    for name in ("slider_float", "slider_int", "button", "begin_tab_item", "collapsing_header"):
+        draw = getattr(imgui, name)
+
+        def noting(label: str, *values: Any, draw: Any = draw) -> Any:
+            result = draw(label, *values)
+            low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
+            places[label] = low.x, low.y, high.x, high.y
+            return result
+
+        patch.setattr(imgui, name, noting)
