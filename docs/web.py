@@ -34,7 +34,7 @@ DEADLINE_S = 600.0
 
 def main() -> None:
     scene = Scene.open(FOLDER.parent / "scenes360" / "room")
-    view = replace(scene.views["room"].view, yaw_deg=2.0, pitch_deg=-26.0, fov_y_deg=52.0)
+    view = replace(scene.views["room"].view, yaw_deg=-9.0, pitch_deg=-27.0, fov_y_deg=58.0)
     chromium = shutil.which("chromium") or shutil.which("google-chrome")
     with (
         Engine(scene, lambda: ComputeDevice(choose_device())) as engine,
@@ -49,9 +49,8 @@ def main() -> None:
         shot = _shot(page, host)
         chrome.close()
     image = Image.open(BytesIO(shot)).convert("RGB")
-    small = image.quantize(
-        COLORS, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.FLOYDSTEINBERG
-    )
+    palette = image.quantize(COLORS)
+    small = image.quantize(palette=palette, dither=Image.Dither.FLOYDSTEINBERG)
     with replacing(FOLDER / "web.png") as temporary:
         small.save(temporary, format="PNG", optimize=True)
 
