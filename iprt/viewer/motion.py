@@ -64,9 +64,20 @@ class Motion:
         rung = self._pace.rung
         return rung if rung.number > 0 else None
 
-    def observe(self, shown: Shown, rung: Rung | None) -> None:
-        """Take note of a new picture, for which `rung` was chosen."""
+    def observe(self, shown: Shown) -> None:
+        """Take note of a new picture."""
+        rung = self._rung_of(shown)
         if rung is None and not shown.compiled:
             self._usual_s = shown.seconds
         if self._pace is not None and self._pace.rung.number == (rung.number if rung else 0):
             self._pace.observe(shown.seconds, shown.compiled)
+
+    def gave_up(self, shown: Shown) -> str:
+        """What a picture lacks to hold the frame rate, and what that costs; empty: nothing."""
+        rung = self._rung_of(shown)
+        return "" if rung is None else rung.gave_up
+
+    def _rung_of(self, shown: Shown) -> Rung | None:
+        """That a picture was asked for on; each has settings of its own, even if they are equal."""
+        rungs = () if self._pace is None else self._pace.rungs
+        return next((rung for rung in rungs if rung.settings is shown.request.settings), None)

@@ -20,7 +20,6 @@ from iprt.scene.pose import view_from
 from iprt.viewer.developer import Developer
 from iprt.viewer.engine import Client, Engine
 from iprt.viewer.geometry import Geometry
-from iprt.viewer.ladder import Rung
 from iprt.viewer.lens import BUFFERS, Lens
 from iprt.viewer.motion import Motion
 from iprt.viewer.session import Shown
@@ -70,7 +69,6 @@ class Viewport:
         self.view, self.name = view, self._name_of(view)
         self._objects, self._frames = objects, frames
         self._lens, self._motion = Lens(), Motion(target_fps)
-        self._rung: Rung | None = None  # that was asked for last
         self._edits = engine.world.edits
         self._developer = Developer()
         self._sight: Sight | None = None
@@ -79,6 +77,7 @@ class Viewport:
         # Of each input: its number, when it came, and at which view frame.
         self._asked: deque[tuple[int, float, int]] = deque(maxlen=256)
         self._at_rest: tuple[Geometry, int] | None = None  # the last one, and its video frame
+        self._show_added()
         self._wanted = self._request()
         self._client = engine.client(self._wanted)
         self._baseline: Client | None = None
@@ -131,6 +130,7 @@ class Viewport:
         view = entry.at(scene.time_of(frame))
         self.view, self.name = view.resized(self.view.width, self.view.height), name
         self._objects = entry.objects
+        self._show_added()
         self._input()
 
     def _name_of(self, view: View) -> str | None:
@@ -171,10 +171,13 @@ class Viewport:
     @property
     def objects(self) -> tuple[str, ...] | None:
         """Names of the objects that are shown, those that were added included; None: all."""
-        if self._objects is None:
-            return None
-        added = [edit.name for edit in self._engine.world.edits if edit.path is not None]
-        return self._objects + tuple(name for name in added if name not in self._objects)
+        return self._objects
+
+    def _show_added(self) -> None:
+        """Show what was added, whoever did it, also when it is saved and no edit any more."""
+        if self._objects is not None:
+            added = [edit.name for edit in self._engine.world.edits if edit.path is not None]
+            self._objects += tuple(name for name in added if name not in self._objects)
 
     def _input(self) -> None:
         """Ask for what is wanted now, and take the time until it is there."""
@@ -185,6 +188,7 @@ class Viewport:
         """Ask for what others have changed, and for more or less as it moves or rests."""
         if self._engine.world.edits is not self._edits:
             self._edits = self._engine.world.edits
+            self._show_added()
             self._motion.stir()
         if self._request() != self._wanted:
             self._ask()
@@ -208,7 +212,7 @@ class Viewport:
     def _request(self) -> Request:
         lens, world = self._lens, self._engine.world
         playing = world.playback.since_s is not None
-        self._rung = rung = self._motion.rung(world.settings, playing=playing)
+        rung = self._motion.rung(world.settings, playing=playing)
         view = self.view
         if lens.against == "truth" and self.name is not None:
             view = self._developer.truth.view(self._engine.scene, self.name, view)
@@ -227,7 +231,7 @@ class Viewport:
         """The newest picture, the same object as before if nothing is new; None: none yet."""
         shown = self._client.shown
         if shown is not None and (self._sight is None or shown is not self._sight.shown):
-            self._motion.observe(shown, self._rung)
+            self._motion.observe(shown)
             if shown.geometry is not None:
                 self._at_rest = shown.geometry, shown.frame
         self._follow()
@@ -242,12 +246,8 @@ class Viewport:
             )
             self._made_of = made_of
             latency = self._latency or (None, None)
-            self._sight = Sight(pixels, shown, caption, self._gave_up(shown), *latency)
+            self._sight = Sight(pixels, shown, caption, self._motion.gave_up(shown), *latency)
         return self._sight
-
-    def _gave_up(self, shown: Shown) -> str:
-        rung = self._rung
-        return "" if rung is None or shown.request is not self._wanted else rung.gave_up
 
     def _clock(self, shown: Shown) -> None:
         while self._asked and self._asked[0][0] <= shown.number:

@@ -23,6 +23,7 @@ from iprt.viewer.lens import Lens
 from iprt.viewer.sight import Sight
 from iprt.viewer.viewport import Viewport
 from tests.clips import write_clip
+from tests.scene.files import write_rgb
 from tests.viewer.turns import DEADLINE_S, SETTINGS, VIEW
 
 LOOK = VIEW.resized(48, 32)
@@ -220,3 +221,54 @@ def test_views_of_the_scene_are_known_by_name(viewport: Viewport, engine: Engine
     assert viewport.view == LOOK
     viewport.look(replace(LOOK, fov_y_deg=50.0))
     assert viewport.name is None
+
+
+def test_what_was_added_is_shown_in_views_that_list_objects(
+    device: ComputeDevice, tmp_path: Path
+) -> None:
+    """And stays when it is saved, also in a view with a truth, which does not list it then."""
+    folder = write_clip(tmp_path / "clip", 1)
+    manifest = folder / "scene.toml"
+    manifest.write_text(manifest.read_text() + 'objects = ["cube"]\ntruth = "truth.exr"\n')
+    write_rgb(folder / "truth.exr", np.zeros((VIEW.height, VIEW.width, 3), np.float32))
+    scene = Scene.open(folder)
+    with Engine(scene, lambda: device, SETTINGS) as engine:
+        viewport = Viewport(engine, LOOK, objects=("cube",), frames=1)
+        at_rest(viewport)
+        name = engine.add(folder / "cube.obj", *viewport.aim(0.5, 0.9), height=0.1)
+        until(viewport, lambda s: s.shown.geometry is not None and name in s.shown.geometry.names)
+        engine.save()
+        until(viewport, lambda s: not engine.world.edits)
+        assert engine.scene.views["ahead"].objects == ("cube",)
+        shown = at_rest(viewport).shown
+        assert shown.geometry is not None
+        assert shown.geometry.names == ("cube", name)
+        viewport.close()
+
+
+def test_motion_gives_up_what_rest_gives_back(device: ComputeDevice, tmp_path: Path) -> None:
+    """An impossible frame rate: little resolution while the camera turns, all of it at rest."""
+    scene = Scene.open(write_clip(tmp_path / "clip", 1))
+    with Engine(scene, lambda: device, SETTINGS) as engine:
+        viewport = Viewport(engine, LOOK, target_fps=1e4, frames=2)
+        assert at_rest(viewport).gave_up == ""
+        end = time.monotonic() + DEADLINE_S
+        sight = viewport.poll()
+        while sight is None or sight.pixels.shape[0] == LOOK.height:
+            viewport.turn(1.0, 0.0)
+            sight = viewport.poll()
+            assert time.monotonic() < end
+            time.sleep(0.005)
+        assert "resolution" in sight.gave_up
+        assert "SSIM" in sight.gave_up
+        # The same places are the same directions.
+        small, large = sight.shown.request.view, viewport.view
+        corner = np.array([0.25, 0.75])
+        np.testing.assert_allclose(
+            small.unproject(corner * (small.width, small.height)),
+            replace(large, yaw_deg=small.yaw_deg).unproject(corner * (large.width, large.height)),
+            atol=0.02,
+        )
+        rested = until(viewport, lambda s: s.pixels.shape == (LOOK.height, LOOK.width, 3))
+        assert rested.gave_up == ""
+        viewport.close()

@@ -6,12 +6,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from iprt.errors import IprtError
+from iprt.viewer.state import REST_FRAMES
 
 if TYPE_CHECKING:
     from iprt.scene.camera import View
     from iprt.viewer.engine import Engine
-
-REST_FRAMES = 64
 
 
 def run(
@@ -19,9 +18,9 @@ def run(
     view: View,
     *,
     objects: tuple[str, ...] | None = None,
-    target_fps: float | None = None,
     folder: Path | None = None,
     frames: int = REST_FRAMES,
+    target_fps: float | None = None,
 ) -> None:
     """Show a scene in a window, until the user closes it.
 
@@ -33,12 +32,12 @@ def run(
         Where to look at first; its size is that of the window.
     objects : tuple of str or None
         Names of the objects to show at first. None: all.
-    target_fps : float or None
-        Frames per second to hold in motion; see `Viewport.target_fps`.
     folder : Path or None
         Where screenshots go; the current one by default.
     frames : int
         View frames to which a picture at rest is refined.
+    target_fps : float or None
+        Frames per second to hold while something moves (`Viewport.target_fps`), to begin with.
 
     Raises
     ------
@@ -51,14 +50,8 @@ def run(
         raise IprtError(
             f"the viewer needs what is not installed ({error.name}); pip install 'iprt[view]'"
         ) from error
-    app = App(
-        engine,
-        view,
-        objects=objects,
-        target_fps=target_fps,
-        folder=folder or Path.cwd(),
-        frames=frames,
-    )
+    app = App(engine, view, objects=objects, folder=folder or Path.cwd(), frames=frames)
+    app.desk.viewport.target_fps = target_fps
     try:
         app.run()
     finally:

@@ -48,8 +48,6 @@ class App:
         Where it looks at first. Its size is that of the window, in units of the screen.
     objects : tuple of str or None
         Names of the objects that it shows at first. None: all.
-    target_fps : float or None
-        Frames per second to hold in motion.
     folder : Path
         Where screenshots go, and where one looks for meshes first.
     frames : int
@@ -67,13 +65,12 @@ class App:
         view: View,
         *,
         objects: tuple[str, ...] | None,
-        target_fps: float | None,
         folder: Path,
         frames: int,
     ) -> None:
         self._engine = engine
         self.window = Window(engine.scene.name, (view.width, view.height), self._drop)
-        viewport = Viewport(engine, view, objects=objects, target_fps=target_fps, frames=frames)
+        viewport = Viewport(engine, view, objects=objects, frames=frames)
         self.desk = Desk(engine, viewport, folder)
         self.pane = Pane(self.desk, self.window)
         self._browser = MeshBrowser(folder)

@@ -64,9 +64,10 @@ def _view(desk: Desk) -> None:
     names = list(desk.engine.scene.views)
     if names:
         label("view", "Views of scene.toml; each shows the objects that it names.")
-        own = viewport.name is None
-        shown = [*names, "(turned)"] if own else names
-        chosen = choice("##view", shown, len(names) if own else names.index(viewport.name or ""))
+        # Another scene.toml may lack the view by now.
+        known = viewport.name is not None and viewport.name in names
+        shown = names if known else [*names, "(turned)"]
+        chosen = choice("##view", shown, shown.index(viewport.name or "") if known else len(names))
         if chosen is not None and chosen < len(names):
             viewport.go_to(names[chosen])
     view = viewport.view

@@ -141,11 +141,7 @@ class Window:
         backends.glfw_new_frame()
         imgui.new_frame()
         imguizmo.im_guizmo.begin_frame()
-        try:
-            yield
-        except BaseException:
-            imgui.end_frame()
-            raise
+        yield
         imgui.render()
         self._window.ctx.screen.use()
         self._window.ctx.clear(0.05, 0.05, 0.06)

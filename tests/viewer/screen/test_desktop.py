@@ -36,6 +36,7 @@ if shutil.which("Xvfb") is None:
 from imgui_bundle import imgui
 
 from iprt.viewer.desktop import app as app_module
+from iprt.viewer.desktop import window as window_module
 from iprt.viewer.desktop.app import App
 from iprt.viewer.desktop.gizmo import GIZMO
 from iprt.viewer.desktop.style import BAD
@@ -163,9 +164,7 @@ def opened(
     patch.setattr(app_module, "IDLE_S", 0.005)
     engine = Engine(scene, lambda: device, SETTINGS)
     view = scene.views["ahead"].view
-    app = App(
-        engine, view.resized(800, 600), objects=None, target_fps=None, folder=folder, frames=FRAMES
-    )
+    app = App(engine, view.resized(800, 600), objects=None, folder=folder, frames=FRAMES)
     screen = Screen(display)
     user = User(app, screen, folder)
     _note_places(patch, user.places)
@@ -252,6 +251,37 @@ def test_the_screen_shows_what_iprt_renders(user: User, tmp_path: Path) -> None:
     flags = ("--seed", 7, "--yaw", view.yaw_deg, "--pitch", view.pitch_deg, "--fov", view.fov_y_deg)
     expected = rendered(user, tmp_path / "b.png", *flags, frame=1)
     np.testing.assert_array_equal(user.picture(), expected)
+
+
+def test_draws_for_a_reason_only(user: User, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever the user does wakes the window; at rest it costs next to nothing."""
+    monkeypatch.setattr(window_module, "STIRRED_S", 0.03)
+    user.at_rest()
+    x, y = user.point(20.0, 20.0)
+    events: dict[str, Callable[[], None]] = {
+        "move": lambda: user.screen.move(x, y),
+        "press": lambda: user.screen.button(3, down=True),
+        "drag": lambda: user.screen.move(x + 2.0, y),
+        "release": lambda: user.screen.button(3, down=False),
+        "wheel": lambda: user.screen.wheel(1),
+        "key": lambda: user.screen.key("Shift_L"),
+    }
+    for name, act in events.items():
+        drawn = quiet_frames(user)
+        act()
+        for _ in range(20):
+            user.app.step()
+        assert imgui.get_frame_count() > drawn, name
+
+
+def quiet_frames(user: User) -> int:
+    """Steps until no frames are drawn any more; how many were, in all."""
+    while True:
+        drawn = imgui.get_frame_count()
+        for _ in range(20):
+            user.app.step()
+        if imgui.get_frame_count() == drawn:
+            return drawn
 
 
 def test_keys(user: User) -> None:
@@ -411,6 +441,8 @@ def test_a_window_of_one_pixel(user: User) -> None:
 
 
 def test_a_scene_file_that_breaks_and_is_mended(user: User) -> None:
+    user.press("Scene")
+    user.away()
     user.at_rest()
     path = user.folder / "clip" / "scene.toml"
     text = path.read_text()
@@ -421,8 +453,12 @@ def test_a_scene_file_that_breaks_and_is_mended(user: User) -> None:
     assert user.reds() > reds + 50, "the problem is told"
     top = user.picture()[:80]
     np.testing.assert_array_equal(top, seen[:80], "the picture stays")
+    path.write_text(text.replace('name = "ahead"', 'name = "another"'))
+    user.until(lambda: "another" in user.engine.scene.views)
+    user.wait()
     path.write_text(text)
-    user.until(lambda: user.problems() == ())
+    user.until(lambda: "ahead" in user.engine.scene.views)
+    assert user.problems() == ()
     user.at_rest()
     np.testing.assert_array_equal(user.picture(), seen)
 
