@@ -100,6 +100,7 @@ class Browser:
         self._todo: dict[object, Callable[[], object]] = {}
         self._camera: Camera | None = None
         self._followed: Camera | None = None
+        self._defects: set[str] = set()
         self._told: View | None = None
         self._told_s = self._again_s = 0.0
         self._camera_came(client.camera)
@@ -135,6 +136,14 @@ class Browser:
     def tell(self, text: str) -> None:
         """Show a line to the user, that something did not work."""
         self.client.add_notification("", text, color="red", auto_close_seconds=8.0)
+
+    def _tell_defect(self, error: Exception) -> None:
+        """Of an error that no input should lead to; the window goes on, and it may come again."""
+        text = f"a defect of iprt: {type(error).__name__}: {error}"
+        if text not in self._defects:
+            self._defects.add(text)
+            LOG.error("a defect of iprt", exc_info=error)
+            self.tell(text)
 
     def go_to(self, name: str) -> None:
         """Look as a view of the scene does."""
@@ -235,8 +244,7 @@ class Browser:
                 self.tell(str(error))
                 busy = False
             except Exception as error:
-                LOG.error("a defect of iprt", exc_info=error)
-                self.tell(f"a defect of iprt: {type(error).__name__}: {error}")
+                self._tell_defect(error)
                 busy = False
             if not busy:
                 waiting = self.engine.status.doing == "waiting"

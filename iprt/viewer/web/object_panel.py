@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 NONE = "none"
 MESHES = ".glb,.gltf,.obj,.ply,.stl"
+QUIET = (60, 66, 74)
+"""Of buttons."""
 ROUGH = Material("plastic")
 
 
@@ -38,11 +40,15 @@ class ObjectPanel:
             )
             self._bind(self._names, self._selected, self._select)
             self._edited = [*self._add_place(), *self._add_material()]
-            remove = gui.add_button("Remove", icon="trash")
+            remove = gui.add_button("Remove", icon="trash", color=QUIET)
             on_click(remove, post, self._remove)
             self._edited.append(remove)
         upload = gui.add_upload_button(
-            "Add a mesh", icon="plus", mime_type=MESHES, hint="Set down in the middle of the view"
+            "Add a mesh",
+            icon="plus",
+            color=QUIET,
+            mime_type=MESHES,
+            hint="Set down in the middle of the view",
         )
 
         async def uploaded(event: Any) -> None:
@@ -50,7 +56,9 @@ class ObjectPanel:
             post(upload, lambda: self._add(file.name, file.content))
 
         upload.on_upload(uploaded)
-        undo = gui.add_button("Undo", icon="arrow-back-up", hint="The last edit, of anybody")
+        undo = gui.add_button(
+            "Undo", icon="arrow-back-up", color=QUIET, hint="The last edit, of anybody"
+        )
         on_click(undo, post, browser.engine.undo)
         self._add_keys()
         self.sync()

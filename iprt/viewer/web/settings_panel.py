@@ -160,7 +160,8 @@ class SettingsPanel:
 
 
 def _label(control: Control) -> str:
-    return f"{control.label}, {control.unit}" if control.unit else control.label
+    told = not control.unit or control.unit in control.label
+    return control.label if told else f"{control.label}, {control.unit}"
 
 
 def _hint(control: Control) -> str:
