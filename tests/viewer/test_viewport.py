@@ -110,10 +110,17 @@ def test_comparisons_are_of_the_same_view(
     """Beside the object, input and baseline are the video as it is; ours has shadows there."""
     viewport.lens = Lens(against=against, split=0.0)
     viewport.turn(1.0, 0.0)
-    sight = until(viewport, lambda s: "|" in s.caption and s.shown.request == viewport._wanted)
+    sight = until(
+        viewport,
+        lambda s: (
+            "|" in s.caption
+            and s.shown.request == viewport._wanted
+            and s.shown.geometry is not None
+        ),
+    )
     with Renderer(device, engine.scene.frame(0), (), viewport.view, SETTINGS) as renderer:
         video = Lens().develop(renderer.render().color, engine.scene.exposure)
-    geometry = viewport._client.shown.geometry
+    geometry = sight.shown.geometry
     beside, on = geometry.coverage == 0.0, geometry.coverage == 1.0
     assert on.any()
     ours = Lens().develop(sight.shown.picture.color, engine.scene.exposure)
