@@ -38,7 +38,7 @@ def main() -> None:
     chromium = shutil.which("chromium") or shutil.which("google-chrome")
     with (
         Engine(scene, lambda: ComputeDevice(choose_device())) as engine,
-        Host(engine, Start(view, target_fps=10.0), host="127.0.0.1", port=0, token=None) as host,
+        Host(engine, Start(view), host="127.0.0.1", port=0, token=None) as host,
         sync_playwright() as playwright,
     ):
         chrome = playwright.chromium.launch(executable_path=chromium, args=FLAGS)
@@ -49,24 +49,19 @@ def main() -> None:
         shot = _shot(page, host)
         chrome.close()
     image = Image.open(BytesIO(shot)).convert("RGB")
-    # All hues that there are, for the gizmo's sake; dither does the rest.
-    palette = image.quantize(COLORS, method=Image.Quantize.MAXCOVERAGE)
+    palette = image.quantize(COLORS)
     small = image.quantize(palette=palette, dither=Image.Dither.FLOYDSTEINBERG)
     with replacing(FOLDER / "web.png") as temporary:
         small.save(temporary, format="PNG", optimize=True)
 
 
 def _shot(page: Any, host: Host) -> bytes:
-    _wait(host, 0)
-    (browser,) = host.browsers
-    before = browser.viewport.view
-    page.mouse.move(400, 600)
-    page.mouse.down()
-    page.mouse.move(404, 600, steps=4)
-    page.mouse.up()
-    while browser.viewport.view == before:
+    end = time.monotonic() + DEADLINE_S
+    while not host.browsers or not _rests(host.browsers[0]):
+        if time.monotonic() > end:
+            raise SystemExit("the picture does not come to rest")
         time.sleep(0.1)
-    _wait(host, browser.sight.shown.number + 1)
+    (browser,) = host.browsers
     pot = next(state for state in browser.engine.objects if state.name == "pot")
     window = browser.viewport.view
     x, y = window.project(pot.to_world[:3, 3] + (0.0, 0.07, 0.0))
@@ -78,20 +73,8 @@ def _shot(page: Any, host: Host) -> bytes:
     return shot
 
 
-def _wait(host: Host, number: int) -> None:
-    """Until the browser has a refined picture that answers so much input."""
-    end = time.monotonic() + DEADLINE_S
-    while not host.browsers or not _rests(host.browsers[0], number):
-        if time.monotonic() > end:
-            raise SystemExit("the picture does not come to rest")
-        time.sleep(0.1)
-
-
-def _rests(browser: Browser, number: int) -> bool:
-    sight = browser.sight
-    if sight is None or sight.shown.number < number:
-        return False
-    return browser.lossless and sight.shown.refined
+def _rests(browser: Browser) -> bool:
+    return browser.sight is not None and browser.lossless and browser.sight.shown.refined
 
 
 if __name__ == "__main__":
