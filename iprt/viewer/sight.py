@@ -53,9 +53,9 @@ class Readout:
         Of the auxiliary picture that is shown, in `unit`.
     unit : str
     depth_m : float or None
-        From the capture centre, of what is seen; None: open sky.
+        From the capture centre, of what is seen; +inf: open sky. None: not known in motion.
     normal : (3,) float64 or None
-        In the world.
+        In the world; None: open sky, or not known.
     name : str or None
         Of the object there.
     """

@@ -262,10 +262,12 @@ class Viewport:
         if found is None:
             return None
         shown, column, row = found
-        buffer, surface, name = self._lens.buffer, None, None
+        buffer, depth, normal, name = self._lens.buffer, None, None, None
         if (surfaces := self._surfaces(x, y)) is not None:
             geometry, *place = surfaces
             surface, name = geometry.seen(*place), geometry.object_at(*place)
+            depth = np.inf if surface is None else surface.depth_m
+            normal = None if surface is None else surface.normal
         values = None if buffer is None else shown.picture.aovs.get(buffer)
         return Readout(
             column,
@@ -273,8 +275,8 @@ class Viewport:
             shown.picture.color[row, column],
             None if values is None else np.atleast_1d(values[row, column]),
             "" if buffer is None else BUFFERS[buffer].unit,
-            None if surface is None else surface.depth_m,
-            None if surface is None else surface.normal,
+            depth,
+            normal,
             name,
         )
 

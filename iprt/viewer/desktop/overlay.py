@@ -147,7 +147,8 @@ def readout(desk: Desk) -> None:
 def readout_rows(found: Readout, buffer: str | None) -> list[tuple[str, str]]:
     """What a pixel holds, in words."""
     rows = [("pixel", f"{found.x}, {found.y}"), ("linear", _numbers(found.radiance))]
-    rows.append(("depth", "open sky" if found.depth_m is None else f"{found.depth_m:.3f} m"))
+    if found.depth_m is not None:
+        rows.append(("depth", f"{found.depth_m:.3f} m" if found.depth_m < np.inf else "open sky"))
     if found.normal is not None:
         rows.append(("normal", "  ".join(f"{value:+.2f}" for value in found.normal)))
     if found.name is not None:

@@ -316,7 +316,8 @@ def _described(readout: Readout) -> str:
         values = " ".join(f"{value:.4g}" for value in readout.value)
         parts.append(f"buffer {values} {readout.unit}".rstrip())
     if readout.depth_m is not None:
-        parts.append(f"depth {readout.depth_m:.3f} m")
+        far = f"{readout.depth_m:.3f} m" if readout.depth_m < np.inf else "open sky"
+        parts.append(f"depth {far}")
     if readout.normal is not None:
         parts.append("normal " + " ".join(f"{value:.2f}" for value in readout.normal))
     if readout.name is not None:
