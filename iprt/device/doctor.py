@@ -109,6 +109,9 @@ def optional_parts(mitsuba: Record | None) -> list[Record]:
     if mitsuba is not None:
         parts.append(_llvm(mitsuba))
     parts.append(_package("pyoidn", "denoised references"))
+    parts.append(_package("imgui-bundle", "`iprt view` in a window"))
+    parts.append(_package("moderngl-window", "`iprt view` in a window"))
+    parts.append(_package("viser", "`iprt view --web`"))
     intel = _package("intel-opencl-rt", "the fastest OpenCL driver for x86 processors")
     intel["install"] = None if intel_runtime() else intel_command()
     return [*parts, intel]

@@ -1,10 +1,15 @@
-"""The engine of interactive viewers, without a window: read `iprt.viewer.engine` first.
+"""The interactive viewers, from the device up; read `engine`, then `viewport`.
 
-One thread owns the device (`core`, turn by turn; `session`, a renderer per client). Viewers ask by
-`Client.ask` and `Engine`'s methods, which never wait, and show `Client.shown`:
+- `engine` has the thread that owns the device and renders for any number of clients: `core` does its
+  work turn by turn, a `session` per client keeps a `canvas` (a renderer) in motion and one at rest.
+- A `viewport` is one window on it: camera, `lens`, comparisons, what is at a pixel, and, by `motion`
+  and `pace`, what is given up to hold a frame rate.
+- `desktop` and `web` draw viewports, and panels of `controls`; each runs without the other.
+
+Nobody waits for the device:
 
     with Engine(scene, lambda: ComputeDevice(choose_device(), limit_s=60.0)) as engine:
-        client = engine.client(Request(view))
-        number = client.ask(Request(replace(view, yaw_deg=10.0)))
-        shown = client.wait(number, timeout_s=1.0)  # or client.shown, once per window frame
+        viewport = Viewport(engine, view)
+        viewport.turn(10.0, 0.0)
+        sight = viewport.poll()  # once per frame of the window: pixels, and what they are worth
 """
