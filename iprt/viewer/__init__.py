@@ -1,9 +1,9 @@
 """The interactive viewers, from the device up; read `engine`, then `viewport`.
 
-- `engine` has the thread that owns the device and renders for any number of clients: `core` does its
-  work turn by turn, a `session` per client keeps a `canvas` (a renderer) in motion and one at rest.
-- A `viewport` is one window on it: camera, `lens`, comparisons, what is at a pixel, and, by `motion`
-  and `pace`, what is given up to hold a frame rate.
+- `engine` has the thread that owns the device and renders for any number of clients: `core` does
+  its work turn by turn, a `session` per client keeps a `canvas` (a renderer) in motion and at rest.
+- A `viewport` is one window on it: camera, `lens`, comparisons, what is at a pixel; by `motion` and
+  `pace`, what is given up to hold a frame rate.
 - `desktop` and `web` draw viewports, and panels of `controls`; each runs without the other.
 
 Nobody waits for the device:
