@@ -26,8 +26,9 @@
 //
 // Of a conductor all is reflection. What it sends elsewhere is not known; rays that meet one find
 // what the camera saw, which is what it reflects from another side, and nearer to that than black.
+#include "brdf.h"
 #include "gloss.h"
-#include "path.h"
+#include "world.h"
 
 // Planes whose g (lib/real.h) differ by this part of it, in distance or angle, are of one surface.
 #define PLANE_TOLERANCE 0.1f

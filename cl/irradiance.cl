@@ -15,10 +15,12 @@
 //   smooth_cells   cells, mean                                  smooth: joint filter of mean, ever
 //                                                               narrower as samples come in
 //   show_cells     guide, smooth                                3 planes: rgb / pi at the pixels
+#include "boxes.h"
 #include "camera.h"
+#include "direction.h"
 #include "irradiance.h"
-#include "path.h"
 #include "planes.h"
+#include "sampling.h"
 
 #define SMOOTH_RADIUS 3
 // Samples after which a cell counts as much as all others around it.

@@ -161,9 +161,22 @@ class Requirements:
         """Objects are rasterized in equirect space besides the screen, for rays off screen."""
         return self.traced_layers and not self.equirect_view
 
-    def trace_defines(self) -> dict[str, Define]:
-        """`-D` variants of the tracing kernels."""
+    def real_defines(self) -> dict[str, Define]:
+        """`-D` variants of kernels whose rays meet real surfaces only: they are built alike,
+        whatever the objects are made of.
+        """
         return {
+            "OPENING_ENVIRONMENT": self.opening_environment,
+            "LIGHT_SAMPLING": self.light_sampling,
+            "OUTSIDE_ROWS": OUTSIDE_ROWS,
+            "BACKGROUND": self.background,
+            "BASSRT": self.settings.trace.back_faces,
+            **(bvh_defines(textured=False) if self.bvh else {}),
+        }
+
+    def trace_defines(self) -> dict[str, Define]:
+        """`-D` variants of kernels whose rays meet objects, too."""
+        return self.real_defines() | {
             "MATERIAL_DIFFUSE": self.diffuse,
             "MATERIAL_CONDUCTOR": self.conductor,
             "MATERIAL_MIRROR": self.mirror,
@@ -171,18 +184,17 @@ class Requirements:
             "HAS_DIFFUSE": self.diffuse_signal,
             "HAS_SPECULAR": self.specular_signal,
             "DISTANT_ENVIRONMENT": not self.tracing,
-            "OPENING_ENVIRONMENT": self.opening_environment,
-            "LIGHT_SAMPLING": self.light_sampling,
-            "OUTSIDE_ROWS": OUTSIDE_ROWS,
-            "BACKGROUND": self.background,
-            "BASSRT": self.settings.trace.back_faces,
             "MAX_BOUNCES": self.settings.trace.bounces,
             "TOUCHED_FRAMES": TOUCHED_FRAMES,
             **(bvh_defines(textured=self.textured) if self.bvh else {}),
         }
 
+    def highlight_defines(self) -> dict[str, Define]:
+        """`-D` variants of the kernels that find what glossy real surfaces show of each other."""
+        return self.real_defines() | material_defines(self.real_materials) | {"CELL": CELL}
+
     def gloss_defines(self) -> dict[str, Define]:
-        """`-D` variants of the kernels that meet the materials of real surfaces too."""
+        """`-D` variants of kernels whose rays meet the materials of real surfaces too."""
         defines = self.trace_defines()
         real = material_defines(self.real_materials)
         defines |= {name: bool(defines[name]) or needed for name, needed in real.items()}

@@ -13,6 +13,7 @@ from iprt.renderer import Renderer
 from iprt.requirements import Requirements
 from iprt.scene.camera import View
 from iprt.scene.footage import Footage
+from iprt.scene.frame import Frame
 from iprt.scene.material import Material
 from iprt.settings import Settings
 from tests.worlds import ball, sphere_frame
@@ -36,11 +37,16 @@ KIND_OF = {
 }
 
 
-def plan(*materials: Material, view: View = VIEW, settings: Settings | None = None) -> PlanDevice:
+def plan(
+    *materials: Material,
+    view: View = VIEW,
+    settings: Settings | None = None,
+    frame: Frame = FRAME,
+) -> PlanDevice:
     """What a renderer of one ball per material would build."""
     balls = [ball((i, 0.0, -1.5), 0.3, m, subdivisions=1) for i, m in enumerate(materials)]
     device = PlanDevice()
-    Renderer(device, FRAME, balls, view, settings)
+    Renderer(device, frame, balls, view, settings)
     return device
 
 
@@ -81,12 +87,40 @@ def test_a_mirror_stores_nothing_diffuse() -> None:
     assert buffers(device, "specular")
 
 
-@pytest.mark.parametrize("file", ["irradiance.cl", "trace_delta.cl", "trace_virtual.cl"])
+@pytest.mark.parametrize("file", ["trace_delta.cl", "trace_virtual.cl"])
 @pytest.mark.parametrize("left_out", [*KIND_OF, None])
 def test_tracing_knows_the_materials_that_are_there(file: str, left_out: str | None) -> None:
     kinds = {define: m for define, m in KIND_OF.items() if define != left_out}
     used = defines(plan(*kinds.values()), file)
     assert {define for define in used if define.startswith("MATERIAL_")} == set(kinds)
+
+
+def test_what_meets_real_surfaces_only_is_built_alike_for_all_objects() -> None:
+    """Compilers take seconds for each variant."""
+    textured = replace(PLASTIC, texture=np.ones((4, 8, 3), np.float32))
+    glossy = replace(
+        FRAME, gloss=np.ones(FRAME.depth.shape, np.uint8), real_materials=(Material("plastic"),)
+    )
+    plans = [
+        plan(*materials, settings=tracing(bounces=bounces), frame=glossy)
+        for materials, bounces in (((DIFFUSE,), 4), ((MIRROR, GLOSSY, textured), 2))
+    ]
+    for file in ("irradiance.cl", "highlight.cl"):
+        one, other = (defines(device, file) for device in plans)
+        assert one == other, file
+    assert defines(plans[0], "trace_delta.cl") != defines(plans[1], "trace_delta.cl")
+
+
+@pytest.mark.parametrize("estimator", ["delta", "ratio"])
+@pytest.mark.parametrize("objects", ["bvh", "raster"])
+def test_the_view_and_the_map_around_it_share_what_looks_into_neither(
+    objects: str, estimator: str
+) -> None:
+    """Rays of real surfaces meet the view only where it holds layers of the objects."""
+    device = plan(DIFFUSE, settings=tracing(objects=objects, estimator=estimator))
+    file = {"delta": "trace_delta.cl", "ratio": "trace_real.cl"}[estimator]
+    around = ["VIEW_EQUIRECT" in used for built, _, used in device.kernels if built == file]
+    assert sorted(around) == [False, objects == "raster"]
 
 
 @pytest.mark.parametrize("view", [VIEW, PANORAMA])

@@ -6,14 +6,12 @@
 // -D REAL_GLOSS lets glossy real surfaces reflect as well, once, what they show being what they radiate
 // to all sides only (iprt/passes/highlight.py).
 // -D DISTANT_ENVIRONMENT takes the panorama as infinitely far: image-based lighting.
-// -D LIGHT_SAMPLING aims a share of the rays at the bright parts of the panorama; the densities of
-// both ways to choose a direction are mixed (one-sample balance heuristic: Veach and Guibas,
-// "Optimally Combining Sampling Techniques for Monte Carlo Rendering", SIGGRAPH 1995).
 #ifndef IPRT_PATH_H
 #define IPRT_PATH_H
 
 #include "boxes.h"
 #include "brdf.h"
+#include "direction.h"
 #ifdef REAL_GLOSS
 #include "gloss.h"
 #endif
@@ -22,30 +20,6 @@
 
 // Narrower lobes find lights better than aiming does.
 #define AIMED_ALPHA 0.02f
-
-// A direction in which a surface passes light on, and what its density was.
-typedef struct {
-    float3 wi;
-    float3 diffuse;       // f cos, without the albedo
-    float3 specular;      // f cos
-    float density;        // with which wi was chosen, but for light sampling; 0: a perfect mirror's,
-                          // whose f cos holds the density already
-    float light_share;    // probability of aiming at lights instead
-    float box_share;      // and at objects' boxes (-D DELTA)
-    float3 light;         // where it was aimed at, from the capture centre
-    int aimed;            // at a light: nothing else counts
-} Scatter;
-
-static inline Scatter no_scatter(float3 wi)
-{
-    Scatter s;
-    s.wi = wi;
-    s.diffuse = s.specular = (float3)(0.0f);
-    s.density = s.light_share = s.box_share = 0.0f;
-    s.light = wi;
-    s.aimed = 0;
-    return s;
-}
 
 static inline float light_share(const World world, const Material material)
 {
@@ -90,24 +64,6 @@ static inline Scatter scatter(const World world, const Material material, float3
 }
 
 #ifndef DISTANT_ENVIRONMENT
-
-// 1 / density of what a ray from o met: 0 if it was aimed at a light and met something else.
-static inline float inverse_density(const World world, const Scatter s, float3 o, const RealHit hit)
-{
-    float density = s.density;
-    if (!(density > 0.0f))
-        return 1.0f;
-#ifdef LIGHT_SAMPLING
-    if (s.light_share > 0.0f) {
-        const float light = light_density(world.lights, world.real, hit, o, s.wi);
-        // What has no density of light sampling is for the other ways to bring in, alone.
-        if (s.aimed && !(light > 0.0f && reaches_light(world.real, hit, s.light)))
-            return 0.0f;
-        density += s.light_share * light;
-    }
-#endif
-    return 1.0f / density;
-}
 
 // One path from a point. Objects are looked for from o_object, real surfaces from o.
 typedef struct {

@@ -42,7 +42,7 @@ class Highlight:
         self._device = device
         self._panorama = panorama
         self._settings = requirements.settings
-        defines = requirements.gloss_defines()
+        defines = requirements.highlight_defines()
         self._sample = device.kernel("highlight.cl", "sample_highlight", defines)
         self._filter = device.kernel("highlight.cl", "filter_highlight", defines)
         self._measure = device.kernel("highlight.cl", "measure_cells", defines)

@@ -39,7 +39,9 @@ class TraceReal:
         self._device = device
         self._guide = guide
         self._requirements = requirements
-        defines = plane_defines(equirect=guide.equirect, **requirements.trace_defines())
+        # Its rays look into the view only where this holds layers of the objects.
+        equirect = guide.equirect and requirements.traced_layers
+        defines = plane_defines(equirect=equirect, **requirements.trace_defines())
         kernel = "trace_delta" if requirements.delta else "trace_real"
         self._kernel = device.kernel(f"{kernel}.cl", kernel, defines)
         layout = guide.layout
