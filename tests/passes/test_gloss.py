@@ -255,7 +255,7 @@ def test_nothing_is_built_without_real_materials() -> None:
 
 def test_real_materials_build_their_own_kinds_only() -> None:
     frame = room_frame(ROOM, 64, 32, bright_walls)
-    device = plan(with_floor(frame, COAT))
+    device = plan(replace(with_floor(frame, COAT), real_materials=(COAT,)))
     assert {file for file, _, _ in device.kernels} >= GLOSS_FILES
     (gloss,) = [used for file, _, used in device.kernels if file == "trace_gloss.cl"]
     assert {"MATERIAL_DIFFUSE", "MATERIAL_PLASTIC", "REAL_GLOSS"} <= gloss.keys()
