@@ -31,11 +31,11 @@ from tests.whole_frame import METHODS, chosen
 
 pytestmark = pytest.mark.gl
 
-FRAMES, AGAIN = 240, 40
+FRAMES, AGAIN = 400, 40
 """Frames of the tests' film, and of those that are played a second time."""
-WARM_UP = 80
+WARM_UP = 120
 """Frames until the interpreter, the driver and FFmpeg have the memory that they keep."""
-EVERY = 10
+EVERY = 20
 """Frames from one look at the memory to the next."""
 SLOPE = 100.0
 """Bytes per frame by which memory in use may seem to grow: hardly an object that is forgotten."""

@@ -78,7 +78,7 @@ def render(
 ) -> RenderedFrame:  # fmt: skip
     trace = {"rays": rays, "openings": openings, "relight_reflections": False, "jitter": False}
     raw = {"fading": 0.0, "atrous": {"levels": 0}, "mask": {"sparse": False}}
-    sure = {"rows": 64, "first_rays": 2048, "samples": 2048}
+    sure = {"rows": 64, "first_rays": 512, "samples": 512}
     settings = Settings.model_validate({"trace": trace, "irradiance": sure, **raw})
     objects = [ball(solid.centre, solid.radius, MIRROR, subdivisions=5)]
     with Renderer(device, frame, objects, view, settings) as renderer:
