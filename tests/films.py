@@ -43,7 +43,7 @@ WALL = Material("conductor", (0.9, 0.7, 0.5), alpha=0.1)
 LOOK = View(13, 7, pitch_deg=-35.0)
 AROUND = View(15, 7, projection="equirect")
 FEW: dict[str, Any] = {
-    "trace": {"object_rays": 1, "bounces": 2, "ratio_rows": 16},
+    "trace": {"object_rays": 1, "ratio_rows": 16},
     "irradiance": {"rows": 16, "first_rays": 2, "rays": 1},
     "atrous": {"levels": 2},
     "gloss": {"rays": 2},
@@ -69,8 +69,9 @@ def films(**settings: Any) -> dict[str, Film]:
     """All of them, by name; with `settings` besides their own."""
     room, glossy = _room(32, 16), _glossy(_room(29, 15))
     clay, plastic, mirror, brass = _objects()
+    textured = replace(clay, mesh=replace(clay.mesh, materials=(Material(texture=CHECKS),)))
     own: dict[str, tuple[tuple[Frame, Frame], tuple[Instance, ...], View, dict[str, Any]]] = {
-        "triangles": (room, _bending(_objects()), LOOK, {"gbuffer": "cl"}),
+        "triangles": (room, _bending((textured, plastic, mirror, brass)), LOOK, {"gbuffer": "cl"}),
         "layers": (room, (plastic, brass), LOOK, {"trace": {"objects": "raster"}, **ALL_LEVELS}),
         "published": (
             room,
@@ -81,7 +82,7 @@ def films(**settings: Any) -> dict[str, Film]:
                 "temporal": {"history": "iprt"},
             },
         ),
-        "around": (_drifting(glossy), (clay, brass), AROUND, {}),
+        "around": (_drifting(glossy), _objects(), AROUND, {}),
         "layers around": (
             _landscape(),
             (clay,),
@@ -193,7 +194,7 @@ def _landscape() -> tuple[Frame, Frame]:
 def _objects() -> tuple[Instance, ...]:
     """One of every kind of material."""
     return (
-        ball((0.0, -1.1, -1.7), 0.3, Material(texture=CHECKS), subdivisions=1),
+        ball((0.0, -1.1, -1.7), 0.3, Material(), subdivisions=1),
         cuboid((0.5, -1.2, -1.3), (0.22, 0.2, 0.15), Material("plastic", alpha=0.2)),
         ball((-0.15, -1.28, -1.15), 0.12, Material("conductor", alpha=0.0), subdivisions=1),
         ball((-0.45, -1.25, -1.3), 0.15, Material("conductor", alpha=0.2), subdivisions=1),

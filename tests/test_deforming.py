@@ -63,10 +63,10 @@ def bends() -> list[Float]:
     return [np.eye(4), first, second]
 
 
-def states() -> list[list[Instance]]:
-    """A textured ball and one of glass-like paint that share a mesh, one of them moving; others."""
+def states(*, textured: bool = False) -> list[list[Instance]]:
+    """Two balls that share a mesh, one of them moving; others."""
     _, box, *others = still_life()
-    mesh = ball((0, 0, 0), 1.0, Material(texture=CHECKS)).mesh
+    mesh = ball((0, 0, 0), 1.0, Material(texture=CHECKS if textured else None)).mesh
     mesh = replace(mesh, uvs=np.asarray(mesh.positions[:, :2], np.float32))
     found = []
     for step, bend in enumerate(bends()):
@@ -133,7 +133,7 @@ def test_bent_is_as_if_always_so(
     device: ComputeDevice, frame: Frame, method: tuple[str, str]
 ) -> None:
     """After the histories have forgotten."""
-    path = states()
+    path = states(textured=True)
     with Renderer(device, frame, path[0], VIEW, chosen(method)) as renderer:
         renderer.render(2)
         for state in path[1:]:

@@ -27,11 +27,10 @@ from iprt.scene.frame import Frame
 from iprt.scene.material import Material
 from iprt.scene.mesh import Instance
 from iprt.scene.scene import Scene
-from iprt.settings import Settings
 from tests.oracles.worlds import Box, World
 from tests.passes.estimators import furnace, kernels, lamps
 from tests.scene.files import box_room, write_channels, write_scene
-from tests.whole_frame import METHOD, METHODS
+from tests.whole_frame import METHOD, METHODS, chosen
 from tests.worlds import Radiance, ball, bright_walls, ceiling_lamp, cuboid, room_frame
 
 pytestmark = pytest.mark.gl
@@ -39,17 +38,17 @@ pytestmark = pytest.mark.gl
 ROOT = Path(__file__).resolve().parents[1]
 ROOM = World(solids=(Box((-0.8, -0.9, -1.7), (0.25, 0.5, 0.2)),))
 VARNISH = Material("plastic", (0.4, 0.3, 0.2), alpha=0.1)
-VIEW = View(64, 48, pitch_deg=-35.0)
+VIEW = View(48, 36, pitch_deg=-35.0)
 
 
 def video() -> tuple[Frame, Frame]:
     """A room with a window and a varnished floor, among bright walls; then a lamp lights it."""
 
     def with_all(radiance: Radiance) -> Frame:
-        frame = room_frame(ROOM, 256, 128, radiance)
+        frame = room_frame(ROOM, 128, 64, radiance)
         gloss = (frame.normal[..., 1] > 0.9).astype(np.uint8)
         opening = np.zeros(frame.depth.shape, bool)
-        opening[50:70, 100:140] = True
+        opening[25:35, 50:70] = True
         return replace(frame, gloss=gloss, opening=opening, real_materials=(VARNISH,))
 
     return with_all(bright_walls), with_all(ceiling_lamp)
@@ -72,11 +71,9 @@ def objects() -> list[Instance]:
 def walk(
     device: ComputeDevice, method: tuple[str, str], view: View = VIEW
 ) -> Iterator[RenderedFrame]:
-    """Pictures of a head that turns, over a video that changes, at the default settings."""
+    """Pictures of a head that turns, over a video that changes; grids as coarse as the pictures."""
     first, second = video()
-    trace = dict(zip(("estimator", "objects"), method, strict=True))
-    settings = Settings.model_validate({"trace": trace})
-    with Renderer(device, first, objects(), view, settings) as renderer:
+    with Renderer(device, first, objects(), view, chosen(method)) as renderer:
         for step in range(8):
             if step == 5:
                 renderer.load(second)

@@ -21,8 +21,8 @@ from iprt.scene.material import Material
 from iprt.scene.mesh import Instance
 from iprt.settings import Settings
 from tests.films import FEW
-from tests.whole_frame import BRASS, CLAY, ROOM, require_finite, rms
-from tests.worlds import ball, bright_walls, landscape_frame, room_frame
+from tests.whole_frame import ROOM, require_finite, rms, still_life
+from tests.worlds import bright_walls, landscape_frame, room_frame
 
 Picture = NDArray[np.float32]
 
@@ -30,10 +30,7 @@ VIEW = View(48, 36, pitch_deg=-35.0)
 AROUND = View(64, 32, projection="equirect")
 FRAME = room_frame(ROOM, 64, 32, bright_walls)
 DRIFTING = Footage.of(FRAME, drifts=True)
-OBJECTS = [
-    ball((0.0, -1.1, -1.7), 0.3, CLAY, subdivisions=2),
-    ball((-0.45, -1.25, -1.3), 0.15, BRASS, subdivisions=2),
-]
+OBJECTS = still_life()
 SETTINGS = Settings.model_validate(FEW)
 CAMERA = np.array([[0.7, 0.05, 0.0], [0.02, 0.6, 0.03], [0.0, 0.1, 0.5]])
 """Colours of the reference to those of a frame that was exposed and balanced otherwise."""

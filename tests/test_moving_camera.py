@@ -18,7 +18,7 @@ from iprt.scene.mesh import Instance
 from iprt.scene.pose import view_from
 from iprt.settings import Settings
 from tests.oracles.worlds import Box, World
-from tests.whole_frame import BRASS, CLAY, METHOD, METHODS, SATIN, chosen, rms
+from tests.whole_frame import BRASS, CLAY, METHOD, METHODS, SATIN, SILVER, chosen, rms
 from tests.worlds import Float, ball, bright_walls, cuboid, filmed, pose_at, room_frame, turned
 
 pytestmark = pytest.mark.gl
@@ -34,6 +34,8 @@ def objects() -> list[Instance]:
         ball((0.2, -1.0, -1.4), 0.3, CLAY, subdivisions=3),
         replace(ball((-0.3, -1.25, -1.1), 0.15, BRASS, subdivisions=3), name="brass"),
         cuboid((0.75, -1.2, -1.1), (0.2, 0.2, 0.15), SATIN),
+        # Behind the view; with a mirror, kernels are those of other tests.
+        ball((0.0, -1.3, 1.8), 0.1, SILVER, subdivisions=1),
     ]
 
 

@@ -31,7 +31,7 @@ from tests.whole_frame import METHODS, chosen
 
 pytestmark = pytest.mark.gl
 
-FRAMES, AGAIN = 400, 100
+FRAMES, AGAIN = 400, 40
 """Frames of the tests' film, and of those that are played a second time."""
 WARM_UP = 120
 """Frames until the interpreter, the driver and FFmpeg have the memory that they keep."""

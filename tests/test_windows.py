@@ -14,6 +14,7 @@ from iprt.renderer import RenderedFrame, Renderer
 from iprt.scene.camera import View, equirect_pixel
 from iprt.scene.frame import Frame
 from iprt.scene.material import Material
+from iprt.scene.mesh import Instance
 from iprt.scene.outside import outside_radiance
 from iprt.settings import Settings
 from tests.oracles.worlds import Sphere, World
@@ -77,7 +78,7 @@ def render(
 ) -> RenderedFrame:  # fmt: skip
     trace = {"rays": rays, "openings": openings, "relight_reflections": False, "jitter": False}
     raw = {"fading": 0.0, "atrous": {"levels": 0}, "mask": {"sparse": False}}
-    sure = {"rows": 64, "first_rays": 2048, "samples": 2048}
+    sure = {"rows": 64, "first_rays": 512, "samples": 512}
     settings = Settings.model_validate({"trace": trace, "irradiance": sure, **raw})
     objects = [ball(solid.centre, solid.radius, MIRROR, subdivisions=5)]
     with Renderer(device, frame, objects, view, settings) as renderer:
@@ -133,27 +134,28 @@ def test_the_sun_falls_through_the_window(device: ComputeDevice, openings: str) 
     np.testing.assert_allclose(shown, wanted, rtol=0.15)
 
 
-MATERIALS = {
-    "diffuse": [Material()],
-    "conductor": [Material("conductor", alpha=0.2)],
-    "mirror": [MIRROR],
-    "plastic": [Material("plastic")],
-    "all": [Material(), Material("conductor", alpha=0.2), MIRROR, Material("plastic")],
-}
+def of_every_kind(albedo: float) -> list[Instance]:
+    """Balls on the floor, in a row."""
+    color = (albedo,) * 3
+    kinds = [
+        Material(albedo=color),
+        Material("conductor", color, alpha=0.2),
+        Material("conductor", color, alpha=0.0),
+        Material("plastic", color),
+    ]
+    return [ball((i - 1.0, FLOOR + 0.3, -1.5), 0.3, kind) for i, kind in enumerate(kinds)]
 
 
-@pytest.mark.parametrize("names", MATERIALS)
-def test_light_from_outside_whatever_objects_are_made_of(device: ComputeDevice, names: str) -> None:
-    """E_R knows of no objects: each variant of the kernel finds what the one for black finds."""
+def test_light_from_outside_knows_of_no_objects(device: ComputeDevice) -> None:
+    """E_R is what it is for black ones."""
 
-    def irradiance(materials: list[Material]) -> NDArray[np.float32]:
-        balls = [ball((i - 1.0, FLOOR + 0.3, -1.5), 0.3, m) for i, m in enumerate(materials)]
+    def irradiance(objects: list[Instance]) -> NDArray[np.float32]:
         raw = {"atrous": {"levels": 0}, "mask": {"sparse": False}, "fading": 0.0}
-        trace = {"relight_reflections": False}  # no part of it, and more to compile
         view = View(96, 72, pitch_deg=-30.0)
-        chosen = Settings.model_validate({**raw, "trace": trace})
-        with Renderer(device, windowed(sky), balls, view, chosen) as renderer:
+        chosen = Settings.model_validate(raw)
+        with Renderer(device, windowed(sky), objects, view, chosen) as renderer:
             return renderer.render(1, ("irradiance_real",)).aovs["irradiance_real"]
 
-    found, plain = irradiance(MATERIALS[names]), irradiance([Material(albedo=(0.0, 0.0, 0.0))])
-    assert np.isclose(found, plain, rtol=1e-4).mean() > 0.995
+    found, plain = (irradiance(of_every_kind(albedo)) for albedo in (0.8, 0.0))
+    assert found.max() > 0.1
+    np.testing.assert_allclose(found, plain, rtol=1e-4)

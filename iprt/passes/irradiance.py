@@ -88,7 +88,7 @@ class IrradianceCache:
         self._requirements = requirements
         self.settings = requirements.settings.irradiance
         self.rows, self.columns = self.settings.rows, 2 * self.settings.rows
-        defines = {**plane_defines(), **requirements.real_defines()}
+        defines = plane_defines() | requirements.real_defines()
 
         def kernel(name: str) -> Any:
             return device.kernel("irradiance.cl", name, defines)

@@ -207,7 +207,7 @@ def box_truth(run: Kernels, material: Material) -> tuple[NDArray[np.bool_], dict
 
 
 @pytest.mark.parametrize(
-    ("name", "estimator"), [*((name, WAYS[0]) for name in MATERIALS), ("conductor", WAYS[1])]
+    ("name", "estimator"), [*((name, WAYS[0]) for name in MATERIALS), ("diffuse", WAYS[1])]
 )
 def test_virtual_surfaces_reflect_their_albedo(
     device: ComputeDevice, name: str, estimator: Estimator

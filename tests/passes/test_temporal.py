@@ -22,7 +22,6 @@ from iprt.passes.temporal import (
 from tests.oracles import temporal as oracle
 from tests.oracles.guide import shown
 from tests.passes.gbuffer import (
-    SIZES,
     GBuffer,
     flat_gbuffer,
     random_gbuffer,
@@ -91,7 +90,7 @@ def noise(rng: np.random.Generator, kind: Kind, width: int, height: int) -> np.n
 
 @pytest.mark.parametrize("kind", ["ratio", "delta", "diffuse"])
 @pytest.mark.parametrize("equirect", [False, True])
-@pytest.mark.parametrize(("width", "height"), SIZES)
+@pytest.mark.parametrize(("width", "height"), [(1, 1), (7, 13), (36, 20)])
 def test_equals_twin(
     device: ComputeDevice, width: int, height: int, equirect: bool, kind: Kind
 ) -> None:
