@@ -75,7 +75,7 @@ def profile(
     json
         Print a JSON object instead of tables.
     csv
-        Print a line of comma-separated values for each pass and each of its parts.
+        Print a line of comma-separated values for each pass, each of its parts, and each program.
     allow_outside
         Read files of the scene that are links to what lies outside its folder.
 
