@@ -5,7 +5,7 @@ from __future__ import annotations
 import random
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any, NamedTuple
@@ -127,6 +127,7 @@ class Profile:
         self.compiled: dict[str, float] = {}
         self.first_launches: dict[str, float] = {}
         self._pass = OTHER
+        self._keys: dict[tuple[Any, ...], Key] = {}
         self._trace: list[Span] | None = None
         self._clock_ns: int | None = None  # of the host, less that of the device's events
         self.reset()
@@ -155,19 +156,9 @@ class Profile:
 
     # Recording ------------------------------------------------------------------------------
 
-    @contextmanager
-    def section(self, name: str) -> Iterator[None]:
+    def section(self, name: str) -> AbstractContextManager[None]:
         """Device events recorded inside belong to the pass `name`, or to the one around it."""
-        if self._pass != OTHER:
-            yield
-            return
-        self._pass = name
-        start = time.perf_counter_ns()
-        try:
-            yield
-        finally:
-            self._pass = OTHER
-            self._host(Key(name, name, Kind.ENQUEUE), start)
+        return _Section(self, name) if self._pass == OTHER else nullcontext()
 
     @contextmanager
     def host(self, name: str) -> Iterator[None]:
@@ -176,10 +167,15 @@ class Profile:
         try:
             yield
         finally:
-            self._host(Key(name, name, Kind.HOST), start)
+            self._host(name, Kind.HOST, start)
 
-    def _host(self, key: Key, start: int) -> None:
+    def _host(self, name: str, kind: Kind, start: int) -> None:
+        key = self._key(name, name, kind)
         self._pending.append(Span(key, self.frames, start, time.perf_counter_ns(), 0))
+
+    def _key(self, *parts: Any) -> Key:
+        """Always the same object, which is quicker to look up than to make."""
+        return self._keys.get(parts) or self._keys.setdefault(parts, Key(*parts))
 
     @contextmanager
     def compiling(self, program: str) -> Iterator[None]:
@@ -218,7 +214,7 @@ class Profile:
         size : int
             Bytes; see `Cost`.
         """
-        key = Key(self._pass, name, kind)
+        key = self._key(self._pass, name, kind)
         self._pending.append(_Launch(key, self.frames, event, time.perf_counter_ns(), size))
 
     def end_frame(self) -> None:
@@ -309,6 +305,24 @@ class Profile:
             else span._replace(start_ns=span.start_ns + shift, end_ns=span.end_ns + shift)
             for span in self._trace or ()
         ]
+
+
+class _Section:
+    """What is recorded inside belongs to a pass. Generators would take twice the time."""
+
+    __slots__ = ("_name", "_profile", "_start")
+
+    def __init__(self, profile: Profile, name: str) -> None:
+        self._profile = profile
+        self._name = name
+
+    def __enter__(self) -> None:
+        self._profile._pass = self._name
+        self._start = time.perf_counter_ns()
+
+    def __exit__(self, *_: object) -> None:
+        self._profile._pass = OTHER
+        self._profile._host(self._name, Kind.ENQUEUE, self._start)
 
 
 def by_pass(costs: FrameCosts) -> dict[str, FrameCosts]:

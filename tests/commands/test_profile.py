@@ -22,6 +22,14 @@ SIZE = ("--size", "18", "12")
 QUICK = ("--set", "irradiance.rows=16", "--set", "trace.ratio_rows=16")
 
 
+OLD = {
+    **{"schema": 1, "version": "1", "scene": "box", "frames": 1, "settings": {}, "passes": []},
+    **{"ms": 1.0, "error_ms": None, "wall_ms": None, "wall_error_ms": None},
+    **{"device": "a device", "view": {"width": 5}},
+}
+"""A profile of before."""
+
+
 @pytest.fixture
 def room(tmp_path: Path) -> Path:
     return write_scene(tmp_path / "room", MANIFEST + OBJECT + VIEW)
@@ -109,6 +117,7 @@ def test_tables_name_kernels_buffers_and_programs(room: Path, printed: Callable[
         (("--csv", "--compare", "x.json"), "--compare: is for a table or --json"),
         (("--compare", "x.json"), "x.json: cannot be read"),
         (("--trace", "scene.toml"), "belongs to the scene"),
+        (("--trace", "old.json", "--compare", "old.json"), "is the file of --compare; name"),
         (("--view", "nowhere"), "has no such view"),
     ],
 )
@@ -117,6 +126,7 @@ def test_bad_use_is_told_in_one_line(
     words: tuple[str, ...], says: str,
 ) -> None:  # fmt: skip
     monkeypatch.chdir(room)
+    (room / "old.json").write_text(json.dumps(OLD))
     assert says in fails("profile", room, *words)
 
 
@@ -124,10 +134,7 @@ def test_another_view_is_refused_before_anything_is_measured(
     room: Path, tmp_path: Path, fails: Callable[..., str], device: ComputeDevice
 ) -> None:
     old = tmp_path / "old.json"
-    timing = {"ms": 1.0, "error_ms": None, "wall_ms": None, "wall_error_ms": None}
-    others = {"schema": 1, "version": "1", "scene": "box", "frames": 1, "settings": {}}
-    record = {**timing, **others, "device": device.name, "view": {"width": 5}, "passes": []}
-    old.write_text(json.dumps(record))
+    old.write_text(json.dumps({**OLD, "device": device.name}))
     words = ("--compare", old, "--device", device.device.platform.name)
     line = fails("profile", room, *words)
     assert f"--compare {old}: was measured with width 5, this is 32; measure it anew" in line
