@@ -130,6 +130,22 @@ def test_bad_use_is_told_in_one_line(
     assert says in fails("profile", room, *words)
 
 
+@pytest.mark.parametrize(
+    ("wrong", "says"),
+    [
+        ({"ms": float("nan")}, "ms: Input should be a finite number"),
+        ({"wall_error_ms": -1.0}, "wall_error_ms: Input should be greater than or equal to 0"),
+        ({"schema": 9}, "has schema 9"),
+    ],
+)
+def test_a_profile_that_tells_no_times_is_refused(
+    room: Path, tmp_path: Path, fails: Callable[..., str], wrong: dict[str, Any], says: str
+) -> None:
+    old = tmp_path / "old.json"
+    old.write_text(json.dumps({**OLD, **wrong}))
+    assert f"{old}: {says}" in fails("profile", room, "--compare", old)
+
+
 def test_another_view_is_refused_before_anything_is_measured(
     room: Path, tmp_path: Path, fails: Callable[..., str], device: ComputeDevice
 ) -> None:
