@@ -19,8 +19,7 @@ OTHER = "other"
 MOST_FRAMES = 1024
 """Frames whose costs are kept one by one; of more, so many chosen at random."""
 MOST_PENDING = 1024
-"""Events that wait to be read: many at once take a third of the time that each frame's take, and
-those that no one asks for are read between frames that no one times."""
+"""Events that wait to be read: many at once take a quarter of the time that each frame's take."""
 
 
 class Kind(StrEnum):

@@ -105,6 +105,13 @@ def test_events_are_read_once_there_are_many() -> None:
     assert profile.passes()[0].device_ms == pytest.approx(MOST_PENDING)
 
 
+def test_what_a_first_launch_ran_is_not_compiling() -> None:
+    profile = Profile()
+    for program, ms in (("a.cl", 30.0), ("b.cl", 10.0), ("a.cl", 9.0), ("b.cl", 7.9)):
+        profile.launched_first(program, FakeEvent(5 * MS, 13 * MS), ms)
+    assert profile.first_launches == {"a.cl": 23.0, "b.cl": 2.0}
+
+
 class SlowKernel:
     """The first launch takes 30 ms of the host; every one runs for 8 ms of the device's clock."""
 
@@ -124,8 +131,10 @@ def test_what_only_the_first_launch_takes_is_told_by_program(device: ComputeDevi
     with mock.patch.object(device, "profile", Profile()) as profile:
         slow, other = SlowKernel(), SlowKernel()
         program = f"slow.cl -DX={id(slow)}"
-        for _ in range(3):
-            Kernel(device, slow, program)((64,))
+        with mock.patch.object(profile, "launched_first", wraps=profile.launched_first) as told:
+            for _ in range(3):
+                Kernel(device, slow, program)((64,))
+        assert told.call_count == 1
         assert list(profile.first_launches) == [program]
         first = profile.first_launches[program]
         assert 22.0 <= first < 200.0
