@@ -137,7 +137,7 @@ class Film:
                     continue
                 wanted = number >= unseen
                 picture = renderer.render(self.accumulate, aovs if wanted else (), progress)
-                self.device.finish()  # adds up the times: hours of events would fill the memory
+                self.device.finish()  # reads events: those of hours would fill the memory
                 if wanted:
                     yield index, picture
                 del picture

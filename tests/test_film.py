@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from iprt.device import profile
 from iprt.device.compute import ComputeDevice
 from iprt.errors import SceneError
 from iprt.film import Film, memory_indices, warm_up_indices
@@ -174,6 +175,7 @@ def test_hours_need_no_more_than_a_few_frames(
     """Neither frames of the video nor events of the device pile up."""
     made: list[weakref.ref[Frame]] = []
     make = Frame.__init__
+    monkeypatch.setattr(profile, "MOST_PENDING", 8)
 
     def making(self: Frame, *arguments: Any, **named: Any) -> None:
         make(self, *arguments, **named)
@@ -184,6 +186,6 @@ def test_hours_need_no_more_than_a_few_frames(
     with film(scene, device) as running:
         for _ in running.frames(range(24)):
             held.append(sum(each() is not None for each in made))
-            assert not device.profile._pending
+            assert len(device.profile._pending) < 8
     assert len(made) >= 24
     assert max(held) <= 6

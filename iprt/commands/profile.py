@@ -75,7 +75,7 @@ def profile(
     json
         Print a JSON object instead of tables.
     csv
-        Print a line of comma-separated values for each pass and each of its parts.
+        Print a line of comma-separated values for each pass, each of its parts, and each program.
     allow_outside
         Read files of the scene that are links to what lies outside its folder.
 
@@ -104,6 +104,8 @@ def profile(
     if trace is not None:
         require_writable(trace)
         opened.require_not_ours(trace)
+        if compare is not None and trace.resolve() == compare.resolve():
+            raise IprtError(f"--trace {trace}: is the file of --compare; name another")
     chosen, objects = moving_view(opened, view, size=size)
     reel = _reel(opened, chosen, objects, settings)
     compute = ComputeDevice(choose_device(device))

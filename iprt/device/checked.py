@@ -107,7 +107,7 @@ class CheckedKernel(Kernel):
     """A kernel whose launches are checked; call it as any other."""
 
     def __init__(self, device: CheckedDevice, kernel: Kernel, file: str) -> None:
-        super().__init__(device, kernel._kernel)
+        super().__init__(device, kernel._kernel, kernel._program)
         self._checks = device
         self._writer = f"kernel '{self._kernel.function_name}' of cl/{file}"
         self._written = [_may_write(self._kernel, i) for i in range(self._kernel.num_args)]

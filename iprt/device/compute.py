@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import time
 import warnings
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import AbstractContextManager
@@ -24,11 +25,20 @@ Define = int | float | bool | str
 
 
 class Kernel:
-    """A built kernel. Call it with its global size and arguments; events go to the profile."""
+    """A built kernel. Call it with its global size and arguments; events go to the profile.
 
-    def __init__(self, device: ComputeDevice, kernel: Any) -> None:
+    Parameters
+    ----------
+    device : ComputeDevice
+    kernel : pyopencl.Kernel
+    program : str
+        The name of its program in the profile.
+    """
+
+    def __init__(self, device: ComputeDevice, kernel: Any, program: str) -> None:
         self._device = device
         self._kernel = kernel
+        self._program = program
         self._name = kernel.function_name
 
     def __call__(self, size: tuple[int, ...], *args: Any) -> None:
@@ -38,9 +48,28 @@ class Kernel:
         """
         local = self._device.group_size(len(size))
         rounded = tuple(-(-n // m) * m for n, m in zip(size, local, strict=True))
-        with self._device.reported(self._name):
-            event = self._kernel(self._device.queue, rounded, local, *map(_argument, args))
+        if self._device.is_first_launch(self._program, self._name):
+            event = self._launch_first(rounded, local, args)
+        else:
+            event = self._enqueue(rounded, local, args)
         self._device.profile.record(event, self._name, Kind.KERNEL, bound_bytes(args))
+
+    def _enqueue(self, size: tuple[int, ...], local: tuple[int, ...], args: Iterable[Any]) -> Any:
+        with self._device.reported(self._name):
+            return self._kernel(self._device.queue, size, local, *map(_argument, args))
+
+    def _launch_first(
+        self, size: tuple[int, ...], local: tuple[int, ...], args: Iterable[Any]
+    ) -> Any:
+        """With nothing else on the queue, so that what it takes to compile is seen."""
+        device = self._device
+        device.wait()
+        start = time.perf_counter()
+        event = self._enqueue(size, local, args)
+        device.wait()
+        elapsed = (time.perf_counter() - start) * 1e3
+        device.profile.launched_first(self._program, event, elapsed)
+        return event
 
 
 class ComputeDevice:
@@ -81,6 +110,7 @@ class ComputeDevice:
         self.profile = Profile()
         self.building: Callable[[str], None] = lambda file: None
         self._programs: dict[tuple[str, str], Any] = {}
+        self._launched: set[tuple[str, str]] = set()
 
     @cached_property
     def name(self) -> str:
@@ -125,10 +155,17 @@ class ComputeDevice:
         ]
         options = ["-cl-std=CL1.2", "-cl-kernel-arg-info", "-I", str(CL / "lib"), *variant]
         key = (file, " ".join(options))
+        program = " ".join([file, *variant])
         if key not in self._programs:
-            with self.profile.compiling(" ".join([file, *variant])):
+            with self.profile.compiling(program):
                 self._programs[key] = self._build(file, options)
-        return Kernel(self, cl.Kernel(self._programs[key], name))
+        return Kernel(self, cl.Kernel(self._programs[key], name), program)
+
+    def is_first_launch(self, program: str, kernel: str) -> bool:
+        """Whether it is asked for the first time about this kernel."""
+        first = (program, kernel) not in self._launched
+        self._launched.add((program, kernel))
+        return first
 
     def _build(self, file: str, options: list[str]) -> Any:
         source = (CL / file).read_text()
@@ -215,9 +252,9 @@ class ComputeDevice:
                 wait(self.name, self.queue, self.limit_s)
 
     def finish(self) -> None:
-        """`wait`, and add up the times."""
+        """`wait`; times may be read."""
         self.wait()
-        self.profile.resolve()
+        self.profile.finished()
 
 
 def bound_bytes(arguments: Iterable[Any]) -> int:

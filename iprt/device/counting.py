@@ -115,7 +115,7 @@ class CountingKernel(Kernel):
     """A kernel of a program that counts; call it as any other."""
 
     def __init__(self, device: CountingDevice, kernel: Kernel) -> None:
-        super().__init__(device, kernel._kernel)
+        super().__init__(device, kernel._kernel, kernel._program)
         self._counting = device
 
     def __call__(self, size: tuple[int, ...], *args: Any) -> None:

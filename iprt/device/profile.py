@@ -5,7 +5,7 @@ from __future__ import annotations
 import random
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any, NamedTuple
@@ -18,6 +18,8 @@ OTHER = "other"
 """The pass of what no section names."""
 MOST_FRAMES = 1024
 """Frames whose costs are kept one by one; of more, so many chosen at random."""
+MOST_PENDING = 1024
+"""Events that wait to be read: many at once take a quarter of the time that each frame's take."""
 
 
 class Kind(StrEnum):
@@ -115,13 +117,16 @@ class Profile:
     ----------
     frames : int
         Those that have ended since `reset`.
-    compiled : dict of str to float
-        Milliseconds by program; never forgotten.
+    compiled, first_launches : dict of str to float
+        Milliseconds by program, to build it and beyond what its kernels ran when each was launched
+        first: some drivers compile only then. Never forgotten.
     """
 
     def __init__(self) -> None:
         self.compiled: dict[str, float] = {}
+        self.first_launches: dict[str, float] = {}
         self._pass = OTHER
+        self._keys: dict[tuple[Any, ...], Key] = {}
         self._trace: list[Span] | None = None
         self._clock_ns: int | None = None  # of the host, less that of the device's events
         self.reset()
@@ -145,24 +150,14 @@ class Profile:
 
     @property
     def compile_ms(self) -> float:
-        """All programs together."""
-        return sum(self.compiled.values())
+        """All programs together, built and launched first."""
+        return sum(self.compiled.values()) + sum(self.first_launches.values())
 
     # Recording ------------------------------------------------------------------------------
 
-    @contextmanager
-    def section(self, name: str) -> Iterator[None]:
+    def section(self, name: str) -> AbstractContextManager[None]:
         """Device events recorded inside belong to the pass `name`, or to the one around it."""
-        if self._pass != OTHER:
-            yield
-            return
-        self._pass = name
-        start = time.perf_counter_ns()
-        try:
-            yield
-        finally:
-            self._pass = OTHER
-            self._host(Key(name, name, Kind.ENQUEUE), start)
+        return _Section(self, name) if self._pass == OTHER else nullcontext()
 
     @contextmanager
     def host(self, name: str) -> Iterator[None]:
@@ -171,10 +166,15 @@ class Profile:
         try:
             yield
         finally:
-            self._host(Key(name, name, Kind.HOST), start)
+            self._host(name, Kind.HOST, start)
 
-    def _host(self, key: Key, start: int) -> None:
+    def _host(self, name: str, kind: Kind, start: int) -> None:
+        key = self._key(name, name, kind)
         self._pending.append(Span(key, self.frames, start, time.perf_counter_ns(), 0))
+
+    def _key(self, *parts: Any) -> Key:
+        """Always the same object, which is quicker to look up than to make."""
+        return self._keys.get(parts) or self._keys.setdefault(parts, Key(*parts))
 
     @contextmanager
     def compiling(self, program: str) -> Iterator[None]:
@@ -185,6 +185,21 @@ class Profile:
         finally:
             elapsed = (time.perf_counter() - start) * 1e3
             self.compiled[program] = self.compiled.get(program, 0.0) + elapsed
+
+    def launched_first(self, program: str, event: Any, ms: float) -> None:
+        """A kernel of `program` was launched for the first time, all by itself.
+
+        Parameters
+        ----------
+        program : str
+        event : pyopencl.Event
+            Of the launch, which is done.
+        ms : float
+            The host's time, from before it was enqueued until it was done.
+        """
+        told = event.get_profiling_info
+        beyond = max(ms - (told(END) - told(START)) * 1e-6, 0.0)
+        self.first_launches[program] = self.first_launches.get(program, 0.0) + beyond
 
     def record(self, event: Any, name: str, kind: Kind, size: int) -> None:
         """Take note of what has just been enqueued, in the current pass.
@@ -198,7 +213,7 @@ class Profile:
         size : int
             Bytes; see `Cost`.
         """
-        key = Key(self._pass, name, kind)
+        key = self._key(self._pass, name, kind)
         self._pending.append(_Launch(key, self.frames, event, time.perf_counter_ns(), size))
 
     def end_frame(self) -> None:
@@ -211,14 +226,21 @@ class Profile:
 
     # Results --------------------------------------------------------------------------------
 
+    def finished(self) -> None:
+        """The queue has finished: `resolve`, if it is time to."""
+        if len(self._pending) >= MOST_PENDING:
+            self.resolve()
+
     def resolve(self) -> None:
         """Add up the events recorded so far. Call after the queue has finished."""
         for entry in self._pending:
-            self._close_frames(entry.frame)
+            if entry.frame > self._current_frame:
+                self._close_frames(entry.frame)
             span = entry if isinstance(entry, Span) else self._timed(entry)
-            ms = (span.end_ns - span.start_ns) * 1e-6
-            cost = self._current.setdefault(span.key, Cost())
-            cost.add(ms, 1, span.bytes)
+            cost = self._current.get(span.key)
+            if cost is None:
+                cost = self._current[span.key] = Cost()
+            cost.add((span.end_ns - span.start_ns) * 1e-6, 1, span.bytes)
             if self._trace is not None:
                 self._trace.append(span)
         self._pending.clear()
@@ -282,6 +304,24 @@ class Profile:
             else span._replace(start_ns=span.start_ns + shift, end_ns=span.end_ns + shift)
             for span in self._trace or ()
         ]
+
+
+class _Section:
+    """What is recorded inside belongs to a pass. Generators would take twice the time."""
+
+    __slots__ = ("_name", "_profile", "_start")
+
+    def __init__(self, profile: Profile, name: str) -> None:
+        self._profile = profile
+        self._name = name
+
+    def __enter__(self) -> None:
+        self._profile._pass = self._name
+        self._start = time.perf_counter_ns()
+
+    def __exit__(self, *_: object) -> None:
+        self._profile._pass = OTHER
+        self._profile._host(self._name, Kind.ENQUEUE, self._start)
 
 
 def by_pass(costs: FrameCosts) -> dict[str, FrameCosts]:

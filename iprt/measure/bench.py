@@ -78,7 +78,7 @@ def timed(
             renderer.step()
             device.wait()
             wall = (time.perf_counter() - start) * 1e3
-            profile.resolve()
+            profile.finished()
             if index >= WARM_UP:
                 walls.append(wall)
                 traced += _traced_fraction(renderer)

@@ -47,8 +47,8 @@ class CostReport:
         or it was not looked at.
     prepare_ms : float
         Time of passes before the first frame.
-    compiled : mapping of str to float
-        Milliseconds by program.
+    compiled, first_launches : mapping of str to float
+        Milliseconds by program; see `Profile`.
     passes : tuple of PassRow
     buffers : mapping of str to int
         Bytes by name, those of OpenGL included.
@@ -66,6 +66,7 @@ class CostReport:
     traced: float | None
     prepare_ms: float
     compiled: Mapping[str, float]
+    first_launches: Mapping[str, float]
     passes: tuple[PassRow, ...]
     buffers: Mapping[str, int]
     memory: int
@@ -102,6 +103,7 @@ class CostReport:
             traced=traced,
             prepare_ms=prepare_ms,
             compiled=dict(profile.compiled),
+            first_launches=dict(profile.first_launches),
             passes=tuple(pass_rows(frames)),
             buffers={**device.buffers, **device.opengl},
             memory=device.memory,
@@ -113,8 +115,8 @@ class CostReport:
 
     @property
     def compile_ms(self) -> float:
-        """All programs together."""
-        return sum(self.compiled.values())
+        """All programs together, built and launched first."""
+        return sum(self.compiled.values()) + sum(self.first_launches.values())
 
     @property
     def wall_ms(self) -> float:
@@ -140,6 +142,7 @@ class CostReport:
             "prepare_ms": self.prepare_ms,
             "compile_ms": self.compile_ms,
             "compiled": dict(self.compiled),
+            "first_launches": dict(self.first_launches),
             "passes": [_pass_record(row) for row in self.passes],
             "memory": self.memory,
             "buffers": dict(self.buffers),
@@ -147,7 +150,10 @@ class CostReport:
         }
 
     def flat(self) -> list[dict[str, Any]]:
-        """A row of plain values per pass (no `part`) and per part, all with the same keys."""
+        """A row of plain values per pass (no `part`), per part, and per program (no `pass`).
+
+        All have the same keys.
+        """
         rows: list[dict[str, Any]] = []
         for row in map(_pass_record, self.passes):
             parts = row.pop("parts")
@@ -157,6 +163,16 @@ class CostReport:
                 {"pass": name, "part": part.pop("name"), **part, **(part["work"] or {})}
                 for part in parts
             ]
+        rows += [
+            {
+                "pass": "",
+                "part": program,
+                "kind": "program",
+                "build_ms": self.compiled.get(program, 0.0),
+                "first_launch_ms": self.first_launches.get(program, 0.0),
+            }
+            for program in {**self.compiled, **self.first_launches}
+        ]
         names = dict.fromkeys(name for row in rows for name in row if name != "work")
         return [{name: row.get(name) for name in names} for row in rows]
 

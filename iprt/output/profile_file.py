@@ -7,9 +7,9 @@ import io
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel, Field, ValidationError
 
 from iprt.errors import FormatError
 from iprt.measure.cost_report import SCHEMA, CostReport
@@ -49,21 +49,24 @@ def write_profile(path: Path, report: CostReport) -> None:
         temporary.write_text(json_text(report) + "\n", encoding="utf-8")
 
 
+Milliseconds = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+
+
 class OldPart(BaseModel):
     """A kernel, a kind of transfer, or host work, as `PartRow`."""
 
     name: str
     kind: str
-    ms: float
-    error_ms: float | None
+    ms: Milliseconds
+    error_ms: Milliseconds | None
 
 
 class OldPass(BaseModel):
     """As `PassRow`."""
 
     name: str
-    ms: float
-    error_ms: float | None
+    ms: Milliseconds
+    error_ms: Milliseconds | None
     parts: list[OldPart]
 
 
@@ -75,10 +78,10 @@ class OldReport(BaseModel):
     device: str
     view: dict[str, Any]
     frames: int
-    wall_ms: float | None
-    wall_error_ms: float | None
-    ms: float
-    error_ms: float | None
+    wall_ms: Milliseconds | None
+    wall_error_ms: Milliseconds | None
+    ms: Milliseconds
+    error_ms: Milliseconds | None
     passes: list[OldPass]
     settings: dict[str, Any]
 

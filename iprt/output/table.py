@@ -48,7 +48,7 @@ def memory_grid(report: CostReport) -> Grid:
     """Bytes by buffer, largest first; the small ones together."""
     total = sum(report.buffers.values())
     ranked = sorted(report.buffers.items(), key=lambda entry: -entry[1])
-    rows = _ranked(ranked, total, lambda size: f"{size / 2**20:.2f}")
+    rows = _ranked([(name, (size,)) for name, size in ranked], lambda size: f"{size / 2**20:.2f}")
     opengl = sum(size for name, size in ranked if name.startswith("OpenGL"))
     besides = f", and {amount(opengl)} of OpenGL's" if opengl else ""
     note = f"{amount(total - opengl)} of the device's {amount(report.memory)}{besides}"
@@ -57,14 +57,19 @@ def memory_grid(report: CostReport) -> Grid:
 
 def compile_grid(report: CostReport) -> Grid:
     """Milliseconds by source file, all of its variants together."""
-    files: dict[str, float] = {}
-    for program, ms in report.compiled.items():
+    files: dict[str, tuple[float, ...]] = {}
+    for program in {**report.compiled, **report.first_launches}:
         file = program.partition(" ")[0]
-        files[file] = files.get(file, 0.0) + ms
-    ranked = sorted(files.items(), key=lambda entry: -entry[1])
-    rows = _ranked(ranked, report.compile_ms, lambda ms: f"{ms:.0f}")
-    note = f"{report.compile_ms:.0f} ms, once"
-    return Grid("compiling", ("program", "ms", "share"), rows, (note,))
+        built, launched = files.get(file, (0.0, 0.0))
+        built += report.compiled.get(program, 0.0)
+        files[file] = (built, launched + report.first_launches.get(program, 0.0))
+    ranked = sorted(files.items(), key=lambda entry: -sum(entry[1]))
+    rows = _ranked(ranked, lambda ms: f"{ms:.0f}")
+    notes = (
+        f"{report.compile_ms:.0f} ms, once",
+        "first launch: of its kernels, beyond what they ran; drivers such as PoCL compile then",
+    )
+    return Grid("compiling", ("program", "build ms", "first launch ms", "share"), rows, notes)
 
 
 def change_grid(changes: Sequence[Change], settings: Sequence[str], before: str) -> Grid:
@@ -173,11 +178,15 @@ def _rays(count: float, steps: float, most: int) -> tuple[str, str, str]:
 
 
 def _ranked(
-    ranked: Sequence[tuple[str, float]], total: float, text: Callable[[float], str]
+    ranked: Sequence[tuple[str, tuple[float, ...]]], text: Callable[[float], str]
 ) -> tuple[tuple[str, ...], ...]:
-    """Rows of name, value and share; what is small comes together, last."""
-    named = [entry for entry in ranked if entry[1] >= WORTH_A_ROW * total]
-    others = ranked[len(named) :]
+    """Rows of name, values and share of their sum; what is small comes together, last."""
+    total = sum(sum(values) for _, values in ranked)
+    named = [entry for entry in ranked if sum(entry[1]) >= WORTH_A_ROW * total]
+    others = [values for _, values in ranked[len(named) :]]
     if others:
-        named.append((f"{len(others)} others", sum(value for _, value in others)))
-    return tuple((name, text(v), f"{v / total:.1%}" if total else "") for name, v in named)
+        named.append((f"{len(others)} others", tuple(map(sum, zip(*others, strict=True)))))
+    return tuple(
+        (name, *map(text, values), f"{sum(values) / total:.1%}" if total else "")
+        for name, values in named
+    )

@@ -73,7 +73,9 @@ def command(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., int]
     monkeypatch.setattr(FakeFilm, "ends", {}, raising=False)
 
     def compute(*_: object) -> SimpleNamespace:
-        return SimpleNamespace(profile=Profile(), name="a device", buffers={}, memory=2**30)
+        return SimpleNamespace(
+            profile=Profile(), name="a device", buffers={}, opengl={}, memory=2**30
+        )
 
     def film(job: Job, device: SimpleNamespace) -> FakeFilm:
         view = view_at(job.scene, job.view, 0)

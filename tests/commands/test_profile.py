@@ -22,6 +22,14 @@ SIZE = ("--size", "18", "12")
 QUICK = ("--set", "irradiance.rows=16", "--set", "trace.ratio_rows=16")
 
 
+OLD = {
+    **{"schema": 1, "version": "1", "scene": "box", "frames": 1, "settings": {}, "passes": []},
+    **{"ms": 1.0, "error_ms": None, "wall_ms": None, "wall_error_ms": None},
+    **{"device": "a device", "view": {"width": 5}},
+}
+"""A profile of before."""
+
+
 @pytest.fixture
 def room(tmp_path: Path) -> Path:
     return write_scene(tmp_path / "room", MANIFEST + OBJECT + VIEW)
@@ -61,6 +69,9 @@ def test_a_still_scene_is_profiled_and_compared(
     # What kernels are given is no larger than all there is.
     assert 0 < delta["bytes"] <= sum(record["buffers"].values())
     assert {program.split()[0] for program in record["compiled"]} >= {"composite.cl", "mask.cl"}
+    assert record["compile_ms"] == pytest.approx(
+        sum(record["compiled"].values()) + sum(record["first_launches"].values())
+    )
 
     events = json.loads(trace.read_text())["traceEvents"]
     check_trace(events)
@@ -84,6 +95,11 @@ def test_a_video_plays(tmp_path: Path, printed: Callable[..., str]) -> None:
     assert launches["surface"] >= 1.0
     assert {"read video", "pyramid", "resample", "composite"} <= launches.keys()
     assert launches["composite"] == 1.0
+    # A device that is shared may have compiled all it needs; what it has is not part of a pass.
+    programs = [row for row in rows if row["kind"] == "program"]
+    assert any(row["part"].startswith("composite.cl") for row in programs)
+    assert all(float(row["build_ms"]) >= 0.0 <= float(row["first_launch_ms"]) for row in programs)
+    assert all(row["pass"] == "" and row["ms"] == "" for row in programs)
 
 
 @pytest.mark.gl
@@ -101,6 +117,7 @@ def test_tables_name_kernels_buffers_and_programs(room: Path, printed: Callable[
         (("--csv", "--compare", "x.json"), "--compare: is for a table or --json"),
         (("--compare", "x.json"), "x.json: cannot be read"),
         (("--trace", "scene.toml"), "belongs to the scene"),
+        (("--trace", "old.json", "--compare", "old.json"), "is the file of --compare; name"),
         (("--view", "nowhere"), "has no such view"),
     ],
 )
@@ -109,17 +126,31 @@ def test_bad_use_is_told_in_one_line(
     words: tuple[str, ...], says: str,
 ) -> None:  # fmt: skip
     monkeypatch.chdir(room)
+    (room / "old.json").write_text(json.dumps(OLD))
     assert says in fails("profile", room, *words)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "says"),
+    [
+        ({"ms": float("nan")}, "ms: Input should be a finite number"),
+        ({"wall_error_ms": -1.0}, "wall_error_ms: Input should be greater than or equal to 0"),
+        ({"schema": 9}, "has schema 9"),
+    ],
+)
+def test_a_profile_that_tells_no_times_is_refused(
+    room: Path, tmp_path: Path, fails: Callable[..., str], wrong: dict[str, Any], says: str
+) -> None:
+    old = tmp_path / "old.json"
+    old.write_text(json.dumps({**OLD, **wrong}))
+    assert f"{old}: {says}" in fails("profile", room, "--compare", old)
 
 
 def test_another_view_is_refused_before_anything_is_measured(
     room: Path, tmp_path: Path, fails: Callable[..., str], device: ComputeDevice
 ) -> None:
     old = tmp_path / "old.json"
-    timing = {"ms": 1.0, "error_ms": None, "wall_ms": None, "wall_error_ms": None}
-    others = {"schema": 1, "version": "1", "scene": "box", "frames": 1, "settings": {}}
-    record = {**timing, **others, "device": device.name, "view": {"width": 5}, "passes": []}
-    old.write_text(json.dumps(record))
+    old.write_text(json.dumps({**OLD, "device": device.name}))
     words = ("--compare", old, "--device", device.device.platform.name)
     line = fails("profile", room, *words)
     assert f"--compare {old}: was measured with width 5, this is 32; measure it anew" in line

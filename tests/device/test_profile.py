@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import time
+from typing import Any
 from unittest import mock
 
 import numpy as np
 import pytest
 
 from iprt.device import profile as profile_module
-from iprt.device.compute import ComputeDevice, bound_bytes
-from iprt.device.profile import MOST_FRAMES, Key, Kind, PassTime, Profile
+from iprt.device.compute import ComputeDevice, Kernel, bound_bytes
+from iprt.device.profile import MOST_FRAMES, MOST_PENDING, Key, Kind, PassTime, Profile
 from tests.profiles import MS, FakeEvent, frame, launch
 
 
@@ -90,6 +91,79 @@ def test_preparation_is_forgotten_and_compiling_is_not() -> None:
     assert (profile.frames, profile.passes(), profile.kept_frames()) == (0, [], [])
     assert list(profile.compiled) == ["a.cl -DX=1", "a.cl"]
     assert 10.0 <= profile.compile_ms < 200.0
+
+
+def test_events_are_read_once_there_are_many() -> None:
+    profile = Profile()
+    for _ in range(MOST_PENDING // 2 - 1):
+        frame(profile, {"march": 2.0})  # with the section, two of them
+        profile.finished()
+    assert len(profile._pending) == MOST_PENDING - 2
+    frame(profile, {"march": 2.0})
+    profile.finished()
+    assert not profile._pending
+    assert profile.passes()[0].device_ms == pytest.approx(MOST_PENDING)
+
+
+def test_what_a_first_launch_ran_is_not_compiling() -> None:
+    profile = Profile()
+    for program, ms in (("a.cl", 30.0), ("b.cl", 10.0), ("a.cl", 9.0), ("b.cl", 7.9)):
+        profile.launched_first(program, FakeEvent(5 * MS, 13 * MS), ms)
+    assert profile.first_launches == {"a.cl": 23.0, "b.cl": 2.0}
+
+
+class SlowKernel:
+    """The first launch takes 30 ms of the host; every one runs for 8 ms of the device's clock."""
+
+    function_name = "slow"
+
+    def __init__(self) -> None:
+        self.pause = 0.03
+
+    def __call__(self, *_: Any) -> FakeEvent:
+        time.sleep(self.pause)
+        self.pause = 0.0
+        return FakeEvent(5 * MS, 13 * MS)
+
+
+def test_what_only_the_first_launch_takes_is_told_by_program(device: ComputeDevice) -> None:
+    device.finish()
+    with mock.patch.object(device, "profile", Profile()) as profile:
+        slow, other = SlowKernel(), SlowKernel()
+        program = f"slow.cl -DX={id(slow)}"
+        with mock.patch.object(profile, "launched_first", wraps=profile.launched_first) as told:
+            for _ in range(3):
+                Kernel(device, slow, program)((64,))
+        assert told.call_count == 1
+        assert list(profile.first_launches) == [program]
+        first = profile.first_launches[program]
+        assert 22.0 <= first < 200.0
+        Kernel(device, other, f"{program}1")((64,))
+        with profile.compiling(program):
+            time.sleep(0.01)
+        assert profile.first_launches[program] == first
+        total = sum(profile.compiled.values()) + sum(profile.first_launches.values())
+        assert profile.compile_ms == total >= 10.0 + 2 * 22.0
+        profile.reset()
+        assert profile.compile_ms == total
+
+
+def test_pocl_compiles_at_the_first_launch_unless_its_cache_knows(device: ComputeDevice) -> None:
+    if "Portable" not in device.device.platform.name:
+        pytest.skip("other drivers compile when they build, or when they like")
+    never_seen = {"NEVER_SEEN": time.time_ns() % 2**31}
+    taken = []
+    for _ in range(2):
+        fresh = ComputeDevice(device.device)
+        kernel = fresh.kernel("pyramid.cl", "reduce_range", never_seen)
+        ranges = fresh.zeros("ranges", (4 * 2 + 2 * 1, 2))
+        for _ in range(2):
+            kernel((2, 1), 4, 2, 0, 8, ranges)
+        (program,) = fresh.profile.compiled
+        assert list(fresh.profile.first_launches) == [program]
+        taken.append(fresh.profile.first_launches[program])
+    cold, known = taken
+    assert cold > 3.0 * known
 
 
 def test_of_hours_as_many_frames_are_kept_from_all_times() -> None:

@@ -49,7 +49,8 @@ def build(device: ComputeDevice, source: str, name: str, *options: str) -> Kerne
     """Compile `source` against `cl/lib/`; on a `CountingDevice` it counts."""
     counting = isinstance(device, CountingDevice)
     flags = ["-cl-std=CL1.2", "-I", str(CL / "lib"), *options, *["-DCOUNT_WORK"] * counting]
-    kernel = Kernel(device, cl.Kernel(cl.Program(device.context, source).build(flags), name))
+    built = cl.Program(device.context, source).build(flags)
+    kernel = Kernel(device, cl.Kernel(built, name), name)
     return CountingKernel(device, kernel) if isinstance(device, CountingDevice) else kernel
 
 

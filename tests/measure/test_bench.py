@@ -64,6 +64,7 @@ def fake(monkeypatch: pytest.MonkeyPatch) -> Any:
         name="a device",
         profile=Profile(),
         buffers={},
+        opengl={},
         memory=2**30,
         finish=lambda: None,
         wait=lambda: None,

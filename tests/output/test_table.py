@@ -26,6 +26,7 @@ def made() -> CostReport:
         launch(profile, "march", "write", 4.0, 2_000_000, Kind.TRANSFER)
         launch(profile, "blend", "mix", 8.0, 16_000_000)
         profile.end_frame()
+    profile.first_launches = {"march.cl": 66.0, "blend.cl": 100.0}
     report = report_of(profile, (40.0,) * 4)
     return replace(
         report.with_work(profile, {("march", "trace"): WorkRow.of(WORK, 1)}), traced=0.25
@@ -48,7 +49,7 @@ def test_passes_come_with_their_sum_and_what_is_done_once() -> None:
     told = "\n".join([grid.title, *grid.notes])
     for part in ("40x30", "4 frames on a device", "40.00 ms/frame", "25.0 frames/s", "25.0% of"):
         assert part in told
-    assert "compiling kernels 1234 ms, preparing the panorama 7 ms" in told
+    assert "compiling kernels 1400 ms, preparing the panorama 7 ms" in told
 
 
 def test_parts_tell_bytes_bandwidth_and_work() -> None:
@@ -74,7 +75,14 @@ def test_buffers_and_programs_that_are_small_come_together() -> None:
     assert cells(grid)["OpenGL layers"]["MiB"] == "2.00"
     assert grid.notes == ("4 MiB of the device's 1.0 GiB, and 2 MiB of OpenGL's",)
     grid = compile_grid(made())
-    assert [row[:2] for row in grid.rows] == [("march.cl", "1000"), ("blend.cl", "234")]
+    assert [row[:3] for row in grid.rows] == [
+        ("march.cl", "1000", "66"),
+        ("blend.cl", "234", "100"),
+    ]
+    assert cells(grid)["march.cl"]["share"] == "76.1%"
+    assert grid.notes[0] == "1400 ms, once"
+    few = replace(made(), compiled={"a.cl": 5.0, "b.cl": 900.0}, first_launches={"a.cl": 2.0})
+    assert compile_grid(few).rows[-1][:3] == ("1 others", "5", "2")
 
 
 def test_changes_beyond_the_noise_are_marked() -> None:

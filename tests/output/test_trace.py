@@ -82,5 +82,14 @@ def check_trace(events: list[dict[str, Any]]) -> None:
             open_until.append(end)
 
 
+def test_a_reader_that_cuts_off_gets_every_nanosecond() -> None:
+    """Perfetto makes whole nanoseconds of microseconds; what is lost of one breaks the nesting."""
+    times = [*range(20_000), *(10**10 + 7 * n for n in range(20_000))]
+    assert any(int(ns / 1e3 * 1e3) != ns for ns in times)
+    for ns in times:
+        spans = [Span(Key("march", "trace", Kind.KERNEL), 0, 0, ns, 0)]
+        assert {int(e["dur"] * 1e3) for e in trace_events(spans, "") if e["ph"] == "X"} == {ns}  # type: ignore[operator]
+
+
 def test_an_empty_trace_is_one() -> None:
     assert all(event["ph"] == "M" for event in trace_events([], "a device"))
