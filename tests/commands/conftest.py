@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -82,6 +83,7 @@ def command(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., int]
         return FakeFilm(device, job.settings, view, job.accumulate)
 
     monkeypatch.setattr("iprt.device.choose.choose_device", lambda spec: spec)
+    import_module("iprt.device.counting")  # derives from the class, which is replaced here
     monkeypatch.setattr("iprt.device.compute.ComputeDevice", compute)
     monkeypatch.setattr("iprt.commands.video.ComputeDevice", compute)
     monkeypatch.setattr(Job, "film", film)
