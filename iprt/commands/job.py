@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from iprt.device.compute import ComputeDevice
+from iprt.device.profile import SAMPLED_S
 from iprt.film import Film, view_at
 from iprt.output.metadata import picture_metadata
 from iprt.scene.camera import View
@@ -31,6 +32,8 @@ class Job:
         See `choose_device`.
     frame_limit : float
         Seconds.
+    profiled : bool
+        All frames are recorded in the device's profile; or else so few that it costs nothing.
     """
 
     scene: Scene
@@ -42,9 +45,11 @@ class Job:
     strict: bool
     device: str | None
     frame_limit: float
+    profiled: bool
 
     def film(self, compute: ComputeDevice) -> Film:
         """What renders it."""
+        compute.profile.every_s = 0.0 if self.profiled else SAMPLED_S
         return Film(
             self.scene,
             compute,

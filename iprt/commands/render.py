@@ -144,6 +144,7 @@ def render(
         strict=strict,
         device=device,
         frame_limit=frame_limit,
+        profiled=profile is not None,
     )
     if video:
         check_video(job, output, indices, codec)

@@ -97,6 +97,7 @@ def view(
     from iprt.commands.views import moving_view
     from iprt.device.choose import choose_device
     from iprt.device.compute import ComputeDevice
+    from iprt.device.profile import SAMPLED_S
     from iprt.scene.camera import View
     from iprt.scene.scene import Scene
     from iprt.viewer.engine import Engine
@@ -106,12 +107,13 @@ def view(
     found, objects = moving_view(opened, view, yaw=yaw, pitch=pitch, fov=fov, size=size)
     look = found if isinstance(found, View) else found.view
     handle = choose_device(device)
-    with Engine(
-        opened,
-        lambda: ComputeDevice(handle, FRAME_LIMIT_S),
-        settings,
-        allow_outside=allow_outside,
-    ) as engine:
+
+    def make_device() -> ComputeDevice:
+        compute = ComputeDevice(handle, FRAME_LIMIT_S)
+        compute.profile.every_s = SAMPLED_S
+        return compute
+
+    with Engine(opened, make_device, settings, allow_outside=allow_outside) as engine:
         if web:
             from iprt.viewer.web import serve
 

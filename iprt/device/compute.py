@@ -52,7 +52,9 @@ class Kernel:
             event = self._launch_first(rounded, local, args)
         else:
             event = self._enqueue(rounded, local, args)
-        self._device.profile.record(event, self._name, Kind.KERNEL, bound_bytes(args))
+        profile = self._device.profile
+        if profile.recording:
+            profile.record(event, self._name, Kind.KERNEL, bound_bytes(args))
 
     def _enqueue(self, size: tuple[int, ...], local: tuple[int, ...], args: Iterable[Any]) -> Any:
         with self._device.reported(self._name):

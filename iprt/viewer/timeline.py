@@ -35,7 +35,7 @@ class TimelineRow:
 
 
 class Timeline:
-    """Keeps the passes of the last `MOST_FRAMES` view frames.
+    """Keeps the passes of the last `MOST_FRAMES` view frames that were recorded.
 
     One that a frame lacks took no time in it.
     """
@@ -44,8 +44,8 @@ class Timeline:
         self._frames: deque[tuple[int, dict[str, float], float]] = deque(maxlen=MOST_FRAMES)
 
     def add(self, shown: Shown) -> bool:
-        """Take a picture's times; whether it is one of another view frame than before."""
-        if self._frames and self._frames[-1][0] == shown.step:
+        """Take a picture's times; whether it has any, of another view frame than before."""
+        if not shown.passes or (self._frames and self._frames[-1][0] == shown.step):
             return False
         times = {entry.name: entry.ms for entry in shown.passes}
         self._frames.append((shown.step, times, 1e3 * shown.seconds))

@@ -228,3 +228,24 @@ def test_a_device_tells_transfers_from_kernels_and_counts_bytes(device: ComputeD
         Key("some pass", "some pass", Kind.ENQUEUE): 0,
     }
     assert bound_bytes([ranges, 7, ranges, None, 0.5]) == 80
+
+
+def test_frames_that_follow_too_soon_are_not_recorded(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And do not count, so that means over frames stay true."""
+    clock = [0.0]
+    monkeypatch.setattr(profile_module.time, "perf_counter", lambda: clock[0])
+    profile = Profile()
+    profile.every_s = 0.05
+    recorded = []
+    for number in range(12):
+        clock[0] = 0.02 * number
+        recorded.append(profile.recording)
+        with profile.section("march"):
+            launch(profile, "march", "march", 2.0)
+            assert profile.current == "march"
+        clock[0] += 0.0199
+        profile.end_frame()
+    # Each begins 0.05 s or more after the one before.
+    assert [number for number, now in enumerate(recorded) if now] == [0, 3, 6, 9]
+    assert profile.frames == 4
+    assert profile.passes()[0].device_ms == 4 * 2.0
