@@ -19,8 +19,8 @@ OTHER = "other"
 MOST_FRAMES = 1024
 """Frames whose costs are kept one by one; of more, so many chosen at random."""
 SAMPLED_S = 0.05
-"""Between recorded frames where nobody asked for all: recording one takes the host up to 0.9 ms, and
-so never more than 2% of the time."""
+"""Between recorded frames where nobody asked for all. Recording one takes the host up to 0.9 ms, so
+never more than 2% of the time."""
 MOST_PENDING = 1024
 """Events that wait to be read: many at once take a quarter of the time that each frame's take."""
 
