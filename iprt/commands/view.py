@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import tyro
 
 from iprt.commands.knobs import BALANCED, Knobs
+from iprt.ending import Ended, raise_if_ended
 from iprt.errors import IprtError
 
 if TYPE_CHECKING:
+    from iprt.viewer.engine import Engine
     from iprt.viewer.web import Address
 
 WINDOW = (1280, 800)
@@ -18,7 +22,7 @@ FPS = 10.0
 FRAME_LIMIT_S = 60.0
 """After which a viewer gives a frame up: nobody looks at a window that stands for longer."""
 MAX_FPS = 240.0
-LOCAL, PORT = "127.0.0.1", 8080
+LOCAL, PORT, MAX_PORT = "127.0.0.1", 8080, 65535
 
 
 def view(
@@ -91,6 +95,8 @@ def view(
     """
     if not 0.0 <= fps <= MAX_FPS:
         raise IprtError(f"--fps {fps:g}: expected 0 to {MAX_FPS:g} frames per second")
+    if not 0 <= port <= MAX_PORT:
+        raise IprtError(f"--port {port}: expected 0 to {MAX_PORT}")
     if not web and (token is not None or host != LOCAL or port != PORT):
         raise IprtError("--host, --port and --token: are for --web")
 
@@ -114,9 +120,15 @@ def view(
         return compute
 
     with Engine(opened, make_device, settings, allow_outside=allow_outside) as engine:
-        if web:
-            from iprt.viewer.web import serve
+        if not web:
+            from iprt.viewer.desktop import run
 
+            with _telling_losses(engine):
+                run(engine, look, objects=objects, target_fps=fps or None)
+            return 0
+        from iprt.viewer.web import serve
+
+        with _telling_losses(engine):
             serve(
                 engine,
                 look,
@@ -127,11 +139,20 @@ def view(
                 target_fps=fps or None,
                 ready=_tell_address,
             )
-        else:
-            from iprt.viewer.desktop import run
-
-            run(engine, look, objects=objects, target_fps=fps or None)
     return 0
+
+
+@contextmanager
+def _telling_losses(engine: Engine) -> Iterator[None]:
+    """Tell of edits that nobody has saved when a signal ends the viewer."""
+    try:
+        yield
+        raise_if_ended()  # `serve` ends as usual
+    except (KeyboardInterrupt, Ended) as ended:
+        names = ", ".join(edit.name for edit in engine.world.edits)
+        if names:
+            ended.add_note(f"edits that nobody saved are lost, of: {names}")
+        raise
 
 
 def _tell_address(address: Address) -> None:

@@ -383,7 +383,7 @@ def mesh_copies(
 
 
 def free_name(wanted: str, taken: set[str]) -> str:
-    base = re.sub(r"[^\w. -]", "_", wanted) or "object"
+    base = re.sub(r"[^\w. -]", "_", wanted).strip() or "object"
     number = 2
     name = base
     while name in taken:

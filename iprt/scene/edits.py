@@ -20,7 +20,13 @@ from iprt.scene.animated_mesh import AnimatedMesh
 from iprt.scene.edit import copied, mesh_copies, object_text
 from iprt.scene.inside import require_inside
 from iprt.scene.keyframes import ObjectMotion
-from iprt.scene.manifest import MANIFEST_NAME, DiffuseTable, manifest_text, parse_manifest
+from iprt.scene.manifest import (
+    MANIFEST_NAME,
+    DiffuseTable,
+    allowed_transform,
+    manifest_text,
+    parse_manifest,
+)
 from iprt.scene.material import Material
 from iprt.scene.mesh import Mesh
 from iprt.scene.mesh_files import MeshFile
@@ -61,6 +67,20 @@ class ObjectEdit:
 def flat(to_world: NDArray[np.float64]) -> Matrix:
     """A (4, 4) transform as edits have it."""
     return tuple(float(value) for value in np.reshape(to_world, 16))
+
+
+def require_place(name: str, to_world: NDArray[np.float64]) -> None:
+    """Check that an object can be put there; (4, 4).
+
+    Raises
+    ------
+    SceneError
+        `scene.toml` would not take it.
+    """
+    try:
+        allowed_transform(list(flat(to_world)))
+    except ValueError as problem:
+        raise SceneError(f"{name} cannot be put there: {problem}") from None
 
 
 def edited_objects(
@@ -113,7 +133,9 @@ def save_edits(scene: Scene, edits: Iterable[ObjectEdit]) -> None:
         Nothing has been written then.
     """
     path = scene.root / MANIFEST_NAME
-    document = tomlkit.parse(manifest_text(path))
+    before = manifest_text(path)
+    parse_manifest(before, str(path))  # somebody may have edited it since it was read
+    document = tomlkit.parse(before)
     tables = {str(table["name"]): table for table in document.get("objects", ())}
     copies: dict[Path, Path] = {}
     added: list[str] = []

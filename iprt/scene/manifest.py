@@ -116,8 +116,17 @@ MaterialTable = Annotated[
 ]
 
 
-def _transform(values: list[float]) -> list[float]:
+def allowed_transform(values: list[float]) -> list[float]:
+    """The 16 values of an object's (4, 4) transform, row by row.
+
+    Raises
+    ------
+    ValueError
+        They are not finite, or too large, or flatten the object.
+    """
     matrix = np.array(values, np.float64).reshape(4, 4)
+    if not np.isfinite(matrix).all():
+        raise ValueError("expected finite numbers")
     if np.abs(matrix).max() > FARTHEST:
         raise ValueError(
             f"holds {max(values, key=abs):g}; at most {FARTHEST:g} (metres) is allowed"
@@ -136,7 +145,7 @@ class ObjectTable(Table):
     name: Name
     mesh: RelativePath
     to_world: Annotated[
-        list[float], Field(min_length=16, max_length=16), AfterValidator(_transform)
+        list[float], Field(min_length=16, max_length=16), AfterValidator(allowed_transform)
     ]
     material: MaterialTable | None = None
     animation: Clip = None

@@ -27,6 +27,8 @@ from iprt.viewer.session import Session
 from iprt.viewer.state import Doing, Playback, World
 
 LOG = logging.getLogger("iprt.viewer")
+TOLD_S = 20.0
+"""So long it is told that a mesh cannot be read: nothing that the user does would solve that."""
 
 
 class Core:
@@ -63,6 +65,7 @@ class Core:
         self._lost = False  # the device, since the last picture
         self._compiling: str | None = None
         self._problems: dict[str, str] = {}
+        self._told_s = 0.0  # when the last mesh could not be read
         self.loader = Loader(exchange.stir)
         self._files = SceneFiles(
             scene,
@@ -100,6 +103,8 @@ class Core:
     def turn(self) -> bool:
         """Do what is most urgent; whether there was anything to do."""
         collected = self.loader.collect()
+        if self._clock() > self._told_s + TOLD_S:
+            self._problems.pop("mesh", None)
         self._files.poll()
         wanted = self._exchange.take()
         for client in self._sessions.keys() - wanted.requests.keys():
@@ -320,11 +325,11 @@ class Core:
 
             return finish
 
-        self.loader.start(str(path), job, lambda problem: self._remember("mesh", problem))
+        self.loader.start(str(path), job, self._tell_of_mesh)
 
-    def save(self) -> None:
+    def save(self, done: Callable[[str | None], object] = lambda _: None) -> None:
         """Write all edits to the scene's file, and go on with what that says then."""
-        self._files.save()
+        self._files.save(done)
 
-    def _remember(self, key: str, problem: str) -> None:
-        self._problems[key] = problem
+    def _tell_of_mesh(self, problem: str) -> None:
+        self._problems["mesh"], self._told_s = problem, self._clock()

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from iprt.aovs import AOVS
 from iprt.device.compute import ComputeDevice
 from iprt.scene.edit import free_name
-from iprt.scene.edits import ObjectEdit, flat
+from iprt.scene.edits import ObjectEdit, flat, require_place
 from iprt.scene.material import Material
 from iprt.scene.scene import Scene
 from iprt.settings import Settings
@@ -216,7 +216,14 @@ class Engine:
         return self._exchange.change(lambda world: replace(world, settings=settings))
 
     def place(self, name: str, to_world: NDArray[np.float64]) -> int:
-        """Put an object elsewhere; (4, 4), its keyframes move it from there."""
+        """Put an object elsewhere; (4, 4), its keyframes move it from there.
+
+        Raises
+        ------
+        SceneError
+            It cannot be there: numbers that are not finite or too large, or that flatten it.
+        """
+        require_place(name, to_world)
         placed = flat(to_world)
         return self._exchange.edit(name, lambda edit: replace(edit, to_world=placed))
 
@@ -270,12 +277,17 @@ class Engine:
         self._core.add(ObjectEdit(name, material=material, path=path), (yaw_deg, pitch_deg), height)
         return name
 
-    def save(self) -> None:
+    def save(self, done: Callable[[str | None], object] = lambda _: None) -> None:
         """Write all edits to the scene's file, comments and order kept; `status` tells problems.
 
         New objects are put into the views that list theirs, but those with a truth (`save_edits`).
+
+        Parameters
+        ----------
+        done : callable
+            Called by the engine's thread with what went wrong, or None once all is written.
         """
-        self._core.save()
+        self._core.save(done)
 
 
 def _require_renderable(request: Request) -> None:

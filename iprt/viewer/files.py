@@ -94,8 +94,11 @@ class SceneFiles:
         if self._watch.changed():
             self._read(str(self._first.root), "scene", self._reloaded)
 
-    def save(self) -> None:
-        """Write all edits to the scene's file, and go on with what that says then."""
+    def save(self, done: Callable[[str | None], object] = lambda _: None) -> None:
+        """Write all edits to the scene's file, and go on with what that says then.
+
+        `done` is told what went wrong, or None, where there was something to write.
+        """
         edits = self._exchange.world.edits
         if self.loaded is None or not edits:
             return
@@ -105,7 +108,11 @@ class SceneFiles:
             save_edits(scene, edits)
             return self._reloaded()
 
-        self._read(f"saving {scene.name}", "save", write, lambda: self._exchange.saved(edits))
+        def saved() -> None:
+            self._exchange.saved(edits)
+            done(None)
+
+        self._read(f"saving {scene.name}", "save", write, saved, done)
 
     def _reloaded(self) -> Loaded:
         stamp = self._watch.look()
@@ -117,6 +124,7 @@ class SceneFiles:
         about: str,
         read: Callable[[], Loaded],
         then: Callable[[], object] = lambda: None,
+        otherwise: Callable[[str], object] = lambda _: None,
     ) -> None:
         """Begin to read; where that fails, all stays as it is, but for a message."""
 
@@ -135,6 +143,7 @@ class SceneFiles:
 
         def fail(problem: str) -> None:
             self._problems[about] = problem
+            otherwise(problem)
 
         self._loader.start(what, job, fail)
 

@@ -11,7 +11,8 @@ import pytest
 from PIL import Image
 
 from iprt.errors import FormatError, SceneError
-from iprt.scene.edits import ObjectEdit, edited_objects, flat, save_edits
+from iprt.scene.edit import free_name
+from iprt.scene.edits import ObjectEdit, edited_objects, flat, require_place, save_edits
 from iprt.scene.material import Material
 from iprt.scene.meshes import load_mesh
 from iprt.scene.objects import AnyMesh, objects_at
@@ -167,3 +168,37 @@ def test_what_cannot_be_written_changes_nothing(scene: Scene, tmp_path: Path) ->
             save_edits(scene, (good, edit))
         assert "\n" not in str(caught.value)
         assert snapshot(scene.root) == before
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("format = 1", "format = "),
+        ('name = "plain"', 'nam = "plain"'),
+        ("[[objects]]", "[objects]"),
+    ],
+)
+def test_a_file_that_somebody_broke_meanwhile(scene: Scene, old: str, new: str) -> None:
+    """Is told of by its name, and stays as it is."""
+    path = scene.root / "scene.toml"
+    broken = path.read_text().replace(old, new)
+    path.write_text(broken)
+    with pytest.raises(SceneError, match=r"scene\.toml"):
+        save_edits(scene, [ObjectEdit("last", removed=True)])
+    assert path.read_text() == broken
+
+
+@pytest.mark.parametrize("x", [np.nan, np.inf, 1e30])
+def test_nothing_is_put_where_it_cannot_be(x: float) -> None:
+    require_place("thing", placed(2.0))
+    with pytest.raises(SceneError, match="thing cannot be put there"):
+        require_place("thing", placed(x))
+    with pytest.raises(SceneError, match="flattens"):
+        require_place("thing", np.diag([1.0, 0.0, 1.0, 1.0]))
+
+
+def test_names_of_files_that_are_none(scene: Scene, tmp_path: Path) -> None:
+    """What is added from them can be saved."""
+    name = free_name("  ", set())
+    save_edits(scene, [new_object(name, mesh_file(tmp_path / "new", 1.0, "  .obj"), 1.0)])
+    assert Scene.open(scene.root).objects[-1].name == name

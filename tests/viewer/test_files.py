@@ -168,6 +168,28 @@ def test_a_saved_scene_is_what_was_shown(
         assert now.mesh.materials == shown.mesh.materials
 
 
+def test_who_saves_is_told_what_came_of_it(scene: Scene, device: ComputeDevice) -> None:
+    """A file that somebody broke meanwhile is left alone, and nothing is lost."""
+    path, told = scene.root / "scene.toml", list[str | None]()
+    text = path.read_text()
+    with turns(scene, device) as driver:
+        driver.answer(driver.join())
+        driver.exchange.edit("cube", lambda edit: replace(edit, removed=True))
+        path.write_text(text.replace("format = 1", "format = "))
+        driver.core.save(told.append)
+        driver.settle()
+        assert told == list(problems(driver))
+        assert "scene.toml: not valid TOML" in str(told[0])
+        assert [edit.name for edit in driver.exchange.world.edits] == ["cube"]
+        path.write_text("# mine\n" + text)
+        driver.core.save(told.append)
+        driver.settle()
+        assert told[1:] == [None]
+        assert problems(driver) == ()
+    assert path.read_text().startswith("# mine\n")
+    assert Scene.open(scene.root).objects == ()
+
+
 def test_edits_are_undone_and_made_again() -> None:
     clock = Clock()
     exchange = Exchange(World(Settings(), Playback(0)), clock)

@@ -15,11 +15,12 @@ from iprt.viewer.desktop.pane import Pane
 from iprt.viewer.desktop.shortcuts import act_on_keys
 from iprt.viewer.desktop.window import Window
 from iprt.viewer.engine import Engine
-from iprt.viewer.state import Status
 from iprt.viewer.viewport import Viewport
 
 PANEL_WIDTH = 340.0
 """At the right, in units of 1/96 inch, as all that is drawn."""
+SETTLING = 2
+"""Frames until windows have the size of new words in them."""
 BUSY_S, IDLE_S = 0.01, 0.1
 """Longest waits for events, while the engine works on a picture and while it rests."""
 
@@ -76,6 +77,7 @@ class App:
         self._browser = MeshBrowser(folder)
         self._dropped: list[Path] = []
         self._drawn: tuple[object, ...] = ()
+        self._unsettled = 0
         self._discarding = False
 
     def close(self) -> None:
@@ -106,18 +108,17 @@ class App:
             self.window.upload(sight.pixels)
             desk.timeline.add(sight.shown)
         desk.sight = sight
-        self._close_when_saved(status)
-        new = (sight, status, desk.notice)
+        desk.tell_saved()
+        if desk.closing and not desk.unsaved:
+            self.window.closing, desk.closing = True, False
+        new = (sight, status, desk.notice, desk.leaving)
+        if new != self._drawn:
+            self._drawn, self._unsettled = new, SETTLING
         typing = imgui.get_io().want_text_input  # its cursor blinks
-        if stirred or typing or new != self._drawn:
-            self._drawn = new
+        if stirred or typing or self._unsettled:
+            self._unsettled = max(self._unsettled - 1, 0)
             with self.window.frame():
                 self._draw()
-
-    def _close_when_saved(self, status: Status) -> None:
-        if self.desk.closing:
-            self.window.closing = not self.desk.unsaved
-            self.desk.closing = self.desk.unsaved and not status.problems
 
     def _drop(self, files: list[Path]) -> None:
         self._dropped += files

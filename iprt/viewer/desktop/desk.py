@@ -6,6 +6,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from queue import SimpleQueue
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,6 +68,7 @@ class Desk:
         self.sight: Sight | None = None
         self.timeline = Timeline()
         self._notice: tuple[str, bool, float] | None = None
+        self._saved: SimpleQueue[str | None] = SimpleQueue()  # what came of it
 
     # Notices ----------------------------------------------------------------------------------
 
@@ -100,7 +102,10 @@ class Desk:
 
     def place(self, state: ObjectState, to_world: NDArray[np.float64]) -> None:
         """Want an object there in the frame that is shown."""
-        self.engine.place(state.name, state.placed(to_world))
+        try:
+            self.engine.place(state.name, state.placed(to_world))
+        except IprtError as error:
+            self.say(str(error), bad=True)
 
     def remove(self) -> None:
         """Take the selected object away."""
@@ -136,10 +141,17 @@ class Desk:
     def save(self) -> None:
         """Write the scene's file."""
         if self.unsaved:
-            self.engine.save()
-            self.say(f"saved to {self.engine.scene.root / 'scene.toml'}")
+            self.engine.save(self._saved.put)
         else:
             self.say("nothing to save")
+
+    def tell_saved(self) -> None:
+        """Tell what came of `save`; problems are told by the engine, and the window stays."""
+        while not self._saved.empty():
+            if self._saved.get() is None:
+                self.say(f"saved to {self.engine.scene.root / 'scene.toml'}")
+            else:
+                self.closing = False
 
     # Settings ---------------------------------------------------------------------------------
 

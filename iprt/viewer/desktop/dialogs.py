@@ -104,6 +104,8 @@ class MeshBrowser:
                 desk.cursor = None
                 desk.add([chosen])
         imgui.end()
+        if imgui.is_key_pressed(imgui.Key.escape):  # also while a path is typed
+            desk.browsing = False
 
     def _path(self) -> Path | None:
         """The line for a path; a file that was typed."""

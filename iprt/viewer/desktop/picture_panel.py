@@ -45,7 +45,12 @@ def draw(desk: Desk) -> None:
 def _exposed(lens: Lens) -> Lens:
     label("exposure", "Stops on top of the scene's own exposure. Double click: none.")
     changed, stops = imgui.slider_float(
-        "##exposure", lens.exposure_ev, -MOST_EV, MOST_EV, "%+.2f EV"
+        "##exposure",
+        lens.exposure_ev,
+        -MOST_EV,
+        MOST_EV,
+        "%+.2f EV",
+        imgui.SliderFlags_.always_clamp,
     )
     if changed:
         lens = replace(lens, exposure_ev=stops)

@@ -73,7 +73,7 @@ def _view(desk: Desk) -> None:
     view = viewport.view
     label("yaw, pitch", "Degrees right and up. Drag the picture to look around.")
     changed, (yaw, pitch) = imgui.drag_float2(
-        "##direction", [view.yaw_deg, view.pitch_deg], 0.25, -180.0, 180.0, "%.2f°"
+        "##direction", [view.yaw_deg, view.pitch_deg], 0.25, -180.0, 180.0, "%.2f°", _CLAMPED
     )
     if changed:
         viewport.look(replace(view, yaw_deg=yaw, pitch_deg=min(max(pitch, -90.0), 90.0)))

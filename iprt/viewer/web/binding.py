@@ -82,7 +82,7 @@ def on_click(handle: Any, post: Post, do: Callable[[], object]) -> None:
     """Have a button do something, by the window's thread."""
 
     async def clicked(_event: Any) -> None:
-        post(handle, do)
+        post(object(), do)  # each click counts
 
     handle.on_click(clicked)
 
@@ -91,6 +91,6 @@ def on_trigger(command: Any, post: Post, do: Callable[[], object]) -> None:
     """Have a command's key do something, by the window's thread."""
 
     async def triggered(_event: Any) -> None:
-        post(command, do)
+        post(object(), do)
 
     command.on_trigger(triggered)

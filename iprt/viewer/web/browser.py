@@ -137,6 +137,10 @@ class Browser:
         """Show a line to the user, that something did not work."""
         self.client.add_notification("", text, color="red", auto_close_seconds=8.0)
 
+    def say(self, text: str) -> None:
+        """Show a line to the user, that something is done."""
+        self.client.add_notification("", text, auto_close_seconds=4.0)
+
     def _tell_defect(self, error: Exception) -> None:
         """Of an error that no input should lead to; the window goes on, and it may come again."""
         text = f"a defect of iprt: {type(error).__name__}: {error}"

@@ -11,8 +11,11 @@ import numpy as np
 
 from iprt.errors import IprtError
 from iprt.measure.metrics import srgb_encode
+from iprt.scene.edit import free_name
 from iprt.scene.images import decode_srgb
 from iprt.scene.material import Material, MaterialKind
+from iprt.scene.mesh_files import MESH_SUFFIXES
+from iprt.toml_text import printable
 from iprt.viewer.objects import ObjectState
 from iprt.viewer.web.binding import Binding, on_click, on_trigger
 
@@ -20,7 +23,8 @@ if TYPE_CHECKING:
     from iprt.viewer.web.browser import Browser
 
 NONE = "none"
-MESHES = ".glb,.gltf,.obj,.ply,.stl"
+LONGEST = 60
+"""Of a file's name, which has at most 255 bytes with what else it will have in the scene."""
 QUIET = (60, 66, 74)
 """Of buttons."""
 ROUGH = Material("plastic")
@@ -47,13 +51,13 @@ class ObjectPanel:
             "Add a mesh",
             icon="plus",
             color=QUIET,
-            mime_type=MESHES,
+            mime_type=",".join(MESH_SUFFIXES),
             hint="Set down in the middle of the view",
         )
 
         async def uploaded(event: Any) -> None:
             file = event.target.value
-            post(upload, lambda: self._add(file.name, file.content))
+            post(object(), lambda: self._add(file.name, file.content))
 
         upload.on_upload(uploaded)
         undo = gui.add_button(
@@ -93,10 +97,13 @@ class ObjectPanel:
 
     def _add(self, name: str, content: bytes) -> None:
         browser = self._browser
+        stem, suffix = free_name(Path(name).stem[:LONGEST], set()), Path(name).suffix.lower()
+        if suffix not in MESH_SUFFIXES:
+            raise IprtError(
+                f"{printable(name, 80)}: not a mesh; these are read: {', '.join(MESH_SUFFIXES)}"
+            )
         # In a folder of its own: it is read again when the scene is saved.
-        path = Path(tempfile.mkdtemp(dir=browser.uploads)) / (Path(name).name or "mesh")
-        if path.suffix.lower() not in MESHES.split(","):
-            raise IprtError(f"{path.name}: expected a mesh, one of {MESHES}")
+        path = Path(tempfile.mkdtemp(dir=browser.uploads)) / f"{stem}{suffix}"
         path.write_bytes(content)
         browser.selected = browser.engine.add(path, *browser.viewport.aim(0.5, 0.5))
 
@@ -173,7 +180,7 @@ class ObjectPanel:
         self._paints(color, _displayed, lambda m, rgb: replace(m, albedo=_linear(rgb)))
         rough = gui.add_slider("Roughness", 0.0, 1.0, 0.005, 0.1, hint="GGX alpha; 0 is a mirror")
         self._paints(rough, lambda m: m.alpha, lambda m, alpha: replace(m, alpha=alpha))
-        ior = gui.add_slider("Refraction", 1.0, 2.5, 0.01, 1.5, hint="Index of a plastic's coat")
+        ior = gui.add_slider("Refraction", 1.01, 3.0, 0.01, 1.5, hint="Index of a plastic's coat")
         self._paints(ior, lambda m: m.ior, lambda m, ior: replace(m, ior=ior))
         return [kind, color, rough, ior]
 

@@ -32,6 +32,8 @@ class ProfilePanel:
             (np.arange(2.0), np.zeros(2)),
             ({"label": "step"}, _line("with the host", 0)),
             title="ms per view frame",
+            scales={"x": {"time": False}},
+            axes=({}, {"size": 64.0}),
             height=HEIGHT_PX,
         )
         self._table = self._gui.add_html("")

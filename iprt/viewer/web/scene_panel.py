@@ -36,13 +36,14 @@ class ScenePanel:
         files = gui.add_button_group("Picture", ("PNG", "EXR"), hint="Save what you see")
 
         async def wanted(event: Any) -> None:
-            post("screenshot", lambda: self._save_picture(event.target.value.lower()))
+            suffix = event.target.value.lower()
+            post(object(), lambda: self._save_picture(suffix))
 
         files.on_click(wanted)
         save = gui.add_button(
             "Save the scene", icon="device-floppy", hint="Into scene.toml; comments stay"
         )
-        on_click(save, post, engine.save)
+        on_click(save, post, self._save)
 
     def _bind(self, handle: Any, read: Any, write: Any) -> None:
         browser = self._browser
@@ -83,6 +84,20 @@ class ScenePanel:
         views = self._browser.engine.scene.views
         own = None if viewport.name is None else views[viewport.name].objects
         viewport.show_objects(None if everything else own)
+
+    def _save(self) -> None:
+        browser, engine = self._browser, self._browser.engine
+        if not engine.world.edits:
+            browser.say("nothing to save")
+
+        def done(problem: str | None) -> None:
+            if problem is None:
+                path = engine.scene.root / "scene.toml"
+                browser.post("saved", lambda: browser.say(f"saved to {path}"))
+            else:
+                browser.post("saved", lambda: browser.tell(problem))
+
+        engine.save(done)
 
     def _save_picture(self, suffix: str) -> None:
         browser = self._browser

@@ -14,6 +14,7 @@ from imgui_bundle import imgui
 
 from iprt.device.compute import Kernel
 from iprt.errors import DeviceLostError
+from iprt.viewer import core as core_module
 from iprt.viewer.desktop import window as window_module
 from tests.scene.files import CUBE
 from tests.viewer.screen.user import SIZE, User
@@ -72,6 +73,69 @@ def test_closing_asks_about_edits(user: User) -> None:
     user.app.window.closing = False
     path.write_text(text)
     user.until(lambda: user.shows("cube"))
+
+
+def test_saving_and_closing_after_bad_news(user: User, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The question is seen at once. A failed save keeps the window open, old problems do not."""
+    path = user.folder / "clip" / "scene.toml"
+    text = path.read_text()
+    bad = user.folder / "broken.obj"
+    bad.write_text("v 1 2\nf 1 2 3\n")
+    user.desk.add([bad])
+    user.until(lambda: user.problems() != ())
+    user.engine.remove("cube")
+    user.at_rest()
+    quiet_frames(user)
+    user.places.pop("Save and close", None)
+    user.app.window.closing = True
+    assert not user.app.closed
+    user.app.step()
+    path.write_text(text.replace("format = 1", "format = "))
+    user.press("Save and close")
+    user.until(lambda: not user.desk.closing)
+    assert not user.app.closed
+    assert user.desk.unsaved
+    path.write_text(text)
+    user.app.window.closing = True
+    assert not user.app.closed
+    user.press("Save and close")
+    user.until(lambda: user.app.closed)
+    user.app.step()
+    assert user.desk.notice == (f"saved to {path}", False)
+    assert "cube" not in path.read_text()
+    user.app.window.closing = False
+    path.write_text(text)
+    user.until(lambda: user.shows("cube"))
+    monkeypatch.setattr(core_module, "TOLD_S", 0.0)
+    user.until(lambda: user.problems() == ())
+
+
+def test_words_that_come_late_are_whole(user: User) -> None:
+    """A box of words has its size although nothing happens after they came."""
+    user.away()
+    user.at_rest()
+    quiet_frames(user)
+    user.desk.say("short")
+    user.app.step()
+    quiet_frames(user)
+    user.desk.say("a notice of so many words that they have no place in the box of the one before")
+    user.app.step()
+    quiet_frames(user)
+    seen = user.picture()
+    user.screen.key("Shift_L")  # drawn again
+    user.wait(8)
+    np.testing.assert_array_equal(user.picture(), seen)
+
+
+def test_a_place_where_nothing_can_be(user: User) -> None:
+    user.at_rest()
+    state = user.engine.objects[0]
+    matrix = state.to_world.copy()
+    matrix[0, 3] = np.inf
+    user.desk.place(state, matrix)
+    assert user.engine.world.edits == ()
+    assert user.desk.notice is not None
+    assert user.desk.notice[1]
 
 
 def test_a_window_of_one_pixel(user: User) -> None:
