@@ -134,6 +134,11 @@ def _material(desk: Desk, state: ObjectState) -> None:
     edited = _edited(material)
     if edited != material:
         desk.engine.paint(state.name, edited)
+    if material.texture is not None:
+        label("")
+        about = "Textures of mesh files, and of all but diffuse materials, cannot be saved."
+        if button("Without its texture", about, width=-1.0):
+            desk.engine.paint(state.name, replace(edited, texture=None))
 
 
 def _edited(material: Material) -> Material:
