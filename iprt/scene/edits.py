@@ -5,7 +5,9 @@ Comments, order and all else that the file says stay as they are.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -54,6 +56,8 @@ class ObjectEdit:
         Where that was read from.
     removed : bool
         It is not shown.
+    textured : bool
+        Whether `material` has a texture, of which materials do not tell when they are compared.
     """
 
     name: str
@@ -62,6 +66,11 @@ class ObjectEdit:
     mesh: AnyMesh | None = field(default=None, compare=False)
     path: Path | None = None
     removed: bool = False
+    textured: bool = field(init=False)
+
+    def __post_init__(self) -> None:
+        textured = self.material is not None and self.material.texture is not None
+        object.__setattr__(self, "textured", textured)
 
 
 def flat(to_world: NDArray[np.float64]) -> Matrix:
@@ -133,6 +142,7 @@ def save_edits(scene: Scene, edits: Iterable[ObjectEdit]) -> None:
         Nothing has been written then.
     """
     path = scene.root / MANIFEST_NAME
+    _require_writable(path)
     before = manifest_text(path)
     parse_manifest(before, str(path))  # somebody may have edited it since it was read
     document = tomlkit.parse(before)
@@ -163,6 +173,13 @@ def save_edits(scene: Scene, edits: Iterable[ObjectEdit]) -> None:
         raise SceneError(f"{path}: the edits do not fit into it: {error}") from error
     with copied(copies), replacing(path) as temporary:
         temporary.write_bytes(text.encode("utf-8"))
+
+
+def _require_writable(path: Path) -> None:
+    """A file in a folder that can be written to would be replaced even so."""
+    with suppress(FileNotFoundError):
+        if not (os.access(path, os.W_OK) and path.stat().st_mode & 0o222):
+            raise SceneError(f"{path}: is read-only; make it writable to save the edits")
 
 
 def _remove(document: Any, name: str) -> None:

@@ -273,6 +273,21 @@ class Core:
         if frame is not None:
             self._frame = frame
             self._problems.pop("video", None)
+        self._stop_at_the_end(scene, playback)
+
+    def _stop_at_the_end(self, scene: Scene, playback: Playback) -> None:
+        """A video that has come to its end rests: its last frame is refined, at its best."""
+        if playback.since_s is None or scene.manifest.video.loop or self._frame is None:
+            return
+        frames = scene.frame_indices
+        last = frames[-1]
+        due = playback.index(playback.due(self._clock(), scene.source.fps), frames, loop=False)
+        if due == self._frame.index == last:
+            self._exchange.change(
+                lambda world: replace(
+                    world, playback=Playback(last) if world.playback == playback else world.playback
+                )
+            )
 
     def _edited(self, loaded: Loaded, world: World) -> tuple[SceneObject, ...]:
         known = self._objects

@@ -66,7 +66,7 @@ class Viewport:
         frames: int = REST_FRAMES,
     ) -> None:
         self._engine = engine
-        self.view, self.name = view, self._name_of(view)
+        self.view, self.name = _fitted(view, view.width, view.height), self._name_of(view)
         self._objects, self._frames = objects, frames
         self._lens, self._motion = Lens(), Motion(target_fps)
         self._edits = engine.world.edits
@@ -103,6 +103,8 @@ class Viewport:
 
     def zoom(self, steps: float) -> None:
         """Narrow the field of view by steps of a wheel; widen it by negative ones."""
+        if self.view.projection == "equirect":
+            return
         wanted = self.view.fov_y_deg * ZOOM_STEP**steps
         self.look(replace(self.view, fov_y_deg=min(max(wanted, MIN_FOV_DEG), MAX_FOV_DEG)))
 
@@ -116,7 +118,7 @@ class Viewport:
 
     def resize(self, width: int, height: int) -> None:
         """Follow the window's size, in pixels; 0 counts as 1."""
-        view = self.view.resized(max(width, 1), max(height, 1))
+        view = _fitted(self.view, max(width, 1), max(height, 1))
         if view != self.view:
             self.view = view
             self._motion.stir()
@@ -366,3 +368,11 @@ class Viewport:
             write_display_png(path, sight.pixels / 255.0, metadata=metadata)
         else:
             write_picture(path, shown.picture.color, aovs=shown.picture.aovs, metadata=metadata)
+
+
+def _fitted(view: View, width: int, height: int) -> View:
+    """As large as a window lets it be: a whole panorama is twice as wide as high."""
+    if view.projection == "equirect":
+        width = min(width, 2 * height)
+        height = max(width // 2, 1)
+    return view.resized(width, height)

@@ -197,6 +197,24 @@ def test_nothing_is_put_where_it_cannot_be(x: float) -> None:
         require_place("thing", np.diag([1.0, 0.0, 1.0, 1.0]))
 
 
+def test_a_file_that_may_only_be_read(scene: Scene) -> None:
+    path = scene.root / "scene.toml"
+    path.chmod(0o444)
+    before = snapshot(scene.root)
+    with pytest.raises(SceneError, match="read-only"):
+        save_edits(scene, [ObjectEdit("last", removed=True)])
+    assert snapshot(scene.root) == before
+
+
+def test_edits_tell_of_textures(scene: Scene) -> None:
+    """To take one away is an edit, although materials are compared without."""
+    textured = scene.objects[0].bound.materials[0]
+    plain = replace(textured, texture=None)
+    assert ObjectEdit("tiles", material=textured) != ObjectEdit("tiles", material=plain)
+    save_edits(scene, [replace(ObjectEdit("tiles", material=textured), material=plain)])
+    assert Scene.open(scene.root).objects[0].bound.materials[0].texture is None
+
+
 def test_names_of_files_that_are_none(scene: Scene, tmp_path: Path) -> None:
     """What is added from them can be saved."""
     name = free_name("  ", set())

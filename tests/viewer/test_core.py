@@ -240,6 +240,22 @@ def test_frames_that_are_late_are_not_decoded(
     assert not {5, 6, 7, 8} & set(decoded)
 
 
+def test_a_video_rests_at_its_end(tmp_path: Path, device: ComputeDevice) -> None:
+    """Or its last frame would stay as it is in motion."""
+    with turns(Scene.open(write_clip(tmp_path, 4)), device) as driver:
+        client = driver.join()
+        driver.answer(client)
+        for due, since in ((1.5, True), (3.5, False)):
+            started = Playback(1, 100.0)
+            driver.clock.now = 100.0
+            driver.change(playback=started)
+            driver.clock.now = 100.0 + due / 24.0
+            last = min(1 + int(due), 3)
+            driver.until(lambda last=last: driver.shown(client).frame == last)
+            driver.settle()
+            assert driver.exchange.world.playback == (started if since else Playback(3))
+
+
 def test_a_video_that_loops_starts_anew(tmp_path: Path, device: ComputeDevice) -> None:
     folder = write_clip(tmp_path, 4)
     manifest = folder / "scene.toml"

@@ -17,6 +17,7 @@ from iprt.device.compute import ComputeDevice
 from iprt.errors import IprtError
 from iprt.measure import metrics
 from iprt.renderer import Renderer
+from iprt.scene.camera import View
 from iprt.scene.scene import Scene
 from iprt.viewer.engine import Engine
 from iprt.viewer.lens import Lens
@@ -92,6 +93,19 @@ def test_any_size_of_a_window(viewport: Viewport) -> None:
         viewport.resize(width, height)
         sight = until(viewport, lambda s: s.shown.request.view == viewport.view)
         assert sight.pixels.shape == (max(height, 1), max(width, 1), 3)
+
+
+def test_a_panorama_keeps_its_sides(engine: Engine) -> None:
+    """Whatever the window's are, and there is nothing to turn or zoom."""
+    viewport = Viewport(engine, View(48, 32, projection="equirect"), frames=1)
+    for window, size in (((40, 60), (40, 20)), ((60, 10), (20, 10)), ((1, 1), (1, 1))):
+        viewport.resize(*window)
+        assert (viewport.view.width, viewport.view.height) == size
+    asked = viewport._wanted
+    viewport.zoom(3.0)
+    viewport.turn(5.0, 5.0)
+    assert viewport._wanted is asked
+    viewport.close()
 
 
 def test_exposure_renders_nothing_anew(viewport: Viewport, engine: Engine) -> None:

@@ -123,7 +123,7 @@ class Desk:
                 continue
             x, y = self.cursor or (0.5, 0.6)
             self.selected = self.engine.add(path, *self.viewport.aim(x, y))
-            self.say(f"{path.name} is added as {self.selected}")
+            self.say(f"{path.name} is read, to be {self.selected}")
 
     def undo(self) -> None:
         """Take the last edit back."""

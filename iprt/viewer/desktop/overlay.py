@@ -65,6 +65,11 @@ def toolbar(desk: Desk, rectangle: Rectangle) -> None:
             desk.align = not desk.align
 
 
+def toolbar_width() -> float:
+    """At most."""
+    return 4.0 * (2.0 * imgui.get_frame_height() + imgui.get_style().item_spacing.x) + 2.0 * MARGIN
+
+
 def _toggle(icon: str, on: bool, about: str) -> bool:
     if on:
         imgui.push_style_color(imgui.Col_.text, imgui.ImVec4(*ACCENT))
@@ -102,6 +107,8 @@ def corners(desk: Desk, rectangle: Rectangle) -> None:
     text = "   ".join(words)
     size = imgui.calc_text_size(text)
     x, y = left + width - size.x - 2.0 * MARGIN, top + MARGIN
+    if desk.state is not None and x < left + 2.0 * MARGIN + toolbar_width():
+        y += imgui.get_frame_height() + 2.0 * MARGIN  # below the tools
     draw = imgui.get_window_draw_list()
     box = imgui.ImVec2(x - 8, y), imgui.ImVec2(x + size.x + 8, y + size.y + 8)
     draw.add_rect_filled(*box, packed((0.1, 0.1, 0.11, 0.8)), 5.0)

@@ -66,11 +66,15 @@ def _view(desk: Desk) -> None:
         label("view", "Views of scene.toml; each shows the objects that it names.")
         # Another scene.toml may lack the view by now.
         known = viewport.name is not None and viewport.name in names
-        shown = names if known else [*names, "(turned)"]
+        panorama = viewport.view.projection == "equirect"
+        shown = names if known else [*names, "(panorama)" if panorama else "(turned)"]
         chosen = choice("##view", shown, shown.index(viewport.name or "") if known else len(names))
         if chosen is not None and chosen < len(names):
             viewport.go_to(names[chosen])
     view = viewport.view
+    if view.projection == "equirect":
+        quiet("The whole panorama: choose a view to look around.")
+        return
     label("yaw, pitch", "Degrees right and up. Drag the picture to look around.")
     changed, (yaw, pitch) = imgui.drag_float2(
         "##direction", [view.yaw_deg, view.pitch_deg], 0.25, -180.0, 180.0, "%.2f°", _CLAMPED
@@ -134,6 +138,11 @@ def _material(desk: Desk, state: ObjectState) -> None:
     edited = _edited(material)
     if edited != material:
         desk.engine.paint(state.name, edited)
+    if material.texture is not None:
+        label("")
+        about = "Textures of mesh files, and of all but diffuse materials, cannot be saved."
+        if button("Without its texture", about, width=-1.0):
+            desk.engine.paint(state.name, replace(edited, texture=None))
 
 
 def _edited(material: Material) -> Material:

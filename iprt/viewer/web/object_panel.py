@@ -44,6 +44,12 @@ class ObjectPanel:
             )
             self._bind(self._names, self._selected, self._select)
             self._edited = [*self._add_place(), *self._add_material()]
+            self._plain = gui.add_button(
+                "Without its texture",
+                color=QUIET,
+                hint="Textures of mesh files, and of all but diffuse materials, cannot be saved",
+            )
+            on_click(self._plain, post, self._take_texture)
             remove = gui.add_button("Remove", icon="trash", color=QUIET)
             on_click(remove, post, self._remove)
             self._edited.append(remove)
@@ -95,6 +101,12 @@ class ObjectPanel:
         if self._browser.selected is not None:
             self._browser.engine.remove(self._browser.selected)
 
+    def _take_texture(self) -> None:
+        state = self._browser.selected_state
+        if state is not None:
+            plain = replace(state.materials[0], texture=None)
+            self._browser.engine.paint(state.name, plain)
+
     def _add(self, name: str, content: bytes) -> None:
         browser = self._browser
         stem, suffix = free_name(Path(name).stem[:LONGEST], set()), Path(name).suffix.lower()
@@ -115,10 +127,13 @@ class ObjectPanel:
                 browser.selected = None
             self._known = names
             self._names.options = (NONE, *names)
-        shown = browser.selected_state is not None
-        for handle in self._edited:
-            if handle.visible != shown:
-                handle.visible = shown
+        state = browser.selected_state
+        shown = state is not None
+        textured = state is not None and state.materials[0].texture is not None
+        for handle in (*self._edited, self._plain):
+            visible = textured if handle is self._plain else shown
+            if handle.visible != visible:
+                handle.visible = visible
         for binding in self._bindings:
             binding.sync()
 

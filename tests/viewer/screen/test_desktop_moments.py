@@ -138,6 +138,17 @@ def test_a_place_where_nothing_can_be(user: User) -> None:
     assert user.desk.notice[1]
 
 
+def test_escape_closes_the_list_of_files(user: User) -> None:
+    """Also while a path is typed."""
+    user.at_rest()
+    user.key("a")
+    user.wait()
+    assert user.desk.browsing
+    assert imgui.get_io().want_text_input
+    user.key("Escape")
+    assert not user.desk.browsing
+
+
 def test_a_window_of_one_pixel(user: User) -> None:
     user.at_rest()
     size = user.app.window.size
@@ -196,14 +207,13 @@ def test_files_that_are_dropped(user: User) -> None:
 
 
 def test_a_device_that_is_lost(user: User, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Twice: that is told, and the next input is answered."""
+    """Again and again: that is told, and once it is back the next input is answered."""
     user.at_rest()
-    seen, left = user.picture(), [2]
+    seen, lost = user.picture(), [True]
     launch = Kernel.__call__
 
     def failing(kernel: Kernel, *args: Any) -> None:
-        if left[0] and kernel._name == "composite":
-            left[0] -= 1
+        if lost[0] and kernel._name == "composite":
             raise DeviceLostError("the device gave up")
         launch(kernel, *args)
 
@@ -212,6 +222,7 @@ def test_a_device_that_is_lost(user: User, monkeypatch: pytest.MonkeyPatch) -> N
     user.until(lambda: any("gave up" in problem for problem in user.problems()))
     user.wait()
     assert user.reds() > 50
+    lost[0] = False
     user.drag((150, 96), (128, 96))
     user.away()
     user.at_rest()

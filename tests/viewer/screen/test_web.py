@@ -9,6 +9,7 @@ import struct
 import threading
 import weakref
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from io import BytesIO
@@ -28,6 +29,7 @@ from iprt.viewer.engine import Engine
 from iprt.viewer.tone import developed
 from iprt.viewer.viewport import Viewport
 from tests.clips import write_clip
+from tests.scene.files import CUBE
 from tests.viewer.screen.browsing import Visitor, browsing, until
 from tests.viewer.turns import SETTINGS
 
@@ -304,3 +306,57 @@ def test_bad_news_is_shown(place: Place) -> None:
     assert "format" in visitor.page.inner_text(".problem")
     path.write_text(text)
     visitor.page.wait_for_selector(".problem", state="detached")
+
+
+def test_meshes_are_uploaded_and_saved(place: Place, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of whatever names, all at once: they lie in the scene's folder then. Comments stay."""
+    visitor, browser = place.visit()
+    at_rest(visitor, browser)
+    engine, cube = place.engine, CUBE.encode()
+    path: Path = engine.scene.root / "scene.toml"
+    text = path.read_text()
+    path.write_text("# mine\n" + text)
+    # On one turn of the browser's thread: the newest does not take the others' place.
+    names = ["box.obj", "box.obj", "../../up.obj", f"{'字' * 80}.OBJ", " .obj", "new\nline.obj"]
+    files = [{"name": name, "mimeType": "", "buffer": cube} for name in names]
+    button = visitor.page.locator("input[type=file]").first
+    with held(browser):
+        for number, file in enumerate(files, 1):
+            button.set_input_files([file])
+            until(lambda n=number: len(browser._todo) >= n, "it does not come")
+    until(lambda: len(engine.objects) == 1 + len(files), "some are missing")
+    added = [state.name for state in engine.objects[1:]]
+    assert sorted(added) == sorted(["box", "box-2", "up", "字" * 60, "object", "new_line"])
+
+    told: list[str] = []
+    monkeypatch.setattr(browser, "tell", told.append)
+    for name, content in (("text.stl", b"solid"), ("empty.obj", b""), ("broken.ply", b"ply\n1")):
+        button.set_input_files([{"name": name, "mimeType": "", "buffer": content}])
+        news = partial(_news, engine, told, name)
+        until(news, f"{name} is not told of")
+    visitor.page.get_by_role("button", name="Save the scene").click()
+    until(lambda: engine.world.edits == (), "it is not saved")
+    saved = path.read_text()
+    assert saved.startswith("# mine\n")
+    reopened = Scene.open(engine.scene.root)
+    assert [entry.name for entry in reopened.objects] == ["cube", *added]
+    for table in reopened.manifest.objects:
+        assert (reopened.root / table.mesh).resolve().is_relative_to(reopened.root.resolve())
+    path.write_text(text)
+    until(lambda: len(engine.objects) == 1, "it is not read again")
+
+
+def _news(engine: Engine, told: list[str], name: str) -> bool:
+    return any(f"{name}: " in line for line in (*told, *engine.status.problems))
+
+
+@contextmanager
+def held(browser: Browser) -> Iterator[None]:
+    """Its thread is busy meanwhile."""
+    free = threading.Event()
+    browser.post("hold", free.wait)
+    until(lambda: "hold" not in browser._todo, "it does not begin")
+    try:
+        yield
+    finally:
+        free.set()

@@ -1,0 +1,48 @@
+"""`iprt view`: what its flags refuse, and what it tells when a signal ends it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from iprt import cli
+from iprt.commands.view import _telling_losses
+from iprt.scene.edits import ObjectEdit
+from tests.clips import write_clip
+
+
+@pytest.mark.parametrize(
+    ("flags", "told"),
+    [
+        ("--view nowhere", "--view nowhere: clip has no such view"),
+        ("--yaw nan", "--yaw nan: expected"),
+        ("--size 0 0", "--size 0 0: expected"),
+        ("--fps nan", "--fps nan: expected"),
+        ("--web --port 65536", "--port 65536: expected 0 to 65535"),
+        ("--web --port -1", "--port -1: expected 0 to 65535"),
+        ("--port 9000", "are for --web"),
+    ],
+)
+def test_flags_that_cannot_be(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], flags: str, told: str
+) -> None:
+    scene = write_clip(tmp_path / "clip", 1)
+    assert cli.main(["view", str(scene), *flags.split()]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert told in err
+    assert err.count("\n") == 1
+
+
+@pytest.mark.parametrize("names", [(), ("cube", "ball")])
+def test_lost_edits_are_told(names: tuple[str, ...]) -> None:
+    edits = tuple(ObjectEdit(name, removed=True) for name in names)
+    engine: Any = SimpleNamespace(world=SimpleNamespace(edits=edits))
+    with pytest.raises(KeyboardInterrupt) as caught, _telling_losses(engine):
+        raise KeyboardInterrupt
+    notes = " ".join(getattr(caught.value, "__notes__", ()))
+    assert ("cube, ball" in notes) == bool(names)
+    assert bool(notes) == bool(names)
