@@ -31,6 +31,7 @@ kernel((70,), source, device.zeros("result", (70,)), 70)
 unwritten = device.empty("unwritten", (70,))
 device.finish()
 {more}
+device.finish()
 print(json.dumps(["planted"]))
 """
 

@@ -33,6 +33,11 @@ class Shortcut:
     act: Callable[[Desk], object]
 
 
+def _chord(*keys: imgui.Key) -> int:
+    """Keys that are pressed together. As numbers: Python 3.11.2 cannot join these flags."""
+    return sum(int(key) for key in keys)
+
+
 def _mode(mode: Mode) -> Callable[[Desk], None]:
     return lambda desk: setattr(desk, "mode", mode)
 
@@ -50,11 +55,14 @@ SHORTCUTS = (
     ),
     Shortcut("Delete", "remove the selected object", (Key.delete,), Desk.remove),
     Shortcut("A", "add a mesh", (Key.a,), _toggle("browsing")),
-    Shortcut("Ctrl+Z", "undo", (Key.mod_ctrl | Key.z,), Desk.undo),
+    Shortcut("Ctrl+Z", "undo", (_chord(Key.mod_ctrl, Key.z),), Desk.undo),
     Shortcut(
-        "Ctrl+Y", "redo", (Key.mod_ctrl | Key.y, Key.mod_ctrl | Key.mod_shift | Key.z), Desk.redo
+        "Ctrl+Y",
+        "redo",
+        (_chord(Key.mod_ctrl, Key.y), _chord(Key.mod_ctrl, Key.mod_shift, Key.z)),
+        Desk.redo,
     ),
-    Shortcut("Ctrl+S", "save the scene", (Key.mod_ctrl | Key.s,), Desk.save),
+    Shortcut("Ctrl+S", "save the scene", (_chord(Key.mod_ctrl, Key.s),), Desk.save),
     Shortcut("Space", "play or pause", (Key.space,), Desk.toggle_playing),
     Shortcut("←", "a frame back", (Key.left_arrow,), lambda desk: desk.step(-1)),
     Shortcut("→", "a frame on", (Key.right_arrow,), lambda desk: desk.step(1)),
@@ -64,7 +72,7 @@ SHORTCUTS = (
     Shortcut(
         "Shift+F12",
         "screenshot, EXR",
-        (Key.mod_shift | Key.f12,),
+        (_chord(Key.mod_shift, Key.f12),),
         lambda desk: desk.screenshot(".exr"),
     ),
     Shortcut("H", "this list", (Key.h,), _toggle("help")),
