@@ -27,7 +27,8 @@ from tests.oclgrind import SimulatedDevice
 device = SimulatedDevice()
 kernel = device.kernel({file!r}, "planted")
 source = device.upload("source", np.ones(70, np.float32))
-kernel((70,), source, device.zeros("result", (70,)), 70)
+result = device.zeros("result", (70,))  # kept: what takes its place would count as written
+kernel((70,), source, result, 70)
 unwritten = device.empty("unwritten", (70,))
 device.finish()
 {more}

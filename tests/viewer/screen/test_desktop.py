@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from iprt import cli
 from iprt.scene.placement import set_on
 from iprt.viewer.desktop.gizmo import GIZMO
+from tests.films import FEW
 from tests.viewer.screen.user import FRAMES, SIZE, User
 from tests.viewer.turns import SETTINGS
 
@@ -21,11 +22,10 @@ pytestmark = pytest.mark.screen
 
 def rendered(user: User, path: Path, *flags: object, frame: int = 0) -> NDArray[np.uint8]:
     """What `iprt render` writes of the viewer's scene."""
-    knobs = ["trace.object_rays=1", "trace.bounces=2", "trace.ratio_rows=16", "gloss.rays=2"]
-    knobs += ["irradiance.rows=16", "irradiance.first_rays=2", "irradiance.rays=1"]
+    knobs = [f"{group}.{name}={value}" for group, few in FEW.items() for name, value in few.items()]
     words: list[object] = ["render", user.folder / "clip", "-o", path, "--frames", frame]
     words += ["--size", *SIZE, "--accumulate", FRAMES, "--device", "pocl", *flags]
-    for knob in [*knobs, "atrous.levels=2"]:
+    for knob in knobs:
         words += ["--set", knob]
     assert cli.main([str(word) for word in words]) == 0
     pixels: NDArray[np.uint8] = imageio.v3.imread(path)

@@ -97,7 +97,7 @@ class User:
 
     def away(self) -> None:
         """The mouse off the picture, where nothing is beside it."""
-        self.move(self.app.pane.rectangle[2] + 60.0, self.app.pane.rectangle[3] + 20.0)
+        self.move(self.app.pane.rectangle[2] + 3.0, 3.0)  # the margin of the panels
 
     def drag(self, start: tuple[float, float], end: tuple[float, float], steps: int = 4) -> None:
         self.move(*start)
