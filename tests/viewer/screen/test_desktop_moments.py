@@ -225,8 +225,8 @@ def test_a_device_that_is_lost(user: User, monkeypatch: pytest.MonkeyPatch) -> N
     lost[0] = False
     user.drag((150, 96), (128, 96))
     user.away()
+    user.until(lambda: user.problems() == ())
     user.at_rest()
-    assert user.problems() == ()
     assert np.abs(user.picture().astype(int) - seen).mean() < 2.0
 
 
