@@ -24,7 +24,7 @@
 // the ray ends: a highlight in it counts as if it shone this way too. It is reflected once more to
 // get here, by a few percent of a coat, so that a second pass would change nothing that shows.
 //
-// Of a conductor all is reflection. What it sends elsewhere is not known; rays that meet one find
+// A conductor only reflects. What it sends elsewhere is not known; rays that meet one find
 // what the camera saw, which is what it reflects from another side, and nearer to that than black.
 #include "brdf.h"
 #include "gloss.h"
@@ -37,7 +37,7 @@
 // Taps span this part of the lobe's half width, 2 alpha.
 #define LOBE_FRACTION 0.25f
 
-inline float3 texel_point(const RealLayer layer, int texel)
+static inline float3 texel_point(const RealLayer layer, int texel)
 {
     const int width = layer.grid.width;
     const float3 v = texel_direction(texel % width, texel / width, width, layer.grid.height);
@@ -46,8 +46,8 @@ inline float3 texel_point(const RealLayer layer, int texel)
 }
 
 // What the camera saw, and no objects.
-inline World captured(const RealLayer layer, __global const float4 *color,
-                      __global const float4 *outside)
+static inline World captured(
+    const RealLayer layer, __global const float4 *color, __global const float4 *outside)
 {
     World world;
     world.real = layer;

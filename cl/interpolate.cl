@@ -14,7 +14,8 @@
 #define SEARCH 3   // from any pixel, the coarsest grid (spacing 4) has a point this near
 
 // Level of the pixel, LEVEL_NONE outside the picture.
-inline int level_at(__global const uchar *restrict level, int x, int y, int width, int height)
+static inline int level_at(
+    __global const uchar *restrict level, int x, int y, int width, int height)
 {
     x = wrap_column(x, width);
     bool inside = x >= 0 && x < width && y >= 0 && y < height;
@@ -22,7 +23,7 @@ inline int level_at(__global const uchar *restrict level, int x, int y, int widt
 }
 
 // Plane index of the pixel if it got a ray in this frame, else -1.
-inline int traced_at(
+static inline int traced_at(
     __global const uchar *restrict level, int x, int y, int2 offset, int width, int height)
 {
     int there = level_at(level, x, y, width, height);

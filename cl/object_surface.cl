@@ -13,7 +13,7 @@
 // Planes seen at less than this cosine are tilted towards the viewer.
 #define GRAZING 0.05f
 
-inline float4 object_plane(float4 geometry, float3 v)
+static inline float4 object_plane(float4 geometry, float3 v)
 {
     float3 n = geometry.xyz;
     float facing = dot(n, v);

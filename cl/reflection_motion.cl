@@ -22,14 +22,14 @@
 
 #define FAR_REFLECTION 1e6f
 
-inline float3 guide_vector(__global const float *guide, int plane, int size, int p)
+static inline float3 guide_vector(__global const float *guide, int plane, int size, int p)
 {
     return (float3)(guide[plane * size + p], guide[(plane + 1) * size + p],
                     guide[(plane + 2) * size + p]);
 }
 
 // Plane index of the pixel that holds an image point, -1 outside the picture.
-inline int pixel_at(float2 at, int width, int height)
+static inline int pixel_at(float2 at, int width, int height)
 {
     if (!(fabs(at.x) < 1e6f && at.y >= 0.0f && at.y < height))
         return -1;

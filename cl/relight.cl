@@ -28,8 +28,8 @@
 #define FAINT 0.015f
 #define STRONG 0.06f
 
-inline float channel_ratio(float real, float both, float seen, float passing, float explained,
-                           float black)
+static inline float channel_ratio(
+    float real, float both, float seen, float passing, float explained, float black)
 {
     float unexplained = fmax(seen - real, 0.0f);
     float ratio = (both + passing * unexplained) / (real + unexplained);

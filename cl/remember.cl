@@ -27,7 +27,7 @@
 // Depth differs by so much of itself from frame to frame, however thin surfaces are.
 #define LEAST_MARGIN 0.02f
 
-inline float margin_at(float depth, float thickness, float thickness_ratio)
+static inline float margin_at(float depth, float thickness, float thickness_ratio)
 {
     return fmax(thickness, fmax(thickness_ratio, LEAST_MARGIN) * depth);
 }
@@ -60,7 +60,7 @@ __kernel void remember(
     const float around = fabs(memory.w);
     const float margin = margin_at(around, thickness, thickness_ratio);
 
-    // Of infinities no differences are taken.
+    // Infinities have no differences.
     const int uncovered = forget || now > around + margin;
     const int alike = !forget && isfinite(around) && now >= around - margin
         && dot(n, vload3(texel, kept_normal)) > SAME_NORMAL;

@@ -87,7 +87,7 @@ __kernel void resample_panorama(
     depth[pixel] = radius;
     id[pixel] = visible && !(flags & SURFACE_OPENING) ? 1.0f : 0.0f;
 #ifdef CAMERA_MOTION
-    // Of what is nowhere near, only the direction matters.
+    // Only the direction of distant surfaces matters.
     const float3 point = camera_before(camera, v, radius > 0.0f ? 1.0f / radius : 0.0f);
 #else
     const float3 point = v; // the capture centre stays, so only the direction matters

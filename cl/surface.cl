@@ -22,12 +22,12 @@
 #define STEP_FOOTPRINTS 3.0f
 
 // Unit direction of the centre of a texel, from tables: sines would take most of the kernel's time.
-inline float3 centre_direction(float2 azimuth, float2 polar)
+static inline float3 centre_direction(float2 azimuth, float2 polar)
 {
     return (float3)(polar.y * azimuth.y, polar.x, -polar.y * azimuth.x);
 }
 
-inline float3 tangent_plane(float depth, float3 n, float3 v)
+static inline float3 tangent_plane(float depth, float3 n, float3 v)
 {
     float facing = dot(n, v);
     if (!(facing < -GRAZING)) {
@@ -37,15 +37,14 @@ inline float3 tangent_plane(float depth, float3 n, float3 v)
     return n / (facing * depth);
 }
 
-inline float3 plane_at(__global const float *restrict depth,
-                       __global const float *restrict normal,
-                       int texel, float3 v)
+static inline float3 plane_at(
+    __global const float *restrict depth, __global const float *restrict normal, int texel, float3 v)
 {
     const float3 n = (float3)(normal[3 * texel], normal[3 * texel + 1], normal[3 * texel + 2]);
     return tangent_plane(depth[texel], n, v);
 }
 
-inline float radius_towards(float3 g, float3 v)
+static inline float radius_towards(float3 g, float3 v)
 {
     float inverse = dot(g, v);
     return inverse > 0.0f ? 1.0f / inverse : INFINITY;

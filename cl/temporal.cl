@@ -36,7 +36,7 @@
 #define SPATIAL_RADIUS 3
 #define NEAR_STEP 2           // nine pixels so far apart stand for a 5x5 neighbourhood
 
-inline void load_signal(float *s, __global const float *signal, int size, int p)
+static inline void load_signal(float *s, __global const float *signal, int size, int p)
 {
     #pragma unroll
     for (int c = 0; c < SIGNAL_PLANES; c++)
@@ -45,7 +45,7 @@ inline void load_signal(float *s, __global const float *signal, int size, int p)
 
 // What is clamped, plane by plane: with -DCOMMON the last three planes by their differences to the
 // first three, with which they share their noise.
-inline void load_clamped(float *s, __global const float *signal, int size, int p)
+static inline void load_clamped(float *s, __global const float *signal, int size, int p)
 {
     load_signal(s, signal, size, p);
 #ifdef COMMON
@@ -55,7 +55,7 @@ inline void load_clamped(float *s, __global const float *signal, int size, int p
 #endif
 }
 
-inline bool all_finite(const float *s)
+static inline bool all_finite(const float *s)
 {
     float total = 0.0f;
     #pragma unroll
@@ -67,8 +67,9 @@ inline bool all_finite(const float *s)
 // Loads the sample of pixel p. Returns how many rays it is worth, 0 where it is not to be used:
 // pixels that share one ray have a part of its weight, so a lone hit that was spread over many of
 // them gives way to the rays of their own that follow.
-inline float load_sample(float *sample, __global const float *samples, __global const float *guide,
-                         __global const uchar *level, int size, int p)
+static inline float load_sample(
+    float *sample, __global const float *samples, __global const float *guide,
+    __global const uchar *level, int size, int p)
 {
     load_signal(sample, samples, size, p);
     bool usable = guide[GUIDE_ID * size + p] > 0.0f && all_finite(sample);
@@ -78,7 +79,7 @@ inline float load_sample(float *sample, __global const float *samples, __global 
 
 // What a history of `length` samples of variance `spread` is worth that is off by `bias`: as many
 // samples as have the same mean squared error.
-inline float worth_of_biased(float length, float spread, float bias_squared)
+static inline float worth_of_biased(float length, float spread, float bias_squared)
 {
     float error = fmax(spread + length * bias_squared, 1e-30f);
     return bias_squared > 0.0f ? spread * length / error : length;
@@ -382,7 +383,7 @@ __kernel void estimate_variance(
                 sum += d;
                 square += d * d;
             }
-        // Of a neighbourhood's means, as after SHORT_HISTORY samples, made that of fewer.
+        // Variance of the means around, as after SHORT_HISTORY samples, made that of fewer.
         float boost = (SHORT_HISTORY + UNSURE) / fmax(samples, 1.0f);
         result = boost * fmax(square / count - sum * sum / (count * count), 0.0f);
     }

@@ -38,13 +38,13 @@ def main() -> None:
         engine = Engine(scene, lambda: ComputeDevice(device, limit_s=600.0))
         aside = replace(view, yaw_deg=-5.0)  # the first picture takes as long as kernels compile
         app = App(engine, aside, objects=entry.objects, folder=FOLDER, frames=FRAMES)
-        app.desk.selected = "pot"
+        app.ui.selected = "pot"
         screen = Screen(display)
         screen.move(SIZE[0] - 20, SIZE[1] - 20)
-        while app.desk.sight is None or app.desk.sight.shown.compiled:
+        while app.ui.sight is None or app.ui.sight.shown.compiled:
             app.step()
-        app.desk.viewport.look(view)
-        while not app.desk.sight.shown.refined:
+        app.ui.viewport.look(view)
+        while not app.ui.sight.shown.refined:
             app.step()
         picture = Image.fromarray(screen.picture(0, 0, *SIZE))
         app.close()

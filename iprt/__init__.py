@@ -5,9 +5,7 @@ The public names below are imported when they are first used, so that `import ip
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING
-
+TYPE_CHECKING = False  # `typing` takes long to import
 if TYPE_CHECKING:
     from iprt.device.choose import choose_device
     from iprt.device.compute import ComputeDevice
@@ -39,6 +37,8 @@ _HOMES = {
 
 def __getattr__(name: str) -> object:
     if name in _HOMES:
+        from importlib import import_module
+
         return getattr(import_module(_HOMES[name]), name)
     raise AttributeError(f"module 'iprt' has no attribute '{name}'")
 

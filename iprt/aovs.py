@@ -73,7 +73,7 @@ def _variance(renderer: Renderer) -> Image | None:
 def _of_signals(
     renderer: Renderer, read: Callable[[Accumulated], Image | None], both: np.ufunc
 ) -> Image | None:
-    """Of what is seen; `both` joins what was read of an object's diffuse and specular light."""
+    """An auxiliary layer; `both` joins what was read of diffuse and specular light of objects."""
     objects, surfaces = renderer.virtual_pixels, renderer.real_pixels
     signals = objects.accumulated if objects else ()
     virtual = functools.reduce(both, map(read, signals)) if signals else None
@@ -89,7 +89,7 @@ def _hit_distance(renderer: Renderer) -> Image | None:
 
 
 def _irradiance_real(renderer: Renderer) -> Image | None:
-    pixels, cache = renderer.real_pixels, renderer.cache
+    pixels, cache = renderer.real_pixels, renderer.real_world.irradiance
     if pixels is None or pixels.change is None:
         return None
     shown = pixels.change if cache is None else cache.show(renderer.world, renderer.real_guide)
@@ -102,7 +102,7 @@ def _irradiance_mixed(renderer: Renderer) -> Image | None:
         return None
     second = _planes(renderer, pixels.change, slice(3, 6))
     blocked = _planes(renderer, pixels.change, slice(0, 3))
-    if renderer.cache is None or blocked is None or second is None:
+    if renderer.real_world.irradiance is None or blocked is None or second is None:
         return second
     return np.asarray(real * (1.0 - blocked + second), np.float32)
 

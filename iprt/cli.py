@@ -1,31 +1,36 @@
 """The command `iprt`: its verbs, and how errors become exit codes.
 
-Exit codes: 0 fine; 1 a threshold given on the command line was missed; 2 bad input; 3 no usable
-device; 70 a defect in iprt itself; 130 interrupted, 143 and 129 ended by SIGTERM and SIGHUP.
+Exit codes: 0 fine; 1 a threshold given on the command line was missed; 2 bad input, or stdout
+cannot be written; 3 no usable device; 70 a defect in iprt itself; 130 interrupted, 143 and 129
+terminated by SIGTERM and SIGHUP. A reader of stdout that leaves early changes none of these.
 Results go to stdout, the log to stderr.
+
+What takes long to import is imported late: before `command` runs, a signal would show a traceback.
 """
 
 from __future__ import annotations
 
-import inspect
-import logging
 import os
 import sys
-import traceback
 from collections.abc import Callable, Sequence
-from importlib import import_module
-from typing import NoReturn
+from contextlib import suppress
 
-from tyro.extras import SubcommandApp
+from iprt.errors import DeviceHangError, IprtError, OutputError
+from iprt.termination import end, end_on_signals
 
-from iprt.commands.help import CONFIG, explained
-from iprt.ending import Ended, signals_raise
-from iprt.errors import DeviceHangError, IprtError
+TYPE_CHECKING = False  # `typing` takes long to import
+if TYPE_CHECKING:
+    from typing import NoReturn
+
+    from tyro.extras import SubcommandApp
 
 DEFECT = 70
-INTERRUPTED = 130
 DESCRIPTION = """Insert virtual objects into 360° RGBD video.
-`iprt VERB --help` explains a verb; `--debug` anywhere shows the traceback of an error."""
+`iprt VERB --help` explains a verb. Anywhere on the line: `--quiet` leaves results and errors alone
+on the screen, `--verbose` tells more, `--debug` shows the traceback of an error as well, and
+`--version` prints the versions of iprt, Python and pyopencl."""
+LEVELS = {"--quiet": "ERROR", "--verbose": "DEBUG", "--debug": "DEBUG"}
+"""Flags that stand anywhere on the line -> what is logged. Progress is shown where INFO is."""
 
 VERBS = {
     "doctor": "iprt.commands.doctor:doctor",
@@ -55,58 +60,108 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def command(arguments: Sequence[str] | None = None) -> NoReturn:
     """The process: runs one verb and ends.
 
-    Not by the drivers' own endings, if kernels may be running: these wait for one that hangs, and
-    take away what a thread needs that still compiles one (PoCL's crash then).
+    Without the drivers' own endings if the device hangs: these wait for it.
     """
-    code, abrupt = _run(arguments)
-    if not abrupt:
+    end_on_signals()
+    from iprt.commands.streams import prepare_streams
+
+    try:
+        prepare_streams()
+    except OutputError as error:
+        _complain(error)
+        sys.exit(error.exit_code)
+    code, hangs = _run(arguments)
+    with suppress(OutputError):  # of a verb that has failed already
+        sys.stdout.flush()
+    if not hangs:
         sys.exit(code)
-    sys.stdout.flush()
-    sys.stderr.flush()
-    os._exit(code)
+    end(code)
 
 
 def _run(arguments: Sequence[str] | None) -> tuple[int, bool]:
-    """The exit code, and whether the device may still be busy."""
+    """The exit code, and whether the device hangs."""
+    import logging
+    import traceback
+
     words = list(sys.argv[1:] if arguments is None else arguments)
-    debug = "--debug" in words
-    words = [word for word in words if word != "--debug"]
-    logging.basicConfig(stream=sys.stderr, format="iprt: %(message)s")
-    logging.getLogger("iprt").setLevel(logging.DEBUG if debug else logging.INFO)
+    flags = [word for word in words if word in LEVELS]
+    debug = "--debug" in flags
+    level = LEVELS[flags[0]] if flags else "INFO"
+    from iprt.commands.streams import OneLine
+
+    handler = logging.StreamHandler()
+    handler.setFormatter(OneLine("iprt: %(message)s"))
+    logging.basicConfig(handlers=[handler])
+    logging.getLogger("iprt").setLevel(level)
     try:
-        with signals_raise():
-            code = application(words).cli(
-                prog="iprt", description=DESCRIPTION, args=words, config=CONFIG
-            )
+        if any(LEVELS[flag] != level for flag in flags):
+            raise IprtError(f"{' and '.join(dict.fromkeys(flags))}: give one of them")
+        code = _verb([word for word in words if word not in LEVELS])
         sys.stdout.flush()
         return code or 0, False
     except IprtError as error:
         if debug:
             traceback.print_exc()
-        print(f"iprt: error: {_told(error, str(error))}", file=sys.stderr)
+        _complain(error)
         return error.exit_code, isinstance(error, DeviceHangError)
     except MemoryError:
         print("iprt: error: out of memory; lower --size or use a smaller panorama", file=sys.stderr)
         return IprtError.exit_code, False
-    except KeyboardInterrupt as interrupt:
-        print(f"iprt: {_told(interrupt, 'interrupted')}", file=sys.stderr)
-        return INTERRUPTED, True
-    except Ended as ended:
-        print(f"iprt: {_told(ended, f'ended by {ended.signal.name}')}", file=sys.stderr)
-        return 128 + ended.signal, True
-    except BrokenPipeError:
-        # The reader of stdout has left; Python would complain once more while it shuts down.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0, False
     except Exception:
+        if not _has_folder():
+            print("iprt: error: the current folder was deleted; go to another one", file=sys.stderr)
+            return IprtError.exit_code, False
         traceback.print_exc()
         print("iprt: this is a defect in iprt; please report the lines above", file=sys.stderr)
         return DEFECT, False
 
 
-def _told(error: BaseException, message: str) -> str:
-    """The message and the notes that were added on the way up."""
-    return "; ".join([message, *getattr(error, "__notes__", ())])
+def _verb(words: list[str]) -> int | None:
+    from iprt.commands.help import CONFIG
+
+    if "--version" in words:
+        print(versions())
+        return None
+    try:
+        code: int | None = application(words).cli(
+            prog="iprt", description=DESCRIPTION, args=words, config=CONFIG
+        )
+    except SystemExit:  # tyro's, behind a help text
+        sys.stdout.flush()
+        raise
+    return code
+
+
+def versions() -> str:
+    """What a report of a defect has to name, in one line."""
+    import platform
+    from importlib.metadata import PackageNotFoundError, version
+
+    from iprt import __version__
+
+    try:
+        opencl = version("pyopencl")
+    except PackageNotFoundError:
+        opencl = "missing"
+    return f"iprt {__version__}, Python {platform.python_version()}, pyopencl {opencl}"
+
+
+def _complain(error: IprtError) -> None:
+    """Print an error, with the notes that were added on the way up."""
+    from iprt.commands.streams import one_line
+
+    *lines, last = error.lines
+    lines.append("; ".join([last, *getattr(error, "__notes__", ())]))
+    print("iprt: error:", "\n".join(map(one_line, lines)), file=sys.stderr)
+
+
+def _has_folder() -> bool:
+    """Whether the current folder still exists, which relative paths need."""
+    try:
+        os.getcwd()
+    except FileNotFoundError:
+        return False
+    return True
 
 
 def application(arguments: Sequence[str]) -> SubcommandApp:
@@ -114,6 +169,12 @@ def application(arguments: Sequence[str]) -> SubcommandApp:
 
     The verbs' modules import what is heavy only when they run.
     """
+    import inspect
+
+    from tyro.extras import SubcommandApp
+
+    from iprt.commands.help import explained
+
     root = SubcommandApp()
     groups: dict[str, SubcommandApp] = {}
     for words, target in VERBS.items():
@@ -132,6 +193,8 @@ def application(arguments: Sequence[str]) -> SubcommandApp:
 
 
 def _load(target: str) -> Callable[..., int | None]:
+    from importlib import import_module
+
     module, _, name = target.partition(":")
     function: Callable[..., int | None] = getattr(import_module(module), name)
     return function

@@ -11,7 +11,7 @@ from iprt.passes.layout import PlaneLayout
 from iprt.passes.mask import Mask, grid_offset
 from iprt.passes.real_layer import RealLayer
 from iprt.passes.world import World
-from iprt.pixels import SignalFilter, Tick
+from iprt.pixels import FrameContext, SignalFilter
 from iprt.requirements import Requirements
 
 
@@ -42,14 +42,14 @@ class GlossPixels:
         self._filter = SignalFilter(device, self._guide, "specular", settings, name="gloss")
         self.change: cla.Array | None = None
 
-    def run(self, world: World, layer: RealLayer, tick: Tick) -> cla.Array:
+    def run(self, world: World, layer: RealLayer, context: FrameContext) -> cla.Array:
         """Trace and filter a frame; `layer` was resampled with gloss."""
         assert layer.gloss is not None
-        self._filter.start(tick)
-        self._guide.run(tick.view, layer.normal, layer.depth, layer.gloss)
-        self.mask.run(grid_offset(tick.index), motion=layer.motion, metre=world.panorama.scale)
-        self._trace.run(world, self.mask, tick.view)
+        self._filter.start(context)
+        self._guide.run(context.view, layer.normal, layer.depth, layer.gloss)
+        self.mask.run(grid_offset(context.index), motion=layer.motion, metre=world.panorama.scale)
+        self._trace.run(world, self.mask, context.view)
         self.change = self._filter.run(
-            self._trace.change, self.mask, layer.motion, tick, roughness=layer.roughness
+            self._trace.change, self.mask, layer.motion, context, roughness=layer.roughness
         )
         return self.change

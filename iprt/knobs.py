@@ -169,7 +169,10 @@ def plain_value(text: str) -> Any:
 
 
 def settings_toml(settings: Settings, title: str) -> str:
-    """A file that sets every knob to its value in `settings`, with comments to edit it by."""
+    """A file of all knobs that sets those whose value in `settings` is not the default.
+
+    The others are commented out, so that a preset may still choose them.
+    """
     values = plain_values(settings)
     lines, group = [f"# {title}", ""], ""
     for knob in knobs().values():
@@ -179,9 +182,10 @@ def settings_toml(settings: Settings, title: str) -> str:
         default = "" if knob.default is None else f"; default {_toml_value(knob.default)}"
         name = knob.key.rpartition(".")[2]
         value = values[knob.key]
-        lines += [*_comment(knob.help), *_comment(knob.allowed + default)]
         # TOML has no word for nothing.
-        lines += [f"# {name} =" if value is None else f"{name} = {_toml_value(value)}", ""]
+        line = f"{name} =" if value is None else f"{name} = {_toml_value(value)}"
+        left_out = "#" if value == knob.default else ""
+        lines += [*_comment(knob.help), *_comment(knob.allowed + default), left_out + line, ""]
     return "\n".join(lines)
 
 
@@ -189,11 +193,19 @@ def _require_knob(item: Assignment) -> None:
     if item.key in knobs():
         return
     if item.key in groups():
-        members = ", ".join(key for key, knob in knobs().items() if knob.group == item.key)
-        raise IprtError(f"{item.source}: '{item.key}' is a group; its knobs are: {members}")
-    near = _nearest(item.key)
-    hint = f"did you mean {near}?" if near else "`iprt settings` lists them"
-    raise IprtError(f"{item.source}: there is no knob '{printable(item.key)}'; {hint}")
+        members = _members(item.key)
+        raise IprtError(f"{item.source}: '{item.key}' is a group; its settings are: {members}")
+    near, group = _nearest(item.key), item.key.partition(".")[0]
+    hint = "`iprt settings` lists all settings"
+    if near is not None:
+        hint = f"did you mean {near}?"
+    elif group in groups():
+        hint = f"the settings of {group} are: {_members(group)}"
+    raise IprtError(f"{item.source}: there is no setting '{printable(item.key)}'; {hint}")
+
+
+def _members(group: str) -> str:
+    return ", ".join(key for key, knob in knobs().items() if knob.group == group)
 
 
 def _nearest(key: str) -> str | None:
@@ -202,9 +214,9 @@ def _nearest(key: str) -> str | None:
     by_name: dict[str, list[str]] = {}
     for known in knobs():
         by_name.setdefault(known.rpartition(".")[2], []).append(known)
-    similar = [name] if name in by_name else get_close_matches(name, by_name, n=1, cutoff=0.7)
+    similar = [name] if name in by_name else get_close_matches(name, by_name, n=1, cutoff=0.8)
     candidates = [known for match in similar for known in by_name[match]] or list(knobs())
-    close = get_close_matches(key, candidates, n=1, cutoff=0.0 if similar else 0.6)
+    close = get_close_matches(key, candidates, n=1, cutoff=0.0 if similar else 0.8)
     return close[0] if close else None
 
 

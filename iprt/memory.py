@@ -10,6 +10,7 @@ from iprt.errors import DeviceError
 
 if TYPE_CHECKING:
     from iprt.device.compute import ComputeDevice
+    from iprt.device.plan import PlannedKernel
     from iprt.requirements import Requirements
     from iprt.scene.camera import View
     from iprt.scene.footage import Footage
@@ -43,11 +44,14 @@ class RenderPlan:
     requirements : Requirements
     buffers : dict of str to int
         Bytes by name.
+    kernels : tuple of (file, kernel, defines)
+        As `ComputeDevice.kernel` takes them.
     """
 
     view: View
     requirements: Requirements
     buffers: dict[str, int]
+    kernels: tuple[PlannedKernel, ...]
 
     @classmethod
     def of(
@@ -64,7 +68,7 @@ class RenderPlan:
 
         device = PlanDevice()
         renderer = Renderer(device, frame, instances, view, settings, footage=footage)
-        return cls(view, renderer.requirements, device.buffers)
+        return cls(view, renderer.requirements, device.buffers, tuple(device.kernels))
 
     @property
     def bytes(self) -> int:
@@ -103,8 +107,8 @@ def require_memory(
     view: View,
     settings: Settings,
     footage: Footage | None = None,
-) -> None:
-    """Refuse a picture whose buffers do not fit into the device's memory.
+) -> RenderPlan:
+    """The plan of a picture; refuse one whose buffers do not fit into the device's memory.
 
     Drivers for processors promise memory that they do not have, and the system then ends the
     process without a word.
@@ -117,6 +121,7 @@ def require_memory(
     problem = plan.problem(device.name, device.memory, device.largest_buffer)
     if problem is not None:
         raise DeviceError(problem)
+    return plan
 
 
 def remedy(buffer: str) -> str:

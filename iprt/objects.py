@@ -16,11 +16,11 @@ from iprt.passes.object_bvh import ObjectBvh
 from iprt.passes.object_layers import TracedLayers, VisibleLayer
 from iprt.passes.panorama import Panorama
 from iprt.passes.visibility import Visibility
-from iprt.pixels import Tick
+from iprt.pixels import FrameContext
 from iprt.requirements import Requirements
 from iprt.scene.camera import View
 from iprt.scene.material import material_table
-from iprt.scene.mesh import Instance
+from iprt.scene.mesh import Instance, same_places
 
 if TYPE_CHECKING:
     from iprt.raster.rasterizer import Rasterizer
@@ -40,6 +40,8 @@ class Objects:
 
     Attributes
     ----------
+    version : int
+        Number of states that the objects have had. A view compares it with that of its last frame.
     bvh : ObjectBvh or None
         What rays meet; None: they meet layers.
     screen, equirect : TracedLayers or None
@@ -57,6 +59,7 @@ class Objects:
         needs: Requirements,
     ) -> None:
         self._device, self._instances, self._needs = device, instances, needs
+        self.version = 1
         self._panorama = panorama
         self._equirect_view = view.projection == "equirect"
         self._rasterizer: Rasterizer | None = None
@@ -92,8 +95,12 @@ class Objects:
         self._visibility = Visibility(self._device, view, self._triangles)
 
     def move(self, instances: Sequence[Instance]) -> None:
-        """Follow the objects from the next `place` on, in a tick that says that they changed."""
+        """Follow the objects from the next `place` on. Nothing is done if none has moved."""
+        still = same_places(self._instances, instances)
         self._instances = instances
+        if still:
+            return
+        self.version += 1
         self.bounds = self._bounds()
         self._device.write(self.device_bounds, self.bounds)
 
@@ -107,7 +114,9 @@ class Objects:
             self._rasterizer.close()
             self._rasterizer = None
 
-    def place(self, visible: VisibleLayer, view: View, previous: View, tick: Tick) -> None:
+    def place(
+        self, visible: VisibleLayer, view: View, previous: View, context: FrameContext
+    ) -> None:
         """Follow the objects, and find what the view shows of them.
 
         Parameters
@@ -115,28 +124,30 @@ class Objects:
         visible : VisibleLayer
             To be filled.
         view, previous : View
-            Those of `tick`.
+            Those of `context`.
 
         Raises
         ------
         DeviceError
             No EGL where rasterized layers are traced.
         """
-        if self._triangles is not None and tick.objects_changed:
+        if self._triangles is not None and context.objects_changed:
             self._triangles.load(self._instances)
-        if self._rasterizer is not None and tick.objects_changed:
+        if self._rasterizer is not None and context.objects_changed:
             self._rasterizer.move(self._instances)
         if self._visibility is None or self._needs.traced_layers:
             self._open_rasterizer(view)
-        shown_anew = tick.view_changed or tick.video_changed or tick.objects_changed
+        shown_anew = context.view_changed or context.video_changed or context.objects_changed
         if self._rasterizer is not None:
-            self._rasterize(self._rasterizer, visible, view, previous if shown_anew else None, tick)
+            self._rasterize(
+                self._rasterizer, visible, view, previous if shown_anew else None, context
+            )
         if self._visibility is not None and shown_anew:
             self._visibility.run(
                 visible,
                 view,
-                tick.view,
-                tick.previous,
+                context.view,
+                context.previous,
                 self._panorama,
                 self.bounds,
                 self.materials,
@@ -148,21 +159,21 @@ class Objects:
         visible: VisibleLayer,
         view: View,
         previous: View | None,
-        tick: Tick,
+        context: FrameContext,
     ) -> None:
         """Draw the view, unless `previous` is None, and the layers around the capture centre."""
         profile = self._device.profile
-        if tick.video_changed:
+        if context.video_changed:
             rasterizer.set_surface(self._device.read(self._panorama.surface))
         if previous is not None:
             with profile.host("rasterize view"):
                 layers = rasterizer.render(view, previous, shade=True)
             if self._visibility is None:
-                visible.load(layers, tick.view, self.materials)
+                visible.load(layers, context.view, self.materials)
             traced = self.equirect if self._equirect_view else self.screen
             if traced is not None:
-                traced.load(layers, tick.view)
-        if self._needs.equirect_layers and tick.objects_changed:
+                traced.load(layers, context.view)
+        if self._needs.equirect_layers and context.objects_changed:
             assert self.equirect is not None
             with profile.host("rasterize panorama"):
                 layers = rasterizer.render(self._layer_view, shade=False)

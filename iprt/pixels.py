@@ -33,7 +33,7 @@ MAP_SETTLED, MAP_EVERY = 16, 4
 
 
 @dataclass(frozen=True)
-class Tick:
+class FrameContext:
     """The view frame that is being rendered.
 
     Attributes
@@ -103,9 +103,9 @@ class SignalFilter:
         """`Temporal.length` of the signal."""
         return self._temporal.length
 
-    def start(self, tick: Tick) -> None:
+    def start(self, context: FrameContext) -> None:
         """Begin a frame, before its rays are sent: the history says how many; a cut ends it."""
-        if tick.cut:
+        if context.cut:
             self._temporal.reset()
 
     def run(
@@ -113,17 +113,17 @@ class SignalFilter:
         signal: cla.Array,
         mask: Mask,
         motion: cla.Array,
-        tick: Tick,
+        context: FrameContext,
         *,
         roughness: cla.Array | None = None,
         rect: tuple[int, int, int, int] | None = None,
     ) -> cla.Array:
         """The filtered planes of `signal`, which holds values where `mask` had rays traced."""
-        self._interpolate.run(mask.level, signal, grid_offset(tick.index))
+        self._interpolate.run(mask.level, signal, grid_offset(context.index))
         if self._published:
             signal = self._atrous.run(signal, roughness=roughness, rect=rect)
         accumulated = self._temporal.run(
-            signal, motion, mask.level, fading=tick.fading, changed=tick.changed
+            signal, motion, mask.level, fading=context.fading, changed=context.changed
         )
         if self._fix is not None:
             accumulated = self._fix.run(accumulated, mask.level)
@@ -177,18 +177,18 @@ class RealPixels:
     def accumulated(self) -> Accumulated | None:
         return self._filter.accumulated
 
-    def run(self, world: World, cache: IrradianceCache | None, tick: Tick) -> cla.Array:
+    def run(self, world: World, cache: IrradianceCache | None, context: FrameContext) -> cla.Array:
         """Relight the frame's real pixels and return the ratio per pixel.
 
         `cache` holds E_R for the estimator "delta".
         """
         layer, mask = self.layer, self.mask
-        self._filter.start(tick)
-        mask.run(grid_offset(tick.index), motion=layer.motion, metre=world.panorama.scale)
+        self._filter.start(context)
+        mask.run(grid_offset(context.index), motion=layer.motion, metre=world.panorama.scale)
         if cache is not None:
-            cache.run(world, self._guide, mask, tick.view, least=self._least)
-        self._trace.run(world, mask, tick.view, cache, least=self._least)
-        self.change = self._filter.run(self._trace.signal, mask, layer.motion, tick)
+            cache.run(world, self._guide, mask, context.view, least=self._least)
+        self._trace.run(world, mask, context.view, cache, least=self._least)
+        self.change = self._filter.run(self._trace.signal, mask, layer.motion, context)
         self.relight.run(self.change, layer.diffuse, world, cache, mask.touched)
         return self.relight.ratio
 
@@ -226,19 +226,19 @@ class RatioMap:
         self._follows_camera = camera is not None
         self._in_motion = False
 
-    def run(self, world: World, cache: IrradianceCache | None, tick: Tick) -> None:
-        """Follow the frame; `tick.view` is not used, the map does not turn."""
+    def run(self, world: World, cache: IrradianceCache | None, context: FrameContext) -> None:
+        """Follow the frame; `context.view` is not used, the map does not turn."""
         # A map that has settled gains little from a frame more.
-        settled = self._updates >= MAP_SETTLED and not tick.changed
-        if settled and tick.index % MAP_EVERY > 0:
+        settled = self._updates >= MAP_SETTLED and not context.changed
+        if settled and context.index % MAP_EVERY > 0:
             return
-        here = replace(tick, index=self._updates, view=self._constants, previous=self._constants)
+        here = replace(context, index=self._updates, view=self._constants, previous=self._constants)
         self._updates += 1
         with self._device.profile.section("ratio map"):
             # What a camera's motion moved stands still in the frame after.
-            if here.index == 0 or tick.changed or self._in_motion:
+            if here.index == 0 or context.changed or self._in_motion:
                 self._pixels.layer.run(world.panorama, self._constants, self._constants)
-            self._in_motion = self._follows_camera and tick.changed
+            self._in_motion = self._follows_camera and context.changed
             layer = self._pixels.layer
             self._guide.run(self._constants, layer.normal, layer.depth, layer.id)
             self._pixels.run(world, cache, here)
@@ -292,30 +292,30 @@ class VirtualPixels:
 
     @property
     def accumulated(self) -> tuple[Accumulated, ...]:
-        """Of each signal, before the spatial filter; empty before the first frame."""
+        """Each signal before the spatial filter; empty before the first frame."""
         found = (signal_filter.accumulated for signal_filter in self._filters.values())
         return tuple(signal for signal in found if signal is not None)
 
-    def run(self, world: World, tick: Tick) -> None:
+    def run(self, world: World, context: FrameContext) -> None:
         """Shade the frame's virtual pixels; `world.relit` is what they reflect."""
         seen, trace = self.visible, self._trace
         for signal_filter in self._filters.values():
-            signal_filter.start(tick)
-        self._guide.run(tick.view, seen.normal, seen.depth, seen.id)
-        self._mask.run(grid_offset(tick.index), motion=seen.motion, metre=world.panorama.scale)
+            signal_filter.start(context)
+        self._guide.run(context.view, seen.normal, seen.depth, seen.id)
+        self._mask.run(grid_offset(context.index), motion=seen.motion, metre=world.panorama.scale)
         history = next(iter(self._filters.values())).history
-        trace.run(world, self._mask, tick.view, seen.albedo, history)
+        trace.run(world, self._mask, context.view, seen.albedo, history)
         signals = {"diffuse": trace.diffuse, "specular": trace.specular}
         for kind, signal_filter in self._filters.items():
             motion = seen.motion
             # A head that turns sees surface and reflection in one direction: they move alike.
-            if kind == "specular" and tick.changed and self._reflections is not None:
-                motion = self._reflections.run(motion, seen.roughness, trace.hit, tick.previous)
+            if kind == "specular" and context.changed and self._reflections is not None:
+                motion = self._reflections.run(motion, seen.roughness, trace.hit, context.previous)
             self.reflected[kind] = signal_filter.run(
                 signals[kind],
                 self._mask,
                 motion,
-                tick,
+                context,
                 roughness=seen.roughness if kind == "specular" else None,
                 rect=seen.rect,
             )

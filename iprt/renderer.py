@@ -1,8 +1,8 @@
 """The frame: what is done on each clock, and in which order. Read this file first.
 
-Three clocks: the video frame (the panorama and what the tracer needs of it), object changes
-(rasterized layers that rays meet), and the view frame (everything after). `Requirements` says
-which passes exist for a scene.
+Three clocks: the video (`RealWorld`: the panorama and what rays need of it), the objects
+(`Objects`: what rays meet of them), and the view (everything after). A view compares the versions
+of both worlds with those of its last frame. `Requirements` says which passes exist for a scene.
 """
 
 from __future__ import annotations
@@ -20,26 +20,20 @@ from iprt.device.checked import checked
 from iprt.device.compute import ComputeDevice
 from iprt.gloss_pixels import GlossPixels
 from iprt.objects import Objects
-from iprt.passes.background import OTHER_LIGHT
-from iprt.passes.camera_motion import STILL, CameraMotion
-from iprt.passes.color_map import ColorMap
+from iprt.passes.camera_motion import CameraMotion
 from iprt.passes.composite import Composite
 from iprt.passes.guide import Guide
-from iprt.passes.highlight import Highlight
-from iprt.passes.irradiance import IrradianceCache
 from iprt.passes.layout import PlaneLayout
-from iprt.passes.lights import Lights, flux_change
-from iprt.passes.panorama import Panorama
 from iprt.passes.real_layer import RealLayer
 from iprt.passes.world import World
-from iprt.pixels import RatioMap, RealPixels, Tick, VirtualPixels
+from iprt.pixels import FrameContext, RatioMap, RealPixels, VirtualPixels
+from iprt.real_world import RealWorld
 from iprt.requirements import Requirements
 from iprt.scene.camera import View
-from iprt.scene.cut import SWITCHED, is_cut
 from iprt.scene.footage import Footage
 from iprt.scene.frame import Frame
-from iprt.scene.mesh import Instance, require_same_objects, same_places
-from iprt.scene.pose import camera_motion, seen_from, view_from
+from iprt.scene.mesh import Instance, require_same_objects
+from iprt.scene.pose import seen_from, view_from
 from iprt.settings import Settings
 
 
@@ -57,6 +51,27 @@ class RenderedFrame:
 
     color: NDArray[np.float32]
     aovs: dict[str, NDArray[np.float32]]
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """What the last view frame showed: versions of the worlds, and the camera.
+
+    Attributes
+    ----------
+    real, objects : int
+        `RealWorld.version` and `Objects.version`.
+    objects_moved : bool
+        They were elsewhere in the frame before.
+    view, previous : View
+        Its view and that of the frame before, in the axes of the capture centre.
+    """
+
+    real: int
+    objects: int
+    objects_moved: bool
+    view: View
+    previous: View
 
 
 class Renderer:
@@ -82,6 +97,7 @@ class Renderer:
     fading : float
         Least share of a new frame in the temporal means from the next step on; at first that of
         the settings.
+    real_world : RealWorld
 
     Raises
     ------
@@ -107,7 +123,7 @@ class Renderer:
         self.view = view
         self.background = background
         materials = [m for instance in self.instances for m in instance.mesh.materials]
-        self.requirements = Requirements.of(
+        self.requirements = needs = Requirements.of(
             materials,
             view,
             self.settings,
@@ -115,67 +131,46 @@ class Renderer:
             deforming=any(instance.mesh.deforms for instance in self.instances),
         )
         self._equirect = view.projection == "equirect"
-        self._objects: Objects | None = None
         self._frame_index = 0
-        self._previous_view = view_from(view, frame.pose)
-        self._view_stale = 2  # steps for which what depends on the view must be made anew
-        self._video_stale = True
-        self._objects_stale = 1  # frames for which the objects are not where they were
-        self._cut = False
+        self._seen: _Seen | None = None
+        self._placed = self.instances, frame.pose  # what the objects follow
 
         self._camera: CameraMotion | None = None
-        if self.requirements.moving_camera and frame.pose is not None:
+        if needs.moving_camera and frame.pose is not None:
             self._camera = CameraMotion(device, frame.pose)
         camera = None if self._camera is None else self._camera.rows
 
         self.layout = PlaneLayout(view.width, view.height)
-        self.panorama = Panorama(
-            device,
-            frame.width,
-            frame.height,
-            outside=self.requirements.opening_environment,
-            gloss=self.requirements.gloss,
-            own_radiance=self.requirements.own_radiance,
-            background=self.settings.trace if self.requirements.background else None,
-        )
+        self.real_world = RealWorld(device, frame, needs)
         self._view_constants = [device.zeros(f"view {i}", (16,)) for i in range(2)]
         self.real = RealLayer(
             device,
             self.layout,
             equirect=self._equirect,
             name="real",
-            gloss=self.requirements.gloss,
+            gloss=needs.gloss,
             camera=camera,
-            color_map=self.requirements.color_map and self.requirements.tracing,
+            color_map=needs.color_map and needs.tracing,
         )
-        self._color_map = ColorMap(device) if self.requirements.color_map else None
         self.composite = Composite(
             device,
             self.layout,
-            relit=self.requirements.tracing,
-            diffuse=self.requirements.diffuse_signal,
-            specular=self.requirements.specular_signal,
-            gloss=self.requirements.gloss,
-            color_map=self.requirements.color_map,
+            relit=needs.tracing,
+            diffuse=needs.diffuse_signal,
+            specular=needs.specular_signal,
+            gloss=needs.gloss,
+            color_map=needs.color_map,
         )
+        self._objects: Objects | None = None
         self.real_pixels: RealPixels | None = None
         self.gloss_pixels: GlossPixels | None = None
-        self._highlight: Highlight | None = None
         self.virtual_pixels: VirtualPixels | None = None
         self.ratio_map: RatioMap | None = None
-        self.cache: IrradianceCache | None = None
-        self._lights: Lights | None = None
-        if self.requirements.objects:
-            self._build_object_passes(frame, camera)
-        self._frame = frame
-        self.load(frame)
+        if needs.objects:
+            self._build_object_passes(camera)
 
-    def _build_object_passes(self, frame: Frame, camera: cla.Array | None) -> None:
-        device, needs = self.device, self.requirements
-        if needs.light_sampling:
-            self._lights = Lights(device, frame.width, frame.height)
-        if needs.delta:
-            self.cache = IrradianceCache(device, needs)
+    def _build_object_passes(self, camera: cla.Array | None) -> None:
+        device, needs, real = self.device, self.requirements, self.real_world
         if needs.ratio_map:
             self.ratio_map = RatioMap(device, needs, camera)
         self.virtual_pixels = VirtualPixels(
@@ -187,22 +182,21 @@ class Renderer:
             )
             self.real_pixels = RealPixels(device, self.real, self.real_guide, needs, name="real")
         if needs.gloss:
-            self._highlight = Highlight(device, self.panorama, needs)
             self.gloss_pixels = GlossPixels(
                 device, self.layout, needs, equirect=self._equirect, camera=camera
             )
-        placed = seen_from(self.instances, frame.pose)
-        objects = Objects(device, placed, self.view, self.panorama, needs)
+        placed = seen_from(self.instances, real.frame.pose)
+        objects = Objects(device, placed, self.view, real.panorama, needs)
         self._objects = objects
         self.world = World(
-            self.panorama,
+            real.panorama,
             objects.screen,
             objects.equirect,
             bvh=objects.bvh,
             materials=objects.materials,
             bounds=objects.device_bounds,
-            lights=self._lights,
-            highlight=self._highlight,
+            lights=real.lights,
+            highlight=real.highlight,
         )
 
     def close(self) -> None:
@@ -220,66 +214,86 @@ class Renderer:
 
     def step(self) -> None:
         """Render one view frame; temporal passes build on the ones before."""
-        tick = Tick(
+        real, objects = self.real_world, self._objects
+        pose = real.frame.pose
+        placed, placed_from = self._placed
+        if objects is not None and (self.instances is not placed or pose is not placed_from):
+            objects.move(seen_from(self.instances, pose))
+            self._placed = self.instances, pose
+        seen = self._look()
+        context = self._context(seen)
+        self._resample_real_layer(context)
+        if self.virtual_pixels is None or objects is None:
+            self.composite.run(self.real.color)
+        else:
+            objects.place(self.virtual_pixels.visible, seen.view, seen.previous, context)
+            ratio = self._relight(context)
+            self.virtual_pixels.run(self.world, context)
+            self._composite(self.virtual_pixels, ratio)
+        self._frame_index += 1
+        self._seen = seen
+        self.device.profile.end_frame()
+
+    def _look(self) -> _Seen:
+        """What this frame shows."""
+        view = view_from(self.view, self.real_world.frame.pose)
+        before, objects = self._seen, 0 if self._objects is None else self._objects.version
+        return _Seen(
+            self.real_world.version,
+            objects,
+            before is not None and objects != before.objects,
+            view,
+            view if before is None else before.view,
+        )
+
+    def _context(self, now: _Seen) -> FrameContext:
+        real, before = self.real_world, self._seen
+        turned = before is None or (now.view, now.previous) != (before.view, before.previous)
+        if turned:
+            views = (now.view, now.previous)
+            for rows, view in zip(self._view_constants, views, strict=True):
+                self.device.write(rows, view.kernel_constants())
+        carried = False
+        if self._camera is not None and real.frame.pose is not None:
+            carried = self._camera.step(real.frame.pose)
+        return FrameContext(
             self._frame_index,
             view=self._view_constants[0],
             previous=self._view_constants[1],
-            view_changed=self._view_stale > 0,
-            video_changed=self._video_stale,
-            objects_changed=self._objects_stale > 0,
+            view_changed=turned or carried,
+            video_changed=before is None or now.real != before.real,
+            # Their motion ends in the frame after the last one that moves them.
+            objects_changed=before is None or now.objects_moved or before.objects_moved,
             fading=self.fading,
-            cut=self._cut,
+            cut=before is not None and real.cut_version > before.real,
         )
-        view = view_from(self.view, self._frame.pose)
-        self._place_view(tick, view)
-        self._resample_real_layer(tick)
-        if self.virtual_pixels is None or self._objects is None:
-            self.composite.run(self.real.color)
-        else:
-            self._objects.place(self.virtual_pixels.visible, view, self._previous_view, tick)
-            ratio = self._relight(tick)
-            self.virtual_pixels.run(self.world, tick)
-            self._composite(self.virtual_pixels, ratio)
-        self._frame_index += 1
-        self._video_stale = self._cut = False
-        self._objects_stale = max(self._objects_stale - 1, 0)
-        self._view_stale = max(self._view_stale - 1, 0)
-        self._previous_view = view
-        self.device.profile.end_frame()
 
-    def _place_view(self, tick: Tick, now: View) -> None:
-        if self._camera is not None:
-            self._camera.step()
-        if tick.view_changed:
-            for rows, view in zip(self._view_constants, (now, self._previous_view), strict=True):
-                self.device.write(rows, view.kernel_constants())
-
-    def _resample_real_layer(self, tick: Tick) -> None:
-        highlight = self._highlight
-        if highlight is not None and tick.video_changed:
-            highlight.run()
-        if tick.view_changed or tick.video_changed:
+    def _resample_real_layer(self, context: FrameContext) -> None:
+        real = self.real_world
+        real.split_highlights()
+        if context.view_changed or context.video_changed:
             self.real.run(
-                self.panorama,
+                real.panorama,
                 *self._view_constants,
-                real_materials=None if highlight is None else highlight.table,
-                color_map=self._color_map_rows,
+                real_materials=None if real.highlight is None else real.highlight.table,
+                color_map=real.color_map,
             )
             if self.background is not None:
-                self.real.replace_color(self.background, self._color_map_rows)
+                self.real.replace_color(self.background, real.color_map)
         if self.requirements.tracing:
-            self.real_guide.run(tick.view, self.real.normal, self.real.depth, self.real.id)
+            self.real_guide.run(context.view, self.real.normal, self.real.depth, self.real.id)
 
-    def _relight(self, tick: Tick) -> cla.Array | None:
+    def _relight(self, context: FrameContext) -> cla.Array | None:
         if self.real_pixels is None:
             return None
-        ratio = self.real_pixels.run(self.world, self.cache, tick)
+        irradiance = self.real_world.irradiance
+        ratio = self.real_pixels.run(self.world, irradiance, context)
         if self.ratio_map is not None:
-            self.ratio_map.run(self.world, self.cache, tick)
+            self.ratio_map.run(self.world, irradiance, context)
         if self.requirements.relit_reflections:
-            self.world.relight(ratio, self.view, tick.view, self.ratio_map)
+            self.world.relight(ratio, self.view, context.view, self.ratio_map)
         if self.gloss_pixels is not None:
-            self.gloss_pixels.run(self.world, self.real, tick)
+            self.gloss_pixels.run(self.world, self.real, context)
         return ratio
 
     def _composite(self, pixels: VirtualPixels, ratio: cla.Array | None) -> None:
@@ -292,58 +306,22 @@ class Renderer:
             albedo=pixels.visible.albedo,
             diffuse=pixels.reflected.get("diffuse"),
             specular=pixels.reflected.get("specular"),
-            color_map=self._color_map_rows,
+            color_map=self.real_world.color_map,
         )
 
     @property
     def frame(self) -> Frame:
         """The video frame that is shown."""
-        return self._frame
-
-    @property
-    def _color_map_rows(self) -> cla.Array | None:
-        return None if self._color_map is None else self._color_map.rows
+        return self.real_world.frame
 
     # Use ------------------------------------------------------------------------------------
 
     def load(self, frame: Frame) -> None:
-        """Go on with another frame of the video, of the same size and with the same openings.
-
-        Raises
-        ------
-        ValueError
-            It has a pose and the frame before has none, or the other way round.
-        """
-        needs = self.requirements
-        assert needs.own_radiance or not (needs.objects and frame.own_radiance), "no buffer for it"
-        motion = camera_motion(self._frame.pose, frame.pose)
-        mapped = needs.objects and frame.color_map is not None
-        assert needs.color_map or not mapped, "no kernel for it"
-        self.panorama.load(frame)
-        if self._color_map is not None:
-            self._color_map.load(frame.color_map)
-        if needs.objects:
-            changed = flux_change(self._frame.radiance, frame.radiance)
-            cut = is_cut(self._frame, frame, changed)
-            self._cut = self._cut or cut or changed > SWITCHED
-            elsewhere = cut or not np.array_equal(motion, STILL)
-            hidden = self.panorama.remember(forget=elsewhere or changed > OTHER_LIGHT)
-            if self._lights is not None:
-                self._lights.load(frame.radiance, hidden)
-            if self.cache is not None:
-                self.cache.place(self.world, self._frame, frame, motion, changed=changed, cut=cut)
-        self._frame = frame
-        self._video_stale = True
-        if np.array_equal(motion, STILL):
-            return
-        self._view_stale = 2
-        if self._camera is not None and self._objects is not None and frame.pose is not None:
-            self._camera.pose = frame.pose
-            self._objects.move(seen_from(self.instances, frame.pose))
-            self._objects_stale = 2
+        """Go on with another frame of the video; see `RealWorld.load`."""
+        self.real_world.load(frame)
 
     def move(self, instances: Iterable[Instance]) -> None:
-        """Follow the objects to where they are now. Nothing is done if none has moved.
+        """Follow the objects to where they are now.
 
         Parameters
         ----------
@@ -358,19 +336,13 @@ class Renderer:
         """
         moved = tuple(instances)
         require_same_objects(self.instances, moved)
-        still = same_places(self.instances, moved)
         self.instances = moved
-        if still or self._objects is None:
-            return
-        self._objects.move(seen_from(moved, self._frame.pose))
-        self._objects_stale = 2  # their motion ends in the frame after the last one that moves them
 
     def look(self, view: View) -> None:
         """Turn the camera; size and projection stay."""
         assert (view.width, view.height) == (self.view.width, self.view.height)
         assert view.projection == self.view.projection
         self.view = view
-        self._view_stale = 2
 
     def render(
         self,

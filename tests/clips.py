@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from tests.scene.files import CUBE, box_room, directions, write_channels, write_rgb
 
 SIZE = (32, 16)
-"""Of the view, in pixels."""
+"""The view's size in pixels."""
 
 MANIFEST = """format = 1
 name = "clip"

@@ -6,12 +6,19 @@ import os
 from collections.abc import Callable
 from pathlib import Path
 
+import hypothesis
 import pytest
 
 from iprt import cli
 from iprt.device.choose import choose_device
 from iprt.device.compute import ComputeDevice
 from tests.scene.files import write_scene
+
+# Examples may take long: other programs may run on all cores.
+hypothesis.settings.register_profile(
+    "any speed", deadline=None, suppress_health_check=[hypothesis.HealthCheck.too_slow]
+)
+hypothesis.settings.load_profile("any speed")
 
 
 @pytest.fixture(scope="session")

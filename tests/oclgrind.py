@@ -30,7 +30,7 @@ from tests.films import entry_points, films, launches, play
 
 LIBRARY = Path("/usr/lib/oclgrind/liboclgrind-rt-icd.so")
 CORE = "liboclgrind-21.10.so"
-"""Of LIBRARY, and the version whose fault `mended_core` knows."""
+"""The library behind LIBRARY, of the version whose fault `mended_core` knows."""
 MISSING = f"Oclgrind is not installed (apt-get install oclgrind): there is no {LIBRARY}"
 TIMEOUT_S = 1800.0
 ROOT = Path(__file__).resolve().parents[1]

@@ -58,7 +58,7 @@ def room(
     leaving = np.maximum((way * normals[:, None]).sum(-1), 0.0)
     arriving = np.maximum(-(way * normals[None]).sum(-1), 0.0)
     factor = leaving * arriving / squared**2 * area
-    # Of a closed room they sum up to pi; squares that touch are too near for one point each.
+    # Those of a closed room sum up to pi; squares that touch are too near for one point each.
     factor *= np.pi / factor.sum(1, keepdims=True)
     radiance = np.zeros_like(direct)
     for _ in range(BOUNCES):

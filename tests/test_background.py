@@ -34,7 +34,7 @@ SETTINGS = Settings.model_validate(
 
 
 def screen_color(points: Float, normals: Float) -> Float:
-    """Of the screen: black. Else the walls'."""
+    """The screen is black. All else has the walls' colour."""
     on_screen = (np.abs(points - SCREEN.centre) < np.array(SCREEN.half) + 1e-3).all(-1)
     return np.where(on_screen[..., None], 0.0, bright_walls(points, normals))
 

@@ -128,15 +128,15 @@ BAD_SCENES: dict[str, tuple[Change, str]] = {
     "depth PNG unscaled": (replaced("depth.exr", "depth.png", depth_png), "video.depth_scale: "),
     "depth of 8 bits": (
         replaced('depth = "depth.exr"', SCALED, grey_png),
-        "depth.png: L picture with 8 bits",
+        "depth.png: a grey picture of 8 bits",
     ),
     "depth in colours": (
         replaced('depth = "depth.exr"', SCALED, picture("depth.png", "PNG")),
-        "depth needs a 16-bit grey PNG",
+        "depth.png: a picture in colours; depth needs one channel",
     ),
     "sizes differ": (
-        lambda f: write_channels(f / "depth.exr", Z=np.ones((16, 32), np.float32)),
-        "depth.exr: 32 x 16 pixels, but colour has 64 x 32",
+        lambda f: write_channels(f / "depth.exr", Z=np.ones((64, 128), np.float32)),
+        "depth.exr: 128 x 64 pixels, but colour has 64 x 32",
     ),
     "not 2:1": (square, "color.exr: 64 x 64 pixels; an equirect panorama is twice as wide"),
     "depth all NaN": (depth_is(np.nan), "depth.exr: no depth"),

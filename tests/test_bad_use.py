@@ -6,7 +6,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -14,6 +13,7 @@ import numpy as np
 import pytest
 
 from tests.scene.files import CUBE, box_room, snapshot, write_channels, write_rgb
+from tests.waiting import DEADLINE_S, until
 
 ROOT = Path(__file__).parents[1]
 
@@ -170,9 +170,11 @@ def test_no_egl_is_one_line_with_the_command_that_installs_it(scene: Path, tmp_p
 def test_an_interrupted_render_leaves_no_picture(scene: Path, tmp_path: Path) -> None:
     started = tmp_path / "started"
     code = (
-        "import signal, sys; from pathlib import Path; from iprt import cli, renderer\n"
         # A test run in the background of a shell ignores interrupts, and its children with it.
-        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+        "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+        # Before there are threads.
+        "signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT,))\n"
+        "import sys; from pathlib import Path; from iprt import cli, renderer\n"
         "render = renderer.Renderer.render\n"
         "def marked(self, *args, **kwargs):\n"
         f"    Path({str(started)!r}).touch(); return render(self, *args, **kwargs)\n"
@@ -183,11 +185,28 @@ def test_an_interrupted_render_leaves_no_picture(scene: Path, tmp_path: Path) ->
     with subprocess.Popen(
         [sys.executable, "-c", code], cwd=ROOT, stderr=subprocess.PIPE, text=True
     ) as child:
-        until = time.monotonic() + 60.0
-        while not started.exists() and child.poll() is None and time.monotonic() < until:
-            time.sleep(0.05)
+        until(lambda: started.exists() or child.poll() is not None)
         child.send_signal(signal.SIGINT)
-        _, error = child.communicate(timeout=60)
+        _, error = child.communicate(timeout=DEADLINE_S)
     assert child.returncode == 130
     assert error == "iprt: interrupted\n"
     assert {path.name for path in tmp_path.iterdir()} == {"room", "started"}
+
+
+def test_a_current_folder_that_was_deleted_is_one_line(tmp_path: Path) -> None:
+    code = (
+        "import os, sys; from iprt import cli\n"
+        "os.rmdir(os.getcwd()); sys.exit(cli.main(['render', 'scene', '-o', 'a.png']))"
+    )
+    folder = tmp_path / "gone"
+    folder.mkdir()
+    result = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert result.returncode == 2
+    assert result.stderr == "iprt: error: the current folder was deleted; go to another one\n"

@@ -12,8 +12,7 @@ import pytest
 
 from iprt import cli
 from iprt.commands.help import unwrapped
-from iprt.ending import Ended
-from iprt.errors import DeviceError, SceneError
+from iprt.errors import DeviceError, KernelError, SceneError
 
 ROOT = Path(__file__).parents[1]
 Install = Callable[[Callable[..., int | None]], None]
@@ -81,6 +80,15 @@ def test_errors_of_the_user_are_one_line(
     assert captured.out == ""
 
 
+def test_reports_of_compilers_keep_their_lines(
+    install: Install, capsys: pytest.CaptureFixture[str]
+) -> None:
+    install(raising(KernelError("cl/a.cl did not build\n  device   a device\nerror: x")))
+    assert cli.main(["try-it"]) == 3
+    report = "iprt: error: cl/a.cl did not build\n  device   a device\nerror: x\n"
+    assert capsys.readouterr().err == report
+
+
 @pytest.mark.parametrize("arguments", [["--debug", "try-it"], ["try-it", "--debug"]])
 def test_debug_shows_the_traceback(
     install: Install, capsys: pytest.CaptureFixture[str], arguments: list[str]
@@ -92,27 +100,12 @@ def test_debug_shows_the_traceback(
     assert captured.err.endswith("iprt: error: bad\n")
 
 
-def test_an_interrupt_is_one_line(install: Install, capsys: pytest.CaptureFixture[str]) -> None:
-    install(raising(KeyboardInterrupt()))
-    assert cli.main(["try-it"]) == 130
-    assert capsys.readouterr().err == "iprt: interrupted\n"
-
-
-@pytest.mark.parametrize(
-    ("error", "line"),
-    [
-        (KeyboardInterrupt(), "iprt: interrupted; 3 of 6 are finished\n"),
-        (Ended(15), "iprt: ended by SIGTERM; 3 of 6 are finished\n"),
-        (SceneError("bad"), "iprt: error: bad; 3 of 6 are finished\n"),
-    ],
-)
-def test_notes_of_errors_are_told(
-    error: BaseException, line: str, install: Install, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_notes_of_errors_are_told(install: Install, capsys: pytest.CaptureFixture[str]) -> None:
+    error = SceneError("bad")
     error.add_note("3 of 6 are finished")
     install(raising(error))
-    cli.main(["try-it"])
-    assert capsys.readouterr().err == line
+    assert cli.main(["try-it"]) == 2
+    assert capsys.readouterr().err == "iprt: error: bad; 3 of 6 are finished\n"
 
 
 def test_a_defect_is_told_from_bad_input(
@@ -123,22 +116,35 @@ def test_a_defect_is_told_from_bad_input(
     assert "ZeroDivisionError" in capsys.readouterr().err
 
 
-def test_a_reader_that_leaves_is_no_error() -> None:
-    code = (
+@pytest.mark.parametrize("lines", [3, 100000])
+@pytest.mark.parametrize("code", [0, 1])
+def test_a_reader_that_leaves_changes_no_exit_code(lines: int, code: int) -> None:
+    """Whether the pipe breaks within the verb or when the last lines are flushed."""
+    program = (
         "import sys; from iprt import cli\n"
-        "def verb():\n '''Talk.'''\n for _ in range(100000): print('much')\n"
+        "def verb():\n"
+        " '''Talk.'''\n"
+        " print('first', flush=True); sys.stdin.readline()\n"
+        f" for _ in range({lines}): print('much')\n"
+        f" return {code}\n"
         "cli.VERBS = {'talk': 'm:f', 'other': 'm:f'}; cli._load = lambda _: verb\n"
-        "sys.exit(cli.main(['talk']))"
+        "cli.command(['talk'])"
     )
     child = subprocess.Popen(
-        [sys.executable, "-c", code], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+        [sys.executable, "-c", program],
+        cwd=ROOT,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
     )
+    assert child.stdin is not None
     assert child.stdout is not None
     assert child.stderr is not None
     child.stdout.readline()
     child.stdout.close()
+    child.stdin.close()
     assert child.stderr.read() == b""
-    assert child.wait() == 0
+    assert child.wait() == code
     child.stderr.close()
 
 
@@ -188,6 +194,16 @@ def test_help_texts_wrap_anew() -> None:
     assert unwrapped(text) == "First.\n\nParameters\n---\na\n    One two.\nb\n    Three."
 
 
+def test_a_limit_of_memory_may_be_why_there_is_no_device(
+    monkeypatch: pytest.MonkeyPatch, fails: Callable[..., str], scene: Path
+) -> None:
+    words = ("scene", "check", scene, "--device", "cpu")
+    monkeypatch.setattr("pyopencl.get_platforms", list)
+    assert "ulimit" not in fails(*words, code=3)
+    monkeypatch.setattr("resource.getrlimit", lambda _: (600 * 2**20, 2**40))
+    assert "or raise `ulimit -v`: drivers may need more than the 600" in fails(*words, code=3)
+
+
 def test_a_missing_device_is_one_line_and_exit_code_3(tmp_path: Path) -> None:
     """End to end, with a loader that finds no driver."""
     (tmp_path / "none.icd").write_text("libno-such-driver.so\n")
@@ -206,7 +222,18 @@ def test_a_missing_device_is_one_line_and_exit_code_3(tmp_path: Path) -> None:
     )
     assert result.returncode == 3
     assert result.stderr.startswith("iprt: error: no OpenCL device: install a driver with `")
+    assert f"; OCL_ICD_VENDORS={tmp_path / 'none.icd'} is set: drivers are" in result.stderr
     assert result.stderr.count("\n") == 1
+
+
+def test_signals_are_handled_before_anything_heavy_is_imported() -> None:
+    """Until `command` runs, a signal shows a traceback of whatever is being imported."""
+    code = "import sys; from iprt.cli import command; print(*sys.modules)"
+    result = subprocess.run(
+        [sys.executable, "-S", "-c", code], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    slow = {"typing", "importlib", "inspect", "logging", "pathlib", "subprocess", "tyro", "numpy"}
+    assert not slow & set(result.stdout.split())
 
 
 def test_help_starts_quickly() -> None:

@@ -30,6 +30,7 @@ from iprt.scene.scene import Scene
 from tests.oracles.worlds import Box, World
 from tests.passes.estimators import furnace, kernels, lamps
 from tests.scene.files import box_room, write_channels, write_scene
+from tests.waiting import DEADLINE_S
 from tests.whole_frame import METHOD, METHODS, chosen
 from tests.worlds import Radiance, ball, bright_walls, ceiling_lamp, cuboid, room_frame
 
@@ -118,7 +119,7 @@ def elsewhere(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[dict[s
         capture_output=True,
         text=True,
         check=False,
-        timeout=300,
+        timeout=DEADLINE_S,
     )
     assert done.returncode == 0, done.stderr
     found: dict[str, list[dict[str, str]]] = json.loads(done.stdout)

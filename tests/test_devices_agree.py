@@ -19,6 +19,7 @@ from tests.whole_frame import METHOD
 pytestmark = [pytest.mark.gl, pytest.mark.slow]
 
 NAMES = ("pocl", "intel")
+NEEDED = "needs PoCL and Intel's CPU runtime (pip install iprt[pocl,intel])"
 LEVELS = 2.0 / 255.0
 SHARE = 0.999
 VIEW = View(128, 96, pitch_deg=-35.0)
@@ -29,9 +30,11 @@ def both(device: ComputeDevice) -> list[ComputeDevice]:
     """A device of each implementation; one is that of the other tests, whose kernels are built."""
     try:
         found = [choose_device(name) for name in NAMES]
-        return [device if one == device.device else ComputeDevice(one) for one in found]
     except DeviceError as error:
-        pytest.skip(f"needs PoCL and Intel's CPU runtime (pip install iprt[pocl,intel]): {error}")
+        pytest.skip(f"{NEEDED}: {error}")
+    if found[0] == found[1]:  # PoCL's device has the processor's name
+        pytest.skip(NEEDED)
+    return [device if one == device.device else ComputeDevice(one) for one in found]
 
 
 @METHOD

@@ -176,7 +176,7 @@ def striped_walls(points: Float, normals: Float) -> Float:
 def test_reflections_turn_and_mirror_with_the_world(
     device: ComputeDevice, method: tuple[str, str], columns: int | None
 ) -> None:
-    """Of stripes, in a mirror ball: hardly any noise hides what is off by a texel or two."""
+    """A mirror ball shows stripes: hardly any noise hides what is off by a texel or two."""
     frame = room_frame(ROOM, 256, 128, striped_walls)
     objects = [ball((0.1, -0.2, -1.0), 0.45, SILVER), *still_life()]
     view = View(48, 48, yaw_deg=6.0, pitch_deg=-11.0, fov_y_deg=60.0)

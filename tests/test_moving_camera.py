@@ -165,8 +165,8 @@ def walked(
         for pose in poses[1:]:
             renderer.load(frame_at(pose))
             renderer.render(each)
-        assert renderer.cache is not None
-        return renderer.render(0, AOVS), device.read(renderer.cache.mean)
+        assert renderer.real_world.irradiance is not None
+        return renderer.render(0, AOVS), device.read(renderer.real_world.irradiance.mean)
 
 
 def test_walking_leaves_no_trails(device: ComputeDevice, truth: RenderedFrame) -> None:
@@ -275,17 +275,17 @@ def test_random_numbers_go_on(device: ComputeDevice) -> None:
     many = settings(irradiance={**rows, "first_rays": 2048, "samples": 2048})
     with Renderer(device, frame, objects(), VIEW, many) as renderer:
         renderer.step()
-        assert renderer.cache is not None
-        sure = device.read(renderer.cache.mean)
+        assert renderer.real_world.irradiance is not None
+        sure = device.read(renderer.real_world.irradiance.mean)
     means = []
     with Renderer(device, frame, objects(), VIEW, settings(irradiance=rows)) as renderer:
         for i in range(40):
             renderer.step()
-            assert renderer.cache is not None
-            means.append(device.read(renderer.cache.mean))
+            assert renderer.real_world.irradiance is not None
+            means.append(device.read(renderer.real_world.irradiance.mean))
             means[-1][:, :3] /= (1.0, 2.0)[i % 2]
             renderer.load(video[(i + 1) % 2])
-        drawn = device.read(renderer.cache.plane)[:, 3]
+        drawn = device.read(renderer.real_world.irradiance.plane)[:, 3]
     known = (drawn > 80.0) & (sure[:, 3] > 0.0)
     assert known.sum() > 50
     over_time = np.mean(means[5:], axis=0)[known, :3] - sure[known, :3]

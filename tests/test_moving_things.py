@@ -38,7 +38,7 @@ def shown(renderer: Renderer) -> tuple[Float, Float]:
 def truths(
     device: ComputeDevice, scenes: list[tuple[Frame, Instance]]
 ) -> list[tuple[Float, Float]]:
-    """Of scenes in which nothing moves."""
+    """Nothing moves in these scenes."""
     found = []
     for frame, thing in scenes:
         with Renderer(device, frame, [thing], VIEW, chosen(METHODS[0], **SURE)) as renderer:

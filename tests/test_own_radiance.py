@@ -110,10 +110,12 @@ def test_light_that_goes_out_is_a_cut_though_the_colour_stays(device: ComputeDev
     dark = replace(before, light=before.color * np.float32(0.1))
     with Renderer(device, before, [BALL], LOOK, SETTINGS) as renderer:
         renderer.render(4)
+        irradiance = renderer.real_world.irradiance
+        assert irradiance is not None
         renderer.load(replace(before))
-        counted = device.read(renderer.cache.mean)[..., 3].max() if renderer.cache else 0.0
+        counted = device.read(irradiance.mean)[..., 3].max()
         renderer.load(dark)
-        left = device.read(renderer.cache.mean)[..., 3].max() if renderer.cache else 0.0
+        left = device.read(irradiance.mean)[..., 3].max()
     assert counted > 2.0 * left
 
 
@@ -122,7 +124,7 @@ def test_mean_radiance_is_that_of_the_light(device: ComputeDevice) -> None:
     with Renderer(device, clipped(frame), [BALL], LOOK, SETTINGS) as renderer:
         rows = np.sin((np.arange(frame.height) + 0.5) / frame.height * np.pi)
         expected = np.average(frame.color.mean(axis=(1, 2)), weights=rows)
-        assert renderer.panorama.mean_radiance == pytest.approx(expected, rel=1e-5)
+        assert renderer.real_world.panorama.mean_radiance == pytest.approx(expected, rel=1e-5)
 
 
 def planned(frame: Frame, objects: list[Instance], **kwargs: Any) -> PlanDevice:

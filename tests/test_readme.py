@@ -5,12 +5,17 @@ from __future__ import annotations
 import functools
 import re
 import shlex
-from collections.abc import Callable, Iterator
+import shutil
+import subprocess
+from collections.abc import Callable
+from importlib.util import find_spec
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
 
 from iprt import cli
+from tests.waiting import DEADLINE_S
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -20,16 +25,33 @@ def blocks(page: Path, language: str) -> list[str]:
     return re.findall(rf"^```{language}\n(.*?)^```", page.read_text(), re.DOTALL | re.MULTILINE)
 
 
-def command_lines() -> Iterator[list[str]]:
-    """Words of every command in the pages' bash blocks, comments left out."""
-    for page in PAGES:
-        for block in blocks(page, "bash"):
-            for line in block.splitlines():
-                if words := shlex.split(line, comments=True):
-                    yield words
+def commands(block: str) -> list[tuple[list[str], list[str]]]:
+    """The words of each command, comments left out, and the lines that the page says it prints."""
+    prompt = "$ " if block.startswith("$ ") else ""
+    found: list[tuple[list[str], list[str]]] = []
+    for line in block.replace("\\\n", " ").splitlines():
+        if line.startswith(prompt):
+            found.append((shlex.split(line.removeprefix(prompt), comments=True), []))
+        else:
+            found[-1][1].append(line)
+    return [(words, printed) for words, printed in found if words]
 
 
-COMMANDS = list(command_lines())
+def command_blocks(page: Path) -> list[list[tuple[list[str], list[str]]]]:
+    return [commands(block) for block in blocks(page, "(?:bash|console)")]
+
+
+def redirected(words: list[str]) -> tuple[list[str], Path | None]:
+    """A command without `> FILE`, and that file."""
+    if ">" not in words:
+        return words, None
+    *words, _, file = words
+    return words, Path(file)
+
+
+COMMANDS = [words for page in PAGES for block in command_blocks(page) for words, _ in block]
+SHELL = {"source", "pip", "ffmpeg"}
+"""Programs of others, besides `iprt` and files of this repository."""
 
 
 @pytest.fixture
@@ -52,7 +74,7 @@ def parsed(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return reached
 
 
-IPRT_COMMANDS = [words[1:] for words in COMMANDS if words[0] == "iprt"]
+IPRT_COMMANDS = [redirected(words)[0][1:] for words in COMMANDS if words[0] == "iprt"]
 
 
 @pytest.mark.parametrize("words", IPRT_COMMANDS, ids=" ".join)
@@ -71,7 +93,7 @@ def test_run_commands_exist() -> None:
     cases = set(re.findall(r"^(\w+)\)$", (ROOT / "run").read_text(), re.MULTILINE))
     used = {words[1] for words in COMMANDS if words[0] == "./run"}
     assert {"demo", "test"} <= used <= cases
-    others = {words[0] for words in COMMANDS} - {"iprt", "./run"}
+    others = {words[0] for words in COMMANDS} - {"iprt", "./run"} - SHELL
     assert all((ROOT / name).is_file() for name in others), others
 
 
@@ -90,6 +112,74 @@ def test_every_kernel_is_in_the_table() -> None:
     left = " ".join(line.split("|")[1] for line in table.splitlines() if line.startswith("| `"))
     kernels = {f"cl/{path.name}" for path in (ROOT / "cl").glob("*.cl")}
     assert kernels <= set(re.findall(r"`([\w./]+)`", left))
+
+
+SIZE = ("--size", "64", "64")
+SMALLER: dict[str, tuple[str, ...]] = {
+    "render": (*SIZE, "--accumulate", "1"),
+    "render equirect": ("--size", "128", "64", "--accumulate", "1"),
+    "compare": ("--frames", "1"),
+    "compare --trails": ("--size", "56", "42", "--frames", "4", "--play", "0", "11"),
+    "bench": (*SIZE, "--frames", "1"),
+    "bench --sweep": (*SIZE, "--view", "table", "--frames", "1", "--seeds", "1"),
+    "bench --convergence": SIZE,
+    "profile": (*SIZE, "--frames", "1"),
+    "reference": (*SIZE, "--spp", "1"),
+}
+"""Flags that are added to the pages' commands, so that they take less time. Later flags win. Sizes
+divide those of the truths."""
+NOT_HERE = {
+    "iprt view": "waits for a user; tests/viewer/screen/ opens it",
+    "./run": "sets up what is there already; .ci/run begins with it, word for word",
+    ".ci/run": "runs these tests",
+    "docs/measure.py": "takes ten minutes; tests/test_docs.py checks its commands",
+    "source": "the tests' environment is active",
+    "pip install": "the tests' environment is complete, or the commands that need it are left out",
+}
+
+
+def is_here(command: str) -> bool:
+    if command.startswith("iprt reference"):
+        return find_spec("mitsuba") is not None
+    return not any(command.startswith(start) for start in NOT_HERE)
+
+
+@pytest.mark.gl
+@pytest.mark.slow
+@pytest.mark.parametrize("page", ["README.md", "docs/footage.md", "docs/meshes.md"])
+def test_commands_run_as_they_are_written(
+    page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """In their order, in a folder that holds what a clone holds of scenes."""
+    shutil.copytree(ROOT / "scenes360", tmp_path / "scenes360")
+    (tmp_path / "out").mkdir()  # by ./run demo
+    monkeypatch.chdir(tmp_path)
+    for block in command_blocks(ROOT / page):
+        for words, output in block:
+            command = " ".join(words)
+            if words[0] == "ffmpeg" and shutil.which("ffmpeg") is None:
+                break  # what follows in the block uses its file
+            if is_here(command):
+                run(words, output, capsys)
+
+
+def run(words: list[str], output: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    """One command of a page, in the current folder; what it prints and writes is checked."""
+    command = " ".join(words)
+    words, file = redirected(words)
+    if words[0] != "iprt":
+        subprocess.run(words, check=True, timeout=DEADLINE_S)
+        return
+    flags = [flag for start, flag in SMALLER.items() if set(start.split()) <= set(words)]
+    capsys.readouterr()
+    assert cli.main([*words[1:], *(flags[-1] if flags else ())]) == 0, command
+    printed = capsys.readouterr().out
+    assert set(output) <= set(printed.splitlines()), command
+    if file is not None:
+        file.write_text(printed)
+    for flag, value in pairwise(words):
+        if flag in ("-o", "--save", "--html", "--trace", "--thumbnail"):
+            assert list(Path().glob(re.sub(r"%\d*d", "*", value))), command
 
 
 @pytest.mark.gl

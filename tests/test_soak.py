@@ -14,31 +14,34 @@ import tempfile
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import numpy as np
 import pyopencl.array as cla
 import pytest
-from scipy.stats import theilslopes
 
 from iprt.device import profile
 from iprt.device.choose import choose_device
 from iprt.device.compute import ComputeDevice, Kernel
 from iprt.film import Film
 from iprt.scene.scene import Scene
+from iprt.scene.video.stream import Ahead
 from tests.moving import FRAMES as CLIP
 from tests.moving import write_moving
+from tests.waiting import until
 from tests.whole_frame import METHODS, chosen
 
 pytestmark = pytest.mark.gl
 
-FRAMES, AGAIN = 400, 40
+FRAMES, AGAIN = 400, 48
 """Frames of the tests' film, and of those that are played a second time."""
 WARM_UP = 120
 """Frames until the interpreter, the driver and FFmpeg have the memory that they keep."""
-EVERY = 20
-"""Frames from one look at the memory to the next."""
-SLOPE = 100.0
-"""Bytes per frame by which memory in use may seem to grow: hardly an object that is forgotten."""
+EVERY = 2 * CLIP
+"""Frames from one look at the memory to the next: what is decoded ahead is the same every time."""
+SLOPE = 500.0
+"""Bytes per frame by which memory in use may seem to grow: less than the smallest object for which
+Python asks the allocator."""
 SETTINGS: dict[str, Any] = {"trace": {"object_rays": 1}, "atrous": {"levels": 3}}
 """Few rays: it is not the accuracy that lasts or does not."""
 
@@ -80,10 +83,13 @@ class Run:
 
     @property
     def slope(self) -> float:
-        """Bytes per frame by which use grew after the warm-up: the median of all pairs' slopes,
-        because the thread that decodes ahead has a frame more or less at hand."""
+        """Bytes per frame by which use grew after the warm-up: the median step between two looks.
+
+        What is forgotten in every frame is in every step; what the driver keeps because more was
+        on its way at once than ever before is in a few.
+        """
         after = self.used[WARM_UP // EVERY :]
-        return float(theilslopes(after, EVERY * np.arange(len(after))).slope)
+        return float(np.median(np.diff(after))) / EVERY
 
 
 class Mallinfo(ctypes.Structure):
@@ -114,16 +120,31 @@ def resident() -> int:
     return 4096 * int(Path("/proc/self/statm").read_text().split()[1])
 
 
+def at_rest(stream: Ahead[Any]) -> bool:
+    """Whether as many frames lie ready as may, and one more waits for room, or all are made."""
+    return bool(stream._ready.not_full._waiters) or not stream._thread.is_alive()
+
+
 def play(scene: Scene, compute: ComputeDevice, frames: int, method: tuple[str, str]) -> Run:
     """Loop the clip for so many frames; no picture holds NaN."""
     device = CountingDevice(compute.device)
     settings = chosen(method, seed=5, **SETTINGS)
     run, digest = Run(), hashlib.sha256()
-    with Film(scene, device, settings, view=scene.views["ahead"]) as film:
+    streams: list[Ahead[Any]] = []
+
+    def stream(*args: Any, **kwargs: Any) -> Ahead[Any]:
+        streams.append(Scene.stream(scene, *args, **kwargs))
+        return streams[-1]
+
+    with (
+        mock.patch.object(scene, "stream", stream),
+        Film(scene, device, settings, view=scene.views["ahead"]) as film,
+    ):
         for number, (_, picture) in enumerate(film.frames([i % CLIP for i in range(frames)])):
             assert np.isfinite(picture.color).all(), number
             digest.update(picture.color)
             if number % EVERY == EVERY - 1:
+                until(lambda: at_rest(streams[-1]))
                 gc.collect()
                 run.digests.append(digest.hexdigest())
                 run.used.append(in_use())

@@ -115,9 +115,9 @@ def remembered(renderer: Renderer) -> Iterator[tuple[str, NDArray[np.float32]]]:
             for part, planes in enumerate(getattr(temporal, state, ())):
                 name = f"{temporal.kind} {index} {state} {part}"
                 yield name, layout.interior(device.read(planes))
-    if renderer.cache is not None:
-        yield "irradiance mean", device.read(renderer.cache.mean)
-        yield "irradiance", device.read(renderer.cache.irradiance)
+    if renderer.real_world.irradiance is not None:
+        yield "irradiance mean", device.read(renderer.real_world.irradiance.mean)
+        yield "irradiance", device.read(renderer.real_world.irradiance.irradiance)
 
 
 def temporals(thing: object, seen: set[int]) -> Iterator[Temporal]:

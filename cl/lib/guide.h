@@ -16,16 +16,16 @@
 #define LEVEL_NONE 255
 
 // Spacing in pixels of the rays at a tracing level (IPRT Eq. 4 and Figure 5).
-inline int level_spacing(int level) { return 1 << level; }
+static inline int level_spacing(int level) { return 1 << level; }
 
 // Whether the pixel (x, y), relative to the grid's origin of this frame, gets a ray.
-inline bool is_traced(int level, int x, int y)
+static inline bool is_traced(int level, int x, int y)
 {
     return level != LEVEL_NONE && ((x | y) & (level_spacing(level) - 1)) == 0;
 }
 
 // Column of a neighbour: wrapped around the seam in equirect views.
-inline int wrap_column(int x, int width)
+static inline int wrap_column(int x, int width)
 {
 #ifdef VIEW_EQUIRECT
     x %= width;

@@ -7,7 +7,7 @@
 #include "maths.h"
 
 // The scalar that the picture shows, by which differences between pixels and frames are judged.
-inline float guide_scalar(const float *s)
+static inline float guide_scalar(const float *s)
 {
 #ifdef DIFFERENCE
     return luminance((float3)(s[0] - s[3], s[1] - s[4], s[2] - s[5]));

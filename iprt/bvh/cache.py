@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import os
 from contextlib import suppress
 from pathlib import Path
 
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 
 from iprt.bvh.build import MESH_DEPTH, PACKET, mesh_tree
 from iprt.bvh.tree import Tree
+from iprt.device.caches import own_folder
 from iprt.errors import FormatError
 from iprt.output.atomic import replacing
 
@@ -21,12 +21,6 @@ VERSION = 1
 """To be raised when `build_tree` makes other trees."""
 WORTH_KEEPING = 20_000
 """Triangles: smaller meshes are built as quickly as read."""
-
-
-def cache_folder() -> Path:
-    """`$XDG_CACHE_HOME/iprt/bvh`, by default `~/.cache/iprt/bvh`."""
-    base = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
-    return Path(base) / "iprt" / "bvh"
 
 
 def cached_tree(low: Floats, high: Floats) -> Tree:
@@ -40,7 +34,7 @@ def cached_tree(low: Floats, high: Floats) -> Tree:
     digest = hashlib.blake2b(f"{VERSION} {PACKET} {MESH_DEPTH}".encode(), digest_size=20)
     digest.update(low.tobytes())
     digest.update(high.tobytes())
-    file = cache_folder() / f"{digest.hexdigest()}.tree"
+    file = own_folder() / "bvh" / f"{digest.hexdigest()}.tree"
     tree = _read(file, len(low))
     if tree is None:
         tree = mesh_tree(low, high)

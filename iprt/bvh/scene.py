@@ -21,13 +21,13 @@ from iprt.bvh.wide import (
 )
 from iprt.errors import SceneError
 from iprt.scene.mesh import Instance, Mesh
+from iprt.scene.untrusted import MAX_OBJECTS
 
 Floats = NDArray[np.float32]
 Float = NDArray[np.float64]
 
-SCENE_DEPTH = 10
+SCENE_DEPTH = (MAX_OBJECTS - 1).bit_length()
 """Levels of the tree over instances at most."""
-MAX_INSTANCES = 1 << SCENE_DEPTH
 INSTANCE_ROWS = 7
 STACK = STACK_PER_LEVEL * (-(-MESH_DEPTH // 2) + -(-SCENE_DEPTH // 2))
 """Places on a ray's stack, `-D BVH_STACK`: what both trees together may need."""
@@ -139,9 +139,9 @@ def shapes_of(instances: Sequence[Instance]) -> list[Shape | None]:
     SceneError
         Too many instances, or too many triangles in one.
     """
-    if len(instances) > MAX_INSTANCES:
+    if len(instances) > MAX_OBJECTS:
         raise SceneError(
-            f"the scene has {len(instances)} objects, more than {MAX_INSTANCES}: join their meshes"
+            f"the scene has {len(instances)} objects, more than {MAX_OBJECTS}: join their meshes"
         )
     shapes: list[Shape | None] = []
     for instance in instances:

@@ -9,12 +9,13 @@ from typing import Literal
 import tyro
 
 from iprt.commands.knobs import BALANCED, KnobFlags, Knobs
+from iprt.commands.pairs import Size
 from iprt.errors import IprtError
 
 MAX_FRAMES = 100_000
 MAX_SEEDS = 100
-SEEDS, LEVELS = 3, "0.8,0.85,0.9,0.95"
-"""What --seeds and --reach are when they are not given."""
+FRAMES, SEEDS, LEVELS = 30, 3, "0.8,0.85,0.9,0.95"
+"""What --frames, --seeds and --reach are when they are not given."""
 
 
 def bench(
@@ -22,8 +23,8 @@ def bench(
     /,
     *,
     view: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
-    size: tuple[int, int] | None = None,
-    frames: int = 30,
+    size: Size = None,
+    frames: int | None = None,
     method: Literal["iprt", "ibl"] | None = None,
     knobs: Knobs = BALANCED,
     sweep: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
@@ -42,48 +43,48 @@ def bench(
 ) -> int:
     """Time the frames of a head that turns slowly; with --sweep or --convergence, score them too.
 
-    Every frame does all that a new direction asks for, rasterization included; the video and the
-    objects stand still. Figures are medians over the frames, after a warm-up. --sweep does so for
-    every combination of settings, and scores still pictures made with them against the truth:
-    what time buys, with the Pareto front. --convergence scores one still picture as it gets
-    better, against the seconds spent.
+    Every frame is rendered for a new direction, rasterization included; the video and the objects
+    stand still. Times are medians over the frames, after a warm-up. --sweep times every combination
+    of settings, scores still pictures made with them against the truth, and marks the combinations
+    that none other beats in both (the Pareto front). --convergence scores a still picture again and
+    again while it gets better, and shows the seconds spent.
 
     Parameters
     ----------
     scene
         Scene folder.
     view
-        Name of a view of the scene, or `equirect` for the whole panorama, which does not turn but
-        is made anew for every frame. Default: the scene's first view. With --sweep and
+        Name of a view of the scene, or `equirect` for the whole panorama, which is rendered anew
+        for every frame instead of turning. Default: the scene's first view. With --sweep and
         --convergence it may be given several times; default: all views that have a truth.
     size
-        Width and height in pixels. Default: the view's own. Against a truth, that of the truth
-        divided by a whole number.
+        Width and height in pixels. Default: the view's own. With --sweep and --convergence, the
+        size of the truth divided by a whole number.
     frames
-        Frames to time; with --sweep also the frames accumulated in each picture.
+        Frames to time; with --sweep also the frames accumulated in each picture. Default: 30.
     method
         How virtual objects are lit; `ibl` is the baseline: a distant environment without real
         geometry. Short for --set method=.
     knobs
-        Quality preset and single knobs. Later ones win: preset, file, flags.
+        Quality preset and single settings. Later ones win: preset, file, flags.
     sweep
-        Values to measure, KEY=VALUE,VALUE: a knob, or quality=draft,balanced. Given several times:
-        all combinations.
+        Values of a setting to measure, such as trace.rays=1,2 or quality=draft,balanced; may be
+        given several times, for all combinations.
     one_at_a_time
-        Change one of the swept knobs at a time instead.
+        With --sweep: change one setting at a time, instead of all combinations.
     convergence
         Frames after which the picture is scored, such as 1,2,4,8 or 1,2,...,256.
     reach
-        With --convergence: SSIM of the cuts for which the time is told. Default:
-        0.8,0.85,0.9,0.95.
+        With --convergence: values of SSIM in the cuts; a table shows the time until each is
+        reached. Default: 0.8,0.85,0.9,0.95.
     against
-        With --convergence: the same curve for Mitsuba with Open Image Denoise, by samples per
-        pixel.
+        With --convergence: another renderer to measure in the same way, by samples per pixel:
+        Mitsuba with Open Image Denoise.
     model
         For Mitsuba: Python module with the scene's full geometry, as for `iprt reference`. Default:
         the world that the panorama describes.
     seeds
-        Pictures per combination, from one seed each, for means and confidence intervals.
+        Pictures per combination, each from another seed, for means and confidence intervals.
         Default: 3.
     background
         What the camera sees behind the objects where pictures are scored: the resampled panorama,
@@ -98,14 +99,14 @@ def bench(
     html
         Page to write: table, plot and pictures, in one file.
     allow_outside
-        Read files of the scene that are links to what lies outside its folder.
+        Follow links in the scene's folder to files outside of it.
 
     Returns
     -------
     int
         Exit status 0.
     """
-    if not 1 <= frames <= MAX_FRAMES:
+    if frames is not None and not 1 <= frames <= MAX_FRAMES:
         raise IprtError(f"--frames {frames}: expected 1 to {MAX_FRAMES}")
     if seeds is not None and not 1 <= seeds <= MAX_SEEDS:
         raise IprtError(f"--seeds {seeds}: expected 1 to {MAX_SEEDS}")
@@ -123,6 +124,9 @@ def bench(
     curve = {"--against": against, "--reach": reach}
     _require_use(convergence is not None, "--convergence", curve)
     _require_use(against is not None, "--against", {"--model": model})
+    if convergence is not None and frames is not None:
+        raise IprtError(f"--frames {frames}: has no effect; --convergence says how many frames")
+    frames = frames or FRAMES
     if not against_truth:
         return _time(scene, view, size, frames, method, knobs, device, json, allow_outside)
 
@@ -170,7 +174,9 @@ def _time(
     from iprt.scene.scene import Scene
 
     if len(views) > 1:
-        raise IprtError(f"--view {views[1]}: one view is timed; give several with --sweep")
+        raise IprtError(
+            f"--view {views[1]}: only one view is timed, unless --sweep or --convergence is given"
+        )
     settings = knobs.resolved(method=method)
     opened = Scene.open(scene, allow_outside=allow_outside)
     chosen, objects = choose_view(opened, views[0] if views else None, size=size)

@@ -24,6 +24,8 @@ from iprt.measure.target import Background, Target, read_target, views_with_trut
 from iprt.output.atomic import require_writable
 from iprt.output.grid import Grid, print_grid
 from iprt.scene.scene import Scene
+from iprt.termination import at_termination
+from iprt.wording import counted
 
 LOG = logging.getLogger("iprt.bench")
 MANY = 10
@@ -61,11 +63,11 @@ class Plan:
     def announce(self, what: str) -> None:
         """Say on stderr what is going to be run."""
         LOG.info(
-            "%d runs: %d combination(s) of settings, %d view(s), %d seed(s); %s",
-            len(self.chosen) * len(self.targets) * self.seeds,
-            len(self.chosen),
-            len(self.targets),
-            self.seeds,
+            "%s: %s of settings, %s, %s; %s",
+            counted(len(self.chosen) * len(self.targets) * self.seeds, "run"),
+            counted(len(self.chosen), "combination"),
+            counted(len(self.targets), "view"),
+            counted(self.seeds, "seed"),
             what,
         )
 
@@ -74,7 +76,7 @@ class Plan:
         sizes = ", ".join(f"{t.name} {t.view.width}x{t.view.height}" for t in self.targets)
         return [
             f"{sizes}; on {self.device.name}.",
-            f"Scored over the background of the {self.background}, {self.seeds} seed(s). "
+            f"Scored over the background of the {self.background}, {counted(self.seeds, 'seed')}. "
             "SSIM, FLIP: as displayed. RMSE: linear radiance.",
         ]
 
@@ -123,7 +125,7 @@ class Output:
 
 def measure_sweep(plan: Plan, frames: int, output: Output) -> int:
     """Sweep, print, and write the page anew after every outcome, so that nothing gets lost."""
-    plan.announce(f"{frames} frames each")
+    plan.announce(f"{counted(frames, 'frame')} each")
     report = Report(f"{plan.scene.name}: speed and accuracy", plan.lines())
     outcomes: list[Outcome] = []
     total = len(plan.chosen) * len(plan.targets) * frames_per_outcome(frames, plan.seeds)
@@ -160,7 +162,7 @@ def measure_convergence(
     """Follow pictures as they get better, print, and write the page anew after every curve."""
     counts, levels = parse_counts(text), parse_levels(reach)
     rival = None if against is None else _mitsuba(plan, counts, model)
-    plan.announce(f"{counts[-1]} frames each")
+    plan.announce(f"{counted(counts[-1], 'frame')} each")
     report = Report(f"{plan.scene.name}: accuracy against time", plan.lines())
     curves: list[Curve] = []
 
@@ -237,11 +239,16 @@ def _mitsuba(
 
 @contextmanager
 def _printed_at_last(results: Sequence[object], finish: Callable[[], None]) -> Iterator[None]:
-    """Print what there is at the end, an interrupt or error included: no result is lost."""
-    try:
-        yield
-    except BaseException:
+    """Print what there is at the end, be it a signal or an error: no result is lost."""
+
+    def finish_early() -> None:
         if results:
             finish()
+
+    try:
+        with at_termination(finish_early):
+            yield
+    except Exception:
+        finish_early()
         raise
     finish()

@@ -23,6 +23,9 @@ if TYPE_CHECKING:
     from iprt.scene.scene import Scene
     from iprt.settings import Settings
 
+FRAMES = 64
+"""Frames accumulated where nothing is said."""
+
 
 def compare(
     scene: tyro.conf.Positional[Path],
@@ -31,7 +34,7 @@ def compare(
     view: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
     method: tyro.conf.UseAppendAction[tuple[Literal["iprt", "ibl", "all"], ...]] = (),
     background: Literal["panorama", "truth"] = "panorama",
-    frames: int = 64,
+    frames: int | None = None,
     seed: int | None = None,
     knobs: Knobs = BALANCED,
     device: str | None = None,
@@ -45,7 +48,7 @@ def compare(
     """Render a scene's views and score them against its path-traced truth.
 
     Images are compared as displayed: exposed, clipped to [0, 1], sRGB-encoded. RMSE is of linear
-    radiance. A video is played, frame by frame, and its flicker is measured too.
+    radiance. A video is played frame by frame, and its flicker is measured too.
 
     Parameters
     ----------
@@ -60,12 +63,13 @@ def compare(
         What the camera sees behind the objects: the resampled panorama, or the truth's own
         background, which isolates relighting from the panorama's resolution.
     frames
-        Frames accumulated into each picture; of a video, into those that --trails takes as true.
+        Frames accumulated into each picture; for a video, into the pictures that --trails compares
+        with. Default: 64.
     seed
         Seed of the random numbers; the same seed gives the same picture on the same device.
         Short for --set seed=.
     knobs
-        Quality preset and single knobs. Later ones win: preset, file, flags.
+        Quality preset and single settings. Later ones win: preset, file, flags.
     device
         gpu, cpu, a place such as 0:0 (see `iprt doctor`), or part of a device's name. Default: the
         fastest kind there is.
@@ -74,22 +78,26 @@ def compare(
     fail_under_ssim
         Exit with status 1 if the SSIM of any whole view is lower.
     save
-        Folder for one PNG per row: render, truth, and four times their absolute difference; of a
+        Folder for one PNG per row: render, truth, and four times their absolute difference; for a
         video, some of its frames.
     html
-        Page to write: render, truth, difference and FLIP's map of each row, in one file. Not of
-        videos.
+        HTML page to write: render, truth, difference and FLIP's map of each row, in one file. Not
+        for videos.
     video
-        What is asked of a video besides.
+        Flags for videos.
     allow_outside
-        Read files of the scene that are links to what lies outside its folder.
+        Follow links in the scene's folder to files outside of it.
 
     Returns
     -------
     int
         Exit status: 0, or 1 if a score missed `fail_under_ssim` or `fail_over_flicker`.
     """
-    _check_arguments(frames, fail_under_ssim)
+    if frames is not None and frames < 1:
+        raise IprtError(f"--frames {frames}: at least 1 frame is needed")
+    _check_limit(fail_under_ssim)
+    if json and video.markdown:
+        raise IprtError("--json and --markdown: give one of them")
     video.check()
     from iprt.device.choose import choose_device
     from iprt.device.compute import ComputeDevice
@@ -103,6 +111,8 @@ def compare(
         knobs.resolved(seed=seed, method=name)  # faults in flags are told first
     opened = Scene.open(scene, allow_outside=allow_outside)
     moving = len(opened.frame_indices) > 1
+    if moving and frames is not None and not video.trails:
+        raise IprtError(f"--frames {frames}: has no effect on a video without --trails")
     variants = [
         knobs.resolved(still=not moving, seed=seed, method=name) for name in asked or [None]
     ]
@@ -117,14 +127,22 @@ def compare(
         chosen = combinations_of(knobs, seed, asked, video)
         compute = ComputeDevice(choose_device(device))
         played = compare_video(
-            opened, views, chosen, video, compute, background, frames, json=json, save=save
+            opened,
+            views,
+            chosen,
+            video,
+            compute,
+            background,
+            frames or FRAMES,
+            json=json,
+            save=save,
         )
         ssim = [scores.ssim for result in played for scores in result.scores.values()]
         return int(_any_below(ssim, fail_under_ssim) or video.missed(played))
     video.require_none(opened.name)
     compute = ComputeDevice(choose_device(device))
     results = _compare_stills(
-        opened, views, variants, compute, background, frames, save=save, html=html
+        opened, views, variants, compute, background, frames or FRAMES, save=save, html=html
     )
     if json:
         print(json_format.dumps([result.record() for result in results], indent=2))
@@ -207,9 +225,7 @@ def _any_below(values: Sequence[float], limit: float | None) -> bool:
     return limit is not None and any(value < limit for value in values)
 
 
-def _check_arguments(frames: int, fail_under_ssim: float | None) -> None:
-    if frames < 1:
-        raise IprtError(f"--frames {frames}: at least 1 frame is needed")
+def _check_limit(fail_under_ssim: float | None) -> None:
     if fail_under_ssim is not None and not (
         math.isfinite(fail_under_ssim) and -1.0 <= fail_under_ssim <= 1.0
     ):

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from iprt.commands.help import plain_default
+from iprt.commands.pairs import FrameSpan, Size
 from iprt.errors import IprtError
 
 if TYPE_CHECKING:
@@ -31,21 +32,19 @@ if TYPE_CHECKING:
 class VideoFlags:
     """What is asked of a video besides; a still picture takes none of it."""
 
-    play: Annotated[tuple[int, int] | None, plain_default()] = None
+    play: Annotated[FrameSpan, plain_default()] = None
     """First and last frame of the video to play. Default: all."""
-    size: Annotated[tuple[int, int] | None, plain_default()] = None
-    """Width and height in pixels: those of the truth divided by a whole number. Default: the
-    view's own."""
-    trails: bool = False
-    """Tell how long what has left is still seen: every frame is rendered once more without a past,
-    accumulating --frames frames."""
+    size: Annotated[Size, plain_default()] = None
+    """Width and height in pixels: the truth's, divided by a whole number. Default: the view's."""
+    trails: Annotated[bool, plain_default()] = False
+    """Measure how long things that moved away stay visible, against each frame rendered alone."""
     sweep: Annotated[tyro.conf.UseAppendAction[tuple[str, ...]], plain_default("KEY=VALUES")] = ()
-    """Values of a knob to compare, KEY=VALUE,VALUE; given several times: all combinations."""
-    one_at_a_time: bool = False
-    """Change one of the swept knobs at a time instead."""
+    """Values of a setting to compare, such as trace.rays=1,2; several: all combinations."""
+    one_at_a_time: Annotated[bool, plain_default()] = False
+    """With --sweep: change one setting at a time, instead of all combinations."""
     fail_over_flicker: Annotated[float | None, plain_default("X")] = None
-    """Exit with status 1 if real pixels flicker more than so many times as much as the input."""
-    markdown: bool = False
+    """Exit with status 1 if real pixels flicker more than X times as much as the input does."""
+    markdown: Annotated[bool, plain_default()] = False
     """Print a Markdown table, for a page."""
 
     def require_none(self, name: str) -> None:
@@ -61,7 +60,7 @@ class VideoFlags:
                 raise IprtError(f"--{flag}: is for videos; {name} has a single frame")
 
     def check(self) -> None:
-        """Fail if a value is none.
+        """Fail if a value is none, or a flag has no effect.
 
         Raises
         ------
@@ -70,6 +69,8 @@ class VideoFlags:
         limit = self.fail_over_flicker
         if limit is not None and not (math.isfinite(limit) and limit >= 0.0):
             raise IprtError(f"--fail-over-flicker {limit:g}: expected a factor, such as 1.3")
+        if self.one_at_a_time and not self.sweep:
+            raise IprtError("--one-at-a-time: is for --sweep")
 
     def indices(self, scene: Scene) -> range:
         """The frames to play.
@@ -201,8 +202,8 @@ NOTES = (
     "frame against the truth's, in 1/255.",
     "untouched, relit, object: flicker, the mean absolute difference of consecutive pictures after "
     "motion compensation, in 1/255; x: over the input's, or the truth's, on the same pixels.",
-    "trail: frames until what has left (objects, real things, shadows) changes the picture by less "
-    f"than 1/255; ghost: which share of it is seen {GHOST_AGE} frames later.",
+    "trail: frames until what has moved away (objects, real things, shadows) changes the picture "
+    f"by less than 1/255; ghost: the share of it still visible {GHOST_AGE} frames later.",
 )
 
 

@@ -40,24 +40,28 @@ def show(report: Record) -> None:
     """Print a report of `iprt.device.doctor.examine` for people."""
     from rich.console import Console
 
-    console = Console(highlight=False)
+    console = Console(markup=False, emoji=False, highlight=False)
 
     def line(text: str, style: str = "") -> None:
-        console.print(text, style=style, markup=False, soft_wrap=True)
+        console.print(text, style=style, soft_wrap=True)
 
-    opencl, opengl = report["opencl"], report["opengl"]
+    opencl, opengl, caches = report["opencl"], report["opengl"], report["caches"]
     console.print(device_table(opencl.get("devices", [])))
     if "error" in opencl:
         line(f"OpenCL: {opencl['error']}", "red")
     else:
-        line(f"uses {opencl['chosen']}: {opencl['reason']}")
-    line(f"drivers are listed in {opencl['vendors']}\n")
+        line(f"chosen: {opencl['chosen']}, {opencl['reason']}")
+    line(f"OpenCL drivers are registered in {opencl['vendors']}")
+    if caches["problem"]:
+        line(f"compiled kernels are not kept for the next run: {caches['problem']}\n", "yellow")
+    else:
+        line(f"compiled kernels are kept in {caches['folder']}\n")
     if "error" in opengl:
         line(f"OpenGL through EGL: {opengl['error']}", "red")
     else:
         line(f"OpenGL through EGL: {opengl['renderer']}, {opengl['version']}")
     if opengl.get("software"):
-        line("this is software rendering: right, but slow with many triangles", "yellow")
+        line("OpenGL runs on the processor; scenes of many triangles render slowly", "yellow")
     console.print()
     console.print(_optional_table(report["optional"]))
     console.print(_version_table(report["versions"]))
@@ -76,7 +80,7 @@ def device_table(devices: list[Record]) -> Table:
         table.add_column(column, overflow="fold")
     for device in devices:
         table.add_row(
-            "→" if device["chosen"] else "",
+            ">" if device["chosen"] else "",
             device["index"],
             device["kind"],
             f"{device['name']}, {device['compute_units']} units",

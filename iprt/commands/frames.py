@@ -41,7 +41,9 @@ def frame_range(text: str | None, there: range) -> range:
                 f"{there[-1]}"
             )
     if first > last:
-        raise IprtError(f"--frames {text}: runs backwards; give the lower number first")
+        raise IprtError(
+            f"--frames {text}: the first frame comes after the last; give the lower number first"
+        )
     if step == 0:
-        raise IprtError(f"--frames {text}: a step of 0 goes nowhere")
+        raise IprtError(f"--frames {text}: the step is 0; expected 1 or more")
     return range(first, last + 1, step)

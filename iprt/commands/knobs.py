@@ -1,4 +1,4 @@
-"""The flags by which verbs take a quality preset and single knobs."""
+"""The flags by which verbs take a quality preset and single settings."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class KnobFlags:
-    """`iprt settings` prints all knobs. Later ones win: preset, file, flags."""
+    """`iprt settings` prints all settings. Later ones win: preset, file, flags."""
 
     quality: Quality = "balanced"
-    """Preset of knobs: speed against accuracy."""
+    """Preset of all settings: speed against accuracy."""
     settings: Annotated[Path | None, plain_default()] = None
-    """TOML file of knobs, such as `iprt settings` prints."""
+    """TOML file of settings, such as `iprt settings` prints."""
     set: Annotated[tyro.conf.UseAppendAction[tuple[str, ...]], plain_default("KEY=VALUE")] = ()
-    """A knob's value, such as trace.rays=4; may be given several times."""
+    """Value of one setting, such as trace.rays=4; may be given several times."""
 
     def resolved(self, *, still: bool = False, **short: object) -> Settings:
         """The settings asked for.
@@ -82,7 +82,7 @@ def fixed_when_still(given: Sequence[Assignment]) -> list[Assignment]:
     return [Assignment(key, value, key) for key, value in STILL.items()]
 
 
-Knobs = tyro.conf.OmitArgPrefixes[KnobFlags]
+Knobs = Annotated[KnobFlags, tyro.conf.OmitArgPrefixes, tyro.conf.arg(name="settings")]
 """The same as a parameter of a verb: `--quality`, `--settings` and `--set`."""
 
 BALANCED = KnobFlags()

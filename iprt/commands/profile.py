@@ -9,6 +9,7 @@ import tyro
 
 from iprt.commands.bench import MAX_FRAMES
 from iprt.commands.knobs import BALANCED, Knobs
+from iprt.commands.pairs import Size
 from iprt.errors import IprtError
 
 if TYPE_CHECKING:
@@ -26,7 +27,7 @@ def profile(
     /,
     *,
     view: str | None = None,
-    size: tuple[int, int] | None = None,
+    size: Size = None,
     frames: int = 48,
     method: Literal["iprt", "ibl"] | None = None,
     knobs: Knobs = BALANCED,
@@ -37,16 +38,16 @@ def profile(
     csv: bool = False,
     allow_outside: bool = False,
 ) -> int:
-    """Tell for every pass and kernel how long it takes, how much it moves, and what it has to do.
+    """Show how long every pass and kernel takes, the memory it moves, and the rays it traces.
 
-    A video plays, frame after frame, with all that moves in it; around a still panorama the head
-    turns slowly, as for `iprt bench`. Times are medians over the frames, after a warm-up. Rays,
+    A video plays, frame after frame, with all that moves in it; in a still panorama the view turns
+    slowly, as for `iprt bench`. Times are medians over the frames, after a warm-up. Rays,
     their steps and active work items are counted in other frames, by kernels that count.
 
-    Bytes of a kernel are those of the buffers bound to it, each counted once: what it moves if it
-    reads or writes all of them once. It moves less where it needs a part of a buffer, more where
-    caches do not keep what neighbours share. Bandwidth is given of kernels that go over whole
-    buffers only, not of those whose reads rays and lists lead.
+    The bytes of a kernel are those of the buffers bound to it, each counted once. A kernel moves
+    less if it needs a part of a buffer, and more if caches do not keep what neighbours share. A
+    bandwidth is shown for kernels that read whole buffers, not for those that read where rays or
+    lists lead.
 
     Parameters
     ----------
@@ -58,26 +59,26 @@ def profile(
     size
         Width and height in pixels. Default: the view's own.
     frames
-        Frames to time. How large the noise is can be told from 16 on.
+        Frames to time; with 16 or more, the noise of the times is estimated too.
     method
         How virtual objects are lit; `ibl` is the baseline: a distant environment without real
         geometry. Short for --set method=.
     knobs
-        Quality preset and single knobs. Later ones win: preset, file, flags.
+        Quality preset and single settings. Later ones win: preset, file, flags.
     device
         gpu, cpu, a place such as 0:0 (see `iprt doctor`), or part of a device's name. Default: the
         fastest kind there is.
     compare
-        What --json of this verb or of `iprt bench` printed before: show what has changed since, and
-        which of it is beyond the noise.
+        File with what --json of this verb or of `iprt bench` printed before: show what has changed
+        since, and which changes are larger than the noise.
     trace
-        JSON file for a trace of what ran when, for Perfetto or Chrome's about:tracing.
+        JSON file to write a trace to: what ran when, for Perfetto or Chrome's about:tracing.
     json
         Print a JSON object instead of tables.
     csv
         Print a line of comma-separated values for each pass, each of its parts, and each program.
     allow_outside
-        Read files of the scene that are links to what lies outside its folder.
+        Follow links in the scene's folder to files outside of it.
 
     Returns
     -------

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import logging
+import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from iprt.ending import raise_if_ended
+from iprt.termination import at_termination
+
+CLEAR = b"\r\x1b[K\x1b[?25h"
+"""Ends a bar that is being drawn: the line is empty, and the cursor is shown."""
 
 
 @contextmanager
@@ -14,7 +19,8 @@ def progress_bar(
 ) -> Iterator[Callable[[int], None]]:
     """Show a bar while the block runs; call what it yields with the number of frames done.
 
-    Nothing is written where stderr is no terminal: a log would only get empty lines.
+    Nothing is written where stderr is no terminal, as a log would only get empty lines, nor where
+    the log is kept quiet.
 
     Parameters
     ----------
@@ -41,6 +47,7 @@ def progress_bar(
             return Text("" if not task.speed else f"{1.0 / task.speed:.2g} s/frame")
 
     console = Console(stderr=True)
+    shown = console.is_terminal and logging.getLogger("iprt").isEnabledFor(logging.INFO)
     columns: tuple[ProgressColumn, ...] = (
         TextColumn("{task.description}"),
         BarColumn(),
@@ -50,13 +57,18 @@ def progress_bar(
     )
     if remaining:
         columns += (TextColumn("left:"), TimeRemainingColumn(), SecondsPerFrame())
-    with Progress(
-        *columns, console=console, transient=True, disable=not console.is_terminal
-    ) as bar:
+
+    def clear() -> None:
+        if shown:
+            os.write(2, CLEAR)
+
+    with (
+        at_termination(clear),
+        Progress(*columns, console=console, transient=True, disable=not shown) as bar,
+    ):
         task = bar.add_task(label, total=frames, completed=done)
 
         def update(done: int) -> None:
-            raise_if_ended()
             bar.update(task, completed=done)
 
         yield update

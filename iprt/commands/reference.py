@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
+from iprt.commands.pairs import Size
+from iprt.commands.streams import reporting
 from iprt.commands.views import choose_view
 from iprt.errors import IprtError
 
@@ -27,7 +29,7 @@ def reference(
     *,
     output: Annotated[Path, tyro.conf.arg(aliases=("-o",))],
     view: str | None = None,
-    size: tuple[int, int] | None = None,
+    size: Size = None,
     spp: int = 256,
     seed: int = 0,
     denoise: bool = True,
@@ -38,8 +40,8 @@ def reference(
 
     Without --model, the objects are traced in the world that the panorama describes: what the
     renderer converges to. The layers are ratio, background, objects and coverage. With --model,
-    they are traced in the full geometry of the scene: ground truth. The layers are background and
-    coverage.
+    they are traced in the full geometry of the scene, which gives ground truth. The layers are
+    background and coverage.
 
     Parameters
     ----------
@@ -57,12 +59,12 @@ def reference(
     seed
         Seed of the random numbers.
     denoise
-        Remove the rest of the noise with Open Image Denoise; --no-denoise keeps it.
+        Keep the noise. By default, Open Image Denoise removes it.
     model
         Python module with a function `build()` that returns the scene's parts for Mitsuba, such as
         `scenes360.room.model`; looked for in the working directory too.
     allow_outside
-        Read files of the scene that are links to what lies outside its folder.
+        Follow links in the scene's folder to files outside of it.
 
     Returns
     -------
@@ -108,7 +110,8 @@ def reference(
         aovs=layers,
         metadata={"scene": opened.name, "spp": str(spp), "seed": str(seed)},
     )
-    print(output)
+    with reporting(f"{output} has been written all the same"):
+        print(output)
     return 0
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro
 
 from iprt.commands.knobs import BALANCED, Knobs
+from iprt.commands.pairs import Size
 from iprt.errors import IprtError
 
 if TYPE_CHECKING:
@@ -38,9 +38,9 @@ def render(
     yaw: float | None = None,
     pitch: float | None = None,
     fov: float | None = None,
-    size: tuple[int, int] | None = None,
+    size: Size = None,
     accumulate: int | None = None,
-    codec: Literal["h264", "hevc"] = "h264",
+    codec: Literal["h264", "hevc"] | None = None,
     seed: int | None = None,
     method: Literal["iprt", "ibl"] | None = None,
     knobs: Knobs = BALANCED,
@@ -53,8 +53,8 @@ def render(
 ) -> int:
     """Render one view of a scene to a picture or a video.
 
-    An EXR file holds linear radiance; PNG and video hold what a display shows. A render of a video
-    that was ended, however that was, goes on with the same command: finished frames are kept.
+    An EXR file holds linear radiance; PNG and video hold what a display shows. If the render of a
+    video is interrupted, the same command continues it: finished frames are kept.
 
     Parameters
     ----------
@@ -64,26 +64,27 @@ def render(
         File to write; its suffix chooses the format: .exr or .png for a picture, .mp4, .mov or .mkv
         for a video. A picture's name with %04d in it stands for numbered pictures of a video.
     frames
-        Frames of the video to render, FIRST:LAST or FIRST:LAST:STEP, counted as scene.toml does:
-        LAST is rendered too. An end that is left out is the video's. One number is one frame.
-        Default: all into a video, the first into a picture.
+        Which frames of the video to render: one number, such as 24; FIRST:LAST, such as 24:71, with
+        both ends; or FIRST:LAST:STEP, such as 0:100:10. FIRST and LAST may be left out: ::10 is
+        every tenth frame. Numbers are those of scene.toml. Default: all frames for a video, the
+        first one for a picture.
     view
-        Name of a view of the scene, or `equirect` for the whole panorama, which .mp4 and .mov tell
-        players to show all around. Default: the scene's first view.
+        Name of a view of the scene, or `equirect` for the whole panorama; players let one look
+        around in .mp4 and .mov files of it. Default: the scene's first view.
     yaw
-        Degrees to the right, for a view of your own with all objects.
+        Direction of a view of your own with all objects, in place of --view: degrees to the right.
     pitch
-        Degrees up.
+        Its direction in degrees up.
     fov
-        Vertical field of view in degrees, above 1 and below 179.
+        Its vertical field of view in degrees, above 1 and below 179. Default: 60.
     size
         Width and height in pixels. Default: the view's own.
     accumulate
-        Frames accumulated into a picture, or rendered for each frame of a video. Default: 64 for a
-        picture, 4 in a video, where frames before it count as well.
+        Frames accumulated into a picture, or into each frame of a video. Default: 64 for a picture;
+        4 for a frame of a video, which builds on the frames before it.
     codec
-        How .mp4, .mov and .mkv are coded: h264 (8 bits) plays everywhere; hevc (10 bits) has no
-        bands in soft gradients.
+        How .mp4, .mov and .mkv are coded: h264 (8 bits) plays everywhere; hevc (10 bits) shows no
+        bands in soft gradients. Default: h264.
     seed
         Seed of the random numbers; the same seed gives the same picture on the same device.
         Short for --set seed=.
@@ -91,7 +92,7 @@ def render(
         How virtual objects are lit; `ibl` is the baseline: a distant environment without real
         geometry. Short for --set method=.
     knobs
-        Quality preset and single knobs. Later ones win: preset, file, flags.
+        Quality preset and single settings. Later ones win: preset, file, flags.
     device
         gpu, cpu, a place such as 0:0 (see `iprt doctor`), or part of a device's name. Default: the
         fastest kind there is.
@@ -99,13 +100,14 @@ def render(
         Auxiliary layer to add to EXR files, for example normal or depth; may be given several
         times.
     strict
-        Stop at the first frame of the video that cannot be read, instead of making up for it.
+        Stop at the first frame of the video that cannot be read, instead of repeating the last good
+        frame.
     profile
-        JSON file for the times per pass.
+        JSON file to write the time of every pass to; they are printed as a table, too.
     frame_limit
-        Seconds after which a device that has not finished a frame is taken to hang.
+        Seconds after which a device that has not finished a frame is given up.
     allow_outside
-        Read files of the scene that are links to what lies outside its folder.
+        Follow links in the scene's folder to files outside of it.
 
     Returns
     -------
@@ -116,9 +118,13 @@ def render(
         raise IprtError(f"--accumulate {accumulate}: expected 1 to {MAX_FRAMES}")
     if not 0.0 < frame_limit < float("inf"):
         raise IprtError(f"--frame-limit {frame_limit:g}: expected seconds above 0")
+    from iprt.output.encode import FORMATS
     from iprt.output.sequence import is_video
 
     video = is_video(output)
+    if codec is not None and output.suffix.lower() not in FORMATS:
+        kinds = ", ".join(FORMATS)
+        raise IprtError(f"--codec {codec}: has no effect on {output}; it is for {kinds}")
     _check_files(output, profile, aov, video=video)
 
     from iprt.commands.frames import frame_range
@@ -147,6 +153,7 @@ def render(
         profiled=profile is not None,
     )
     if video:
+        codec = codec or "h264"
         check_video(job, output, indices, codec)
         rendered = render_video(job, output, indices, codec)
     else:
@@ -197,7 +204,7 @@ def _render_still(job: Job, output: Path, index: int) -> tuple[ComputeDevice, Fi
             ((_, picture),) = film.frames([index], aovs=job.aovs, progress=progress)
         return picture, compute, film
 
-    with locked(Path(os.path.realpath(output)).parent):
+    with locked(output.parent):
         picture, compute, film = with_second_try(attempt)
         write_picture(
             output,
@@ -216,27 +223,29 @@ def _report(
     rendered: tuple[ComputeDevice, Film] | None,
     profile: Path | None,
 ) -> None:
-    """Tell where the time went and where the output is; `index` is the first frame."""
-    from rich.console import Console
-
+    """Print where the output is and, if asked for, where the time went in frame `index`."""
+    from iprt.commands.streams import reporting
     from iprt.film import view_at
     from iprt.measure.cost_report import CostReport
     from iprt.output.grid import print_grid
     from iprt.output.profile_file import write_profile
     from iprt.output.table import pass_grid
 
-    if rendered is None:
-        LOG.info("%s: nothing to do, it is finished; to render it again, delete it", output)
-    else:
-        compute, film = rendered
-        report = CostReport.of(
-            compute,
-            scene=job.scene.name,
-            view=view_at(job.scene, job.view, index),
-            settings=job.settings,
-            prepare_ms=film.prepare_ms,
-        )
-        if profile is not None:
-            write_profile(profile, report)
-        print_grid(pass_grid(report))
-    Console().print(str(output), highlight=False, soft_wrap=True)
+    with reporting(f"{output} has been written all the same"):
+        if rendered is None:
+            LOG.info("%s: is finished already; delete it to render it again", output)
+            if profile is not None:
+                raise IprtError(f"--profile {profile}: is not written, as nothing was rendered")
+        elif profile is not None or LOG.isEnabledFor(logging.DEBUG):
+            compute, film = rendered
+            report = CostReport.of(
+                compute,
+                scene=job.scene.name,
+                view=view_at(job.scene, job.view, index),
+                settings=job.settings,
+                prepare_ms=film.prepare_ms,
+            )
+            if profile is not None:
+                write_profile(profile, report)
+            print_grid(pass_grid(report))
+        print(output)

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Literal
 
 import tyro
 
+from iprt.commands.pairs import DepthRange
+from iprt.commands.streams import reporting
 from iprt.errors import IprtError
+from iprt.wording import counted
 
 if TYPE_CHECKING:
     from iprt.device.compute import ComputeDevice
-    from iprt.scene.frame import Frame
-    from iprt.scene.report import ObjectReport, RealMaterialReport, SceneReport, Share
-    from iprt.scene.scene import Scene
 
 
 def info(
@@ -36,13 +36,14 @@ def info(
     thumbnail
         PNG to write: the panorama with axes, views and objects drawn in.
     allow_outside
-        Read files of the scene that are links to what lies outside its folder.
+        Follow links in the scene's folder to files outside of it.
 
     Returns
     -------
     int
         Exit status 0.
     """
+    from iprt.commands.scene_report import plan_lines, render_plan, report_lines
     from iprt.output.atomic import require_writable
     from iprt.scene.report import describe_scene
     from iprt.scene.scene import Scene
@@ -61,7 +62,7 @@ def info(
     if thumbnail is not None:
         write_thumbnail(thumbnail, opened, frame)
     plan = render_plan(opened, frame)
-    notices = opened.source.notices()
+    notices = opened.source.notices() + opened.source.interpolation()
     if json:
         import json as json_format
 
@@ -92,7 +93,7 @@ def check(
         gpu, cpu, a place such as 0:0 (see `iprt doctor`), or part of a device's name. Default: the
         fastest kind there is.
     allow_outside
-        Read files of the scene that are links to what lies outside its folder.
+        Follow links in the scene's folder to files outside of it.
 
     Returns
     -------
@@ -101,6 +102,7 @@ def check(
     """
     import numpy as np
 
+    from iprt.commands.scene_report import memory_lines
     from iprt.scene.report import check_files, describe_scene
     from iprt.scene.scene import Scene
 
@@ -110,8 +112,11 @@ def check(
     raw = opened.raw_frame()
     frame = opened.sanitised(raw)
     report = describe_scene(opened, frame, raw)
+    made_up += report.unlikely
     for line in made_up:
         print(f"warning: {line}")
+    for line in opened.source.interpolation():
+        print(f"note: {line}")
     lost = 1.0 - float(np.isfinite(raw.color).all(axis=-1).mean())
     if lost > 0.0:
         print(f"warning: colour: {lost:.2%} of the picture is NaN or infinite and shown black")
@@ -140,8 +145,8 @@ def check(
     )
     verdict = "usable, but see the warnings" if warned else "fine"
     print(
-        f"{report.name}: {verdict}; {last - first + 1} frame(s), {len(report.objects)} object(s), "
-        f"{len(report.views)} view(s)"
+        f"{report.name}: {verdict}; {counted(last - first + 1, 'frame')}, "
+        f"{counted(len(report.objects), 'object')}, {counted(len(report.views), 'view')}"
     )
     return 0
 
@@ -153,8 +158,8 @@ def new(
     color: Path,
     depth: Path | None = None,
     depth_scale: float | None = None,
-    depth_range: tuple[float, float] | None = None,
-    depth_encoding: Literal["linear", "inverse"] = "linear",
+    depth_range: DepthRange = None,
+    depth_encoding: Literal["linear", "inverse"] | None = None,
     normal: Path | None = None,
 ) -> int:
     """Make a scene folder from a panorama and its depth, or from a video with depth.
@@ -167,14 +172,15 @@ def new(
         360° picture: EXR, PNG or JPEG, twice as wide as high; for video a pattern such as
         color.%04d.png, or a video file.
     depth
-        Its depth: EXR, PFM or 16-bit PNG of the same size, or a video file of 16-bit grey. Default:
-        in the same file as colour: a second stream, or below colour in each picture.
+        Its depth: EXR, PFM or 16-bit PNG of the same size or smaller, or a video file of 16-bit
+        grey. Default: in the same file as colour: a second stream, or below colour in each picture.
     depth_scale
         Metres per stored unit; 0.001 for millimetres. PNG and video need it or depth_range.
     depth_range
-        Metres that the lowest and the highest value stand for.
+        Metres that the lowest and the highest stored value stand for.
     depth_encoding
-        Between them, what grows in proportion with the value: depth, or its inverse.
+        What grows in proportion with the stored values of --depth-range: depth (linear) or its
+        inverse. Default: linear.
     normal
         World-space normals in an EXR file. Default: fitted to the depth.
 
@@ -183,6 +189,7 @@ def new(
     int
         Exit status 0.
     """
+    from iprt.commands.scene_report import first_look
     from iprt.scene.edit import new_scene
     from iprt.scene.video.depth_code import DepthCode
 
@@ -192,12 +199,18 @@ def new(
         all(0.0 < end < float("inf") for end in depth_range) and depth_range[0] != depth_range[1]
     ):
         raise IprtError("--depth-range: expected two numbers above 0 that differ")
-    code = DepthCode(depth_scale, depth_range, depth_encoding)
+    if depth_scale is not None and depth_range is not None:
+        raise IprtError("--depth-scale and --depth-range: give one of them")
+    if depth_encoding is not None and depth_range is None:
+        raise IprtError(f"--depth-encoding {depth_encoding}: needs --depth-range")
+    code = DepthCode(depth_scale, depth_range, depth_encoding or "linear")
     frames = new_scene(folder, color, depth, code, normal)
-    print(
-        f"{folder}: a scene of {frames} frame(s); next: "
-        f"iprt scene add {shlex.quote(str(folder))} MESH --look 0,-35"
-    )
+    with reporting(f"{folder} has been made all the same"):
+        print("\n".join(first_look(folder)))
+        print(
+            f"{folder}: a scene of {counted(frames, 'frame')}; next: "
+            f"iprt scene add {shlex.quote(str(folder))} MESH --look 0,-35"
+        )
     return 0
 
 
@@ -208,6 +221,10 @@ def add(
     *,
     look: str,
     height: float | None = None,
+    unit: str | None = None,
+    up: Literal["x", "-x", "y", "-y", "z", "-z"] = "y",
+    rotate: float = 0.0,
+    animation: str | None = None,
     material: str | None = None,
     name: str | None = None,
     allow_outside: bool = False,
@@ -219,75 +236,64 @@ def add(
     scene
         Scene folder.
     mesh
-        PLY, OBJ, glTF or GLB file, +Y up.
+        PLY, OBJ, STL, glTF or GLB file.
     look
         YAW,PITCH in degrees, right and up: the direction in which the surface is seen.
     height
-        Height of the object in metres. Default: so that its longest side is a fifth of its
-        distance.
+        Height of the object in metres. Default, without unit: so that its longest side is a fifth
+        of its distance.
+    unit
+        Unit of the mesh file, in place of height: m, cm, mm, in, ft, or the metres of one unit.
+    up
+        Axis of the mesh file that points up.
+    rotate
+        Degrees to turn the object to the left about the vertical: counter-clockwise from above.
+    animation
+        Name or number of the animation of a glTF file that moves the object.
     material
         diffuse:R,G,B or conductor:R,G,B:ALPHA or plastic:R,G,B:ALPHA or mirror. Default: the mesh
         file's own.
     name
         Name of the object. Default: the mesh file's.
     allow_outside
-        Read files of the scene that are links to what lies outside its folder.
+        Follow links in the scene's folder to files outside of it.
 
     Returns
     -------
     int
         Exit status 0.
     """
-    from iprt.scene.edit import add_object, parse_material
+    from iprt.scene.adding import add_object
+    from iprt.scene.edit import parse_material
+    from iprt.scene.stance import Stance, parse_unit
 
     yaw, pitch = _direction(look)
-    if height is not None and not 0.0 < height < float("inf"):
-        raise IprtError(f"--height {height:g}: expected metres above 0")
+    stance = Stance(up, rotate, height, None if unit is None else parse_unit(unit))
     table = None if material is None else parse_material(material)
     added = add_object(
         scene,
         mesh,
         yaw,
         pitch,
-        height=height,
+        stance=stance,
         material=table,
+        animation=int(animation) if animation is not None and animation.isdecimal() else animation,
         name=name,
         allow_outside=allow_outside,
     )
     x, y, z = added.base
-    for phrase in added.dropped:
-        print(f"note: {added.name}: not read from its file: {phrase}")
     next_words = ["iprt", "render", str(scene), "--view", added.view, "-o", f"{added.view}.png"]
-    print(f"{added.name}: stands at ({x:.2f}, {y:.2f}, {z:.2f}); next: {shlex.join(next_words)}")
+    with reporting(f"{added.name} has been added to {scene} all the same"):
+        for phrase in added.dropped:
+            print(f"note: {added.name}: not read from its file: {phrase}")
+        for phrase in added.hints:
+            print(f"hint: {added.name}: {phrase}")
+        for phrase in added.warnings:
+            print(f"warning: {added.name}: {phrase}")
+        print(f"{added.name}: {added.size}")
+        place = f"({x:.2f}, {y:.2f}, {z:.2f})"
+        print(f"{added.name}: stands at {place}; next: {shlex.join(next_words)}")
     return 0
-
-
-def memory_lines(
-    scene: Scene, frame: Frame, device: ComputeDevice | None
-) -> tuple[bool, list[str]]:
-    """Whether a view needs more memory than the device has, and what to say about it."""
-    from iprt.commands.views import choose_view
-    from iprt.film import film_plan
-    from iprt.memory import amount
-
-    plans = {}
-    for name in scene.views or (None,):
-        view, objects = choose_view(scene, name)
-        instances = scene.instances if objects is None else scene.instances_named(objects)
-        label = "a view" if name is None else f"view {name}"
-        plans[label] = film_plan(scene, frame, instances, view)
-    largest = max(plans, key=lambda label: plans[label].bytes)
-    view, need = plans[largest].view, plans[largest].bytes
-    line = f"memory: {amount(need)} for {largest} of {view.width} x {view.height}"
-    if device is None:
-        return False, [line]
-    line += f"; {device.name} has {amount(device.memory)}"
-    problems = {
-        label: plan.problem(device.name, device.memory, device.largest_buffer)
-        for label, plan in plans.items()
-    }
-    warnings = [f"warning: {label}: {why}" for label, why in problems.items() if why]
-    return bool(warnings), [line, *warnings]
 
 
 def _device(spec: str | None) -> ComputeDevice | None:
@@ -302,90 +308,6 @@ def _device(spec: str | None) -> ComputeDevice | None:
         if spec is not None:
             raise
         return None
-
-
-def render_plan(scene: Scene, frame: Frame) -> dict[str, dict[str, object]]:
-    """What the renderer builds for each view of a scene and the memory that takes, by name."""
-    from iprt.film import film_plan
-
-    plan: dict[str, dict[str, object]] = {}
-    for name, entry in scene.views.items():
-        built = film_plan(scene, frame, scene.instances_of(name), entry.view)
-        memory = built.bytes / 2**20
-        plan[name] = {"parts": built.requirements.describe(), "device_memory_mib": memory}
-    return plan
-
-
-def plan_lines(plan: dict[str, dict[str, object]]) -> list[str]:
-    """The plan as text."""
-    lines = []
-    for name, entry in plan.items():
-        parts = entry["parts"]
-        assert isinstance(parts, dict)
-        built = ", ".join(part for part, needed in parts.items() if needed) or "resampling only"
-        memory = entry["device_memory_mib"]
-        lines.append(f"builds     {name}: {built}; {memory:.0f} MiB on the device")
-    return lines
-
-
-def report_lines(report: SceneReport) -> list[str]:
-    """A report as text."""
-    first, last = report.frames
-    depth, radiance = report.depth_percentiles, report.radiance_percentiles
-    lines = [
-        f"{report.name}",
-        f"panorama   {report.width} x {report.height}, frames {first} to {last}, "
-        f"{report.fps:g} per second, exposure {report.exposure:g}",
-        f"depth      {report.metres_per_unit:g} m per stored unit; p1 {depth['p1']:.2f} m, "
-        f"p50 {depth['p50']:.2f} m, p99 {depth['p99']:.2f} m",
-        f"radiance   p1 {radiance['p1']:.3g}, p50 {radiance['p50']:.3g}, "
-        f"p99 {radiance['p99']:.3g}, highest {radiance['p100']:.3g}",
-        f"normals    {report.normals}",
-        _share_line("no depth", report.holes),
-        _share_line("  openings", report.openings),
-        _share_line("  open sky", report.open_sky),
-        _share_line("  dropouts", report.dropouts),
-    ]
-    if report.clipped is not None:
-        lines.append(f"clipped    {report.clipped.line()}")
-    lines += [_real_material_line(entry) for entry in report.real_materials]
-    lines += [line for entry in report.objects for line in _object_lines(entry)]
-    for name, view in report.views.items():
-        shown = ", ".join(view["objects"]) or "no objects"
-        lines.append(
-            f"view       {name}: {view['width']} x {view['height']}, yaw {view['yaw_deg']:g}, "
-            f"pitch {view['pitch_deg']:g}, fov {view['fov_y_deg']:g}; {shown}"
-            + ("; has a truth" if view["truth"] else "")
-        )
-        lines += [f"           moves: {view['moves']}"] if view["moves"] else []
-    return lines
-
-
-def _real_material_line(entry: RealMaterialReport) -> str:
-    """`entry` as text."""
-    warned = "".join(f"; warning: {phrase}" for phrase in entry.warnings())
-    return (
-        f"glossy     {entry.name}: {entry.kind}, alpha {entry.alpha:g}; "
-        f"{100 * entry.share.area:.2f}% of all directions, {100 * entry.share.flux:.1f}% of flux"
-        f"{warned}"
-    )
-
-
-def _share_line(label: str, share: Share) -> str:
-    return f"{label:<10} {100 * share.area:.2f}% of all directions, {100 * share.flux:.1f}% of flux"
-
-
-def _object_lines(entry: ObjectReport) -> list[str]:
-    size = [high - low for low, high in zip(entry.low, entry.high, strict=True)]
-    corner = ", ".join(f"{value:.2f}" for value in entry.low)
-    lines = [
-        f"object     {entry.name}: {entry.triangles} triangles, {', '.join(entry.materials)}; "
-        f"{size[0]:.2f} x {size[1]:.2f} x {size[2]:.2f} m from ({corner})"
-    ]
-    lines += [f"           moves: {phrase}" for phrase in entry.moves]
-    lines += [f"           not read: {phrase}" for phrase in entry.dropped]
-    lines += [f"           warning: {phrase}" for phrase in entry.warnings]
-    return lines
 
 
 def _direction(text: str) -> tuple[float, float]:

@@ -1,4 +1,4 @@
-"""`iprt settings`: every knob with its value, ready to be edited."""
+"""`iprt settings`: every setting with its value, ready to be edited."""
 
 from __future__ import annotations
 
@@ -6,7 +6,9 @@ from iprt.commands.knobs import BALANCED, Knobs
 
 
 def settings(*, knobs: Knobs = BALANCED) -> int:
-    """Print all knobs as a TOML file for --settings, each with its meaning, bounds and default.
+    """Print all settings as a TOML file for --settings, each with its meaning, bounds and default.
+
+    Settings at their default are commented out: they leave the choice to --quality.
 
     Returns
     -------
@@ -15,6 +17,6 @@ def settings(*, knobs: Knobs = BALANCED) -> int:
     """
     from iprt.knobs import settings_toml
 
-    title = f"Settings of iprt, from quality {knobs.quality}. Lines may be left out."
+    title = f"Settings of iprt, from quality {knobs.quality}. Remove the # before a knob to set it."
     print(settings_toml(knobs.resolved(), title), end="")
     return 0

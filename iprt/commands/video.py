@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import logging
-import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -13,21 +12,24 @@ from iprt.commands.progress import progress_bar
 from iprt.device.compute import ComputeDevice
 from iprt.errors import FormatError
 from iprt.film import Film, view_at
-from iprt.output.atomic import require_writable
+from iprt.output.atomic import require_regular, require_writable
 from iprt.output.encode import CodecName, frame_rate, require_codec, require_even
 from iprt.output.frames import FrameOutput
 from iprt.output.lock import locked
-from iprt.output.movie import Movie
+from iprt.output.movie import DESCRIPTION, Movie, parts_of
 from iprt.output.picture import check_output
 from iprt.output.sequence import PictureSequence, is_pattern, numbered
 from iprt.output.spherical import equirect_boxes, is_spherical
 from iprt.scene.fingerprint import fingerprint
+from iprt.termination import at_termination
+from iprt.wording import counted
 
 LOG = logging.getLogger("iprt.render")
 
 WARM_UP, WARM_UP_STEPS = 8, 16
 """Frames of the video, and view frames, that are rendered at least before the first of a run, to
 give it a history. After these it differs from one of an uninterrupted run by the noise alone."""
+GOES_ON = "the same command continues from there"
 
 
 def check_video(job: Job, output: Path, frames: range, codec: CodecName) -> None:
@@ -38,12 +40,16 @@ def check_video(job: Job, output: Path, frames: range, codec: CodecName) -> None
     IprtError
     """
     if is_pattern(output):
-        check_output(numbered(output, frames[0]), aovs=job.aovs)
-        job.scene.require_not_ours(*(numbered(output, index) for index in frames))
+        pictures = [numbered(output, index) for index in frames]
+        check_output(pictures[0], aovs=job.aovs)
+        for picture in pictures:
+            require_regular(picture)
+        job.scene.require_not_ours(*pictures)
         return
     if job.aovs:
         raise FormatError(f"{output}: video holds no layers; write numbered .exr files for --aov")
     require_writable(output)
+    require_writable(parts_of(output) / DESCRIPTION)
     job.scene.require_not_ours(output)
     view = view_at(job.scene, job.view, frames[0])
     require_even(view.width, view.height)
@@ -56,7 +62,7 @@ def render_video(
 ) -> tuple[ComputeDevice, Film] | None:
     """Render what is not there yet: the device with its times, and what ran on it.
 
-    Whatever ends it, finished frames stay, and the error gets a note that says so.
+    Whatever ends it, finished frames stay, and the error (or the line on a signal) says so.
 
     Returns
     -------
@@ -76,23 +82,27 @@ def render_video(
             _render(film, target, frames, job)
         return compute, film
 
-    with locked(Path(os.path.realpath(output)).parent):
+    with locked(output.parent):
         target = _opened(job, output, frames, codec)
+
+        def kept() -> str | None:
+            if not target.done:
+                return None
+            return f"{target.done} of {counted(len(frames), 'frame')} finished; {GOES_ON}"
+
         try:
             if not target.missing():
                 target.finish()
                 return None
             handle = choose_device(job.device)
             if target.done:
-                LOG.info("%s: going on after %d of %d frames", output, target.done, len(frames))
-            result = with_second_try(attempt, lambda: target.done)
+                LOG.info("%s: continuing after %d of %d frames", output, target.done, len(frames))
+            with at_termination(kept):
+                result = with_second_try(attempt, lambda: target.done)
             target.finish()
-        except BaseException as error:
-            if target.done:
-                error.add_note(
-                    f"{target.done} of {len(frames)} frames are finished, and the same command "
-                    "goes on from there"
-                )
+        except Exception as error:
+            if note := kept():
+                error.add_note(note)
             raise
     return result
 

@@ -1,17 +1,16 @@
-"""`iprt view`: a scene in a window or a browser, to look around, place objects, tune knobs."""
+"""`iprt view`: a scene in a window or a browser, to look around, place objects, tune settings."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import tyro
 
 from iprt.commands.knobs import BALANCED, Knobs
-from iprt.ending import Ended, raise_if_ended
+from iprt.commands.pairs import Size
 from iprt.errors import IprtError
+from iprt.termination import at_termination
 
 if TYPE_CHECKING:
     from iprt.viewer.engine import Engine
@@ -33,7 +32,7 @@ def view(
     yaw: float | None = None,
     pitch: float | None = None,
     fov: float | None = None,
-    size: tuple[int, int] = WINDOW,
+    size: Size = None,
     fps: float = FPS,
     method: Literal["iprt", "ibl"] | None = None,
     knobs: Knobs = BALANCED,
@@ -44,7 +43,7 @@ def view(
     token: str | None = None,
     allow_outside: bool = False,
 ) -> int:
-    """Open a scene, to look around, place objects, tune knobs and see what they cost.
+    """Open a scene, to look around, place objects, change settings and see what they cost.
 
     Drag to look, turn the wheel to zoom, click an object to select it, drop a mesh file to add it;
     H shows all keys. Needs the extra `view`: pip install 'iprt[view]'.
@@ -55,38 +54,38 @@ def view(
         Scene folder. What is edited is written to its scene.toml when you save.
     view
         Name of a view of the scene to begin with, or `equirect` for the whole panorama. Default:
-        the scene's first view.
+        `saved`, where the viewer was left when objects were added, or else the scene's first view.
     yaw
-        Degrees to the right, for a view of your own with all objects.
+        Direction of a view of your own with all objects, in place of --view: degrees to the right.
     pitch
-        Degrees up.
+        Its direction in degrees up.
     fov
-        Vertical field of view in degrees, above 1 and below 179.
+        Its vertical field of view in degrees, above 1 and below 179. Default: 60.
     size
-        Width and height of the window. A browser has its own.
+        Width and height of the window in pixels; browsers have their own. Default: 1280 800.
     fps
-        Frames per second to hold while something moves, by less resolution and cheaper knobs where
-        the device is too slow; the viewer tells which. At rest nothing is given up. 0: never.
+        Frames per second to aim for while something moves. Where the device is too slow, the viewer
+        lowers the resolution and settings, and shows which; at rest nothing is lowered. 0: never.
     method
         How virtual objects are lit; `ibl` is the baseline: a distant environment without real
         geometry. Short for --set method=.
     knobs
-        Quality preset and single knobs to begin with. Later ones win: preset, file, flags.
+        Quality preset and single settings to begin with. Later ones win: preset, file, flags.
     device
         gpu, cpu, a place such as 0:0 (see `iprt doctor`), or part of a device's name. Default: the
         fastest kind there is.
     web
-        Serve it to browsers in place of a window.
+        Serve the viewer to browsers instead of opening a window.
     host
-        Address to serve at. Others than this machine's own can be reached by others, who have to
-        know the token.
+        Address to serve at. The default accepts this machine alone; where other machines can
+        connect, browsers are asked for the token.
     port
         TCP port to serve at; 0: any that is free.
     token
-        What browsers have to know, to be asked for on this machine, too. Default: a random one
-        where --host is not this machine's own.
+        Password that browsers are asked for, on this machine too. Default: none for this machine
+        alone, else a random one.
     allow_outside
-        Read files of the scene that are links to what lies outside its folder.
+        Follow links in the scene's folder to files outside of it.
 
     Returns
     -------
@@ -99,19 +98,25 @@ def view(
         raise IprtError(f"--port {port}: expected 0 to {MAX_PORT}")
     if not web and (token is not None or host != LOCAL or port != PORT):
         raise IprtError("--host, --port and --token: are for --web")
+    if web and size is not None:
+        raise IprtError("--size: is for a window; with --web, browsers have sizes of their own")
 
-    from iprt.commands.views import moving_view
+    from iprt.commands.views import moving_view, require_size
     from iprt.device.choose import choose_device
     from iprt.device.compute import ComputeDevice
     from iprt.device.profile import SAMPLED_S
     from iprt.scene.camera import View
+    from iprt.scene.edits import SAVED_VIEW
     from iprt.scene.scene import Scene
     from iprt.viewer.engine import Engine
 
+    require_size(size)
     settings = knobs.resolved(method=method)
     opened = Scene.open(scene, allow_outside=allow_outside)
-    found, objects = moving_view(opened, view, yaw=yaw, pitch=pitch, fov=fov, size=size)
-    look = found if isinstance(found, View) else found.view
+    if SAVED_VIEW in opened.views and all(flag is None for flag in (view, yaw, pitch, fov)):
+        view = SAVED_VIEW
+    found, objects = moving_view(opened, view, yaw=yaw, pitch=pitch, fov=fov)
+    look = (found if isinstance(found, View) else found.view).resized(*(size or WINDOW))
     handle = choose_device(device)
 
     def make_device() -> ComputeDevice:
@@ -123,12 +128,12 @@ def view(
         if not web:
             from iprt.viewer.desktop import run
 
-            with _telling_losses(engine):
+            with at_termination(lambda: lost_edits(engine)):
                 run(engine, look, objects=objects, target_fps=fps or None)
             return 0
         from iprt.viewer.web import serve
 
-        with _telling_losses(engine):
+        with at_termination(lambda: lost_edits(engine)):
             serve(
                 engine,
                 look,
@@ -142,27 +147,18 @@ def view(
     return 0
 
 
-@contextmanager
-def _telling_losses(engine: Engine) -> Iterator[None]:
-    """Tell of edits that nobody has saved when a signal ends the viewer."""
-    try:
-        yield
-        raise_if_ended()  # `serve` ends as usual
-    except (KeyboardInterrupt, Ended) as ended:
-        names = ", ".join(edit.name for edit in engine.world.edits)
-        if names:
-            ended.add_note(f"edits that nobody saved are lost, of: {names}")
-        raise
+def lost_edits(engine: Engine) -> str | None:
+    """What to tell of edits that nobody has saved when a signal ends the viewer."""
+    names = ", ".join(engine.unsaved)
+    return f"edits that nobody saved are lost, of: {names}" if names else None
 
 
 def _tell_address(address: Address) -> None:
     """Where browsers go, and how those of other machines get there."""
     from socket import gethostname
 
-    from rich.console import Console
-
-    console = Console(highlight=False, soft_wrap=True)
-    console.print(f"open {address.url} in a browser; Ctrl+C ends")
+    print(f"open {address.url} in a browser; Ctrl+C ends", flush=True)
     if address.local:
         port = address.port
-        console.print(f"from another machine: ssh -L {port}:localhost:{port} {gethostname()}")
+        line = f"from another machine: ssh -L {port}:localhost:{port} {gethostname()}"
+        print(line, flush=True)

@@ -48,8 +48,7 @@ def moving_view(
     own = yaw is not None or pitch is not None or fov is not None
     if own and name is not None:
         raise IprtError("--view names a direction already; leave out --yaw, --pitch and --fov")
-    if size is not None and not all(0 < side <= MAX_SIZE for side in size):
-        raise IprtError(f"--size {size[0]} {size[1]}: expected 1 to {MAX_SIZE} pixels a side")
+    require_size(size)
     if fov is not None and not 1.0 < fov < 179.0:
         raise IprtError(f"--fov {fov:g}: expected more than 1 and less than 179 degrees")
     # Written so that NaN, which compares false, is rejected too.
@@ -59,6 +58,11 @@ def moving_view(
         raise IprtError(f"--pitch {pitch:g}: expected -90 to 90 degrees")
     if name == "equirect":
         width, height = size or (scene.width, scene.height)
+        if width != 2 * height:
+            raise IprtError(
+                f"--size {width} {height}: the whole panorama is twice as wide as high; try "
+                f"--size {2 * height} {height}"
+            )
         return View(width, height, projection="equirect"), None
     if name is None and not own and scene.views:
         name = next(iter(scene.views))
@@ -71,3 +75,14 @@ def moving_view(
     entry = scene.views[name]
     resized = entry if size is None else replace(entry, view=entry.view.resized(*size))
     return resized, entry.objects
+
+
+def require_size(size: tuple[int, int] | None) -> None:
+    """Refuse a picture or window without pixels, or too large.
+
+    Raises
+    ------
+    IprtError
+    """
+    if size is not None and not all(0 < side <= MAX_SIZE for side in size):
+        raise IprtError(f"--size {size[0]} {size[1]}: expected 1 to {MAX_SIZE} pixels a side")

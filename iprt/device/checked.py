@@ -129,7 +129,7 @@ def _may_write(kernel: cl.Kernel, index: int) -> bool:
 
 
 def _guarded_bytes(size: int) -> int:
-    """Of a buffer of `size` bytes, which is filled up to whole words, with its guards."""
+    """Bytes of a buffer of `size`, filled up to whole words, with its guards."""
     return GUARD_BYTES + -(-size // 4) * 4 + GUARD_BYTES
 
 

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import os
 import re
+import resource
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import pyopencl as cl
 
+from iprt.device.caches import own_folder, require_caches
+from iprt.device.icd import OVERRIDES
 from iprt.device.install import opencl_command
 from iprt.errors import DeviceError
+from iprt.memory import amount
 
 Kind = Literal["gpu", "cpu", "accelerator", "other"]
 ORDER = "GPU, Intel's CPU runtime, PoCL, others"
@@ -111,8 +115,10 @@ def describe_devices() -> list[DeviceInfo]:
     Raises
     ------
     DeviceError
-        There is none; the message holds the command that installs one.
+        There is none; the message holds the command that installs one. Or it could not keep what
+        it compiles.
     """
+    require_caches()
     try:
         platforms = cl.get_platforms()
     except cl.Error:  # the loader found no driver
@@ -125,7 +131,17 @@ def describe_devices() -> list[DeviceInfo]:
             continue
         infos += [_describe(f"{p}:{d}", device) for d, device in enumerate(devices)]
     if not infos:
-        raise DeviceError(f"no OpenCL device: install a driver with `{opencl_command()}`")
+        named = "".join(
+            f"; {name}={os.environ[name]} is set: drivers are looked for only there"
+            for name in OVERRIDES
+            if os.environ.get(name) and not os.environ[name].startswith(str(own_folder()))
+        )
+        limit, _ = resource.getrlimit(resource.RLIMIT_AS)
+        if limit != resource.RLIM_INFINITY:
+            named += (
+                f"; or raise `ulimit -v`: drivers may need more than the {amount(limit)} it allows"
+            )
+        raise DeviceError(f"no OpenCL device: install a driver with `{opencl_command()}`{named}")
     return infos
 
 

@@ -5,8 +5,10 @@ from __future__ import annotations
 import re
 import time
 import warnings
+import weakref
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import AbstractContextManager
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -15,6 +17,7 @@ import pyopencl as cl
 import pyopencl.array as cla
 from numpy.typing import DTypeLike, NDArray
 
+from iprt.device.bands import Bands
 from iprt.device.profile import Kind, Profile
 from iprt.device.recovery import reported, wait
 from iprt.errors import DeviceError, KernelError
@@ -22,6 +25,11 @@ from iprt.memory import amount, what_to_lower
 from iprt.resources import CL
 
 Define = int | float | bool | str
+
+CACHE_RACE = "unable to rename temporary"
+"""In the log of a build while another process put the same program into PoCL's cache."""
+BUILD_TRIES, BUILD_PAUSE_S = 4, 0.2
+"""How often such a build is tried, and the seconds in between."""
 
 
 class Kernel:
@@ -48,23 +56,42 @@ class Kernel:
         """
         local = self._device.group_size(len(size))
         rounded = tuple(-(-n // m) * m for n, m in zip(size, local, strict=True))
+        bands = self._device.bands
         if self._device.is_first_launch(self._program, self._name):
-            event = self._launch_first(rounded, local, args)
+            events = [self._launch_first(rounded, local, args)]
+        elif bands is not None:
+            events = bands.launch(
+                (self._program, self._name),
+                rounded,
+                local,
+                lambda offset, part: self._enqueue(part, local, args, offset),
+            )
         else:
-            event = self._enqueue(rounded, local, args)
+            events = [self._enqueue(rounded, local, args)]
         profile = self._device.profile
         if profile.recording:
-            profile.record(event, self._name, Kind.KERNEL, bound_bytes(args))
+            size_bytes = bound_bytes(args)
+            for event in events:
+                profile.record(event, self._name, Kind.KERNEL, size_bytes)
 
-    def _enqueue(self, size: tuple[int, ...], local: tuple[int, ...], args: Iterable[Any]) -> Any:
+    def _enqueue(
+        self,
+        size: tuple[int, ...],
+        local: tuple[int, ...],
+        args: Iterable[Any],
+        offset: tuple[int, ...] = (),
+    ) -> Any:
         with self._device.reported(self._name):
-            return self._kernel(self._device.queue, size, local, *map(_argument, args))
+            # PoCL compiles kernels with an offset anew, also one of zeros.
+            start = {"global_offset": offset} if any(offset) else {}
+            return self._kernel(self._device.queue, size, local, *map(_argument, args), **start)
 
     def _launch_first(
         self, size: tuple[int, ...], local: tuple[int, ...], args: Iterable[Any]
     ) -> Any:
         """With nothing else on the queue, so that what it takes to compile is seen."""
         device = self._device
+        device.building(self._program.partition(" ")[0])
         device.wait()
         start = time.perf_counter()
         event = self._enqueue(size, local, args)
@@ -72,6 +99,15 @@ class Kernel:
         elapsed = (time.perf_counter() - start) * 1e3
         device.profile.launched_first(self._program, event, elapsed)
         return event
+
+
+@dataclass(frozen=True, eq=False)
+class _Program:
+    """A built program, and its kernels that are in use."""
+
+    name: str
+    built: Any
+    kernels: weakref.WeakSet[Kernel] = field(default_factory=weakref.WeakSet)
 
 
 class ComputeDevice:
@@ -91,7 +127,12 @@ class ComputeDevice:
     opengl : dict of str to int
         Bytes by name that OpenGL holds besides `buffers`, perhaps on another device.
     building : callable
-        Called with the name of a file of `cl/` before it is built, which may take seconds.
+        Called with the name of a file of `cl/` before it is built, and before one of its kernels is
+        launched first: both may take seconds.
+    bands : Bands or None
+        Launches kernels in parts, between which work can be abandoned. None: as a whole.
+    most_programs : int or None
+        So many built programs are kept, and those that are in use. None: all are.
 
     Raises
     ------
@@ -111,7 +152,9 @@ class ComputeDevice:
             )
         self.profile = Profile()
         self.building: Callable[[str], None] = lambda file: None
-        self._programs: dict[tuple[str, str], Any] = {}
+        self.bands: Bands | None = None
+        self.most_programs: int | None = None
+        self._programs: dict[tuple[str, str], _Program] = {}  # the last one used comes last
         self._launched: set[tuple[str, str]] = set()
 
     @cached_property
@@ -150,18 +193,40 @@ class ComputeDevice:
         KernelError
             The program did not build.
         """
-        variant = [
-            f"-D{define}={_literal(value)}"
-            for define, value in sorted((defines or {}).items())
-            if value is not False
-        ]
-        options = ["-cl-std=CL1.2", "-cl-kernel-arg-info", "-I", str(CL / "lib"), *variant]
+        program, options = _variant(file, defines)
         key = (file, " ".join(options))
-        program = " ".join([file, *variant])
-        if key not in self._programs:
+        found = self._programs.pop(key, None)
+        if found is None:
             with self.profile.compiling(program):
-                self._programs[key] = self._build(file, options)
-        return Kernel(self, cl.Kernel(self._programs[key], name), program)
+                found = _Program(program, self._build(file, options))
+        self._programs[key] = found
+        kernel = Kernel(self, cl.Kernel(found.built, name), program)
+        found.kernels.add(kernel)
+        self._forget_programs()
+        return kernel
+
+    def to_compile(self, kernels: Iterable[tuple[str, str, Mapping[str, Define]]]) -> int:
+        """How often the driver has to compile for these (file, kernel, defines).
+
+        Programs that are not built yet, and kernels that were not launched yet, count one each.
+        """
+        missing = set()
+        for file, name, defines in kernels:
+            program, options = _variant(file, defines)
+            if (file, " ".join(options)) not in self._programs:
+                missing.add((program, ""))
+            if (program, name) not in self._launched:
+                missing.add((program, name))
+        return len(missing)
+
+    def _forget_programs(self) -> None:
+        """Release programs that are not in use, the oldest first, while there are too many."""
+        for key, program in list(self._programs.items()):
+            if self.most_programs is None or len(self._programs) <= self.most_programs:
+                return
+            if not program.kernels:
+                del self._programs[key]
+                self._launched -= {known for known in self._launched if known[0] == program.name}
 
     def is_first_launch(self, program: str, kernel: str) -> bool:
         """Whether it is asked for the first time about this kernel."""
@@ -169,7 +234,7 @@ class ComputeDevice:
         self._launched.add((program, kernel))
         return first
 
-    def _build(self, file: str, options: list[str]) -> Any:
+    def _build(self, file: str, options: list[str], tries: int = BUILD_TRIES) -> Any:
         source = (CL / file).read_text()
         self.building(file)
         try:
@@ -178,6 +243,9 @@ class ComputeDevice:
                 warnings.simplefilter("ignore", cl.CompilerWarning)
                 return cl.Program(self.context, source).build(options)
         except cl.RuntimeError as error:
+            if tries > 1 and CACHE_RACE in str(error):
+                time.sleep(BUILD_PAUSE_S)
+                return self._build(file, options, tries - 1)
             raise KernelError(self._build_report(file, options, str(error))) from error
 
     def _build_report(self, file: str, options: list[str], told: str) -> str:
@@ -257,6 +325,17 @@ class ComputeDevice:
         """`wait`; times may be read."""
         self.wait()
         self.profile.finished()
+
+
+def _variant(file: str, defines: Mapping[str, Define] | None) -> tuple[str, list[str]]:
+    """A program's name and its compiler's options."""
+    variant = [
+        f"-D{define}={_literal(value)}"
+        for define, value in sorted((defines or {}).items())
+        if value is not False
+    ]
+    options = ["-cl-std=CL1.2", "-cl-kernel-arg-info", "-I", str(CL / "lib"), *variant]
+    return " ".join([file, *variant]), options
 
 
 def bound_bytes(arguments: Iterable[Any]) -> int:

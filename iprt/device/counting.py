@@ -19,7 +19,7 @@ from iprt.device.profile import Profile
 from iprt.resources import CL
 
 COUNTERS = 9
-"""Of one launch: `cl/lib/work.h`."""
+"""Counters of one launch, see `cl/lib/work.h`."""
 
 
 @dataclass(frozen=True)

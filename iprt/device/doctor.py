@@ -10,6 +10,7 @@ from importlib import metadata
 from typing import Any
 
 import iprt
+from iprt.device.caches import settle_caches
 from iprt.device.icd import OVERRIDES, SYSTEM_VENDORS, intel_runtime
 from iprt.device.install import (
     GL_PACKAGES,
@@ -30,6 +31,7 @@ CORE = (
     "numpy",
     "OpenEXR",
     "pillow",
+    "platformdirs",
     "pydantic",
     "pyopencl",
     "rich",
@@ -49,26 +51,24 @@ def examine() -> Record:
     -------
     dict
         `ok`: iprt can render; `opencl`: `devices`, `chosen`, `reason`, `vendors`, or
-        `error`; `opengl`: `renderer`, `vendor`, `version`, `software`, or `error`; `versions`:
-        name -> version or None; `optional`: list of `name`, `purpose`, `version`, `state`;
-        `missing`: list of `what`, `why`, `install`.
+        `error`; `opengl`: `renderer`, `vendor`, `version`, `software`, or `error`; `caches`:
+        `folder` of compiled kernels and the `problem` with it; `versions`: name -> version or None;
+        `optional`: list of `name`, `purpose`, `version`, `state`; `missing`: list of `what`,
+        `why`, `install`.
     """
+    names = ["opencl", "opengl", "window", "browser", *(["mitsuba"] if _version("mitsuba") else [])]
     with ThreadPoolExecutor() as pool:
-        opencl, opengl = pool.submit(probe, "opencl"), pool.submit(probe, "opengl")
-        mitsuba = pool.submit(probe, "mitsuba") if _version("mitsuba") else None
-        return diagnose(
-            opencl.result() | {"vendors": vendors_folder()},
-            opengl.result(),
-            mitsuba.result() if mitsuba is not None else None,
-            versions(),
-        )
+        records = dict(zip(names, pool.map(probe, names), strict=True))
+    records["opencl"]["vendors"] = vendors_folder()
+    caches = settle_caches()
+    folder = None if caches.folder is None else str(caches.folder)
+    return diagnose(records, versions()) | {"caches": {"folder": folder, "problem": caches.problem}}
 
 
-def diagnose(
-    opencl: Record, opengl: Record, mitsuba: Record | None, found: dict[str, str | None]
-) -> Record:
-    """Put together the records of the probes, and derive from them what is missing."""
-    optional = optional_parts(mitsuba)
+def diagnose(records: dict[str, Record], found: dict[str, str | None]) -> Record:
+    """Put together the records of the probes by name, and derive from them what is missing."""
+    opencl, opengl = records["opencl"], records["opengl"]
+    optional = optional_parts(records)
     missing: list[Record] = []
 
     def lacks(what: str, why: str, install: str | None) -> None:
@@ -82,7 +82,7 @@ def diagnose(
     if "error" in opengl and found["moderngl"]:
         lacks(
             "OpenGL through EGL",
-            "it draws objects; rays do instead, and `trace.objects=raster` does not work",
+            "objects are found by rays instead, and `trace.objects=raster` does not work",
             apt_command(*GL_PACKAGES),
         )
     for name in CORE:
@@ -100,8 +100,9 @@ def diagnose(
     }
 
 
-def optional_parts(mitsuba: Record | None) -> list[Record]:
+def optional_parts(records: dict[str, Record]) -> list[Record]:
     """Parts that iprt does without: what each is for, whether it works, how to get it."""
+    mitsuba = records.get("mitsuba")
     parts = [
         _package("flip-evaluator", "the FLIP column of `iprt compare`"),
         _package("mitsuba", "path-traced references"),
@@ -109,9 +110,8 @@ def optional_parts(mitsuba: Record | None) -> list[Record]:
     if mitsuba is not None:
         parts.append(_llvm(mitsuba))
     parts.append(_package("pyoidn", "denoised references"))
-    parts.append(_package("imgui-bundle", "`iprt view` in a window"))
-    parts.append(_package("moderngl-window", "`iprt view` in a window"))
-    parts.append(_package("viser", "`iprt view --web`"))
+    parts.append(_viewer("iprt view", "imgui-bundle", "the viewer in a window", records["window"]))
+    parts.append(_viewer("iprt view --web", "viser", "the viewer in a browser", records["browser"]))
     intel = _package("intel-opencl-rt", "the fastest OpenCL driver for x86 processors")
     intel["install"] = None if intel_runtime() else intel_command()
     return [*parts, intel]
@@ -125,6 +125,16 @@ def _package(name: str, purpose: str) -> Record:
         "version": version,
         "state": "installed" if version else "not installed",
         "install": None if version else pip_command(name),
+    }
+
+
+def _viewer(command: str, package: str, purpose: str, record: Record) -> Record:
+    return {
+        "name": command,
+        "purpose": purpose,
+        "version": _version(package),
+        "state": record.get("error", "works"),
+        "install": record.get("install"),
     }
 
 

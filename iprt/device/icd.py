@@ -6,24 +6,23 @@ pyopencl's wheel brings its own loader. It reads `/etc/OpenCL/vendors`, or the f
 - Intel's CPU runtime from PyPI: its own ICD file names a path that exists nowhere.
 - NVIDIA's driver in containers: the library is mounted, its ICD file often is not.
 
-For these we write a vendors folder of our own, which also holds the system's entries. PoCL in turn
-reports no device at all where it cannot write its kernel cache.
+For these we write a vendors folder of our own, which also holds the system's entries.
 """
 
 from __future__ import annotations
 
-import atexit
 import contextlib
 import ctypes
 import hashlib
 import os
-import shutil
 import site
 import sys
 import sysconfig
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
+
+from iprt.device.caches import own_folder
 
 SYSTEM_VENDORS = Path("/etc/OpenCL/vendors")
 OVERRIDES = ("OCL_ICD_VENDORS", "OPENCL_VENDOR_PATH")
@@ -34,17 +33,15 @@ NVIDIA = "libnvidia-opencl.so.1"
 def register_drivers() -> None:
     """Point `OCL_ICD_VENDORS` at our vendors folder, where the system's own would miss a driver.
 
-    If the user set one of `OVERRIDES`, that choice stands. PoCL gets a temporary kernel cache
-    where the user's cache folder is not writable, as in containers without a home.
+    If the user set one of `OVERRIDES`, that choice stands.
     """
-    if "POCL_CACHE_DIR" not in os.environ and not _cache_is_writable():
-        os.environ["POCL_CACHE_DIR"] = str(_temporary_folder("iprt-pocl-"))
     if any(os.environ.get(name) for name in OVERRIDES):
         return
     system = read_vendors(SYSTEM_VENDORS)
     entries = vendor_entries(system, intel_runtime(), nvidia_library())
     if entries != system:
-        os.environ["OCL_ICD_VENDORS"] = str(write_vendors(entries, cache_folder()))
+        with contextlib.suppress(OSError):  # where nothing can be written, the system's must do
+            os.environ["OCL_ICD_VENDORS"] = str(write_vendors(entries, own_folder()))
 
 
 def vendor_entries(
@@ -73,18 +70,20 @@ def read_vendors(folder: Path) -> dict[str, str]:
     return entries
 
 
-def write_vendors(entries: Mapping[str, str], cache: Path | None) -> Path:
-    """A folder below `cache` that holds `entries`; a temporary one where that cannot be written.
+def write_vendors(entries: Mapping[str, str], cache: Path) -> Path:
+    """A folder below `cache` that holds `entries`.
 
     The folder's name is a hash of what it holds, so that processes of different environments
     never write different things to one place.
+
+    Raises
+    ------
+    OSError
+        It cannot be written.
     """
     text = "\0".join(f"{name}\0{library}" for name, library in sorted(entries.items()))
     name = f"vendors-{hashlib.sha256(text.encode()).hexdigest()[:16]}"
-    if cache is not None:
-        with contextlib.suppress(OSError):
-            return _fill(cache / name, entries)
-    return _fill(_temporary_folder("iprt-vendors-"), entries)
+    return _fill(cache / name, entries)
 
 
 def _fill(folder: Path, entries: Mapping[str, str]) -> Path:
@@ -99,35 +98,12 @@ def _fill(folder: Path, entries: Mapping[str, str]) -> Path:
     return folder
 
 
-def _cache_is_writable() -> bool:
-    cache = cache_folder()
-    if cache is None:
-        return False
-    try:
-        cache.parent.mkdir(parents=True, exist_ok=True)
-    except OSError:
-        return False
-    return os.access(cache.parent, os.W_OK | os.X_OK)
-
-
-def _temporary_folder(prefix: str) -> Path:
-    folder = Path(tempfile.mkdtemp(prefix=prefix))
-    atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    return folder
-
-
-def cache_folder() -> Path | None:
-    """`$XDG_CACHE_HOME/iprt`, by default `~/.cache/iprt`; None for a user without a home."""
-    base = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
-    return Path(base) / "iprt" if os.path.isabs(base) else None
-
-
 def intel_runtime() -> Path | None:
     """The library of Intel's CPU runtime, if pip (or conda) installed it where we run."""
     prefixes = (sysconfig.get_path("data"), sys.prefix, sys.base_prefix, site.getuserbase())
     for prefix in prefixes:
         library = Path(prefix) / "lib" / INTEL
-        if library.is_file():
+        if os.path.isfile(library):  # False, too, in a folder that may not be searched
             return library
     return None
 

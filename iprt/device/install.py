@@ -7,6 +7,7 @@ import platform
 import shlex
 import shutil
 import sys
+from importlib import metadata
 
 GL_PACKAGES = ("libegl1", "libgl1", "libgl1-mesa-dri")
 
@@ -20,6 +21,12 @@ def apt_command(*packages: str) -> str:
 def pip_command(*requirements: str) -> str:
     """For the Python environment that runs now."""
     return shlex.join([sys.executable, "-m", "pip", "install", *requirements])
+
+
+def requirements(extra: str) -> list[str]:
+    """What an extra of iprt asks for, as pip takes it."""
+    found = (text.partition(";") for text in metadata.requires("iprt") or ())
+    return [name.strip() for name, _, when in found if f"{extra}'" in when.replace('"', "'")]
 
 
 def opencl_command(*, pocl_fails: bool = False) -> str:

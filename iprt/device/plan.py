@@ -12,6 +12,9 @@ from numpy.typing import DTypeLike, NDArray
 from iprt.device.compute import ComputeDevice, Define
 from iprt.device.profile import Profile
 
+PlannedKernel = tuple[str, str, dict[str, Define]]
+"""File, kernel and defines."""
+
 
 @dataclass(frozen=True)
 class PlannedBuffer:
@@ -44,7 +47,7 @@ class PlanDevice(ComputeDevice):
         self.profile = Profile()
         self.buffers: dict[str, int] = {}
         self.opengl: dict[str, int] = {}
-        self.kernels: list[tuple[str, str, dict[str, Define]]] = []
+        self.kernels: list[PlannedKernel] = []
 
     def kernel(  # type: ignore[override]
         self, file: str, name: str, defines: Mapping[str, Define] | None = None

@@ -11,9 +11,11 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
+
+from iprt.termination import at_termination
 
 Record = dict[str, Any]
 TIMEOUT_S = 120.0
@@ -24,19 +26,24 @@ def probe(name: str, timeout_s: float = TIMEOUT_S) -> Record:
     package_parent = str(Path(__file__).resolve().parents[2])
     path = os.pathsep.join(filter(None, (package_parent, os.environ.get("PYTHONPATH"))))
     try:
-        child = subprocess.run(
+        child = subprocess.Popen(
             [sys.executable, "-m", "iprt.device.probe", name],
             env={**os.environ, "PYTHONPATH": path},
             stdin=subprocess.DEVNULL,
-            capture_output=True,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
             text=True,
             errors="replace",
-            timeout=timeout_s,
-            check=False,
         )
-    except subprocess.TimeoutExpired:
-        return {"error": f"no answer within {timeout_s:.0f} s"}
-    return read_record(child.returncode, child.stdout, child.stderr)
+    except OSError as error:
+        return {"error": f"no process can be started: {error}"}
+    with child, at_termination(child.kill):
+        try:
+            stdout, stderr = child.communicate(timeout=timeout_s)
+        except subprocess.TimeoutExpired:
+            child.kill()
+            return {"error": f"no answer within {timeout_s:.0f} s"}
+    return read_record(child.returncode, stdout, stderr)
 
 
 def read_record(status: int, stdout: str, stderr: str) -> Record:
@@ -91,10 +98,36 @@ def mitsuba() -> Record:
     return {"variant": load().variant(), "llvm": os.environ.get("DRJIT_LIBLLVM_PATH")}
 
 
+def window() -> Record:
+    """Whether `iprt view` can open a window."""
+    from iprt.viewer.needs import WINDOW, require_window
+
+    if record := _lacking(WINDOW):
+        return record
+    require_window()
+    return {}
+
+
+def browser() -> Record:
+    """Whether `iprt view --web` can serve."""
+    from iprt.viewer.needs import BROWSER
+
+    return _lacking(BROWSER)
+
+
+def _lacking(modules: Sequence[str]) -> Record:
+    from iprt.viewer.needs import install_command, lacking
+
+    problems = lacking(modules)
+    return {"error": ", ".join(problems), "install": install_command()} if problems else {}
+
+
 PROBES: dict[str, Callable[[], Record]] = {
     "opencl": opencl,
     "opengl": opengl,
     "mitsuba": mitsuba,
+    "window": window,
+    "browser": browser,
 }
 
 

@@ -83,7 +83,7 @@ def require_comparable(old: OldReport, *, scene: str, device: str, view: View) -
         *((key, old.view.get(key), value) for key, value in asdict(view).items()),
     ):
         if before != now:
-            raise IprtError(f"was measured with {what} {before}, this is {now}; measure it anew")
+            raise IprtError(f"was measured with {what} {before}, not {now}; measure it again")
 
 
 def changes(old: OldReport, new: CostReport) -> list[Change]:
@@ -95,7 +95,7 @@ def changes(old: OldReport, new: CostReport) -> list[Change]:
 
 
 def changed_settings(old: OldReport, new: CostReport) -> list[str]:
-    """Knobs that differ, in words."""
+    """Settings that differ, in words."""
     before, after = _flat(old.settings), _flat(new.settings.model_dump(mode="json"))
     return [
         f"{key} = {after.get(key)}, was {before.get(key)}"

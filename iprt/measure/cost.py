@@ -17,7 +17,7 @@ BLOCKS = 8
 RESAMPLES = 400
 """Draws of as many of these runs, with replacement."""
 FEWEST_FRAMES = 2 * BLOCKS
-"""Of fewer, nothing is said about that."""
+"""Fewer are too few to report."""
 
 
 @dataclass(frozen=True)
@@ -167,7 +167,7 @@ Counted = Mapping[tuple[str, str], WorkRow]
 
 
 def frame_timing(frames: Sequence[FrameCosts]) -> Timing:
-    """Of all passes of a frame together."""
+    """The time of all passes of a frame together."""
     return Timing.of([_ms(costs.items()) for costs in frames])
 
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from iprt.device.profile import Profile
 
 SCHEMA = 1
-"""Of the plain data: raised when what is there comes to mean something else."""
+"""The version of the plain data, raised when what is there comes to mean something else."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ class CostReport:
         walls: Sequence[float] = (),
         traced: float | None = None,
     ) -> CostReport:
-        """Of the frames that the device's profile holds, at least one.
+        """Costs of the frames that the device's profile holds, at least one.
 
         Parameters
         ----------

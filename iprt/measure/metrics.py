@@ -52,12 +52,23 @@ def display(radiance: NDArray[Any], exposure: float = 1.0) -> Image:
     FormatError
         The radiance is not an (H, W, 3) image, or holds NaN or infinity.
     """
+    require_radiance(radiance)
+    return srgb_encode(np.clip(exposure * radiance.astype(np.float64), 0.0, 1.0))
+
+
+def require_radiance(radiance: NDArray[Any]) -> None:
+    """Check that it can be displayed.
+
+    Raises
+    ------
+    FormatError
+        It is not an (H, W, 3) image, or holds NaN or infinity.
+    """
     if radiance.ndim != 3 or radiance.shape[2] != 3 or radiance.size == 0:
         raise FormatError(f"expected an image of shape (H, W, 3), got {radiance.shape}")
     bad = int(np.count_nonzero(~np.isfinite(radiance).all(axis=2)))
     if bad:
         raise FormatError(f"the image holds {bad} pixels with NaN or infinite radiance")
-    return srgb_encode(np.clip(exposure * radiance.astype(np.float64), 0.0, 1.0))
 
 
 def mse(test: Image, truth: Image) -> float:

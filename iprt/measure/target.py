@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from iprt.scene.camera import View
     from iprt.scene.scene import Scene
 
+LOG = logging.getLogger("iprt.measure")
 Radiance = NDArray[np.float32]
 Background = Literal["panorama", "truth"]
 """What the camera sees behind the objects: the resampled panorama, or the truth's own, which
@@ -135,6 +137,9 @@ def views_with_truth(scene: Scene, names: Sequence[str] = ()) -> list[str]:
             f"{scene.name}: no view has a truth to compare with; "
             "render one with `iprt reference` and name it in views.<name>.truth"
         )
+    for name in found:
+        if (warning := scene.views[name].truth_warning) is not None:
+            LOG.warning(warning)
     return found
 
 

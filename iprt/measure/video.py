@@ -186,7 +186,7 @@ class Player:
         return picture
 
     def results(self) -> list[Stability]:
-        """Of each of the settings, over the frames played so far."""
+        """Results of each of the settings, over the frames played so far."""
         return [
             meters.result(self._view.name, combination.label, measured=self._converge > 0)
             for meters, combination in zip(self._meters, self._chosen, strict=True)

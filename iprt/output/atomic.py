@@ -1,8 +1,9 @@
-"""Files appear whole or not at all."""
+"""Files appear whole or not at all, and only regular files are replaced."""
 
 from __future__ import annotations
 
 import os
+import stat
 import tempfile
 import uuid
 from collections.abc import Iterator
@@ -10,6 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from iprt.errors import FormatError
+from iprt.termination import at_termination
 
 
 @contextmanager
@@ -22,19 +24,19 @@ def replacing(path: Path) -> Iterator[Path]:
     Raises
     ------
     FormatError
-        The folder or the file cannot be written.
+        The folder or the file cannot be written, or `path` is no regular file.
     """
-    # A link keeps pointing where it did: its target is replaced.
-    target = Path(os.path.realpath(path))
-    temporary = target.with_name(f".{uuid.uuid4().hex}.tmp")
+    require_regular(path)
+    temporary = path.with_name(f".{uuid.uuid4().hex}.tmp")
     try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            yield temporary
-            _sync(temporary)
-            os.replace(temporary, target)
-        finally:
-            temporary.unlink(missing_ok=True)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with at_termination(lambda: temporary.unlink(missing_ok=True)):
+            try:
+                yield temporary
+                _sync(temporary)
+                os.replace(temporary, path)
+            finally:
+                temporary.unlink(missing_ok=True)
     except (OSError, RuntimeError) as error:  # OpenEXR reports system errors as RuntimeError
         reason = getattr(error, "strerror", None) or str(error).replace(str(temporary), path.name)
         raise FormatError(f"{path}: cannot be written: {reason}") from error
@@ -47,24 +49,39 @@ def _sync(path: Path) -> None:
         os.fsync(file.fileno())
 
 
+def require_regular(path: Path) -> None:
+    """Refuse to replace anything but a regular file: a link would be lost, or a device.
+
+    Raises
+    ------
+    FormatError
+        `path` is a folder, a symbolic link, a device, a pipe or a socket; or cannot be looked at.
+    """
+    try:
+        mode = path.lstat().st_mode
+    except (FileNotFoundError, NotADirectoryError):
+        return
+    except OSError as error:  # a name too long, a folder that may not be searched
+        raise FormatError(f"{path}: cannot be written: {error.strerror}") from error
+    if stat.S_ISDIR(mode):
+        raise FormatError(f"{path}: is a folder; name a file in it")
+    if stat.S_ISLNK(mode):
+        target = os.path.realpath(path)
+        raise FormatError(f"{path}: is a symbolic link and is not replaced; name {target} instead")
+    if not stat.S_ISREG(mode):
+        raise FormatError(f"{path}: is a device, pipe or socket and is not replaced; name a file")
+
+
 def require_writable(path: Path) -> None:
     """Fail now rather than after minutes of rendering if `path` cannot be written.
 
     Raises
     ------
     FormatError
-        `path` is a folder, or the folder it goes to is not one, or permits no writing.
+        As `require_regular`; or the folder it goes to is not one, or permits no writing.
     """
-    target = Path(os.path.realpath(path))
-    try:
-        target.lstat()
-    except (FileNotFoundError, NotADirectoryError):
-        pass
-    except OSError as error:  # a name too long, a folder that may not be searched
-        raise FormatError(f"{path}: cannot be written: {error.strerror}") from error
-    if target.is_dir():
-        raise FormatError(f"{path}: is a folder; name a file in it")
-    folder = target.parent
+    require_regular(path)
+    folder = Path(os.path.realpath(path.parent))
     while not folder.exists():
         folder = folder.parent
     if not folder.is_dir():

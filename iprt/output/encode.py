@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -24,7 +25,7 @@ FORMATS = {".mp4": "mp4", ".mov": "mov", ".mkv": "matroska"}
 RATES = (Fraction(1, 1000), Fraction(1000))
 """Least and most frames a second that containers keep exactly enough."""
 LARGEST_DIVISOR = 1001
-"""Of a frame rate as a fraction: 30000/1001 is the NTSC's."""
+"""A frame rate, as a fraction, has no larger one: 30000/1001 is the NTSC's."""
 
 
 @dataclass(frozen=True)
@@ -154,7 +155,7 @@ def encode_piece(
     with (
         replacing(path) as temporary,
         _reported(path),
-        av.open(str(temporary), "w", format="mp4") as container,
+        av.open(_address(temporary), "w", format="mp4") as container,
     ):
         stream = None
         packets: list[Any] = []
@@ -166,7 +167,7 @@ def encode_piece(
             packets += stream.encode(frame)
         assert stream is not None, "a piece of no pictures"
         packets += stream.encode()
-        # Of the shortest pieces, x265 makes up the times of decoding.
+        # x265 makes up the times of decoding of the shortest pieces.
         ahead = max(number - packet.pts for number, packet in enumerate(packets))
         for number, packet in enumerate(packets):
             packet.dts = number - ahead
@@ -237,11 +238,11 @@ def _mux(
     import av
 
     decoded_at = -max(_decoded_ahead(piece) for _, piece in pieces)
-    with av.open(str(path), "w", format=kind) as container:
+    with av.open(_address(path), "w", format=kind) as container:
         container.metadata["comment"] = comment
         stream = headers = None
         for first, piece in pieces:
-            with av.open(str(piece)) as part:
+            with av.open(_address(piece)) as part:
                 source = part.streams.video[0]
                 if stream is None:
                     stream = container.add_stream_from_template(source)
@@ -264,7 +265,7 @@ def _decoded_ahead(piece: Path) -> int:
     """Pictures by which a piece is decoded earlier than it is shown."""
     import av
 
-    with av.open(str(piece)) as part:
+    with av.open(_address(piece)) as part:
         packet = next(part.demux(video=0))
         return 0 if packet.dts is None else round(-packet.dts / (packet.duration or 1))
 
@@ -274,10 +275,15 @@ def read_comment(path: Path) -> str | None:
     import av
 
     try:
-        with av.open(str(path)) as container:
+        with av.open(_address(path)) as container:
             return next((v for k, v in container.metadata.items() if k.lower() == "comment"), None)
     except (av.FFmpegError, OSError):
         return None
+
+
+def _address(path: Path) -> str:
+    """The file's name for FFmpeg, which takes the start of `12:30/a.mp4` for a protocol."""
+    return os.path.abspath(path)
 
 
 @contextmanager

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
+from rich.text import Text
 
 WIDTH = 160
 """Columns where the output is no terminal: rich would cut the numbers at 80."""
@@ -39,18 +39,18 @@ class Grid:
     def table(self) -> Table:
         """For a terminal."""
         table = Table(
-            title=escape(self.title),
+            title=Text(self.title),
             title_justify="left",
-            caption=escape("\n".join(self.notes)) or None,
+            caption=Text("\n".join(self.notes)) if self.notes else None,
             caption_justify="left",
             box=SIMPLE_HEAD,
             padding=0,
         )
         for index, column in enumerate(self.columns):
             right = index >= self.words
-            table.add_column(escape(column), justify="right" if right else "left", no_wrap=right)
+            table.add_column(Text(column), justify="right" if right else "left", no_wrap=right)
         for row in self.rows:
-            table.add_row(*map(escape, row))
+            table.add_row(*map(Text, row))
         return table
 
     def markdown(self) -> str:

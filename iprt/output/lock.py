@@ -17,6 +17,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from iprt.errors import FormatError
+from iprt.termination import at_termination
 
 NAME = ".iprt.lock"
 NO_LOCKS = (errno.ENOLCK, errno.ENOTSUP, errno.ENOSYS)
@@ -32,7 +33,8 @@ def locked(folder: Path) -> Iterator[None]:
     Raises
     ------
     FormatError
-        Another process, or another block of this one, holds the folder; or it cannot be written.
+        Another process, or another block of this one, holds the folder; or it cannot be written, or
+        something else has the name of the lock's file.
     """
     made = [path for path in (folder, *folder.parents) if not path.exists()]
     try:
@@ -40,9 +42,8 @@ def locked(folder: Path) -> Iterator[None]:
         handle = _acquire(folder, folder / NAME)
     except OSError as error:
         raise FormatError(f"{folder}: cannot be locked: {error.strerror}") from error
-    try:
-        yield
-    finally:
+
+    def release() -> None:
         # Before the lock is let go: the next render makes a file of its own.
         with suppress(OSError):  # the folder may have been removed
             (folder / NAME).unlink()
@@ -51,11 +52,19 @@ def locked(folder: Path) -> Iterator[None]:
             for path in made:
                 path.rmdir()
 
+    with at_termination(release):
+        try:
+            yield
+        finally:
+            release()
+
 
 def _acquire(folder: Path, path: Path) -> int:
     """The locked file, open."""
     while True:
-        handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
+        if path.is_symlink() or (path.exists() and not path.is_file()):
+            raise FormatError(f"{path}: is not a file; delete it")
+        handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666)
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:

@@ -10,6 +10,14 @@ from typing import Any
 from iprt import __version__
 from iprt.scene.camera import View
 
+NAMES = {
+    "files": "the scene's files",
+    "frames": "--accumulate",
+    "layers": "--aov",
+    "span": "--frames",
+    "codec": "--codec",
+}
+"""What messages call values whose own name says little; other names are as in the metadata."""
 PLACES = frozenset({"iprt:device", "iprt:frame"})
 """What pictures of one video may differ in."""
 
@@ -52,8 +60,11 @@ def difference(there: Mapping[str, str], now: Mapping[str, str]) -> str | None:
     """The first thing, in words, in which metadata differ as those of one video must not."""
     old, new = _flat(there), _flat(now)
     for key in [*new, *old]:
-        if old.get(key) != new.get(key):
-            return f"{key} is {_told(old, key)} there and {_told(new, key)} now"
+        if old.get(key) == new.get(key):
+            continue
+        if key == "files":  # their values say nothing to people
+            return f"{NAMES[key]} have changed since"
+        return f"{NAMES.get(key, key)} was {_shown(old, key)} then and is {_shown(new, key)} now"
     return None
 
 
@@ -78,5 +89,5 @@ def _flat(metadata: Mapping[str, str]) -> dict[str, Any]:
     return values
 
 
-def _told(values: Mapping[str, Any], key: str) -> str:
+def _shown(values: Mapping[str, Any], key: str) -> str:
     return json.dumps(values[key]) if key in values else "missing"

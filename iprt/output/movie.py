@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import FormatError
-from iprt.output.atomic import replacing
+from iprt.output.atomic import replacing, require_regular
 from iprt.output.encode import CodecName, encode_piece, join_pieces, planes, read_comment
 from iprt.output.frames import FrameOutput
 from iprt.output.metadata import difference
@@ -73,10 +73,8 @@ class Movie(FrameOutput):
         self._additions = additions
         self._length = max(round(PIECE_S * rate), 1)
         self._comment = json.dumps(dict(description), sort_keys=True)
-        # A link keeps pointing where it did.
-        self._target = Path(os.path.realpath(path))
-        self.parts = self._target.with_name(self._target.name + SUFFIX)
-        self.finished = _same(read_comment(self._target), description)
+        self.parts = parts_of(path)
+        self.finished = _same(read_comment(path), description)
         super().__init__(frames, ())
         if self.finished:
             shutil.rmtree(self.parts, ignore_errors=True)
@@ -97,14 +95,15 @@ class Movie(FrameOutput):
         if self.finished:
             return
         pieces = [(first, self._piece(first)) for first in self._firsts()]
-        joined = self.parts / f"joined{self._target.suffix}"
+        joined = self.parts / f"joined{self.path.suffix}"
         join_pieces(
             joined, pieces, rate=self._rate, comment=self._comment, additions=self._additions
         )
+        require_regular(self.path)
         try:
             with joined.open("rb") as file:
                 os.fsync(file.fileno())
-            joined.replace(self._target)
+            joined.replace(self.path)
         except OSError as error:
             raise FormatError(f"{self.path}: cannot be written: {error.strerror}") from error
         shutil.rmtree(self.parts, ignore_errors=True)
@@ -113,16 +112,20 @@ class Movie(FrameOutput):
     def _open(self, description: Mapping[str, str]) -> None:
         """Make the folder of parts, or take up one of the same video."""
         file = self.parts / DESCRIPTION
+        if self.parts.is_symlink():
+            raise FormatError(f"{self.parts}: is a symbolic link; move it, or name another output")
         if not file.exists():
             if self.parts.exists() and any(self.parts.glob("[0-9]*")):
-                raise FormatError(f"{self.parts}: is no folder of ours; move it out of the way")
+                raise FormatError(
+                    f"{self.parts}: was not made by iprt; move it, or name another output"
+                )
             with replacing(file) as temporary:
                 temporary.write_text(json.dumps(dict(description), indent=2) + "\n", "utf-8")
         differs = difference(_read(file), description)
         if differs is not None:
             raise FormatError(
-                f"{self.parts}: holds frames that were rendered otherwise ({differs}); delete it "
-                "or name another file"
+                f"{self.parts}: holds finished frames of another render: {differs}; delete this "
+                "folder to start again, or name another output"
             )
         for path in self.parts.glob(".*.tmp"):
             path.unlink()
@@ -163,18 +166,25 @@ class Movie(FrameOutput):
             path.unlink()
 
 
+def parts_of(path: Path) -> Path:
+    """The folder that holds the finished parts of a video file."""
+    return path.with_name(path.name + SUFFIX)
+
+
 def _load(path: Path) -> NDArray[Any]:
     try:
         return np.asarray(np.load(path, allow_pickle=False))
     except (OSError, ValueError) as error:
-        raise FormatError(f"{path}: damaged; delete it and render on") from error
+        raise FormatError(
+            f"{path}: is damaged; delete it and run the same command again"
+        ) from error
 
 
 def _read(path: Path) -> dict[str, str]:
     try:
         found = json.loads(path.read_text("utf-8"))
     except (OSError, ValueError) as error:
-        raise FormatError(f"{path}: cannot be read; delete its folder") from error
+        raise FormatError(f"{path}: cannot be read; delete the folder it is in") from error
     return found if isinstance(found, dict) else {}
 
 

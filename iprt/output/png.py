@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import FormatError
-from iprt.measure.metrics import display
+from iprt.measure.metrics import require_radiance
 from iprt.output.atomic import replacing
+from iprt.output.tone import Bytes, developed
 
 
 def write_png(
@@ -31,22 +32,26 @@ def write_png(
         The radiance is not an image or not finite, or the file cannot be written.
     """
     try:
-        shown = display(color, exposure)
+        require_radiance(color)
     except FormatError as error:
         raise FormatError(f"{path}: {error}") from error
-    write_display_png(path, shown, metadata=metadata)
+    write_pixels(path, developed(color, exposure), metadata=metadata)
 
 
 def write_display_png(
     path: Path, image: NDArray[Any], *, metadata: Mapping[str, str] | None = None
 ) -> None:
     """Write a display-referred image (H, W, 3) in [0, 1] as 8-bit PNG, atomically."""
+    write_pixels(path, np.rint(image * 255.0).astype(np.uint8), metadata=metadata)
+
+
+def write_pixels(path: Path, pixels: Bytes, *, metadata: Mapping[str, str] | None = None) -> None:
+    """Write a display-referred image, (H, W, 3) uint8, as PNG, atomically."""
     from PIL import Image
     from PIL.PngImagePlugin import PngInfo
 
     text = PngInfo()
     for key, value in (metadata or {}).items():
         text.add_text(key, value)
-    pixels = np.rint(image * 255.0).astype(np.uint8)
     with replacing(path) as temporary:
         Image.fromarray(pixels).save(temporary, format="PNG", pnginfo=text)

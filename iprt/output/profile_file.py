@@ -99,14 +99,14 @@ def read_profile(path: Path) -> OldReport:
     except OSError as error:
         raise FormatError(f"{path}: cannot be read: {error.strerror}") from error
     except (ValueError, RecursionError) as error:
-        raise FormatError(f"{path}: is no JSON: {str(error).splitlines()[0]}") from error
+        raise FormatError(f"{path}: is not JSON: {str(error).splitlines()[0]}") from error
     wanted = "expected the output of `iprt profile --json`"
     schema = record.get("schema") if isinstance(record, dict) else None
     if schema is None:
         raise FormatError(f"{path}: {wanted}")
     if schema != SCHEMA:
         raise FormatError(
-            f"{path}: has schema {schema}, this version reads {SCHEMA}; profile again with it"
+            f"{path}: has schema {schema}, this version reads {SCHEMA}; measure again with it"
         )
     try:
         return OldReport.model_validate(record)

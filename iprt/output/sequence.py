@@ -100,12 +100,13 @@ class PictureSequence(FrameOutput):
         found = read_metadata(path)
         if found is None:
             raise FormatError(
-                f"{path}: is damaged, or no picture of ours; delete it or write elsewhere"
+                f"{path}: is damaged or not by iprt; delete it, or name another output"
             )
         differs = difference(found, self._describe(index))
         if differs is not None:
             raise FormatError(
-                f"{path}: was rendered otherwise ({differs}); delete such frames or write elsewhere"
+                f"{path}: is a frame of another render: {differs}; delete all its frames, or name "
+                "another output"
             )
         return True
 

@@ -14,9 +14,9 @@ from iprt import __version__
 from iprt.output.boxes import box, full_box
 
 SUFFIXES = (".mp4", ".mov")
-"""Of files that can hold these boxes."""
+"""Files with these suffixes can hold the boxes."""
 XML_ID = UUID("ffcc8263-f855-4a93-8814-587a02521fdd").bytes
-"""Of the box that holds the XML."""
+"""The box that holds the XML has this id."""
 MONO = 0
 _RDF = "http://www.w3.org/1999/02/22-rdf-syntax-ns#"
 _GOOGLE = "http://ns.google.com/videos/1.0/spherical/"
@@ -28,7 +28,7 @@ def is_spherical(path: Path) -> bool:
 
 
 def equirect_boxes() -> dict[bytes, bytes]:
-    """Of an equirect video for one eye: additions for `index_first`."""
+    """Boxes of an equirect video for one eye: additions for `index_first`."""
     return {b"stsd": _stereo() + _projection(), b"trak": box(b"uuid", XML_ID, _xml().encode())}
 
 

@@ -9,6 +9,7 @@ from iprt.measure.cost import PartRow, PassRow, Timing, WorkRow
 from iprt.measure.cost_report import CostReport
 from iprt.memory import amount
 from iprt.output.grid import Grid
+from iprt.wording import counted
 
 TIMES = ("ms", "p95", "mean", "share", "host", "launches")
 WORK = ("MB", "GB/s", "rays", "steps", "most", "object rays", "steps", "most", "active", "groups")
@@ -34,12 +35,12 @@ def part_grid(report: CostReport) -> Grid:
     notes = (
         *_notes(report),
         "ms, p95, mean: of the frames; medians (ms) of parts do not add up to that of the whole",
-        "host: what the host spends on a pass while the device may run; its own work is in ms. All "
-        "passes together may take longer than the wall shows: the device runs during such work",
-        "MB: the buffers bound to a kernel, each once, or what is transferred; GB/s: MB by time, "
-        "but of kernels that read where rays or lists lead",
-        "steps: of a ray, on average; most: of the longest; active: work items with work to do; "
-        "groups: work groups with such, the tiles of passes over pixels",
+        "host: time of the host on a pass while the device may be running; work that the host does "
+        "itself counts in ms. As both run at once, the sum may exceed the wall time",
+        "MB: buffers bound to a kernel, each counted once, or bytes transferred; GB/s: MB by time, "
+        "except for kernels that read where rays or lists lead",
+        "steps: mean per ray; most: of the longest ray; active: work items that have work; groups: "
+        "work groups that hold any (tiles, for passes over pixels)",
     )
     return Grid(_title(report), ("per frame", *TIMES, *WORK), tuple(rows), notes)
 
@@ -67,7 +68,7 @@ def compile_grid(report: CostReport) -> Grid:
     rows = _ranked(ranked, lambda ms: f"{ms:.0f}")
     notes = (
         f"{report.compile_ms:.0f} ms, once",
-        "first launch: of its kernels, beyond what they ran; drivers such as PoCL compile then",
+        "first launch: time that the first launches took longer; drivers such as PoCL compile then",
     )
     return Grid("compiling", ("program", "build ms", "first launch ms", "share"), rows, notes)
 
@@ -103,7 +104,7 @@ def _title(report: CostReport) -> str:
     view = report.view
     return (
         f"{view.width}x{view.height}, method {report.settings.method}, "
-        f"{report.frames} frames on {report.device}"
+        f"{counted(report.frames, 'frame')} on {report.device}"
     )
 
 

@@ -17,8 +17,6 @@ class CameraMotion:
 
     Attributes
     ----------
-    pose : (4, 4) float64
-        Of the frame that is shown.
     rows : (12,) float32
         Affine map, row by row, from the axes of the frame's capture centre to those of the frame
         before: `cl/lib/camera.h`.
@@ -26,14 +24,16 @@ class CameraMotion:
 
     def __init__(self, device: ComputeDevice, pose: NDArray[np.float64]) -> None:
         self._device = device
-        self.pose = self._before = pose
+        self._before = pose
         self._held = STILL
         self.rows = device.upload("camera motion", STILL.astype(np.float32).ravel())
 
-    def step(self) -> None:
-        """Begin a view frame: `rows` tell how the camera moved since the last."""
-        motion = camera_motion(self._before, self.pose)
-        if not np.array_equal(motion, self._held):
-            self._device.write(self.rows, motion.astype(np.float32).ravel())
-            self._held = motion
-        self._before = self.pose
+    def step(self, pose: NDArray[np.float64]) -> bool:
+        """Begin a view frame with the camera at (4, 4) `pose`; whether `rows` have changed."""
+        motion = camera_motion(self._before, pose)
+        self._before = pose
+        if np.array_equal(motion, self._held):
+            return False
+        self._device.write(self.rows, motion.astype(np.float32).ravel())
+        self._held = motion
+        return True

@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 from iprt.scene.frame import LUMINANCE, Frame
 
 TEXELS = 4
-"""Of a cell, per side, at most: more say nothing new."""
+"""A cell has at most so many per side: more say nothing new."""
 SAME_DISTANCE = 0.02
 """Relative distance up to which a texel's surface is the one it was."""
 DARK = 1e-2
-"""Of the panorama's mean radiance: noise of what is darker is no light."""
+"""What is darker, over the panorama's mean radiance, is noise and no light."""
 DISTRUST = 0.5
 """Share of a change that may be none of the light: shine, screens, noise."""
 

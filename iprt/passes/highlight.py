@@ -56,7 +56,7 @@ class Highlight:
             device.empty(f"highlight {name}", cells) for name in ("seen", "shine", "irradiance")
         ]
         self.table = device.upload("real materials", material_table(materials))
-        # Of a conductor, nothing is known but its reflection: there is nothing to compare it with.
+        # Nothing is known of a conductor but its reflection: there is nothing to compare it with.
         self._coated = np.array([False, *(material.kind == "plastic" for material in materials)])
         reflectance = [(*material.albedo, 0.0) for material in materials]
         self.reflectance = device.upload(

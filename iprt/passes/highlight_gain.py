@@ -23,7 +23,7 @@ FAINT = 0.25
 """Highlights up to this fraction of what was seen are faint: they leave the diffuse reflectance
 visible, and can be told from it only roughly."""
 LEAST = 0.5
-"""Of the diffuse reflectance of a material's darker parts, what even a dark speck of it has."""
+"""Even a dark speck of a material has so much of the diffuse reflectance of its darker parts."""
 REACH = 1.5
 """Cells: deviation of the Gaussian that evens out texture."""
 

@@ -17,6 +17,7 @@ from iprt.passes.mask import Mask
 from iprt.scene.frame import Frame
 
 if TYPE_CHECKING:
+    from iprt.passes.panorama import Panorama
     from iprt.passes.world import World
     from iprt.requirements import Requirements
 
@@ -118,7 +119,7 @@ class IrradianceCache:
 
     def place(
         self,
-        world: World,
+        panorama: Panorama,
         before: Frame,
         now: Frame,
         motion: NDArray[np.float64],
@@ -131,7 +132,7 @@ class IrradianceCache:
         Parameters
         ----------
         before, now : Frame
-            The same on the first frame. `world` holds `now`.
+            The same on the first frame. `panorama` holds `now`.
         motion : (3, 4) float64
             `camera_motion` between them. Where the camera moved, cells are fetched from where
             their surfaces were.
@@ -140,7 +141,6 @@ class IrradianceCache:
         cut : bool
             They show different things, and nothing that is known holds.
         """
-        panorama = world.panorama
         grid = (self.columns, self.rows)
         cells = (self.plane, self.mean, self.irradiance)
         surface = (*grid, panorama.width, panorama.height, panorama.surface)

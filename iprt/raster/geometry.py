@@ -145,7 +145,7 @@ class WorldGeometry:
 
     @property
     def nbytes(self) -> tuple[int, int]:
-        """Of the triangles, and of the textures with their mipmaps."""
+        """Bytes of the triangles, and of the textures with their mipmaps."""
         tables = [self.triangles, self.vertices, self.table, self.displacements]
         triangles = sum(texture_bytes(table) for table in tables if table is not None)
         images = sum(map(texture_bytes, self.images.values()))
@@ -223,7 +223,8 @@ def _lay_out(instances: Sequence[Instance]) -> tuple[tuple[Part, ...], NDArray[n
         row += parts[-1].vertex_rows
     if max(count, row * _VERTICES_PER_ROW) > _MAX_TRIANGLES:
         raise SceneError(
-            f"the objects have {count} triangles, more than {_MAX_TRIANGLES}: simplify them"
+            f"the objects have {count} triangles and {row * _VERTICES_PER_ROW} vertices, more than "
+            f"{_MAX_TRIANGLES}: simplify them"
         )
     return tuple(parts), np.concatenate(table), row
 

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from iprt.raster.region import Rect
 
 DEPTH_BYTES = 4
-"""Of a texel of depth, as drivers store it."""
+"""A texel of depth takes as many, as drivers store it."""
 
 
 def texture_bytes(texture: moderngl.Texture) -> int:
-    """Of a texture without mipmaps, as it was asked for; drivers may round up."""
+    """Bytes of a texture without mipmaps, as it was asked for; drivers may round up."""
     texel = DEPTH_BYTES if texture.depth else texture.components * int(texture.dtype[1:])
     return int(texture.width * texture.height * texel)
 
@@ -105,7 +105,7 @@ class Targets:
 
     @property
     def nbytes(self) -> int:
-        """Of all images, and of the depth."""
+        """Bytes of all images and of the depth."""
         targets = (self.facing, self.away, self.front, self.back, self.display)
         width, height = self.size
         return sum(target.nbytes for target in targets) + DEPTH_BYTES * width * height

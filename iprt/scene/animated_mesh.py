@@ -12,12 +12,13 @@ from numpy.typing import NDArray
 
 from iprt.errors import FormatError
 from iprt.scene.animation import Skin, moved
+from iprt.scene.creases import face_normals, have_normals, with_normals
 from iprt.scene.gltf_clip import Bones, Clip, read_clip
 from iprt.scene.gltf_numbers import JOINT_KEYS, WEIGHT_KEYS, part_node
 from iprt.scene.material import Material
 from iprt.scene.mesh import Mesh
 from iprt.scene.mesh_files import MeshFile
-from iprt.scene.meshes import joined, part_of, placed_geometries
+from iprt.scene.meshes import Part, joined, part_of, placed_geometries
 from iprt.scene.untrusted import decoding
 
 LOG = logging.getLogger("iprt.scene")
@@ -58,12 +59,18 @@ class AnimatedMesh:
         Vertices as the file has them, before nodes and joints place them.
     clip : Clip
     pieces : tuple of Piece
+    flat : (K,) int64
+        Vertices whose normals are those of their faces, which the file has none for.
+    faces : (K, 3) int64
+        The vertices of these faces.
     """
 
     path: Path
     bound: Mesh
     clip: Clip
     pieces: tuple[Piece, ...]
+    flat: NDArray[np.int64]
+    faces: NDArray[np.int64]
 
     def at(self, time_s: float) -> Mesh:
         """The mesh at a time, counted anew after each round of the animation.
@@ -90,11 +97,21 @@ class AnimatedMesh:
                 f"{self.path}: animation '{self.clip.name}' takes vertices out of all bounds at "
                 f"{time_s:g} s"
             )
+        normals[self.flat] = self._flat_normals(positions, normals)
         return replace(
             self.bound,
             positions=positions.astype(np.float32),
             normals=normals.astype(np.float32),
         )
+
+    def _flat_normals(
+        self, positions: NDArray[np.float64], moved: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """(K, 3) of the faces as they are bent now, on the side of those that moved along."""
+        along = moved[self.flat]
+        now = face_normals(positions[self.faces])
+        side = np.einsum("ki,ki->k", now, along)[:, None]
+        return np.where(side == 0.0, along, np.copysign(1.0, side) * now)
 
 
 def load_animated_mesh(
@@ -113,14 +130,18 @@ def load_animated_mesh(
         clip = read_clip(file, choice, dropped)
     with decoding(path, "cut off or damaged mesh file"), np.errstate(all="ignore"):
         pose = clip.pose(0.0)
-        parts, pieces, first = [], [], 0
-        placed = placed_geometries(file, file.numbered_gltf(), dropped)
+        parts, pieces, flat, first = [], [], [np.zeros((0, 4), np.int64)], 0
+        placed = placed_geometries(file, dropped)
         for name, (_, geometry) in placed.items():
             node = part_node(name)
             part = part_of(geometry, np.eye(4), dropped)
             skin = _skin(file, clip, node, geometry)
+            part, source, lacking = _flattened(part)
             if skin is None and np.linalg.det(pose[node][:3, :3]) < 0.0:
                 part.triangles = part.triangles[:, ::-1]
+            if skin is not None:
+                skin = replace(skin, joints=skin.joints[source], weights=skin.weights[source])
+            flat.append(lacking + first)
             parts.append(part)
             pieces.append(Piece(slice(first, first + len(part.positions)), node, skin))
             first += len(part.positions)
@@ -133,7 +154,36 @@ def load_animated_mesh(
         raise FormatError(f"{path}: holds no triangles")
     if any("morph" in phrase for phrase in mesh.dropped):
         LOG.warning("%s: morph targets are not read; what they change stays as it is", path)
-    return AnimatedMesh(path, replace(mesh, deforms=True), clip, tuple(pieces))
+    vertices = np.concatenate(flat)
+    return AnimatedMesh(
+        path, replace(mesh, deforms=True), clip, tuple(pieces), vertices[:, 0], vertices[:, 1:]
+    )
+
+
+def _flattened(part: Part) -> tuple[Part, NDArray[np.int64], NDArray[np.int64]]:
+    """A part with flat normals where its file has none.
+
+    Returns
+    -------
+    Part
+    source : (V,) int64
+        The vertex of the file that each comes from.
+    lacking : (K, 4) int64
+        Each vertex without a normal of its own, and the three of its face.
+    """
+    flat = np.ones(len(part.triangles), np.bool_)
+    given = have_normals(part.normals)
+    source, normals, triangles = with_normals(part.positions, part.normals, part.triangles, flat)
+    corners = np.stack([triangles.ravel(), *np.repeat(triangles, 3, axis=0).T], axis=1)
+    lacking = corners[~given[source[corners[:, 0]]]]
+    made = replace(
+        part,
+        positions=part.positions[source],
+        normals=normals,
+        uvs=part.uvs[source],
+        triangles=triangles,
+    )
+    return made, source, lacking
 
 
 def _skin(file: MeshFile, clip: Clip, node: int, geometry: Any) -> Skin | None:

@@ -19,13 +19,16 @@ from iprt.scene.light_groups import GROUP_ROWS, Clipped, groups_of, lights_of, t
 from iprt.scene.light_shading import shading_of
 from iprt.scene.lost_light import lost_light
 from iprt.scene.openings import solid_angles
+from iprt.wording import counted
 
 CHANGED = 0.3
 """Share of the clipped area that comes or goes, from which on lights are estimated anew."""
 OTHER = 0.8
 """Share from which on they are other lights: nothing of the old gains holds."""
 LEAST_CLIPPED = 0.25
-"""Of the flux of a light's strongest channel: a channel that is clipped less has lost nothing."""
+"""A channel has lost nothing if less is clipped, over the flux of the light's strongest channel."""
+LEAST_TOLD = 1.05
+"""Factor by which lights are brighter than they look, from which on it is reported."""
 BLEND = 12
 """Frames over which gains go over to those of a new estimate."""
 
@@ -165,12 +168,17 @@ class Recovered:
 
     def line(self) -> str:
         """As text."""
-        what = f"{self.lights} clipped light(s) on {100 * self.area:.2f}% of all directions"
-        if self.factor == 1.0:
-            return f"{what}; nothing recovered: what they light is not seen well enough"
+        what = (
+            f"{counted(self.lights, 'clipped light')} in {100 * self.area:.2f}% of all directions"
+        )
+        if self.factor < LEAST_TOLD:
+            return (
+                f"{what}; taken to be as bright as the picture shows, because no surface in sight "
+                "tells more"
+            )
         return (
-            f"{what}, recovered {self.factor:.1f} times as bright: "
-            f"{100 * self.seen:.1f}% of flux as seen, {100 * self.flux:.1f}% in truth"
+            f"{what}, estimated {self.factor:.1f} times as bright as the picture shows: "
+            f"{100 * self.flux:.1f}% of all light, not {100 * self.seen:.1f}%"
         )
 
 

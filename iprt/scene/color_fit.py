@@ -33,9 +33,9 @@ MOST = 0.7
 EXPLAINED = 0.05
 """Relative error up to which a map explains the colour of a pair."""
 MOST_GAIN = 8.0
-"""Of a sane map, and 1 over the least."""
+"""The largest gain of a sane map, and 1 over the least."""
 MOST_CONDITION = 16.0
-"""Of a sane map: one that takes different colours to nearly equal ones cannot be undone."""
+"""A map beyond takes different colours to nearly equal ones, and cannot be undone."""
 
 
 class Pairs:

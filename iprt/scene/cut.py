@@ -16,7 +16,7 @@ from iprt.scene.pose import camera_motion
 Float = NDArray[np.float64]
 
 ROWS = 32
-"""Of the coarse panoramas that are compared."""
+"""The coarse panoramas that are compared have so many."""
 OTHER_DEPTH = 0.15
 """Relative difference of distances from which on a surface is another one."""
 OTHER_SURFACES = 0.35
@@ -91,7 +91,7 @@ def _details(color: NDArray[np.float32], rows: int) -> Float:
 
 
 def _correlation(a: Float, b: Float, weights: Float) -> float:
-    """Of two images, in which single large values do not decide; 1 where one has no details."""
+    """How two images correlate: single large values do not decide; 1 where one has no details."""
     a, b = np.clip(a, -0.5, 0.5), np.clip(b, -0.5, 0.5)
     power = (weights * a * a).sum() * (weights * b * b).sum()
     return float((weights * a * b).sum() / np.sqrt(power)) if power > 1e-6 else 1.0

@@ -39,7 +39,7 @@ SAME_PLACE = 0.5
 WHOLE = 0.75
 """Share of a cell's texels that must show the same surfaces."""
 LEAST_SHARE = 0.05
-"""Of the sphere, that colours are compared on."""
+"""Colours are compared on no less of the sphere."""
 REGION = 8
 """Cells a side of the regions over which drift must be the same."""
 LEAST_DRIFT = 0.002
@@ -250,7 +250,7 @@ def _cells(picture: NDArray[Any], side: int) -> Matrix:
 
 
 def _solid_angles(rows: int) -> Matrix:
-    """Of equirect texels, by row, relative to one another."""
+    """Solid angles of equirect texels, by row, relative to one another."""
     return np.sin((np.arange(rows) + 0.5) / rows * np.pi)
 
 

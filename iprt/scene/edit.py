@@ -1,14 +1,15 @@
-"""Make a scene folder from pictures, and put objects into one. Nothing is left half written."""
+"""Make a scene folder from pictures, and change one. Nothing is left half written."""
 
 from __future__ import annotations
 
+import fcntl
 import filecmp
 import json
+import os
 import re
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -18,41 +19,19 @@ from numpy.typing import NDArray
 from iprt.errors import FormatError, SceneError
 from iprt.output.atomic import replacing, require_writable
 from iprt.scene.images import read_depth
-from iprt.scene.inside import anywhere, require_inside
-from iprt.scene.manifest import MANIFEST_NAME, manifest_text, parse_manifest
+from iprt.scene.inside import anywhere
+from iprt.scene.manifest import MANIFEST_NAME, parse_manifest
 from iprt.scene.manifest_problems import FRAME_PATTERN
 from iprt.scene.mesh_files import MeshFile
-from iprt.scene.meshes import load_mesh
-from iprt.scene.placement import RealSurfaces, bounds, set_down
-from iprt.scene.scene import Scene
-from iprt.scene.untrusted import is_file
+from iprt.scene.sources import require_frames, require_sources
 from iprt.scene.video.container import is_container
 from iprt.scene.video.depth_code import DepthCode
 from iprt.scene.video.sequence import frame_path
 from iprt.scene.video.source import FrameSource
 from iprt.scene.video.table import VideoTable
+from iprt.termination import undisturbed
 
 VIEW_SIZE = (1024, 768)
-
-
-@dataclass(frozen=True)
-class Added:
-    """What `add_object` wrote.
-
-    Attributes
-    ----------
-    name, view : str
-        Of the object, and of the view that frames it.
-    base : (3,) float64
-        World-space point below the object's middle, at the height of its lowest point.
-    dropped : tuple of str
-        What the mesh file holds and is not read.
-    """
-
-    name: str
-    view: str
-    base: NDArray[np.float64]
-    dropped: tuple[str, ...]
 
 
 def new_scene(
@@ -86,6 +65,7 @@ def new_scene(
     require_writable(folder / MANIFEST_NAME)
     named = {"color": color, "depth": depth, "normal": normal}
     sources = {key: path for key, path in named.items() if path is not None}
+    require_sources(sources)
     first, last = _frame_range(color)
     if depth is not None and not code.is_known:
         _require_metres(frame_path(Path(), str(depth), first))
@@ -99,9 +79,9 @@ def new_scene(
     }
     # Not checked as a manifest's table is, for these paths may lead anywhere.
     source = FrameSource(Path(), VideoTable.model_construct(**entries), anywhere(Path()))
-    for path in dict.fromkeys(p for i in source.indices for p in source.files(i).values()):
-        if not is_file(path):
-            raise FormatError(f"{path}: no such file")
+    files = [source.files(index) for index in source.indices]
+    for key, path in sources.items():
+        require_frames(path, list(dict.fromkeys(entry[key] for entry in files if key in entry)))
     source.read(source.indices[0])
     names = {key: _target_name(key, path) for key, path in sources.items()}
     copies = {
@@ -120,79 +100,8 @@ def _require_metres(depth: Path) -> None:
     if is_container(Path(), str(depth)) or read_depth(depth)[1]:
         raise SceneError(
             f"{depth}: stores integers; give --depth-scale, the metres of one step "
-            "(0.001 for millimetres), or --depth-range"
+            "(0.001 for millimetres), or --depth-range, the metres of black and of white"
         )
-
-
-def add_object(
-    scene_path: Path,
-    mesh_path: Path,
-    yaw_deg: float,
-    pitch_deg: float,
-    *,
-    height: float | None = None,
-    material: dict[str, Any] | None = None,
-    name: str | None = None,
-    allow_outside: bool = False,
-) -> Added:
-    """Stand a mesh on the surface seen in a direction, and add a view that frames it.
-
-    Parameters
-    ----------
-    scene_path, mesh_path : Path
-    yaw_deg, pitch_deg : float
-        Where to look from the capture centre: right and up.
-    height : float or None
-        Metres; by default such that the longest side is a fifth of the distance.
-    material : dict or None
-        As in the manifest; by default the mesh file's own.
-    name : str or None
-        By default the mesh file's, numbered where taken.
-    allow_outside : bool
-        Whether files of the scene may be links out of its folder, and the mesh's out of its own.
-
-    Raises
-    ------
-    SceneError, FormatError
-        Nothing has been written then.
-    """
-    scene = Scene.open(scene_path, allow_outside=allow_outside)
-    taken = {table.name for table in scene.manifest.objects}
-    if name is not None and name in taken:
-        raise SceneError(f"{scene.root}: an object is named '{name}' already; choose another name")
-    if name is not None and name != free_name(name, set()):
-        raise SceneError(f"--name '{name}': expected letters, digits, blanks, and any of _ . -")
-    chosen = name or free_name(mesh_path.stem, taken)
-    view_name = free_name(chosen, set(scene.views))
-    within = anywhere(mesh_path.parent) if allow_outside else None
-    mesh = load_mesh(mesh_path, within=within)
-    corners = bounds(mesh)
-    to_world = set_down(RealSurfaces(scene.frame()), corners, yaw_deg, pitch_deg, height)
-    copies, target = mesh_copies(scene.root, MeshFile(mesh_path, within), chosen)
-    for copy in copies:
-        require_inside(copy, scene.within)
-    # Appending text keeps every comment; TOML lets [[objects]] follow other tables.
-    manifest_path = scene.root / MANIFEST_NAME
-    text = "\n".join(
-        [
-            manifest_text(manifest_path).rstrip("\r\n") + "\n",
-            object_text(chosen, target, to_world, material),
-            _view_text(view_name, chosen, corners, to_world),
-        ]
-    )
-    try:
-        parse_manifest(text, str(manifest_path))
-    except SceneError as error:
-        raise SceneError(
-            f"{manifest_path}: cannot be extended; write objects and views as [[objects]] and "
-            "[[views]] tables"
-        ) from error
-    with copied(copies), replacing(manifest_path) as temporary:
-        temporary.write_bytes(text.encode("utf-8"))
-    foot = np.array([*(0.5 * (corners[0] + corners[1]))], np.float64)
-    foot[1] = corners[0][1]
-    base = to_world[:3, :3] @ foot + to_world[:3, 3]
-    return Added(chosen, view_name, base, mesh.dropped)
 
 
 def parse_material(text: str) -> dict[str, Any]:
@@ -237,21 +146,49 @@ def copied(copies: dict[Path, Path]) -> Iterator[None]:
     folders = [folder for target in copies for folder in [target.parent, *target.parent.parents]]
     new_folders = list(dict.fromkeys(folder for folder in folders if not folder.exists()))
     new_files: list[Path] = []
+    with undisturbed():
+        try:
+            for target, source in copies.items():
+                if not target.exists():
+                    new_files.append(target)
+                    with replacing(target) as temporary:
+                        shutil.copyfile(source, temporary)
+            yield
+        except BaseException:
+            for file in new_files:
+                with suppress(OSError):
+                    file.unlink()
+            for folder in sorted(new_folders, key=lambda path: -len(path.parts)):
+                with suppress(OSError):
+                    folder.rmdir()
+            raise
+
+
+@contextmanager
+def changing(folder: Path) -> Iterator[None]:
+    """Wait until no other process changes the scene in a folder, and keep others out of the block.
+
+    File systems without locks keep nobody out; where there is no scene, the block finds that.
+
+    Raises
+    ------
+    SceneError
+        scene.toml is read-only.
+    """
+    path = folder / MANIFEST_NAME
+    with suppress(OSError):
+        # Where a folder can be written to, even read-only files can be replaced.
+        if not (os.access(path, os.W_OK) and path.stat().st_mode & 0o222):
+            raise SceneError(f"{path}: is read-only; make it writable to change the scene")
+    handle = None
     try:
-        for target, source in copies.items():
-            if not target.exists():
-                new_files.append(target)
-                with replacing(target) as temporary:
-                    shutil.copyfile(source, temporary)
+        with suppress(OSError):
+            handle = os.open(folder, os.O_RDONLY)
+            fcntl.flock(handle, fcntl.LOCK_EX)
         yield
-    except BaseException:
-        for file in new_files:
-            with suppress(OSError):
-                file.unlink()
-        for folder in sorted(new_folders, key=lambda path: -len(path.parts)):
-            with suppress(OSError):
-                folder.rmdir()
-        raise
+    finally:
+        if handle is not None:
+            os.close(handle)
 
 
 def _frame_range(color: Path) -> tuple[int, int]:
@@ -278,8 +215,8 @@ def _scene_name(folder: Path) -> str:
     return re.sub(r"[/\\\n]", "-", folder.resolve().name) or "scene"
 
 
-def _quoted(text: str) -> str:
-    # JSON strings are TOML basic strings.
+def quoted(text: str) -> str:
+    """A TOML basic string, which JSON strings are."""
     return json.dumps(text, ensure_ascii=False)
 
 
@@ -287,18 +224,18 @@ def _manifest_text(
     name: str, files: dict[str, str], code: DepthCode, frames: tuple[int, int] | None
 ) -> str:
     """A manifest; a video file tells its own frames and rate."""
-    lines = ["format = 1", f"name = {_quoted(name)}"]
+    lines = ["format = 1", f"name = {quoted(name)}"]
     lines += [
         "exposure = 1.0            # display = sRGB of exposure times radiance",
         "",
         "[video]",
     ]
-    lines += [f"{key} = {_quoted(file)}" for key, file in files.items()]
+    lines += [f"{key} = {quoted(file)}" for key, file in files.items()]
     if code.scale is not None:
         lines.append(f"depth_scale = {code.scale!r}       # metres per stored unit")
     if code.ends is not None:
         lines.append(f"depth_range = {list(code.ends)!r}   # metres of black and of white")
-        lines.append(f"depth_encoding = {_quoted(code.encoding)}")
+        lines.append(f"depth_encoding = {quoted(code.encoding)}")
     if frames is not None:
         lines += [f"frames = [{frames[0]}, {frames[1]}]", "fps = 30.0"]
     lines.append("")
@@ -308,43 +245,39 @@ def _manifest_text(
 
 
 def object_text(
-    name: str, mesh: str, to_world: NDArray[np.float64], material: dict[str, Any] | None
+    name: str,
+    mesh: str,
+    to_world: NDArray[np.float64],
+    material: dict[str, Any] | None,
+    animation: str | int | None = None,
 ) -> str:
+    """An `[[objects]]` table of `scene.toml`."""
     rows = [", ".join(f"{value:.7g}" for value in row) for row in to_world]
-    lines = ["[[objects]]", f"name = {_quoted(name)}", f"mesh = {_quoted(mesh)}"]
+    lines = ["[[objects]]", f"name = {quoted(name)}", f"mesh = {quoted(mesh)}"]
     lines += ["to_world = [", *(f"  {row}," for row in rows), "]"]
     if material is not None:
         pairs = ", ".join(f"{key} = {json.dumps(value)}" for key, value in material.items())
         lines.append(f"material = {{ {pairs} }}")
+    if animation is not None:
+        lines.append(f"animation = {json.dumps(animation, ensure_ascii=False)}")
     return "\n".join([*lines, ""])
 
 
-def _view_text(
-    name: str,
-    object_name: str,
-    corners: tuple[NDArray[np.float64], NDArray[np.float64]],
-    to_world: NDArray[np.float64],
-) -> str:
-    """A view at the object's centre, two and a half times as high as the object appears."""
-    low, high = corners
-    center = to_world[:3, :3] @ (0.5 * (low + high)) + to_world[:3, 3]
-    distance = max(float(np.linalg.norm(center)), 1e-6)
-    radius = 0.5 * float(np.linalg.norm(to_world[:3, :3] @ (high - low)))
-    fov = np.clip(2.5 * 2.0 * np.rad2deg(np.arctan2(radius, distance)), 15.0, 100.0)
-    yaw = np.rad2deg(np.arctan2(center[0], -center[2]))
-    pitch = np.rad2deg(np.arcsin(np.clip(center[1] / distance, -1.0, 1.0)))
-    return "\n".join(
-        [
-            "[[views]]",
-            f"name = {_quoted(name)}",
-            f"yaw_deg = {yaw:.2f}",
-            f"pitch_deg = {pitch:.2f}",
-            f"fov_y_deg = {fov:.2f}",
-            f"size = [{VIEW_SIZE[0]}, {VIEW_SIZE[1]}]",
-            f"objects = [{_quoted(object_name)}]",
-            "",
-        ]
-    )
+def outdate_truths(document: Any, names: Iterable[str]) -> bool:
+    """Have a `scene.toml` say which truths show objects that are edited; whether any does.
+
+    Parameters
+    ----------
+    document : tomlkit document
+        As it was before the edits.
+    names : iterable of str
+        Of objects that are moved, painted, removed, or new.
+    """
+    edited, found = set(names), False
+    for view in document.get("views", ()):
+        if "truth" in view and not edited.isdisjoint(view.get("objects", edited)):
+            view["truth_outdated"] = found = True
+    return found
 
 
 def mesh_copies(

@@ -5,9 +5,8 @@ Comments, order and all else that the file says stay as they are.
 
 from __future__ import annotations
 
-import os
+import json
 from collections.abc import Iterable, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -19,7 +18,14 @@ from numpy.typing import NDArray
 from iprt.errors import SceneError
 from iprt.output.atomic import replacing
 from iprt.scene.animated_mesh import AnimatedMesh
-from iprt.scene.edit import copied, mesh_copies, object_text
+from iprt.scene.camera import View
+from iprt.scene.edit import (
+    changing,
+    copied,
+    mesh_copies,
+    object_text,
+    outdate_truths,
+)
 from iprt.scene.inside import require_inside
 from iprt.scene.keyframes import ObjectMotion
 from iprt.scene.manifest import (
@@ -35,6 +41,8 @@ from iprt.scene.mesh_files import MeshFile
 from iprt.scene.objects import AnyMesh, SceneObject
 from iprt.scene.scene import Scene
 
+SAVED_VIEW = "saved"
+"""Name of the view that saving keeps: where the user looked, with all objects that were shown."""
 Matrix = tuple[float, ...]
 """The 16 values of a (4, 4) transform, row by row."""
 
@@ -131,24 +139,69 @@ def _bound_made_of(mesh: Mesh, material: Material) -> Mesh:
     return replace(mesh, materials=(material,), material_index=index)
 
 
-def save_edits(scene: Scene, edits: Iterable[ObjectEdit]) -> None:
+@dataclass(frozen=True)
+class Look:
+    """What the user sees when the edits are saved.
+
+    Attributes
+    ----------
+    view : View
+    objects : tuple of str or None
+        Names of those that are shown. None: all.
+    """
+
+    view: View
+    objects: tuple[str, ...] | None = None
+
+
+def save_edits(
+    scene: Scene,
+    edits: Iterable[ObjectEdit],
+    *,
+    base: str | None = None,
+    look: Look | None = None,
+) -> dict[str, Path]:
     """Write edits to a scene's `scene.toml`; files of objects that it did not have are copied.
 
-    A view that lists its objects shows new ones, too, unless it has a truth: that does not.
+    A view that lists its objects shows new ones, too, unless it has a truth: that does not. Where
+    there is such a view, `look` is kept as the view `SAVED_VIEW`, which shows them. Views whose
+    truth shows edited objects are marked with `truth_outdated`.
+
+    Parameters
+    ----------
+    scene : Scene
+    edits : iterable of ObjectEdit
+    base : str or None
+        The text that the edits are made to. None: what the file says now.
+    look : Look or None
+
+    Returns
+    -------
+    dict of str to Path
+        Mesh files of the new objects, in the scene's folder, by the object's name.
 
     Raises
     ------
     SceneError, FormatError
         Nothing has been written then.
     """
+    with changing(scene.root):
+        return _save(scene, edits, base, look)
+
+
+def _save(
+    scene: Scene, edits: Iterable[ObjectEdit], base: str | None, look: Look | None
+) -> dict[str, Path]:
     path = scene.root / MANIFEST_NAME
-    _require_writable(path)
     before = manifest_text(path)
     parse_manifest(before, str(path))  # somebody may have edited it since it was read
-    document = tomlkit.parse(before)
+    document = tomlkit.parse(before if base is None else base)
     tables = {str(table["name"]): table for table in document.get("objects", ())}
+    edits = [edit for edit in edits if edit != ObjectEdit(edit.name)]
+    outdate_truths(document, [e.name for e in edits if e.name in tables or not e.removed])
     copies: dict[Path, Path] = {}
-    added: list[str] = []
+    added: dict[str, Path] = {}
+    texts: list[str] = []
     for edit in edits:
         table = tables.get(edit.name)
         if edit.removed:
@@ -160,26 +213,25 @@ def save_edits(scene: Scene, edits: Iterable[ObjectEdit]) -> None:
             copies |= files
             material = None if edit.material is None else _material_table(edit, scene)
             to_world = np.reshape(np.array(edit.to_world), (4, 4))
-            added.append(object_text(edit.name, target, to_world, material))
-            _show(document, edit.name)
+            texts.append(object_text(edit.name, target, to_world, material))
+            added[edit.name] = scene.root / target
+    shown = [_show(document, name) for name in added]
+    if look is not None and look.view.projection == "perspective":
+        texts += _keep(document, look, needed=not all(shown))
     for copy in copies:
         require_inside(copy, scene.within)
     text = tomlkit.dumps(document)
-    if added:
-        text = "\n".join([text.rstrip("\r\n") + "\n", *added])
+    if texts:
+        text = "\n".join([text.rstrip("\r\n") + "\n", *texts])
     try:
         parse_manifest(text, str(path))
     except SceneError as error:
-        raise SceneError(f"{path}: the edits do not fit into it: {error}") from error
+        raise SceneError(
+            f"{path}: the edits do not fit into it: {error}", several_lines=error.several_lines
+        ) from error
     with copied(copies), replacing(path) as temporary:
         temporary.write_bytes(text.encode("utf-8"))
-
-
-def _require_writable(path: Path) -> None:
-    """A file in a folder that can be written to would be replaced even so."""
-    with suppress(FileNotFoundError):
-        if not (os.access(path, os.W_OK) and path.stat().st_mode & 0o222):
-            raise SceneError(f"{path}: is read-only; make it writable to save the edits")
+    return added
 
 
 def _remove(document: Any, name: str) -> None:
@@ -195,11 +247,44 @@ def _remove(document: Any, name: str) -> None:
             view["objects"].remove(name)
 
 
-def _show(document: Any, name: str) -> None:
-    """Put a new object into the views that list theirs, but those with a truth."""
+def _show(document: Any, name: str) -> bool:
+    """Put a new object into the views that list theirs, but those with a truth.
+
+    Returns
+    -------
+    bool
+        All views show it.
+    """
+    everywhere = True
     for view in document.get("views", ()):
         if "objects" in view and "truth" not in view:
             view["objects"].append(name)
+        elif "objects" in view:
+            everywhere = False
+    return everywhere
+
+
+def _keep(document: Any, look: Look, *, needed: bool) -> list[str]:
+    """Have the view `SAVED_VIEW` look so; its text, where it is `needed` and not there yet."""
+    view = look.view
+    values = {
+        "yaw_deg": round(view.yaw_deg, 3),
+        "pitch_deg": round(view.pitch_deg, 3),
+        "fov_y_deg": round(view.fov_y_deg, 3),
+        "size": [view.width, view.height],
+    }
+    if look.objects is not None:
+        values["objects"] = list(look.objects)
+    for table in document.get("views", ()):
+        if table["name"] == SAVED_VIEW:
+            if "truth" not in table and "keyframes" not in table:
+                table.pop("objects", None)
+                table.update(values)
+            return []
+    if not needed:
+        return []
+    lines = [f"{key} = {json.dumps(value, ensure_ascii=False)}" for key, value in values.items()]
+    return ["\n".join(["[[views]]", f'name = "{SAVED_VIEW}"', *lines, ""])]
 
 
 def _edit_table(table: Any, edit: ObjectEdit, scene: Scene) -> None:

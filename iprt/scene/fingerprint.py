@@ -10,14 +10,17 @@ from iprt.scene.scene import Scene
 from iprt.scene.scene_files import made_of
 
 DIGITS = 16
+READING = 2
+"""To be raised when files are read in another way, such as meshes with other normals."""
 
 
 def fingerprint(scene: Scene) -> str:
-    """Digits that are others once the manifest says something else, or a file was written again.
+    """Digits that are others once the manifest says something else, or a file was written again
+    or is read in another way.
 
     Of files, size and time tell: they are not read.
     """
-    digest = hashlib.sha256(scene.manifest.model_dump_json().encode())
+    digest = hashlib.sha256(f"{READING} {scene.manifest.model_dump_json()}".encode())
     for file in sorted(made_of(scene) - {scene.root / MANIFEST_NAME}):
         with suppress(FileNotFoundError):  # frames of a video may be missing
             status = file.stat()

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from iprt.scene.material import Material
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
-"""Of linear Rec.709, in which all colour is."""
+"""Weights of linear Rec.709, in which all colour is."""
 
 
 @dataclass(frozen=True)

@@ -16,11 +16,11 @@ from pydantic.alias_generators import to_camel
 from iprt.scene.untrusted import MAX_BYTES, MAX_TRIANGLES, MAX_VERTICES
 
 MAX_PARTS = 2**17
-"""Of accessors, views and buffers each."""
+"""A document has no more accessors, views or buffers."""
 MAX_NODES = 2**14
-"""Of nodes and of primitives: trimesh takes a millisecond for each."""
+"""A document has no more nodes or primitives; trimesh takes a millisecond for each."""
 MAX_DEPTH = 256
-"""Of nodes below each other: each is moved by all above it."""
+"""Nodes are nested no deeper; each is moved by all above it."""
 
 _COMPONENT_BYTES = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}
 _COMPONENTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
@@ -38,7 +38,7 @@ Matrix = Annotated[list[Number], Field(min_length=16, max_length=16)]
 
 
 class Part(BaseModel):
-    """Of a document; keys that are not read may be there."""
+    """A part of a document, which may have keys that are not read."""
 
     model_config = ConfigDict(extra="ignore", strict=True, alias_generator=to_camel)
 
@@ -74,12 +74,19 @@ class Image(Part):
     buffer_view: Index | None = None
 
 
+class Sampler(Part):
+    wrap_s: int = 10497
+    wrap_t: int = 10497
+
+
 class Texture(Part):
     source: Index | None = None
+    sampler: Index | None = None
 
 
 class TextureReference(Part):
     index: Index
+    tex_coord: Index = 0
 
 
 class PbrMetallicRoughness(Part):
@@ -133,6 +140,7 @@ class Gltf(Part):
     meshes: Annotated[list[GltfMesh], Field(max_length=MAX_NODES)] = Field(default=[])
     materials: Annotated[list[GltfMaterial], Field(max_length=MAX_NODES)] = Field(default=[])
     textures: list[Texture] = Field(default=[])
+    samplers: list[Sampler] = Field(default=[])
     images: Annotated[list[Image], Field(max_length=MAX_PARTS)] = Field(default=[])
     accessors: Annotated[list[Accessor], Field(max_length=MAX_PARTS)] = Field(default=[])
     buffer_views: Annotated[list[BufferView], Field(max_length=MAX_PARTS)] = Field(default=[])
@@ -196,6 +204,8 @@ def _problems(gltf: Gltf) -> Iterator[str]:
     for number, texture in enumerate(gltf.textures):
         if texture.source is not None and texture.source >= len(gltf.images):
             yield f"textures[{number}]: there is no image {texture.source}"
+        if texture.sampler is not None and texture.sampler >= len(gltf.samplers):
+            yield f"textures[{number}]: there is no sampler {texture.sampler}"
     yield from _node_problems(gltf)
 
 

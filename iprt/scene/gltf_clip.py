@@ -32,7 +32,7 @@ from iprt.toml_text import printable
 Model = TypeVar("Model", bound=Part)
 
 MAX_NAMES = 20
-"""Of animations that an error lists."""
+"""An error lists no more animations."""
 _DTYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _TYPES = {"translation": "VEC3", "rotation": "VEC4", "scale": "VEC3"}
 _COLUMNS = {"SCALAR": 1, "VEC3": 3, "VEC4": 4, "MAT4": 16}
@@ -116,7 +116,7 @@ def read_clip(file: MeshFile, choice: str | int, dropped: list[str]) -> Clip:
     """
     gltf = file.gltf
     if gltf is None or not gltf.animations:
-        raise FormatError(f"{file.path}: has no animations; take the key `animation` away")
+        raise FormatError(f"{file.path}: has no animations; leave `animation` out")
     number = _chosen(file, gltf, choice)
     where = f"animations[{number}]"
     animation = _parsed(_Animation, gltf.animations[number], where)
@@ -151,7 +151,7 @@ def read_clip(file: MeshFile, choice: str | int, dropped: list[str]) -> Clip:
 
 
 def _chosen(file: MeshFile, gltf: Gltf, choice: str | int) -> int:
-    names = [entry.get("name") if isinstance(entry, dict) else None for entry in gltf.animations]
+    names = _names(gltf)
     if isinstance(choice, int) and choice < len(names):
         return choice
     found = [number for number, name in enumerate(names) if name == choice]
@@ -162,11 +162,20 @@ def _chosen(file: MeshFile, gltf: Gltf, choice: str | int) -> int:
         raise FormatError(
             f"{file.path}: animations {numbers} are all named '{choice}'; give one's number"
         )
-    known = ", ".join(
-        f"{number} ('{printable(name)}')" if isinstance(name, str) else f"{number}"
-        for number, name in enumerate(names[:MAX_NAMES])
-    )
+    known = ", ".join(animation_names(gltf))
     raise FormatError(f"{file.path}: has no animation {choice!r}; it has {known}")
+
+
+def animation_names(gltf: Gltf) -> list[str]:
+    """Number and name of each of the first animations: `0 ('walk')`."""
+    return [
+        f"{number} ('{printable(name)}')" if isinstance(name, str) else f"{number}"
+        for number, name in enumerate(_names(gltf)[:MAX_NAMES])
+    ]
+
+
+def _names(gltf: Gltf) -> list[object]:
+    return [entry.get("name") if isinstance(entry, dict) else None for entry in gltf.animations]
 
 
 def _nodes(gltf: Gltf) -> dict[int, Node]:

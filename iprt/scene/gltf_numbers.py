@@ -10,13 +10,15 @@ INFLUENCES = (0, 1)
 """Sets of four joints per vertex that are read."""
 JOINT_KEYS = tuple(f"_JOINTS_{number}" for number in INFLUENCES)
 WEIGHT_KEYS = tuple(f"_WEIGHTS_{number}" for number in INFLUENCES)
+COLOR_KEY = "_COLOR_0"
 
 
 def numbered(document: dict[str, Any], chunk: bytes | None) -> bytes:
     """The file of a document, of which `gltf_check` knows that it is one.
 
     Nodes get their numbers for names; trimesh adds to these behind an underscore. It hands on
-    attributes of vertices whose names begin with one, which joints and weights get.
+    attributes of vertices whose names begin with one as they are, which joints, weights and colours
+    get.
 
     Parameters
     ----------
@@ -29,7 +31,7 @@ def numbered(document: dict[str, Any], chunk: bytes | None) -> bytes:
         for number, node in enumerate(document.get("nodes", []))
     ]
     meshes = [
-        mesh | {"primitives": [_with_joints(primitive) for primitive in mesh["primitives"]]}
+        mesh | {"primitives": [_renamed(primitive) for primitive in mesh["primitives"]]}
         for mesh in document.get("meshes", [])
     ]
     text = json.dumps(document | {"nodes": nodes, "meshes": meshes}).encode()
@@ -47,7 +49,7 @@ def part_node(name: str) -> int:
     return int(name.partition("_")[0])
 
 
-def _with_joints(primitive: dict[str, Any]) -> dict[str, Any]:
+def _renamed(primitive: dict[str, Any]) -> dict[str, Any]:
     given = primitive["attributes"]
     more = {
         f"_{kind}_{number}": given[f"{kind}_{number}"]
@@ -55,4 +57,7 @@ def _with_joints(primitive: dict[str, Any]) -> dict[str, Any]:
         for kind in ("JOINTS", "WEIGHTS")
         if f"{kind}_{number}" in given
     }
-    return primitive | {"attributes": given | more}
+    if "COLOR_0" in given:  # of which trimesh keeps the lower 8 of 16 bits
+        more[COLOR_KEY] = given["COLOR_0"]
+    kept = {name: index for name, index in given.items() if name != "COLOR_0"}
+    return primitive | {"attributes": kept | more}

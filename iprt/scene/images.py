@@ -31,8 +31,9 @@ FLOAT_KINDS = ("exr", "pfm")
 """Whose values have no upper end."""
 TEXTURE_FORMATS = ("PNG", "JPEG", "WEBP", "BMP", "TGA", "TIFF")
 """Names that Pillow has for what textures of meshes may be stored as."""
+NO_DEPTH = "depth needs one channel, as EXR, PFM or 16-bit grey PNG"
 MAX_SCANS = 100
-"""Of a progressive JPEG, each of which goes over the whole picture; programs write about ten."""
+"""A progressive JPEG has no more; each goes over the whole picture. Programs write about ten."""
 _START_OF_SCAN = b"\xff\xda"
 
 
@@ -85,20 +86,20 @@ def read_depth(path: Path) -> tuple[Image2D, bool]:
     Raises
     ------
     FormatError
-        Also for 8-bit pictures: too coarse for geometry.
+        Also for pictures in colours, and for those of 8 bits: too coarse for geometry.
     """
     kind = file_kind(path)
     if kind == "exr":
-        plane = exr.read_exr(path, [("Z",), ("Y",), ("R",), ("*",)])[0]
+        plane, *others = exr.read_exr(path, [("Z",), ("Y",), ("R", "G", "B"), ("R",), ("*",)])
+        if not all(np.array_equal(plane, other, equal_nan=True) for other in others):
+            raise FormatError(f"{path}: a picture in colours, whose R, G and B differ; {NO_DEPTH}")
         return plane.astype(np.float32), plane.dtype.kind == "u"
     if kind == "pfm":
         return read_pfm(path), False
     image = _open_pillow(path)
     if not image.mode.startswith("I"):
-        raise FormatError(
-            f"{path}: {image.mode} picture with 8 bits per channel; "
-            "depth needs a 16-bit grey PNG, EXR or PFM"
-        )
+        what = "grey picture of 8 bits" if image.mode.startswith("L") else "picture in colours"
+        raise FormatError(f"{path}: a {what}; {NO_DEPTH}")
     return _decoded(path, image).astype(np.float32), True
 
 
@@ -166,7 +167,10 @@ def open_picture(
     if image.format in ("JPEG", "MPO"):
         data = read_bytes(source) if isinstance(source, Path) else source.getvalue()
         if data.count(_START_OF_SCAN) > MAX_SCANS:
-            raise FormatError(f"{path}: made of more than {MAX_SCANS} scans; save it again")
+            raise FormatError(
+                f"{path}: a progressive JPEG of more than {MAX_SCANS} scans; save it again"
+                " without them"
+            )
     return image
 
 

@@ -15,7 +15,7 @@ from iprt.scene.camera import View
 from iprt.scene.table import Degrees, FieldOfView, Pitch, Point, Table
 
 MAX_KEYFRAMES = 2**16
-"""Of an object or a view."""
+"""An object or a view has no more."""
 LARGEST_SCALE = 1e6
 UNIT_TOLERANCE = 0.01
 """By which a quaternion's length may differ from 1: it has been rounded."""

@@ -15,7 +15,7 @@ from iprt.scene.lost_light import Tie
 from iprt.scene.openings import components, solid_angles
 
 NEARLY, FULLY = 0.95, 0.98
-"""Of the white level: where a channel begins to count as clipped, and where it wholly does. Codecs
+"""Shares of the white level at which a channel begins to count as clipped, and wholly does. Codecs
 leave no clipped texel exactly at white."""
 GROUP_ROWS = 128
 """Rows of the grid on which clipped texels are joined to lights: across gaps of two cells."""
@@ -25,7 +25,7 @@ KNOTS_DEG = (-25.0, -8.0, 8.0, 25.0, 50.0)
 """Elevations between which what is far away, behind windows or in the open, changes its brightness:
 below the horizon is ground, and skies are not even. A surface has one brightness."""
 LEAST_SHARE = 0.02
-"""Of a group's clipped flux, below which a part of it is no light of its own."""
+"""A part of a group with less of its clipped flux is no light of its own."""
 SAME_SIDE, ACROSS_HORIZON, SAME_ELEVATION = 0.6, 1.5, 0.7
 """Spreads of log-gains of parts of the distance: of one window, both sky or both ground, or one of
 each; and of two windows at one elevation."""

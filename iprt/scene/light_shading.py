@@ -31,7 +31,7 @@ LEAST_RECEIVERS = 20
 SHINE_POINTS, MOSTLY = 12, 0.75
 """Points of a clipped surface whose own light is looked at, in cells that are so much clipped."""
 DARK = 1e-3
-"""Of white: radiance below which noise and quantisation spoil a logarithm."""
+"""Radiance over white, below which noise and quantisation spoil a logarithm."""
 
 
 def shading_of(

@@ -32,13 +32,13 @@ MAX_GAIN = 1e4
 EXPECTED_GAIN, GAIN_SPREAD = 3.0, 2.5
 """Median, and standard deviation of its logarithm (so are all that follow)."""
 COLOR_SPREAD, HALF_CLIPPED_SPREAD = 1.5, 0.4
-"""Of gains of two colours of one light: both clipped, or one of them, which then is little more."""
+"""Gains of two colours of one light differ so: both clipped, or one, which is little more then."""
 TINT_SPREAD = 0.2
-"""Of green against red and blue: lights are warm or cold, as glowing bodies and skies are."""
+"""Green differs so from red and blue: lights are warm or cold, as glowing bodies and skies are."""
 EXPECTED_REFLECTANCE, REFLECTANCE_SPREAD = 0.4, 1.0
 MOST_REFLECTANCE, OVER_SPREAD = 0.9, 0.1
 CLIPPED_REFLECTANCE, CLIPPED_SPREAD = 0.6, 0.2
-"""Of clipped surfaces that reflect: bright ones."""
+"""Clipped surfaces that reflect are bright ones."""
 HUBER = 1.5
 """Standard deviations beyond which a residual counts linearly."""
 MODEL_SPREAD, MODEL_POINTS = 0.15, 6.0

@@ -57,12 +57,12 @@ from iprt.scene.table import (
     Table,
     Unit,
 )
+from iprt.scene.untrusted import MAX_OBJECTS
 from iprt.scene.video.table import VideoTable
 from iprt.toml_text import parse_toml, read_text
 
 MANIFEST_NAME = "scene.toml"
-MAX_ENTRIES = 4096
-"""Of objects, and of views."""
+MAX_VIEWS = 4096
 
 
 def _not_null(values: list[float]) -> list[float]:
@@ -238,6 +238,7 @@ class ViewTable(Table):
     truth: FramePath | None = None
     truth_background: FramePath | None = None
     truth_mask: FramePath | None = None
+    truth_outdated: bool = False
     cuts: list[Annotated[list[Pixel], Field(min_length=4, max_length=4)]] = Field(default=[])
     keyframes: ViewKeyframes = Field(default=[])
 
@@ -254,11 +255,11 @@ class Manifest(Table):
     name: Name
     exposure: Factor = 1.0
     video: VideoTable
-    objects: Annotated[list[ObjectTable], Field(max_length=MAX_ENTRIES)] = Field(default=[])
+    objects: Annotated[list[ObjectTable], Field(max_length=MAX_OBJECTS)] = Field(default=[])
     real_materials: Annotated[list[RealMaterialTable], Field(max_length=MAX_REAL_MATERIALS)] = (
         Field(default=[])
     )
-    views: Annotated[list[ViewTable], Field(max_length=MAX_ENTRIES)] = Field(default=[])
+    views: Annotated[list[ViewTable], Field(max_length=MAX_VIEWS)] = Field(default=[])
 
 
 def read_manifest(path: Path) -> Manifest:

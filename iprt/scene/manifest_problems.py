@@ -25,7 +25,7 @@ TABLE_LISTS = ("objects", "real_materials", "views")
 MAX_PROBLEMS = 100
 """That are shown."""
 MAX_LETTERS = 1000
-"""Of each of them."""
+"""Each of them has no more."""
 
 
 def problems_error(source: str, problems: Sequence[str]) -> SceneError:
@@ -34,7 +34,8 @@ def problems_error(source: str, problems: Sequence[str]) -> SceneError:
     if len(problems) == 1:
         return SceneError(f"{source}: {shown[0]}")
     count = f"{len(problems)}" if len(problems) == len(shown) else f"more than {len(shown)}"
-    return SceneError("\n  ".join([f"{source}: {count} problems", *shown]))
+    lines = [f"{printable(source, MAX_LETTERS)}: {count} problems", *shown]
+    return SceneError("\n  ".join(lines), several_lines=True)
 
 
 def describe(
@@ -66,6 +67,9 @@ def describe(
         return f"{key}: required key is missing"
     if kind == "value_error":
         return f"{key}: {problem['msg'].removeprefix('Value error, ')}"
+    if kind == "too_long" and location[-1] in TABLE_LISTS:
+        hint = "; join their meshes" if key == "objects" else ""
+        return f"{key}: {len(value)} of them; at most {problem['ctx']['max_length']} are read{hint}"
     if kind in ("too_short", "too_long"):
         count = problem["ctx"].get("min_length") or problem["ctx"].get("max_length")
         return f"{key}: expected {count} values, got {len(value)}"
@@ -105,7 +109,7 @@ def _region_problems(real_materials: list[dict[str, Any]]) -> Iterator[str]:
         if not {"mask", "color", "plane"} & table.keys():
             yield f"{label}: say where the surface is: give a mask, a color or a plane"
         if "color_tolerance" in table and "color" not in table:
-            yield f"{label}.color_tolerance: there is no color that it could be the tolerance of"
+            yield f"{label}.color_tolerance: has no effect without color; give color too"
 
 
 def _unknown_objects(label: str, names: Any, known: Mapping[str, None]) -> Iterator[str]:
@@ -135,14 +139,17 @@ def _video_problems(video: Any) -> Iterator[str]:
     if {"depth_scale", "depth_range"} <= video.keys():
         yield "video.depth_range: depth_scale is given too; give one of them"
     if "depth_encoding" in video and "depth_range" not in video:
-        yield "video.depth_encoding: there is no depth_range that it could be between"
+        yield "video.depth_encoding: has no effect without depth_range; give depth_range too"
     color = video.get("color")
     if not isinstance(color, str):
         return
     pattern = FRAME_PATTERN.search(color)
     picture = pattern or color.lower().endswith(PICTURE_SUFFIXES)
     if picture and "depth" not in video:
-        yield "video.depth: required key is missing; only a video file can hold its own depth"
+        yield (
+            "video.depth: required key is missing; only a video file can hold its own depth; name "
+            "a file of depth (docs/footage.md says of what kind)"
+        )
     if not _integers(video.get("frames"), 2):
         return
     first, last = video["frames"]

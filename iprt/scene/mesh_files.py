@@ -21,17 +21,18 @@ from iprt.scene.gltf_check import Gltf, parsed_gltf
 from iprt.scene.gltf_numbers import numbered
 from iprt.scene.images import open_picture
 from iprt.scene.inside import require_inside
+from iprt.scene.mesh_unread import unread_gltf, unread_obj, unread_ply
 from iprt.scene.ply_check import check_ply
+from iprt.scene.stl_check import check_stl, checked_stl_text, has_colors
 from iprt.scene.untrusted import MAX_BYTES, decoding, is_file, read_bytes
 from iprt.toml_text import printable
 
-MESH_SUFFIXES = (".ply", ".obj", ".gltf", ".glb")
+MESH_SUFFIXES = (".ply", ".obj", ".stl", ".gltf", ".glb")
 MAX_MATERIALS = 4096
 MAX_MATERIALS_TIMES_VERTICES = 2**32
-"""Of an OBJ file: trimesh goes through all vertices for each material."""
+"""An OBJ file has no more: trimesh goes through all vertices for each material."""
 MAX_JSON_BYTES = 2**27
-"""Of a glTF document, which takes a multiple of that in memory."""
-_TRIANGLE_MODES = (4, 5)
+"""A glTF document has no more; it takes a multiple of that in memory."""
 _GLTF_SUFFIXES = (".gltf", ".glb")
 
 
@@ -41,7 +42,7 @@ class MeshFile:
     Parameters
     ----------
     path : Path
-        .ply, .obj, .gltf or .glb.
+        .ply, .obj, .stl, .gltf or .glb.
     within : Path or None
         Folder that all of them must lie in, links followed; by default the mesh's own, which the
         mesh itself may be a link in.
@@ -69,15 +70,18 @@ class MeshFile:
         self.gltf: Gltf | None = None
         self._gltf_document: Any = None
         self._gltf_chunk = b""
+        self._ply_elements: list[str] = []
         self.references: dict[str, Path] = {}
         if self.suffix not in MESH_SUFFIXES:
-            raise FormatError(f"{path}: not a PLY, OBJ, glTF or GLB file (by its suffix)")
+            raise FormatError(f"{path}: not a PLY, OBJ, STL, glTF or GLB file (by its suffix)")
         if not is_file(path):
             raise FormatError(f"{path}: no such mesh file")
         if within is not None:
             require_inside(path, within)
         if self.suffix == ".ply":
-            check_ply(path)
+            self._ply_elements = check_ply(path)
+        if self.suffix == ".stl":
+            check_stl(path)
         self.data = read_bytes(path, MAX_JSON_BYTES if self.suffix == ".gltf" else MAX_BYTES)
         kind = "glTF" if self.suffix in _GLTF_SUFFIXES else self.suffix[1:].upper()
         with decoding(path, f"cut off or damaged {kind} file"):
@@ -99,15 +103,19 @@ class MeshFile:
     __getitem__ = get
 
     def readable_data(self) -> bytes:
-        """The file for trimesh, which takes an `mtllib` in a comment for the real one."""
-        if self.suffix != ".obj":
-            return self.data
-        return b"".join(line for line in BytesIO(self.data) if not line.lstrip().startswith(b"#"))
+        """The file for trimesh.
 
-    def numbered_gltf(self) -> bytes:
-        """The glTF file for trimesh, where nodes are named by their numbers, and the joints and
-        weights of vertices by what trimesh hands on: `JOINT_KEYS`, `WEIGHT_KEYS`.
+        It takes words of the format in comments and names for real. Of glTF, nodes are named by
+        their numbers, and the joints, weights and colours of vertices by what trimesh hands on:
+        `JOINT_KEYS`, `WEIGHT_KEYS`, `COLOR_KEY`.
         """
+        if self.suffix == ".obj":
+            lines = BytesIO(self.data)
+            return b"".join(line for line in lines if not line.lstrip().startswith(b"#"))
+        if self.suffix == ".stl":
+            return checked_stl_text(self.data)
+        if self.gltf is None:
+            return self.data
         return numbered(self._gltf_document, self._gltf_chunk if self.suffix == ".glb" else None)
 
     def buffer(self, number: int) -> bytes:
@@ -122,11 +130,12 @@ class MeshFile:
         `animated`: of a glTF file, an animation is.
         """
         if self.gltf is not None:
-            return list(_unread_gltf(self.gltf, animated=animated))
+            return list(unread_gltf(self.gltf, animated=animated))
         if self.suffix == ".obj":
-            kinds = {line.split()[0] for line in _lines(self.data) if line.split()}
-            return [word for word, key in (("lines", "l"), ("points", "p")) if key in kinds]
-        return []
+            return unread_obj(_lines(self.data))
+        if self.suffix == ".stl":
+            return ["colours of triangles"] if has_colors(self.data) else []
+        return unread_ply(self._ply_elements)
 
     def _look_inside(self) -> None:
         if self.suffix in _GLTF_SUFFIXES:
@@ -138,7 +147,7 @@ class MeshFile:
             self._check_gltf_textures(self.gltf)
         elif self.suffix == ".obj":
             self._refer_from_obj()
-        else:
+        elif self.suffix == ".ply":
             for name in _ply_textures(self.data):
                 self._refer(name, name)
                 self._check_texture(name)
@@ -180,7 +189,10 @@ class MeshFile:
                     self._check_texture(name)
         count = len(materials)
         if count > MAX_MATERIALS or count * vertices > MAX_MATERIALS_TIMES_VERTICES:
-            raise ValueError(f"{count} materials of {vertices} vertices; split or merge them")
+            raise ValueError(
+                f"{count} materials of {vertices} vertices take too long to read; merge materials, "
+                "or split the file"
+            )
 
     def _refer(self, written: str, name: str) -> None:
         relative = PurePosixPath(name.replace("\\", "/"))
@@ -188,7 +200,7 @@ class MeshFile:
         if "://" in name:
             raise FormatError(f"{self.path}: refers to {name} on the net; copy it beside it")
         if relative.is_absolute() or ".." in relative.parts:
-            raise FormatError(f"{self.path}: refers to {name}, outside its folder; copy it beside")
+            raise FormatError(f"{self.path}: refers to {name}, outside its folder; copy it in")
         file = self.path.parent / relative
         if not is_file(file):
             raise FormatError(f"{self.path}: refers to {name}, which is missing beside it")
@@ -254,21 +266,6 @@ def _ply_textures(data: bytes) -> Iterator[str]:
             return
         if text.lower().startswith("comment texturefile"):
             yield text[len("comment texturefile") :].strip()
-
-
-def _unread_gltf(gltf: Gltf, *, animated: bool) -> Iterator[str]:
-    for key in ("cameras",) if animated else ("animations", "skins", "cameras"):
-        if count := len(getattr(gltf, key)):
-            yield f"{key} ({count})"
-    primitives = [primitive for mesh in gltf.meshes for primitive in mesh.primitives]
-    if any(primitive.mode not in _TRIANGLE_MODES for primitive in primitives):
-        yield "points, lines or triangle fans"
-    if any(primitive.targets for primitive in primitives):
-        yield "morph targets"
-    if any("COLOR_0" in primitive.attributes for primitive in primitives):
-        yield "vertex colours"
-    for name in gltf.extensions_used:
-        yield f"extension {name}"
 
 
 def _lines(data: bytes) -> Iterator[str]:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,15 +13,24 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from iprt.errors import FormatError
+from iprt.scene.gltf_numbers import COLOR_KEY
 from iprt.scene.images import decode_srgb, texture_pixels
 from iprt.scene.material import Material
 from iprt.scene.untrusted import MAX_PIXELS
+from iprt.toml_text import printable
 
 DEFAULT_MATERIAL = Material("diffuse", (0.5, 0.5, 0.5))
 MATTE_ROUGHNESS = 0.9
 """glTF roughness from which a dielectric is taken as diffuse: its coat no longer shows."""
+METALLIC = 0.5
+"""Least metalness of what is taken for a metal: there is no material in between."""
 GLOSSY_SPECULAR = 0.04
 """Least specular reflectance (Ks) of an MTL material that gets a coat."""
+MAX_IOR = 4.0
+"""As in `scene.toml`."""
+_READ_KEYS = {"kd", "ks", "ns", "ni", "pr", "pm", "name", "image", "diffuse", "specular"}
+_SAYS_NOTHING = {"ambient", "ka", "glossiness", "illum"}
+"""Light from nowhere, and which formula MTL's own shading is."""
 
 
 class Textures:
@@ -74,10 +85,35 @@ def convert_material(
     return _from_mtl(source, textures, dropped)
 
 
+def mean_color(geometry: Any) -> tuple[float, float, float] | None:
+    """The mean of the colours that vertices or faces of a trimesh geometry have; None: of none.
+
+    Those of glTF are linear, others those of sRGB displays.
+    """
+    given, visual = geometry.vertex_attributes.get(COLOR_KEY), geometry.visual
+    if given is not None:
+        rgb = np.asarray(given)[:, :3]
+        rgb = rgb / np.iinfo(rgb.dtype).max if rgb.dtype.kind in "iu" else rgb
+    elif visual.kind in ("vertex", "face"):
+        colors = visual.vertex_colors if visual.kind == "vertex" else visual.face_colors
+        rgb = decode_srgb(np.asarray(colors)[:, :3])
+    else:
+        return None
+    return _color(rgb.mean(axis=0, dtype=np.float64)) if len(rgb) else None
+
+
+def tinted(material: Material, color: tuple[float, float, float] | None) -> Material:
+    """A material of a colour, which multiplies its own if it has one; None: as it is."""
+    if color is None:
+        return material
+    own = (1.0, 1.0, 1.0) if material is DEFAULT_MATERIAL else material.albedo
+    return replace(material, albedo=_color(np.multiply(own, color)))
+
+
 def _from_pbr(
     source: Any, factors: dict[str, list[float]], textures: Textures, dropped: list[str]
 ) -> Material:
-    """glTF 2.0, section 3.9.2: metallic from 0.5 on is a conductor; alpha = roughness²."""
+    """glTF: alpha = roughness²."""
     _note_unused_maps(source, dropped)
     color = factors.get(source.name)
     if color is None:
@@ -87,9 +123,25 @@ def _from_pbr(
     texture = textures.linear(source.baseColorTexture)
     metallic = 1.0 if source.metallicFactor is None else float(source.metallicFactor)
     roughness = 1.0 if source.roughnessFactor is None else float(source.roughnessFactor)
-    alpha = float(np.clip(roughness, 0.0, 1.0) ** 2)
     # A map scales the factor: without it, a factor of 1 says nothing about the material.
-    if metallic >= 0.5 and source.metallicRoughnessTexture is None:
+    if source.metallicRoughnessTexture is not None:
+        metallic = 0.0
+    return _metal_or_not(albedo, metallic, roughness, texture, dropped)
+
+
+def _metal_or_not(
+    albedo: tuple[float, float, float],
+    metallic: float,
+    roughness: float,
+    texture: NDArray[np.float32] | None,
+    dropped: list[str],
+) -> Material:
+    """A metal, or plastic, or what is so rough that no coat shows; glTF 2.0, section 3.9.2."""
+    if 0.0 < metallic < 1.0:
+        taken = "1, a metal" if metallic >= METALLIC else "0, no metal"
+        dropped.append(f"metallic {metallic:g}, which is taken for {taken}")
+    alpha = float(np.clip(roughness, 0.0, 1.0) ** 2)
+    if metallic >= METALLIC:
         return Material("conductor", albedo, alpha=alpha, texture=texture)
     if roughness >= MATTE_ROUGHNESS:
         return Material("diffuse", albedo, texture=texture)
@@ -100,20 +152,41 @@ def _from_mtl(source: Any, textures: Textures, dropped: list[str]) -> Material:
     """MTL: diffuse (Kd), with a coat where Ks and the exponent Ns say that it shines.
 
     A Phong exponent n is about as wide as GGX with alpha = sqrt(2 / (n + 2)) (Walter et al.,
-    "Microfacet Models for Refraction", 2007, section 5.2, for Beckmann).
+    "Microfacet Models for Refraction", 2007, section 5.2, for Beckmann). Roughness (Pr) and
+    metalness (Pm) mean what they do in glTF, and come before these.
     """
     values = source.kwargs
     albedo = _color(values.get("kd", [1.0, 1.0, 1.0]))
     texture = textures.linear(source.image)
-    if _first(values.get("d"), 1.0) < 1.0 or _first(values.get("tr"), 0.0) > 0.0:
-        dropped.append("transparency")
-    dropped.extend(f"texture {key}" for key in sorted(values) if _is_map(key))
-    specular = max(_color(values.get("ks", [0.0, 0.0, 0.0])))
+    dropped.extend(_unread_mtl(values))
     exponent = _first(values.get("ns"), 0.0)
+    alpha = float(np.sqrt(2.0 / (exponent + 2.0))) if exponent >= 1.0 else 1.0
+    if "pr" in values or "pm" in values:
+        roughness = _first(values.get("pr"), float(np.sqrt(alpha)))
+        metallic = _first(values.get("pm"), 0.0)
+        return _metal_or_not(albedo, metallic, roughness, texture, dropped)
+    specular = max(_color(values.get("ks", [0.0, 0.0, 0.0])))
     if specular >= GLOSSY_SPECULAR and exponent >= 1.0:
-        alpha = float(np.sqrt(2.0 / (exponent + 2.0)))
-        return Material("plastic", albedo, alpha=alpha, texture=texture)
+        ior = _first(values.get("ni"), 0.0)
+        ior = ior if 1.0 < ior <= MAX_IOR else Material.ior
+        return Material("plastic", albedo, alpha=alpha, ior=ior, texture=texture)
     return Material("diffuse", albedo, texture=texture)
+
+
+def _unread_mtl(values: dict[str, Any]) -> Iterator[str]:
+    """What an MTL material says and ours do not, a phrase each."""
+    if _first(values.get("d"), 1.0) < 1.0 or _first(values.get("tr"), 0.0) > 0.0:
+        yield "transparency"
+    if max(_color(values.get("ke", [0.0, 0.0, 0.0]))) > 0.0:
+        yield "emission"
+    for key in sorted(set(values) - _READ_KEYS - _SAYS_NOTHING - {"d", "tr", "ke"}):
+        if _is_map(key):
+            yield f"texture {printable(key)}"
+        elif key == "tf":
+            if min(_color(values[key])) < 1.0:
+                yield "a filter of what shines through (Tf)"
+        elif _first(values[key], 1.0) != 0.0:
+            yield f"'{printable(key)}' of its materials"
 
 
 def _note_unused_maps(source: Any, dropped: list[str]) -> None:
@@ -137,13 +210,19 @@ def _is_map(key: str) -> bool:
 
 
 def _color(values: Any) -> tuple[float, float, float]:
-    r, g, b = np.clip(np.nan_to_num(np.asarray(values, np.float64)[:3]), 0.0, 1.0)
+    """Three values; of MTL, also one for all, and black for what are no numbers."""
+    try:
+        given = np.asarray(values, np.float64)
+    except (ValueError, TypeError):
+        given = np.zeros(3)
+    r, g, b = np.clip(np.nan_to_num(np.resize(given, 3)), 0.0, 1.0)
     return float(r), float(g), float(b)
 
 
 def _first(value: Any, default: float) -> float:
     """MTL numbers arrive as a float or a list with one."""
     try:
-        return float(np.ravel(value)[0]) if value is not None else default
+        number = float(np.ravel(value)[0]) if value is not None else default
     except (ValueError, TypeError, IndexError):
         return default
+    return number if np.isfinite(number) else default

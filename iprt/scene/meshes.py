@@ -1,10 +1,10 @@
-"""Triangle meshes from PLY, OBJ and glTF files, through trimesh."""
+"""Triangle meshes from PLY, OBJ, STL and glTF files, through trimesh."""
 
 from __future__ import annotations
 
 import warnings
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -13,36 +13,42 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import FormatError
+from iprt.scene.creases import same_position, with_normals
 from iprt.scene.gltf_check import Gltf
 from iprt.scene.material import Material
 from iprt.scene.mesh import Mesh
 from iprt.scene.mesh_files import MeshFile
-from iprt.scene.mesh_materials import Textures, convert_material
+from iprt.scene.mesh_materials import Textures, convert_material, mean_color, tinted
 from iprt.scene.untrusted import MAX_TRIANGLES, MAX_VERTICES, decoding
 
 
 @dataclass
 class Part:
-    """One geometry of the file, in object space; normals are NaN where the file has none."""
+    """One geometry of the file, in object space; normals are NaN where the file has none.
+
+    Its triangles can be drawn: they are finite and not degenerate. `material` is trimesh's, and
+    `color` the mean of what vertices or faces have; None: the file has none.
+    """
 
     positions: NDArray[np.float64]
     normals: NDArray[np.float64]
     uvs: NDArray[np.float32]
     triangles: NDArray[np.int64]
     material: Any
+    color: tuple[float, float, float] | None
 
 
 def load_mesh(path: Path, material: Material | None = None, within: Path | None = None) -> Mesh:
     """Load a mesh with its materials, or with one material for all of it.
 
-    Geometries of different materials are never merged. Normals that the file lacks are the
-    angle-weighted means of the faces around a position (Thürmer and Wüthrich, "Computing Vertex
-    Normals from Polygonal Facets", 1998). Triangles that are degenerate or not finite are removed.
+    Geometries of different materials are never merged. Normals that the file lacks are flat for
+    glTF, and smooth up to a crease angle for other formats (`creases.py`). Triangles that are
+    degenerate or not finite are removed.
 
     Parameters
     ----------
     path : Path
-        .ply, .obj, .gltf or .glb.
+        .ply, .obj, .stl, .gltf or .glb.
     material : Material or None
         Replaces those of the file.
     within : Path or None
@@ -65,22 +71,32 @@ def load_mesh(path: Path, material: Material | None = None, within: Path | None 
 
 
 def _load_parts(file: MeshFile, dropped: list[str]) -> list[Part]:
-    return [
-        part_of(geometry, transform, dropped)
-        for transform, geometry in placed_geometries(file, file.readable_data(), dropped).values()
-    ]
+    placed = placed_geometries(file, dropped).values()
+    parts = [part_of(geometry, transform, dropped) for transform, geometry in placed]
+    return [_welded(part) for part in parts] if file.suffix == ".stl" else parts
+
+
+def _welded(part: Part) -> Part:
+    """One vertex for each position, of which STL has as many as there are triangles at it."""
+    number = same_position(part.positions)
+    _, first = np.unique(number, return_index=True)
+    return replace(
+        part,
+        positions=part.positions[first],
+        normals=part.normals[first],
+        uvs=part.uvs[first],
+        triangles=number[part.triangles],
+    )
 
 
 def placed_geometries(
-    file: MeshFile, data: bytes, dropped: list[str]
+    file: MeshFile, dropped: list[str]
 ) -> dict[str, tuple[NDArray[np.float64], Any]]:
     """Transforms and triangles of trimesh by the name of their node; what else there is is noted.
 
     Parameters
     ----------
     file : MeshFile
-    data : bytes
-        Its contents, for trimesh.
     dropped : list of str
 
     Raises
@@ -94,7 +110,7 @@ def placed_geometries(
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         scene = trimesh.load_scene(
-            BytesIO(data),
+            BytesIO(file.readable_data()),
             file_type=file.suffix[1:],
             resolver=file,
             process=False,
@@ -130,21 +146,22 @@ def part_of(geometry: Any, transform: NDArray[np.float64], dropped: list[str]) -
         else np.full(positions.shape, np.nan)
     )
     uvs = np.zeros((len(positions), 2), np.float32)
-    material = None
-    if geometry.visual.kind == "texture":
-        material = geometry.visual.material
-        uv = geometry.visual.uv
-        if uv is not None and len(uv) == len(positions):
-            uvs = np.nan_to_num(np.asarray(uv, np.float32)[:, :2])
-    elif geometry.visual.kind in ("vertex", "face"):
-        _note(dropped, f"{geometry.visual.kind} colours")
+    textured = geometry.visual.kind == "texture"
+    material = geometry.visual.material if textured else None
+    uv = geometry.visual.uv if textured else None
+    if uv is not None and len(uv) == len(positions):
+        uvs = np.nan_to_num(np.asarray(uv, np.float32)[:, :2])
     linear = transform[:3, :3]
     if not np.allclose(transform, np.eye(4)):
         positions = positions @ linear.T + transform[:3, 3]
         normals = normals @ np.linalg.inv(linear) if np.linalg.det(linear) else normals * np.nan
         if np.linalg.det(linear) < 0.0:
             triangles = triangles[:, ::-1]
-    return Part(positions, normals, uvs, triangles, material)
+    kept = _usable_triangles(positions, triangles)
+    if removed := len(triangles) - len(kept):
+        _note(dropped, f"{removed} degenerate or non-finite triangles")
+    positions = np.nan_to_num(positions, posinf=0.0, neginf=0.0)
+    return Part(positions, normals, uvs, kept, material, mean_color(geometry))
 
 
 def joined(
@@ -152,34 +169,36 @@ def joined(
 ) -> Mesh:
     """All parts in one mesh, with a material index per triangle."""
     materials: list[Material] = [override] if override is not None else []
-    index_of: dict[int, int] = {}
+    index_of: dict[tuple[int, Any], int] = {}
     factors, textures = _base_colors(file.gltf), Textures(file.path)
     columns: list[tuple[Any, ...]] = []
     offset = 0
     for part in parts:
         index = 0
         if override is None:
-            key = id(part.material)
+            if part.color is not None:
+                _note(dropped, "colours of vertices or faces; their mean is used")
+            key = (id(part.material), part.color)
             if key not in index_of:
                 index_of[key] = len(materials)
-                materials.append(convert_material(part.material, factors, textures, dropped))
+                material = convert_material(part.material, factors, textures, dropped)
+                materials.append(tinted(material, part.color))
             index = index_of[key]
-        kept = _usable_triangles(part)
-        if removed := len(part.triangles) - len(kept):
-            dropped.append(f"{removed} degenerate or non-finite triangles")
-        positions = np.nan_to_num(part.positions, posinf=0.0, neginf=0.0)
-        normals = _completed_normals(positions, part.normals, kept)
-        columns.append((positions, normals, part.uvs, kept + offset, np.full(len(kept), index)))
-        offset += len(positions)
+        triangles = part.triangles + offset
+        index_of_each = np.full(len(triangles), index)
+        columns.append((part.positions, part.normals, part.uvs, triangles, index_of_each))
+        offset += len(part.positions)
     if not columns:
         raise FormatError(f"{file.path}: holds no triangles")
     positions, normals, uvs, triangles, indices = (
         np.concatenate(column) for column in zip(*columns, strict=True)
     )
+    flat = np.full(len(triangles), file.gltf is not None)
+    source, normals, triangles = with_normals(positions, normals, triangles, flat)
     return Mesh(
-        positions=positions.astype(np.float32),
+        positions=positions[source].astype(np.float32),
         normals=normals.astype(np.float32),
-        uvs=uvs.astype(np.float32),
+        uvs=uvs[source].astype(np.float32),
         triangles=np.ascontiguousarray(triangles, np.int32),
         material_index=indices.astype(np.int32),
         materials=tuple(materials),
@@ -201,53 +220,19 @@ def _base_colors(gltf: Gltf | None) -> dict[str, list[float]]:
     }
 
 
-def _usable_triangles(part: Part) -> NDArray[np.int64]:
+def _usable_triangles(
+    positions: NDArray[np.float64], triangles: NDArray[np.int64]
+) -> NDArray[np.int64]:
     """Triangles with finite corners and an area above rounding noise."""
-    corners = part.positions[part.triangles]
+    corners = positions[triangles]
     with np.errstate(invalid="ignore"):
         finite: NDArray[np.bool_] = np.all(np.abs(corners) < 1e18, axis=(1, 2))
     corners = np.where(finite[:, None, None], corners, 0.0)
     edges = corners - np.roll(corners, 1, axis=1)
     area = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
     longest = np.einsum("fij,fij->fi", edges, edges).max(axis=1, initial=0.0)
-    usable: NDArray[np.int64] = part.triangles[finite & (area > 1e-9 * longest) & (longest > 0.0)]
+    usable: NDArray[np.int64] = triangles[finite & (area > 1e-9 * longest) & (longest > 0.0)]
     return usable
-
-
-def _completed_normals(
-    positions: NDArray[np.float64], given: NDArray[np.float64], triangles: NDArray[np.int64]
-) -> NDArray[np.float64]:
-    """Unit normals: those given where they are usable, else angle-weighted ones."""
-    length = np.linalg.norm(given, axis=1, keepdims=True)
-    usable = np.isfinite(length[:, 0]) & (length[:, 0] > 1e-12)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        unit: NDArray[np.float64] = given / length
-    if usable.all():
-        return unit
-    return np.where(usable[:, None], unit, _angle_weighted(positions, triangles))
-
-
-def _angle_weighted(
-    positions: NDArray[np.float64], triangles: NDArray[np.int64]
-) -> NDArray[np.float64]:
-    """Unit normals (V, 3), equal for vertices that share a position; +Y where there is no face."""
-    _, shared = np.unique(positions, axis=0, return_inverse=True)
-    shared = shared.ravel()
-    corners = positions[triangles]
-    ahead = np.roll(corners, -1, axis=1) - corners
-    behind = np.roll(corners, 1, axis=1) - corners
-    face = np.cross(ahead[:, 0], behind[:, 0])
-    face /= np.maximum(np.linalg.norm(face, axis=1, keepdims=True), 1e-300)
-    sine = np.linalg.norm(np.cross(ahead, behind), axis=2)
-    angle = np.arctan2(sine, np.einsum("fij,fij->fi", ahead, behind))
-    total = np.zeros((shared.max(initial=-1) + 1, 3))
-    for corner in range(3):
-        np.add.at(total, shared[triangles[:, corner]], angle[:, corner, None] * face)
-    length = np.linalg.norm(total, axis=1, keepdims=True)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        unit = np.where(length > 1e-12, total / length, [0.0, 1.0, 0.0])
-    normals: NDArray[np.float64] = unit[shared]
-    return normals
 
 
 def _note(dropped: list[str], phrase: str) -> None:

@@ -45,8 +45,8 @@ def estimate_normals(depth: Plane, same: NDArray[np.uint8]) -> Plane:
         inverse = np.minimum(np.float32(1.0) / depth, _NEAREST).astype(np.float32)
     spread = _column_spread(width, height)
     tolerance = float(np.clip(_NOISE_FACTOR * _noise(inverse), *GAP_TOLERANCE))
-    padded_inverse = _over_poles(inverse, WINDOW_REACH)
-    padded_same = _over_poles(same, WINDOW_REACH)
+    padded_inverse = over_poles(inverse, WINDOW_REACH)
+    padded_same = over_poles(same, WINDOW_REACH)
     normal = np.empty((height, width, 3), np.float32)
     for first in range(0, height, _BLOCK_ROWS):
         last = min(first + _BLOCK_ROWS, height)
@@ -125,9 +125,9 @@ def _noise(inverse: Plane) -> float:
     return float(np.median(np.abs(bend[surface]) / middle[surface]))
 
 
-def _over_poles(plane: NDArray[Scalar], rows: int) -> NDArray[Scalar]:
-    """(H + 2 rows, W): continued over the poles, where a column goes on half a turn away."""
-    height, width = plane.shape
+def over_poles(plane: NDArray[Scalar], rows: int) -> NDArray[Scalar]:
+    """(H + 2 rows, W, ...): continued over the poles, where a column goes on half a turn away."""
+    height, width = plane.shape[:2]
     cycle = np.mod(np.arange(-rows, height + rows), 2 * height)
     beyond = cycle >= height
     extended: NDArray[Scalar] = plane[np.where(beyond, 2 * height - 1 - cycle, cycle)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,7 @@ from iprt.scene.camera import View, equirect_direction, equirect_pixel
 from iprt.scene.frame import Frame
 from iprt.scene.mesh import Instance, Mesh
 from iprt.scene.openings import solid_angles
+from iprt.scene.stance import Stance
 
 Array = NDArray[np.float64]
 
@@ -25,6 +27,8 @@ _SMOOTHING_TEXELS = 9
 _MAX_ROWS = 512
 _SETTLE = 0.01
 """How far from its support an object counts as floating or sunk, over the median depth."""
+_VISIBLE = 1e-3
+"""Size over distance of what can be seen: a third of a pixel at 60 degrees and 1024 pixels."""
 
 
 @dataclass(frozen=True)
@@ -39,18 +43,38 @@ class Standing:
         Fraction of its vertices that lie behind the real surfaces.
     tolerance_m : float
         Largest |gap| that a contact may have.
+    size_m, room_m : (3,) float64
+        Of boxes around it and around the real surfaces.
+    distance_m : float
+        Of its nearest vertex.
+    around : bool
+        The capture centre lies in the box around it.
     """
 
     gap_m: float | None
     hidden: float
     tolerance_m: float
+    size_m: Array
+    room_m: Array
+    distance_m: float
+    around: bool
 
     def warnings(self) -> list[str]:
         """What looks wrong, one phrase each."""
         found = []
-        if self.hidden > 0.95:
+        if self.size_m.max() < _VISIBLE * self.distance_m:
+            found.append(
+                f"is {self.size_m.max():.2g} m large at a distance of {self.distance_m:.2g} m, too "
+                "small to be seen"
+            )
+        if self.size_m.max() > self.room_m.max():
+            found.append(f"is larger than the room, which is {metres(self.room_m)}")
+            return found
+        if self.around:
+            found.append("surrounds the capture centre: views look out from inside it")
+        elif self.hidden > 0.95:
             found.append("lies behind the real surfaces, outside the room")
-        elif self.gap_m is not None and abs(self.gap_m) > self.tolerance_m:
+        if self.hidden <= 0.95 and self.gap_m is not None and abs(self.gap_m) > self.tolerance_m:
             verb = "floats {} above" if self.gap_m > 0.0 else "sinks {} into"
             found.append(f"{verb.format(f'{100 * abs(self.gap_m):.1f} cm')} the surface below it")
         return found
@@ -82,8 +106,10 @@ class RealSurfaces:
         # Averages alone would take the foot of a wall for floor; single normals, noise.
         upright = np.minimum(frame.normal[rows, columns][..., 1], self._smooth[..., 1]) > UPRIGHT
         self._upward = upright[kept]
+        # What faces up, and how far apart its points are.
+        self._level = self.points[self._upward]
+        self._apart = step * np.pi / frame.height * np.linalg.norm(self._level, axis=1)
         self._step = step
-        self._spacing = step * np.pi / frame.height
 
     def hit(self, yaw_deg: float, pitch_deg: float) -> tuple[Array, Array]:
         """Point (3,) and normal (3,) of the surface seen in a direction.
@@ -106,11 +132,10 @@ class RealSurfaces:
 
     def height_below(self, x: float, z: float, radius: float, top: float) -> float | None:
         """y of the highest upward-facing surface around (x, z), not above `top`."""
-        offset = self.points[:, [0, 2]] - (x, z)
-        reach = np.maximum(radius, self._spacing * np.linalg.norm(self.points, axis=1))
-        near = np.einsum("ij,ij->i", offset, offset) < reach**2
-        near &= self._upward & (self.points[:, 1] <= top)
-        heights = self.points[near, 1]
+        offset = self._level[:, [0, 2]] - (x, z)
+        near = np.einsum("ij,ij->i", offset, offset) < np.maximum(radius, self._apart) ** 2
+        near &= self._level[:, 1] <= top
+        heights = self._level[near, 1]
         if heights.size == 0:
             return None
         # The level of the highest surface, not of its highest point: depth is noisy.
@@ -121,7 +146,7 @@ class RealSurfaces:
         """y of the floor: below four fifths of what faces up, by solid angle."""
         if not self._upward.any():
             return None
-        heights = self.points[self._upward, 1]
+        heights = self._level[:, 1]
         order = np.argsort(heights)
         share = np.cumsum(self._weights[self._upward][order])
         return float(heights[order][np.searchsorted(share, 0.2 * share[-1])])
@@ -149,31 +174,59 @@ class RealSurfaces:
         distance = np.linalg.norm(vertices, axis=1)
         hidden = float(np.mean(distance > 1.02 * self._frame.depth[row, column]))
         low, high = vertices.min(axis=0), vertices.max(axis=0)
-        feet = vertices[vertices[:, 1] < low[1] + 0.02 * (high[1] - low[1])].mean(axis=0)
+        feet = vertices[vertices[:, 1] <= low[1] + 0.02 * (high[1] - low[1])].mean(axis=0)
         radius = 0.25 * float(np.hypot(high[0] - low[0], high[2] - low[2]))
         support = self.height_below(
             feet[0], feet[2], radius, low[1] + 0.5 * max(high[1] - low[1], 0.1 * distance.min())
         )
         gap = None if support is None else float(low[1] - support)
-        return Standing(gap, hidden, _SETTLE * self._frame.median_depth)
+        return Standing(
+            gap,
+            hidden,
+            self._tolerance_m,
+            high - low,
+            self._room,
+            float(distance.min()),
+            bool((low < 0.0).all() and (high > 0.0).all()),
+        )
+
+    @cached_property
+    def _tolerance_m(self) -> float:
+        return _SETTLE * self._frame.median_depth
+
+    @cached_property
+    def _room(self) -> Array:
+        """(3,) metres: of a box around the points, but for a few that are far out."""
+        if len(self.points) == 0:
+            return np.full(3, np.inf)
+        low, high = np.percentile(self.points, (0.1, 99.9), axis=0)
+        return np.asarray(high - low)
 
 
-def bounds(mesh: Mesh) -> tuple[Array, Array]:
-    """Lowest and highest corner, (3,) each, of what the triangles of a mesh use."""
+def metres(size: Array) -> str:
+    """`1.20 x 0.85 x 0.40 m`; three figures of what is small or large."""
+    return (
+        " x ".join(f"{side:.2f}" if 0.095 <= side < 1000 else f"{side:.3g}" for side in size) + " m"
+    )
+
+
+def bounds(mesh: Mesh, rotation: Array | None = None) -> tuple[Array, Array]:
+    """Lowest and highest corner, (3,) each, of what the triangles of a mesh use.
+
+    `rotation`: (3, 3), before that.
+    """
     used = np.zeros(len(mesh.positions), np.bool_)
     used[mesh.triangles] = True
     corners = mesh.positions[used].astype(np.float64)
+    if rotation is not None:
+        corners = corners @ rotation.T
     return corners.min(axis=0), corners.max(axis=0)
 
 
 def set_down(
-    surfaces: RealSurfaces,
-    bounds: tuple[Array, Array],
-    yaw_deg: float,
-    pitch_deg: float,
-    height: float | None,
+    surfaces: RealSurfaces, mesh: Mesh, yaw_deg: float, pitch_deg: float, stance: Stance
 ) -> Array:
-    """Stand an object upright (+Y) on the surface seen in a direction.
+    """Stand an object upright on the surface seen in a direction.
 
     A floor or table is taken as it is; at a wall, the object goes to the surface at its foot, and
     away from the wall until it does not cut it.
@@ -181,11 +234,9 @@ def set_down(
     Parameters
     ----------
     surfaces : RealSurfaces
-    bounds : pair of (3,) float64
-        Lowest and highest corner of the mesh, in object space.
+    mesh : Mesh
     yaw_deg, pitch_deg : float
-    height : float or None
-        Metres; by default such that the longest side is a fifth of the distance.
+    stance : Stance
 
     Returns
     -------
@@ -195,16 +246,14 @@ def set_down(
     Raises
     ------
     SceneError
-        Open sky in that direction, or no floor anywhere.
+        Open sky in that direction, or no floor anywhere; or the object becomes so large or small
+        that `scene.toml` cannot say it.
     """
-    low, high = bounds
+    rotation = stance.rotation
+    low, high = bounds(mesh, rotation)
     extent = high - low
     point, normal = surfaces.hit(yaw_deg, pitch_deg)
-    longest = float(extent.max())
-    if height is None:
-        scale = 0.2 * float(np.linalg.norm(point)) / longest
-    else:
-        scale = height / float(extent[1] if extent[1] > 1e-3 * longest else longest)
+    scale = stance.scale(extent, float(np.linalg.norm(point)))
     radius = 0.5 * scale * float(np.hypot(extent[0], extent[2]))
     base = point.copy()
     if normal[1] <= UPRIGHT:
@@ -222,7 +271,8 @@ def set_down(
         if np.linalg.norm(push) < 1e-3 * radius or support is None:
             break
         base = np.array([moved[0], support, moved[2]])
-    matrix = np.diag([scale, scale, scale, 1.0])
+    matrix = np.eye(4)
+    matrix[:3, :3] = scale * rotation
     center = 0.5 * (low + high)
     matrix[:3, 3] = base - scale * np.array([center[0], low[1], center[2]])
     return matrix

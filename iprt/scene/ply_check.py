@@ -33,8 +33,13 @@ class _Element:
     properties: set[str] = field(default_factory=set)
 
 
-def check_ply(path: Path) -> None:
+def check_ply(path: Path) -> list[str]:
     """Check that the file has a header and is as long as that claims, at the least.
+
+    Returns
+    -------
+    list of str
+        The names of its elements that are not empty.
 
     Raises
     ------
@@ -62,6 +67,7 @@ def check_ply(path: Path) -> None:
         raise FormatError(
             f"{path}: cut off or damaged PLY file ({present} bytes of at least {needed})"
         )
+    return [element.name for element in elements if element.count]
 
 
 def _header(file: BinaryIO) -> tuple[list[_Element], bool]:

@@ -21,9 +21,11 @@ from iprt.scene.objects import SceneObject
 from iprt.scene.openings import classify_holes, solid_angles
 from iprt.scene.placement import RealSurfaces
 from iprt.scene.scene import Scene
+from iprt.scene.surroundings import Surroundings, normal_warnings
 from iprt.scene.video.incidents import bad_frames
 from iprt.scene.video.sequence import frame_path
 from iprt.scene.video.source import RawFrame
+from iprt.scene.video.tracks import depth_code
 
 
 @dataclass(frozen=True)
@@ -68,7 +70,11 @@ class RealMaterialReport:
 
 @dataclass(frozen=True)
 class SceneReport:
-    """A scene in numbers; depth percentiles in metres."""
+    """A scene in numbers; depth percentiles in metres.
+
+    `depth_unit` says what stored depth stands for.
+    `unlikely` is what depth and normals say of the place and is hardly so, a phrase each.
+    """
 
     name: str
     width: int
@@ -76,7 +82,9 @@ class SceneReport:
     frames: tuple[int, int]
     fps: float
     exposure: float
-    metres_per_unit: float
+    depth_unit: str
+    surroundings: Surroundings | None
+    unlikely: tuple[str, ...]
     depth_percentiles: dict[str, float]
     radiance_percentiles: dict[str, float]
     holes: Share
@@ -126,7 +134,9 @@ def describe_scene(scene: Scene, frame: Frame, raw: RawFrame) -> SceneReport:
         frames=(scene.frame_indices[0], scene.frame_indices[-1]),
         fps=scene.source.fps,
         exposure=scene.exposure,
-        metres_per_unit=scene.manifest.video.depth_scale or 1.0,
+        depth_unit=depth_code(scene.manifest.video).describe(),
+        surroundings=Surroundings.of(raw.depth),
+        unlikely=tuple(unlikely(raw)),
         depth_percentiles=_percentiles(raw.depth[measured], (1, 50, 99)),
         radiance_percentiles=_percentiles(frame.color, (1, 50, 99, 100)),
         holes=share(~measured),
@@ -164,6 +174,15 @@ def describe_scene(scene: Scene, frame: Frame, raw: RawFrame) -> SceneReport:
     )
 
 
+def unlikely(raw: RawFrame) -> list[str]:
+    """What is hardly right about the depth and the normals of a frame as read, a phrase each."""
+    place = Surroundings.of(raw.depth)
+    found = [] if place is None else [f"depth: {phrase}" for phrase in place.warnings()]
+    if raw.normal is not None:
+        found += [f"normals: {phrase}" for phrase in normal_warnings(raw.normal, raw.depth)]
+    return found
+
+
 def check_files(scene: Scene) -> list[str]:
     """Read every file that the scene names.
 
@@ -171,7 +190,7 @@ def check_files(scene: Scene) -> list[str]:
     -------
     list of str
         What the reader of the video makes up for, a line each: frames after the first that cannot
-        be read, streams that do not agree.
+        be read, streams that do not agree. And truths that are outdated.
 
     Raises
     ------
@@ -185,6 +204,7 @@ def check_files(scene: Scene) -> list[str]:
     _collect(problems, scene, lambda: scene.real_materials)
     _collect(problems, scene, lambda: scene.instances)
     problems += _truth_problems(scene)
+    warnings += [entry.truth_warning for entry in scene.views.values() if entry.truth_warning]
     if problems:
         raise problems_error(str(scene.root / MANIFEST_NAME), problems + warnings)
     return warnings

@@ -53,6 +53,8 @@ class SceneView:
         Crops in pixels.
     motion : ViewMotion or None
         Where it looks over time; None: where `view` does. That is where it looks at first.
+    truth_outdated : bool
+        Objects that it shows have been edited since its truth was made.
     """
 
     name: str
@@ -63,6 +65,17 @@ class SceneView:
     truth_mask: Path | None
     cuts: tuple[tuple[int, int, int, int], ...]
     motion: ViewMotion | None = None
+    truth_outdated: bool = False
+
+    @property
+    def truth_warning(self) -> str | None:
+        """Why comparisons with the truth mislead; None: they do not."""
+        if self.truth is None or not self.truth_outdated:
+            return None
+        return (
+            f"views.{self.name}.truth: objects have been edited since it was made; make it again, "
+            "then remove truth_outdated"
+        )
 
     def at(self, time_s: float) -> View:
         """The view at a time (`Scene.time_of`)."""
@@ -356,6 +369,7 @@ def _scene_view(root: Path, table: ViewTable, all_objects: tuple[str, ...]) -> S
         truth=absolute(table.truth),
         truth_background=absolute(table.truth_background),
         truth_mask=absolute(table.truth_mask),
+        truth_outdated=table.truth_outdated,
         cuts=tuple((x0, y0, x1, y1) for x0, y0, x1, y1 in table.cuts),
         motion=motion,
     )

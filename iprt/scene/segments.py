@@ -16,7 +16,7 @@ HUE, STEP = 0.02, 0.2
 cells of `STEP_ROWS`: light changes gradually, paint does not."""
 STEP_ROWS = 128
 LEAST_POINTS = 4
-"""Of a segment, to tell shading from paint."""
+"""A segment has as many, to tell shading from paint."""
 ROUGH, GRAZING = 0.1, 0.1
 """Largest `Cells.rough` and least cosine of view of cells whose surface is known."""
 LIFT = 0.02

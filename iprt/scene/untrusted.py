@@ -17,14 +17,16 @@ from iprt.toml_text import printable
 MAX_SIDE = 16384
 """Pixels along a side of any picture."""
 MAX_PIXELS = 2**27
-"""Of a picture, and of all textures of a mesh file together: a panorama of 16384 x 8192."""
+"""A picture has no more, nor have all textures of a mesh file together: a 16384 x 8192 panorama."""
 MAX_BYTES = 2**31
-"""Of a file that is read whole, and of what is decoded from one."""
+"""A file that is read whole has no more, nor has what is decoded from it."""
 MAX_TEXT_BYTES = 2**24
-"""Of a TOML file."""
+"""A TOML file has no more."""
 MAX_TRIANGLES = 2**24
-"""Of a mesh: as many as the renderer draws."""
+"""A mesh has no more: the renderer draws as many."""
 MAX_VERTICES = 3 * MAX_TRIANGLES
+MAX_OBJECTS = 1024
+"""A scene has no more: the renderer's tree over them has ten levels."""
 
 
 def require_picture_size(path: Path, width: int, height: int) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from iprt.device.compute import ComputeDevice
@@ -17,6 +17,7 @@ from iprt.scene.objects import SceneObject
 from iprt.settings import Settings
 from iprt.viewer.convergence import Convergence
 from iprt.viewer.geometry import Geometry
+from iprt.viewer.heap import give_back
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,16 +73,25 @@ class Canvas:
     noise : float or None
         See `Convergence`.
 
+    Parameters
+    ----------
+    device : ComputeDevice
+    wanted : Wanted
+    expect : callable
+        Called with how often the driver will have to compile, before it does.
+
     Raises
     ------
     IprtError
         There is too little memory, or what is wanted cannot be rendered.
     """
 
-    def __init__(self, device: ComputeDevice, wanted: Wanted) -> None:
+    def __init__(
+        self, device: ComputeDevice, wanted: Wanted, expect: Callable[[int], object]
+    ) -> None:
         stage = wanted.stage
         given = (device, stage.frame, wanted.instances, wanted.view, wanted.settings)
-        require_memory(*given, stage.footage)
+        expect(device.to_compile(require_memory(*given, stage.footage).kernels))
         self._renderer = Renderer(*given, footage=stage.footage)
         self._device, self._footage = device, stage.footage
         self._geometry: Geometry | None = None
@@ -92,7 +102,10 @@ class Canvas:
         self.noise: float | None = None
 
     def close(self) -> None:
+        """Release the device's buffers; it cannot be used any more."""
         self._renderer.close()
+        del self._renderer
+        give_back()
 
     def serves(self, device: ComputeDevice, wanted: Wanted) -> bool:
         """Whether it can show that: what it cannot follow needs other kernels or buffers."""

@@ -164,13 +164,13 @@ def control_of(knob: Knob) -> Control:
 
     Raises
     ------
-    NotImplementedError
+    TypeError
         No control shows values of its type.
     """
     options = knob.schema.get("anyOf", [knob.schema])
     schemas = [option for option in options if option.get("type") != "null"]
     if len(schemas) != 1:
-        raise NotImplementedError(f"{knob.key}: no control takes {knob.allowed}")
+        raise TypeError(f"{knob.key}: no control takes {knob.allowed}")
     schema = schemas[0]
     choices = tuple(schema.get("enum", ()))
     kind = "choice" if choices else _KINDS.get(str(schema.get("type")))
@@ -182,7 +182,7 @@ def control_of(knob: Knob) -> Control:
         defaults = knob.default if knob.default is not None else [None] * len(items)
         sliders = tuple(map(slider_of, items, defaults))
     if kind is None or (kind == "numbers" and not sliders):
-        raise NotImplementedError(f"{knob.key}: no control takes {knob.allowed}")
+        raise TypeError(f"{knob.key}: no control takes {knob.allowed}")
     start = knob.default
     if start is None:
         middle = [slider.value(0.5) for slider in sliders]

@@ -3,32 +3,42 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Mapping
+import time
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 
+from iprt.device.bands import Bands
 from iprt.device.compute import ComputeDevice
 from iprt.errors import DeviceHangError, DeviceLostError, IprtError, SceneError
 from iprt.film import footage_of
-from iprt.scene.edits import ObjectEdit, edited_objects, flat
+from iprt.scene.edits import Look, ObjectEdit, edited_objects, flat
 from iprt.scene.footage import Footage
 from iprt.scene.frame import Frame
 from iprt.scene.meshes import load_mesh
 from iprt.scene.objects import SceneObject, objects_at
-from iprt.scene.placement import RealSurfaces, bounds, set_down
+from iprt.scene.placement import RealSurfaces, set_down
 from iprt.scene.scene import Scene
+from iprt.scene.stance import Stance
 from iprt.settings import Settings
 from iprt.viewer.canvas import Stage
+from iprt.viewer.compiling import Compiling
 from iprt.viewer.exchange import Asked, Exchange, Wanted
-from iprt.viewer.feed import Feed
 from iprt.viewer.files import POLL_S, Loaded, SceneFiles
 from iprt.viewer.loading import Loader
 from iprt.viewer.objects import ObjectState, object_states
-from iprt.viewer.session import Session
-from iprt.viewer.state import Doing, Playback, World
+from iprt.viewer.plain import plain
+from iprt.viewer.session import AbandonedError, Session
+from iprt.viewer.state import Doing, Playback, Status, World
+from iprt.viewer.video import Video
+from iprt.viewer.work import Work
 
 LOG = logging.getLogger("iprt.viewer")
+Objects = tuple[SceneObject, ...]
 TOLD_S = 20.0
-"""So long it is told that a mesh cannot be read: nothing that the user does would solve that."""
+"""So long it is told that a mesh, or a part of it, cannot be read: nothing that the user does would
+solve that."""
+MOST_PROGRAMS = 96
+"""Built programs that are kept; a scene needs about 40 at a time."""
 
 
 class Core:
@@ -63,9 +73,12 @@ class Core:
         self._exchange, self._make_device, self._clock = exchange, device, clock
         self._device: ComputeDevice | None = None
         self._lost = False  # the device, since the last picture
-        self._compiling: str | None = None
+        self._compiling = Compiling(self._tell_of_compiler)
         self._problems: dict[str, str] = {}
-        self._told_s = 0.0  # when the last mesh could not be read
+        self._notes: dict[str, str] = {}
+        self._told_s = 0.0  # when something was told of the last mesh
+        self._under_way: Work | None = None
+        self._abandoned = 0  # one after the other
         self.loader = Loader(exchange.stir)
         self._files = SceneFiles(
             scene,
@@ -75,12 +88,9 @@ class Core:
             clock=clock,
             allow_outside=allow_outside,
         )
-        self._feed: Feed | None = None
-        self._fed: Loaded | None = None  # whose video that is
-        self._unreadable: Playback | None = None  # its frame cannot be read
-        self._frame: Frame | None = None
+        self._video = Video(exchange, self._problems, clock)
         self._settled = 0  # number of the last change of which all that it asks for is there
-        self._objects: tuple[Loaded, tuple[ObjectEdit, ...], tuple[SceneObject, ...]] | None = None
+        self._objects: tuple[Objects, tuple[ObjectEdit, ...], Objects] | None = None
         self._footage: tuple[Loaded, Settings, Footage] | None = None
         self._stage: Stage | None = None
         self.objects: tuple[ObjectState, ...] = ()
@@ -94,8 +104,8 @@ class Core:
         for session in self._sessions.values():
             session.close()
         self._sessions.clear()
-        if self._feed is not None:
-            self._feed.close()
+        self._video.close()
+        self._release_device()
         self._tell("closed")
 
     # One turn ---------------------------------------------------------------------------------
@@ -105,6 +115,7 @@ class Core:
         collected = self.loader.collect()
         if self._clock() > self._told_s + TOLD_S:
             self._problems.pop("mesh", None)
+            self._notes.clear()
         self._files.poll()
         wanted = self._exchange.take()
         for client in self._sessions.keys() - wanted.requests.keys():
@@ -117,13 +128,15 @@ class Core:
             missing = stage is None and not self._problems
             self._tell("loading" if missing or self.loader.running else "waiting")
             return collected
-        self._render(chosen, stage, wanted.requests[chosen])
+        self._render(
+            Work(chosen, stage, wanted.requests[chosen], wanted.world, time.perf_counter())
+        )
         return True
 
     @property
     def idle_s(self) -> float:
         """Seconds that nothing will happen by itself."""
-        due = None if self._feed is None else self._feed.next_due_s
+        due = self._video.next_due_s
         return POLL_S if due is None else min(max(due - self._clock(), 0.0), POLL_S)
 
     def _most_urgent(self, stage: Stage, requests: Mapping[int, Asked]) -> int | None:
@@ -134,20 +147,26 @@ class Core:
         for client, asked in requests.items():
             if self._failed.get(client) == (stage, asked):
                 continue
-            session = self._sessions.setdefault(client, Session(self._report_compiling))
+            session = self._sessions.setdefault(client, Session(self._compiling))
             behind = session.behind(stage, asked.number)
             if behind or session.unrefined(asked.request):
                 ranked.append((not behind, self._turns.get(client, 0), client))
         return min(ranked)[-1] if ranked else None
 
-    def _render(self, client: int, stage: Stage, asked: Asked) -> None:
+    def _render(self, work: Work) -> None:
+        client, stage, asked = work.client, work.stage, work.asked
         self._turn += 1
         self._turns[client] = self._turn
         session = self._sessions[client]
         problem = f"client {client}"
+        self._under_way = work
         try:
             device = self._opened_device()
             shown = session.render(device, stage, asked.number, asked.request)
+        except AbandonedError:
+            self._abandoned += 1
+            self._compiling.finish()
+            return
         except DeviceLostError as error:
             self._drop_device()
             if not self._lost:
@@ -166,11 +185,13 @@ class Core:
             self.report_defect(error)
             self._give_up(client, stage, asked, self._problems.pop("defect"))
         else:
-            self._lost = False
+            self._lost, self._abandoned = False, 0
             self._problems.pop(problem, None)
             self._failed.pop(client, None)
             self._exchange.publish(client, shown)
             self._tell("rendering")
+        finally:
+            self._under_way = None
 
     def report_defect(self, error: Exception) -> None:
         """Tell of an error that no input should lead to, on whose account nothing need end."""
@@ -182,38 +203,69 @@ class Core:
         """Until something else is wanted: the last good picture stays."""
         self._problems[f"client {client}"] = problem
         self._failed[client] = stage, asked
-        self._compiling = None
+        self._compiling.finish()
         self._tell("waiting")
 
     # The device -------------------------------------------------------------------------------
 
     def _opened_device(self) -> ComputeDevice:
         if self._device is None:
-            self._device = self._make_device()
-            self._device.building = self._report_compiling
+            self._device = device = self._make_device()
+            device.building = self._compiles
+            device.bands = Bands(device.wait, self._go_on)
+            device.most_programs = MOST_PROGRAMS
         return self._device
+
+    def _release_device(self) -> None:
+        """It may be used by others yet, who want nothing to be abandoned."""
+        device, self._device = self._device, None
+        if device is not None:
+            device.building, device.bands, device.most_programs = lambda _: None, None, None
 
     def _drop_device(self) -> None:
         for session in self._sessions.values():
             session.close()
-        self._device = None
+        self._release_device()
 
-    def _report_compiling(self, file: str | None) -> None:
-        self._compiling = file
-        self._tell("rendering" if file is None else "compiling")
+    def _compiles(self, file: str) -> None:
+        """The device is about to compile, which cannot be stopped."""
+        self._go_on()
+        self._compiling.begin(file)
+        self._show_plain()
+
+    def _go_on(self) -> None:
+        """Raise `AbandonedError` if the picture under way cannot become what is wanted by now."""
+        work = self._under_way
+        if work is None:
+            return
+        if self._exchange.closed or work.unwanted(self._exchange.wanted, self._abandoned):
+            raise AbandonedError
+
+    def _show_plain(self) -> None:
+        """Until there is a picture, show the video as the user looks at it now."""
+        work, device = self._under_way, self._device
+        if work is None or device is None:
+            return
+        asked = self._exchange.wanted.requests.get(work.client)
+        shown = self._exchange.shown(work.client)
+        if asked is None or (shown is not None and not shown.plain):
+            return
+        if shown is None or shown.request.view != asked.request.view:
+            picture = plain(work.stage.frame, asked.request, device.name)
+            self._exchange.publish(work.client, picture)
+
+    def _tell_of_compiler(self) -> None:
+        self._tell("rendering" if self._compiling.file is None else "compiling")
 
     def _tell(self, doing: Doing) -> None:
-        what = (self._compiling or "") if doing == "compiling" else ""
-        if doing == "loading":
+        compiling, what = self._compiling, ""
+        if doing == "compiling":
+            what = compiling.file or ""
+        elif doing == "loading":
             what = ", ".join(self.loader.running)
-        self._exchange.tell(
-            replace(
-                self._exchange.status,
-                doing=doing,
-                what=what,
-                problems=tuple(self._problems.values()),
-            )
-        )
+        counts = (compiling.built, compiling.to_build) if doing == "compiling" else (0, 0)
+        told = tuple(self._problems.values()), tuple(self._notes.values())
+        self._exchange.tell(Status(doing, what, *told, *counts))
 
     # The world --------------------------------------------------------------------------------
 
@@ -223,14 +275,13 @@ class Core:
         if loaded is None:
             return None
         world = wanted.world
-        self._follow_video(loaded, world)
-        frame = self._frame
+        self._video.follow(loaded, world, shown=self._all_see_the_frame(wanted.requests))
+        frame = self._video.frame
         if frame is None:
             return None
         objects = self._edited(loaded, world)
         footage = self._footage_of(loaded, frame, world.settings)
-        assert self._feed is not None
-        if self._feed.arrived or self._unreadable == world.playback:
+        if self._video.arrived(world.playback):
             self._settled = wanted.number
         known = self._stage
         if known is not None and known.number == self._settled:
@@ -246,54 +297,23 @@ class Core:
         self._stage = Stage(self._settled, frame, objects, instances, footage, world.settings)
         return self._stage
 
-    def _follow_video(self, loaded: Loaded, world: World) -> None:
-        scene, playback = loaded.scene, world.playback
-        drift = world.settings.drift and len(scene.frame_indices) > 1
-        if (
-            self._feed is None
-            or self._fed is None
-            or self._feed.drift != drift
-            or not self._fed.same_video(loaded)
-        ):
-            if self._feed is not None:
-                self._feed.close()
-            self._feed = Feed(
-                scene, playback, drift=drift, clock=self._clock, wake=self._exchange.stir
-            )
-            self._fed, self._unreadable = loaded, None
-        self._feed.follow(playback, None if self._frame is None else self._frame.index)
-        if self._unreadable == playback:
-            return
-        try:
-            frame = self._feed.poll()
-        except IprtError as error:
-            self._problems["video"] = str(error)
-            self._unreadable = playback
-            return
-        if frame is not None:
-            self._frame = frame
-            self._problems.pop("video", None)
-        self._stop_at_the_end(scene, playback)
+    def _all_see_the_frame(self, clients: Iterable[int]) -> bool:
+        """All who can be shown the frame of the video have seen it."""
+        stage, failed = self._stage, self._failed
+        return stage is not None and all(
+            client in failed or (client in self._sessions and self._sessions[client].shows(stage))
+            for client in clients
+        )
 
-    def _stop_at_the_end(self, scene: Scene, playback: Playback) -> None:
-        """A video that has come to its end rests: its last frame is refined, at its best."""
-        if playback.since_s is None or scene.manifest.video.loop or self._frame is None:
-            return
-        frames = scene.frame_indices
-        last = frames[-1]
-        due = playback.index(playback.due(self._clock(), scene.source.fps), frames, loop=False)
-        if due == self._frame.index == last:
-            self._exchange.change(
-                lambda world: replace(
-                    world, playback=Playback(last) if world.playback == playback else world.playback
-                )
-            )
+    def position(self, playback: Playback) -> int:
+        """Number of the frame that a playback has come to; any thread may ask."""
+        return self._video.position(playback)
 
-    def _edited(self, loaded: Loaded, world: World) -> tuple[SceneObject, ...]:
+    def _edited(self, loaded: Loaded, world: World) -> Objects:
         known = self._objects
-        if known is None or known[0] is not loaded or known[1] != world.edits:
+        if known is None or known[0] is not loaded.objects or known[1] != world.edits:
             edited = edited_objects(loaded.objects, world.edits)
-            self._objects = known = (loaded, world.edits, edited)
+            self._objects = known = (loaded.objects, world.edits, edited)
         return known[2]
 
     def _footage_of(self, loaded: Loaded, frame: Frame, settings: Settings) -> Footage:
@@ -320,31 +340,36 @@ class Core:
         edits = self._exchange.world.edits
         return {entry.name for entry in objects} | {edit.name for edit in edits}
 
-    def add(self, edit: ObjectEdit, direction: tuple[float, float], height: float | None) -> None:
+    def add(self, edit: ObjectEdit, direction: tuple[float, float], stance: Stance) -> None:
         """Read the mesh of `edit.path` and set it down where (yaw, pitch) in degrees points."""
-        path, frame = edit.path, self._frame
+        path, frame = edit.path, self._video.frame
         assert path is not None
 
         def job() -> Callable[[], None]:
             mesh = load_mesh(path)
             if frame is None:
                 raise SceneError(f"{path}: there is no frame yet to set it down in")
-            to_world = set_down(RealSurfaces(frame), bounds(mesh), *direction, height)
+            to_world = set_down(RealSurfaces(frame), mesh, *direction, stance)
             if frame.pose is not None:
                 to_world = frame.pose @ to_world
             added = replace(edit, to_world=flat(to_world), mesh=mesh)
 
             def finish() -> None:
                 self._problems.pop("mesh", None)
+                if dropped := mesh.dropped:
+                    self._notes[path.name] = f"{path.name}: not read: {', '.join(dropped)}"
+                    self._told_s = self._clock()
                 self._exchange.edit(added.name, lambda _: added)
 
             return finish
 
         self.loader.start(str(path), job, self._tell_of_mesh)
 
-    def save(self, done: Callable[[str | None], object] = lambda _: None) -> None:
-        """Write all edits to the scene's file, and go on with what that says then."""
-        self._files.save(done)
+    def save(
+        self, done: Callable[[str | None], object] = lambda _: None, look: Look | None = None
+    ) -> None:
+        """Write all edits to the scene's file; see `SceneFiles.save`."""
+        self._files.save(done, look)
 
     def _tell_of_mesh(self, problem: str) -> None:
         self._problems["mesh"], self._told_s = problem, self._clock()

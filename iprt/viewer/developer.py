@@ -2,20 +2,51 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from iprt.measure import metrics
+from iprt.output.tone import Bytes
+from iprt.scene.edits import ObjectEdit
 from iprt.scene.scene import Scene
+from iprt.viewer import labels
 from iprt.viewer.lens import ERROR_LEVELS, Lens
 from iprt.viewer.session import Shown
-from iprt.viewer.tone import Bytes
 from iprt.viewer.truth import Truth
 
 Radiance = NDArray[np.float32]
-NAMES = {"input": "input", "ibl": "IBL", "truth": "truth"}
+STALE = (
+    "the truth shows the scene as it was when the truth was made; objects have been edited since"
+)
+OUTDATED = f"{STALE}, says scene.toml: once the truth is made again, remove truth_outdated there"
+
+
+@dataclass(frozen=True, eq=False)
+class Developed:
+    """A picture as a window shows it.
+
+    Attributes
+    ----------
+    pixels : (H, W, 3) uint8
+    buffer : str or None
+        The auxiliary picture that they show.
+    caption : str
+        What they show, if not the picture alone.
+    warning : str
+        Why a comparison misleads; empty if it does not.
+    sides : (str, str) or None
+        What is left and right of the lens's split. None: the pixels are not divided.
+    """
+
+    pixels: Bytes
+    buffer: str | None = None
+    caption: str = ""
+    warning: str = ""
+    sides: tuple[str, str] | None = None
 
 
 class Developer:
@@ -43,9 +74,15 @@ class Developer:
         return self._done
 
     def develop(
-        self, scene: Scene, name: str | None, lens: Lens, shown: Shown, baseline: Shown | None
-    ) -> tuple[Bytes, str]:
-        """The pixels, (H, W, 3) uint8, and what they are compared with, in words.
+        self,
+        scene: Scene,
+        name: str | None,
+        lens: Lens,
+        shown: Shown,
+        baseline: Shown | None,
+        edits: Sequence[ObjectEdit],
+    ) -> Developed:
+        """What a window shows of a picture.
 
         Parameters
         ----------
@@ -53,20 +90,26 @@ class Developer:
             Of the scene's view that is shown.
         baseline : Shown or None
             The newest picture of the method `ibl`.
+        edits : sequence of ObjectEdit
+            Since the scene's files were read.
         """
         exposure, picture = scene.exposure, shown.picture
-        values = None if lens.buffer is None else picture.aovs.get(lens.buffer)
-        if lens.buffer is not None and values is not None and not lens.error:
-            left = lens.color(lens.buffer, values, exposure)
+        buffer = lens.buffer if lens.buffer in picture.aovs and not lens.error else None
+        if buffer is None:
+            left, words = lens.develop(picture.color, exposure), labels.PICTURE.name
         else:
-            left = lens.develop(picture.color, exposure)
-        if lens.against is None:
-            return left, ""
+            left = lens.color(buffer, picture.aovs[buffer], exposure)
+            words = labels.BUFFERS[buffer].name
+        if lens.against is None or shown.plain:
+            return Developed(left, buffer, "" if buffer is None else words)
         other = self._other(scene, name, lens, shown, baseline)
         if isinstance(other, str):
-            return left, other
+            return Developed(left, buffer, f"{words}: {other}")
         pixels = lens.compare(left, lens.develop(other, exposure))
-        return pixels, self._caption(lens, shown, other, exposure)
+        warning = _warning(scene, name, shown, edits) if lens.against == "truth" else ""
+        caption = self._caption(lens, words, shown, other, exposure, scored=not warning)
+        sides = None if lens.error else (words, labels.AGAINST[lens.against].name)
+        return Developed(pixels, buffer, caption, warning, sides)
 
     def _other(
         self, scene: Scene, name: str | None, lens: Lens, shown: Shown, baseline: Shown | None
@@ -83,19 +126,26 @@ class Developer:
             ):
                 return "IBL is being rendered"
             return baseline.picture.color
-        if name is None:
-            return "only the scene's own views have a truth: go to one"
         return self.truth.picture(scene, name, shown)
 
-    def _caption(self, lens: Lens, shown: Shown, other: Radiance, exposure: float) -> str:
+    def _caption(
+        self,
+        lens: Lens,
+        words: str,
+        shown: Shown,
+        other: Radiance,
+        exposure: float,
+        *,
+        scored: bool,
+    ) -> str:
         assert lens.against is not None
-        name = NAMES[lens.against]
+        name = labels.AGAINST[lens.against].name
         if lens.error:
-            words = f"difference to {name}: white is {100 * ERROR_LEVELS / 255:.0f} %"
+            caption = f"Difference from {name.lower()}, white is {100 * ERROR_LEVELS / 255:.0f}%"
         else:
-            words = f"{lens.buffer or 'iprt'} | {name}"
-        score = self._scored(shown, other, exposure)
-        return words if score is None else f"{words}   SSIM {score:.3f}"
+            caption = f"{words} | {name}"
+        score = self._scored(shown, other, exposure) if scored else None
+        return caption if score is None else f"{caption}, SSIM {score:.3f}"
 
     def _scored(self, shown: Shown, other: Radiance, exposure: float) -> float | None:
         """SSIM as `iprt compare` has it, computed beside; None: not yet, or too small for it."""
@@ -119,3 +169,17 @@ class Developer:
             self._pool = ThreadPoolExecutor(1, "iprt SSIM")
         self._score = pair, self._pool.submit(score)
         return None
+
+
+def _warning(scene: Scene, name: str | None, shown: Shown, edits: Sequence[ObjectEdit]) -> str:
+    """If a view's truth shows other objects, or has them elsewhere or of other materials."""
+    entry = None if name is None else scene.views.get(name)
+    if entry is None:
+        return ""
+    if entry.truth_outdated:
+        return OUTDATED
+    there = {table.name for table in scene.manifest.objects} | {edit.name for edit in edits}
+    wanted = there if shown.request.objects is None else set(shown.request.objects)
+    seen = wanted - {edit.name for edit in edits if edit.removed}
+    same = seen == set(entry.objects) and seen.isdisjoint(edit.name for edit in edits)
+    return "" if same else STALE

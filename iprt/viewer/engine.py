@@ -15,15 +15,16 @@ from numpy.typing import NDArray
 from iprt.aovs import AOVS
 from iprt.device.compute import ComputeDevice
 from iprt.scene.edit import free_name
-from iprt.scene.edits import ObjectEdit, flat, require_place
+from iprt.scene.edits import Look, ObjectEdit, flat, require_place
 from iprt.scene.material import Material
 from iprt.scene.scene import Scene
+from iprt.scene.stance import Stance
 from iprt.settings import Settings
 from iprt.viewer.core import Core
 from iprt.viewer.exchange import Exchange
 from iprt.viewer.objects import ObjectState
 from iprt.viewer.session import Shown
-from iprt.viewer.state import Playback, Request, Status, World
+from iprt.viewer.state import Playback, PlaybackMode, Request, Status, World
 
 LEAVING_S = 5.0
 """Longest wait for a thread that is to end: kernels, compilers and decoders cannot be stopped."""
@@ -100,7 +101,7 @@ class Engine:
     ) -> None:
         self._clock, self._scene = clock, scene
         self._names: set[str] = set()  # of objects that were added; some are not there yet
-        playback = Playback(scene.frame_indices[0])
+        playback = Playback(scene.frame_indices[0], loop=scene.manifest.video.loop)
         self._exchange = Exchange(World(settings or Settings(), playback), clock)
         self._core = Core(self._exchange, scene, device, clock=clock, allow_outside=allow_outside)
         self._thread = threading.Thread(target=self._run, name="iprt viewer", daemon=True)
@@ -164,50 +165,80 @@ class Engine:
         """
         return self._core.objects
 
+    def wanted(self, name: str | None) -> ObjectState | None:
+        """One of them with all edits, also those that no picture shows yet; None: not there."""
+        state = next((state for state in self.objects if state.name == name), None)
+        return None if state is None else state.edited(self.world.edit_of(state.name))
+
     @property
     def status(self) -> Status:
         return self._exchange.status
 
     # The video --------------------------------------------------------------------------------
 
+    @property
+    def playing(self) -> bool:
+        return self.world.playback.playing
+
     def play(self) -> int:
         """Go on with the video, from its first frame where it is at its end."""
-        now, (frames, loop) = self._clock(), self._video
+        frames = self.scene.frame_indices
 
-        def change(world: World) -> World:
-            if world.playback.since_s is not None:
-                return world
-            frame = world.playback.frame
-            at_end = frame >= frames[-1] and not loop
-            return replace(world, playback=Playback(frames[0] if at_end else frame, now))
+        def change(playback: Playback) -> Playback:
+            at_end = playback.frame >= frames[-1] and not playback.loop
+            frame = frames[0] if at_end else playback.frame
+            return playback if playback.playing else self._from(playback, frame, playing=True)
 
-        return self._exchange.change(change)
+        return self._change_playback(change)
 
     def pause(self) -> int:
         """Stay at the frame that is due now."""
-        now, (frames, loop), fps = self._clock(), self._video, self.scene.source.fps
-
-        def change(world: World) -> World:
-            playback = world.playback
-            frame = playback.index(playback.due(now, fps), frames, loop=loop)
-            return replace(world, playback=Playback(frame))
-
-        return self._exchange.change(change)
+        return self._change_playback(
+            lambda playback: self._from(playback, self._position(playback), playing=False)
+        )
 
     def seek(self, frame: int) -> int:
         """Go to a frame, the nearest that there is; a video that plays goes on from there."""
-        now, frames = self._clock(), self._video[0]
+        frames = self.scene.frame_indices
         frame = min(max(frame, frames[0]), frames[-1])
-
-        def change(world: World) -> World:
-            playing = world.playback.since_s is not None
-            return replace(world, playback=Playback(frame, now if playing else None))
-
-        return self._exchange.change(change)
+        return self._change_playback(
+            lambda playback: self._from(playback, frame, playing=playback.playing)
+        )
 
     @property
-    def _video(self) -> tuple[range, bool]:
-        return self.scene.frame_indices, self.scene.manifest.video.loop
+    def playback_mode(self) -> PlaybackMode:
+        return self.world.playback.mode
+
+    def set_playback_mode(self, mode: PlaybackMode) -> int:
+        """Play in real time, or every frame; a video that plays goes on from where it is."""
+        return self._change_playback(lambda playback: replace(self._now(playback), mode=mode))
+
+    @property
+    def loop(self) -> bool:
+        """The video starts again at its end; at first, as the scene says."""
+        return self.world.playback.loop
+
+    def set_loop(self, loop: bool) -> int:
+        """Start the video again at its end, or not."""
+        return self._change_playback(lambda playback: replace(self._now(playback), loop=loop))
+
+    def _change_playback(self, change: Callable[[Playback], Playback]) -> int:
+        return self._exchange.change(lambda world: replace(world, playback=change(world.playback)))
+
+    def _position(self, playback: Playback) -> int:
+        """Number of the frame that it has come to."""
+        if playback.mode == "every frame":
+            return self._core.position(playback)
+        scene = self.scene
+        due = playback.due(self._clock(), scene.source.fps)
+        return playback.index(due, scene.frame_indices)
+
+    def _now(self, playback: Playback) -> Playback:
+        """The same, from the frame on that it has come to."""
+        return self._from(playback, self._position(playback), playing=playback.playing)
+
+    def _from(self, playback: Playback, frame: int, *, playing: bool) -> Playback:
+        return replace(playback, frame=frame, since_s=self._clock() if playing else None)
 
     # The scene --------------------------------------------------------------------------------
 
@@ -236,9 +267,9 @@ class Engine:
         return self._exchange.edit(name, lambda edit: replace(edit, removed=True))
 
     def undo(self) -> int:
-        """Take the last edit back: a whole gesture, if there was one; none before the last `save`.
+        """Take the last edit back: a whole gesture, if there was one.
 
-        Edits are undone by who asks, whoever made them.
+        Edits are undone by who asks, whoever made them, and also those that were saved.
         """
         return self._exchange.undo()
 
@@ -246,13 +277,28 @@ class Engine:
         """Make the edit again that was undone last, if none was made since."""
         return self._exchange.redo()
 
+    @property
+    def can_undo(self) -> bool:
+        """There is an edit to take back."""
+        return self._exchange.can_undo
+
+    @property
+    def can_redo(self) -> bool:
+        """There is an edit to make again."""
+        return self._exchange.can_redo
+
+    @property
+    def unsaved(self) -> tuple[str, ...]:
+        """Names of the objects that the scene's file has otherwise."""
+        return self.world.unsaved
+
     def add(
         self,
         path: Path,
         yaw_deg: float,
         pitch_deg: float,
         *,
-        height: float | None = None,
+        stance: Stance | None = None,
         material: Material | None = None,
     ) -> str:
         """Read a mesh, and set it down on the surface seen in a direction, as soon as it is there.
@@ -262,8 +308,9 @@ class Engine:
         path : Path
         yaw_deg, pitch_deg : float
             In the axes of the capture centre.
-        height : float or None
-            Metres; see `set_down`.
+        stance : Stance or None
+            Which side is up, how far it is turned and how large it is; by default as
+            `iprt scene add` without flags.
         material : Material or None
             By default the mesh file's own.
 
@@ -274,20 +321,24 @@ class Engine:
         """
         name = free_name(path.stem, self._core.object_names() | self._names)
         self._names.add(name)
-        self._core.add(ObjectEdit(name, material=material, path=path), (yaw_deg, pitch_deg), height)
+        edit = ObjectEdit(name, material=material, path=path)
+        self._core.add(edit, (yaw_deg, pitch_deg), stance or Stance())
         return name
 
-    def save(self, done: Callable[[str | None], object] = lambda _: None) -> None:
+    def save(
+        self, done: Callable[[str | None], object] = lambda _: None, look: Look | None = None
+    ) -> None:
         """Write all edits to the scene's file, comments and order kept; `status` tells problems.
-
-        New objects are put into the views that list theirs, but those with a truth (`save_edits`).
 
         Parameters
         ----------
         done : callable
             Called by the engine's thread with what went wrong, or None once all is written.
+        look : Look or None
+            What the user sees: kept as a view of the scene where an object was added that the
+            scene's other views do not show (`save_edits`).
         """
-        self._core.save(done)
+        self._core.save(done, look)
 
 
 def _require_renderable(request: Request) -> None:

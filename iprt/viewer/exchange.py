@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from iprt.scene.edits import ObjectEdit
 from iprt.viewer.history import History
 from iprt.viewer.session import Shown
-from iprt.viewer.state import Request, Status, World
+from iprt.viewer.state import Playback, Request, Status, World
 
 
 @dataclass(frozen=True)
@@ -94,6 +94,12 @@ class Exchange:
                 self._stir()
             return self._world_number
 
+    def play_as(self, before: Playback, after: Playback) -> int:
+        """Play on otherwise, if nobody has asked for something else since; the number of this."""
+        return self.change(
+            lambda world: replace(world, playback=after) if world.playback == before else world
+        )
+
     def edit(self, name: str, edit: Callable[[ObjectEdit], ObjectEdit]) -> int:
         """Change the edit of an object, in a way that can be undone; the number of this."""
 
@@ -113,12 +119,32 @@ class Exchange:
         """Make again what was undone last; the number of this."""
         return self.change(lambda world: replace(world, edits=self._history.redo(world.edits)))
 
+    @property
+    def can_undo(self) -> bool:
+        with self._condition:
+            return self._history.can_undo
+
+    @property
+    def can_redo(self) -> bool:
+        with self._condition:
+            return self._history.can_redo
+
     def saved(self, edits: tuple[ObjectEdit, ...]) -> int:
-        """The scene's files have these now, and there is no way back; the number of this."""
+        """The scene's files have these now; the number of this."""
+        return self.change(lambda world: replace(world, saved=edits))
+
+    def reread(self) -> int:
+        """The scene's files are what edits differ from now; the number of this.
+
+        Nothing that was saved before can be undone then: only others know what was there before.
+        """
 
         def change(world: World) -> World:
+            if not world.saved:
+                return world
             self._history.clear()
-            return world.without(edits)
+            edits = tuple(edit for edit in world.edits if edit not in world.saved)
+            return replace(world, edits=edits, saved=())
 
         return self.change(change)
 
@@ -153,8 +179,14 @@ class Exchange:
     # Of the engine ----------------------------------------------------------------------------
 
     def take(self) -> Wanted:
+        """What is wanted now: the engine will have looked."""
         with self._condition:
             self._stirred = False
+            return self.wanted
+
+    @property
+    def wanted(self) -> Wanted:
+        with self._condition:
             return Wanted(self._world_number, self._world, dict(self._requests))
 
     def publish(self, client: int, shown: Shown) -> None:

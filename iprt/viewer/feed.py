@@ -1,4 +1,5 @@
-"""The video's frames when they are due: decoded ahead on a thread, dropped where that is late."""
+"""The video's frames when they are due: decoded ahead on a thread; in real time, late ones are
+dropped."""
 
 from __future__ import annotations
 
@@ -57,13 +58,13 @@ class Feed:
         self.scene, self.drift = scene, drift
         self._clock, self._wake = clock, wake
         self._frames, self._fps = scene.frame_indices, scene.source.fps
-        self._loop = scene.manifest.video.loop
         self._condition = threading.Condition()
         self._playback = playback
         self._ordered: deque[_Ordered] = deque()
         self._last: _Ordered | None = None
         self._closed = False
         self._held: tuple[int, Frame] | None = None
+        self._given_s = self._clock()  # when the last frame was given
         self.arrived = False
         self._stream: Ahead[Frame] | None = None
 
@@ -92,14 +93,20 @@ class Feed:
         with self._condition:
             if playback == self._playback:
                 return
-            self._playback, self._held = playback, None
-            self.arrived = shown == playback.index(0, self._frames, loop=self._loop)
+            self._playback, self._held, self._given_s = playback, None, self._clock()
+            self.arrived = shown == playback.index(0, self._frames)
             if self.arrived:
                 self._last = _Ordered(playback, 0)
             self._condition.notify_all()
 
-    def poll(self) -> Frame | None:
+    def poll(self, *, shown: bool = True) -> Frame | None:
         """The newest frame that is due and has not been given yet; None: there is none (yet).
+
+        Parameters
+        ----------
+        shown : bool
+            Everybody sees the frame that was given last. Where every frame is to be seen, the next
+            one is not due before.
 
         Raises
         ------
@@ -114,20 +121,30 @@ class Feed:
                     return newest
                 assert self._held is not None
                 follower, frame = self._held
-                if follower > self._playback.due(self._clock(), self._fps):
+                if not self._is_due(follower, shown=shown and newest is None):
                     return newest
                 newest, self._held, self.arrived = frame, None, True
+                self._given_s = self._clock()
         except Exception:
             self._end_stream()
             raise
 
+    def _is_due(self, follower: int, *, shown: bool) -> bool:
+        playback, now = self._playback, self._clock()
+        if playback.mode == "real time" or not playback.playing:
+            return follower <= playback.due(now, self._fps)
+        # Sums of frame times are not exact.
+        return follower == 0 or (shown and now - self._given_s >= (1.0 - 1e-6) / self._fps)
+
     @property
     def next_due_s(self) -> float | None:
         """When the frame that lies ready is due, by the clock; None: none does."""
-        since = self._playback.since_s
-        if self._held is None or since is None:
+        playback = self._playback
+        if self._held is None or playback.since_s is None:
             return None
-        return since + self._held[0] / self._fps
+        if playback.mode == "every frame":
+            return self._given_s + 1.0 / self._fps
+        return playback.since_s + self._held[0] / self._fps
 
     def _fetch(self, stream: Ahead[Frame]) -> bool:
         """Hold the next frame of this playback; whether one lies ready."""
@@ -169,19 +186,20 @@ class Feed:
                     return
                 self._last = ordered
                 self._ordered.append(ordered)
-            yield ordered.playback.index(ordered.follower, self._frames, loop=self._loop)
+            yield ordered.playback.index(ordered.follower, self._frames)
 
     def _next(self) -> _Ordered | None:
         """The frame to decode now; None: none is wanted."""
         playback, last = self._playback, self._last
-        due = playback.due(self._clock(), self._fps)
+        real_time = playback.mode == "real time"
+        due = playback.due(self._clock(), self._fps) if real_time else 0
         if last is None or last.playback != playback:
             return _Ordered(playback, due)
         if playback.since_s is None:
             return None
         follower = max(last.follower + 1, due)
-        at_end = playback.index(follower, self._frames, loop=self._loop)
-        shown = playback.index(last.follower, self._frames, loop=self._loop)
-        if len(self._frames) == 1 or (at_end == shown and not self._loop):
+        at_end = playback.index(follower, self._frames)
+        shown = playback.index(last.follower, self._frames)
+        if len(self._frames) == 1 or (at_end == shown and not playback.loop):
             return None  # the last frame stays
         return _Ordered(playback, follower)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 from iprt.errors import IprtError
-from iprt.scene.edits import save_edits
+from iprt.scene.edits import Look, save_edits
+from iprt.scene.manifest import MANIFEST_NAME, manifest_text
 from iprt.scene.objects import SceneObject
 from iprt.scene.scene import Scene
 from iprt.viewer.exchange import Exchange
@@ -27,6 +29,11 @@ class Loaded:
     stamp : Stamp
         Of the files that frames are made of.
     objects : tuple of SceneObject
+        Without the edits, also those that were saved.
+    origin : Scene
+        As it was when these objects were read.
+    text : str
+        What scene.toml said then.
     problem : str or None
         Why the objects are not there.
     """
@@ -34,6 +41,8 @@ class Loaded:
     scene: Scene
     stamp: Stamp
     objects: tuple[SceneObject, ...]
+    origin: Scene
+    text: str
     problem: str | None = None
 
     def same_video(self, other: Loaded) -> bool:
@@ -83,7 +92,15 @@ class SceneFiles:
         self._watch = Watch(scene.root)
         self._polled_s = clock()
         self.loaded: Loaded | None = None
-        self._read(scene.name, "scene", lambda: load_what_can_be(scene, self._watch.look()))
+        self._text: str | None = None  # of scene.toml, as it was read or written last
+        self._meshes: dict[str, Path] = {}  # of objects that were saved, in the scene's folder
+
+        def first() -> Loaded:
+            loaded = load_what_can_be(scene, self._watch.look())
+            self._text = loaded.text
+            return loaded
+
+        self._read(scene.name, "scene", first)
 
     def poll(self) -> None:
         """Read again if it is time to look, and files were written."""
@@ -92,27 +109,57 @@ class SceneFiles:
             return
         self._polled_s = now
         if self._watch.changed():
-            self._read(str(self._first.root), "scene", self._reloaded)
+            self._reread()
 
-    def save(self, done: Callable[[str | None], object] = lambda _: None) -> None:
-        """Write all edits to the scene's file, and go on with what that says then.
+    def save(
+        self, done: Callable[[str | None], object] = lambda _: None, look: Look | None = None
+    ) -> None:
+        """Write all edits to the scene's file.
 
-        `done` is told what went wrong, or None, where there was something to write.
+        Parameters
+        ----------
+        done : callable
+            Called with what went wrong, or None, where there was something to write.
+        look : Look or None
+            What the user sees (`save_edits`).
         """
-        edits = self._exchange.world.edits
-        if self.loaded is None or not edits:
+        world, loaded, exchange = self._exchange.world, self.loaded, self._exchange
+        if loaded is None or not world.unsaved:
             return
-        scene = self.loaded.scene
+        ours = True
 
         def write() -> Loaded:
-            save_edits(scene, edits)
-            return self._reloaded()
+            nonlocal ours
+            ours = manifest_text(loaded.scene.root / MANIFEST_NAME) == self._text
+            # What others wrote has what was saved before, perhaps changed by them.
+            edits = tuple(e for e in world.edits if ours or e not in world.saved)
+            known = [replace(e, path=self._meshes.get(e.name, e.path)) for e in edits]
+            base = loaded.text if ours else None
+            self._meshes |= save_edits(loaded.origin, known, base=base, look=look)
+            now = self._reloaded()
+            self._text = now.text
+            if not ours:
+                return now
+            return replace(now, objects=loaded.objects, origin=loaded.origin, text=loaded.text)
 
         def saved() -> None:
-            self._exchange.saved(edits)
+            exchange.saved(world.edits)
+            if not ours:
+                exchange.reread()
             done(None)
 
-        self._read(f"saving {scene.name}", "save", write, saved, done)
+        self._read(f"saving {loaded.scene.name}", "save", write, saved, done)
+
+    def _reread(self) -> None:
+        """Another program has written files of the scene."""
+
+        def then() -> None:
+            self._exchange.reread()
+            self._meshes.clear()
+            assert self.loaded is not None
+            self._text = self.loaded.text
+
+        self._read(str(self._first.root), "scene", self._reloaded, then)
 
     def _reloaded(self) -> Loaded:
         stamp = self._watch.look()
@@ -156,11 +203,11 @@ def load(scene: Scene, stamp: Stamp) -> Loaded:
     FormatError
         An object, or what the video's files say of themselves, cannot be read.
     """
-    objects = scene.objects
+    text, objects = manifest_text(scene.root / MANIFEST_NAME), scene.objects
     # Kept by the scene: nobody waits for these files later.
     assert scene.real_materials is not None
     assert scene.source.white > 0.0
-    return Loaded(scene, stamp, objects)
+    return Loaded(scene, stamp, objects, scene, text)
 
 
 def load_what_can_be(scene: Scene, stamp: Stamp) -> Loaded:
@@ -175,4 +222,5 @@ def load_what_can_be(scene: Scene, stamp: Stamp) -> Loaded:
         return load(scene, stamp)
     except IprtError as error:
         assert scene.source.white > 0.0
-        return Loaded(scene, stamp, (), str(error))
+        text = manifest_text(scene.root / MANIFEST_NAME)
+        return Loaded(scene, stamp, (), scene, text, str(error))

@@ -43,8 +43,16 @@ class History:
         back.append(now)
         return where.pop()
 
+    @property
+    def can_undo(self) -> bool:
+        return bool(self._past)
+
+    @property
+    def can_redo(self) -> bool:
+        return bool(self._future)
+
     def clear(self) -> None:
-        """What is in the scene's file now is not undone."""
+        """Forget all: there is no way back."""
         self._past, self._future, self._last = [], [], None
 
 

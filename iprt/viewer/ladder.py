@@ -85,6 +85,22 @@ def measured_ladder() -> Ladder:
 
 
 @dataclass(frozen=True)
+class Preview:
+    """What a picture in motion lacks.
+
+    Attributes
+    ----------
+    short : str
+        `Preview at 50% resolution`.
+    details : str
+        All that differs, and what that costs.
+    """
+
+    short: str
+    details: str
+
+
+@dataclass(frozen=True)
 class Rung:
     """Settings and resolution that are quicker than what the user asked for.
 
@@ -99,9 +115,8 @@ class Rung:
         Time of a frame relative to rung 0, as it was measured on another device.
     ssim_cost : float
         SSIM relative to rung 0, as it was measured on another scene.
-    gave_up : str
-        What differs from what was asked for and what each costs by itself:
-        `trace object rays 4 -> 1 (-0.004 SSIM), resolution 71 % (-0.010 SSIM)`; or empty.
+    preview : Preview or None
+        What differs from what was asked for, and what each costs by itself. None: nothing.
     """
 
     number: int
@@ -109,7 +124,7 @@ class Rung:
     scale: float
     share: float
     ssim_cost: float
-    gave_up: str
+    preview: Preview | None
 
 
 def rungs_below(base: Settings, ladder: Ladder) -> tuple[Rung, ...]:
@@ -117,7 +132,7 @@ def rungs_below(base: Settings, ladder: Ladder) -> tuple[Rung, ...]:
 
     A rung sets no knob to more than `base` has; those that give up nothing more are left out.
     """
-    found = [Rung(0, base, 1.0, 1.0, 0.0, "")]
+    found = [Rung(0, base, 1.0, 1.0, 0.0, None)]
     own, before = plain_values(base), (1.0, 0.0)
     idle_before: Collection[str] = ()
     for measured in ladder.rungs:
@@ -138,25 +153,32 @@ def rungs_below(base: Settings, ladder: Ladder) -> tuple[Rung, ...]:
             share = last.share * min(factor, NO_SLOWER)
             cost = last.ssim_cost + measured.ssim_cost - before[1]
             cost = max(cost - sum(ladder.cost_of(k, v) for k, v in new), last.ssim_cost)
-            text = _in_words(own, given_up, scale, ladder)
-            found.append(Rung(len(found), settings, scale, share, cost, text))
+            preview = _preview(own, given_up, scale, ladder)
+            found.append(Rung(len(found), settings, scale, share, cost, preview))
         before = measured.ms_share, measured.ssim_cost
         idle_before = measured.changes.keys()
     return tuple(found)
 
 
-def _in_words(
+def _preview(
     own: Mapping[str, Value], given_up: Mapping[str, Value], scale: float, ladder: Ladder
-) -> str:
+) -> Preview:
     parts = []
+    if scale < 1.0:
+        parts.append(f"{100.0 * scale:.0f}% resolution" + _cost(ladder.cost_of(SCALE, scale)))
     for key, value in given_up.items():
         cost = ladder.cost_of(key, value) - ladder.cost_of(key, own[key])
-        name = key.replace(".", " ").replace("_", " ")
-        parts.append(f"{name} {_word(own[key])} -> {_word(value)} ({-cost:+.3f} SSIM)")
-    if scale < 1.0:
-        cost = ladder.cost_of(SCALE, scale)
-        parts.append(f"resolution {100.0 * scale:.0f} % ({-cost:+.3f} SSIM)")
-    return ", ".join(parts)
+        parts.append(f"{key} {_word(value)} instead of {_word(own[key])}" + _cost(cost))
+    short = f"{100.0 * scale:.0f}% resolution" if scale < 1.0 else "reduced quality"
+    return Preview(
+        f"Preview at {short}",
+        "\n".join([*parts, "The picture gets its full quality as soon as nothing moves."]),
+    )
+
+
+def _cost(ssim: float) -> str:
+    """What was measured; nothing where that is within a thousandth."""
+    return f" (SSIM {-ssim:.3f})" if round(ssim, 3) > 0.0 else ""
 
 
 def _word(value: Value) -> str:

@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.viewer.tone import Bytes, Curve, developed
+from iprt.output.tone import Bytes, Curve, developed
 
 Against = Literal["input", "ibl", "truth"]
 """What a picture is compared with: the video without objects, the baseline that is lit by the

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 
 from iprt.settings import Settings
-from iprt.viewer.ladder import Rung
+from iprt.viewer.ladder import Preview, Rung
 from iprt.viewer.pace import Pace
+from iprt.viewer.rate import Rate
 from iprt.viewer.session import Shown
 
 REST_S = 0.3
 """Without input, after which a picture is at rest."""
+TOLD_S = 1.0
+"""After the last picture that moved, for which it is told how fast they came."""
 
 
 class Motion:
@@ -29,7 +33,8 @@ class Motion:
         self, target_fps: float | None, clock: Callable[[], float] = time.perf_counter
     ) -> None:
         self._clock = clock
-        self._stirred_s = -REST_S
+        self._stirred_s = self._moved_s = -math.inf
+        self._rate = Rate(clock)
         self._target_fps = target_fps
         self._pace: Pace | None = None
         self._usual_s: float | None = None  # of a frame of which nothing is given up
@@ -47,6 +52,16 @@ class Motion:
     def stir(self) -> None:
         """There was input, just now."""
         self._stirred_s = self._clock()
+
+    @property
+    def lively(self) -> bool:
+        """Something moves, or did just now."""
+        return self._clock() - self._moved_s < TOLD_S
+
+    @property
+    def fps(self) -> float | None:
+        """Pictures per second while something moves; None: nothing does."""
+        return self._rate.value if self.lively else None
 
     def rung(self, base: Settings, *, playing: bool) -> Rung | None:
         """What to render now in place of `base`; None: that, at full resolution.
@@ -66,16 +81,21 @@ class Motion:
 
     def observe(self, shown: Shown) -> None:
         """Take note of a new picture."""
+        if shown.frames == 1:
+            if not self.lively:
+                self._rate.clear()
+            self._moved_s = self._clock()
+            self._rate.add()
         rung = self._rung_of(shown)
         if rung is None and not shown.compiled:
             self._usual_s = shown.seconds
         if self._pace is not None and self._pace.rung.number == (rung.number if rung else 0):
             self._pace.observe(shown.seconds, shown.compiled)
 
-    def gave_up(self, shown: Shown) -> str:
-        """What a picture lacks to hold the frame rate, and what that costs; empty: nothing."""
+    def preview(self, shown: Shown) -> Preview | None:
+        """What a picture lacks to hold the frame rate; None: nothing."""
         rung = self._rung_of(shown)
-        return "" if rung is None else rung.gave_up
+        return None if rung is None else rung.preview
 
     def _rung_of(self, shown: Shown) -> Rung | None:
         """That a picture was asked for on; each has settings of its own, even if they are equal."""

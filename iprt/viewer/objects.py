@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from iprt.scene.edits import ObjectEdit
 from iprt.scene.keyframes import ObjectMotion
 from iprt.scene.material import Material
 from iprt.scene.mesh import Instance, Mesh
@@ -54,6 +55,18 @@ class ObjectState:
     def placed(self, to_world: Float) -> Float:
         """What to give to `Engine.place` for the object to be at `to_world` in this frame."""
         return self.motion.before(to_world, self.time_s)
+
+    def edited(self, edit: ObjectEdit) -> ObjectState | None:
+        """As it will be with an edit; None: not there."""
+        if edit.removed:
+            return None
+        state = self
+        if edit.to_world is not None:
+            motion = replace(state.motion, to_world=np.reshape(np.array(edit.to_world), (4, 4)))
+            state = replace(state, motion=motion, to_world=motion.at(state.time_s))
+        if edit.material is not None:
+            state = replace(state, materials=(edit.material,))
+        return state
 
 
 def object_states(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +12,7 @@ from iprt.device.compute import ComputeDevice
 from iprt.device.profile import PassTime
 from iprt.renderer import RenderedFrame
 from iprt.viewer.canvas import Canvas, Stage, Wanted
+from iprt.viewer.compiling import Compiling
 from iprt.viewer.geometry import Geometry
 from iprt.viewer.state import Request
 
@@ -48,6 +48,9 @@ class Shown:
         What rendered it.
     compiled : bool
         Kernels were compiled or buffers made for it: the next ones will be quicker.
+    plain : bool
+        It is the video without objects, to look at while kernels compile. It answers no request:
+        `number` is -1, and `frames` 0.
     """
 
     number: int
@@ -63,11 +66,16 @@ class Shown:
     seconds: float
     device: str
     compiled: bool
+    plain: bool = False
 
     @property
     def refined(self) -> bool:
         """It stays as it is until something else is asked for."""
         return self.frames >= self.request.frames
+
+
+class AbandonedError(Exception):
+    """The picture under way is not wanted any more."""
 
 
 KEPT = 2
@@ -80,14 +88,14 @@ class Session:
 
     Parameters
     ----------
-    compiling : callable
-        Called with the name of a file of `cl/` whose kernels are compiled now, and with None when
-        the device renders again.
+    compiling : Compiling
+        Is told what will be compiled, and when all is there.
     """
 
-    def __init__(self, compiling: Callable[[str | None], None]) -> None:
+    def __init__(self, compiling: Compiling) -> None:
         self._compiling = compiling
         self._canvases: list[Canvas] = []  # the last one used comes first
+        self._changing: Canvas | None = None  # by the frame under way
         self._shown_stage: Stage | None = None
         self._shown_number: int | None = None
         self._steps = 0
@@ -95,6 +103,11 @@ class Session:
     def behind(self, stage: Stage, number: int) -> bool:
         """The last picture is not of this stage, or not of the request with this number."""
         return stage is not self._shown_stage or number != self._shown_number
+
+    def shows(self, stage: Stage) -> bool:
+        """The last picture is of the frame of this stage."""
+        shown = self._shown_stage
+        return shown is not None and shown.frame is stage.frame
 
     def unrefined(self, request: Request) -> bool:
         """The picture would gain from another view frame, as far as was asked for."""
@@ -114,20 +127,27 @@ class Session:
         ------
         IprtError
             What is wanted cannot be rendered. The session is to be closed then.
+        AbandonedError
+            The device was told not to go on; what the picture was made from is gone.
         """
         begin = time.perf_counter()
-        built = len(device.built_programs)
         known = self._canvases[0] if self._canvases else None
-        canvas = self._canvas(device, stage, request)
-        # Where only other buffers are asked for, nothing needs to be rendered.
-        steps = 1 if canvas.rested < request.frames else 0
-        if len(device.built_programs) == built:
-            self._compiling(None)  # else drivers compile at the first launch
-        device.profile.reset()
-        picture = canvas.paint(steps, request.aovs)
-        geometry = canvas.geometry(request.frames) if request.geometry else None
+        self._changing = None
+        try:
+            canvas = self._canvas(device, stage, request)
+            # Where only other buffers are asked for, nothing needs to be rendered.
+            steps = 1 if canvas.rested < request.frames else 0
+            if not self._compiling.built:
+                self._compiling.pause()  # else drivers compile at the first launch
+            device.profile.reset()
+            picture = canvas.paint(steps, request.aovs)
+            geometry = canvas.geometry(request.frames) if request.geometry else None
+        except AbandonedError:
+            self._drop_changing()
+            raise
         device.finish()
-        self._compiling(None)
+        compiled = canvas is not known or self._compiling.built > 0
+        self._compiling.finish()
         self._steps += steps
         self._shown_stage, self._shown_number = stage, number
         return Shown(
@@ -143,8 +163,14 @@ class Session:
             tuple(device.profile.passes()),
             time.perf_counter() - begin,
             device.name,
-            canvas is not known or len(device.built_programs) > built,
+            compiled,
         )
+
+    def _drop_changing(self) -> None:
+        """What the next frames would be built on is half of this frame's by now."""
+        if self._changing is not None:
+            self._canvases.remove(self._changing)
+            self._changing.close()
 
     def _canvas(self, device: ComputeDevice, stage: Stage, request: Request) -> Canvas:
         """One that shows what is wanted: one that was kept, if it can go there."""
@@ -156,12 +182,14 @@ class Session:
             if canvas.serves(device, wanted):
                 self._canvases.remove(canvas)
                 self._canvases.insert(0, canvas)
+                self._changing = canvas
                 canvas.follow(wanted)
                 return canvas
         # Only what differs in size and knobs may be wanted again.
         for canvas in self._canvases[KEPT - 1 :]:
             canvas.close()
         del self._canvases[KEPT - 1 :]
-        canvas = Canvas(device, wanted)
+        canvas = Canvas(device, wanted, self._compiling.expect)
         self._canvases.insert(0, canvas)
+        self._changing = canvas
         return canvas

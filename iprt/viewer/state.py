@@ -41,9 +41,13 @@ class Request:
     frames: int = REST_FRAMES
 
 
+PlaybackMode = Literal["real time", "every frame"]
+"""Frames are shown when they are due, or each after the one before, however long that takes."""
+
+
 @dataclass(frozen=True)
 class Playback:
-    """Which frame of the video is shown, and when the next ones are due.
+    """Which frame of the video is shown, and which ones follow when.
 
     Attributes
     ----------
@@ -51,19 +55,28 @@ class Playback:
         Its number, as scene.toml counts.
     since_s : float or None
         When it was shown, by the engine's clock; later frames follow. None: it stays.
+    mode : {"real time", "every frame"}
+    loop : bool
+        The first frame follows the last.
     """
 
     frame: int
     since_s: float | None = None
+    mode: PlaybackMode = "real time"
+    loop: bool = False
+
+    @property
+    def playing(self) -> bool:
+        return self.since_s is not None
 
     def due(self, now_s: float, fps: float) -> int:
-        """Frames that should have followed `frame` by now."""
+        """Frames that should have followed `frame` by now, in real time."""
         return 0 if self.since_s is None else max(int((now_s - self.since_s) * fps), 0)
 
-    def index(self, follower: int, frames: range, *, loop: bool) -> int:
+    def index(self, follower: int, frames: range) -> int:
         """Number of the frame that comes so many after `frame`: the last one where they end."""
         position = min(max(self.frame - frames[0], 0), len(frames) - 1) + follower
-        return frames[position % len(frames) if loop else min(position, len(frames) - 1)]
+        return frames[position % len(frames) if self.loop else min(position, len(frames) - 1)]
 
 
 @dataclass(frozen=True)
@@ -75,12 +88,21 @@ class World:
     settings : Settings
     playback : Playback
     edits : tuple of ObjectEdit
-        At most one of each object.
+        At most one of each object; how it differs from what the scene's files said first.
+    saved : tuple of ObjectEdit
+        Those that the files have by now.
     """
 
     settings: Settings
     playback: Playback
     edits: tuple[ObjectEdit, ...] = ()
+    saved: tuple[ObjectEdit, ...] = ()
+
+    @property
+    def unsaved(self) -> tuple[str, ...]:
+        """Names of the objects that are not as the files have them."""
+        changed = set(self.edits) ^ set(self.saved)
+        return tuple(dict.fromkeys(e.name for e in (*self.edits, *self.saved) if e in changed))
 
     def edit_of(self, name: str) -> ObjectEdit:
         """How the object of that name differs."""
@@ -93,10 +115,6 @@ class World:
         else:
             edits = (*self.edits, edit)
         return replace(self, edits=edits)
-
-    def without(self, done: tuple[ObjectEdit, ...]) -> World:
-        """Without these edits, but with what has been edited since."""
-        return replace(self, edits=tuple(edit for edit in self.edits if edit not in done))
 
 
 Doing = Literal["loading", "compiling", "rendering", "waiting", "closed"]
@@ -113,8 +131,24 @@ class Status:
         Which kernel is compiled, or what is loaded; empty otherwise.
     problems : tuple of str
         A line each; gone once it is solved.
+    notes : tuple of str
+        News that are no problem, a line each; shown for a while.
+    built, to_build : int
+        Parts of the kernels that are compiled already, and all of them; 0 if none are.
     """
 
     doing: Doing = "loading"
     what: str = ""
     problems: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    built: int = 0
+    to_build: int = 0
+
+    @property
+    def text(self) -> str:
+        """What the engine does, in a few words."""
+        if self.doing == "compiling":
+            return f"compiling {self.built} of {self.to_build}"
+        if self.doing == "loading":
+            return f"loading {self.what}".rstrip()
+        return {"waiting": "ready", "closed": "closed"}.get(self.doing, self.doing)

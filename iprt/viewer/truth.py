@@ -43,7 +43,7 @@ class Truth:
                 return replace(window, width=width, height=height)
         return window.resized(own.width, own.height)
 
-    def picture(self, scene: Scene, name: str, shown: Shown) -> NDArray[np.float32] | str:
+    def picture(self, scene: Scene, name: str | None, shown: Shown) -> NDArray[np.float32] | str:
         """Linear radiance (H, W, 3) as large as the picture that is shown; or why there is none."""
         view = shown.request.view
         key = (scene, name, shown.frame, view.width, view.height)
@@ -52,13 +52,23 @@ class Truth:
         return self._found if isinstance(self._found, str) else self._found.radiance
 
 
-def _read(scene: Scene, name: str, shown: Shown) -> Target | str:
+def truth_problem(scene: Scene, name: str | None, frame: int) -> str | None:
+    """Why there is no truth of a view in a frame of the video; None: there is one."""
+    if name is None:
+        return "only the scene's own views have a truth: go to one"
     entry = scene.views.get(name)
     if entry is None or entry.truth is None:
         return f"view '{name}' has no truth"
     frames = truth_indices(scene, name)
-    if shown.frame not in frames:
+    if frame not in frames:
         return f"the truth of '{name}' shows frame " + ", ".join(map(str, frames))
+    return None
+
+
+def _read(scene: Scene, name: str | None, shown: Shown) -> Target | str:
+    problem = truth_problem(scene, name, shown.frame)
+    if name is None or problem is not None:
+        return problem or ""
     size = (shown.request.view.width, shown.request.view.height)
     try:
         return read_target(scene, name, "panorama", size, shown.frame)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,18 +14,22 @@ from iprt.errors import IprtError
 from iprt.output.atomic import require_writable
 from iprt.output.metadata import picture_metadata
 from iprt.output.picture import check_output, write_picture
-from iprt.output.png import write_display_png
+from iprt.output.png import write_pixels
 from iprt.scene.camera import View
+from iprt.scene.edits import Look
 from iprt.scene.placement import set_on
 from iprt.scene.pose import view_from
 from iprt.viewer.developer import Developer
 from iprt.viewer.engine import Client, Engine
-from iprt.viewer.geometry import Geometry
-from iprt.viewer.lens import BUFFERS, Lens
+from iprt.viewer.lens import Lens
 from iprt.viewer.motion import Motion
+from iprt.viewer.picking import Picking
+from iprt.viewer.rate import FrameCounter, FrameRate
+from iprt.viewer.screenshots import free_path
 from iprt.viewer.session import Shown
 from iprt.viewer.sight import Readout, Sight
 from iprt.viewer.state import REST_FRAMES, Request
+from iprt.viewer.truth import truth_problem
 
 MIN_FOV_DEG, MAX_FOV_DEG = 2.0, 150.0
 ZOOM_STEP = 0.9
@@ -47,6 +52,8 @@ class Viewport:
         See the property.
     frames : int
         View frames to which a picture at rest is refined.
+    clock : callable
+        Seconds.
 
     Attributes
     ----------
@@ -64,11 +71,12 @@ class Viewport:
         objects: tuple[str, ...] | None = None,
         target_fps: float | None = None,
         frames: int = REST_FRAMES,
+        clock: Callable[[], float] = time.perf_counter,
     ) -> None:
-        self._engine = engine
-        self.view, self.name = _fitted(view, view.width, view.height), self._name_of(view)
+        self._engine, self._time = engine, clock
+        self.view, self.name = _fitted(view, view.width, view.height), self._name_of(view, objects)
         self._objects, self._frames = objects, frames
-        self._lens, self._motion = Lens(), Motion(target_fps)
+        self._lens, self._motion = Lens(), Motion(target_fps, clock)
         self._edits = engine.world.edits
         self._developer = Developer()
         self._sight: Sight | None = None
@@ -76,7 +84,8 @@ class Viewport:
         self._latency: tuple[float, int] | None = None
         # Of each input: its number, when it came, and at which view frame.
         self._asked: deque[tuple[int, float, int]] = deque(maxlen=256)
-        self._at_rest: tuple[Geometry, int] | None = None  # the last one, and its video frame
+        self._picking = Picking()
+        self._frame_rate = FrameRate(clock)
         self._show_added()
         self._wanted = self._request()
         self._client = engine.client(self._wanted)
@@ -135,12 +144,11 @@ class Viewport:
         self._show_added()
         self._input()
 
-    def _name_of(self, view: View) -> str | None:
-        """Of the scene's view that looks so."""
-        for name, entry in self._engine.scene.views.items():
-            if entry.view.resized(view.width, view.height) == view:
-                return name
-        return None
+    def _name_of(self, view: View, objects: tuple[str, ...] | None) -> str | None:
+        """Of the scene's view that looks so; of several, the one that shows these objects."""
+        views = self._engine.scene.views.values()
+        found = [entry for entry in views if entry.view.resized(view.width, view.height) == view]
+        return min(found, key=lambda entry: entry.objects != objects).name if found else None
 
     # How it is shown --------------------------------------------------------------------------
 
@@ -184,7 +192,7 @@ class Viewport:
     def _input(self) -> None:
         """Ask for what is wanted now, and take the time until it is there."""
         step = self._client.shown.step if self._client.shown else 0
-        self._asked.append((self._ask(), time.perf_counter(), step))
+        self._asked.append((self._ask(), self._time(), step))
 
     def _follow(self) -> None:
         """Ask for what others have changed, and for more or less as it moves or rests."""
@@ -213,7 +221,8 @@ class Viewport:
 
     def _request(self) -> Request:
         lens, world = self._lens, self._engine.world
-        playing = world.playback.since_s is not None
+        # Who wants to see every frame wants to see all of it.
+        playing = world.playback.playing and world.playback.mode == "real time"
         rung = self._motion.rung(world.settings, playing=playing)
         view = self.view
         if lens.against == "truth" and self.name is not None:
@@ -234,58 +243,67 @@ class Viewport:
         shown = self._client.shown
         if shown is not None and (self._sight is None or shown is not self._sight.shown):
             self._motion.observe(shown)
-            if shown.geometry is not None:
-                self._at_rest = shown.geometry, shown.frame
+            self._picking.follow(shown)
+            self._frame_rate.follow(self._engine.world.playback.since_s, shown.frame)
         self._follow()
         if shown is None:
             return None
         other = None if self._baseline is None else self._baseline.shown
-        made_of = (shown, other, self._lens, self.name, self._developer.scores)
+        edits, lively = self._engine.world.edits, self._motion.lively
+        made_of = (shown, other, self._lens, self.name, self._developer.scores, edits, lively)
         if self._sight is None or made_of != self._made_of:
             self._clock(shown)
-            pixels, caption = self._developer.develop(
-                self._engine.scene, self.name, self._lens, shown, other
+            found = self._developer.develop(
+                self._engine.scene, self.name, self._lens, shown, other, edits
             )
             self._made_of = made_of
-            latency = self._latency or (None, None)
-            self._sight = Sight(pixels, shown, caption, self._motion.gave_up(shown), *latency)
+            latency_s, frames = (self._latency if lively else None) or (None, None)
+            self._sight = Sight(
+                found.pixels,
+                shown,
+                found.buffer,
+                found.caption,
+                found.warning,
+                found.sides,
+                self._motion.preview(shown),
+                latency_s,
+                frames,
+                self._motion.fps,
+            )
         return self._sight
+
+    @property
+    def counter(self) -> FrameCounter | None:
+        """Where the video is; None: there is but one frame."""
+        scene, playback = self._engine.scene, self._engine.world.playback
+        frames, shown = scene.frame_indices, self._client.shown
+        if len(frames) == 1:
+            return None
+        frame = shown.frame if shown is not None and playback.playing else playback.frame
+        fps = self._frame_rate.value if playback.playing else None
+        return FrameCounter(frame, frame - frames[0] + 1, len(frames), fps, scene.source.fps)
+
+    @property
+    def truth_problem(self) -> str | None:
+        """Why there is nothing to compare with the truth here; None: there is."""
+        shown, scene = self._client.shown, self._engine.scene
+        frame = scene.frame_indices[0] if shown is None else shown.frame
+        return truth_problem(scene, self.name, frame)
 
     def _clock(self, shown: Shown) -> None:
         while self._asked and self._asked[0][0] <= shown.number:
             _, asked_s, step = self._asked.popleft()
-            self._latency = time.perf_counter() - asked_s, shown.step - step
+            self._latency = self._time() - asked_s, shown.step - step
 
     # What is at a place -----------------------------------------------------------------------
 
     def readout(self, x: float, y: float) -> Readout | None:
         """What the last picture holds at a place; None: there is none, or it is outside."""
-        found = self._pixel(x, y)
-        if found is None:
-            return None
-        shown, column, row = found
-        buffer, depth, normal, name = self._lens.buffer, None, None, None
-        if (surfaces := self._surfaces(x, y)) is not None:
-            geometry, *place = surfaces
-            surface, name = geometry.seen(*place), geometry.object_at(*place)
-            depth = np.inf if surface is None else surface.depth_m
-            normal = None if surface is None else surface.normal
-        values = None if buffer is None else shown.picture.aovs.get(buffer)
-        return Readout(
-            column,
-            row,
-            shown.picture.color[row, column],
-            None if values is None else np.atleast_1d(values[row, column]),
-            "" if buffer is None else BUFFERS[buffer].unit,
-            depth,
-            normal,
-            name,
-        )
+        return self._picking.readout(x, y, None if self._sight is None else self._sight.buffer)
 
     def object_at(self, x: float, y: float) -> str | None:
         """Name of the object that is seen at a place."""
-        found = self._surfaces(x, y)
-        return None if found is None else found[0].object_at(*found[1:])
+        return self._picking.object_at(x, y)
 
     def drop(self, name: str, x: float, y: float, *, upright: bool) -> bool:
         """Set an object on the real surface at a place; whether there is one.
@@ -295,12 +313,8 @@ class Viewport:
         upright : bool
             It keeps its rotation; or else its own +Y is turned to the surface's normal.
         """
-        found = self._surfaces(x, y)
-        state = next((state for state in self._engine.objects if state.name == name), None)
-        if found is None or state is None:
-            return False
-        surface = found[0].real(*found[1:])
-        if surface is None:
+        state, surface = self._engine.wanted(name), self._picking.real(x, y)
+        if state is None or surface is None:
             return False
         normal = None if upright else surface.normal
         placed = set_on(state.to_world, state.corners, surface.point, normal)
@@ -316,32 +330,29 @@ class Viewport:
         right, up, back = view_from(view, pose).unproject(pixel)
         return float(np.rad2deg(np.arctan2(right, -back))), float(np.rad2deg(np.arcsin(up)))
 
-    def _pixel(self, x: float, y: float) -> tuple[Shown, int, int] | None:
-        shown = self._client.shown
-        if shown is None or not (0.0 <= x < 1.0 and 0.0 <= y < 1.0):
-            return None
-        height, width = shown.picture.color.shape[:2]
-        return shown, int(x * width), int(y * height)
-
-    def _surfaces(self, x: float, y: float) -> tuple[Geometry, int, int] | None:
-        """What is known of the surfaces that are seen, and the pixel of a place there.
-
-        Pictures in motion may have none of their own: what is real has stayed where it was, as long
-        as neither the view nor the video moves.
-        """
-        found = self._pixel(x, y)
-        if found is None or self._at_rest is None:
-            return None
-        shown, (geometry, frame) = found[0], self._at_rest
-        view = geometry.view
-        if frame != shown.frame or shown.request.view.resized(view.width, view.height) != view:
-            return None
-        return geometry, int(x * view.width), int(y * view.height)
-
     # Files ------------------------------------------------------------------------------------
 
-    def screenshot(self, path: Path) -> None:
+    def save(self, done: Callable[[str | None], object] = lambda _: None) -> None:
+        """Write the scene's file, and keep what is seen here as a view (`Engine.save`)."""
+        everything = self._objects is None or {state.name for state in self._engine.objects} <= set(
+            self._objects
+        )
+        self._engine.save(done, Look(self.view, None if everything else self._objects))
+
+    def screenshot(self, suffix: str, folder: Path | None = None) -> Path:
         """Write what is seen to a PNG file, or the linear picture and its buffer to an EXR file.
+
+        Parameters
+        ----------
+        suffix : str
+            `.png` or `.exr`.
+        folder : Path or None
+            None: `iprt.viewer.screenshots.default_folder()`.
+
+        Returns
+        -------
+        Path
+            Of the new file, absolute.
 
         Raises
         ------
@@ -350,7 +361,8 @@ class Viewport:
         """
         sight = self.poll()
         if sight is None:
-            raise IprtError(f"{path}: there is no picture yet")
+            raise IprtError("there is no picture yet")
+        path = free_path(self._engine.scene.name, self.name, suffix, folder)
         shown = sight.shown
         settings = self._engine.world.settings
         metadata = picture_metadata(
@@ -365,9 +377,10 @@ class Viewport:
         check_output(path)
         require_writable(path)
         if path.suffix.lower() == ".png":
-            write_display_png(path, sight.pixels / 255.0, metadata=metadata)
+            write_pixels(path, sight.pixels, metadata=metadata)
         else:
             write_picture(path, shown.picture.color, aovs=shown.picture.aovs, metadata=metadata)
+        return path
 
 
 def _fitted(view: View, width: int, height: int) -> View:

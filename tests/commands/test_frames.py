@@ -36,8 +36,8 @@ def test_both_ends_are_meant(text: str | None, expected: range) -> None:
     [
         ("9:12", "there is no frame 9; the video has 10 to 33"),
         ("12:34", "there is no frame 34; the video has 10 to 33"),
-        ("15:12", "runs backwards"),
-        ("12:15:0", "a step of 0 goes nowhere"),
+        ("15:12", "comes after the last"),
+        ("12:15:0", "the step is 0"),
         ("", "expected FIRST:LAST"),
         ("a:b", "expected FIRST:LAST"),
         ("12-15", "expected FIRST:LAST"),

@@ -153,4 +153,4 @@ def test_another_view_is_refused_before_anything_is_measured(
     old.write_text(json.dumps({**OLD, "device": device.name}))
     words = ("--compare", old, "--device", device.device.platform.name)
     line = fails("profile", room, *words)
-    assert f"--compare {old}: was measured with width 5, this is 32; measure it anew" in line
+    assert f"--compare {old}: was measured with width 5, not 32; measure it again" in line

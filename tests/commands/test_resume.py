@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +12,7 @@ from iprt import cli
 from iprt.scene.images import read_color
 from tests.clips import write_clip
 from tests.commands.test_faults import DEVICE, child_of
+from tests.waiting import DEADLINE_S, until
 
 FRAMES = 16
 KILLED_AT = 9
@@ -41,14 +41,19 @@ def whole(clip: Path) -> NDArray[np.float32]:
 
 def test_a_killed_render_goes_on_without_a_jump(clip: Path, whole: NDArray[np.float32]) -> None:
     out = clip.parent / "out"
-    code = f"import sys; from iprt import cli; cli.command({words(clip, out / '%02d.exr')!r})"
+    code = (
+        "import threading; from iprt import cli; from iprt.output.sequence import PictureSequence\n"
+        "write = PictureSequence.write\n"
+        "def stopping(self, index, *rest):\n"
+        f"    threading.Event().wait() if index == {KILLED_AT} else write(self, index, *rest)\n"
+        "PictureSequence.write = stopping\n"
+        f"cli.command({words(clip, out / '%02d.exr')!r})"
+    )
+    reached = out / f"{KILLED_AT - 1:02d}.exr"
     with child_of(code) as child:
-        until = time.monotonic() + 120.0
-        while not (out / f"{KILLED_AT - 1:02d}.exr").exists() and time.monotonic() < until:
-            assert child.poll() is None
-            time.sleep(0.005)
+        until(lambda: reached.exists() or child.poll() is not None)
         child.kill()
-        child.wait(timeout=30)
+        child.wait(timeout=DEADLINE_S)
     times = {path.name: path.stat().st_mtime_ns for path in out.glob("*.exr")}
     assert KILLED_AT <= len(times) < FRAMES, "killed in the middle"
     assert cli.main(words(clip, out / "%02d.exr")) == 0

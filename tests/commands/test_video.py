@@ -15,7 +15,6 @@ from PIL import Image
 
 from iprt.commands.knobs import KnobFlags
 from iprt.commands.video import WARM_UP, runs, warm_up
-from iprt.ending import Ended
 from iprt.errors import DeviceLostError, FormatError, IprtError
 from iprt.output.lock import locked
 from iprt.output.spherical import XML_ID
@@ -92,26 +91,16 @@ def test_a_number_and_a_name_make_a_still(command: Command, tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize("name", ["a.mp4", "%d.png"])
-@pytest.mark.parametrize(
-    ("end", "line"),
-    [
-        (KeyboardInterrupt, ""),
-        (lambda: Ended(15), ""),
-        (lambda: FormatError("color.0003.exr: is damaged"), "color.0003.exr: is damaged"),
-    ],
-)
 def test_whatever_ends_it_the_same_command_goes_on(
-    end: Callable[[], BaseException], line: str, name: str, command: Command, tmp_path: Path
+    name: str, command: Command, tmp_path: Path
 ) -> None:
     path = tmp_path / "out" / name
-    error = end()
-    FakeFilm.ends[3] = [error]
-    with pytest.raises(type(error)) as caught:
+    FakeFilm.ends[3] = [FormatError("color.0003.exr: is damaged")]
+    with pytest.raises(FormatError, match=r"color\.0003\.exr: is damaged") as caught:
         command(output=path)
     assert caught.value.__notes__ == [
-        "3 of 6 frames are finished, and the same command goes on from there"
+        "3 of 6 frames finished; the same command continues from there"
     ]
-    assert line in str(caught.value)
     FakeFilm.calls.clear()
     assert command(output=path) == 0
     assert [(call[0], call[1]) for call in FakeFilm.calls] == [([3, 4, 5], WARM_UP)]
@@ -139,10 +128,7 @@ def test_nothing_to_do_says_so(
         assert command(output=tmp_path / name) == 0
         assert capsys.readouterr().out == f"{tmp_path / name}\n"
         (line,) = caplog.messages
-        assert (
-            line
-            == f"{tmp_path / name}: nothing to do, it is finished; to render it again, delete it"
-        )
+        assert line == f"{tmp_path / name}: is finished already; delete it to render it again"
         assert FakeFilm.calls == []
         assert {path: path.stat().st_mtime_ns for path in tmp_path.glob("*.*")} == before
 
@@ -165,13 +151,13 @@ def test_other_settings_or_scenes_are_not_mixed_in(
     for name in ("a.mp4", "%d.png"):
         with pytest.raises(KeyboardInterrupt):
             command(output=tmp_path / name)
-        with pytest.raises(FormatError, match=r"settings\.trace\.rays is 1 there and 2 now"):
+        with pytest.raises(FormatError, match=r"settings\.trace\.rays was 1 then and is 2 now"):
             command(output=tmp_path / name, knobs=KnobFlags(set=("trace.rays=2",)))
-        with pytest.raises(FormatError, match="frames is 4 there and 5 now"):
+        with pytest.raises(FormatError, match="--accumulate was 4 then and is 5 now"):
             command(output=tmp_path / name, accumulate=5)
     (folder / "cube.obj").touch()
     for name in ("a.mp4", "%d.png"):
-        with pytest.raises(FormatError, match=r"files is .* there and .* now"):
+        with pytest.raises(FormatError, match="the scene's files have changed since; delete"):
             command(output=tmp_path / name)
     assert rendered() == [0, 1, 2, 3, 4, 5] * 2
 
@@ -188,7 +174,7 @@ def test_a_device_may_be_lost_as_often_as_it_gets_further(
     FakeFilm.ends[2] = [lost, lost]
     with pytest.raises(DeviceLostError, match="for the second time") as caught:
         command(output=tmp_path / "b.mp4")
-    assert caught.value.__notes__[0].startswith("2 of 6 frames are finished")
+    assert caught.value.__notes__[0].startswith("2 of 6 frames finished")
 
 
 def test_panoramas_tell_players(
@@ -214,7 +200,10 @@ BAD: dict[str, tuple[list[str], str]] = {
     "odd": (["-o", "OUT/a.mp4", "--size", "31", "16"], "31 x 16 pixels: video needs even sides"),
     "layers": (["-o", "OUT/a.mp4", "--aov", "depth"], "write numbered .exr files for --aov"),
     "png layers": (["-o", "OUT/%d.png", "--aov", "depth"], "holds no layers"),
-    "backwards": (["-o", "OUT/a.mp4", "--frames", "3:1"], "--frames 3:1: runs backwards"),
+    "backwards": (
+        ["-o", "OUT/a.mp4", "--frames", "3:1"],
+        "--frames 3:1: the first frame comes after the last",
+    ),
     "beyond": (["-o", "OUT/a.mp4", "--frames", "0:6"], "no frame 6; the video has 0 to 5"),
     "one name": (["-o", "OUT/a.png", "--frames", "0:2"], "write a.%04d.png, or one of .mp4"),
     "two numbers": (["-o", "OUT/%d%d.png"], "expected one %d or %04d and no other %"),

@@ -112,6 +112,11 @@ def _obj(_: Path) -> list[bytes]:
     return [CUBE.encode() + PARTS, text + PARTS + mtl]
 
 
+def _stl(_: Path) -> list[bytes]:
+    solid = trimesh.creation.box()
+    return [solid.export(file_type="stl"), solid.export(file_type="stl_ascii").encode()]
+
+
 def _gltf(_: Path) -> list[bytes]:
     return [gltf({}).encode(), gltf({**TEXTURED, "images": [{"uri": "t.png"}]}).encode()]
 
@@ -159,6 +164,7 @@ _MAKERS = {
     "exr": _exr,
     "ply": _ply,
     "obj": _obj,
+    "stl": _stl,
     "gltf": _gltf,
     "glb": _glb,
     "scene": _scene,

@@ -63,6 +63,9 @@ class Reading:
         mesh, _, materials = data.partition(PARTS)
         return [("m.mtl", materials, ()), ("m.obj", mesh, ("mesh",))]
 
+    def _stl(self, data: bytes) -> Files:
+        return [("m.stl", data, ("mesh",))]
+
     def _gltf(self, data: bytes) -> Files:
         return [("m.gltf", data, ("mesh",))]
 

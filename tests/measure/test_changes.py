@@ -109,10 +109,10 @@ def test_knobs_that_differ_are_told() -> None:
 @pytest.mark.parametrize(
     ("other", "says"),
     [
-        ({"scene": "hall"}, "scene room, this is hall"),
-        ({"device": "a GPU"}, "device a device, this is a GPU"),
-        ({"view": View(40, 31)}, "height 30, this is 31"),
-        ({"view": View(40, 30, yaw_deg=2.0)}, "yaw_deg 0.0, this is 2.0"),
+        ({"scene": "hall"}, "scene room, not hall"),
+        ({"device": "a GPU"}, "device a device, not a GPU"),
+        ({"view": View(40, 31)}, "height 30, not 31"),
+        ({"view": View(40, 30, yaw_deg=2.0)}, "yaw_deg 0.0, not 2.0"),
     ],
 )
 def test_other_pictures_are_refused(other: dict[str, object], says: str) -> None:
@@ -126,7 +126,7 @@ def test_other_pictures_are_refused(other: dict[str, object], says: str) -> None
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("{", "is no JSON"),
+        ("{", "is not JSON"),
         ("[1]", "expected the output of"),
         ('{"passes": []}', "expected the output of"),
         ('{"schema": 99}', "has schema 99, this version reads 1"),

@@ -100,6 +100,7 @@ def scene(tmp_path: Path, truth: NDArray[np.float32]) -> Any:
         view=View(40, 32),
         truth=tmp_path / "truth.exr",
         truth_background=tmp_path / "background.exr",
+        truth_warning=None,
         cuts=CUTS,
         objects=("bunny",),
     )
@@ -184,6 +185,16 @@ def test_panels_show_render_truth_and_difference(scene: Any, renderer: type[Fake
 def test_view_without_truth_is_an_error_naming_the_key(scene: Any) -> None:
     with pytest.raises(SceneError, match=r"views\.plain\.truth is not set"):
         views_with_truth(scene, ["plain"])
+
+
+def test_a_truth_that_is_outdated_is_warned_of(
+    scene: Any, caplog: pytest.LogCaptureFixture
+) -> None:
+    assert views_with_truth(scene) == ["table"]
+    assert caplog.messages == []
+    scene.views["table"].truth_warning = "views.table.truth: it is old"
+    assert views_with_truth(scene) == ["table"]
+    assert caplog.messages == ["views.table.truth: it is old"]
 
 
 def test_unknown_view_lists_the_views(scene: Any) -> None:

@@ -5,24 +5,21 @@ The truth is a picture that the renderer itself made, so that the best settings 
 
 from __future__ import annotations
 
-import base64
-import io
 import json
-import re
+import subprocess
+import sys
 from collections.abc import Callable
-from html.parser import HTMLParser
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import pytest
-from PIL import Image
 from scipy import stats
 
 from iprt import cli
 from iprt.commands import bench_truth
 from iprt.commands.bench_truth import parse_levels
-from iprt.errors import IprtError
+from iprt.errors import DeviceError, IprtError
 from iprt.knobs import parse_assignment, resolved
 from iprt.measure.convergence import Point, parse_counts, seconds_to
 from iprt.measure.intervals import Estimate
@@ -32,6 +29,7 @@ from iprt.output.exr import write_exr
 from iprt.presets import PRESETS
 from iprt.scene.images import read_color
 from iprt.scene.scene import Scene
+from tests.measure.pages import page_of
 from tests.scene.files import MANIFEST, write_rgb, write_scene
 
 OBJECT = """
@@ -144,7 +142,7 @@ BAD: dict[str, tuple[list[str], str]] = {
     "model": (["--convergence", "1", "--model", "m"], "--model: is for --against"),
     "counts": (["--convergence", "4,2"], "--convergence 4,2: expected rising numbers"),
     "levels": (["--convergence", "1", "--reach", "1.5"], "--reach 1.5: expected values of SSIM"),
-    "views": (["--view", "near", "--view", "again"], "--view again: one view is timed"),
+    "views": (["--view", "near", "--view", "again"], "--view again: only one view is timed"),
 }
 
 
@@ -258,46 +256,6 @@ def test_time_to_reach_is_between_the_pictures() -> None:
 # Output ----------------------------------------------------------------------------------------
 
 
-class Page(HTMLParser):
-    """Tags and attributes; fails where a tag is closed that is not open."""
-
-    VOID: ClassVar = {"meta", "img", "br", "line", "circle", "rect", "polyline"}
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.open: list[str] = []
-        self.tags: list[tuple[str, dict[str, str | None]]] = []
-        self.feed(text)
-        self.close()
-        assert self.open == []
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.tags.append((tag, dict(attrs)))
-        if tag not in self.VOID:
-            self.open.append(tag)
-
-    def handle_endtag(self, tag: str) -> None:
-        if tag not in self.VOID:
-            assert self.open.pop() == tag
-
-    def named(self, name: str) -> list[dict[str, str | None]]:
-        return [attrs for tag, attrs in self.tags if tag == name]
-
-
-def page_of(path: Path) -> Page:
-    text = path.read_text(encoding="utf-8")
-    assert not re.search(r"https?:|//|url\(|@import|<script", re.sub(r"data:\S+", "", text))
-    page = Page(text)
-    sources = [attrs["src"] for attrs in page.named("img")]
-    for source in sources:
-        assert source is not None
-        assert source.startswith("data:image/png;base64,")
-        with Image.open(io.BytesIO(base64.b64decode(source.partition(",")[2]))) as image:
-            assert image.size[0] > 0
-            assert np.isfinite(np.asarray(image)).all()
-    return page
-
-
 @pytest.mark.gl
 def test_page_of_a_sweep_needs_nothing_else(
     scene: Path,
@@ -310,7 +268,7 @@ def test_page_of_a_sweep_needs_nothing_else(
     assert run(scene, *words, "--markdown") == 0
     table = [line for line in capsys.readouterr().out.splitlines() if line.startswith("|")]
     assert len(table) == 2 + 4
-    assert "8 runs: 2 combination(s) of settings, 2 view(s), 2 seed(s)" in caplog.text
+    assert "8 runs: 2 combinations of settings, 2 views, 2 seeds" in caplog.text
     page = page_of(html)
     assert len(page.named("svg")) == 2
     assert len(page.named("circle")) == 4
@@ -347,7 +305,7 @@ def test_page_of_convergence_and_of_a_comparison(
 
 
 @pytest.mark.gl
-def test_what_was_measured_before_an_interrupt_is_kept(
+def test_what_was_measured_before_an_error_is_kept(
     scene: Path,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -355,18 +313,32 @@ def test_what_was_measured_before_an_interrupt_is_kept(
 ) -> None:
     whole = bench_truth.run_sweep
 
-    def interrupted(*args: Any, **kwargs: Any) -> Any:
+    def failing(*args: Any, **kwargs: Any) -> Any:
         yield next(whole(*args, **kwargs))
-        raise KeyboardInterrupt
+        raise DeviceError("lost")
 
-    monkeypatch.setattr(bench_truth, "run_sweep", interrupted)
+    monkeypatch.setattr(bench_truth, "run_sweep", failing)
     html = tmp_path / "a.html"
     words = ["--sweep", "trace.rays=1,2", "--frames", 1, "--seeds", 1, "--view", "near"]
-    assert run(scene, *words, "--json", "--html", html) == 130
+    assert run(scene, *words, "--json", "--html", html) == 3
     captured = capsys.readouterr()
     assert len(json.loads(captured.out)["rows"]) == 1
-    assert captured.err.endswith("iprt: interrupted\n")
+    assert captured.err.endswith("iprt: error: lost\n")
     assert len(page_of(html).named("circle")) == 1
+
+
+@pytest.mark.parametrize(("results", "printed"), [("", ""), ("1", "table\n")])
+def test_what_was_measured_before_a_signal_is_printed(results: str, printed: str) -> None:
+    code = (
+        "import os, signal, time; from iprt.termination import end_on_signals\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler); end_on_signals()\n"
+        "from iprt.commands.bench_truth import _printed_at_last\n"
+        f"with _printed_at_last([{results}], lambda: print('table')):\n"
+        "    os.kill(os.getpid(), signal.SIGINT); time.sleep(1000)"
+    )
+    words = [sys.executable, "-c", code]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=60, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (130, printed, "iprt: interrupted\n")
 
 
 @pytest.mark.mitsuba

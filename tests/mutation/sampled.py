@@ -51,7 +51,7 @@ EQUIVALENT: dict[str, str] = {
         "The noise of panoramas of fewer than three rows, or without surfaces: nothing is fitted."
     ),
     "iprt/scene/normals.py: self._joined = bool((self._same == self._same[0, 0]).all()) -> "
-    "self._joined = bool((self._same == self._same[0, 1]).all())": (
+    "self._joined = bool((self._same == self._same[1, 0]).all())": (
         "If all are equal they equal any of them."
     ),
     "iprt/scene/depth.py: sums: NDArray[Any] = rows[:, 0::2] + rows[:, 1::2] -> "
@@ -66,8 +66,8 @@ EQUIVALENT: dict[str, str] = {
     "iprt/bvh/wide.py: references += np.where(references >= 0, first_node, -first_leaf)"
     ".astype(np.int32) -> references += np.where(references > 0, first_node, -first_leaf)"
     ".astype(np.int32)": ("Node 0 is the root, which no node refers to."),
-    "iprt/bvh/cache.py: most = fixed[-1] + MESH_DEPTH + 1 -> most = fixed[-1] + MESH_DEPTH - 1": (
-        "Trees of the two greatest depths would be built anew each time: slower, the same picture."
+    "iprt/bvh/cache.py: most = fixed[-1] + MESH_DEPTH + 1 -> most = fixed[-1] + MESH_DEPTH + 2": (
+        "A bound on what is read, one number larger; what is no tree is refused afterwards."
     ),
     "iprt/truth/sensor.py: [[*rotation[0], 0.0], [*rotation[1], 0.0], [*rotation[2], 0.0], "
     "[0, 0, 0, 1.0]] -> [[*rotation[0], 0.0], [*rotation[1], 0.0], [*rotation[2], 0.1], "

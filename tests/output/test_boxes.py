@@ -70,7 +70,7 @@ def test_offsets_follow_their_pictures(kind: bytes, tmp_path: Path) -> None:
 
 
 def test_offsets_beyond_32_bits_get_64(tmp_path: Path) -> None:
-    """Of a file that is so large only once its index comes first."""
+    """The file is so large only once its index comes first."""
     (tmp_path / "a.mp4").write_bytes(movie())
     with mock.patch.object(boxes, "_LARGE", len(movie()) - 1):
         index_first(tmp_path / "a.mp4", tmp_path / "b.mp4", {})

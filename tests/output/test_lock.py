@@ -110,3 +110,18 @@ def test_without_locks_renders_go_on(tmp_path: Path, monkeypatch: pytest.MonkeyP
     with locked(tmp_path):
         pass
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("kind", ["link", "pipe", "folder"])
+def test_what_is_no_lock_is_neither_followed_nor_emptied(kind: str, tmp_path: Path) -> None:
+    (tmp_path / "mine").write_text("a text")
+    if kind == "link":
+        (tmp_path / NAME).symlink_to("mine")
+    elif kind == "pipe":
+        os.mkfifo(tmp_path / NAME)
+    else:
+        (tmp_path / NAME).mkdir()
+    with pytest.raises(FormatError, match=r"\.iprt\.lock: is not a file"), locked(tmp_path):
+        pytest.fail("it is held")
+    assert (tmp_path / "mine").read_text() == "a text"
+    assert (tmp_path / NAME).exists()

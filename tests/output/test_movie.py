@@ -104,11 +104,11 @@ def test_parts_of_another_video_are_not_mixed_in(tmp_path: Path) -> None:
     with pytest.raises(FormatError) as caught:
         movie(path, **{"iprt:seed": "7"})
     assert str(caught.value) == (
-        f"{path}.parts: holds frames that were rendered otherwise (seed is 0 there and 7 now); "
-        "delete it or name another file"
+        f"{path}.parts: holds finished frames of another render: seed was 0 then and is 7 now; "
+        "delete this folder to start again, or name another output"
     )
     (tmp_path / "a.mp4.parts" / "job.json").unlink()
-    with pytest.raises(FormatError, match=r"a\.mp4\.parts: is no folder of ours"):
+    with pytest.raises(FormatError, match=r"a\.mp4\.parts: was not made by iprt"):
         movie(path)
 
 
@@ -119,12 +119,16 @@ def test_what_a_killed_render_left_is_removed(tmp_path: Path) -> None:
     assert not left.exists()
 
 
-def test_a_link_keeps_pointing_where_it_did(tmp_path: Path) -> None:
+def test_links_are_not_replaced(tmp_path: Path) -> None:
     (tmp_path / "there").mkdir()
     (tmp_path / "a.mp4").symlink_to(tmp_path / "there" / "b.mp4")
-    grown(tmp_path / "a.mp4")
+    with pytest.raises(FormatError, match=r"a\.mp4: is a symbolic link"):
+        grown(tmp_path / "a.mp4")
     assert (tmp_path / "a.mp4").is_symlink()
-    assert names(tmp_path / "there") == {"b.mp4"}
+    (tmp_path / "c.mp4.parts").symlink_to(tmp_path / "there")
+    with pytest.raises(FormatError, match=r"c\.mp4\.parts: is a symbolic link"):
+        movie(tmp_path / "c.mp4")
+    assert names(tmp_path / "there") == set()
 
 
 @pytest.mark.parametrize("call", ["fsync", "replace"])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import socket
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from iprt.errors import FormatError
+from iprt.output.atomic import replacing
 from iprt.output.exr import write_exr
 from iprt.output.picture import check_output, write_picture
 from iprt.output.png import write_png
@@ -148,12 +150,40 @@ def test_written_file_has_the_usual_permissions(tmp_path: Path, color: NDArray[n
     assert (tmp_path / "a.png").stat().st_mode == (tmp_path / "plain").stat().st_mode
 
 
-def test_link_keeps_pointing_at_the_picture(tmp_path: Path, color: NDArray[np.float32]) -> None:
+@pytest.mark.parametrize("target", ["store/real.png", "nowhere.png", "a.png", "/dev/full"])
+def test_links_are_not_replaced(target: str, tmp_path: Path, color: NDArray[np.float32]) -> None:
     (tmp_path / "store").mkdir()
-    (tmp_path / "a.png").symlink_to(tmp_path / "store" / "real.png")
-    write_picture(tmp_path / "a.png", color)
-    assert (tmp_path / "a.png").is_symlink()
-    assert (tmp_path / "store" / "real.png").is_file()
+    (tmp_path / "store" / "real.png").write_text("mine")
+    (tmp_path / "a.png").symlink_to(target)
+    for write in (lambda path: write_picture(path, color), check_output):
+        with pytest.raises(FormatError, match=r"a\.png: is a symbolic link"):
+            write(tmp_path / "a.png")
+    assert (tmp_path / "a.png").readlink() == Path(target)
+    assert (tmp_path / "store" / "real.png").read_text() == "mine"
+
+
+@pytest.mark.parametrize("kind", ["pipe", "socket"])
+def test_pipes_and_sockets_are_not_replaced(
+    kind: str, tmp_path: Path, color: NDArray[np.float32], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)  # names of sockets are short
+    if kind == "pipe":
+        os.mkfifo("a.png")
+    else:
+        with socket.socket(socket.AF_UNIX) as server:
+            server.bind("a.png")
+    before = os.lstat("a.png")
+    for write in (lambda path: write_picture(path, color), check_output):
+        with pytest.raises(FormatError, match=r"a\.png: is a device, pipe or socket"):
+            write(Path("a.png"))
+    assert os.lstat("a.png").st_ino == before.st_ino
+
+
+def test_devices_are_not_replaced(color: NDArray[np.float32]) -> None:
+    before = os.lstat("/dev/full")
+    with pytest.raises(FormatError, match="/dev/full: is a device"), replacing(Path("/dev/full")):
+        pytest.fail("it is about to be replaced")
+    assert os.lstat("/dev/full").st_mode == before.st_mode
 
 
 @pytest.mark.parametrize("name", ["a.jpg", "a", "a.exr.gz"])

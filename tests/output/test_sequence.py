@@ -57,12 +57,12 @@ def test_what_is_there_is_kept(name: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("changed", "message"),
     [
-        ({"seed": 7}, "seed is 0 there and 7 now"),
-        ({"scene": "hall"}, 'scene is "room" there and "hall" now'),
-        ({"frames": 8}, "frames is 4 there and 8 now"),
-        ({"view": View(6, 4, pitch_deg=5.0)}, "view.pitch_deg is 0.0 there and 5.0 now"),
-        ({"objects": None}, 'view.objects is ["cube"] there and null now'),
-        ({"settings": {"trace": {"rays": 8}}}, "settings.trace.rays is 1 there and 8 now"),
+        ({"seed": 7}, "seed was 0 then and is 7 now"),
+        ({"scene": "hall"}, 'scene was "room" then and is "hall" now'),
+        ({"frames": 8}, "--accumulate was 4 then and is 8 now"),
+        ({"view": View(6, 4, pitch_deg=5.0)}, "view.pitch_deg was 0.0 then and is 5.0 now"),
+        ({"objects": None}, 'view.objects was ["cube"] then and is null now'),
+        ({"settings": {"trace": {"rays": 8}}}, "settings.trace.rays was 1 then and is 8 now"),
     ],
 )
 def test_pictures_made_otherwise_are_not_mixed_in(
@@ -72,8 +72,8 @@ def test_pictures_made_otherwise_are_not_mixed_in(
     with pytest.raises(FormatError) as caught:
         PictureSequence(tmp_path / "%02d.png", range(4), lambda i: metadata(i, **changed), 1.0)
     assert str(caught.value) == (
-        f"{tmp_path}/00.png: was rendered otherwise ({message}); delete such frames or write "
-        "elsewhere"
+        f"{tmp_path}/00.png: is a frame of another render: {message}; delete all its frames, or "
+        "name another output"
     )
 
 
@@ -89,14 +89,14 @@ def test_what_is_not_whole_is_named(kept: float, name: str, tmp_path: Path) -> N
     path = numbered(tmp_path / name, 1)
     data = path.read_bytes()
     path.write_bytes(data[: int(kept * len(data))])
-    with pytest.raises(FormatError, match=f"{path.name}: is damaged, or no picture of ours"):
+    with pytest.raises(FormatError, match=f"{path.name}: is damaged or not by iprt"):
         sequence(tmp_path, name=name)
 
 
 @pytest.mark.parametrize("name", ["%02d.png", "%02d.exr"])
 def test_pictures_of_others_are_not_overwritten(name: str, tmp_path: Path) -> None:
     write_picture(numbered(tmp_path / name, 2), PICTURE.color, metadata={"Software": "other"})
-    with pytest.raises(FormatError, match="no picture of ours; delete it or write elsewhere"):
+    with pytest.raises(FormatError, match="not by iprt; delete it, or name another output"):
         sequence(tmp_path, name=name)
 
 

@@ -79,7 +79,7 @@ class Kernels:
     def receivers(self) -> tuple[Float, Float]:
         """(H, W, 3) where rays of the real pixels towards objects start, and normals there."""
         guide = self._planes(self.renderer.real_guide.current)
-        lift = START_BIAS * self.renderer.panorama.scale
+        lift = START_BIAS * self.renderer.real_world.panorama.scale
         return guide[..., 3:6] + lift * guide[..., :3], guide[..., :3]
 
     def change(self, seed: int, rays: int) -> Float:
@@ -98,11 +98,17 @@ class Kernels:
         trace = TraceReal(
             self.device, renderer.real_guide, self._requirements(seed, rays), name="run"
         )
-        trace.run(renderer.world, renderer.real_pixels.mask, self.view, renderer.cache, least=0.0)
+        trace.run(
+            renderer.world,
+            renderer.real_pixels.mask,
+            self.view,
+            renderer.real_world.irradiance,
+            least=0.0,
+        )
         signal = self._planes(trace.signal)
-        if renderer.cache is None:
+        if renderer.real_world.irradiance is None:
             return signal[..., :3], signal[..., 3:], np.ones(3)
-        shown = renderer.cache.show(renderer.world, renderer.real_guide)
+        shown = renderer.real_world.irradiance.show(renderer.world, renderer.real_guide)
         return signal[..., :3], signal[..., 3:], self._planes(shown)
 
     def irradiance(self, seed: int, rays: int) -> Float:
@@ -110,8 +116,8 @@ class Kernels:
         renderer = self.renderer
         assert renderer.real_pixels is not None
         cache = IrradianceCache(self.device, self._requirements(seed, rays))
-        frame = renderer._frame
-        cache.place(renderer.world, frame, frame, STILL, changed=0.0, cut=False)
+        frame = renderer.frame
+        cache.place(renderer.real_world.panorama, frame, frame, STILL, changed=0.0, cut=False)
         cache.run(
             renderer.world, renderer.real_guide, renderer.real_pixels.mask, self.view, least=0.0
         )

@@ -37,9 +37,8 @@ views = pytest.mark.parametrize("view", VIEWS, ids=lambda view: view.projection)
 def followed(device: ComputeDevice, before: Float, now: Float) -> CameraMotion:
     """A camera in the frame after it has moved."""
     camera = CameraMotion(device, before)
-    camera.step()
-    camera.pose = now
-    camera.step()
+    camera.step(before)
+    camera.step(now)
     return camera
 
 
@@ -104,7 +103,7 @@ def test_motion_ends_when_the_camera_stops(device: ComputeDevice) -> None:
     np.testing.assert_allclose(
         device.read(camera.rows).reshape(3, 4), camera_motion(before, now), atol=1e-6
     )
-    camera.step()
+    camera.step(now)
     np.testing.assert_array_equal(device.read(camera.rows).reshape(3, 4), np.eye(4)[:3])
 
 

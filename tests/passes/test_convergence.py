@@ -32,7 +32,7 @@ COUNTS = [1, 4, 16, 64, MOST]
 
 
 def slope(errors: list[float]) -> float:
-    """Of log error against log `COUNTS`, by least squares."""
+    """The slope of log error against log `COUNTS`, by least squares."""
     return float(np.polyfit(np.log(COUNTS), np.log(errors), 1)[0])
 
 

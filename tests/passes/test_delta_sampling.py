@@ -84,7 +84,7 @@ def test_each_way_to_choose_directions_finds_the_same(
 
 
 def test_less_than_a_third_of_the_variance_at_equal_rays(device: ComputeDevice) -> None:
-    """Of the quotient after 16 frames of one ray per pixel, below a lamp."""
+    """The quotient varies so after 16 frames of one ray per pixel, below a lamp."""
     frame = room_frame(ROOM, 128, 64, ceiling_lamp)
     objects = SCENES["ball"][1]
 

@@ -151,7 +151,7 @@ def test_the_seam_does_not_show(device: ComputeDevice) -> None:
 
 
 def distance_to_ball(points: Float, d: Float) -> Float:
-    """Of the rays' lines from the ball's centre."""
+    """The distance of the rays' lines from the ball's centre."""
     apart = np.array(BALL.centre) - points
     return np.asarray(np.linalg.norm(apart - (apart * d).sum(-1, keepdims=True) * d, axis=-1))
 
@@ -215,7 +215,7 @@ def test_without_influence_pixels_keep_their_bits(device: ComputeDevice) -> None
 
 
 def test_highlights_take_no_shadow(device: ComputeDevice) -> None:
-    """Of a conductor nothing is diffuse: the ratio, whatever it is, does not darken it."""
+    """Nothing of a conductor is diffuse: the ratio, whatever it is, does not darken it."""
     frame = mirror_room(256, 128)
     picture = render(device, frame, [ball(BALL.centre, BALL.radius, BLACK)], frames=4)
     seen, _, _ = floor_rays(DOWN)

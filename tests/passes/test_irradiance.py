@@ -52,7 +52,7 @@ def renderer(
 
 def cells(made: Renderer) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
     """(N, 4) plane, mean and smoothed irradiance."""
-    cache = made.cache
+    cache = made.real_world.irradiance
     assert cache is not None
     read = made.device.read
     return read(cache.plane), read(cache.mean), read(cache.irradiance)

@@ -231,7 +231,7 @@ def test_old_shadow_goes_at_once(device: ComputeDevice, kind: Kind) -> None:
 
 @pytest.mark.parametrize("before", [0.0, 0.3, 1.0])
 def test_ghosts_last_eight_frames_at_most(device: ComputeDevice, before: float) -> None:
-    """Of noisy light that steps to 0.6 after a long time, a seventh at most is left."""
+    """A seventh at most is left of noisy light that steps to 0.6 after a long time."""
     gbuffer = flat_gbuffer(64, 48)
     session = Session(device, gbuffer, "diffuse")
     rng = np.random.default_rng(14)

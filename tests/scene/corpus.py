@@ -31,7 +31,7 @@ from tests.scene.nasty import CORPUS, Nasty, Reader
 SPARE = 2**29
 """Bytes of address space that reading one of the files may take."""
 SECONDS = 5
-"""Of the processor that it may take: the slowest takes a tenth."""
+"""The processor's time that it may take: the slowest takes a tenth."""
 PATIENCE = 60
 """Seconds until it is taken to wait for something."""
 

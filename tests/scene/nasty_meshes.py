@@ -207,3 +207,25 @@ nasty("mesh", "m.glb", "GLB of 4 GB", GLB[:8] + b"\xff" * 4 + GLB[12:], "of 4294
 nasty("mesh", "m.glb", "GLB document of 4 GB", GLB[:12] + b"\xff" * 4 + GLB[16:], "do not fill it")
 nasty("mesh", "m.glb", "GLB of version 1", GLB[:4] + b"\1" + GLB[5:], "no header of glTF 2")
 nasty("mesh", "m.glb", "GLB without its data", glb(gltf({"buffers.0.uri": None})), "m.glb: ")
+
+
+def stl(count: int, data: bytes = b"") -> bytes:
+    return bytes(80) + struct.pack("<I", count) + data
+
+
+TRIANGLE = bytes(12) + CORNERS + bytes(2)
+STL_TEXT = "solid a\nfacet normal 0 0 0\nouter loop\n" + "vertex 0 0 {}\n" * 3 + "endloop\n"
+for _name, _stl, _message in (
+    ("STL of 2^32 triangles", stl(2**32 - 1, TRIANGLE), "damaged STL file (134 bytes; a header"),
+    ("STL of 10^7 absent triangles", stl(10**7), "would need 500000084"),
+    ("STL of nothing", b"", "damaged STL file (0 bytes"),
+    ("STL of no triangles", stl(0), "m.stl: "),
+    ("STL with more than it claims", stl(1, TRIANGLE * 2), "damaged STL file (184 bytes"),
+    ("STL of NaN", stl(1, b"\xff" * 48 + bytes(2)), "holds no triangles"),
+    ("STL text without an end", STL_TEXT.format(0, 1, 2), "1 facets with 3 vertices, of which 0"),
+    ("STL text of a word", STL_TEXT.format(0, 1, "a") + "endfacet\nendsolid\n", "2 vertices"),
+    ("STL text of one long number", "solid\nvertex 0 0 " + "1" * 10**6, "1 vertices"),
+    ("STL text of 10^5 solids", "solid a\nendsolid a\n" * 10**5, "100000 solids; at most"),
+    ("STL text that ends first", "solid\n" + "endsolid\nsolid\n" * 9, "m.stl: "),
+):
+    nasty("mesh", "m.stl", _name, _stl, _message)

@@ -72,7 +72,7 @@ for _reader, _file in (("manifest", "scene.toml"), ("settings", "my.toml")):
 for _name, _data, _message in (
     ("settings of NaN", "[trace]\nrays = nan\n", "trace.rays = nan: expected"),
     ("settings of a date", "seed = 1979-05-27\n", "seed = 1979-05-27: expected"),
-    ("settings with a key that ends the line", '"a\\nb" = 1\n', "a\\nb = 1: there is no knob"),
+    ("settings with a key that ends the line", '"a\\nb" = 1\n', "a\\nb = 1: there is no setting"),
     ("settings with a long text", f'seed = "{"x" * 9000}"\n', "..."),
 ):
     nasty("settings", "my.toml", _name, _data, _message)

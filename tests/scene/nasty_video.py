@@ -72,7 +72,7 @@ def matroska(path: Path) -> bytes:
     return path.read_bytes()
 
 
-@nasty_script("video", "v.mkv", "of more than the 134217728 pixels")
+@nasty_script("video", "v.mkv", "more than 134217728 pixels")
 def matroska_of_2_to_28_pixels(path: Path) -> None:
     # PixelWidth and PixelHeight, of two bytes each.
     small, large = b"\xb0\x82\2\0\xba\x82\1\0", b"\xb0\x82\x3f\xff\xba\x82\x3f\xff"

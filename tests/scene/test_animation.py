@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from iprt.scene.animation import Node, Skeleton, Skin, Track, moved, transform
 
-SETTINGS = settings(max_examples=100, derandomize=True, deadline=None)
+SETTINGS = settings(max_examples=100, derandomize=True)
 Float = NDArray[np.float64]
 
 numbers = st.floats(-1e6, 1e6)
@@ -37,7 +37,7 @@ def track(
 
 
 def angle(a: Float, b: Float) -> float:
-    """Of the turn from one orientation to the other, in radians, the short way."""
+    """The turn from one orientation to the other, in radians, the short way."""
     return float((Rotation.from_quat(a).inv() * Rotation.from_quat(b)).magnitude())
 
 

@@ -190,7 +190,7 @@ def test_all_clipped_tells_nothing() -> None:
     told = Recovered.of(frame, 1.0)
     assert told is not None
     assert told.factor == 1.0
-    assert "nothing recovered" in told.line()
+    assert "as bright as the picture shows, because" in told.line()
 
 
 @pytest.mark.parametrize("wall", [0.02, 0.3, 0.9])

@@ -148,7 +148,7 @@ def test_info_and_check_tell(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     for verb in ("info", "check"):
         assert cli.main(["scene", verb, str(scene.root)]) == 0
         assert told.line() in capsys.readouterr().out
-    assert told.line().startswith("1 clipped light(s) on ")
+    assert told.line().startswith("1 clipped light in ")
 
 
 @pytest.mark.parametrize("value", ["0", "-1.0", "nan", '"never"'])

@@ -13,9 +13,11 @@ from tyro.extras import SubcommandApp
 
 from iprt.commands import scene as commands
 from iprt.errors import FormatError, IprtError, SceneError
-from iprt.scene.edit import add_object, new_scene, parse_material
+from iprt.scene.adding import add_object
+from iprt.scene.edit import new_scene, parse_material
 from iprt.scene.placement import RealSurfaces
 from iprt.scene.scene import Scene
+from iprt.scene.stance import Stance
 from iprt.scene.video.depth_code import DepthCode
 from tests.scene.files import (
     CUBE,
@@ -97,7 +99,7 @@ def test_objects_stand_on_the_floor_and_cut_no_wall(
     tmp_path: Path, footage: Path, look: tuple[float, float]
 ) -> None:
     own = make(tmp_path, footage)
-    add_object(own, footage / "cube.obj", *look, height=0.5)
+    add_object(own, footage / "cube.obj", *look, stance=Stance(height_m=0.5))
     corners = vertices(Scene.open(own), "cube")
     assert corners[:, 1].min() == pytest.approx(LOW[1], abs=0.01)
     assert (corners > LOW - 0.02).all()
@@ -123,6 +125,22 @@ def test_adding_keeps_comments_and_what_was_there(tmp_path: Path) -> None:
     scene = Scene.open(folder)
     assert [table.name for table in scene.manifest.objects] == ["cube", "cube-2"]
     assert scene.views["cube-2"].objects == ("cube-2",)
+
+
+@pytest.mark.parametrize("objects", ["", 'objects = ["cube"]\n'])
+def test_adding_outdates_truths_that_would_show_the_object(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], objects: str
+) -> None:
+    """Where a view lists its objects, new ones are not among them."""
+    text = MANIFEST + OBJECT + VIEW + objects + 'truth = "truth.exr"\n'
+    folder = write_scene(tmp_path / "s", text)
+    write_rgb(folder / "truth.exr", np.ones((24, 32, 3), np.float32))
+    add_object(folder, folder / "cube.obj", 0, -45)
+    assert Scene.open(folder).views["ahead"].truth_outdated == (not objects)
+    run("check", str(folder))
+    assert ("views.ahead.truth: objects have been edited" in capsys.readouterr().out) == (
+        not objects
+    )
 
 
 def test_meshes_of_one_name_do_not_overwrite_each_other(tmp_path: Path, footage: Path) -> None:
@@ -204,8 +222,8 @@ def test_new_refuses_to_overwrite(tmp_path: Path, footage: Path) -> None:
         ("none.png", "depth.png", 0.001, "no such file"),
         ("photo.PNG", "none.png", 0.001, "no such file"),
         ("photo.PNG", "depth.png", None, "give --depth-scale"),
-        ("photo.PNG", "photo.PNG", 0.001, "8 bits per channel"),
-        ("depth.png", "photo.PNG", 0.001, "8 bits per channel"),
+        ("photo.PNG", "photo.PNG", 0.001, "picture in colours"),
+        ("depth.png", "photo.PNG", 0.001, "picture in colours"),
         ("cube.obj", "depth.png", 0.001, "not an EXR, PNG, JPEG or PFM"),
         ("c.%04d.png", "depth.png", 0.001, "no file matches this pattern"),
     ],
@@ -240,8 +258,8 @@ def test_info_says_what_matters(
     for part in (
         "256 x 128",
         "0.001 m per stored unit",
-        "p50",
-        "% of flux",
+        "half below 1.",
+        "% of all light",
         "12 triangles, mirror",
     ):
         assert part in text

@@ -143,6 +143,35 @@ def test_views_show_what_is_new_but_where_the_truth_does_not(scene: Scene, tmp_p
     }
 
 
+@pytest.mark.parametrize(
+    ("edit", "marked"),
+    [
+        (ObjectEdit("last", flat(placed(0.5))), {"true", "whole"}),
+        (ObjectEdit("plain", material=PAINT), {"true", "whole"}),
+        (ObjectEdit("plain", removed=True), {"true", "whole"}),
+        (ObjectEdit("tiles", flat(placed(0.5))), {"whole"}),
+        (ObjectEdit("new", flat(placed(0.5)), path=Path("cube.obj")), {"whole"}),
+        (ObjectEdit("new", flat(placed(0.5)), path=Path("cube.obj"), removed=True), set()),
+        (ObjectEdit("last"), set()),
+    ],
+)
+def test_truths_that_show_what_is_edited_are_outdated(
+    scene: Scene, edit: ObjectEdit, marked: set[str]
+) -> None:
+    """Views without a list of objects show all of them, new ones included."""
+    manifest = scene.root / "scene.toml"
+    text = manifest.read_text() + '[[views]]\nname = "whole"\nsize = [32, 24]\n'
+    text += 'truth = "truth.exr"  # of today\n'
+    manifest.write_text(text)
+    if edit.path is not None:
+        edit = replace(edit, path=scene.root / edit.path)
+    save_edits(Scene.open(scene.root), [edit])
+    views = Scene.open(scene.root).views.values()
+    assert {view.name for view in views if view.truth_outdated} == marked
+    assert {view.name for view in views if view.truth_warning} == marked
+    assert 'truth = "truth.exr"  # of today' in manifest.read_text()
+
+
 def test_an_object_of_another_ones_texture(scene: Scene) -> None:
     texture = scene.objects[0].bound.materials[0].texture
     assert texture is not None

@@ -161,7 +161,10 @@ def test_info_and_check_tell_what_a_region_covers(
         ('mask = "../m.png"', "real_materials.floor.mask: '../m.png' leaves the scene's folder"),
         ("color = [0.0, 0.0, 0.0]", "real_materials.floor.color: expected at least one value"),
         ("color = [0.1, 0.2]", "real_materials.floor.color: expected 3 values, got 2"),
-        ("color_tolerance = 0.1", "real_materials.floor.color_tolerance: there is no color"),
+        (
+            "color_tolerance = 0.1",
+            "real_materials.floor.color_tolerance: has no effect without color",
+        ),
         (
             "plane = { point = [0, 0, 0], normal = [0, 0, 0] }",
             "real_materials.floor.plane.normal: expected at least one value that is not 0",

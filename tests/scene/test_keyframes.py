@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from iprt import cli
 from iprt.errors import SceneError
-from iprt.scene.edit import add_object
+from iprt.scene.adding import add_object
 from iprt.scene.scene import Scene
 from tests.scene.files import CUBE, MANIFEST, VIEW, write_rgb, write_scene
 

@@ -187,7 +187,7 @@ LEAVES: st.SearchStrategy[Any] = st.one_of(
 )
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(data=st.data())
 def test_any_wrong_value_is_an_error_that_names_its_key(data: st.DataObject) -> None:
     """Replace one value anywhere: the manifest stays right, or an error names the key."""

@@ -23,10 +23,11 @@ def write(path: Path, text: str) -> Path:
     return path
 
 
-def test_cube_gets_angle_weighted_normals(tmp_path: Path) -> None:
+def test_a_cube_of_obj(tmp_path: Path) -> None:
     mesh = load_mesh(write(tmp_path / "cube.obj", CUBE))
     assert len(mesh.triangles) == 12
-    assert np.allclose(mesh.normals, mesh.positions / np.sqrt(3), atol=1e-6)
+    assert len(mesh.positions) == 24, "three faces meet at a corner"
+    assert ((mesh.normals * mesh.positions).sum(axis=-1) == 1.0).all()
     corners = mesh.positions[mesh.triangles]
     face = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     assert ((face * corners.mean(axis=1)).sum(-1) > 0).all(), "counter-clockwise from outside"
@@ -153,7 +154,28 @@ def test_vertex_colours_are_named(tmp_path: Path) -> None:
         process=False,
     )
     mesh.export(tmp_path / "c.ply")
-    assert "vertex colours" in load_mesh(tmp_path / "c.ply").dropped
+    mesh.export(tmp_path / "c.glb")
+    for name in ("c.ply", "c.glb"):
+        found = load_mesh(tmp_path / name)
+        assert found.dropped == ("colours of vertices or faces; their mean is used",)
+    assert load_mesh(tmp_path / "c.ply", Material()).dropped == ()
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".obj", ".glb"])
+@pytest.mark.parametrize("kind", ["vertex", "face"])
+def test_the_mean_of_vertex_colours_is_used(suffix: str, kind: str, tmp_path: Path) -> None:
+    """Those of glTF are linear, others are those of displays."""
+    solid = trimesh.creation.box()
+    colors = np.array([[255, 188, 0, 255], [255, 188, 0, 255], [0, 188, 0, 255]])
+    count = len(solid.vertices if kind == "vertex" else solid.faces)
+    setattr(solid.visual, f"{kind}_colors", np.resize(colors, (count, 4)))
+    share = float((np.resize(colors, (count, 4))[:, 0] > 0).mean())
+    solid.export(tmp_path / f"c{suffix}")
+    (material,) = load_mesh(tmp_path / f"c{suffix}").materials
+    if kind == "vertex":
+        assert material.albedo[0] == pytest.approx(share, abs=1e-3)
+    assert material.albedo[1] == pytest.approx(188 / 255 if suffix == ".glb" else 0.503, abs=2e-3)
+    assert material.albedo[2] == 0.0
 
 
 def test_one_material_for_all(tmp_path: Path) -> None:
@@ -185,7 +207,7 @@ def test_small_meshes_are_not_degenerate(tmp_path: Path) -> None:
     ("name", "text", "message"),
     [
         ("m.obj", None, "no such mesh file"),
-        ("m.stl", "solid", "not a PLY, OBJ, glTF or GLB file"),
+        ("m.off", "OFF", "not a PLY, OBJ, STL, glTF or GLB file"),
         ("m.obj", "", "m.obj"),
         ("m.obj", "v 0 0 0\nv 1 0 0\n", "m.obj"),
         ("m.obj", "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n", "holds no triangles"),

@@ -11,6 +11,7 @@ import pytest
 
 from tests.scene import corpus
 from tests.scene.nasty import CORPUS
+from tests.waiting import DEADLINE_S
 
 ROOT = Path(__file__).parents[2]
 
@@ -19,7 +20,9 @@ ROOT = Path(__file__).parents[2]
 def outcome(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[str, str]]:
     folder = tmp_path_factory.mktemp("nasty")
     words = [sys.executable, "-m", corpus.__name__, str(folder)]
-    done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, timeout=300, check=False)
+    done = subprocess.run(
+        words, cwd=ROOT, capture_output=True, text=True, timeout=DEADLINE_S, check=False
+    )
     assert done.returncode == 0, done.stderr
     assert done.stderr == ""
     read: dict[str, tuple[str, str]] = json.loads(done.stdout)

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from iprt.scene.normals import _over_poles, estimate_normals, sanitise_normals
+from iprt.scene.normals import estimate_normals, over_poles, sanitise_normals
 from iprt.scene.scene import Scene
 from tests.scene.files import SHARED, box_room, directions
 
@@ -53,7 +53,7 @@ def test_a_tilted_room_is_exact_over_its_poles() -> None:
 def test_beyond_a_pole_lies_the_other_side() -> None:
     plane = np.random.default_rng(2).random((6, 8))
     across = np.roll(plane, 4, axis=1)
-    extended = _over_poles(plane, 2)
+    extended = over_poles(plane, 2)
     np.testing.assert_array_equal(extended, [*across[1::-1], *plane, *across[:-3:-1]])
 
 
@@ -107,6 +107,26 @@ def test_no_surface_no_normal_and_no_influence() -> None:
     found = fit(depth)
     assert (found[:20] == 0).all()
     assert angle_deg(found, normal)[20:][~near_edges(normal)[20:]].max() < 0.1
+
+
+def test_texels_of_another_kind_do_not_bend_a_plane() -> None:
+    """They lie so near to it that only their label keeps them out of its windows."""
+    depth, normal = box_room(256, 128)
+    kind = np.zeros(depth.shape, np.uint8)
+    kind[::7] = 1
+    bent = np.where(kind, 1.0002 * depth, depth).astype(np.float32)
+    inside = (kind == 0) & ~near_edges(normal)
+    apart, joined = estimate_normals(bent, kind), fit(bent)
+    assert np.median(angle_deg(apart, normal)[inside]) < 1e-3
+    assert np.median(angle_deg(joined, normal)[inside]) > 1e-2
+
+
+def test_a_texel_by_itself_faces_the_centre() -> None:
+    depth = np.full((64, 128), np.inf, np.float32)
+    depth[8::16, ::16] = 2.0
+    normal = fit(depth)
+    there = np.isfinite(depth)
+    np.testing.assert_allclose(normal[there], -directions(128, 64)[there], atol=1e-6)
 
 
 @pytest.mark.parametrize("size", [(2, 1), (4, 2), (6, 3), (8, 4)])

@@ -15,7 +15,7 @@ from iprt.errors import FormatError
 from iprt.scene.images import read_depth
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     values=arrays(np.float32, array_shapes(min_dims=2, max_dims=2, max_side=9)),
     little=st.booleans(),

@@ -22,7 +22,7 @@ from iprt.scene.video.depth_code import DepthCode
 from tests.scene.files import write_channels, write_png16_grey
 from tests.scene.nasty_meshes import glb, gltf, ply
 
-SETTINGS = settings(max_examples=40, derandomize=True, deadline=10_000)
+SETTINGS = settings(max_examples=40, derandomize=True)
 SHAPES = array_shapes(min_dims=2, max_dims=2, max_side=9)
 TYPES = ("ascii", "binary_little_endian", "binary_big_endian")
 

@@ -114,9 +114,9 @@ def test_frames_are_read_by_number(tmp_path: Path) -> None:
 
 def test_sizes_must_agree_and_be_two_to_one(tmp_path: Path) -> None:
     write_scene(tmp_path)
-    write_channels(tmp_path / "depth.exr", Z=np.ones((16, 32), np.float32))
+    write_channels(tmp_path / "depth.exr", Z=np.ones((16, 31), np.float32))
     message = open_error(tmp_path, FormatError)
-    assert "depth.exr: 32 x 16 pixels, but colour has 64 x 32" in message
+    assert "depth.exr: 31 x 16 pixels, but colour has 64 x 32" in message
     write_rgb(tmp_path / "color.exr", np.ones((32, 65, 3), np.float32))
     assert "color.exr: 65 x 32 pixels; an equirect" in open_error(tmp_path, FormatError)
 

@@ -142,7 +142,7 @@ def test_sliders_of_any_model_hold_what_it_allows(
         ("mask.sparse", 1, "mask.sparse = 1: expected true or false"),
         ("fading", float("nan"), "fading = NaN: expected a number from 0 to 1"),
         ("method", "path\ntracer", 'expected "iprt" or "ibl"'),
-        ("trace.raiz", 1, "there is no knob 'trace.raiz'; did you mean trace.rays?"),
+        ("trace.raiz", 1, "there is no setting 'trace.raiz'; did you mean trace.rays?"),
         ("trace", 1, "'trace' is a group"),
     ],
 )
@@ -178,7 +178,7 @@ def test_lists_and_what_may_be_nothing() -> None:
     assert (limit.sliders[0].low, limit.start, limit.sliders[0].high) == (2.0, 5.0, 8.0)
     assert (other("side").choices, other("side").start) == (("left", "right"), "left")
     for name in ("count", "free"):
-        with pytest.raises(NotImplementedError, match=name):
+        with pytest.raises(TypeError, match=name):
             other(name)
 
 

@@ -258,12 +258,10 @@ def test_a_video_rests_at_its_end(tmp_path: Path, device: ComputeDevice) -> None
 
 def test_a_video_that_loops_starts_anew(tmp_path: Path, device: ComputeDevice) -> None:
     folder = write_clip(tmp_path, 4)
-    manifest = folder / "scene.toml"
-    manifest.write_text(manifest.read_text().replace("fps = 24.0", "fps = 24.0\nloop = true"))
     with turns(Scene.open(folder), device) as driver:
         client = driver.join()
         driver.answer(client)
-        driver.change(playback=Playback(2, driver.clock.now))
+        driver.change(playback=Playback(2, driver.clock.now, loop=True))
         seen = []
         for due in (1, 2, 3, 9):
             driver.clock.now = 100.0 + (due + 0.5) / 24.0

@@ -14,6 +14,7 @@ from iprt.device.compute import ComputeDevice
 from iprt.errors import DeviceHangError, DeviceLostError, IprtError
 from iprt.scene.edits import ObjectEdit
 from iprt.scene.scene import Scene
+from iprt.scene.stance import Stance
 from iprt.viewer.core import POLL_S
 from iprt.viewer.state import Status
 from tests.clips import write_clip
@@ -91,12 +92,14 @@ def test_a_mesh_that_cannot_be_read_is_told(
     with turns(scene, device) as driver:
         client = driver.join()
         first = driver.answer(client)
-        driver.core.add(ObjectEdit("bad", path=bad), (0.0, -40.0), None)
+        driver.core.add(ObjectEdit("bad", path=bad), (0.0, -40.0), Stance())
         driver.settle()
         (problem,) = problems(driver)
         assert "bad.ply" in problem
         assert driver.shown(client) is first
-        driver.core.add(ObjectEdit("good", path=scene.root / "cube.obj"), (40.0, -40.0), 0.3)
+        driver.core.add(
+            ObjectEdit("good", path=scene.root / "cube.obj"), (40.0, -40.0), Stance(height_m=0.3)
+        )
         driver.settle()
         assert problems(driver) == ()
         added = driver.shown(client).geometry

@@ -31,7 +31,8 @@ from iprt.viewer.ladder import (
 from iprt.viewer.pace import Pace
 from iprt.viewer.state import Request
 from tests.clips import write_clip
-from tests.viewer.turns import DEADLINE_S, SETTINGS, VIEW
+from tests.viewer.turns import SETTINGS, VIEW
+from tests.waiting import DEADLINE_S
 
 SHARES = (0.8, 0.62, 0.45, 0.3, 0.2, 0.12)
 RAYS = (32, 16, 8, 4, 2, 1)
@@ -185,7 +186,7 @@ def test_nothing_holds_the_target() -> None:
     assert set(device.numbers[30:]) == {len(SHARES)}
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     true=st.lists(st.floats(0.3, 1.05), min_size=6, max_size=6),
     loads=st.lists(st.floats(0.002, 0.4), min_size=1, max_size=4),
@@ -231,7 +232,7 @@ def test_frames_that_compile_do_not_count() -> None:
 def test_rungs_start_from_what_was_asked_for_and_never_exceed_it(quality: Quality) -> None:
     base = changed(resolved(quality), {"seed": 7, "trace.object_rays": 3})
     rungs = rungs_below(base, measured_ladder())
-    assert (rungs[0].settings, rungs[0].scale, rungs[0].gave_up) == (base, 1.0, "")
+    assert (rungs[0].settings, rungs[0].scale, rungs[0].preview) == (base, 1.0, None)
     own = plain_values(base)
     assert [rung.number for rung in rungs] == list(range(len(rungs)))
     for above, below in pairwise(rungs):
@@ -240,10 +241,16 @@ def test_rungs_start_from_what_was_asked_for_and_never_exceed_it(quality: Qualit
         assert (below.settings, below.scale) != (above.settings, above.scale)
         now = plain_values(below.settings)
         assert all(now[k] <= own[k] for k in own if now[k] != own[k])
-        for key in own:
-            name = key.replace(".", " ").replace("_", " ")
-            assert (f"{name} {own[key]} -> {now[key]} (" in below.gave_up) == (now[key] != own[key])
-        assert ("resolution" in below.gave_up) == (below.scale < 1.0)
+        assert below.preview is not None
+        lines = below.preview.details.splitlines()
+        told = {line.split()[0]: line for line in lines if " instead of " in line}
+        assert set(told) == {key for key in own if now[key] != own[key]}
+        for key, line in told.items():
+            if not isinstance(own[key], bool):
+                assert line.startswith(f"{key} {now[key]:g} instead of {own[key]:g}")
+        smaller = f"Preview at {100 * below.scale:.0f}% resolution"
+        assert (below.preview.short == smaller) == (below.scale < 1.0)
+        assert "-0.000" not in below.preview.details
 
 
 def test_what_was_not_there_is_not_given_up() -> None:
@@ -260,8 +267,11 @@ def test_what_was_not_there_is_not_given_up() -> None:
         base = changed(BASE, {"trace.rays": rays})
         _, rung = rungs_below(base, measured)
         assert (rung.share, rung.ssim_cost) == pytest.approx((share, cost))
-        assert ("trace rays 2 -> 1 (-0.100 SSIM)" in rung.gave_up) == (rays == 2)
-        assert "trace object rays 64 -> 1 (-0.200 SSIM)" in rung.gave_up
+        assert rung.preview is not None
+        lines = rung.preview.details.splitlines()
+        assert ("trace.rays 1 instead of 2 (SSIM -0.100)" in lines) == (rays == 2)
+        assert "trace.object_rays 1 instead of 64 (SSIM -0.200)" in lines
+        assert rung.preview.short == "Preview at reduced quality"
 
 
 def test_the_ladder_of_the_package_gives_up_more_and_more() -> None:

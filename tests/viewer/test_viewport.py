@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -19,13 +20,16 @@ from iprt.measure import metrics
 from iprt.renderer import Renderer
 from iprt.scene.camera import View
 from iprt.scene.scene import Scene
+from iprt.scene.stance import Stance
+from iprt.viewer.developer import OUTDATED
 from iprt.viewer.engine import Engine
 from iprt.viewer.lens import Lens
 from iprt.viewer.sight import Sight
 from iprt.viewer.viewport import Viewport
 from tests.clips import write_clip
 from tests.scene.files import write_rgb
-from tests.viewer.turns import DEADLINE_S, SETTINGS, VIEW
+from tests.viewer.turns import SETTINGS, VIEW
+from tests.waiting import DEADLINE_S
 
 LOOK = VIEW.resized(48, 32)
 
@@ -43,6 +47,16 @@ def viewport(engine: Engine) -> Iterator[Viewport]:
     yield made
     engine.undo()
     made.close()
+
+
+@pytest.fixture
+def judged(tmp_path: Path) -> Scene:
+    """Its view has a truth."""
+    folder = write_clip(tmp_path / "clip", 1)
+    manifest = folder / "scene.toml"
+    manifest.write_text(manifest.read_text() + 'objects = ["cube"]\ntruth = "truth.exr"\n')
+    write_rgb(folder / "truth.exr", np.ones((VIEW.height, VIEW.width, 3), np.float32))
+    return Scene.open(folder)
 
 
 def until(viewport: Viewport, ready: Callable[[Sight], bool]) -> Sight:
@@ -176,8 +190,7 @@ def test_truth_is_scored_as_iprt_compare_does(engine: Engine, device: ComputeDev
 def test_readout_is_what_files_hold(viewport: Viewport, tmp_path: Path) -> None:
     viewport.lens = Lens(buffer="depth")
     sight = at_rest(viewport)
-    path = tmp_path / "picture.exr"
-    viewport.screenshot(path)
+    path = viewport.screenshot(".exr", tmp_path)
     import OpenEXR
 
     with OpenEXR.File(str(path)) as file:
@@ -193,11 +206,10 @@ def test_readout_is_what_files_hold(viewport: Viewport, tmp_path: Path) -> None:
         assert read.unit == "m"
         assert read.depth_m == pytest.approx(depth[read.y, read.x], rel=1e-3)
     assert viewport.readout(1.0, 0.5) is None
-    png = tmp_path / "picture.png"
-    viewport.screenshot(png)
+    png = viewport.screenshot(".png", tmp_path)
     np.testing.assert_array_equal(imageio.v3.imread(png), sight.pixels)
-    with pytest.raises(IprtError, match=r"picture\.tga"):
-        viewport.screenshot(tmp_path / "picture.tga")
+    with pytest.raises(IprtError, match=r"0001\.tga"):
+        viewport.screenshot(".tga", tmp_path)
 
 
 def test_dropped_objects_stand_where_the_cursor_is(viewport: Viewport, engine: Engine) -> None:
@@ -245,21 +257,17 @@ def test_views_of_the_scene_are_known_by_name(viewport: Viewport, engine: Engine
 
 
 def test_what_was_added_is_shown_in_views_that_list_objects(
-    device: ComputeDevice, tmp_path: Path
+    device: ComputeDevice, judged: Scene
 ) -> None:
     """And stays when it is saved, also in a view with a truth, which does not list it then."""
-    folder = write_clip(tmp_path / "clip", 1)
-    manifest = folder / "scene.toml"
-    manifest.write_text(manifest.read_text() + 'objects = ["cube"]\ntruth = "truth.exr"\n')
-    write_rgb(folder / "truth.exr", np.zeros((VIEW.height, VIEW.width, 3), np.float32))
-    scene = Scene.open(folder)
-    with Engine(scene, lambda: device, SETTINGS) as engine:
+    with Engine(judged, lambda: device, SETTINGS) as engine:
         viewport = Viewport(engine, LOOK, objects=("cube",), frames=1)
         at_rest(viewport)
-        name = engine.add(folder / "cube.obj", *viewport.aim(0.5, 0.9), height=0.1)
+        mesh, stance = judged.root / "cube.obj", Stance(height_m=0.1)
+        name = engine.add(mesh, *viewport.aim(0.5, 0.9), stance=stance)
         until(viewport, lambda s: s.shown.geometry is not None and name in s.shown.geometry.names)
         engine.save()
-        until(viewport, lambda s: not engine.world.edits)
+        until(viewport, lambda s: not engine.unsaved)
         assert engine.scene.views["ahead"].objects == ("cube",)
         shown = at_rest(viewport).shown
         assert shown.geometry is not None
@@ -272,7 +280,7 @@ def test_motion_gives_up_what_rest_gives_back(device: ComputeDevice, tmp_path: P
     scene = Scene.open(write_clip(tmp_path / "clip", 1))
     with Engine(scene, lambda: device, SETTINGS) as engine:
         viewport = Viewport(engine, LOOK, target_fps=1e4, frames=2)
-        assert at_rest(viewport).gave_up == ""
+        assert at_rest(viewport).preview is None
         end = time.monotonic() + DEADLINE_S
         sight = viewport.poll()
         while sight is None or sight.pixels.shape[0] == LOOK.height:
@@ -280,8 +288,11 @@ def test_motion_gives_up_what_rest_gives_back(device: ComputeDevice, tmp_path: P
             sight = viewport.poll()
             assert time.monotonic() < end
             time.sleep(0.005)
-        assert "resolution" in sight.gave_up
-        assert "SSIM" in sight.gave_up
+        assert sight.preview is not None
+        share = sight.pixels.shape[0] / LOOK.height
+        assert re.fullmatch(r"Preview at (\d+)% resolution", sight.preview.short)
+        assert int(re.findall(r"\d+", sight.preview.short)[0]) == pytest.approx(100 * share, abs=3)
+        assert "SSIM" in sight.preview.details
         # The same places are the same directions.
         small, large = sight.shown.request.view, viewport.view
         corner = np.array([0.25, 0.75])
@@ -291,5 +302,98 @@ def test_motion_gives_up_what_rest_gives_back(device: ComputeDevice, tmp_path: P
             atol=0.02,
         )
         rested = until(viewport, lambda s: s.pixels.shape == (LOOK.height, LOOK.width, 3))
-        assert rested.gave_up == ""
+        assert rested.preview is None
+        viewport.close()
+
+
+def test_nothing_is_told_of_speed_at_rest(engine: Engine) -> None:
+    now = [0.0]
+    viewport = Viewport(engine, LOOK, frames=2, clock=lambda: now[0])
+    at_rest(viewport)
+    for _ in range(3):
+        now[0] += 0.2
+        viewport.turn(1.0, 0.0)
+        moving = until(viewport, lambda s: s.shown.request.view == viewport.view)
+    assert moving.latency_frames is not None
+    assert moving.latency_s is not None
+    assert moving.fps == pytest.approx(5.0)
+    now[0] += 10.0
+    rested = at_rest(viewport)
+    assert (rested.latency_s, rested.latency_frames, rested.fps) == (None, None, None)
+    assert viewport.poll() is rested
+    viewport.close()
+
+
+def test_captions_tell_what_is_displayed(viewport: Viewport) -> None:
+    """Not what was asked for and is still to come."""
+    assert at_rest(viewport).caption == ""
+    client, shown = viewport._client, viewport._client.shown
+    viewport.lens = Lens(buffer="hit_distance")
+    # The picture that is there does not have the buffer yet.
+    assert shown is not None
+    assert "hit_distance" not in shown.picture.aovs
+    sight = viewport.poll()
+    assert sight is not None
+    assert (sight.caption != "") == ("hit_distance" in sight.shown.picture.aovs)
+    sight = until(viewport, lambda s: "hit_distance" in s.shown.picture.aovs)
+    assert (sight.caption, sight.buffer) == ("Reflection distance", "hit_distance")
+    read = viewport.readout(0.5, 0.5)
+    assert read is not None
+    assert read.text.count("reflection distance") == 1
+    viewport.lens = Lens(buffer="hit_distance", against="input")
+    sight = until(viewport, lambda s: "|" in s.caption)
+    assert sight.caption.startswith("Reflection distance | Input")
+    viewport.lens = Lens(against="input", error=True)
+    sight = until(viewport, lambda s: s.caption.startswith("Difference"))
+    assert sight.caption.startswith("Difference from input, white is 25%")
+    assert client is viewport._client
+
+
+def test_a_truth_of_other_objects_is_stale(device: ComputeDevice, judged: Scene) -> None:
+    """What was edited, added or hidden since; not once that is taken back."""
+    with Engine(judged, lambda: device, SETTINGS) as engine:
+        viewport = Viewport(engine, VIEW, objects=("cube",), frames=1)
+        at_rest(viewport)
+        assert viewport.truth_problem is None
+        viewport.lens = Lens(against="truth")
+        assert until(viewport, lambda s: "SSIM" in s.caption).warning == ""
+        matrix = engine.objects[0].to_world.copy()
+        matrix[0, 3] += 0.1
+        engine.place("cube", matrix)
+        stale = until(viewport, lambda s: bool(s.warning))
+        assert "truth" in stale.warning
+        assert "SSIM" not in stale.caption
+        engine.undo()
+        until(viewport, lambda s: not s.warning and "SSIM" in s.caption)
+        viewport.show_objects(())
+        until(viewport, lambda s: s.shown.request.objects == () and bool(s.warning))
+        viewport.turn(1.0, 0.0)
+        assert viewport.truth_problem == "only the scene's own views have a truth: go to one"
+        viewport.close()
+
+
+@pytest.mark.parametrize("removed", [False, True])
+def test_a_truth_is_stale_after_edits_are_saved(
+    device: ComputeDevice, judged: Scene, removed: bool
+) -> None:
+    """Also for those who open the scene then, until they say that the truth was made again."""
+    with Engine(judged, lambda: device, SETTINGS) as engine:
+        viewport = Viewport(engine, VIEW, objects=("cube",), frames=1)
+        at_rest(viewport)
+        viewport.lens = Lens(against="truth")
+        until(viewport, lambda s: "SSIM" in s.caption)
+        engine.remove("cube") if removed else engine.place("cube", np.diag([0.2, 0.2, 0.2, 1.0]))
+        engine.save()
+        until(viewport, lambda s: not engine.unsaved)
+        assert "SSIM" not in until(viewport, lambda s: s.warning == OUTDATED).caption
+        viewport.close()
+    reopened = Scene.open(judged.root)
+    with Engine(reopened, lambda: device, SETTINGS) as engine:
+        viewport = Viewport(engine, VIEW, objects=reopened.views["ahead"].objects, frames=1)
+        viewport.lens = Lens(against="truth")
+        stale = until(viewport, lambda s: "Truth" in s.caption and s.shown.refined)
+        assert (stale.warning, "SSIM" in stale.caption) == (OUTDATED, False)
+        manifest = judged.root / "scene.toml"
+        manifest.write_text(manifest.read_text().replace("truth_outdated = true\n", ""))
+        until(viewport, lambda s: not s.warning and "SSIM" in s.caption)
         viewport.close()

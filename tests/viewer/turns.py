@@ -17,11 +17,10 @@ from iprt.viewer.exchange import Exchange
 from iprt.viewer.session import Shown
 from iprt.viewer.state import Playback, Request, World
 from tests.films import FEW
+from tests.waiting import DEADLINE_S
 
 SETTINGS = Settings.model_validate(FEW)
 VIEW = View(32, 16, pitch_deg=-30.0)
-DEADLINE_S = 60.0
-"""For what other threads do; no outcome depends on it."""
 
 
 class Clock:
@@ -77,9 +76,9 @@ class Turns:
     def settle(self) -> int:
         """Turns until nothing is left to do and nothing is on its way; how many rendered."""
         count = 0
-        feed = self.core._feed
+        feed = self.core._video._feed
         while self.core.turn() or self.core.loader.running or feed is None or not feed.arrived:
-            feed = self.core._feed
+            feed = self.core._video._feed
             count += 1
         return count
 

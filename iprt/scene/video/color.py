@@ -99,7 +99,10 @@ def encoding_of(frame: av.VideoFrame, path: Path) -> Encoding:
     """
     how = layout(frame.format.name)
     if how is None:
-        raise FormatError(f"{path}: pixels of format {frame.format.name} are not read")
+        raise FormatError(
+            f"{path}: its pixel format, {frame.format.name}, is not supported; convert the video, "
+            "for example to yuv420p"
+        )
     matrix, transfer, primaries = _codes(frame)
     if transfer in (0, UNSPECIFIED):
         transfer = _LINEAR if how.is_float else _SRGB
@@ -119,7 +122,9 @@ def encoding_of(frame: av.VideoFrame, path: Path) -> Encoding:
         (primaries, _PRIMARIES, "colour primaries"),
     ):
         if code not in known:
-            raise FormatError(f"{path}: {what} {code} (of ITU-T H.273) are not read; convert it")
+            raise FormatError(
+                f"{path}: {what} {code} (ITU-T H.273) not supported; convert it to BT.709"
+            )
     return Encoding(how, matrix, transfer, primaries, full)
 
 
@@ -176,7 +181,10 @@ def luma(frame: av.VideoFrame, rows: slice, path: Path) -> tuple[Samples, float,
     """
     how = layout(frame.format.name)
     if how is None or how.kind == "rgb":
-        raise FormatError(f"{path}: pixels of format {frame.format.name} hold no depth")
+        raise FormatError(
+            f"{path}: its pixel format, {frame.format.name}, holds no depth; depth needs grey, "
+            "such as gray16le"
+        )
     full = how.full or frame.color_range == 2 or (how.kind == "grey" and frame.color_range != 1)
     return planes(frame, rows)[0], *_limits(how, full)
 

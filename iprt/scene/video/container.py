@@ -164,8 +164,8 @@ def video_streams(path: Path) -> list[StreamInfo]:
                 continue
             if context.width < 1 or context.height < 1:  # so FFmpeg leaves what is beyond limits
                 raise FormatError(
-                    f"{path}: claims pictures of no size, or of more than the {MAX_PIXELS} pixels "
-                    "that are read"
+                    f"{path}: its header gives pictures no size, or more than {MAX_PIXELS} pixels, "
+                    "the most that are read"
                 )
             require_picture_size(path, context.width, context.height)
             with ffmpeg_decoding(path, "damaged or cut off video"):

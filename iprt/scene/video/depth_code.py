@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from iprt.errors import FormatError
+
 Picture = NDArray[np.float32]
+
+MOST_WHITE = 1.01
+"""Floats that go from 0 to 1 are no larger."""
 
 
 @dataclass(frozen=True)
@@ -33,6 +39,24 @@ class DepthCode:
     def is_known(self) -> bool:
         """Whether integers can be told in metres."""
         return self.scale is not None or self.ends is not None
+
+    def describe(self) -> str:
+        """As text."""
+        if self.ends is None:
+            return f"{self.scale or 1.0:g} m per stored unit"
+        grows = "depth" if self.encoding == "linear" else "1 / depth"
+        return f"{self.ends[0]:g} m at black to {self.ends[1]:g} m at white, even in {grows}"
+
+    def require_range(self, path: Path, stored: NDArray[Any]) -> None:
+        """Raise FormatError where `ends` are given for floats that go beyond 1: metres, mostly."""
+        if self.ends is None or stored.dtype.kind != "f":
+            return
+        most = float(np.max(stored, initial=0.0, where=np.isfinite(stored)))
+        if most > MOST_WHITE:
+            raise FormatError(
+                f"{path}: stores floats up to {most:.4g}, but a depth range (depth_range) is for "
+                "values from 0 to 1; leave it out where depth is stored in metres"
+            )
 
     def metres(self, stored: NDArray[Any], black: float, white: float) -> Picture:
         """Metres (H, W); 0, negative, NaN or inf where there is no surface.
@@ -60,5 +84,5 @@ def unit_problem(name: str) -> str:
     """That a file needs a `depth_scale` or `depth_range`."""
     return (
         f"video.depth_scale: {name} stores integers; say how many metres one step is "
-        "(0.001 for millimetres), or give depth_range"
+        "(0.001 for millimetres), or give depth_range, the metres of black and of white"
     )

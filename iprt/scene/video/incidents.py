@@ -13,6 +13,7 @@ from iprt.errors import FormatError
 from iprt.scene.depth import find_openings, sanitise_color
 from iprt.scene.frame import Frame
 from iprt.scene.video.source import FrameReader, FrameSource, Picture, RawFrame
+from iprt.wording import counted
 
 LOG = logging.getLogger("iprt.video")
 LOOK_BACK = 300
@@ -40,13 +41,13 @@ class Incident:
     def good(self, index: int) -> None:
         """A frame is good."""
         if self._bad:
-            self._tell(f"frame {index}: good again, after {self._bad} bad frame(s)")
+            self._tell(f"frame {index}: good again, after {counted(self._bad, 'bad frame')}")
         self._bad = 0
 
     def end(self) -> None:
         """There is no further frame."""
         if self._bad:
-            self._tell(f"bad up to the last frame: {self._bad} frame(s)")
+            self._tell(f"bad up to the last frame: {counted(self._bad, 'frame')}")
         self._bad = 0
 
 
@@ -178,6 +179,8 @@ def steady_frames(
     stages = tuple(stages)
     for line in source.disagreements():
         LOG.warning(line)
+    for line in source.interpolation():
+        LOG.info(line)
     with source.reading() as reader:
         steady = SteadyReader(reader, source.indices[0], strict=strict)
         for index in indices:

@@ -17,6 +17,7 @@ from iprt.scene.manifest_problems import MAX_PROBLEMS
 from iprt.scene.table import FARTHEST
 from iprt.scene.untrusted import read_bytes
 from iprt.toml_text import printable
+from iprt.wording import counted
 
 RIGID = 1e-3
 """By which lengths and cosines of a rotation's columns may be wrong, as numbers are rounded."""
@@ -32,7 +33,7 @@ def read_poses(path: Path, frames: int) -> NDArray[np.float64]:
     Raises
     ------
     FormatError
-        All problems with the file, each with its line, joined by newlines.
+        All problems with the file, each with its line, on a line each.
     """
     data = read_bytes(path, frames * LONGEST_LINE + HEADER_BYTES)
     problems: list[str] = []
@@ -47,9 +48,12 @@ def read_poses(path: Path, frames: int) -> NDArray[np.float64]:
             problems.append(f"{path}: line {number}: {error}")
             rows.append([])
     if len(rows) != frames and len(problems) < MAX_PROBLEMS:
-        problems.append(f"{path}: {len(rows)} poses; the video has {frames} frame(s), a line each")
+        problems.append(
+            f"{path}: {counted(len(rows), 'pose')}, but the video has {counted(frames, 'frame')}; "
+            "each needs a line"
+        )
     if problems:
-        raise FormatError("\n".join(problems))
+        raise FormatError("\n".join(map(printable, problems)), several_lines=True)
     poses = np.array(rows, np.float64).reshape(frames, 4, 4)
     # The nearest rotation, so that an inverse is a transpose: the polar factor, by SVD.
     u, _, v = np.linalg.svd(poses[:, :3, :3])

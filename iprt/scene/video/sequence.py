@@ -119,5 +119,7 @@ class DepthPictures(PictureTrack):
         depth, integers = read_depth(path)
         if integers and not self._code.is_known:
             raise FormatError(f"{path}: {unit_problem(path.name)}")
+        if not integers:
+            self._code.require_range(path, depth)
         white = 1.0 if not integers else 65535.0 if file_kind(path) == "png" else 2.0**32 - 1.0
         return self._code.metres(depth, 0.0, white)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import FormatError
+from iprt.scene.coarse_depth import Grid, at_full_size
 from iprt.scene.depth import sanitise_color, sanitise_depth
 from iprt.scene.frame import Frame
 from iprt.scene.inside import require_inside
@@ -56,6 +57,22 @@ class RawFrame:
         if self.normal is not None:
             normal = sanitise_normals(self.normal, normal)
         return Frame(color, clean.depth, clean.opening, normal, index=self.index, pose=self.pose)
+
+
+@dataclass(frozen=True)
+class StoredDepth:
+    """Pixels of the pictures of depth.
+
+    Attributes
+    ----------
+    size : (int, int)
+        Width and height.
+    grid : Grid or None
+        The coarse texels that they repeat.
+    """
+
+    size: tuple[int, int]
+    grid: Grid | None
 
 
 class FrameSource:
@@ -148,20 +165,42 @@ class FrameSource:
         try:
             self.pose(self.indices[0])
         except FormatError as error:
-            problems += [f"video.poses: {line}" for line in str(error).splitlines()]
+            problems += [f"video.poses: {line}" for line in error.lines]
         return problems
 
     def notices(self) -> list[str]:
         """What the reader of the video makes up for; one line each."""
         gaps = [
-            f"video.{key}: {line}; what was there before stays"
-            for key, line in self._missing.items()
+            f"video.{key}: {line}; the one before it stays" for key, line in self._missing.items()
         ]
         return gaps + self.disagreements()
 
     def disagreements(self) -> list[str]:
         """What the streams do not agree on, and what is done about it; one line each."""
         return self._tracks.disagreements
+
+    def interpolation(self) -> list[str]:
+        """At most one line: that depth has fewer values than colour, and what is done about it."""
+        stored = self.stored_depth
+        if stored is None or (stored.grid is None and stored.size == self.size()):
+            return []
+        name = self.files(self.indices[0])["depth"].name
+        what = f"video.depth: {name} has {_by(stored.size)} pixels"
+        if stored.grid is not None:
+            what += f", enlarged from {_by(stored.grid.size)} by repeating them"
+        if stored.size != self.size():
+            what += f"; colour has {_by(self.size())}"
+        return [f"{what}; depth is interpolated along surfaces"]
+
+    @cached_property
+    def stored_depth(self) -> StoredDepth | None:
+        """How depth is stored, by the first frame wherever reading begins; None: it has none."""
+        try:
+            with OpenStreams() as streams:
+                depth = self._tracks.by_key["depth"].reader(streams)(self.indices[0])
+        except FormatError:
+            return None
+        return StoredDepth((depth.shape[1], depth.shape[0]), Grid.of(depth))
 
     def size(self) -> tuple[int, int]:
         """Width and height of the first colour picture, from its header."""
@@ -222,12 +261,13 @@ class FrameReader:
         Raises
         ------
         FormatError
-            A damaged or missing file, of another size than colour, integer depth without a scale,
-            or depth without a single usable value.
+            A damaged or missing file, depth that is larger than colour or not 2:1, normals of
+            another size than colour, integer depth without a scale, or depth without a single
+            usable value.
         """
         files = self._source.files(index)
         depth = self._readers["depth"](index)
-        self._require_size(files["depth"], depth, "colour")
+        full = self._full_depth(files["depth"], depth)
         _require_any(
             files["depth"],
             np.isfinite(depth) & (depth > 0.0),
@@ -237,20 +277,37 @@ class FrameReader:
         if "normal" in files:
             normal = self._readers["normal"](index)
             self._require_size(files["normal"], normal, "colour")
-        turned = turned_geometry(depth, normal, self._yaw_deg)
+            _require_unit(files["normal"], normal)
+        turned = turned_geometry(full, normal, self._yaw_deg)
         return RawFrame(color, *turned, index, self.pose(index))
 
     def pose(self, index: int) -> NDArray[np.float64] | None:
         """As `FrameSource.pose`."""
         return self._source.pose(index)
 
-    def _require_size(self, path: Path, picture: Picture, other: str) -> None:
-        width, height = self._source.size()
-        if picture.shape[:2] != (height, width):
+    def _full_depth(self, path: Path, depth: Picture) -> Picture:
+        """Depth at the size of colour."""
+        stored, size = self._source.stored_depth, self._source.size()
+        columns, rows = own = depth.shape[1], depth.shape[0]
+        if columns != 2 * rows or rows > size[1]:
             raise FormatError(
-                f"{path}: {picture.shape[1]} x {picture.shape[0]} pixels, "
-                f"but {other} has {width} x {height}"
+                f"{path}: {_by(own)} pixels, but colour has {_by(size)}; depth needs the same "
+                "size, or a smaller one twice as wide as high"
             )
+        if stored is not None and own != stored.size:
+            raise FormatError(
+                f"{path}: {_by(own)} pixels, but the first frame has {_by(stored.size)}"
+            )
+        return at_full_size(depth, None if stored is None else stored.grid, *size)
+
+    def _require_size(self, path: Path, picture: Picture, other: str) -> None:
+        size, own = self._source.size(), (picture.shape[1], picture.shape[0])
+        if own != size:
+            raise FormatError(f"{path}: {_by(own)} pixels, but {other} has {_by(size)}")
+
+
+def _by(size: tuple[int, int]) -> str:
+    return f"{size[0]} x {size[1]}"
 
 
 def turned_color(color: Picture, yaw_deg: float) -> Picture:
@@ -286,3 +343,17 @@ def turned_geometry(
 def _require_any(path: Path, usable: NDArray[np.bool_], problem: str) -> None:
     if not usable.any():
         raise FormatError(f"{path}: {problem}; export it again")
+
+
+def _require_unit(path: Path, normal: Picture) -> None:
+    """Raise FormatError for what can be no normals: most vectors are not of length 1."""
+    with np.errstate(all="ignore"):
+        length = np.linalg.norm(normal, axis=-1)
+    given = length[np.isfinite(length) & (length > 0.0)]
+    unit = float((np.abs(given - 1.0) < 0.2).mean()) if given.size else 1.0
+    if unit < 0.5:
+        raise FormatError(
+            f"{path}: holds no normals: {1.0 - unit:.0%} of its values are not of length 1; "
+            "expected x, y, z from -1 to 1 in world space; without this file, normals are fitted "
+            "to depth"
+        )

@@ -11,8 +11,7 @@ from typing import Generic, TypeVar
 Item = TypeVar("Item")
 
 WAKE_S = 0.1
-"""Seconds after which who waits looks whether the program is to end: `signals_raise` tells the
-main thread of a signal by what it sees between two steps only."""
+"""Seconds after which a thread that waits looks whether the context was left."""
 
 
 class _End:

@@ -17,6 +17,7 @@ from iprt.errors import FormatError
 from iprt.scene.images import read_color, read_normal
 from iprt.scene.inside import require_inside
 from iprt.scene.table import LAST_FRAME
+from iprt.scene.untrusted import is_file
 from iprt.scene.video.clock import Clock, disagreements, frame_count
 from iprt.scene.video.color import has_highlights, linear_color, luma
 from iprt.scene.video.container import StreamInfo, is_container, video_streams
@@ -146,11 +147,7 @@ def open_tracks(root: Path, video: VideoTable, within: Path) -> Tracks:
     indices = _indices(video, fps, color)
     clock = Clock(fps, indices[0] if color is None else 0)
     place = root, indices, within
-    code = DepthCode(
-        video.depth_scale,
-        None if video.depth_range is None else (video.depth_range[0], video.depth_range[1]),
-        video.depth_encoding,
-    )
+    code = depth_code(video)
     by_key: dict[str, Track] = {}
     packed = color is not None and depth is color
     if color is None:
@@ -175,9 +172,17 @@ def open_tracks(root: Path, video: VideoTable, within: Path) -> Tracks:
     return Tracks(by_key, indices, float(fps), told)
 
 
+def depth_code(video: VideoTable) -> DepthCode:
+    """What stored depth stands for."""
+    ends = None if video.depth_range is None else (video.depth_range[0], video.depth_range[1])
+    return DepthCode(video.depth_scale, ends, video.depth_encoding)
+
+
 def _depth_decoder(code: DepthCode) -> Callable[[av.VideoFrame, slice, Path], Picture]:
     def decode(frame: av.VideoFrame, rows: slice, path: Path) -> Picture:
-        return code.metres(*luma(frame, rows, path))
+        stored, black, white = luma(frame, rows, path)
+        code.require_range(path, stored)
+        return code.metres(stored, black, white)
 
     return decode
 
@@ -229,10 +234,12 @@ def _depth_stream(
 ) -> StreamInfo | None:
     """The stream of depth, if it comes from a video file; that of colour if it holds both."""
     if video.depth is None:
+        if color is None and not is_file(root / video.color):
+            raise FormatError(f"video.color: there is no file {video.color}")
         if color is None:
             raise FormatError(
-                f"video.depth: there is no file of depth; {video.color} is no video that could "
-                "hold it"
+                f"video.depth: required key is missing; {video.color} is no video file, which "
+                "could hold depth itself; name a file of depth (docs/footage.md says of what kind)"
             )
         found = next((stream for stream in others if stream.is_deep_grey), None)
         if found is not None:
@@ -242,7 +249,8 @@ def _depth_stream(
             return color
         raise FormatError(
             f"video.depth: {color.path} holds no depth: no second stream of 16-bit grey, and its "
-            f"{color.width} x {color.height} pixels are not colour above depth; name a file"
+            f"{color.width} x {color.height} pixels are not a square with colour above depth; name "
+            "a file of depth (docs/footage.md says of what kind)"
         )
     if not is_container(root, video.depth):
         return None

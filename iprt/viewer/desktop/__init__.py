@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from iprt.errors import IprtError
+from iprt.viewer.needs import require_window
 from iprt.viewer.state import REST_FRAMES
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from iprt.scene.camera import View
     from iprt.viewer.engine import Engine
 
@@ -33,7 +34,8 @@ def run(
     objects : tuple of str or None
         Names of the objects to show at first. None: all.
     folder : Path or None
-        Where screenshots go; the current one by default.
+        Where screenshots go, and where one looks for meshes first. None: the user's pictures, and
+        the current folder.
     frames : int
         View frames to which a picture at rest is refined.
     target_fps : float or None
@@ -44,14 +46,11 @@ def run(
     IprtError
         What the window needs is not installed; or there is no display.
     """
-    try:
-        from iprt.viewer.desktop.app import App
-    except ImportError as error:
-        raise IprtError(
-            f"the viewer needs what is not installed ({error.name}); pip install 'iprt[view]'"
-        ) from error
-    app = App(engine, view, objects=objects, folder=folder or Path.cwd(), frames=frames)
-    app.desk.viewport.target_fps = target_fps
+    require_window()
+    from iprt.viewer.desktop.app import App
+
+    app = App(engine, view, objects=objects, folder=folder, frames=frames)
+    app.ui.viewport.target_fps = target_fps
     try:
         app.run()
     finally:

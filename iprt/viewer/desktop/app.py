@@ -9,15 +9,16 @@ from imgui_bundle import imgui
 
 from iprt.scene.camera import View
 from iprt.viewer.desktop import bars, picture_panel, profile_panel, scene_panel, settings_panel
-from iprt.viewer.desktop.desk import Desk
 from iprt.viewer.desktop.dialogs import MeshBrowser, draw_help, draw_leaving
-from iprt.viewer.desktop.pane import Pane
+from iprt.viewer.desktop.picture_view import PictureView
 from iprt.viewer.desktop.shortcuts import act_on_keys
+from iprt.viewer.desktop.ui_state import UiState
 from iprt.viewer.desktop.window import Window
 from iprt.viewer.engine import Engine
+from iprt.viewer.screenshots import default_folder
 from iprt.viewer.viewport import Viewport
 
-PANEL_WIDTH = 340.0
+PANEL_WIDTH = 360.0
 """At the right, in units of 1/96 inch, as all that is drawn."""
 SETTLING = 2
 """Frames until windows have the size of new words in them."""
@@ -31,7 +32,7 @@ _PANEL = (
     | imgui.WindowFlags_.no_bring_to_front_on_focus
     | imgui.WindowFlags_.no_nav
 )
-_TABS: tuple[tuple[str, Callable[[Desk], None]], ...] = (
+_TABS: tuple[tuple[str, Callable[[UiState], None]], ...] = (
     ("Scene", scene_panel.draw),
     ("Picture", picture_panel.draw),
     ("Settings", settings_panel.draw),
@@ -49,8 +50,9 @@ class App:
         Where it looks at first. Its size is that of the window, in units of the screen.
     objects : tuple of str or None
         Names of the objects that it shows at first. None: all.
-    folder : Path
-        Where screenshots go, and where one looks for meshes first.
+    folder : Path or None
+        Where screenshots go, and where one looks for meshes first. None: the user's pictures
+        (`default_folder`), and the current folder.
     frames : int
         View frames to which a picture at rest is refined.
 
@@ -66,15 +68,15 @@ class App:
         view: View,
         *,
         objects: tuple[str, ...] | None,
-        folder: Path,
+        folder: Path | None,
         frames: int,
     ) -> None:
         self._engine = engine
         self.window = Window(engine.scene.name, (view.width, view.height), self._drop)
         viewport = Viewport(engine, view, objects=objects, frames=frames)
-        self.desk = Desk(engine, viewport, folder)
-        self.pane = Pane(self.desk, self.window)
-        self._browser = MeshBrowser(folder)
+        self.ui = UiState(engine, viewport, folder or default_folder())
+        self.picture_view = PictureView(self.ui, self.window)
+        self._browser = MeshBrowser(folder or Path.cwd())
         self._dropped: list[Path] = []
         self._drawn: tuple[object, ...] = ()
         self._unsettled = 0
@@ -82,15 +84,15 @@ class App:
 
     def close(self) -> None:
         """Take the window off the screen; the engine stays."""
-        self.desk.viewport.close()
+        self.ui.viewport.close()
         self.window.close()
 
     @property
     def closed(self) -> bool:
         """The user has closed the window, and does not miss any edits."""
-        if self.window.closing and self.desk.unsaved and not self._discarding:
+        if self.window.closing and self.ui.unsaved and not self._discarding:
             self.window.closing = False
-            self.desk.leaving = True
+            self.ui.leaving = True
         return self.window.closing
 
     def run(self) -> None:
@@ -100,18 +102,19 @@ class App:
 
     def step(self) -> None:
         """Wait shortly for something new, and draw it."""
-        desk, status = self.desk, self._engine.status
-        busy = status.doing != "waiting" or desk.playing
+        ui, status = self.ui, self._engine.status
+        busy = status.doing != "waiting" or ui.playing
         stirred = self.window.wait(BUSY_S if busy else IDLE_S)
-        sight, status = desk.viewport.poll(), self._engine.status
-        if sight is not desk.sight and sight is not None:
+        sight, status = ui.viewport.poll(), self._engine.status
+        if sight is not ui.sight and sight is not None:
             self.window.upload(sight.pixels)
-            desk.timeline.add(sight.shown)
-        desk.sight = sight
-        desk.tell_saved()
-        if desk.closing and not desk.unsaved:
-            self.window.closing, desk.closing = True, False
-        new = (sight, status, desk.notice, desk.leaving)
+            ui.timeline.add(sight.shown)
+        ui.sight = sight
+        ui.tell_saved()
+        if ui.closing and not ui.unsaved:
+            self.window.closing, ui.closing = True, False
+        # The view too: drags change it while the window is drawn, too late for what is below.
+        new = (sight, status, ui.notice, ui.leaving, ui.viewport.view)
         if new != self._drawn:
             self._drawn, self._unsettled = new, SETTLING
         typing = imgui.get_io().want_text_input  # its cursor blinks
@@ -124,26 +127,26 @@ class App:
         self._dropped += files
 
     def _draw(self) -> None:
-        desk = self.desk
-        self.window.rename(f"{desk.engine.scene.name}{' *' if desk.unsaved else ''} - iprt")
-        act_on_keys(desk)
+        ui = self.ui
+        self.window.rename(f"{ui.engine.scene.name}{' *' if ui.unsaved else ''} - iprt")
+        act_on_keys(ui, self.window.take_keys())
         width, height = imgui.get_io().display_size
         panel = round(PANEL_WIDTH * self.window.scale)
-        panel = panel if desk.panels and width > 1.5 * panel else 0
+        panel = panel if ui.panels and width > 1.5 * panel else 0
         line = round(imgui.get_frame_height() + 2.0 * imgui.get_style().item_spacing.y)
-        bars_height = (line if len(desk.frames) > 1 else 0) + line
+        bars_height = (line if len(ui.frames) > 1 else 0) + line
         bars_height = bars_height if height > 2 * bars_height else 0
-        self.pane.draw((0.0, 0.0, width - panel, height - bars_height))
+        self.picture_view.draw((0.0, 0.0, width - panel, height - bars_height))
         if self._dropped:
             dropped, self._dropped = self._dropped, []
-            desk.add(dropped)
+            ui.add(dropped)
         if bars_height:
             self._draw_bars(height - bars_height, width - panel, bars_height)
         if panel:
             self._draw_panel(width - panel, panel, height)
-        draw_help(desk)
-        self._browser.draw(desk)
-        if draw_leaving(desk):
+        draw_help(ui)
+        self._browser.draw(ui)
+        if draw_leaving(ui):
             self._discarding = self.window.closing = True
 
     def _draw_panel(self, left: float, width: float, height: float) -> None:
@@ -154,7 +157,7 @@ class App:
             for name, draw in _TABS:
                 if imgui.begin_tab_item(name)[0]:
                     imgui.begin_child("content", imgui.ImVec2(0.0, 0.0))
-                    draw(self.desk)
+                    draw(self.ui)
                     imgui.end_child()
                     imgui.end_tab_item()
             imgui.end_tab_bar()
@@ -166,9 +169,9 @@ class App:
         padding = imgui.ImVec2(imgui.get_style().window_padding.x, imgui.get_style().item_spacing.y)
         imgui.push_style_var(imgui.StyleVar_.window_padding, padding)
         imgui.begin("bars", None, _PANEL)
-        if len(self.desk.frames) > 1:
-            bars.playback(self.desk)
+        if len(self.ui.frames) > 1:
+            bars.playback(self.ui)
         imgui.align_text_to_frame_padding()
-        bars.status(self.desk)
+        bars.status(self.ui)
         imgui.end()
         imgui.pop_style_var()

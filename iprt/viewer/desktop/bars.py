@@ -5,98 +5,119 @@ from __future__ import annotations
 from imgui_bundle import icons_fontawesome_6 as icons
 from imgui_bundle import imgui
 
-from iprt.viewer.desktop.desk import Desk
 from iprt.viewer.desktop.style import ACCENT, BAD, GOOD, QUIET, Color
-from iprt.viewer.desktop.widgets import button
+from iprt.viewer.desktop.ui_state import UiState
+from iprt.viewer.desktop.widgets import button, choice, hint, toggle
+from iprt.viewer.labels import PARTS, PLAYBACK
+
+MODES = list(PLAYBACK)
 
 HELP = "H: keys"
-SHORTEST_EM = 8.0
-"""Of the video's slider, beside which times are told."""
+SHORTEST_EM = 6.0
+"""Least width of the video's slider. The frame's number stands beside it."""
+NARROW_EM = 28.0
+"""A window that is no wider has only the slider and the buttons beside it."""
+COUNTER = "9999 of 9999, 99.9 of 99.9 fps"
+"""The widest that is told of it: the slider keeps its length while the video plays."""
+STATE_EM = 10.0
+"""Least width of what the engine does."""
 
 
-def playback(desk: Desk) -> None:
-    """Play, pause, step, scrub."""
-    frames, scene = desk.frames, desk.engine.scene
-    wide = 2.4 * imgui.get_font_size()
+def playback(ui: UiState) -> None:
+    """Play, pause, step, scrub; how to play."""
+    engine, frames, counter = ui.engine, ui.frames, ui.viewport.counter
+    em = imgui.get_font_size()
+    wide = 2.4 * em
     if button(icons.ICON_FA_BACKWARD_STEP, "A frame back (Left)", width=wide):
-        desk.step(-1)
+        ui.step(-1)
     imgui.same_line()
-    icon = icons.ICON_FA_PAUSE if desk.playing else icons.ICON_FA_PLAY
-    if button(f"{icon}##play", "Play or pause (Space)", width=wide):
-        desk.toggle_playing()
+    icon = icons.ICON_FA_PAUSE if ui.playing else icons.ICON_FA_PLAY
+    if button(f"{icon}##play", f"{PARTS['play'].about} (Space)", width=wide):
+        ui.toggle_playing()
     imgui.same_line()
     if button(icons.ICON_FA_FORWARD_STEP, "A frame on (Right)", width=wide):
-        desk.step(1)
+        ui.step(1)
     imgui.same_line()
-    fps = scene.source.fps
-    now, end = ((frame - frames[0]) / fps for frame in (desk.frame, frames[-1]))
-    words = f"{now:.2f} / {end:.2f} s"
-    room = imgui.calc_text_size(words).x + 2.0 * imgui.get_font_size()
-    told = imgui.get_content_region_avail().x > room + SHORTEST_EM * imgui.get_font_size()
+    if imgui.get_window_width() > NARROW_EM * em:
+        _playback_mode(ui)
+    room = imgui.calc_text_size(COUNTER).x + em
+    told = imgui.get_content_region_avail().x > room + SHORTEST_EM * em
     imgui.set_next_item_width(-room if told else -1.0)
-    changed, frame = imgui.slider_int("##frame", desk.frame, frames[0], frames[-1], "frame %d")
+    changed, frame = imgui.slider_int("##frame", ui.frame, frames[0], frames[-1], "")
+    seconds = (ui.frame - frames[0]) / engine.scene.source.fps
+    hint(f"Frame {ui.frame} of scene.toml, at {seconds:.2f} s")
     if changed:
-        desk.engine.seek(frame)
-    if told:
+        engine.seek(frame)
+    if told and counter is not None:
         imgui.same_line()
         imgui.align_text_to_frame_padding()
-        imgui.text_colored(imgui.ImVec4(*QUIET), words)
+        imgui.text_colored(imgui.ImVec4(*QUIET), counter.text)
 
 
-def status(desk: Desk) -> None:
+def _playback_mode(ui: UiState) -> None:
+    engine = ui.engine
+    if toggle(f"{icons.ICON_FA_REPEAT}##loop", engine.loop, PARTS["loop"].about):
+        engine.set_loop(not engine.loop)
+    imgui.same_line()
+    imgui.set_next_item_width(7.5 * imgui.get_font_size())
+    mode = choice("##mode", list(PLAYBACK.values()), MODES.index(engine.playback_mode))
+    if mode is not None:
+        engine.set_playback_mode(MODES[mode])
+    imgui.same_line()
+
+
+def status(ui: UiState) -> None:
     """One line: what the engine does, how fast, how large and how good the picture is.
 
-    What there is no room for is left out.
+    What there is no room for is left out. Each has its place, so that none moves as others change.
     """
-    state, color = _activity(desk)
+    state, color = _activity(ui)
+    em, start = imgui.get_font_size(), imgui.get_cursor_pos().x
     imgui.text_colored(imgui.ImVec4(*color), state)
-    gap = 1.6 * imgui.get_font_size()
     end = imgui.get_window_width() - imgui.get_style().window_padding.x
     help_left = end - imgui.calc_text_size(HELP).x
-    for words, about in _figures(desk):
-        imgui.same_line(0.0, gap)
-        if imgui.get_cursor_pos().x + imgui.calc_text_size(words).x > help_left - gap:
+    place = start + max(STATE_EM * em, imgui.calc_text_size(state).x + 1.5 * em)
+    for width_em, words, about in _figures(ui):
+        if place + max(width_em * em, imgui.calc_text_size(words).x) > help_left:
             break
+        imgui.same_line(place)
         imgui.text_colored(imgui.ImVec4(*QUIET), words)
-        imgui.set_item_tooltip(about)
-    if imgui.get_cursor_pos().x < help_left:
+        hint(about)
+        place += width_em * em
+    if start + imgui.calc_text_size(state).x < help_left:
         imgui.same_line(help_left)
         imgui.text_colored(imgui.ImVec4(*QUIET), HELP)
 
 
-def _activity(desk: Desk) -> tuple[str, Color]:
-    engine, sight = desk.engine.status, desk.sight
+def _activity(ui: UiState) -> tuple[str, Color]:
+    engine, sight = ui.engine.status, ui.sight
     if engine.problems:
         return f"{icons.ICON_FA_TRIANGLE_EXCLAMATION}  {engine.problems[0]}", BAD
-    if engine.doing in ("compiling", "loading"):
-        return f"{engine.doing} {engine.what}", ACCENT
-    if sight is not None and not sight.shown.refined:
-        return "refining", ACCENT
-    return ("loading", ACCENT) if sight is None else ("ready", GOOD)
+    if engine.doing in ("compiling", "loading") or sight is None:
+        return engine.text, ACCENT
+    done = engine.doing == "waiting" and sight.shown.refined
+    return ("ready", GOOD) if done else ("rendering", ACCENT)
 
 
-def _figures(desk: Desk) -> list[tuple[str, str]]:
-    """What is to be told of the picture, and what that means."""
-    sight = desk.sight
-    if sight is None:
+def _figures(ui: UiState) -> list[tuple[float, str, str]]:
+    """What is to be told of the picture: the width of its place in em, words, and their meaning."""
+    sight = ui.sight
+    if sight is None or sight.shown.plain:
         return []
     shown, view = sight.shown, sight.shown.request.view
-    seconds = max(shown.seconds, 1e-6)
-    frames = f"{shown.frames} frame{'s' if shown.frames > 1 else ''}"
-    speed = f"{1e3 * seconds:.0f} ms  {1.0 / seconds:.1f} fps"
-    if shown.compiled:
-        speed = f"compiled in {seconds:.1f} s"
-    figures = [
-        (speed, "Of the last view frame"),
-        (f"{view.width} × {view.height}", "Pixels that are rendered"),
-        (frames, f"The picture is the mean of so many, of {shown.request.frames}"),
+    noise = "" if shown.noise is None else f"noise {100.0 * shown.noise:.2g}%"
+    speed = "" if sight.fps is None else f"{sight.fps:.1f} fps"
+    latency = "" if sight.latency_s is None else f"latency {1e3 * sight.latency_s:.0f} ms"
+    unsaved = f"unsaved: {', '.join(ui.engine.unsaved)}" if ui.unsaved else ""
+    return [
+        (6.5, f"{view.width} × {view.height}", "Pixels that are rendered"),
+        (
+            8.0,
+            f"{shown.frames} of {shown.request.frames} frames",
+            "The picture is the mean of so many frames that were rendered of it",
+        ),
+        (6.5, noise, "Estimated error of the picture, relative to its mean brightness"),
+        (5.0, speed, "Pictures per second while something moves"),
+        (8.0, latency, "From the last input to the picture that answers it"),
+        (0.0, unsaved, "The scene's file does not have these edits yet: Ctrl+S"),
     ]
-    if shown.noise is not None:
-        about = "Estimated error of the picture, relative to its mean brightness"
-        figures.append((f"noise {100.0 * shown.noise:.2g} %", about))
-    if sight.latency_s is not None:
-        words = f"latency {sight.latency_frames} fr  {1e3 * sight.latency_s:.0f} ms"
-        figures.append((words, "From the last input to the picture that answers it"))
-    if desk.unsaved:
-        figures.append(("unsaved", "The scene's file does not have all edits yet: Ctrl+S"))
-    return figures

@@ -8,9 +8,9 @@ from imgui_bundle import icons_fontawesome_6 as icons
 from imgui_bundle import imgui
 
 from iprt.scene.mesh_files import MESH_SUFFIXES
-from iprt.viewer.desktop.desk import Desk
 from iprt.viewer.desktop.shortcuts import ELSEWHERE, SHORTCUTS
 from iprt.viewer.desktop.style import ACCENT, BAD, QUIET
+from iprt.viewer.desktop.ui_state import UiState
 from iprt.viewer.desktop.widgets import button, quiet
 
 _FIXED = (
@@ -21,15 +21,15 @@ _FIXED = (
 )
 
 
-def draw_help(desk: Desk) -> None:
+def draw_help(ui: UiState) -> None:
     """What keys and the mouse do."""
-    if not desk.help:
+    if not ui.help:
         return
     _centre()
     unfolded, opened = imgui.begin("Keys and mouse", True, _FIXED)
-    desk.help = bool(opened)
+    ui.help = bool(opened)
     if unfolded:
-        rows = [(entry.key, entry.about) for entry in SHORTCUTS]
+        rows = [(entry.keys, entry.about) for entry in SHORTCUTS]
         for heading, part in (("Mouse", ELSEWHERE[1:]), ("Keys", [*rows, ELSEWHERE[0]])):
             imgui.separator_text(heading)
             for key, about in part:
@@ -39,26 +39,26 @@ def draw_help(desk: Desk) -> None:
     imgui.end()
 
 
-def draw_leaving(desk: Desk) -> bool:
+def draw_leaving(ui: UiState) -> bool:
     """Ask whether to save before the window closes; whether it may close now."""
-    if not desk.leaving:
+    if not ui.leaving:
         return False
     _centre()
     leave = False
     imgui.begin("Unsaved edits", None, _FIXED)
-    imgui.text_unformatted(f"{desk.engine.scene.name} has edits that its file does not have.")
-    quiet("They are lost when the window closes.")
+    imgui.text_unformatted(f"{ui.engine.scene.name} has edits that its file does not have.")
+    quiet("They are lost when the window closes.", wrap_em=30.0)
     imgui.spacing()
     if button("Save and close"):
-        desk.save()
-        desk.leaving = False
-        desk.closing = True
+        ui.save()
+        ui.leaving = False
+        ui.closing = True
     imgui.same_line()
     if button("Close without saving"):
         leave = True
     imgui.same_line()
     if button("Stay"):
-        desk.leaving = False
+        ui.leaving = False
     imgui.end()
     return leave
 
@@ -82,9 +82,9 @@ class MeshBrowser:
         self._text = str(self._folder)
         self._open = False
 
-    def draw(self, desk: Desk) -> None:
-        """While `desk.browsing`."""
-        if not desk.browsing:
+    def draw(self, ui: UiState) -> None:
+        """While `ui.browsing`."""
+        if not ui.browsing:
             self._open = False
             return
         em = imgui.get_font_size()
@@ -92,7 +92,7 @@ class MeshBrowser:
         imgui.set_next_window_size(imgui.ImVec2(34 * em, 26 * em), imgui.Cond_.appearing)
         flags = imgui.WindowFlags_.no_collapse | imgui.WindowFlags_.no_saved_settings
         unfolded, opened = imgui.begin("Add a mesh", True, flags)
-        desk.browsing = bool(opened)
+        ui.browsing = bool(opened)
         if unfolded:
             chosen = self._path()
             imgui.begin_child("files", imgui.ImVec2(0, -1.4 * imgui.get_frame_height()))
@@ -100,12 +100,12 @@ class MeshBrowser:
             imgui.end_child()
             quiet("It is set down in the middle of the picture; or drop files on the picture.")
             if chosen is not None:
-                desk.browsing = False
-                desk.cursor = None
-                desk.add([chosen])
+                ui.browsing = False
+                ui.cursor = None
+                ui.add([chosen])
         imgui.end()
         if imgui.is_key_pressed(imgui.Key.escape):  # also while a path is typed
-            desk.browsing = False
+            ui.browsing = False
 
     def _path(self) -> Path | None:
         """The line for a path; a file that was typed."""

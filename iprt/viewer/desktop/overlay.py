@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from itertools import combinations
 
 import numpy as np
 from imgui_bundle import icons_fontawesome_6 as icons
 from imgui_bundle import imgui
-from numpy.typing import NDArray
 
 from iprt.scene.camera import View
-from iprt.viewer.desktop.desk import Desk
 from iprt.viewer.desktop.gizmo import Matrix, Mode, Rectangle, camera_matrix
 from iprt.viewer.desktop.style import ACCENT, BAD, QUIET, TEXT, packed
-from iprt.viewer.sight import Readout
+from iprt.viewer.desktop.ui_state import UiState
+from iprt.viewer.desktop.widgets import toggle, tooltip
+from iprt.viewer.labels import PARTS
 
+Box = tuple[float, float, float, float]
+"""Left, top, right and bottom on the screen."""
 MARGIN = 10.0
+CAPTION_EM = 34.0
+"""Largest width of captions."""
 _MODES: tuple[tuple[Mode, str, str], ...] = (
     ("move", icons.ICON_FA_ARROWS_UP_DOWN_LEFT_RIGHT, "Move (T)"),
     ("turn", icons.ICON_FA_ROTATE, "Turn (R)"),
@@ -50,19 +54,19 @@ def floating(
     imgui.pop_style_var(2)
 
 
-def toolbar(desk: Desk, rectangle: Rectangle) -> None:
+def toolbar(ui: UiState, rectangle: Rectangle) -> None:
     """How the gizmo works, while an object is selected."""
-    if desk.state is None:
+    if ui.state is None:
         return
     left, top, _, _ = rectangle
     with floating("tools", left + MARGIN, top + MARGIN):
         for mode, icon, about in _MODES:
-            if _toggle(icon, desk.mode == mode, about):
-                desk.mode = mode
+            if toggle(icon, ui.mode == mode, about):
+                ui.mode = mode
             imgui.same_line()
-        about = "Slide over surfaces: upright, or turned to the surface's normal (N)"
-        if _toggle(icons.ICON_FA_MAGNET, desk.align, about):
-            desk.align = not desk.align
+        about = f"{PARTS['align'].name} (N). {PARTS['align'].about}"
+        if toggle(icons.ICON_FA_MAGNET, ui.align, about):
+            ui.align = not ui.align
 
 
 def toolbar_width() -> float:
@@ -70,19 +74,9 @@ def toolbar_width() -> float:
     return 4.0 * (2.0 * imgui.get_frame_height() + imgui.get_style().item_spacing.x) + 2.0 * MARGIN
 
 
-def _toggle(icon: str, on: bool, about: str) -> bool:
-    if on:
-        imgui.push_style_color(imgui.Col_.text, imgui.ImVec4(*ACCENT))
-    pressed = imgui.button(icon, imgui.ImVec2(2.0 * imgui.get_frame_height(), 0.0))
-    if on:
-        imgui.pop_style_color()
-    imgui.set_item_tooltip(about)
-    return bool(pressed)
-
-
-def split_bar(desk: Desk, rectangle: Rectangle, *, lit: bool) -> None:
+def split_bar(ui: UiState, rectangle: Rectangle, *, lit: bool) -> None:
     """The line between the picture and what it is compared with."""
-    lens = desk.viewport.lens
+    lens = ui.viewport.lens
     if lens.against is None or lens.error:
         return
     left, top, width, height = rectangle
@@ -96,35 +90,39 @@ def split_bar(desk: Desk, rectangle: Rectangle, *, lit: bool) -> None:
         imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
 
 
-def corners(desk: Desk, rectangle: Rectangle) -> None:
-    """In the upper right corner: which buffer is shown, and what it is compared with."""
-    sight, lens = desk.sight, desk.viewport.lens
-    caption = "" if sight is None else sight.caption
-    words = [word for word in (lens.buffer if lens.against is None else "", caption) if word]
+def caption(ui: UiState, rectangle: Rectangle) -> None:
+    """In the upper right corner: what is shown if not the picture, and what misleads in it."""
+    sight = ui.sight
+    words = [] if sight is None else [(sight.caption, TEXT), (sight.warning, ACCENT)]
+    words = [(text, color) for text, color in words if text]
     if not words:
         return
     left, top, width, _ = rectangle
-    text = "   ".join(words)
-    size = imgui.calc_text_size(text)
-    x, y = left + width - size.x - 2.0 * MARGIN, top + MARGIN
-    if desk.state is not None and x < left + 2.0 * MARGIN + toolbar_width():
-        y += imgui.get_frame_height() + 2.0 * MARGIN  # below the tools
-    draw = imgui.get_window_draw_list()
-    box = imgui.ImVec2(x - 8, y), imgui.ImVec2(x + size.x + 8, y + size.y + 8)
-    draw.add_rect_filled(*box, packed((0.1, 0.1, 0.11, 0.8)), 5.0)
-    draw.add_text(imgui.ImVec2(x, y + 4), packed(TEXT), text)
+    em = imgui.get_font_size()
+    room = min(CAPTION_EM * em, width - 4.0 * MARGIN)
+    longest = max(imgui.calc_text_size(text, wrap_width=room).x for text, _ in words)
+    if ui.state is not None and longest > width - toolbar_width() - 4.0 * MARGIN:
+        top += imgui.get_frame_height() + 2.0 * MARGIN  # below the tools
+    with floating("caption", left + width - MARGIN, top + MARGIN, pivot=(1, 0), inert=True):
+        imgui.push_text_wrap_pos(imgui.get_cursor_pos().x + room)
+        for text, color in words:
+            imgui.push_style_color(imgui.Col_.text, imgui.ImVec4(*color))
+            imgui.text_unformatted(text)
+            imgui.pop_style_color()
+        imgui.pop_text_wrap_pos()
 
 
-def activity(desk: Desk, rectangle: Rectangle) -> None:
+def activity(ui: UiState, rectangle: Rectangle) -> None:
     """At the bottom: what is compiled or loaded, what went wrong, what was just done."""
-    status, notice = desk.engine.status, desk.notice
-    lines = [(text, BAD) for text in status.problems]
+    status, notice, preview = ui.engine.status, ui.notice, None
+    lines = [(text, BAD) for text in status.problems] + [(text, TEXT) for text in status.notes]
     if notice is not None:
         lines.append((notice[0], BAD if notice[1] else TEXT))
     if status.doing in ("compiling", "loading"):
-        lines.append((f"{status.doing} {status.what} ...", ACCENT))
-    if desk.sight is not None and desk.sight.gave_up:
-        lines.append((f"while it moves: {desk.sight.gave_up}", QUIET))
+        lines.append((status.text, ACCENT))
+    if ui.sight is not None and ui.sight.preview is not None:
+        preview = ui.sight.preview
+        lines.append((preview.short, TEXT))
     if not lines:
         return
     left, top, width, height = rectangle
@@ -135,38 +133,87 @@ def activity(desk: Desk, rectangle: Rectangle) -> None:
             imgui.text_unformatted(text)
             imgui.pop_style_color()
         imgui.pop_text_wrap_pos()
+        # The window lets the mouse through, which drags the picture there too.
+        low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
+    if preview is not None and imgui.is_mouse_hovering_rect(low, high, False):
+        tooltip(preview.details)
 
 
-def readout(desk: Desk) -> None:
-    """The values of the pixel at the cursor, beside it."""
-    if not desk.readout or desk.cursor is None:
+def readout(ui: UiState, rectangle: Rectangle, object_box: Box | None) -> None:
+    """The values of the pixel at the mouse, in a corner where they hide nothing of interest.
+
+    Parameters
+    ----------
+    ui : UiState
+    rectangle : (left, top, width, height)
+        Of the picture on the screen.
+    object_box : (left, top, right, bottom) or None
+        What is seen of the selected object.
+    """
+    if not ui.readout or ui.cursor is None:
         return
-    found = desk.viewport.readout(*desk.cursor)
-    if found is None or not imgui.begin_tooltip():
+    found = ui.viewport.readout(*ui.cursor)
+    if found is None:
         return
-    for label, value in readout_rows(found, desk.viewport.lens.buffer):
-        imgui.text_colored(imgui.ImVec4(*QUIET), label)
-        imgui.same_line(5.2 * imgui.get_font_size())
-        imgui.text_unformatted(value)
-    imgui.end_tooltip()
+    rows = found.rows()
+    em, mouse = imgui.get_font_size(), imgui.get_io().mouse_pos
+    second, last = (
+        max(imgui.calc_text_size(row[column]).x for row in rows) + 1.5 * em for column in (0, 1)
+    )
+    size = second + last, len(rows) * imgui.get_text_line_height_with_spacing() + MARGIN
+    avoid = [(mouse.x - em, mouse.y - em, mouse.x + em, mouse.y + em)]
+    avoid += [object_box] if object_box is not None else []
+    x, y, pivot = free_corner(rectangle, size, avoid)
+    with floating("values", x, y, pivot=pivot, inert=True):
+        for label, value in rows:
+            imgui.text_colored(imgui.ImVec4(*QUIET), label)
+            imgui.same_line(second)
+            imgui.text_unformatted(value)
 
 
-def readout_rows(found: Readout, buffer: str | None) -> list[tuple[str, str]]:
-    """What a pixel holds, in words."""
-    rows = [("pixel", f"{found.x}, {found.y}"), ("linear", _numbers(found.radiance))]
-    if found.depth_m is not None:
-        rows.append(("depth", f"{found.depth_m:.3f} m" if found.depth_m < np.inf else "open sky"))
-    if found.normal is not None:
-        rows.append(("normal", "  ".join(f"{value:+.2f}" for value in found.normal)))
-    if found.name is not None:
-        rows.append(("object", found.name))
-    if buffer is not None and found.value is not None:
-        rows.append((buffer, f"{_numbers(found.value)} {found.unit}".rstrip()))
-    return rows
+def free_corner(
+    rectangle: Rectangle, size: tuple[float, float], avoid: Sequence[Box]
+) -> tuple[float, float, tuple[float, float]]:
+    """A corner of the picture for a window of that size: where it covers least of what to avoid.
+
+    The lower right one if it is as good as others. Upper ones leave room for tools and captions.
+
+    Returns
+    -------
+    (x, y, pivot)
+        As `floating` takes them.
+    """
+    left, top, width, height = rectangle
+    upper = top + imgui.get_frame_height() + 4.0 * MARGIN
+    found = []
+    for right, down in ((1, 1), (1, 0), (0, 0), (0, 1)):
+        x = left + width - MARGIN if right else left + MARGIN
+        y = top + height - MARGIN if down else upper
+        box = x - right * size[0], y - down * size[1], x, y
+        box = (box[0], box[1], box[0] + size[0], box[1] + size[1])
+        found.append((sum(_overlap(box, other) for other in avoid), (x, y, (right, down))))
+    return min(found, key=lambda entry: entry[0])[1]
 
 
-def _numbers(values: NDArray[np.float32]) -> str:
-    return "  ".join(f"{value:.4g}" for value in values)
+def _overlap(one: Box, other: Box) -> float:
+    """Area that two boxes share."""
+    wide = min(one[2], other[2]) - max(one[0], other[0])
+    high = min(one[3], other[3]) - max(one[1], other[1])
+    return max(wide, 0.0) * max(high, 0.0)
+
+
+def edges(
+    to_world: Matrix, corners: tuple[Matrix, Matrix], view: View, pose: Matrix | None
+) -> list[tuple[Matrix, Matrix]]:
+    """Both ends, in pixels of the view, of an object's bounding box's edges before the camera."""
+    low, high = corners
+    points = (low + _CORNERS * (high - low)) @ to_world[:3, :3].T + to_world[:3, 3]
+    camera = camera_matrix(view, pose)
+    local = points @ camera[:3, :3].T + camera[:3, 3]
+    seen = local[:, 2] < -1e-3
+    scale = view.focal_px / np.where(seen, -local[:, 2], 1.0)[:, None]
+    pixels = 0.5 * np.array([view.width, view.height]) + scale * local[:, :2] * (1.0, -1.0)
+    return [(pixels[a], pixels[b]) for a, b in _EDGES if seen[a] and seen[b]]
 
 
 def box(
@@ -175,23 +222,17 @@ def box(
     view: View,
     pose: Matrix | None,
     rectangle: Rectangle,
-) -> None:
-    """The edges of an object's bounding box, where they are in front of the camera."""
-    low, high = corners
-    points = (low + _CORNERS * (high - low)) @ to_world[:3, :3].T + to_world[:3, 3]
-    camera = camera_matrix(view, pose)
-    local = points @ camera[:3, :3].T + camera[:3, 3]
+    *,
+    lit: bool,
+) -> Box | None:
+    """Draw the edges of an object's bounding box; what they take up on the screen."""
     left, top, width, height = rectangle
-    scale = height * view.focal_px / view.height
-    draw = imgui.get_window_draw_list()
-    color = packed(ACCENT, 0.45)
-    for a, b in _EDGES:
-        if local[a, 2] < -1e-3 and local[b, 2] < -1e-3:
-            start, end = (
-                imgui.ImVec2(
-                    left + 0.5 * width - scale * local[i, 0] / local[i, 2],
-                    top + 0.5 * height + scale * local[i, 1] / local[i, 2],
-                )
-                for i in (a, b)
-            )
-            draw.add_line(start, end, color, 1.0)
+    scale = np.array([width / view.width, height / view.height])
+    draw, color = imgui.get_window_draw_list(), packed(ACCENT, 0.9 if lit else 0.45)
+    ends = np.reshape(edges(to_world, corners, view, pose), (-1, 2, 2)) * scale + (left, top)
+    for start, end in ends:
+        draw.add_line(imgui.ImVec2(*start), imgui.ImVec2(*end), color, 1.0)
+    if not len(ends):
+        return None
+    low, high = ends.min(axis=(0, 1)), ends.max(axis=(0, 1))
+    return float(low[0]), float(low[1]), float(high[0]), float(high[1])

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from imgui_bundle import imgui, implot
 
-from iprt.viewer.desktop.desk import Desk
 from iprt.viewer.desktop.style import packed
+from iprt.viewer.desktop.ui_state import UiState
 from iprt.viewer.desktop.widgets import heading, quiet
 from iprt.viewer.timeline import WHOLE, Timeline
 
@@ -15,14 +15,14 @@ PLOT_EM = 13.0
 OPACITY = 0.85
 
 
-def draw(desk: Desk) -> None:
+def draw(ui: UiState) -> None:
     """The whole panel."""
     heading("Passes of the last view frames")
-    if not desk.timeline.steps.size:
+    if not ui.timeline.steps.size:
         quiet("Nothing has been rendered yet.")
         return
-    _plot(desk.timeline)
-    _table(desk.timeline)
+    _plot(ui.timeline)
+    _table(ui.timeline)
     quiet("What iprt profile prints in full: kernels, bytes, rays, memory.")
 
 
@@ -74,7 +74,7 @@ def _table(timeline: Timeline) -> None:
 
 
 def _color(number: int) -> imgui.ImVec4:
-    """Of a pass, by its place in a frame."""
+    """The colour of a pass, by its place in a frame."""
     return implot.get_colormap_color(number)
 
 

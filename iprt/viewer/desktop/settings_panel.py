@@ -20,19 +20,31 @@ from iprt.viewer.controls import (
     with_preset,
     with_value,
 )
-from iprt.viewer.desktop.desk import Desk
-from iprt.viewer.desktop.widgets import button, choice, disabled, heading, hint, label, quiet
+from iprt.viewer.desktop.ui_state import UiState
+from iprt.viewer.desktop.widgets import (
+    RESET_EM,
+    button,
+    choice,
+    disabled,
+    heading,
+    hint,
+    label,
+    part,
+    slider,
+)
+from iprt.viewer.labels import Label
 
-USUAL_FPS = 30.0
+USUAL_FPS, MOST_FPS = 30, 120
 _UNSET = "automatic"
-_LOGARITHMIC = imgui.SliderFlags_.logarithmic | imgui.SliderFlags_.always_clamp
+RESET_SHARE = 0.6
+"""Share of the panel's width at which the button that resets all settings begins."""
 
 
-def draw(desk: Desk) -> None:
+def draw(ui: UiState) -> None:
     """The whole panel."""
-    settings = desk.settings
-    _preset(desk, settings)
-    _pace(desk)
+    settings = ui.settings
+    _preset(ui, settings)
+    _pace(ui)
     for group in control_groups():
         name = group.name or "general"
         if not imgui.collapsing_header(name.replace("_", " ")):
@@ -40,30 +52,31 @@ def draw(desk: Desk) -> None:
             continue
         hint(group.about)
         for control in group.controls:
-            _row(desk, settings, control)
+            _row(ui, settings, control)
 
 
-def _preset(desk: Desk, settings: Settings) -> None:
+def _preset(ui: UiState, settings: Settings) -> None:
     heading("Quality")
     preset, names = preset_of(settings), list(PRESETS)
-    label("preset", "Sets the knobs that differ most in cost; all others keep what you set.")
-    chosen = choice("##preset", names, names.index(preset.quality))
+    label("Preset", "Sets what differs most in cost; all other settings stay as they are.")
+    options = [Label(name, "") for name in names]
+    chosen = choice("##preset", options, names.index(preset.quality))
     if chosen is not None:
-        desk.settings = with_preset(settings, names[chosen])
-    if preset.differing:
-        quiet(preset.text)
-        label("")
-        if button("all defaults", width=-1.0):
-            desk.settings = Settings()
+        ui.settings = with_preset(settings, names[chosen])
+    # Always there: rows that come and go would move the slider that is being dragged.
+    count = len(preset.differing)
+    label("Changed settings", "Those that differ from the preset.")
+    imgui.text_unformatted(str(count or "none"))
+    hint(preset.text if count else "")
+    imgui.same_line(RESET_SHARE * imgui.get_window_width())
+    about = "Set everything to its default"
+    if button("Reset all", about, width=-1.0, enabled=settings != Settings()):
+        ui.settings = Settings()
 
 
-def _pace(desk: Desk) -> None:
-    viewport = desk.viewport
-    label(
-        "frame rate",
-        "Frames per second to hold while something moves. What that costs least is given up for "
-        "it, as was measured: rays, filters, resolution. At rest nothing is.",
-    )
+def _pace(ui: UiState) -> None:
+    viewport = ui.viewport
+    part("fps")
     held = viewport.target_fps is not None
     changed, held = imgui.checkbox("##held", held)
     if changed:
@@ -71,41 +84,40 @@ def _pace(desk: Desk) -> None:
     imgui.same_line()
     imgui.set_next_item_width(-1.0)
     with disabled(not held):
-        changed, fps = imgui.slider_float(
-            "##fps", viewport.target_fps or USUAL_FPS, 1.0, 120.0, "%.0f fps", _LOGARITHMIC
-        )
-    if changed and held:
-        viewport.target_fps = round(fps)
+        now = round(viewport.target_fps or USUAL_FPS)
+        fps = slider("##fps", now, (1, MOST_FPS), "{} fps".format, logarithmic=True)
+    if fps is not None and held:
+        viewport.target_fps = fps
 
 
-def _row(desk: Desk, settings: Settings, control: Control) -> None:
+def _row(ui: UiState, settings: Settings, control: Control) -> None:
     now = value_of(settings, control.key)
     label(control.label, f"{control.help}\n\n{control.key}: {control.allowed}")
-    differs = now != control.start and not (now is None and control.nullable)
-    if differs or (control.nullable and now is not None):
-        imgui.set_next_item_width(-1.6 * imgui.get_frame_height())
+    start = value_of(Settings(), control.key)
+    imgui.set_next_item_width(-RESET_EM * imgui.get_font_size())
     value = _value(control, now)
-    if differs or (control.nullable and now is not None):
-        imgui.same_line()
+    if now != start:
+        imgui.same_line(imgui.get_window_width() - RESET_EM * imgui.get_font_size())
         if button(f"{icons.ICON_FA_ROTATE_LEFT}##{control.key}", "Back to the default"):
-            value = value_of(Settings(), control.key)
+            value = start
     if value != now:
         try:
-            desk.settings = with_value(settings, control.key, value)
+            ui.settings = with_value(settings, control.key, value)
         except IprtError as error:
-            desk.say(str(error), bad=True)
+            ui.say(str(error), bad=True)
 
 
 def _value(control: Control, now: Any) -> Any:
     """The control, drawn; its value, changed or not."""
     name = f"##{control.key}"
     if now is None:
-        pressed = imgui.button(f"{_UNSET}{name}", imgui.ImVec2(-1.0, 0.0))
+        pressed = imgui.button(f"{_UNSET}{name}", imgui.ImVec2(imgui.calc_item_width(), 0.0))
         return control.start if pressed else None
     if control.kind == "switch":
         return imgui.checkbox(name, now)[1]
     if control.kind == "choice":
-        index = choice(name, control.choices, control.choices.index(now))
+        options = [Label(word, "") for word in control.choices]
+        index = choice(name, options, control.choices.index(now))
         return now if index is None else control.choices[index]
     if control.kind == "numbers":
         return _numbers(control, list(now))
@@ -116,22 +128,29 @@ def _numbers(control: Control, now: list[float]) -> list[float]:
     style = imgui.get_style()
     spacing = style.item_inner_spacing.x
     width = (imgui.calc_item_width() - spacing * (len(now) - 1)) / len(now)
-    for index, slider in enumerate(control.sliders):
+    for index, one in enumerate(control.sliders):
         if index:
             imgui.same_line(0.0, spacing)
         imgui.set_next_item_width(width)
-        now[index] = _number(f"##{control.key}.{index}", slider, now[index], "")
+        now[index] = _number(f"##{control.key}.{index}", one, now[index], "")
     return now
 
 
-def _number(name: str, slider: Slider, now: float, unit: str) -> float:
-    """A slider, which takes other numbers by Ctrl and a click."""
-    flags = imgui.SliderFlags_.logarithmic if slider.logarithmic else 0
-    unit = f" {unit}".rstrip().replace("%", "%%")
-    if slider.whole:
-        changed, whole = imgui.slider_int(
-            name, int(now), int(slider.low), int(slider.high), f"%d{unit}", flags
-        )
-        return whole if changed else now
-    changed, number = imgui.slider_float(name, now, slider.low, slider.high, f"%.4g{unit}", flags)
-    return float(f"{number:.{DIGITS}g}") if changed else now
+def _number(name: str, of: Slider, now: float, unit: str) -> float:
+    """A slider, which takes numbers beyond its ends by Ctrl and a click."""
+
+    def words(value: float) -> str:
+        digits = f"{value:.0f}" if of.whole or value >= 10**DIGITS else f"{value:.{DIGITS}g}"
+        return f"{digits} {unit}".rstrip()
+
+    chosen = slider(
+        name,
+        int(now) if of.whole else float(now),
+        (of.low, of.high),
+        words,
+        logarithmic=of.logarithmic,
+        clamped=False,
+    )
+    if chosen is None:
+        return now
+    return int(chosen) if of.whole else float(f"{chosen:.{DIGITS}g}")

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from imgui_bundle import imgui
 
-from iprt.viewer.desktop.desk import Desk
 from iprt.viewer.desktop.gizmo import Mode
-
-Key = imgui.Key
+from iprt.viewer.desktop.ui_state import UiState
+from iprt.viewer.desktop.window import KeyPress
 
 
 @dataclass(frozen=True)
@@ -19,64 +18,47 @@ class Shortcut:
 
     Attributes
     ----------
-    key : str
-        As it is written.
+    keys : str
+        As `KeyPress` has them; several are divided by a comma, and any of them will do.
     about : str
-    chords : tuple of int
-        Keys with modifiers, as imgui has them. Any of them will do.
     act : callable
+    repeats : bool
+        It is done again and again while the key is held down.
     """
 
-    key: str
+    keys: str
     about: str
-    chords: tuple[int, ...]
-    act: Callable[[Desk], object]
+    act: Callable[[UiState], object]
+    repeats: bool = False
 
 
-def _chord(*keys: imgui.Key) -> int:
-    """Keys that are pressed together. As numbers: Python 3.11.2 cannot join these flags."""
-    return sum(int(key) for key in keys)
+def _mode(mode: Mode) -> Callable[[UiState], None]:
+    return lambda ui: setattr(ui, "mode", mode)
 
 
-def _mode(mode: Mode) -> Callable[[Desk], None]:
-    return lambda desk: setattr(desk, "mode", mode)
-
-
-def _toggle(name: str) -> Callable[[Desk], None]:
-    return lambda desk: setattr(desk, name, not getattr(desk, name))
+def _toggle(name: str) -> Callable[[UiState], None]:
+    return lambda ui: setattr(ui, name, not getattr(ui, name))
 
 
 SHORTCUTS = (
-    Shortcut("T", "gizmo: move", (Key.t,), _mode("move")),
-    Shortcut("R", "gizmo: turn", (Key.r,), _mode("turn")),
-    Shortcut("S", "gizmo: scale", (Key.s,), _mode("scale")),
-    Shortcut(
-        "N", "slide: turn to the surface's normal, or stay upright", (Key.n,), _toggle("align")
-    ),
-    Shortcut("Delete", "remove the selected object", (Key.delete,), Desk.remove),
-    Shortcut("A", "add a mesh", (Key.a,), _toggle("browsing")),
-    Shortcut("Ctrl+Z", "undo", (_chord(Key.mod_ctrl, Key.z),), Desk.undo),
-    Shortcut(
-        "Ctrl+Y",
-        "redo",
-        (_chord(Key.mod_ctrl, Key.y), _chord(Key.mod_ctrl, Key.mod_shift, Key.z)),
-        Desk.redo,
-    ),
-    Shortcut("Ctrl+S", "save the scene", (_chord(Key.mod_ctrl, Key.s),), Desk.save),
-    Shortcut("Space", "play or pause", (Key.space,), Desk.toggle_playing),
-    Shortcut("←", "a frame back", (Key.left_arrow,), lambda desk: desk.step(-1)),
-    Shortcut("→", "a frame on", (Key.right_arrow,), lambda desk: desk.step(1)),
-    Shortcut("I", "values at the cursor", (Key.i,), _toggle("readout")),
-    Shortcut("P", "panels", (Key.p,), _toggle("panels")),
-    Shortcut("F12", "screenshot, PNG", (Key.f12,), lambda desk: desk.screenshot(".png")),
-    Shortcut(
-        "Shift+F12",
-        "screenshot, EXR",
-        (_chord(Key.mod_shift, Key.f12),),
-        lambda desk: desk.screenshot(".exr"),
-    ),
-    Shortcut("H", "this list", (Key.h,), _toggle("help")),
-    Shortcut("Esc", "close, deselect", (Key.escape,), Desk.escape),
+    Shortcut("T", "gizmo: move", _mode("move")),
+    Shortcut("R", "gizmo: turn", _mode("turn")),
+    Shortcut("S", "gizmo: scale", _mode("scale")),
+    Shortcut("N", "slide: turn to the surface's normal, or stay upright", _toggle("align")),
+    Shortcut("Delete", "remove the selected object", UiState.remove),
+    Shortcut("A", "add a mesh", UiState.browse),
+    Shortcut("Ctrl+Z", "undo", UiState.undo, repeats=True),
+    Shortcut("Ctrl+Y, Ctrl+Shift+Z", "redo", UiState.redo, repeats=True),
+    Shortcut("Ctrl+S", "save the scene", UiState.save),
+    Shortcut("Space", "play or pause", UiState.toggle_playing),
+    Shortcut("←", "a frame back", lambda ui: ui.step(-1), repeats=True),
+    Shortcut("→", "a frame on", lambda ui: ui.step(1), repeats=True),
+    Shortcut("I", "values at the cursor", _toggle("readout")),
+    Shortcut("P", "panels", _toggle("panels")),
+    Shortcut("F12", "screenshot, PNG", lambda ui: ui.screenshot(".png")),
+    Shortcut("Shift+F12", "screenshot, EXR", lambda ui: ui.screenshot(".exr")),
+    Shortcut("H", "this list", _toggle("help")),
+    Shortcut("Esc", "close, deselect", lambda ui: _escape(ui)),
 )
 ELSEWHERE = (
     ("F11", "full screen"),
@@ -89,10 +71,20 @@ ELSEWHERE = (
 """What does not go through this table."""
 
 
-def act_on_keys(desk: Desk) -> None:
+def act_on_keys(ui: UiState, presses: Sequence[KeyPress]) -> None:
     """Do what the keys that were pressed stand for, unless text is being typed."""
     if imgui.get_io().want_text_input:
         return
-    for shortcut in SHORTCUTS:
-        if any(imgui.is_key_chord_pressed(chord) for chord in shortcut.chords):
-            shortcut.act(desk)
+    for press in presses:
+        for shortcut in SHORTCUTS:
+            if press.keys in shortcut.keys.split(", ") and (shortcut.repeats or not press.repeated):
+                shortcut.act(ui)
+
+
+def _escape(ui: UiState) -> None:
+    """Close the list or the colour picker that is open, or else what else is open."""
+    flags = imgui.PopupFlags_.any_popup_id | imgui.PopupFlags_.any_popup_level
+    if imgui.is_popup_open("", flags):
+        imgui.internal.close_popups_except_modals()
+    else:
+        ui.escape()

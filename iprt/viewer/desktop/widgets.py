@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 
 import numpy as np
@@ -10,10 +10,20 @@ from imgui_bundle import imgui
 
 from iprt.measure.metrics import srgb_encode
 from iprt.scene.images import decode_srgb
-from iprt.viewer.desktop.style import QUIET
+from iprt.viewer.desktop.style import ACCENT, QUIET
+from iprt.viewer.labels import PARTS, Label
 
 LABEL_SHARE = 0.38
-"""Of a panel's width, for labels."""
+"""Share of a panel's width that labels have."""
+VALUE_EM = 5.2
+"""Room beside a slider: the same for all values, so that it keeps its length in a drag."""
+RESET_EM = 2.4
+"""Room for the button that goes back to a default."""
+
+
+def part(name: str) -> None:
+    """As `label`, of what both viewers have."""
+    label(PARTS[name].name, PARTS[name].about)
 
 
 def label(text: str, help_text: str = "") -> None:
@@ -47,10 +57,13 @@ def heading(text: str) -> None:
     imgui.separator_text(text)
 
 
-def quiet(text: str) -> None:
-    """Text that wraps and does not call for attention."""
+def quiet(text: str, *, wrap_em: float | None = None) -> None:
+    """Text that does not call for attention, wrapped at the window's width.
+
+    Windows that are as wide as what is in them need a width of its own for it.
+    """
     imgui.push_style_color(imgui.Col_.text, imgui.ImVec4(*QUIET))
-    imgui.push_text_wrap_pos(0.0)
+    imgui.push_text_wrap_pos(0.0 if wrap_em is None else wrap_em * imgui.get_font_size())
     imgui.text_unformatted(text)
     imgui.pop_text_wrap_pos()
     imgui.pop_style_color()
@@ -64,6 +77,16 @@ def button(text: str, about: str = "", *, width: float = 0.0, enabled: bool = Tr
     return bool(pressed)
 
 
+def toggle(icon: str, on: bool, about: str) -> bool:
+    """A button that is lit while something is on; whether it was pressed."""
+    if on:
+        imgui.push_style_color(imgui.Col_.text, imgui.ImVec4(*ACCENT))
+    pressed = button(icon, about, width=2.0 * imgui.get_frame_height())
+    if on:
+        imgui.pop_style_color()
+    return pressed
+
+
 @contextmanager
 def disabled(off: bool) -> Iterator[None]:
     """What is drawn inside cannot be used."""
@@ -74,10 +97,82 @@ def disabled(off: bool) -> Iterator[None]:
         imgui.end_disabled()
 
 
-def choice(name: str, options: Sequence[str], chosen: int) -> int | None:
-    """A list to choose from; the index that was chosen just now."""
-    changed, index = imgui.combo(name, chosen, list(options))
-    return index if changed else None
+def slider(
+    name: str,
+    value: float,
+    ends: tuple[float, float],
+    words: Callable[[float], str],
+    *,
+    logarithmic: bool = False,
+    clamped: bool = True,
+) -> float | None:
+    """A slider with its value beside it, where the grab does not hide it; what was chosen just now.
+
+    Ctrl and a click take a number. It has as much room as the next item would have.
+
+    Parameters
+    ----------
+    name : str
+    value : float
+        Whole numbers are chosen if it is an int.
+    ends : (low, high)
+        Of the slider.
+    words : callable
+        Tells a value with its unit.
+    logarithmic : bool
+    clamped : bool
+        Typed numbers do not go beyond the ends.
+    """
+    low, high = ends
+    gap = imgui.get_style().item_inner_spacing.x
+    room = VALUE_EM * imgui.get_font_size()
+    flags = int(imgui.SliderFlags_.logarithmic) if logarithmic else 0
+    flags |= int(imgui.SliderFlags_.always_clamp) if clamped else 0
+    imgui.set_next_item_width(imgui.calc_item_width() - room - gap)
+    changed, chosen = False, value
+    # Without a format: no number over the slider.
+    if isinstance(value, int):
+        changed, chosen = imgui.slider_int(name, value, round(low), round(high), "", flags)
+    else:
+        changed, chosen = imgui.slider_float(name, value, low, high, "", flags)
+    imgui.same_line(0.0, gap)
+    imgui.align_text_to_frame_padding()
+    text = words(chosen)
+    left = imgui.get_cursor_pos().x
+    imgui.set_cursor_pos_x(left + room - imgui.calc_text_size(text).x)
+    imgui.text_unformatted(text)
+    return chosen if changed else None
+
+
+def choice(
+    name: str,
+    options: Sequence[Label],
+    chosen: int,
+    *,
+    missing: Mapping[int, str] | None = None,
+) -> int | None:
+    """A list to choose from; the index that was chosen just now.
+
+    Parameters
+    ----------
+    name : str
+    options : sequence of Label
+    chosen : int
+    missing : mapping of int to str
+        Why some of them cannot be chosen now.
+    """
+    missing = missing or {}
+    if not imgui.begin_combo(name, options[chosen].name):
+        hint(options[chosen].about)
+        return None
+    picked = None
+    for index, option in enumerate(options):
+        with disabled(index in missing):
+            if imgui.selectable(option.name, index == chosen)[0]:
+                picked = index
+        hint(missing.get(index, option.about))
+    imgui.end_combo()
+    return picked
 
 
 def linear_color(name: str, color: tuple[float, float, float]) -> tuple[float, float, float] | None:

@@ -8,6 +8,7 @@ import time
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,14 +18,42 @@ import glfw
 import moderngl
 import numpy as np
 from imgui_bundle.imgui import backends
+from moderngl_window.context.base import KeyModifiers
 from moderngl_window.context.glfw.window import Window as GlfwWindow
 from numpy.typing import NDArray
 
 from iprt.errors import DeviceError
 from iprt.viewer.desktop.style import apply_style
+from iprt.viewer.desktop.turning import BESIDE, Matrix, Turner
 
 STIRRED_S = 0.6
 """Drawn again and again so long after any input: tooltips appear, and popups settle."""
+
+
+_NAMED_KEYS = {
+    glfw.KEY_SPACE: "Space",
+    glfw.KEY_LEFT: "←",
+    glfw.KEY_RIGHT: "→",
+    glfw.KEY_DELETE: "Delete",
+    glfw.KEY_ESCAPE: "Esc",
+    glfw.KEY_F12: "F12",
+}
+
+
+@dataclass(frozen=True)
+class KeyPress:
+    """A key that was pressed, with those that were held down at that moment.
+
+    Attributes
+    ----------
+    keys : str
+        As they are written on the keyboard: `Ctrl+Shift+Z`.
+    repeated : bool
+        It was held down, and not pressed anew.
+    """
+
+    keys: str
+    repeated: bool
 
 
 class Window:
@@ -58,7 +87,6 @@ class Window:
         for event in (
             "resize",
             "iconify",
-            "key_event",
             "mouse_position_event",
             "mouse_drag_event",
             "mouse_press_event",
@@ -67,8 +95,11 @@ class Window:
             "unicode_char_entered",
         ):
             setattr(self._window, f"{event}_func", self._stir)
+        self._presses: list[KeyPress] = []
+        self._window.key_event_func = self._press
         self._stirred_s = time.monotonic()
         self._texture: moderngl.Texture | None = None
+        self._turner: Turner | None = None
         imgui.create_context()
         implot.create_context()
         imgui.get_io().set_ini_filename("")
@@ -109,7 +140,7 @@ class Window:
 
     @property
     def pixels_per_unit(self) -> float:
-        """Of the screen; above 1 on high-resolution displays of some systems."""
+        """Scale of the screen. High-resolution displays of some systems have more than 1."""
         return float(self._window.buffer_width / max(self._window.width, 1))
 
     def rename(self, title: str) -> None:
@@ -125,6 +156,23 @@ class Window:
 
     def _stir(self, *_: Any) -> None:
         self._stirred_s = time.monotonic()
+
+    def take_keys(self) -> list[KeyPress]:
+        """What was pressed since this was called last.
+
+        With the modifiers of the very event. imgui knows only those that are held when it draws,
+        and a quick Ctrl+S may begin and end between two frames.
+        """
+        presses, self._presses = self._presses, []
+        return presses
+
+    def _press(self, key: int, action: int, modifiers: KeyModifiers) -> None:
+        self._stir()
+        if action == glfw.RELEASE:
+            return
+        held = [name for name in ("ctrl", "shift", "alt") if getattr(modifiers, name)]
+        words = [*(name.capitalize() for name in held), _written(key)]
+        self._presses.append(KeyPress("+".join(words), action == glfw.REPEAT))
 
     def _drop(self, _: Any, files: Any) -> None:
         self._stir()
@@ -144,7 +192,7 @@ class Window:
         yield
         imgui.render()
         self._window.ctx.screen.use()
-        self._window.ctx.clear(0.05, 0.05, 0.06)
+        self._window.ctx.clear(*BESIDE)
         backends.opengl3_render_draw_data(imgui.get_draw_data())
         glfw.swap_buffers(self._window._window)
 
@@ -157,14 +205,30 @@ class Window:
             self._texture = self._window.ctx.texture((width, height), 3, alignment=1)
         self._texture.write(np.ascontiguousarray(pixels), alignment=1)
 
-    def picture(self, width_px: int, height_px: int) -> Any:
-        """imgui's name of the picture that was uploaded, to be drawn that large; None: none was."""
-        if self._texture is None:
+    def picture(self, width_px: int, height_px: int, turn: Matrix | None) -> Any:
+        """imgui's name of the picture that was uploaded, to be drawn that large; None: none was.
+
+        With what `turned` returned, as it is seen from there.
+        """
+        texture = self._texture
+        if texture is None:
             return None
-        same = self._texture.size == (width_px, height_px)
-        kind = moderngl.NEAREST if same else moderngl.LINEAR
-        self._texture.filter = kind, kind
-        return imgui.ImTextureRef(self._texture.glo)
+        if turn is not None:
+            self._turner = self._turner or Turner(self._window.ctx)
+            return imgui.ImTextureRef(self._turner.draw(texture, turn, (width_px, height_px)).glo)
+        kind = moderngl.NEAREST if texture.size == (width_px, height_px) else moderngl.LINEAR
+        texture.filter = kind, kind
+        return imgui.ImTextureRef(texture.glo)
+
+
+def _written(key: int) -> str:
+    """What a key has on it: by the layout, or by its place where that has no Latin letter there."""
+    if key in _NAMED_KEYS:
+        return _NAMED_KEYS[key]
+    name = glfw.get_key_name(key, 0) or ""
+    if name.isascii() and name.isalnum():
+        return name.upper()
+    return chr(key) if glfw.KEY_A <= key <= glfw.KEY_Z else ""
 
 
 def _opened(title: str, size: tuple[int, int]) -> GlfwWindow:

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from iprt.errors import IprtError
+from iprt.viewer.needs import require_browser
 
 if TYPE_CHECKING:
     from iprt.scene.camera import View
@@ -79,11 +79,10 @@ def serve(
     IprtError
         viser is missing, or the address cannot be had.
     """
-    try:
-        from iprt.viewer.web.browser import Start
-        from iprt.viewer.web.host import Host
-    except ModuleNotFoundError as error:
-        raise IprtError(f"{error.name} is missing: pip install 'iprt[view]'") from error
+    require_browser()
+    from iprt.viewer.web.browser import Start
+    from iprt.viewer.web.host import Host
+
     if view.projection == "equirect":
         view = replace(view, projection="perspective", fov_y_deg=FOV_DEG)
     with warnings.catch_warnings(), contextlib.suppress(KeyboardInterrupt):

@@ -20,6 +20,7 @@ from iprt.viewer.objects import ObjectState
 from iprt.viewer.sight import Readout, Sight
 from iprt.viewer.viewport import Viewport
 from iprt.viewer.web.camera import look_of, position_of
+from iprt.viewer.web.divider import Divider
 from iprt.viewer.web.gizmo import Gizmo
 from iprt.viewer.web.panels import Panels
 from iprt.viewer.web.picture import PictureSender
@@ -29,7 +30,7 @@ POLL_S, REST_POLL_S = 0.008, 0.05
 """Between two looks for a picture, while there is something to wait for, and else."""
 PANELS_S = 0.1
 """Between two updates of the panels."""
-SETTLE_S, AGAIN_S = 6.0, 0.5
+SETTLE_S, AGAIN_S = 20.0, 0.5
 """Longest time that a browser takes to look where it is told to. It is told so often meanwhile:
 what comes while its page is still being made is lost."""
 SAME_DEG = 1e-4
@@ -85,7 +86,7 @@ class Browser:
         Name of the object that is edited.
     snapping, aligned : bool
         It stays on surfaces while it is dragged; its +Y is turned to their normals.
-    read : str or None
+    read : Readout or None
         What the pixel holds that was clicked last.
     """
 
@@ -94,7 +95,7 @@ class Browser:
         self.sight: Sight | None = None
         self.selected: str | None = None
         self.snapping = self.aligned = False
-        self.read: str | None = None
+        self.read: Readout | None = None
         self._start = start
         self._closed, self._wake = False, threading.Event()
         self._todo: dict[object, Callable[[], object]] = {}
@@ -123,6 +124,15 @@ class Browser:
         """Have something done by this window's thread; of what has the same key, the newest."""
         self._todo[key] = do
         self._wake.set()
+
+    def _divide(self, split: float) -> None:
+        """Divide the picture at a share of the window's width."""
+
+        def divide() -> None:
+            at = min(max(self._in_picture(split, 0.5)[0], 0.0), 1.0)
+            self.viewport.lens = replace(self.viewport.lens, split=at)
+
+        self.post("divide", divide)
 
     def _camera_came(self, camera: Any) -> None:
         wxyz = tuple(float(value) for value in camera.wxyz)
@@ -169,20 +179,8 @@ class Browser:
 
     @property
     def selected_state(self) -> ObjectState | None:
-        """The selected object with all edits, also those that no picture shows yet."""
-        name = self.selected
-        state = next((state for state in self.engine.objects if state.name == name), None)
-        if state is None:
-            return None
-        edit = self.engine.world.edit_of(state.name)
-        if edit.removed:
-            return None
-        if edit.to_world is not None:
-            motion = replace(state.motion, to_world=np.reshape(np.array(edit.to_world), (4, 4)))
-            state = replace(state, motion=motion, to_world=motion.at(state.time_s))
-        if edit.material is not None:
-            state = replace(state, materials=(edit.material,))
-        return state
+        """The selected object, as it is wanted."""
+        return self.engine.wanted(self.selected)
 
     @property
     def centre(self) -> NDArray[np.float64]:
@@ -201,15 +199,28 @@ class Browser:
         x, y = view.project(point) / (view.width, view.height)
         if self.selected is None or not np.isfinite(x + y):
             return False
+        x, y = self._in_picture(x, y)
         return self.viewport.drop(self.selected, x, y, upright=not self.aligned)
 
+    def _in_picture(self, x: float, y: float) -> tuple[float, float]:
+        """A place in the window as shares of the picture, which may be wider or narrower.
+
+        Both are as high: see `Truth.view`.
+        """
+        if self.sight is None:
+            return x, y
+        window, picture = self.viewport.view, self.sight.shown.request.view
+        wider = (picture.width * window.height) / (picture.height * window.width)
+        return 0.5 + (x - 0.5) / wider, y
+
     def _clicked(self, x: float, y: float) -> None:
-        """Select what is there, and tell what it holds."""
+        """Select what is there in the window, and tell what it holds."""
+        x, y = self._in_picture(x, y)
         self.selected = self.viewport.object_at(x, y)
-        readout = self.viewport.readout(x, y)
-        self.read = None if readout is None else _described(readout)
+        self.read = self.viewport.readout(x, y)
 
     def _dropped(self, x: float, y: float) -> None:
+        x, y = self._in_picture(x, y)
         if self.selected is None:
             self.tell("click the object first that is to go there")
         elif not self.viewport.drop(self.selected, x, y, upright=not self.aligned):
@@ -231,7 +242,8 @@ class Browser:
         if self._closed:
             return
         self._direct(self.viewport.view)
-        self._sender, self.gizmo = PictureSender(self.client), Gizmo(self)
+        divider = Divider(self.client, self._divide)
+        self._sender, self.gizmo = PictureSender(self.client, divider), Gizmo(self)
         panels = Panels(self)
         self._listen()
         due_s = 0.0
@@ -298,7 +310,8 @@ class Browser:
         sight = self.viewport.poll()
         if sight is None or self._closed:
             return False
-        sent = self._sender.follow(sight)
+        viewport = self.viewport
+        sent = self._sender.follow(sight, viewport.view.height, viewport.lens.split)
         self.sight = sight
         return sent
 
@@ -308,22 +321,3 @@ def _same(a: View, b: View) -> bool:
     apart = abs((a.yaw_deg - b.yaw_deg + 180.0) % 360.0 - 180.0)
     fov = abs(a.fov_y_deg - b.fov_y_deg)
     return max(apart, abs(a.pitch_deg - b.pitch_deg), fov) < SAME_DEG
-
-
-def _described(readout: Readout) -> str:
-    """In one line."""
-    parts = [
-        f"({readout.x}, {readout.y})",
-        "RGB " + " ".join(f"{value:.4g}" for value in readout.radiance),
-    ]
-    if readout.value is not None:
-        values = " ".join(f"{value:.4g}" for value in readout.value)
-        parts.append(f"buffer {values} {readout.unit}".rstrip())
-    if readout.depth_m is not None:
-        far = f"{readout.depth_m:.3f} m" if readout.depth_m < np.inf else "open sky"
-        parts.append(f"depth {far}")
-    if readout.normal is not None:
-        parts.append("normal " + " ".join(f"{value:.2f}" for value in readout.normal))
-    if readout.name is not None:
-        parts.append(readout.name)
-    return ", ".join(parts)

@@ -19,6 +19,8 @@ from iprt.errors import IprtError
 
 LEAST_TOKEN = 12
 """Characters of a token: fewer can be guessed."""
+ALIVE = "/alive"
+"""Where pages ask whether the viewer still runs; see `alive.js`."""
 
 _HEADERS = {
     "Cache-Control": "no-store",
@@ -69,16 +71,19 @@ class Gate:
     Attributes
     ----------
     page : bytes
-        The HTML page, which is all there is to fetch.
+        The HTML page.
     port : int
     token : str or None
         What clients must know. None: everybody may come who can reach the port, which is to be
         that of a loopback address then.
+    run : str
+        Another one whenever the viewer is started: pages ask for it, at `ALIVE`.
     """
 
     page: bytes = field(repr=False)
     port: int
     token: str | None = field(repr=False)
+    run: str = field(default_factory=lambda: secrets.token_hex(8))
 
     def answer(self, _connection: Any, request: Request) -> Response | None:
         """What `websockets` is to send; None: a WebSocket that may be opened."""
@@ -95,6 +100,8 @@ class Gate:
             if any(urlsplit(origin).netloc != host for origin in origins):
                 return _plain(HTTPStatus.FORBIDDEN, "A page of elsewhere may not do this.")
             return None
+        if parts.path == ALIVE:
+            return _plain(HTTPStatus.OK, self.run)
         if parts.path != "/":
             return _plain(HTTPStatus.NOT_FOUND, "There is nothing here.")
         if self.token is not None and offered:

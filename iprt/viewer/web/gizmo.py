@@ -105,6 +105,6 @@ def _relative(state: ObjectState, centre: Float) -> Float:
 
 
 def _middle(state: ObjectState, placed: Float) -> Float:
-    """Of the object's box."""
+    """Centre of the object's box."""
     middle: Float = placed[:3, :3] @ np.mean(state.corners, axis=0) + placed[:3, 3]
     return middle

@@ -10,6 +10,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from iprt.termination import at_termination
 from iprt.viewer.engine import Engine
 from iprt.viewer.web import Address, server
 from iprt.viewer.web.browser import Browser, Start
@@ -69,8 +70,9 @@ class Host:
     def wait(self) -> None:
         """Until it is closed."""
         # In turns, as a wait without end cannot be interrupted on some systems.
-        while not self._ended.wait(0.5):
-            pass
+        with at_termination(self._uploads.cleanup):
+            while not self._ended.wait(0.5):
+                pass
 
     def close(self) -> None:
         """End all connections and threads."""

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, Any
 
-from iprt.viewer.lens import BUFFERS, Against
-from iprt.viewer.tone import Curve
-from iprt.viewer.web.binding import Binding
+from iprt.viewer.labels import AGAINST, BUFFERS, CURVES, NOTHING, PARTS, PICTURE, Label
+from iprt.viewer.web.binding import Binding, Choice, show
 
 if TYPE_CHECKING:
     from iprt.viewer.web.browser import Browser
-
-PICTURE, NOTHING = "picture", "nothing"
 
 
 class LensPanel:
@@ -22,51 +20,56 @@ class LensPanel:
         self._browser = browser
         gui = browser.client.gui
         self._bindings: list[Binding] = []
-        self._bind(
-            gui.add_slider("Exposure", -8.0, 8.0, 0.1, 0.0, hint="Stops on top of the scene's"),
-            "exposure_ev",
-        )
-        curves = get_args(Curve)
-        self._bind(
-            gui.add_dropdown("Tone curve", curves, hint="srgb: as PNG files are written"), "curve"
-        )
-        self._bind(
-            gui.add_dropdown("Show", (PICTURE, *BUFFERS), hint="Or an intermediate buffer"),
-            "buffer",
-            PICTURE,
-        )
-        against = gui.add_dropdown(
-            "Compare with",
-            (NOTHING, *get_args(Against)),
-            hint="The video without objects, the usual baseline, or the path-traced truth",
-        )
-        self._bind(against, "against", NOTHING)
+        part = PARTS["exposure"]
+        self._bind(gui.add_slider(part.name, -8.0, 8.0, 0.1, 0.0, hint=part.about), "exposure_ev")
+        self._choose("curve", CURVES)
+        self._choose("buffer", {None: PICTURE, **BUFFERS})
+        self._choose("against", {None: NOTHING, **AGAINST})
+        split, error = PARTS["split"], PARTS["error"]
         self._compared = (
-            gui.add_slider("Split", 0.0, 1.0, 0.01, 0.5, hint="Left of it: ours"),
-            gui.add_checkbox("Error map", False, hint="Where and how much the two differ"),
+            gui.add_slider(split.name, 0.0, 1.0, 0.01, 0.5, hint=split.about),
+            gui.add_checkbox(error.name, False, hint=error.about),
         )
         self._bind(self._compared[0], "split")
         self._bind(self._compared[1], "error")
         gui.add_markdown("Click into the picture to read out a pixel, in linear units.")
 
-    def _bind(self, handle: Any, part: str, nothing: str | None = None) -> None:
-        """An input to a part of the lens; `nothing` stands for None."""
+    def _bind(self, handle: Any, part: str) -> None:
+        """An input to a part of the lens."""
         browser = self._browser
+        self._bindings.append(
+            Binding(handle, self._reader(part), self._writer(part), browser.post, browser.tell)
+        )
 
-        def read() -> Any:
-            value = getattr(browser.viewport.lens, part)
-            return nothing if value is None else value
+    def _choose(self, part: str, options: Mapping[Any, Label]) -> None:
+        """A dropdown for a part of the lens."""
+        browser = self._browser
+        self._bindings.append(
+            Choice(
+                browser.client.gui,
+                PARTS[part],
+                options,
+                self._reader(part),
+                self._writer(part),
+                browser.post,
+                browser.tell,
+            )
+        )
 
+    def _reader(self, part: str) -> Any:
+        return lambda: getattr(self._browser.viewport.lens, part)
+
+    def _writer(self, part: str) -> Any:
         def write(value: Any) -> None:
-            change: dict[str, Any] = {part: None if value == nothing else value}
-            browser.viewport.lens = replace(browser.viewport.lens, **change)
+            change: dict[str, Any] = {part: value}
+            self._browser.viewport.lens = replace(self._browser.viewport.lens, **change)
 
-        self._bindings.append(Binding(handle, read, write, browser.post, browser.tell))
+        return write
 
     def sync(self) -> None:
-        compared = self._browser.viewport.lens.against is not None
-        for handle in self._compared:
-            if handle.disabled == compared:
-                handle.disabled = not compared
+        lens = self._browser.viewport.lens
+        split, error = self._compared
+        show(split, "disabled", lens.against is None or lens.error)
+        show(error, "disabled", lens.against is None)
         for binding in self._bindings:
             binding.sync()

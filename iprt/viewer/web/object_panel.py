@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,11 +13,13 @@ from iprt.errors import IprtError
 from iprt.measure.metrics import srgb_encode
 from iprt.scene.edit import free_name
 from iprt.scene.images import decode_srgb
-from iprt.scene.material import Material, MaterialKind
+from iprt.scene.material import Material
 from iprt.scene.mesh_files import MESH_SUFFIXES
 from iprt.toml_text import printable
+from iprt.viewer.labels import MATERIALS, PARTS
 from iprt.viewer.objects import ObjectState
-from iprt.viewer.web.binding import Binding, on_click, on_trigger
+from iprt.viewer.web.binding import Binding, Choice, on_click, on_trigger, show
+from iprt.viewer.web.files_panel import QUIET
 
 if TYPE_CHECKING:
     from iprt.viewer.web.browser import Browser
@@ -25,9 +27,8 @@ if TYPE_CHECKING:
 NONE = "none"
 LONGEST = 60
 """Of a file's name, which has at most 255 bytes with what else it will have in the scene."""
-QUIET = (60, 66, 74)
-"""Of buttons."""
 ROUGH = Material("plastic")
+SRGB = "The numbers here are sRGB, from 0 to 255; scene.toml has linear ones, from 0 to 1."
 
 
 class ObjectPanel:
@@ -38,51 +39,40 @@ class ObjectPanel:
         gui, post = browser.client.gui, browser.post
         self._bindings: list[Binding] = []
         self._known: tuple[str, ...] = ()
+        self._add_upload()
         with gui.add_folder("Object"):
             self._names = gui.add_dropdown(
                 "Selected", (NONE,), hint="Or click one in the picture; Shift+click puts it there"
             )
             self._bind(self._names, self._selected, self._select)
             self._edited = [*self._add_place(), *self._add_material()]
-            self._plain = gui.add_button(
-                "Without its texture",
-                color=QUIET,
-                hint="Textures of mesh files, and of all but diffuse materials, cannot be saved",
-            )
+            texture, removed = PARTS["texture"], PARTS["remove"]
+            self._plain = gui.add_button(texture.name, color=QUIET, hint=texture.about)
             on_click(self._plain, post, self._take_texture)
-            remove = gui.add_button("Remove", icon="trash", color=QUIET)
+            remove = gui.add_button(
+                removed.name, icon="trash", color=QUIET, hint=f"{removed.about} Key: Delete."
+            )
             on_click(remove, post, self._remove)
             self._edited.append(remove)
-        upload = gui.add_upload_button(
-            "Add a mesh",
+        command = gui.add_command("Remove the selected object", hotkey="delete")
+        on_trigger(command, post, self._remove)
+        self.sync()
+
+    def _add_upload(self) -> None:
+        browser, part = self._browser, PARTS["add"]
+        upload = browser.client.gui.add_upload_button(
+            part.name,
             icon="plus",
             color=QUIET,
             mime_type=",".join(MESH_SUFFIXES),
-            hint="Set down in the middle of the view",
+            hint=f"{part.about} It stands in the middle of the view.",
         )
 
         async def uploaded(event: Any) -> None:
             file = event.target.value
-            post(object(), lambda: self._add(file.name, file.content))
+            browser.post(object(), lambda: self._add(file.name, file.content))
 
         upload.on_upload(uploaded)
-        undo = gui.add_button(
-            "Undo", icon="arrow-back-up", color=QUIET, hint="The last edit, of anybody"
-        )
-        on_click(undo, post, browser.engine.undo)
-        self._add_keys()
-        self.sync()
-
-    def _add_keys(self) -> None:
-        browser, gui = self._browser, self._browser.client.gui
-        keys = (
-            ("Undo", "Z", "cmd/ctrl", browser.engine.undo),
-            ("Redo", "Z", "cmd/ctrl+shift", browser.engine.redo),
-            ("Remove the selected object", "delete", None, self._remove),
-        )
-        for label, key, modifier, do in keys:
-            command = gui.add_command(label, hotkey=key, modifier=modifier)
-            on_trigger(command, browser.post, do)
 
     def _bind(self, handle: Any, read: Any, write: Any) -> None:
         browser = self._browser
@@ -131,9 +121,8 @@ class ObjectPanel:
         shown = state is not None
         textured = state is not None and state.materials[0].texture is not None
         for handle in (*self._edited, self._plain):
-            visible = textured if handle is self._plain else shown
-            if handle.visible != visible:
-                handle.visible = visible
+            show(handle, "visible", textured if handle is self._plain else shown)
+        self._show_parts()
         for binding in self._bindings:
             binding.sync()
 
@@ -141,17 +130,15 @@ class ObjectPanel:
 
     def _add_place(self) -> list[Any]:
         browser, gui = self._browser, self._browser.client.gui
-        position = gui.add_vector3("Position", (0.0, 0.0, 0.0), step=0.01, hint="m, in the world")
+        part = PARTS["position"]
+        position = gui.add_vector3(part.name, (0.0, 0.0, 0.0), step=0.01, hint=part.about)
         self._bind(position, self._position, self._move)
-        size = gui.add_number("Size", 1.0, min=0.001, max=1000.0, step=0.01, hint="m, longest side")
+        part = PARTS["size"]
+        size = gui.add_number(part.name, 1.0, min=0.001, max=1000.0, step=0.01, hint=part.about)
         self._bind(size, self._size, self._resize)
-        snapping = gui.add_checkbox(
-            "Stay on surfaces", False, hint="Of the video, by its depth, while it is dragged"
-        )
+        snapping = gui.add_checkbox(PARTS["snap"].name, False, hint=PARTS["snap"].about)
         self._bind(snapping, lambda: browser.snapping, lambda on: setattr(browser, "snapping", on))
-        aligned = gui.add_checkbox(
-            "Align with them", False, hint="Its own +Y is turned to the surface's normal"
-        )
+        aligned = gui.add_checkbox(PARTS["align"].name, False, hint=PARTS["align"].about)
         self._bind(aligned, lambda: browser.aligned, lambda on: setattr(browser, "aligned", on))
         return [position, size, snapping, aligned]
 
@@ -189,29 +176,52 @@ class ObjectPanel:
 
     def _add_material(self) -> list[Any]:
         gui = self._browser.client.gui
-        kind = gui.add_dropdown("Material", get_args(MaterialKind), hint="Of all of the object")
-        self._paints(kind, lambda m: m.kind, lambda m, kind: replace(m, kind=kind))
-        color = gui.add_rgb("Colour", (128, 128, 128), hint="Albedo, or a metal's reflectance")
-        self._paints(color, _displayed, lambda m, rgb: replace(m, albedo=_linear(rgb)))
-        rough = gui.add_slider("Roughness", 0.0, 1.0, 0.005, 0.1, hint="GGX alpha; 0 is a mirror")
-        self._paints(rough, lambda m: m.alpha, lambda m, alpha: replace(m, alpha=alpha))
-        ior = gui.add_slider("Refraction", 1.01, 3.0, 0.01, 1.5, hint="Index of a plastic's coat")
-        self._paints(ior, lambda m: m.ior, lambda m, ior: replace(m, ior=ior))
-        return [kind, color, rough, ior]
-
-    def _paints(self, handle: Any, part: Any, changed: Any) -> None:
         browser = self._browser
+        kind = Choice(
+            gui,
+            PARTS["material"],
+            MATERIALS,
+            lambda: self._material.kind,
+            lambda kind: self._paint(kind=kind),
+            browser.post,
+            browser.tell,
+        )
+        self._bindings.append(kind)
+        self._color = gui.add_rgb("", (128, 128, 128))
+        self._bind(
+            self._color,
+            lambda: _displayed(self._material),
+            lambda rgb: self._paint(albedo=_linear(rgb)),
+        )
+        part = PARTS["alpha"]
+        self._alpha = gui.add_slider(part.name, 0.0, 1.0, 0.005, 0.1, hint=part.about)
+        self._bind(
+            self._alpha, lambda: self._material.alpha, lambda alpha: self._paint(alpha=alpha)
+        )
+        part = PARTS["ior"]
+        self._ior = gui.add_slider(part.name, 1.01, 3.0, 0.01, 1.5, hint=part.about)
+        self._bind(self._ior, lambda: self._material.ior, lambda ior: self._paint(ior=ior))
+        return [kind.handle, self._color, self._alpha, self._ior]
 
-        def read() -> Any:
-            state = browser.selected_state
-            return part(ROUGH if state is None else state.materials[0])
+    @property
+    def _material(self) -> Material:
+        state = self._browser.selected_state
+        return ROUGH if state is None else state.materials[0]
 
-        def write(value: Any) -> None:
-            state = browser.selected_state
-            if state is not None:
-                browser.engine.paint(state.name, changed(state.materials[0], value))
+    def _paint(self, **part: Any) -> None:
+        """Change a part of the selected object's material."""
+        state = self._browser.selected_state
+        if state is not None:
+            self._browser.engine.paint(state.name, replace(state.materials[0], **part))
 
-        self._bind(handle, read, write)
+    def _show_parts(self) -> None:
+        """Tell what the material's parts are, and which of them count."""
+        kind = self._material.kind
+        part = PARTS["reflectance" if kind == "conductor" else "albedo"]
+        show(self._color, "label", f"{part.name} (sRGB)")
+        show(self._color, "hint", f"{part.about} {SRGB}")
+        show(self._alpha, "disabled", kind == "diffuse")
+        show(self._ior, "disabled", kind != "plastic")
 
 
 def _longest(state: ObjectState) -> float:

@@ -8,6 +8,7 @@
   const LEAST_FOV = 2, LARGEST_FOV = 150, ZOOM_STEP = 0.9; // as in iprt/viewer/viewport.py
   const KEY_STEP = 0.05; // radians
   const PICTURE = "/picture"; // the node that tells how the newest picture looks; see picture.py
+  const AGAIN_MS = 500; // between two reminders of where the page looks
 
   const fragment = `
     varying vec2 vUv;
@@ -17,6 +18,7 @@
     uniform mat3 turn; // from the view to that of the picture
     uniform vec2 extent; // tangents of half the fields of view
     uniform vec2 pictureExtent;
+    uniform float beside; // light of what is drawn beside the picture: its edge, drawn out
     void main() {
       if (!enabled) discard;
       vec2 at = vUv;
@@ -24,8 +26,8 @@
       if (moved) {
         vec3 ray = turn * vec3((2.0 * vUv - 1.0) * extent, -1.0);
         at = 0.5 + 0.5 * ray.xy / (max(-ray.z, 1e-6) * pictureExtent);
-        vec2 beside = abs(at - 0.5);
-        if (ray.z >= 0.0 || max(beside.x, beside.y) > 0.5) light = 0.5;
+        vec2 off = abs(at - 0.5);
+        if (ray.z >= 0.0 || max(off.x, off.y) > 0.5) light = beside;
       }
       gl_FragColor = vec4(light * texture2D(colorMap, clamp(at, 0.0, 1.0)).rgb, 1.0);
       #ifdef USE_REVERSED_DEPTH_BUFFER
@@ -50,6 +52,11 @@
     window.__viserTestpoints?.devSettings.set(own);
     turnPictures(viser, mesh);
     steer(viser);
+    // The page may have sent its camera before it was connected or had its size: the server renders
+    // for that until it learns better. Likewise it repeats what the page was not ready to hear.
+    setInterval(() => {
+      if (!picture || mesh.material.uniforms.moved.value) viser.sendCamera();
+    }, AGAIN_MS);
     window.iprt = { picture: () => picture }; // for tests
   }
 
@@ -62,7 +69,7 @@
     const identity = [1, 0, 0, 0, 1, 0, 0, 0, 1];
     Object.assign(uniforms, {
       moved: { value: false }, turn: { value: identity },
-      extent: { value: [1, 1] }, pictureExtent: { value: [1, 1] },
+      extent: { value: [1, 1] }, pictureExtent: { value: [1, 1] }, beside: { value: 0 },
     });
     material.fragmentShader = fragment;
     material.needsUpdate = true;
@@ -95,6 +102,7 @@
       const still = Math.hypot(turn.x, turn.y, turn.z) < 1e-5;
       const [pictureWide, pictureHigh] = picture.extent;
       uniforms.moved.value = !(still && same(high, pictureHigh) && same(wide, pictureWide));
+      uniforms.beside.value = still ? 0 : 0.5; // at rest the picture may be narrower, by intent
       uniforms.turn.value = columns(turn);
       uniforms.extent.value = [wide, high];
       uniforms.pictureExtent.value = picture.extent;

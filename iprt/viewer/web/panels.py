@@ -2,28 +2,26 @@
 
 from __future__ import annotations
 
-import time
-from collections import deque
 from html import escape
 from typing import TYPE_CHECKING, Protocol
 
+from iprt.viewer.labels import PICTURE
+from iprt.viewer.sight import Sight
+from iprt.viewer.web.binding import show
+from iprt.viewer.web.files_panel import FilesPanel
 from iprt.viewer.web.lens_panel import LensPanel
 from iprt.viewer.web.object_panel import ObjectPanel
 from iprt.viewer.web.profile_panel import ProfilePanel
 from iprt.viewer.web.scene_panel import ScenePanel
 from iprt.viewer.web.settings_panel import SettingsPanel
+from iprt.viewer.web.visible_panel import VisiblePanel
 
 if TYPE_CHECKING:
     from iprt.viewer.web.browser import Browser
 
 WIDTH_PX = 340
-_DOING = {
-    "loading": "loads {}",
-    "compiling": "compiles {}",
-    "rendering": "refines",
-    "waiting": "at rest",
-    "closed": "has ended",
-}
+LINES, LINE_EM = 8, 1.5
+"""Height of the status."""
 
 
 class Panel(Protocol):
@@ -45,8 +43,9 @@ class Panels:
         tabs = gui.add_tab_group()
         self._panels: list[Panel] = [self._status]
         with tabs.add_tab("Scene"):
-            self._panels += [ScenePanel(browser), ObjectPanel(browser)]
-        with tabs.add_tab("Lens"):
+            self._panels += [ScenePanel(browser), FilesPanel(browser)]
+            self._panels += [VisiblePanel(browser), ObjectPanel(browser)]
+        with tabs.add_tab(PICTURE.name):
             self._panels.append(LensPanel(browser))
         with tabs.add_tab("Settings"):
             self._panels.append(SettingsPanel(browser))
@@ -59,62 +58,79 @@ class Panels:
 
 
 class Status:
-    """What is shown, how good it is, what goes on, and what went wrong."""
+    """What is shown, how good it is, what goes on, and what went wrong.
+
+    As high whatever there is to tell, so that what is below it stays where it is: what has no room
+    in a line is cut off and told in full where the mouse rests on it, what has no room in all is
+    scrolled to.
+    """
 
     def __init__(self, browser: Browser) -> None:
         self._browser = browser
         self._html = browser.client.gui.add_html("")
-        self._steps: deque[tuple[float, int]] = deque(maxlen=20)
 
     def sync(self) -> None:
-        content = self._content()
-        if content != self._html.content:
-            self._html.content = content
+        show(self._html, "content", self._content())
 
     def _content(self) -> str:
         browser = self._browser
         status, sight = browser.engine.status, browser.sight
-        doing = _DOING[status.doing].format(status.what)
-        rows = [("engine", doing)]
+        lines = [_line("state", status.text)]
+        lines += [_news("problem", "#ff8787", problem) for problem in status.problems]
+        if sight is not None and sight.warning:
+            lines.append(_news("warning", "#ffc078", sight.warning))
+        lines += [_news("note", "#74c0fc", note) for note in status.notes]
         if sight is not None:
-            shown = sight.shown
-            view, pane = shown.request.view, browser.viewport.view
-            share = round(100 * view.width / pane.width)
-            sent = "lossless" if browser.lossless else "JPEG"
-            rows.append(("picture", f"{view.width} × {view.height}, {share} %, {sent}"))
-            noise = "" if shown.noise is None else f", noise {100 * shown.noise:.2g} %"
-            rows.append(("frames", f"{shown.frames} of {shown.request.frames}{noise}"))
-            rows.append(
-                ("speed", f"{1000 * shown.seconds:.0f} ms per frame{self._rate(shown.step)}")
-            )
-            if sight.gave_up:
-                rows.append(("gave up", sight.gave_up))
-            if sight.latency_s is not None:
-                frames = sight.latency_frames
-                text = f"{1000 * sight.latency_s:.0f} ms, {frames} frame{'s' * (frames != 1)}"
-                rows.append(("latency", text))
-            if sight.caption:
-                rows.append(("compared", sight.caption))
+            lines += self._picture(sight)
         if browser.read is not None:
-            rows.append(("pixel", browser.read))
-        lines = "".join(
-            f"<div style='display:flex;gap:.6em'><span style='opacity:.55;width:5em;flex:none'>"
-            f"{name}</span><span>{escape(text)}</span></div>"
-            for name, text in rows
+            (_, place), *values = browser.read.rows()
+            told = "; ".join([place, *(f"{name} {value}" for name, value in values)])
+            lines.append(_line("pixel", told, lines=3))
+        style = (
+            f"height:{LINES * LINE_EM}em;overflow-y:auto;box-sizing:content-box;font-size:.8em;"
+            f"line-height:{LINE_EM}em;padding:.4em .6em;overflow-wrap:anywhere"
         )
-        problems = "".join(
-            f"<div class='problem' style='color:#ff6b6b;padding-top:.3em'>{escape(problem)}</div>"
-            for problem in status.problems
-        )
-        style = "font-size:.8em;line-height:1.5;padding:.4em .6em;overflow-wrap:anywhere"
-        return f"<div class='status' style='{style}'>{lines}{problems}</div>"
+        return f"<div class='status' style='{style}'>{''.join(lines)}</div>"
 
-    def _rate(self, step: int) -> str:
-        """View frames per second, of late."""
-        now = time.monotonic()
-        if not self._steps or self._steps[-1][1] != step:
-            self._steps.append((now, step))
-        (first_s, first), (last_s, last) = self._steps[0], self._steps[-1]
-        if now - last_s > 1.0 or last_s <= first_s:
-            return ""
-        return f", {(last - first) / (last_s - first_s):.1f} per second"
+    def _picture(self, sight: Sight) -> list[str]:
+        browser, shown = self._browser, sight.shown
+        view = shown.request.view
+        sent = "lossless" if browser.lossless else "JPEG"
+        lines = []
+        if sight.preview is None:
+            lines.append(_line("picture", f"{view.width} × {view.height}, {sent}"))
+        else:
+            about = f"{view.width} × {view.height}, {sent}. {sight.preview.details}"
+            lines.append(_line("picture", sight.preview.short, about))
+        if shown.plain:
+            lines.append(_line("shows", "the video; objects follow"))
+        else:
+            noise = "" if shown.noise is None else f", noise {100 * shown.noise:.2g} %"
+            lines.append(_line("frames", f"{shown.frames} of {shown.request.frames}{noise}"))
+        speed = []
+        if sight.fps is not None:
+            speed.append(f"{sight.fps:.1f} per second")
+        if sight.latency_s is not None:
+            speed.append(f"{1000 * sight.latency_s:.0f} ms from input to picture")
+        if speed:
+            lines.append(_line("speed", ", ".join(speed)))
+        if sight.caption:
+            lines.append(_line("shows", sight.caption))
+        return lines
+
+
+def _line(name: str, text: str, about: str = "", *, lines: int = 1) -> str:
+    """A name and so many lines of text at most, with what the mouse is told of it."""
+    cut = (
+        "display:-webkit-box;-webkit-box-orient:vertical;overflow:hidden;"
+        f"-webkit-line-clamp:{lines}"
+    )
+    return (
+        f"<div style='display:flex;gap:.6em' title='{escape(about or text)}'>"
+        f"<span style='opacity:.6;width:5em;flex:none'>{name}</span>"
+        f"<span class='{name}' style='{cut}'>{escape(text)}</span></div>"
+    )
+
+
+def _news(kind: str, color: str, text: str) -> str:
+    return f"<div class='{kind}' style='color:{color}'>{escape(text)}</div>"

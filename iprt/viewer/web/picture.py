@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from iprt.viewer.sight import Sight
 from iprt.viewer.web.camera import camera_of, quaternion
+from iprt.viewer.web.divider import Divider
 
 QUALITY = 88
-"""Of JPEG pictures, out of 100."""
+"""Quality of JPEG pictures, out of 100."""
 REST_S = 1.0
 """A picture that nothing has followed for so long is sent without loss, though not refined yet."""
 ANSWER_S = 20.0
@@ -27,36 +28,53 @@ class PictureSender:
 
     So that nothing piles up on the way, however slow it is. One thread may use it.
 
+    Parameters
+    ----------
+    client : viser.ClientHandle
+    divider : Divider
+        Comes with the pictures that it divides.
+
     Attributes
     ----------
     lossless : bool
         The last one was sent so.
     """
 
-    def __init__(self, client: Any) -> None:
-        self._client = client
+    def __init__(self, client: Any, divider: Divider) -> None:
+        self._client, self._divider = client, divider
         self._pose = client.scene.add_frame(PICTURE, show_axes=False)
         self._sent: Sight | None = None
         self._sent_s = 0.0
         self.lossless = False
 
-    def follow(self, sight: Sight) -> bool:
-        """Send a picture if the browser does not have it as well as it should; whether it was."""
+    def follow(self, sight: Sight, height_px: int, split: float) -> bool:
+        """Send a picture if the browser does not have it as well as it should; whether it was.
+
+        Parameters
+        ----------
+        sight : Sight
+        height_px : int
+            Of the window.
+        split : float
+            Where the picture is divided, if it is: share of the width, from the left.
+        """
         if sight is not self._sent:
-            self._send(sight, lossless=sight.shown.refined)
+            lossless = sight.shown.refined
         elif not self.lossless and time.monotonic() - self._sent_s > REST_S:
-            self._send(sight, lossless=True)
+            lossless = True
         else:
             return False
+        self._send(sight, height_px, split, lossless=lossless)
         return True
 
-    def _send(self, sight: Sight, *, lossless: bool) -> None:
+    def _send(self, sight: Sight, height_px: int, split: float, *, lossless: bool) -> None:
         view = sight.shown.request.view
         high = float(np.tan(0.5 * np.deg2rad(view.fov_y_deg)))
         extent: NDArray[np.float64] = np.array([high * view.width / view.height, high, 1.0])
         with self._client.atomic():
             self._pose.wxyz = quaternion(camera_of(view))
             self._pose.position = extent
+            self._divider.follow(view, height_px, split, sight.sides)
             self._client.scene.set_background_image(
                 sight.pixels, format="png" if lossless else "jpeg", jpeg_quality=QUALITY
             )

@@ -60,12 +60,14 @@ def _why(error: OSError | OverflowError) -> str:
 
 
 def page() -> bytes:
-    """viser's page with our script in it."""
+    """viser's page with our scripts in it."""
     html = (Path(viser.__file__).parent / "client" / "build" / "index.html").read_text("utf-8")
-    script = files("iprt.viewer.web").joinpath("page.js").read_text("utf-8")
+    own = files("iprt.viewer.web")
+    scripts = [own.joinpath(name).read_text("utf-8") for name in ("page.js", "alive.js")]
     head, tag, rest = html.partition("</head>")
     title = head.replace("<title>Viser</title>", "<title>iprt</title>")
-    return f"{title}<script>\n{script}</script>{tag}{rest}".encode()
+    inserted = "".join(f"<script>\n{script}</script>" for script in scripts)
+    return f"{title}{inserted}{tag}{rest}".encode()
 
 
 def start(listening: socket.socket, gate: Gate, label: str) -> Any:

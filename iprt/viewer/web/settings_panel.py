@@ -1,7 +1,8 @@
-"""Every knob of the renderer, as an input made from the settings' model."""
+"""Every setting of the renderer, as an input made from the settings' model."""
 
 from __future__ import annotations
 
+from html import escape
 from typing import TYPE_CHECKING, Any
 
 from iprt.presets import PRESETS
@@ -14,7 +15,8 @@ from iprt.viewer.controls import (
     with_preset,
     with_value,
 )
-from iprt.viewer.web.binding import Binding
+from iprt.viewer.labels import PARTS
+from iprt.viewer.web.binding import Binding, show
 
 if TYPE_CHECKING:
     from iprt.viewer.web.browser import Browser
@@ -22,7 +24,7 @@ if TYPE_CHECKING:
 OWN = "own"
 MOST_FPS = 240
 STEPS = 200
-"""Of a slider of numbers that are not whole."""
+"""Number of steps of a slider whose values are not whole numbers."""
 
 
 class SettingsPanel:
@@ -37,15 +39,15 @@ class SettingsPanel:
             "Quality", (*PRESETS, OWN), hint="Knobs that no preset sets stay as they are"
         )
         self._bind(preset, self._quality, self._go_to)
-        self._about = self._gui.add_markdown("")
+        self._about = self._gui.add_html("")
+        fps = PARTS["fps"]
         rate = self._gui.add_number(
-            "Frame rate",
+            fps.name,
             0,
             min=0,
             max=MOST_FPS,
             step=1,
-            hint="Frames per second to hold while something moves, at the cost of resolution and "
-            "rays; 0: give up nothing. Of this window",
+            hint=f"{fps.about} In this window; 0: always at full quality.",
         )
         self._bind(rate, lambda: round(browser.viewport.target_fps or 0.0), self._hold)
         for group in control_groups():
@@ -60,10 +62,7 @@ class SettingsPanel:
             return
         self._shown = settings
         preset = preset_of(settings)
-        parts = [f"`{key}` {a} → {b}" for key, (a, b) in preset.differing.items()]
-        text = f"{preset.quality}, but {', '.join(parts)}" if parts else ""
-        if text != self._about.content:
-            self._about.content = text
+        show(self._about, "content", _differing(preset.text if preset.differing else ""))
         for binding in self._bindings:
             binding.sync()
 
@@ -157,6 +156,15 @@ class SettingsPanel:
             self._set(control.key, [kind(v) for kind, v in zip(kinds, values, strict=True)])
 
         self._bind(handle, lambda: tuple(map(float, read())), write)
+
+
+def _differing(text: str) -> str:
+    """As high whatever it says: the inputs below it stay where they are."""
+    style = (
+        "height:3em;line-height:1.5;font-size:.8em;margin:0 .8em;opacity:.7;overflow:hidden;"
+        "overflow-wrap:anywhere"
+    )
+    return f"<div class='preset' style='{style}' title='{escape(text)}'>{escape(text)}</div>"
 
 
 def _label(control: Control) -> str:

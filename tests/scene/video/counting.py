@@ -16,7 +16,7 @@ ALONE = {"g": "1", "slicecrc": "1", "level": "3"}
 
 
 def luma(index: int) -> int:
-    """Of a frame; so far apart that no codec mixes them up."""
+    """The luma of a frame; lumas lie so far apart that no codec mixes them up."""
     return 30 + 8 * index
 
 

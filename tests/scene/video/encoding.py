@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import os
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from fractions import Fraction
 from pathlib import Path
@@ -48,9 +50,22 @@ class Track:
     tags: dict[str, int] = field(default_factory=dict)
 
 
+@contextmanager
+def same_priority() -> Iterator[None]:
+    """Undo what SVT-AV1 does to a process of root: real-time priority, which starves all others."""
+    if not hasattr(os, "sched_getscheduler"):  # Linux only
+        yield
+        return
+    policy, parameters = os.sched_getscheduler(0), os.sched_getparam(0)
+    try:
+        yield
+    finally:
+        os.sched_setscheduler(0, policy, parameters)
+
+
 def write_video(path: Path, *tracks: Track) -> Path:
     """A file with these streams, interleaved by time."""
-    with av.open(str(path), "w") as container:
+    with same_priority(), av.open(str(path), "w") as container:
         streams = []
         for track in tracks:
             stream = container.add_stream(track.codec, rate=track.rate)

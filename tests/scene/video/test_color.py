@@ -40,13 +40,13 @@ def srgb(e: Float) -> Float:
 
 
 def pq(light: Float) -> Float:
-    """Of multiples of reference white."""
+    """The code of multiples of reference white."""
     y = (light * 203.0 / 10000.0) ** 0.1593017578125
     return ((0.8359375 + 18.8515625 * y) / (1 + 18.6875 * y)) ** 78.84375
 
 
 def hlg(light: Float) -> Float:
-    """Of multiples of reference white on a display of 1000 cd/m2, through the inverse OOTF."""
+    """The code for multiples of reference white, through the inverse OOTF for 1000 cd/m2."""
     display = light * 203.0 / 1000.0
     luminance = (display @ np.array(WEIGHTS[9]))[..., None]
     scene = np.where(luminance > 0, display * np.maximum(luminance, 1e-30) ** ((1 - 1.2) / 1.2), 0)
@@ -263,7 +263,7 @@ def test_untagged_streams(width: int, height: int, matrix: int) -> None:
 )  # fmt: skip
 def test_what_is_not_read_is_named(tags: dict[str, int], message: str) -> None:
     planes = [np.full(SIZE, 128, np.uint8)] * 3
-    with pytest.raises(FormatError, match=f"v.mkv: {message} .of ITU-T H.273. are not read"):
+    with pytest.raises(FormatError, match=f"v.mkv: {message} .ITU-T H.273. not supported"):
         linear_color(video_frame("yuv444p", planes, tags), ALL, HERE)
     assert layout("bayer_bggr8") is None
     assert layout("xyz12le") is None

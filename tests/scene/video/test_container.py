@@ -26,7 +26,7 @@ from tests.scene.video.encoding import Track, grey16, write_video
 
 
 def number(frame: av.VideoFrame) -> int:
-    """Of a frame, by its luma."""
+    """The number of a frame, by its luma."""
     pixels = frame.to_ndarray()
     value = float(np.asarray(pixels).reshape(-1)[: 32 * 64].mean())
     value = value / 4 if "10" in frame.format.name else value

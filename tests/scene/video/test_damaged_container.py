@@ -55,7 +55,7 @@ def test_damaged_depth_is_an_incident(tmp_path: Path, caplog: pytest.LogCaptureF
     assert lines[0].endswith(
         "the frame at 0.100 s is damaged; depth of frame 2 stays until one is good"
     )
-    assert lines[1] == "frame 5: good again, after 2 bad frame(s)"
+    assert lines[1] == "frame 5: good again, after 2 bad frames"
     with (
         pytest.raises(FormatError, match=r"d\.mkv: the frame at 0\.100 s is damaged"),
         found.stream(range(8), strict=True) as frames,
@@ -131,11 +131,11 @@ def test_a_cut_off_mp4_is_one_line(tmp_path: Path) -> None:
         ('color = "c.mkv"\ndepth = "x.mkv"\ndepth_scale = 1', "depth: there is no file x.mkv"),
         ('color = "x.mkv"\ndepth = "d.mkv"\ndepth_scale = 1', "color: there is no file x.mkv"),
         ('color = "c.mkv"\ndepth = "t.txt"\ndepth_scale = 1', "t.txt: not an EXR, PNG, JPEG"),
-        ('color = "x.mkv"\ndepth_scale = 1', "x.mkv is no video that could hold it"),
+        ('color = "x.mkv"\ndepth_scale = 1', "video.color: there is no file x.mkv"),
         ('color = "c.png"\ndepth_scale = 1', "video.depth: required key is missing"),
         ('color = "d.mkv"\ndepth = "d.mkv"\ndepth_range = [1, 1]', "two depths that differ"),
         ('color = "c.mkv"\ndepth = "d.mkv"\ndepth_range = [1, 2]\ndepth_scale = 1', "one of them"),
-        ('color = "c.mkv"\ndepth = "d.mkv"\ndepth_encoding = "inverse"', "no depth_range"),
+        ('color = "c.mkv"\ndepth = "d.mkv"\ndepth_encoding = "inverse"', "no effect without"),
         ('color = "a.mka"\ndepth = "d.mkv"\ndepth_scale = 1', "a.mka: holds no video stream"),
     ],
 )  # fmt: skip
@@ -156,9 +156,9 @@ def test_what_cannot_be_a_video_is_one_line(video: str, message: str, tmp_path: 
 
 def test_sizes_are_told(tmp_path: Path) -> None:
     write_video(tmp_path / "c.mkv", color_track(2))
-    write_video(tmp_path / "d.mkv", grey16([np.full((16, 32), 5)] * 2))
+    write_video(tmp_path / "d.mkv", grey16([np.full((64, 64), 5)] * 2))
     found = scene(tmp_path, 'color = "c.mkv"\ndepth = "d.mkv"\ndepth_scale = 1')
-    with pytest.raises(FormatError, match=r"d\.mkv: 32 x 16 pixels, but colour has 64 x 32"):
+    with pytest.raises(FormatError, match=r"d\.mkv: 64 x 64 pixels, but colour has 64 x 32"):
         found.frame()
     tall = [[np.full((48, 64), 90, np.uint8), *[np.full((24, 32), 128, np.uint8)] * 2]]
     write_video(tmp_path / "c.mkv", Track("ffv1", "yuv420p", tall))

@@ -79,7 +79,7 @@ def test_bad_depth_is_held_and_colour_goes_on(
     assert len(told) == 2
     assert "d.003.exr: " in told[0]
     assert told[0].endswith("; depth of frame 2 stays until one is good")
-    assert told[1] == "frame 5: good again, after 2 bad frame(s)"
+    assert told[1] == "frame 5: good again, after 2 bad frames"
 
 
 @pytest.mark.parametrize("spoil", SPOILT.values(), ids=SPOILT)
@@ -105,7 +105,7 @@ def test_a_run_of_differing_faults_is_one_incident(
     frames, told = played(tmp_path, caplog)
     assert values(frames) == [(1, 1, 1), (2, 2, 1), (3, 2, 1), (4, 4, 1), (5, 5, 5), (6, 6, 6)]
     assert len(told) == 2
-    assert told[1] == "frame 5: good again, after 3 bad frame(s)"
+    assert told[1] == "frame 5: good again, after 3 bad frames"
 
 
 def test_each_run_is_told_anew(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
@@ -122,7 +122,7 @@ def test_a_run_up_to_the_end_is_counted(tmp_path: Path, caplog: pytest.LogCaptur
     for index in (3, 4):
         cut_off(tmp_path / f"d.{index:03}.exr")
     _, told = played(tmp_path, caplog)
-    assert told[1:] == ["bad up to the last frame: 2 frame(s)"]
+    assert told[1:] == ["bad up to the last frame: 2 frames"]
 
 
 def test_a_film_resumed_on_a_bad_frame_shows_what_it_would_have(
@@ -163,7 +163,7 @@ def test_missing_frames_open_unless_strict(tmp_path: Path) -> None:
     (tmp_path / "d.002.exr").unlink()
     (tmp_path / "d.003.exr").unlink()
     line = "video.depth: there is no file d.002.exr (and 1 more frames)"
-    assert Scene.open(tmp_path).source.notices() == [f"{line}; what was there before stays"]
+    assert Scene.open(tmp_path).source.notices() == [f"{line}; the one before it stays"]
     with pytest.raises(SceneError) as error:
         Scene.open(tmp_path, strict=True)
     assert str(error.value).endswith(line)
@@ -184,4 +184,4 @@ def test_check_tells_each_run_and_calls_the_scene_usable(
     out = capsys.readouterr().out
     assert "warning: frames 2 to 3: d.002.exr: " in out
     assert "warning: frame 5: c.005.exr: no such file" in out
-    assert "usable, but see the warnings; 6 frame(s)" in out
+    assert "usable, but see the warnings; 6 frames" in out

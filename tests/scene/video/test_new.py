@@ -31,7 +31,7 @@ def run(*words: str) -> int:
 def test_a_scene_of_one_file(clip: Path, capsys: pytest.CaptureFixture[str]) -> None:
     own = clip / "own"
     assert run("new", str(own), "--color", str(clip / "Clip.MKV"), "--depth-scale", "0.001") == 0
-    assert "a scene of 6 frame(s)" in capsys.readouterr().out
+    assert "a scene of 6 frames" in capsys.readouterr().out
     assert sorted(path.name for path in own.iterdir()) == ["color.mkv", "scene.toml"]
     scene = Scene.open(own)
     assert scene.manifest.video.depth is None

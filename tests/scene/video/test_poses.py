@@ -94,8 +94,8 @@ MIRRORED[:3, 0] *= -1.0
         (GOOD.replace("1", "\x1b[31m", 1), "line 2: '\\x1b[31m' is not a number"),
         (line(SCALED), "line 2: scales or shears: a pose is a rotation"),
         (line(MIRRORED), "line 2: mirrors: a pose is a rotation"),
-        ("# nothing", "2 poses; the video has 3 frame(s), a line each"),
-        (GOOD + "\n" + GOOD, "4 poses; the video has 3 frame(s), a line each"),
+        ("# nothing", "2 poses, but the video has 3 frames; each needs a line"),
+        (GOOD + "\n" + GOOD, "4 poses, but the video has 3 frames; each needs a line"),
         (GOOD + "\n" * 200_000, "bytes; at most"),
     ],
 )  # fmt: skip

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-DEADLINE_S = 60.0
-"""For what other threads and processes do; no outcome depends on it."""
+from tests.waiting import DEADLINE_S
+
 FLAGS = [
     "--no-sandbox",
     "--disable-quic",
@@ -52,11 +52,11 @@ PROJECT = """(point) => {
 }"""
 
 
-def until(found: Callable[[], Any], what: str) -> Any:
-    """The first truth."""
+def until(found: Callable[[], Any], what: str | Callable[[], str]) -> Any:
+    """The first truth; `what` says what is wrong if there is none."""
     end = time.monotonic() + DEADLINE_S
     while not (value := found()):
-        assert time.monotonic() < end, what
+        assert time.monotonic() < end, what if isinstance(what, str) else what()
         time.sleep(0.02)
     return value
 
@@ -113,7 +113,7 @@ class Visitor:
         return self.page.locator(f"xpath={path}")
 
     def tab(self, name: str) -> None:
-        self.page.get_by_role("tab", name=name).click()
+        self.page.get_by_role("tab", name=name, exact=True).click()
 
 
 def chromium() -> str:
@@ -121,13 +121,15 @@ def chromium() -> str:
     for name in ("chromium", "chromium-browser", "google-chrome"):
         if (found := shutil.which(name)) is not None:
             return found
-    pytest.skip("no Chromium: sudo apt-get install -y chromium")
+    pytest.skip("needs Chromium: ./run screen")
 
 
 @contextmanager
 def browsing() -> Iterator[Callable[[str], Visitor]]:
     """Opens pages, each of a window of its own."""
-    api = pytest.importorskip("playwright.sync_api", reason="pip install 'iprt[screen]'")
+    api = pytest.importorskip(
+        "playwright.sync_api", reason="needs the extra `screen`: ./run screen"
+    )
     with api.sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=chromium(), args=FLAGS)
         try:

@@ -1,4 +1,4 @@
-"""A desktop viewer, and one who sits before it."""
+"""A desktop viewer and one who sits before it; a viewer for browsers and those who visit it."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from iprt.device.compute import ComputeDevice
 
 if TYPE_CHECKING:
     from tests.viewer.screen.user import User
+    from tests.viewer.screen.web import Place
 
 
 @pytest.fixture(scope="module")
@@ -28,3 +29,33 @@ def user(opened: User) -> Iterator[User]:
     opened.away()
     yield opened
     opened.reset()
+
+
+@pytest.fixture
+def wide(user: User) -> Iterator[User]:
+    """Before a window that has room for everything at the bottom."""
+    (width, height), narrow = user.app.window.size, user.app.picture_view.rectangle[2]
+    user.app.window.size = width + 500, height
+    user.until(lambda: user.app.picture_view.rectangle[2] == narrow + 500)
+    yield user
+    user.app.window.size = width, height
+    user.until(lambda: user.app.picture_view.rectangle[2] == narrow)
+
+
+@pytest.fixture(scope="module")
+def viewer(device: ComputeDevice, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Place]:
+    """One viewer for browsers of a clip, for all tests of a file."""
+    from tests.clips import write_clip
+    from tests.viewer.screen.web import serving
+
+    with serving(device, write_clip(tmp_path_factory.mktemp("web") / "clip", 4, fps=2.0)) as place:
+        yield place
+
+
+@pytest.fixture
+def place(viewer: Place) -> Iterator[Place]:
+    """That viewer, visited by nobody yet."""
+    from tests.viewer.screen.web import cleared
+
+    with cleared(viewer) as place:
+        yield place

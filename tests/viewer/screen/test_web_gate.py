@@ -17,8 +17,9 @@ import pytest
 
 from iprt.errors import IprtError
 from tests.clips import write_clip
+from tests.waiting import DEADLINE_S
 
-viser = pytest.importorskip("viser", reason="pip install 'iprt[view]'")
+viser = pytest.importorskip("viser", reason="needs the extra `view`: ./run screen")
 
 from websockets.exceptions import InvalidStatus  # noqa: E402
 from websockets.sync.client import connect  # noqa: E402
@@ -54,7 +55,7 @@ def _serving(token: str | None) -> Iterator[int]:
 
 
 def get(port: int, path: str = "/", **headers: str) -> tuple[int, http.client.HTTPMessage, bytes]:
-    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=10)
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=DEADLINE_S)
     connection.request("GET", path, headers={name.title(): text for name, text in headers.items()})
     answer = connection.getresponse()
     return answer.status, answer.headers, answer.read()
@@ -96,6 +97,14 @@ def test_the_token_becomes_a_cookie(guarded: int) -> None:
     assert opens(guarded, cookie=cookie) == 101
     assert opens(guarded, f"/?token={TOKEN}") == 101
     assert get(guarded, "/other", cookie=cookie)[0] == 404
+
+
+def test_pages_can_ask_whether_it_runs(guarded: int, local: int) -> None:
+    """The answer stays, and differs from that of any other run."""
+    assert get(guarded, "/alive")[0] == 401
+    status, _, mine = get(guarded, f"/alive?token={TOKEN}")
+    assert (status, get(guarded, f"/alive?token={TOKEN}")[2]) == (200, mine)
+    assert get(local, "/alive")[2] != mine
 
 
 def test_pages_of_elsewhere_are_refused(local: int, guarded: int) -> None:
@@ -190,5 +199,5 @@ def test_it_says_where_it_is_and_ends_by_ctrl_c(tmp_path: Path) -> None:
     assert get(parts.port)[0] == 401
     assert get(parts.port, f"/?{parts.query}")[0] == 303
     running.send_signal(signal.SIGINT)
-    out, errors = running.communicate(timeout=20)
+    out, errors = running.communicate(timeout=DEADLINE_S)
     assert (running.returncode, out, errors) == (0, "ended\n", "")

@@ -19,13 +19,11 @@ from iprt.viewer.engine import Engine
 from iprt.viewer.lens import Lens
 from iprt.viewer.session import Shown
 from tests.clips import write_clip
-from tests.viewer.turns import DEADLINE_S, SETTINGS
+from tests.viewer.turns import SETTINGS
+from tests.waiting import DEADLINE_S
 
-pytest.importorskip("imgui_bundle", reason="needs the extra `view`")
-pytest.importorskip("moderngl_window", reason="needs the extra `view`")
-pytest.importorskip("Xlib", reason="needs the extra `screen`")
 if shutil.which("Xvfb") is None:
-    pytest.skip("needs Xvfb", allow_module_level=True)
+    pytest.skip("needs Xvfb: ./run screen", allow_module_level=True)
 
 from imgui_bundle import imgui
 
@@ -38,6 +36,13 @@ SIZE = (256, 192)
 """Of the picture."""
 FRAMES = 3
 """To which it is refined."""
+WIDGETS = (
+    "slider_float slider_int drag_float button begin_tab_item collapsing_header color_edit3 "
+    "begin_combo selectable checkbox"
+)
+"""Of imgui, the places of which are known."""
+WORDS = {"text_unformatted": 0, "text_colored": 1, "separator_text": 0}
+"""Of imgui, what draws words, and which argument these are."""
 
 
 class User:
@@ -45,8 +50,10 @@ class User:
 
     def __init__(self, app: App, screen: Screen, folder: Path) -> None:
         self.app, self.screen, self.folder = app, screen, folder
-        self.engine, self.desk = app._engine, app.desk
+        self.engine, self.ui = app._engine, app.ui
         self.places: dict[str, tuple[float, float, float, float]] = {}  # of widgets, by label
+        self.mouse = (0.0, 0.0)  # where it was moved to last, in pixels of the picture
+        self.seen: dict[str, int] = {}  # the frame that showed words and labels last
 
     def until(self, done: Callable[[], bool]) -> None:
         end = time.monotonic() + DEADLINE_S
@@ -66,38 +73,41 @@ class User:
         """The picture of what was asked for last, refined and drawn."""
 
         def done() -> bool:
-            sight, viewport = self.desk.sight, self.desk.viewport
+            sight, viewport = self.ui.sight, self.ui.viewport
             return (
                 sight is not None
                 and sight.shown.refined
                 and sight.shown.request == viewport._wanted
-                and sight.shown.frame == self.desk.frame
+                and not viewport._asked  # the same was asked for before, and others meanwhile
+                and sight.shown.frame == self.ui.frame
                 and sight.shown.number >= self.engine._exchange._world_number
             )
 
         self.until(done)
         self.wait(2)
-        assert self.desk.sight is not None
-        return self.desk.sight.shown
+        assert self.ui.sight is not None
+        return self.ui.sight.shown
 
     def point(self, x: float, y: float) -> tuple[float, float]:
         """On the screen, of a pixel of the picture."""
         left, top = self.app.window._window.position
-        return left + self.app.pane.rectangle[0] + x, top + self.app.pane.rectangle[1] + y
+        corner = self.app.picture_view.rectangle[:2]
+        return left + corner[0] + x, top + corner[1] + y
 
     def picture(self) -> NDArray[np.uint8]:
-        """What the screen shows of the pane."""
+        """What the screen shows of the picture."""
         left, top = (round(value) for value in self.point(0.0, 0.0))
-        width, height = (round(value) for value in self.app.pane.rectangle[2:])
+        width, height = (round(value) for value in self.app.picture_view.rectangle[2:])
         return self.screen.picture(left, top, width, height)
 
     def move(self, x: float, y: float) -> None:
+        self.mouse = x, y
         self.screen.move(*self.point(x, y))
         self.wait()
 
     def away(self) -> None:
         """The mouse off the picture, where nothing is beside it."""
-        self.move(self.app.pane.rectangle[2] + 3.0, 3.0)  # the margin of the panels
+        self.move(self.app.picture_view.rectangle[2] + 3.0, 3.0)  # the margin of the panels
 
     def drag(self, start: tuple[float, float], end: tuple[float, float], steps: int = 4) -> None:
         self.move(*start)
@@ -114,14 +124,19 @@ class User:
 
     def press(self, label: str, share: float = 0.5) -> None:
         """Click on a widget, at a share of its width; scroll to it first."""
-        self.wait(2)
-        corner, height = self.app.pane.rectangle[:2], self.app.window.size[1]
-        while self.places[label][3] > height - 20.0:
-            self.move(self.app.pane.rectangle[2] + 100.0, 100.0)
-            self.screen.wheel(-1)
-            self.wait(2)
+        self.scroll_to(label)
+        corner = self.app.picture_view.rectangle[:2]
         left, top, right, bottom = self.places[label]
         self.click(left + share * (right - left) - corner[0], 0.5 * (top + bottom) - corner[1])
+
+    def scroll_to(self, label: str) -> None:
+        """Until a widget of the panels is seen."""
+        self.wait(2)
+        height = self.app.window.size[1]
+        while self.places[label][3] > height - 20.0:
+            self.move(self.app.picture_view.rectangle[2] + 100.0, 100.0)
+            self.screen.wheel(-1)
+            self.wait(2)
 
     def key(self, name: str, *, control: bool = False) -> None:
         self.screen.key(name, control=control)
@@ -130,14 +145,25 @@ class User:
     def problems(self) -> tuple[str, ...]:
         return self.engine.status.problems
 
+    def reads(self, *words: str) -> bool:
+        """The window shows all of these now, each as a text or as a part of one."""
+        now = [text for text, frame in self.seen.items() if frame == imgui.get_frame_count()]
+        return all(any(word in text for text in now) for word in words)
+
+    def hover(self, label: str, share: float = 0.5) -> None:
+        """The mouse over a widget, at a share of its width."""
+        corner = self.app.picture_view.rectangle[:2]
+        left, top, right, bottom = self.places[label]
+        self.move(left + share * (right - left) - corner[0], 0.5 * (top + bottom) - corner[1])
+
     def reds(self) -> int:
-        """Pixels of the pane in the colour of problems."""
+        """Pixels of the picture in the colour of problems."""
         difference = np.abs(self.picture().astype(int) - 255.0 * np.array(BAD[:3])).max(axis=2)
         return int((difference < 12).sum())
 
     def shows(self, name: str) -> bool:
         """An object is seen in the last picture."""
-        sight = self.desk.sight
+        sight = self.ui.sight
         geometry = None if sight is None else sight.shown.geometry
         return geometry is not None and name in geometry.names
 
@@ -149,17 +175,19 @@ class User:
 
     def reset(self) -> None:
         """All as it was when the viewer was opened."""
-        desk, engine = self.desk, self.engine
-        desk.selected, desk.help, desk.readout = None, False, True
-        desk.mode, desk.align, desk._notice = "move", False, None
-        while engine.world.edits:
+        ui, engine = self.ui, self.engine
+        ui.selected, ui.help, ui.readout = None, False, True
+        ui.mode, ui.align, ui._notice = "move", False, None
+        while engine.world.edits and engine.can_undo:
             engine.undo()
         engine.pause()
         engine.seek(0)
+        engine.set_loop(False)
+        engine.set_playback_mode("real time")
         engine.set_settings(SETTINGS)
-        desk.viewport.lens = Lens()
-        desk.viewport.go_to("ahead")
-        assert self.app.pane.gesture is None
+        ui.viewport.lens = Lens()
+        ui.viewport.go_to("ahead")
+        assert self.app.picture_view.gesture is None
 
 
 @contextmanager
@@ -169,17 +197,21 @@ def seated(device: ComputeDevice, folder: Path) -> Iterator[User]:
     with pytest.MonkeyPatch.context() as patch, xvfb(1280, 800) as display:
         patch.setenv("DISPLAY", display)
         patch.delenv("WAYLAND_DISPLAY", raising=False)
+        # The user's pictures, as desktops tell where they are.
+        (folder / "user-dirs.dirs").write_text(f'XDG_PICTURES_DIR="{folder / "Pictures"}"\n')
+        patch.setenv("XDG_CONFIG_HOME", str(folder))
+        patch.delenv("XDG_PICTURES_DIR", raising=False)
         patch.setattr(app_module, "IDLE_S", 0.005)
         engine = Engine(scene, lambda: device, SETTINGS)
         view = scene.views["ahead"].view
-        app = App(engine, view.resized(800, 600), objects=None, folder=folder, frames=FRAMES)
+        app = App(engine, view.resized(800, 600), objects=None, folder=None, frames=FRAMES)
         screen = Screen(display)
         user = User(app, screen, folder)
-        _note_places(patch, user.places)
+        _note(patch, user)
         user.wait()
-        sides = (800 - app.pane.rectangle[2], 600 - app.pane.rectangle[3])
+        sides = (800 - app.picture_view.rectangle[2], 600 - app.picture_view.rectangle[3])
         app.window.size = round(SIZE[0] + sides[0]), round(SIZE[1] + sides[1])
-        user.until(lambda: app.pane.rectangle[2:] == SIZE)
+        user.until(lambda: app.picture_view.rectangle[2:] == SIZE)
         screen.focus()
         try:
             yield user
@@ -189,15 +221,19 @@ def seated(device: ComputeDevice, folder: Path) -> Iterator[User]:
             screen.close()
 
 
-def _note_places(patch: pytest.MonkeyPatch, places: dict[str, Any]) -> None:
-    """Remember where widgets were drawn last, by their labels."""
-    for name in ("slider_float", "slider_int", "button", "begin_tab_item", "collapsing_header"):
-        draw = getattr(imgui, name)
+def _note(patch: pytest.MonkeyPatch, user: User) -> None:
+    """Remember where widgets were drawn last, and in which frame each was seen as a whole."""
+    for name in (*WIDGETS.split(), *WORDS):
+        draw, place = getattr(imgui, name), WORDS.get(name, 0)
 
-        def noting(label: str, *values: Any, draw: Any = draw) -> Any:
-            result = draw(label, *values)
+        def noting(*values: Any, draw: Any = draw, place: int = place) -> Any:
+            result, label = draw(*values), values[place]
             low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
-            places[label] = low.x, low.y, high.x, high.y
+            user.places[label] = low.x, low.y, high.x, high.y
+            clip = imgui.get_window_draw_list()
+            above, below = clip.get_clip_rect_min().y, clip.get_clip_rect_max().y
+            if imgui.is_item_visible() and above <= low.y and high.y <= below:
+                user.seen[label] = imgui.get_frame_count()
             return result
 
         patch.setattr(imgui, name, noting)

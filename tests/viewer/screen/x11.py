@@ -17,7 +17,7 @@ from Xlib.display import Display
 from Xlib.ext import xtest
 from Xlib.protocol import event
 
-START_S = 20.0
+from tests.waiting import DEADLINE_S
 
 
 @contextmanager
@@ -33,7 +33,7 @@ def xvfb(width: int, height: int) -> Iterator[str]:
     )
     os.close(write)
     try:
-        ready, _, _ = select.select([read], [], [], START_S)
+        ready, _, _ = select.select([read], [], [], DEADLINE_S)
         number = os.read(read, 16).strip().decode() if ready else ""
         assert number, "Xvfb did not start"
         yield f":{number}"
@@ -75,12 +75,15 @@ class Screen:
 
     def key(self, name: str, *, control: bool = False) -> None:
         """Press and release; the name is one of X's keysyms."""
-        codes = [self._display.keysym_to_keycode(XK.string_to_keysym(name))]
-        if control:
-            codes.insert(0, self._display.keysym_to_keycode(XK.XK_Control_L))
-        for kind, order in ((X.KeyPress, codes), (X.KeyRelease, codes[::-1])):
-            for code in order:
-                xtest.fake_input(self._display, kind, code)
+        names = ["Control_L", name] if control else [name]
+        for down, order in ((True, names), (False, names[::-1])):
+            for each in order:
+                self.hold(each, down=down)
+
+    def hold(self, name: str, *, down: bool) -> None:
+        """Press a key, or let go of it."""
+        code = self._display.keysym_to_keycode(XK.string_to_keysym(name))
+        xtest.fake_input(self._display, X.KeyPress if down else X.KeyRelease, code)
         self._display.sync()
 
     def focus(self) -> None:
@@ -119,7 +122,7 @@ class Screen:
 
     def _answer(self, step: Callable[[], None], until: int, path: str) -> None:
         """Serve the file's name until the window sends a message."""
-        end = time.monotonic() + START_S
+        end = time.monotonic() + DEADLINE_S
         while time.monotonic() < end:
             step()
             while self._display.pending_events():

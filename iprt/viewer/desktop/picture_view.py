@@ -7,13 +7,13 @@ from typing import Literal
 
 import numpy as np
 from imgui_bundle import imgui
-from numpy.typing import NDArray
 
 from iprt.scene.camera import View
 from iprt.scene.pose import view_from
 from iprt.viewer.desktop import gizmo, overlay
-from iprt.viewer.desktop.desk import Desk
-from iprt.viewer.desktop.gizmo import GIZMO, Rectangle
+from iprt.viewer.desktop.gizmo import GIZMO, Matrix, Rectangle
+from iprt.viewer.desktop.turning import BESIDE, turned, turned_place
+from iprt.viewer.desktop.ui_state import UiState
 from iprt.viewer.desktop.window import Window
 from iprt.viewer.objects import ObjectState
 
@@ -23,7 +23,7 @@ CLICK_PX = 4.0
 SPLIT_PX = 6.0
 """So near the bar that divides the picture can be taken hold of."""
 MISFIT = 0.02
-"""A picture whose sides differ from the pane's by more is shown with margins."""
+"""A picture whose sides differ from the view's by more is shown with margins."""
 _BARE = (
     imgui.WindowFlags_.no_decoration
     | imgui.WindowFlags_.no_move
@@ -33,7 +33,7 @@ _BARE = (
 )
 
 
-class Pane:
+class PictureView:
     """The part of the window that shows the scene.
 
     Attributes
@@ -44,10 +44,11 @@ class Pane:
         What the mouse is doing in it.
     """
 
-    def __init__(self, desk: Desk, window: Window) -> None:
-        self._desk, self._window = desk, window
+    def __init__(self, ui: UiState, window: Window) -> None:
+        self._ui, self._window = ui, window
         self.rectangle: Rectangle = (0.0, 0.0, 0.0, 0.0)
         self.gesture: Gesture | None = None
+        self._turn: Matrix | None = None  # from what is seen to the picture, where it was rendered
         self._object: str | None = None  # that was pressed
         self._offset = np.zeros(2)  # from the mouse to the foot of what slides
 
@@ -55,33 +56,41 @@ class Pane:
         """The picture in an area of the window, with all that lies over it."""
         left, top, width, height = area
         if width < 1 or height < 1:
-            self._desk.cursor = self.gesture = None
+            self._ui.cursor = self.gesture = None
             return
         pixels = self._window.pixels_per_unit
-        self._desk.viewport.resize(round(width * pixels), round(height * pixels))
+        self._ui.viewport.resize(round(width * pixels), round(height * pixels))
         imgui.set_next_window_pos(imgui.ImVec2(left, top))
         imgui.set_next_window_size(imgui.ImVec2(width, height))
         imgui.push_style_var(imgui.StyleVar_.window_padding, imgui.ImVec2(0, 0))
-        imgui.push_style_color(imgui.Col_.window_bg, imgui.ImVec4(0.05, 0.05, 0.06, 1.0))
+        imgui.push_style_color(imgui.Col_.window_bg, imgui.ImVec4(*BESIDE, 1.0))
         imgui.begin("picture", None, _BARE)
         imgui.pop_style_color()
         imgui.pop_style_var()
-        self.rectangle = self._fitted(area)
+        self._turn = self._turned()
+        self.rectangle = area if self._turn is not None else self._fitted(area)
         self._draw_picture()
         hovered = imgui.is_window_hovered()
         self._follow_mouse(hovered)
-        self._gizmo()
-        overlay.split_bar(self._desk, self.rectangle, lit=self._over_split())
-        overlay.corners(self._desk, self.rectangle)
+        object_box = self._gizmo()
+        overlay.split_bar(self._ui, self.rectangle, lit=self._over_split())
         imgui.end()
-        overlay.toolbar(self._desk, self.rectangle)
-        overlay.activity(self._desk, self.rectangle)
-        if hovered and self.gesture is None and not GIZMO.is_over():
-            overlay.readout(self._desk)
+        overlay.caption(self._ui, self.rectangle)
+        overlay.toolbar(self._ui, self.rectangle)
+        overlay.activity(self._ui, self.rectangle)
+        if hovered and self.gesture is None:
+            overlay.readout(self._ui, self.rectangle, object_box)
+
+    def _turned(self) -> Matrix | None:
+        """How the last picture is turned to be that of the view; None: it is as it was rendered."""
+        sight = self._ui.sight
+        if sight is None:
+            return None
+        return turned(self._ui.viewport.view, sight.shown.request.view)
 
     def _fitted(self, area: Rectangle) -> Rectangle:
         """Where the picture is; with margins if it has other sides."""
-        sight = self._desk.sight
+        sight = self._ui.sight
         if sight is None:
             return area
         left, top, width, height = area
@@ -95,7 +104,8 @@ class Pane:
     def _draw_picture(self) -> None:
         left, top, width, height = self.rectangle
         pixels = self._window.pixels_per_unit
-        picture = self._window.picture(round(width * pixels), round(height * pixels))
+        size = round(width * pixels), round(height * pixels)
+        picture = self._window.picture(*size, self._turn)
         if picture is not None:
             corner = imgui.ImVec2(left + width, top + height)
             imgui.get_window_draw_list().add_image(picture, imgui.ImVec2(left, top), corner)
@@ -103,113 +113,119 @@ class Pane:
     # The mouse --------------------------------------------------------------------------------
 
     def _place(self, x: float, y: float) -> tuple[float, float]:
-        """Of a point of the window in the picture."""
+        """Position of a window point in the picture, as shares of its width and height."""
         left, top, width, height = self.rectangle
         return (x - left) / width, (y - top) / height
 
     def _follow_mouse(self, hovered: bool) -> None:
-        desk, io = self._desk, imgui.get_io()
-        x, y = self._place(io.mouse_pos.x, io.mouse_pos.y)
-        desk.cursor = (x, y) if hovered and 0.0 <= x < 1.0 and 0.0 <= y < 1.0 else None
+        ui, io = self._ui, imgui.get_io()
+        place = self._place(io.mouse_pos.x, io.mouse_pos.y)
+        ui.cursor = turned_place(self._turn, *place) if hovered else None
         if hovered and io.mouse_wheel:
-            desk.viewport.zoom(io.mouse_wheel)
+            ui.viewport.zoom(io.mouse_wheel)
         if hovered and self.gesture is None:
             self._begin()
         if self.gesture == "press" and imgui.is_mouse_dragging(0, CLICK_PX):
-            sliding = self._object is not None and self._object == desk.selected
+            sliding = self._object is not None and self._object == ui.selected
             self.gesture = "slide" if sliding else "look"
             self._drag(*imgui.get_mouse_drag_delta(0, 0.0))
         elif self.gesture is not None:
             self._drag(io.mouse_delta.x, io.mouse_delta.y)
         if self.gesture is not None and not any(imgui.is_mouse_down(b) for b in (0, 1, 2)):
             if self.gesture == "press":
-                desk.selected = self._object
+                ui.selected = self._object
             self.gesture = None
 
     def _begin(self) -> None:
-        desk = self._desk
+        ui = self._ui
         if imgui.is_mouse_clicked(1) or imgui.is_mouse_clicked(2):
             self.gesture = "look"
         elif imgui.is_mouse_clicked(0) and self._over_split():
             self.gesture = "split"
-        elif imgui.is_mouse_clicked(0) and desk.selected is not None and GIZMO.is_over():
+        elif imgui.is_mouse_clicked(0) and ui.selected is not None and GIZMO.is_over():
             self.gesture = "gizmo"
             self._take_hold()
         elif imgui.is_mouse_clicked(0):
             self.gesture = "press"
             self._take_hold()
-            self._object = None if desk.cursor is None else desk.viewport.object_at(*desk.cursor)
+            self._object = None if ui.cursor is None else ui.viewport.object_at(*ui.cursor)
 
     def _drag(self, dx: float, dy: float) -> None:
-        desk = self._desk
+        ui = self._ui
         if not (dx or dy):
             return
         if self.gesture == "look":
             pixels = self._window.pixels_per_unit
-            desk.viewport.turn(dx * pixels, dy * pixels)
+            ui.viewport.turn(dx * pixels, dy * pixels)
         elif self.gesture == "split":
             x, _ = self._place(imgui.get_io().mouse_pos.x, 0.0)
-            desk.viewport.lens = replace(desk.viewport.lens, split=min(max(x, 0.0), 1.0))
+            ui.viewport.lens = replace(ui.viewport.lens, split=min(max(x, 0.0), 1.0))
         elif self.gesture == "slide":
             self._slide()
 
     def _over_split(self) -> bool:
-        lens, mouse = self._desk.viewport.lens, imgui.get_io().mouse_pos
+        lens, mouse = self._ui.viewport.lens, imgui.get_io().mouse_pos
         left, _, width, _ = self.rectangle
         divided = lens.against is not None and not lens.error
         return divided and abs(mouse.x - left - lens.split * width) <= SPLIT_PX
 
     # Objects ----------------------------------------------------------------------------------
 
-    def _camera(self) -> tuple[View, NDArray[np.float64] | None] | None:
-        """The view that is shown, and the capture centre's pose; None: nothing is."""
-        sight = self._desk.sight
+    def _camera(self) -> tuple[View, Matrix | None] | None:
+        """The view that is seen, and the capture centre's pose; None: nothing is."""
+        sight = self._ui.sight
         if sight is None or sight.shown.request.view.projection != "perspective":
             return None
-        return sight.shown.request.view, sight.shown.pose
+        view = sight.shown.request.view if self._turn is None else self._ui.viewport.view
+        return view, sight.shown.pose
 
-    def _foot(self, state: ObjectState) -> NDArray[np.float64]:
+    def _foot(self, state: ObjectState) -> Matrix:
         """The middle of an object's lower side, before its transform."""
         low, high = state.corners
         return np.array([0.5 * (low[0] + high[0]), low[1], 0.5 * (low[2] + high[2])])
 
     def _take_hold(self) -> None:
         """Remember where the foot is from the mouse, so that it does not jump there."""
-        state, camera = self._desk.state, self._camera()
+        state, camera = self._ui.state, self._camera()
         self._offset = np.zeros(2)
-        if state is None or camera is None or self._desk.cursor is None:
+        if state is None or camera is None:
             return
-        matrix = self._desk.placement(state)
+        matrix = state.to_world
         foot = matrix[:3, :3] @ self._foot(state) + matrix[:3, 3]
         view, pose = camera
         if pose is not None:
             foot = (foot - pose[:3, 3]) @ pose[:3, :3]
         pixel = view_from(view, pose).project(foot)
-        offset = pixel / (view.width, view.height) - self._desk.cursor
+        mouse = imgui.get_io().mouse_pos
+        offset = pixel / (view.width, view.height) - self._place(mouse.x, mouse.y)
         if np.isfinite(offset).all() and np.abs(offset).max() < 0.5:
             self._offset = offset
 
     def _slide(self) -> None:
         """Set the object down where the mouse drags its foot."""
-        desk, mouse = self._desk, imgui.get_io().mouse_pos
-        x, y = self._place(mouse.x, mouse.y) + self._offset
-        if desk.selected is not None:
-            desk.viewport.drop(desk.selected, x, y, upright=not desk.align)
+        ui, mouse = self._ui, imgui.get_io().mouse_pos
+        place = turned_place(self._turn, *(self._place(mouse.x, mouse.y) + self._offset))
+        if ui.selected is not None and place is not None:
+            ui.viewport.drop(ui.selected, *place, upright=not ui.align)
 
-    def _gizmo(self) -> None:
-        state, camera = self._desk.state, self._camera()
-        if state is None or camera is None or self.gesture in ("look", "slide"):
-            return
+    def _gizmo(self) -> overlay.Box | None:
+        """What the selected object is moved by, where it is wanted; what it takes up there."""
+        state, camera = self._ui.state, self._camera()
+        if state is None or camera is None:
+            return None
         view, pose = camera
-        matrix = self._desk.placement(state)
-        overlay.box(matrix, state.corners, view, pose, self.rectangle)
+        matrix = state.to_world
+        lit = self.gesture in ("slide", "gizmo")
+        box = overlay.box(matrix, state.corners, view, pose, self.rectangle, lit=lit)
+        if self.gesture in ("look", "slide"):
+            return box
         pivot = np.eye(4)
         pivot[:3, 3] = self._foot(state)
-        moved = gizmo.manipulate(self.rectangle, view, pose, matrix @ pivot, self._desk.mode)
-        if moved is None or self.gesture != "gizmo":
-            return
-        if gizmo.slides():
-            self._slide()
-        else:
-            pivot[:3, 3] *= -1.0
-            self._desk.place(state, moved @ pivot)
+        moved = gizmo.manipulate(self.rectangle, view, pose, matrix @ pivot, self._ui.mode)
+        if moved is not None and self.gesture == "gizmo":
+            if gizmo.slides():
+                self._slide()
+            else:
+                pivot[:3, 3] *= -1.0
+                self._ui.place(state, moved @ pivot)
+        return box

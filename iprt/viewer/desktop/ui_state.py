@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from queue import SimpleQueue
 
@@ -25,8 +24,8 @@ NOTICE_S = 6.0
 """A notice is shown so long."""
 
 
-class Desk:
-    """A viewport on an engine and what the user holds in hand. For the interface's thread.
+class UiState:
+    """A viewport on an engine, what is selected and what is open. For the interface's thread.
 
     Parameters
     ----------
@@ -51,7 +50,7 @@ class Desk:
     closing : bool
         The window is to close as soon as all is saved.
     cursor : (x, y) or None
-        Place in the picture that the mouse is at, as shares of its width and height.
+        Place in the last picture that the mouse is at, as shares of its width and height.
     sight : Sight or None
         What is shown.
     timeline : Timeline
@@ -88,17 +87,8 @@ class Desk:
 
     @property
     def state(self) -> ObjectState | None:
-        """Of the object that is selected."""
-        return next((state for state in self.engine.objects if state.name == self.selected), None)
-
-    def placement(self, state: ObjectState) -> NDArray[np.float64]:
-        """(4, 4) where an object is wanted in the frame that is shown."""
-        edited = self.engine.world.edit_of(state.name).to_world
-        if edited is None:
-            return state.to_world
-        base = np.reshape(np.array(edited, np.float64), (4, 4))
-        placed: NDArray[np.float64] = replace(state.motion, to_world=base).at(state.time_s)
-        return placed
+        """The selected object, as it is wanted."""
+        return self.engine.wanted(self.selected)
 
     def place(self, state: ObjectState, to_world: NDArray[np.float64]) -> None:
         """Want an object there in the frame that is shown."""
@@ -125,6 +115,10 @@ class Desk:
             self.selected = self.engine.add(path, *self.viewport.aim(x, y))
             self.say(f"{path.name} is read, to be {self.selected}")
 
+    def browse(self) -> None:
+        """Open the browser of mesh files, or close it."""
+        self.browsing = not self.browsing
+
     def undo(self) -> None:
         """Take the last edit back."""
         self.engine.undo()
@@ -136,12 +130,12 @@ class Desk:
     @property
     def unsaved(self) -> bool:
         """There are edits that the scene's file does not have."""
-        return bool(self.engine.world.edits)
+        return bool(self.engine.unsaved)
 
     def save(self) -> None:
         """Write the scene's file."""
         if self.unsaved:
-            self.engine.save(self._saved.put)
+            self.viewport.save(self._saved.put)
         else:
             self.say("nothing to save")
 
@@ -172,14 +166,14 @@ class Desk:
 
     @property
     def frame(self) -> int:
-        """Of the video: the one that is wanted, or shown while the video plays."""
+        """The video frame that is wanted, or the one that is shown while the video plays."""
         playback = self.engine.world.playback
         shown = self.sight
-        return playback.frame if playback.since_s is None or shown is None else shown.shown.frame
+        return playback.frame if not playback.playing or shown is None else shown.shown.frame
 
     @property
     def playing(self) -> bool:
-        return self.engine.world.playback.since_s is not None
+        return self.engine.playing
 
     def toggle_playing(self) -> None:
         """Play or pause."""
@@ -197,20 +191,12 @@ class Desk:
 
     def screenshot(self, suffix: str) -> Path | None:
         """Write a picture to a file that is not there yet; its path."""
-        path = self._free_path(suffix)
         try:
-            self.viewport.screenshot(path)
+            path = self.viewport.screenshot(suffix, self.folder)
         except IprtError as error:
             self.say(str(error), bad=True)
             return None
         self.say(f"written: {path}")
-        return path
-
-    def _free_path(self, suffix: str) -> Path:
-        stem = f"{self.engine.scene.name}-{self.viewport.name or 'view'}"
-        number = 1
-        while (path := self.folder / f"{stem}-{number:03d}{suffix}").exists():
-            number += 1
         return path
 
     def escape(self) -> None:

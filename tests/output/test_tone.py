@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from iprt.measure.metrics import display
-from iprt.viewer.tone import Curve, developed, level
+from iprt.output.tone import Curve, developed, level
 
 EXPOSURES = (1e-30, 1e-3, 0.7, 1.0, 3.7, 1e6)
 
@@ -33,7 +33,7 @@ def test_tables_give_the_curve_to_the_bit(exposure: float, curve: Curve) -> None
         np.testing.assert_array_equal(developed(radiance, exposure, curve), expected)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(st.lists(st.floats(0.0, 3.0, width=32), min_size=3, max_size=60), st.floats(0.01, 50.0))
 def test_a_window_shows_what_a_file_holds(values: list[float], exposure: float) -> None:
     picture = np.resize(np.float32(values), (4, 5, 3))

@@ -1,0 +1,34 @@
+"""Flags that take two numbers: how many there are, and what they are, stands in help and errors."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Annotated, TypeVar
+
+from tyro.constructors import PrimitiveConstructorSpec
+
+Number = TypeVar("Number", int, float)
+WHOLE = "two whole numbers"
+
+
+def _pair(
+    number: Callable[[str], Number], kind: str, first: str, second: str
+) -> PrimitiveConstructorSpec[tuple[Number, Number] | None]:
+    def parsed(words: list[str]) -> tuple[Number, Number]:
+        try:
+            return number(words[0]), number(words[1])
+        except ValueError:
+            raise ValueError(f"expected {first} {second}, {kind}; got {' '.join(words)}") from None
+
+    return PrimitiveConstructorSpec(
+        nargs=2,
+        metavar=f"{first} {second}",
+        instance_from_str=parsed,
+        is_instance=lambda value: value is None or isinstance(value, tuple),
+        str_from_instance=lambda pair: ["None"] if pair is None else [str(end) for end in pair],
+    )
+
+
+Size = Annotated[tuple[int, int] | None, _pair(int, WHOLE, "WIDTH", "HEIGHT")]
+FrameSpan = Annotated[tuple[int, int] | None, _pair(int, WHOLE, "FIRST", "LAST")]
+DepthRange = Annotated[tuple[float, float] | None, _pair(float, "two numbers", "LOW", "HIGH")]

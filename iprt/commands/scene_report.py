@@ -1,0 +1,143 @@
+"""What `iprt scene info` and `iprt scene check` say about a scene, as lines of text."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from iprt.device.compute import ComputeDevice
+    from iprt.scene.frame import Frame
+    from iprt.scene.report import ObjectReport, RealMaterialReport, SceneReport, Share
+    from iprt.scene.scene import Scene
+
+
+def first_look(folder: Path) -> list[str]:
+    """What the first frame of a new scene shows, for its maker to compare with the real place."""
+    from iprt.scene.report import unlikely
+    from iprt.scene.scene import Scene
+    from iprt.scene.surroundings import Surroundings
+
+    scene = Scene.open(folder)
+    raw = scene.raw_frame()
+    place = Surroundings.of(raw.depth)
+    lines = [] if place is None else [f"place: {place.line()}"]
+    lines += [f"note: {line}" for line in scene.source.interpolation()]
+    return lines + [f"warning: {phrase}" for phrase in unlikely(raw)]
+
+
+def memory_lines(
+    scene: Scene, frame: Frame, device: ComputeDevice | None
+) -> tuple[bool, list[str]]:
+    """Whether a view needs more memory than the device has, and what to say about it."""
+    from iprt.commands.views import choose_view
+    from iprt.film import film_plan
+    from iprt.memory import amount
+
+    plans = {}
+    for name in scene.views or (None,):
+        view, objects = choose_view(scene, name)
+        instances = scene.instances if objects is None else scene.instances_named(objects)
+        label = "a view" if name is None else f"view {name}"
+        plans[label] = film_plan(scene, frame, instances, view)
+    largest = max(plans, key=lambda label: plans[label].bytes)
+    view, need = plans[largest].view, plans[largest].bytes
+    line = f"memory: {amount(need)} for {largest} of {view.width} x {view.height}"
+    if device is None:
+        return False, [line]
+    line += f"; {device.name} has {amount(device.memory)}"
+    problems = {
+        label: plan.problem(device.name, device.memory, device.largest_buffer)
+        for label, plan in plans.items()
+    }
+    warnings = [f"warning: {label}: {why}" for label, why in problems.items() if why]
+    return bool(warnings), [line, *warnings]
+
+
+def render_plan(scene: Scene, frame: Frame) -> dict[str, dict[str, object]]:
+    """What the renderer builds for each view of a scene and the memory that takes, by name."""
+    from iprt.film import film_plan
+
+    plan: dict[str, dict[str, object]] = {}
+    for name, entry in scene.views.items():
+        built = film_plan(scene, frame, scene.instances_of(name), entry.view)
+        memory = built.bytes / 2**20
+        plan[name] = {"parts": built.requirements.describe(), "device_memory_mib": memory}
+    return plan
+
+
+def plan_lines(plan: dict[str, dict[str, object]]) -> list[str]:
+    """The plan as text."""
+    lines = []
+    for name, entry in plan.items():
+        parts = entry["parts"]
+        assert isinstance(parts, dict)
+        built = ", ".join(part for part, needed in parts.items() if needed) or "resampling only"
+        memory = entry["device_memory_mib"]
+        lines.append(f"builds     {name}: {built}; {memory:.0f} MiB on the device")
+    return lines
+
+
+def report_lines(report: SceneReport) -> list[str]:
+    """A report as text."""
+    first, last = report.frames
+    depth, radiance = report.depth_percentiles, report.radiance_percentiles
+    lines = [
+        f"{report.name}",
+        f"panorama   {report.width} x {report.height}, frames {first} to {last}, "
+        f"{report.fps:g} per second, exposure {report.exposure:g}",
+        f"depth      {report.depth_unit}; 1% is below {depth['p1']:.2f} m, half below "
+        f"{depth['p50']:.2f} m, 99% below {depth['p99']:.2f} m",
+        *([f"place      {report.surroundings.line()}"] if report.surroundings else []),
+        *(f"           warning: {phrase}" for phrase in report.unlikely),
+        f"radiance   1% is below {radiance['p1']:.3g}, half below {radiance['p50']:.3g}, 99% below "
+        f"{radiance['p99']:.3g}; highest {radiance['p100']:.3g}",
+        f"normals    {report.normals}",
+        _share_line("no depth", report.holes),
+        _share_line("  openings", report.openings),
+        _share_line("  open sky", report.open_sky),
+        _share_line("  dropouts", report.dropouts),
+    ]
+    if report.clipped is not None:
+        lines.append(f"clipped    {report.clipped.line()}")
+    lines += [_real_material_line(entry) for entry in report.real_materials]
+    lines += [line for entry in report.objects for line in _object_lines(entry)]
+    for name, view in report.views.items():
+        shown = ", ".join(view["objects"]) or "no objects"
+        lines.append(
+            f"view       {name}: {view['width']} x {view['height']}, yaw {view['yaw_deg']:g}, "
+            f"pitch {view['pitch_deg']:g}, fov {view['fov_y_deg']:g}; {shown}"
+            + ("; has a truth" if view["truth"] else "")
+        )
+        lines += [f"           moves: {view['moves']}"] if view["moves"] else []
+    return lines
+
+
+def _real_material_line(entry: RealMaterialReport) -> str:
+    """`entry` as text."""
+    warned = "".join(f"; warning: {phrase}" for phrase in entry.warnings())
+    return (
+        f"glossy     {entry.name}: {entry.kind}, alpha {entry.alpha:g}; "
+        f"{_share(entry.share)}{warned}"
+    )
+
+
+def _share_line(label: str, share: Share) -> str:
+    return f"{label:<10} {_share(share)}"
+
+
+def _share(share: Share) -> str:
+    return f"{100 * share.area:.2f}% of all directions, {100 * share.flux:.1f}% of all light"
+
+
+def _object_lines(entry: ObjectReport) -> list[str]:
+    size = [high - low for low, high in zip(entry.low, entry.high, strict=True)]
+    corner = ", ".join(f"{value:.2f}" for value in entry.low)
+    lines = [
+        f"object     {entry.name}: {entry.triangles} triangles, {', '.join(entry.materials)}; "
+        f"{size[0]:.2f} x {size[1]:.2f} x {size[2]:.2f} m from ({corner})"
+    ]
+    lines += [f"           moves: {phrase}" for phrase in entry.moves]
+    lines += [f"           not read: {phrase}" for phrase in entry.dropped]
+    lines += [f"           warning: {phrase}" for phrase in entry.warnings]
+    return lines

@@ -1,0 +1,234 @@
+"""Stand a mesh in a scene, with a view of it: the mesh is copied, and `scene.toml` extended."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tomlkit
+from numpy.typing import NDArray
+
+from iprt.errors import SceneError
+from iprt.output.atomic import replacing
+from iprt.scene.animated_mesh import load_animated_mesh
+from iprt.scene.edit import (
+    VIEW_SIZE,
+    changing,
+    copied,
+    free_name,
+    mesh_copies,
+    object_text,
+    outdate_truths,
+    quoted,
+)
+from iprt.scene.gltf_clip import animation_names
+from iprt.scene.inside import anywhere, require_inside
+from iprt.scene.manifest import MANIFEST_NAME, manifest_text, parse_manifest
+from iprt.scene.mesh import Instance, Mesh
+from iprt.scene.mesh_files import MeshFile
+from iprt.scene.meshes import load_mesh
+from iprt.scene.placement import RealSurfaces, bounds, metres, set_down
+from iprt.scene.scene import Scene
+from iprt.scene.stance import Stance, hints
+from iprt.scene.untrusted import MAX_OBJECTS
+from iprt.toml_text import parse_toml
+
+Corners = tuple[NDArray[np.float64], NDArray[np.float64]]
+
+
+@dataclass(frozen=True)
+class Added:
+    """What `add_object` wrote.
+
+    Attributes
+    ----------
+    name, view : str
+        Of the object, and of the view that frames it.
+    base : (3,) float64
+        World-space point below the object's middle, at the height of its lowest point.
+    size : str
+        How large it is, in the scene and in its file, and which side is up.
+    hints : tuple of str
+        Flags that it may need.
+    warnings : tuple of str
+        What is wrong with its place, as `iprt scene check` tells it.
+    dropped : tuple of str
+        What the mesh file holds and is not read.
+    """
+
+    name: str
+    view: str
+    base: NDArray[np.float64]
+    size: str
+    hints: tuple[str, ...]
+    warnings: tuple[str, ...]
+    dropped: tuple[str, ...]
+
+
+def add_object(
+    scene_path: Path,
+    mesh_path: Path,
+    yaw_deg: float,
+    pitch_deg: float,
+    *,
+    stance: Stance | None = None,
+    material: dict[str, Any] | None = None,
+    animation: str | int | None = None,
+    name: str | None = None,
+    allow_outside: bool = False,
+) -> Added:
+    """Stand a mesh on the surface seen in a direction, and add a view that frames it.
+
+    Parameters
+    ----------
+    scene_path, mesh_path : Path
+    yaw_deg, pitch_deg : float
+        Where to look from the capture centre: right and up.
+    stance : Stance or None
+        Default: +Y up, and its longest side a fifth of the distance.
+    material : dict or None
+        As in the manifest; by default the mesh file's own.
+    animation : str or int or None
+        Name or number of an animation of a glTF file.
+    name : str or None
+        By default the mesh file's, numbered where taken.
+    allow_outside : bool
+        Whether files of the scene may be links out of its folder, and the mesh's out of its own.
+
+    Raises
+    ------
+    SceneError, FormatError
+        Nothing has been written then.
+    """
+    stance = stance or Stance()
+    with changing(scene_path.parent if scene_path.name == MANIFEST_NAME else scene_path):
+        scene = Scene.open(scene_path, allow_outside=allow_outside)
+        chosen = _name(scene, mesh_path, name)
+        view_name = free_name(chosen, set(scene.views))
+        file = MeshFile(mesh_path, anywhere(mesh_path.parent) if allow_outside else None)
+        mesh = _mesh(file, animation, allow_outside=allow_outside)
+        surfaces = RealSurfaces(scene.frame())
+        to_world = set_down(surfaces, mesh, yaw_deg, pitch_deg, stance)
+        upright = bounds(mesh, stance.rotation)
+        added = Added(
+            chosen,
+            view_name,
+            _base(bounds(mesh), to_world),
+            _size(mesh, upright, to_world, stance),
+            (*hints(file.suffix, bounds(mesh), stance), *_animation_hints(file, animation)),
+            tuple(surfaces.standing(Instance(chosen, mesh, to_world)).warnings()),
+            mesh.dropped,
+        )
+        copies, target = mesh_copies(scene.root, file, chosen)
+        for copy in copies:
+            require_inside(copy, scene.within)
+        # Appending text keeps every comment; TOML lets [[objects]] follow other tables.
+        path = scene.root / MANIFEST_NAME
+        before = manifest_text(path)
+        document = tomlkit.parse(before)
+        if outdate_truths(document, [chosen]):
+            before = tomlkit.dumps(document)
+        text = "\n".join(
+            [
+                before.rstrip("\r\n") + "\n",
+                object_text(chosen, target, to_world, material, animation),
+                _view_text(view_name, chosen, bounds(mesh), to_world),
+            ]
+        )
+        _check(path, text, f"{mesh_path}: cannot be added as {chosen}")
+        with copied(copies), replacing(path) as temporary:
+            temporary.write_bytes(text.encode("utf-8"))
+    return added
+
+
+def _check(path: Path, text: str, complaint: str) -> None:
+    """Raise SceneError if the new text of a `scene.toml` is not one."""
+    try:
+        parse_toml(text)
+    except ValueError as error:
+        raise SceneError(
+            f"{path}: cannot be extended; write objects and views as [[objects]] and [[views]] "
+            "tables"
+        ) from error
+    try:
+        parse_manifest(text, str(path))
+    except SceneError as error:
+        raise SceneError(f"{complaint}: {error}", several_lines=error.several_lines) from error
+
+
+def _name(scene: Scene, mesh_path: Path, name: str | None) -> str:
+    """The name that the object gets."""
+    if len(scene.manifest.objects) >= MAX_OBJECTS:
+        raise SceneError(
+            f"{scene.root}: has {MAX_OBJECTS} objects, and no more are read; join some of their "
+            "meshes"
+        )
+    taken = {table.name for table in scene.manifest.objects}
+    if name is None:
+        return free_name(mesh_path.stem, taken)
+    if name in taken:
+        raise SceneError(f"{scene.root}: an object is named '{name}' already; choose another name")
+    if name != free_name(name, set()):
+        raise SceneError(f"--name '{name}': expected letters, digits, blanks, and any of _ . -")
+    return name
+
+
+def _mesh(file: MeshFile, animation: str | int | None, *, allow_outside: bool) -> Mesh:
+    """As it is at first."""
+    within = anywhere(file.path.parent) if allow_outside else None
+    if animation is None:
+        return load_mesh(file.path, within=within)
+    return load_animated_mesh(file.path, animation, within=within).at(0.0)
+
+
+def _base(corners: Corners, to_world: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The middle of the lower side of the box around the placed mesh."""
+    ends = np.stack(np.meshgrid(*np.transpose(corners), indexing="ij"), axis=-1).reshape(-1, 3)
+    placed = ends @ to_world[:3, :3].T + to_world[:3, 3]
+    middle: NDArray[np.float64] = 0.5 * (placed.min(axis=0) + placed.max(axis=0))
+    middle[1] = placed[:, 1].min()
+    return middle
+
+
+def _size(mesh: Mesh, upright: Corners, to_world: NDArray[np.float64], stance: Stance) -> str:
+    scale = float(np.linalg.norm(to_world[:3, 0]))
+    low, high = bounds(mesh)
+    sides = " x ".join(f"{side:.4g}" for side in high - low)
+    turned = f", turned by {stance.turn_deg:g} degrees" if stance.turn_deg else ""
+    sign = stance.up if stance.up.startswith("-") else f"+{stance.up}"
+    return (
+        f"{metres((upright[1] - upright[0]) * scale)} (width, height, depth); in its file "
+        f"{sides} units of {scale:.4g} m, {sign.upper()} up{turned}"
+    )
+
+
+def _animation_hints(file: MeshFile, animation: str | int | None) -> list[str]:
+    if file.gltf is None or not file.gltf.animations or animation is not None:
+        return []
+    names = ", ".join(animation_names(file.gltf))
+    return [f"its file has the animations {names}; --animation plays one"]
+
+
+def _view_text(name: str, object_name: str, corners: Corners, to_world: NDArray[np.float64]) -> str:
+    """A view at the object's centre, two and a half times as high as the object appears."""
+    low, high = corners
+    center = to_world[:3, :3] @ (0.5 * (low + high)) + to_world[:3, 3]
+    distance = max(float(np.linalg.norm(center)), 1e-6)
+    radius = 0.5 * float(np.linalg.norm(to_world[:3, :3] @ (high - low)))
+    fov = np.clip(2.5 * 2.0 * np.rad2deg(np.arctan2(radius, distance)), 15.0, 100.0)
+    yaw = np.rad2deg(np.arctan2(center[0], -center[2]))
+    pitch = np.rad2deg(np.arcsin(np.clip(center[1] / distance, -1.0, 1.0)))
+    return "\n".join(
+        [
+            "[[views]]",
+            f"name = {quoted(name)}",
+            f"yaw_deg = {yaw:.2f}",
+            f"pitch_deg = {pitch:.2f}",
+            f"fov_y_deg = {fov:.2f}",
+            f"size = [{VIEW_SIZE[0]}, {VIEW_SIZE[1]}]",
+            f"objects = [{quoted(object_name)}]",
+            "",
+        ]
+    )

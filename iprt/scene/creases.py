@@ -1,0 +1,149 @@
+"""Normals for meshes whose files have none: flat, or smooth up to a crease angle.
+
+glTF wants flat ones (Khronos glTF 2.0, section 3.7.2.1). For the other formats, edges at which
+faces meet at less than `CREASE_DEG` are smooth, and all others sharp: spheres look round, boxes do
+not.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+Float = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+CREASE_DEG = 40.0
+"""Angle between the normals of two faces from which their common edge is sharp. A cylinder of ten
+sides is still round; a chamfer of 45 degrees keeps its edges."""
+_SIDES = 3
+"""Faces beyond a face that share one of its edges and are compared with it; a closed surface has
+one, one that is there twice has three."""
+
+
+def with_normals(
+    positions: Float, normals: Float, triangles: Ints, flat: NDArray[np.bool_]
+) -> tuple[Ints, Float, Ints]:
+    """Vertices with a normal each, where some have none.
+
+    A vertex without one is divided into as many as it needs. Smooth normals are the means of the
+    faces around a position, weighted by their angles there (Thürmer and Wüthrich, "Computing
+    Vertex Normals from Polygonal Facets", 1998), up to the next sharp edges.
+
+    Parameters
+    ----------
+    positions : (V, 3) float64
+        Finite. Vertices at the same position belong together.
+    normals : (V, 3) float64
+        Of any length; NaN or no length: there is none.
+    triangles : (F, 3) int64
+        None of them degenerate.
+    flat : (F,) bool
+        All edges of these are sharp.
+
+    Returns
+    -------
+    source : (W,) int64
+        The vertex that each vertex comes from; (V,), in order, if all have normals.
+    normals : (W, 3) float64
+        Of unit length.
+    triangles : (F, 3) int64
+        Of these vertices.
+    """
+    usable = have_normals(normals)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        length = np.linalg.norm(normals, axis=1, keepdims=True)
+        unit = np.where(usable[:, None], normals / length, [0.0, 1.0, 0.0])
+    corners = triangles.ravel()
+    if usable[corners].all():
+        return np.arange(len(positions)), unit, triangles
+    group, of_group = _groups(positions, triangles, flat)
+    group[usable[corners]] = 0
+    key, first, index = np.unique(
+        group * len(positions) + corners, return_index=True, return_inverse=True
+    )
+    source = corners[first]
+    divided = np.where(usable[source, None], unit[source], of_group[key // len(positions)])
+    return source, divided, index.reshape(-1, 3)
+
+
+def have_normals(normals: Float) -> NDArray[np.bool_]:
+    """(V,) whether these (V, 3) are finite and have a length."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        length = np.linalg.norm(normals, axis=1)
+        usable: NDArray[np.bool_] = np.isfinite(length) & (length > 1e-12)
+    return usable
+
+
+def face_normals(corners: Float) -> Float:
+    """(F, 3) unit normals of triangles (F, 3, 3), counter-clockwise; 0 of degenerate ones."""
+    normals: Float = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    np.divide(normals, length, out=normals, where=length > 0.0)
+    return normals
+
+
+def _groups(positions: Float, triangles: Ints, flat: NDArray[np.bool_]) -> tuple[Ints, Float]:
+    """The number of the smooth group that each corner (3 F,) belongs to, from 1 on, and the unit
+    normals by this number; the one of 0 means nothing.
+    """
+    corners = positions[triangles]
+    face = face_normals(corners)
+    ahead = np.roll(corners, -1, axis=1) - corners
+    behind = np.roll(corners, 1, axis=1) - corners
+    sine = np.linalg.norm(np.cross(ahead, behind), axis=2)
+    angle = np.arctan2(sine, np.einsum("fij,fij->fi", ahead, behind))
+    group = 1 + _joined_corners(same_position(positions)[triangles], face, flat)
+    total = np.stack(
+        [np.bincount(group, (angle * face[:, axis, None]).ravel()) for axis in range(3)], axis=1
+    )
+    length = np.linalg.norm(total, axis=1, keepdims=True)
+    (lost,) = np.nonzero(length[group, 0] < 1e-12)  # faces all around that cancel each other out
+    total[group[lost]], length[group[lost]] = face[lost // 3], 1.0
+    return group, np.divide(total, length, out=np.zeros_like(total), where=length > 0.0)
+
+
+def same_position(positions: Float) -> Ints:
+    """(V,) numbers, equal for vertices that share a position."""
+    order = np.lexsort(positions.T)
+    changes = (positions[order[1:]] != positions[order[:-1]]).any(axis=1)
+    numbers = np.empty(len(positions), np.int64)
+    numbers[order] = np.concatenate([[0], np.cumsum(changes)])
+    return numbers
+
+
+def _joined_corners(points: Ints, face: Float, flat: NDArray[np.bool_]) -> Ints:
+    """(3 F,) numbers of corners, equal where smooth edges lead from one to the other.
+
+    Parameters
+    ----------
+    points : (F, 3) int64
+        Numbers of positions.
+    face : (F, 3) float64
+        Unit normals.
+    flat : (F,) bool
+    """
+    count = points.size
+    start, end = points.ravel(), np.roll(points, -1, axis=1).ravel()
+    corner = np.arange(count)
+    following = np.roll(corner.reshape(-1, 3), -1, axis=1).ravel()
+    low, high = np.minimum(start, end), np.maximum(start, end)
+    edge = low * (int(points.max(initial=0)) + 1) + high
+    at_low = np.where(start < end, corner, following)
+    at_high = np.where(start < end, following, corner)
+    order = np.argsort(edge, kind="stable")
+    pairs = []
+    for step in range(1, 1 + _SIDES):
+        one, other = order[:-step], order[step:]
+        met = (edge[one] == edge[other]) & ~flat[one // 3] & ~flat[other // 3]
+        one, other = one[met], other[met]
+        cosine = np.einsum("ei,ei->e", face[one // 3], face[other // 3])
+        smooth = cosine > np.cos(np.deg2rad(CREASE_DEG))
+        one, other = one[smooth], other[smooth]
+        pairs += [(at_low[one], at_low[other]), (at_high[one], at_high[other])]
+    rows, columns = (np.concatenate(side) for side in zip(*pairs, strict=True))
+    graph = coo_array((np.ones(len(rows), np.bool_), (rows, columns)), shape=(count, count))
+    labels: Ints = connected_components(graph, directed=False)[1].astype(np.int64)
+    return labels

@@ -1,0 +1,120 @@
+"""How a signal ends the process: at once, whatever it does, with nothing half written.
+
+One thread waits for SIGINT, SIGTERM and SIGHUP, and all others are kept from them. Python's own
+handlers run only between two steps of the main thread, which may wait half a minute for a compiler;
+compilers within OpenCL drivers put handlers of their own in their place (LLVM, to remove its
+files); and some libraries swallow the exceptions that handlers raise. So the stack is not unwound:
+what must not be left behind is removed by the actions that `at_termination` registers.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+
+TYPE_CHECKING = False  # `typing` takes long to import
+if TYPE_CHECKING:
+    from typing import NoReturn
+
+Action = Callable[[], str | None]
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+REPEAT_S = 0.5
+"""One key press may arrive twice, from the terminal and from a program that passes it on."""
+PATIENCE_S = 5.0
+"""Longest wait for the actions; service managers wait twice as long before they send SIGKILL."""
+POLL_S = 0.05
+
+_lock = threading.RLock()  # never released once the process terminates
+_actions: dict[object, Action] = {}
+
+
+def end_on_signals() -> None:
+    """From now on signals end the process, with one line on stderr and 128 + their number.
+
+    The main thread calls it before there are others, which inherit its signal mask. Signals that
+    the process was started to ignore, as by `nohup`, stay ignored. A second signal ends the process
+    without waiting for the actions.
+    """
+    defaults = (signal.SIG_DFL, signal.default_int_handler)
+    awaited = {number for number in SIGNALS if signal.getsignal(number) in defaults}
+    if not awaited:
+        return
+    signal.pthread_sigmask(signal.SIG_BLOCK, awaited)
+    received: list[signal.Signals] = []
+    begin = threading.Event()
+
+    def close() -> None:
+        begin.wait()
+        (number,) = received
+        notes = _run_actions()
+        line = "interrupted" if number == signal.SIGINT else f"terminated by {number.name}"
+        os.write(2, f"iprt: {'; '.join([line, *notes])}\n".encode(errors="backslashreplace"))
+        with suppress(OSError, ValueError):  # stdout is full or closed
+            sys.stdout.flush()
+
+    def watch() -> None:
+        number = signal.Signals(signal.sigwait(awaited))
+        received.append(number)
+        begin.set()
+        closing.join(REPEAT_S)
+        until = time.monotonic() + PATIENCE_S
+        while closing.is_alive() and time.monotonic() < until and not awaited & signal.sigpending():
+            time.sleep(POLL_S)
+        os._exit(128 + number)
+
+    # Both now: no thread can be started while the interpreter shuts down.
+    closing = threading.Thread(target=close, daemon=True)
+    closing.start()
+    threading.Thread(target=watch, daemon=True).start()
+
+
+@contextmanager
+def at_termination(action: Action) -> Iterator[None]:
+    """While the block runs, a signal that ends the process calls `action` first.
+
+    The last action is called first, on a thread of its own; what it returns is added to the line on
+    stderr. The block goes on meanwhile, but is never left: what follows it does not run.
+    """
+    key = register(action)
+    try:
+        yield
+    finally:
+        with _lock:
+            del _actions[key]
+
+
+def register(action: Action) -> object:
+    """As `at_termination`, for the rest of the process."""
+    key = object()
+    with _lock:
+        _actions[key] = action
+    return key
+
+
+@contextmanager
+def undisturbed() -> Iterator[None]:
+    """Signals wait until the block is done, for at most `PATIENCE_S`; one block runs at a time."""
+    with _lock:
+        yield
+
+
+def end(code: int) -> NoReturn:
+    """End the process with this exit code, without waiting for any thread or driver."""
+    _run_actions()
+    os._exit(code)
+
+
+def _run_actions() -> list[str]:
+    """What the actions return. From now on no other thread leaves a block of `at_termination`."""
+    _lock.acquire()
+    notes = []
+    for action in reversed(_actions.values()):
+        with suppress(Exception):  # the others are to run, too
+            notes.append(action())
+    return [note for note in notes if note]

@@ -1,0 +1,52 @@
+"""How far compilers are."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+
+class Compiling:
+    """Counts programs that are built and kernels that are launched first: drivers compile at both.
+
+    Parameters
+    ----------
+    tell : callable
+        Called whenever something changes.
+
+    Attributes
+    ----------
+    file : str or None
+        Of `cl/`, that is compiled now. None: nothing is.
+    built, to_build : int
+        Parts that were begun, and all that there are.
+    """
+
+    def __init__(self, tell: Callable[[], None]) -> None:
+        self._tell = tell
+        self.file: str | None = None
+        self.built = self.to_build = 0
+
+    def expect(self, parts: int) -> None:
+        """So many will be compiled; more may come."""
+        self.built, self.to_build = 0, parts
+
+    def begin(self, file: str) -> None:
+        """The next part is compiled."""
+        self.file = file
+        self.built += 1
+        self.to_build = max(self.to_build, self.built)
+        self._tell()
+
+    def pause(self) -> None:
+        """The device renders, as far as it can."""
+        self.file = None
+        self._tell()
+
+    def finish(self) -> None:
+        """All is there. Kernels that were expected and not needed now are told as built."""
+        if self.file is not None and self.built < self.to_build:
+            self.built = self.to_build
+            self._tell()
+        self.file = None
+        self.built = self.to_build = 0
+        self._tell()

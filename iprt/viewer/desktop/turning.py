@@ -1,0 +1,116 @@
+"""The last picture as it is seen from where the view has turned to since."""
+
+from __future__ import annotations
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.scene.camera import View
+
+Matrix = NDArray[np.float64]
+
+BESIDE = (0.05, 0.05, 0.06)
+"""Colour of what the last picture does not show."""
+
+_VERTEX = """
+#version 330
+const vec2 CORNERS[3] = vec2[](vec2(0.0, 0.0), vec2(2.0, 0.0), vec2(0.0, 2.0));
+out vec2 place;
+void main() {
+    place = CORNERS[gl_VertexID];
+    gl_Position = vec4(2.0 * place - 1.0, 0.0, 1.0);
+}
+"""
+# Rows of textures are stored from the top down, as imgui shows them: no axis is turned over.
+_FRAGMENT = """
+#version 330
+uniform sampler2D picture;
+uniform mat3 turn;
+uniform vec3 beside;
+in vec2 place;
+out vec4 color;
+void main() {
+    vec3 there = turn * vec3(place, 1.0);
+    vec2 at = there.xy / max(there.z, 1e-9);
+    bool seen = there.z > 0.0 && at == clamp(at, 0.0, 1.0);
+    color = vec4(seen ? textureLod(picture, at, 0.0).rgb : beside, 1.0);
+}
+"""
+
+
+def turned(view: View, picture: View) -> Matrix | None:
+    """Where a picture shows what a view of the same place does.
+
+    Parameters
+    ----------
+    view : View
+    picture : View
+        That the picture was rendered for.
+
+    Returns
+    -------
+    (3, 3) float64 or None
+        Takes (x, y, 1), a place in the view as shares of its width and height from the upper left,
+        to a multiple of such a place in the picture; a negative one is behind its camera. None:
+        they look the same way, or one of them shows the whole panorama.
+    """
+    if "equirect" in (view.projection, picture.projection) or _look(view) == _look(picture):
+        return None
+    to_picture = picture.world_from_view.T @ view.world_from_view
+    return np.asarray(np.linalg.inv(_rays(picture)) @ to_picture @ _rays(view))
+
+
+def turned_place(turn: Matrix | None, x: float, y: float) -> tuple[float, float] | None:
+    """The place in the picture of one in the view; None: the picture does not show it."""
+    if turn is not None:
+        x, y, depth = turn @ (x, y, 1.0)
+        if depth <= 0.0:
+            return None
+        x, y = x / depth, y / depth
+    return (float(x), float(y)) if 0.0 <= x < 1.0 and 0.0 <= y < 1.0 else None
+
+
+def _look(view: View) -> tuple[float, float, float]:
+    return view.yaw_deg, view.pitch_deg, view.fov_y_deg
+
+
+def _rays(view: View) -> Matrix:
+    """(3, 3) from places in a view, (x, y, 1), to view space."""
+    high = float(np.tan(0.5 * np.deg2rad(view.fov_y_deg)))
+    wide = high * view.width / view.height
+    return np.array([[2.0 * wide, 0.0, -wide], [0.0, -2.0 * high, high], [0.0, 0.0, -1.0]])
+
+
+class Turner:
+    """Draws turned pictures into a texture of its own."""
+
+    def __init__(self, context: moderngl.Context) -> None:
+        self._context = context
+        self._program = context.program(vertex_shader=_VERTEX, fragment_shader=_FRAGMENT)
+        self._program["beside"] = BESIDE
+        self._corners = context.vertex_array(self._program, [])
+        self._target: moderngl.Framebuffer | None = None
+
+    def draw(
+        self, picture: moderngl.Texture, turn: Matrix, size: tuple[int, int]
+    ) -> moderngl.Texture:
+        """The picture as a view of that many pixels has it, by what `turned` returned."""
+        target = self._sized(size)
+        picture.filter = moderngl.LINEAR, moderngl.LINEAR
+        picture.repeat_x = picture.repeat_y = False
+        picture.use(0)
+        self._program["turn"].write(turn.T.astype(np.float32).tobytes())  # type: ignore[union-attr]
+        target.use()
+        self._corners.render(moderngl.TRIANGLES, 3)
+        drawn = target.color_attachments[0]
+        assert isinstance(drawn, moderngl.Texture)
+        return drawn
+
+    def _sized(self, size: tuple[int, int]) -> moderngl.Framebuffer:
+        if self._target is None or self._target.size != size:
+            if self._target is not None:
+                self._target.color_attachments[0].release()
+                self._target.release()
+            self._target = self._context.framebuffer([self._context.texture(size, 4)])
+        return self._target

@@ -1,0 +1,91 @@
+"""What is at a place of a window's picture."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from iprt.viewer.geometry import Geometry, Surface
+from iprt.viewer.lens import BUFFERS
+from iprt.viewer.session import Shown
+from iprt.viewer.sight import Readout
+
+
+class Picking:
+    """Knows the picture that is shown, and the surfaces in it.
+
+    Places are shares of its width and height, from its upper left corner.
+    """
+
+    def __init__(self) -> None:
+        self._shown: Shown | None = None
+        self._at_rest: tuple[Geometry, int] | None = None  # the last one, and its video frame
+
+    def follow(self, shown: Shown) -> None:
+        """Go on with another picture."""
+        self._shown = shown
+        if shown.geometry is not None:
+            self._at_rest = shown.geometry, shown.frame
+
+    def readout(self, x: float, y: float, buffer: str | None) -> Readout | None:
+        """What the picture holds at a place; None: there is none, or it is outside.
+
+        Parameters
+        ----------
+        x, y : float
+        buffer : str or None
+            The auxiliary picture that is displayed.
+        """
+        found = self._pixel(x, y)
+        if found is None:
+            return None
+        shown, column, row = found
+        depth, normal, name = None, None, None
+        if (surfaces := self._surfaces(x, y)) is not None:
+            geometry, *place = surfaces
+            surface, name = geometry.seen(*place), geometry.object_at(*place)
+            depth = np.inf if surface is None else surface.depth_m
+            normal = None if surface is None else surface.normal
+        values = None if buffer is None else shown.picture.aovs.get(buffer)
+        return Readout(
+            column,
+            row,
+            shown.picture.color[row, column],
+            None if values is None else buffer,
+            None if values is None else np.atleast_1d(values[row, column]),
+            "" if buffer is None else BUFFERS[buffer].unit,
+            depth,
+            normal,
+            name,
+        )
+
+    def object_at(self, x: float, y: float) -> str | None:
+        """Name of the object that is seen at a place."""
+        found = self._surfaces(x, y)
+        return None if found is None else found[0].object_at(*found[1:])
+
+    def real(self, x: float, y: float) -> Surface | None:
+        """The real surface at a place, be it behind an object; None: open sky, or not known."""
+        found = self._surfaces(x, y)
+        return None if found is None else found[0].real(*found[1:])
+
+    def _pixel(self, x: float, y: float) -> tuple[Shown, int, int] | None:
+        shown = self._shown
+        if shown is None or not (0.0 <= x < 1.0 and 0.0 <= y < 1.0):
+            return None
+        height, width = shown.picture.color.shape[:2]
+        return shown, int(x * width), int(y * height)
+
+    def _surfaces(self, x: float, y: float) -> tuple[Geometry, int, int] | None:
+        """What is known of the surfaces that are seen, and the pixel of a place there.
+
+        Pictures in motion may have none of their own: what is real has stayed where it was, as long
+        as neither the view nor the video moves.
+        """
+        found = self._pixel(x, y)
+        if found is None or self._at_rest is None:
+            return None
+        shown, (geometry, frame) = found[0], self._at_rest
+        view = geometry.view
+        if frame != shown.frame or shown.request.view.resized(view.width, view.height) != view:
+            return None
+        return geometry, int(x * view.width), int(y * view.height)

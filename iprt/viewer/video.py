@@ -1,0 +1,111 @@
+"""Which frame of the video there is to see, as the playback goes on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from iprt.errors import IprtError
+from iprt.scene.frame import Frame
+from iprt.scene.scene import Scene
+from iprt.viewer.exchange import Exchange
+from iprt.viewer.feed import Feed
+from iprt.viewer.files import Loaded
+from iprt.viewer.state import Playback, World
+
+
+class Video:
+    """Follows the playback of the world. All methods are called by one thread.
+
+    Parameters
+    ----------
+    exchange : Exchange
+    problems : dict of str to str
+        Messages by what they are about, here "video".
+    clock : callable
+        Seconds.
+
+    Attributes
+    ----------
+    frame : Frame or None
+        The one to show. None: there is none yet.
+    """
+
+    def __init__(
+        self, exchange: Exchange, problems: dict[str, str], clock: Callable[[], float]
+    ) -> None:
+        self._exchange, self._problems, self._clock = exchange, problems, clock
+        self._feed: Feed | None = None
+        self._fed: Loaded | None = None  # whose video that is
+        self._unreadable: Playback | None = None  # its frame cannot be read
+        self._given: Playback | None = None  # that the frame belongs to
+        self.frame: Frame | None = None
+
+    def close(self) -> None:
+        if self._feed is not None:
+            self._feed.close()
+
+    def arrived(self, playback: Playback) -> bool:
+        """The frame that this asks for is there, or cannot be read."""
+        assert self._feed is not None
+        return self._feed.arrived or self._unreadable == playback
+
+    def position(self, playback: Playback) -> int:
+        """Number of the frame that is to be seen; any thread may ask."""
+        frame, given = self.frame, self._given
+        return playback.frame if frame is None or given != playback else frame.index
+
+    @property
+    def next_due_s(self) -> float | None:
+        """When the frame that lies ready is due, by the clock; None: none does."""
+        return None if self._feed is None else self._feed.next_due_s
+
+    def follow(self, loaded: Loaded, world: World, *, shown: bool) -> None:
+        """Go on to the frame that is due.
+
+        Parameters
+        ----------
+        loaded : Loaded
+        world : World
+        shown : bool
+            Everybody sees the present one.
+        """
+        scene, playback = loaded.scene, world.playback
+        feed = self._feed_of(loaded, world)
+        feed.follow(playback, None if self.frame is None else self.frame.index)
+        if self._unreadable == playback:
+            return
+        try:
+            frame = feed.poll(shown=shown)
+        except IprtError as error:
+            self._problems["video"] = str(error)
+            self._unreadable = playback
+            return
+        if frame is not None:
+            self.frame = frame
+            self._problems.pop("video", None)
+        if feed.arrived:
+            self._given = playback
+        self._stop_at_the_end(scene, playback, shown=shown and frame is None)
+
+    def _feed_of(self, loaded: Loaded, world: World) -> Feed:
+        scene = loaded.scene
+        drift = world.settings.drift and len(scene.frame_indices) > 1
+        feed, fed = self._feed, self._fed
+        if feed is None or fed is None or feed.drift != drift or not fed.same_video(loaded):
+            if feed is not None:
+                feed.close()
+            wake = self._exchange.stir
+            feed = Feed(scene, world.playback, drift=drift, clock=self._clock, wake=wake)
+            self._feed, self._fed, self._unreadable = feed, loaded, None
+        return feed
+
+    def _stop_at_the_end(self, scene: Scene, playback: Playback, *, shown: bool) -> None:
+        """A video that has come to its end rests: its last frame is refined, at its best."""
+        if not playback.playing or playback.loop or self.frame is None:
+            return
+        frames = scene.frame_indices
+        due = playback.index(playback.due(self._clock(), scene.source.fps), frames)
+        if playback.mode == "every frame":
+            due = self.position(playback) if shown else frames[0]
+        if due == self.frame.index == frames[-1]:
+            self._exchange.play_as(playback, Playback(frames[-1], None, playback.mode))

@@ -1,0 +1,49 @@
+// Tells when the server is gone, and loads the page anew once another one answers in its place.
+"use strict";
+(() => {
+  const EVERY_MS = 1500, PATIENCE_MS = 15000; // a machine that compiles kernels answers late
+  const GONE =
+    "The server has stopped, or cannot be reached. Start iprt view --web again with the same " +
+    "--port: this page then goes on by itself.";
+  const LOCKED =
+    "The server was started again, with another token: open the address that it has printed.";
+
+  let run = null; // of the server that this page belongs to
+  let notice = null;
+
+  function tell(text) {
+    if (notice === null) {
+      notice = document.body.appendChild(document.createElement("div"));
+      notice.appendChild(document.createElement("p")).style.maxWidth = "34em";
+    }
+    notice.id = "iprt-gone";
+    notice.setAttribute("role", "alert");
+    notice.style.cssText =
+      "position:fixed;inset:0;z-index:10000;display:flex;align-items:center;" +
+      "justify-content:center;background:#000a;color:#fff;font:16px/1.5 sans-serif;" +
+      "padding:2em;text-align:center";
+    notice.firstChild.textContent = text;
+  }
+
+  async function look() {
+    try {
+      const signal = AbortSignal.timeout(PATIENCE_MS);
+      const answer = await fetch("/alive", { cache: "no-store", signal });
+      if (answer.status === 401) {
+        tell(LOCKED);
+      } else if (answer.ok) {
+        const found = await answer.text();
+        const other = run === null ? notice !== null : found !== run;
+        run = found;
+        if (other) return location.reload();
+        notice?.remove();
+        notice = null;
+      }
+    } catch {
+      tell(GONE);
+    }
+    setTimeout(look, EVERY_MS);
+  }
+
+  window.addEventListener("load", look);
+})();

@@ -1,0 +1,141 @@
+"""Outputs of any name: written as named, and printed as they are."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from iprt.errors import SceneError
+from iprt.scene.scene import Scene
+
+ROOT = Path(__file__).parents[2]
+
+
+def render(scene: Path, output: bytes, *flags: str) -> subprocess.CompletedProcess[bytes]:
+    words = ["render", "room", "--method", "ibl", "--size", "32", "32", "--accumulate", "1", *flags]
+    return subprocess.run(
+        [sys.executable, "-m", "iprt", *words, b"--output=" + output],
+        cwd=scene.parent,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        check=False,
+    )
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        b"d[/x]/o.png",
+        b"out[final].png",
+        b":smile:.png",
+        b"two\nlines.png",
+        b"100%.png",
+        b"\xff\xfe.png",
+        b"-o.png",
+        b"12:30/o.mp4",
+        b"file:[/b].mp4",
+    ],
+)
+def test_outputs_of_any_name(name: bytes, scene: Path) -> None:
+    result = render(scene, name)
+    assert result.returncode == 0, result.stderr
+    assert result.stdout == name + b"\n"
+    assert os.path.getsize(os.path.join(os.fsencode(scene.parent), name)) > 0
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        b"x" * 300 + b".png",
+        b"x" * 250 + b".mp4",
+        b"room/cube.obj/\x1b[31mred.png",
+        b"two\nlines.jpg",
+    ],
+)
+def test_names_that_cannot_be_are_one_line(name: bytes, scene: Path) -> None:
+    result = render(scene, name)
+    assert result.returncode == 2
+    assert result.stderr.startswith(b"iprt: error: ")
+    assert result.stderr.endswith(b"\n")
+    assert not set(result.stderr[:-1]) & {*range(32), 127}
+    assert result.stdout == b""
+
+
+def test_names_end_no_line_of_an_error_of_several(scene: Path, fails: Callable[..., str]) -> None:
+    folder = scene.rename(scene.parent / "two\nlines")
+    shown = f"{scene.parent}/two\\nlines/scene.toml: "
+    manifest = (folder / "scene.toml").read_text()
+    (folder / "scene.toml").write_text("colour = 1\n" + manifest)
+    assert fails("scene", "info", folder) == f"iprt: error: {shown}colour: unknown key\n"
+    (folder / "scene.toml").write_text("colour = 1\ndeep = 2\n" + manifest)
+    with pytest.raises(SceneError) as error:
+        Scene.open(folder)
+    assert error.value.lines == [
+        f"{shown}2 problems",
+        "  colour: unknown key",
+        "  deep: unknown key",
+    ]
+
+
+def test_names_end_no_line_of_the_log(scene: Path) -> None:
+    """The folder for compiled kernels that cannot be made is a warning."""
+    result = subprocess.run(
+        [sys.executable, "-m", "iprt", "scene", "check", scene],
+        cwd=ROOT,
+        env={**os.environ, "XDG_CACHE_HOME": "/proc/two\nlines"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert result.returncode == 0
+    assert result.stderr.startswith("iprt: compiled kernels are not kept")
+    assert "/proc/two\\nlines cannot be written" in result.stderr
+    assert result.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize("flag", ["--output", "--profile"])
+@pytest.mark.parametrize("kind", ["link", "pipe"])
+def test_links_and_pipes_are_refused_before_anything_is_rendered(
+    flag: str, kind: str, scene: Path
+) -> None:
+    name = "a.png" if flag == "--output" else "a.json"
+    path = scene.parent / name
+    if kind == "link":
+        path.symlink_to("/dev/full")
+    else:
+        os.mkfifo(path)
+    before = path.lstat().st_ino
+    rest = [] if flag == "--output" else ["--profile", name]
+    result = render(scene, b"a.png", *rest)
+    assert result.returncode == 2
+    assert result.stderr.startswith(f"iprt: error: {name}: is a ".encode())
+    assert result.stderr.count(b"\n") == 1
+    assert path.lstat().st_ino == before
+    assert {entry.name for entry in scene.parent.iterdir()} == {"room", name}
+
+
+def test_a_scene_reached_by_a_link_to_its_file_is_not_changed(scene: Path) -> None:
+    from tests.scene.files import CUBE, snapshot
+
+    (scene / "scene.toml").rename(scene / "shared.toml")
+    (scene / "scene.toml").symlink_to("shared.toml")
+    (scene.parent / "m.obj").write_text(CUBE)
+    before = snapshot(scene.parent)
+    result = subprocess.run(
+        [sys.executable, "-m", "iprt", "scene", "add", "room", "m.obj", "--look", "0,-40"],
+        cwd=scene.parent,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert result.returncode == 2
+    assert "room/scene.toml: is a symbolic link" in result.stderr
+    assert result.stderr.count("\n") == 1
+    assert (scene / "scene.toml").is_symlink()
+    assert snapshot(scene.parent) == before

@@ -1,0 +1,223 @@
+"""The desktop viewer's panels, bars and dialogs, as they are read."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from iprt.viewer.ladder import Preview
+from iprt.viewer.sight import Sight
+
+pytest.importorskip("imgui_bundle", reason="needs the extra `view`: ./run screen")
+pytest.importorskip("Xlib", reason="needs the extra `screen`: ./run screen")
+
+from imgui_bundle import imgui
+
+from iprt.viewer.desktop.overlay import edges
+from iprt.viewer.desktop.style import ACCENT
+from tests.viewer.screen.looking import texts, widget
+from tests.viewer.screen.user import SIZE, User
+
+pytestmark = pytest.mark.screen
+
+
+def drag_slider(user: User, label: str, *, look: Callable[[], None]) -> None:
+    """From one end to the other; `look` is called on the way."""
+    left, top, right, bottom = user.places[label]
+    x, y = user.app.window._window.position
+    user.screen.move(x + left + 8, y + 0.5 * (top + bottom))
+    user.wait()
+    user.screen.button(1, down=True)
+    for share in np.linspace(0.0, 1.0, 9):
+        user.screen.move(x + left + 8 + share * (right - left - 16), y + 0.5 * (top + bottom))
+        user.wait()
+        look()
+    user.screen.button(1, down=False)
+    user.wait()
+
+
+def test_values_are_beside_sliders(user: User) -> None:
+    """No grab hides them, wherever it is."""
+    user.press("Scene")
+    user.wait()
+    seen = []
+    drag_slider(user, "##fov", look=lambda: seen.append(texts(widget(user, "##fov"))))
+    assert seen == [0] * 9
+    _, top, right, bottom = user.places["##fov"]
+    user.places["beside"] = right, top, right + 90.0, bottom
+    assert texts(widget(user, "beside")) > 20
+
+
+def test_rows_stay_where_they_are_during_a_drag(user: User) -> None:
+    """Also where what is dragged is no default any more, and the settings no preset."""
+    user.press("Settings")
+    user.press("trace")
+    user.scroll_to("##trace.thickness")
+    user.away()
+    labels = [label for label in user.places if label.startswith("##trace.")]
+    assert len(labels) > 4
+    before = {label: user.places[label] for label in labels}
+    after = []
+
+    def look() -> None:
+        after.append({label: user.places[label] for label in labels})
+
+    start = user.ui.settings.trace.thickness
+    drag_slider(user, "##trace.thickness", look=look)
+    assert user.ui.settings.trace.thickness != start
+    assert after == [before] * len(after)
+    user.press("trace")
+    user.press("Scene")
+
+
+def test_a_dialog_has_its_size_from_the_beginning(user: User) -> None:
+    user.at_rest()
+    sizes = []
+    draw = imgui.end
+
+    def noting() -> None:
+        name = imgui.internal.get_current_window().name
+        if name == "Unsaved edits" and not imgui.internal.get_current_window().hidden:
+            sizes.append(tuple(imgui.get_window_size()))
+        draw()
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(imgui, "end", noting)
+        user.ui.leaving = True
+        for shift in range(6):
+            user.move(20.0 + shift, 20.0)
+    user.ui.leaving = False
+    assert len(sizes) >= 3
+    assert len(set(sizes)) == 1, sizes
+
+
+def test_undo_and_redo_are_grey_when_there_is_nothing_to_do(user: User) -> None:
+    """Saving leaves what can be undone."""
+    user.press("Scene")
+    user.at_rest()
+    path = user.folder / "clip" / "scene.toml"
+    text = path.read_text()
+    undo, redo, save = (
+        next(label for label in user.places if label.endswith(f"##{name}"))
+        for name in ("undo", "redo", "save")
+    )
+
+    def lit() -> tuple[bool, bool, bool]:
+        user.away()
+        return tuple(texts(widget(user, label)) > 8 for label in (undo, redo, save))
+
+    while user.engine.can_undo:
+        user.engine.undo()
+    assert lit()[::2] == (False, False)
+    user.engine.remove("cube")
+    assert lit() == (True, False, True)
+    user.press(undo)
+    assert lit() == (False, True, False)
+    user.press(redo)
+    user.press(save)
+    user.until(lambda: not user.ui.unsaved)
+    assert lit() == (True, False, False)
+    user.press(undo)
+    user.until(lambda: user.shows("cube"))
+    assert user.ui.unsaved
+    user.key("s", control=True)
+    user.until(lambda: not user.ui.unsaved)
+    path.write_text(text)
+    user.at_rest()
+
+
+def test_values_at_the_mouse_hide_nothing_of_interest(wide: User) -> None:
+    """Neither the object that is edited nor the place at the mouse."""
+    wide.press("Scene")
+    wide.click(*wide.cube())
+    state = wide.ui.state
+    assert state is not None
+    view = wide.at_rest().request.view
+    ends = np.reshape(edges(state.to_world, state.corners, view, None), (-1, 2))
+    low, high = ends.min(axis=0), ends.max(axis=0)
+    right, bottom = wide.app.picture_view.rectangle[2:]
+    for x, y in (wide.cube(), (right - 12.0, bottom - 12.0), (20.0, 100.0)):
+        wide.move(x, y)
+        wide.wait(6)
+        seen = wide.picture().astype(int)
+        wide.key("i")
+        wide.wait(6)
+        changed = np.abs(wide.picture() - seen).max(axis=2) > 8
+        wide.key("i")
+        rows, columns = np.nonzero(changed)
+        assert rows.size > 500
+        first, last = np.array([columns.min(), rows.min()]), np.array([columns.max(), rows.max()])
+        assert not ((first <= (x, y)) & ((x, y) <= last)).all(), "the mouse"
+        assert ((last < low) | (first > high)).any(), "the object"
+
+
+def showing(user: User, patch: pytest.MonkeyPatch, **parts: object) -> None:
+    """Let the window show a picture that is as the one at rest but for these parts."""
+    user.at_rest()
+    user.away()
+    sight = user.ui.sight
+    assert isinstance(sight, Sight)
+    other = replace(sight, **parts)  # type: ignore[arg-type]
+    patch.setattr(user.ui.viewport, "poll", lambda: other)
+    user.wait(6)
+
+
+def test_what_misleads_in_a_comparison_is_told(user: User, monkeypatch: pytest.MonkeyPatch) -> None:
+    showing(user, monkeypatch)
+    before = texts(user.picture(), ACCENT)
+    showing(user, monkeypatch, caption="Picture | Truth", warning="the truth is of another day")
+    upper = user.picture()[: SIZE[1] // 2, SIZE[0] // 3 :]
+    assert texts(upper, ACCENT) > before + 40
+    assert texts(upper) > 40
+
+
+def test_a_preview_is_told_and_explained(user: User, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Briefly; all that is given up, where the mouse is on it."""
+    preview = Preview("Preview at 25% resolution", "fewer of these, and " * 12)
+    showing(user, monkeypatch, preview=preview)
+    seen = user.picture()
+    lower = seen[-30:, :200]
+    assert texts(lower) > 40
+    assert texts(seen[:-30]) == 0
+    assert not user.reads(preview.details)
+    user.move(60.0, SIZE[1] - 20.0)
+    user.until(lambda: user.reads(preview.details))
+
+
+def test_how_the_video_plays(wide: User) -> None:
+    """Again from the beginning; each frame, as the list of modes says."""
+    loop = next(label for label in wide.places if label.endswith("##loop"))
+    wide.press(loop)
+    assert wide.engine.loop
+    wide.press(loop)
+    assert not wide.engine.loop
+    wide.press("##mode")
+    wide.press("Every frame")
+    assert wide.engine.playback_mode == "every frame"
+    wide.at_rest()
+    seen: list[int] = []
+    wide.key("space")
+    while wide.ui.playing:
+        wide.app.step()
+        sight = wide.ui.sight
+        assert sight is not None
+        if not seen or seen[-1] != sight.shown.frame:
+            seen.append(sight.shown.frame)
+    assert seen[-3:] == [1, 2, 3]
+    wide.until(lambda: wide.reads("4 of 4"))
+    wide.key("Left")
+    wide.until(lambda: wide.reads("3 of 4"))
+
+
+def test_news_of_an_added_mesh_are_told(user: User) -> None:
+    user.at_rest()
+    user.away()
+    before = texts(user.picture())
+    exchange = user.engine._exchange
+    exchange.tell(replace(exchange.status, notes=("box.glb: its vertex colours are not shown",)))
+    user.wait(6)
+    assert texts(user.picture()) > before + 100
+    exchange.tell(replace(exchange.status, notes=()))

@@ -1,0 +1,347 @@
+"""The panels and what lies over the picture, as one who sits before the browser uses them."""
+
+from __future__ import annotations
+
+import re
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+
+from iprt.device.compute import ComputeDevice
+from iprt.output.tone import developed
+from iprt.renderer import Renderer
+from iprt.viewer.core import Core
+from iprt.viewer.engine import Engine
+from tests.viewer.screen.browsing import DEADLINE_S, Visitor, until
+from tests.viewer.turns import SETTINGS
+
+pytest.importorskip("viser", reason="pip install 'iprt[view]'")
+
+from iprt.viewer.web.browser import Start
+from iprt.viewer.web.host import Host
+from tests.viewer.screen.web import (
+    PASSIVE,
+    Place,
+    at_rest,
+    bar,
+    box,
+    button,
+    choose,
+    cube_middle,
+    screen,
+)
+
+pytestmark = [
+    pytest.mark.screen,
+    pytest.mark.slow,
+    pytest.mark.filterwarnings("ignore:Queued a .* on a closed connection"),
+]
+LARGE = {"width": 900, "height": 700}
+
+
+def wait_for(visitor: Visitor, script: str) -> None:
+    visitor.page.wait_for_function(script, timeout=1000 * DEADLINE_S)
+
+
+def places(visitor: Visitor) -> list[dict[str, float]]:
+    """Where controls of the open tab are."""
+    found = [visitor.page.get_by_role("tab", name=name) for name in ("Scene", "Picture")]
+    return [settled(item) for item in (*found, visitor.input("Show"))]
+
+
+def settled(item: Any) -> dict[str, float]:
+    """Where it is, once nothing slides any more."""
+    boxes = [{}]
+
+    def rests() -> bool:
+        item.page.wait_for_timeout(100)
+        boxes.append(item.bounding_box())
+        return bool(boxes[-1] == boxes[-2])
+
+    until(rests, "it does not rest")
+    return dict(boxes[-1])
+
+
+def test_controls_stay_where_they_are(place: Place, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever the status has to tell: nothing, a pixel's values, or three problems at once."""
+    visitor, browser = place.visit()
+    visitor.page.set_viewport_size(LARGE)
+    at_rest(visitor, browser)
+    visitor.tab("Picture")
+    before = places(visitor)
+    visitor.page.mouse.click(100, 500)
+    wait_for(visitor, "document.querySelector('.pixel')")
+    assert places(visitor) == before
+
+    status = place.engine.status
+    problem = "scene.toml: objects[0].mesh: a very long line of what is wrong. " * 8
+    many = replace(status, problems=(problem,) * 3, notes=("vertex colours are not read",))
+    monkeypatch.setattr(type(place.engine), "status", property(lambda _: many))
+    wait_for(visitor, "document.querySelectorAll('.problem').length === 3")
+    assert places(visitor) == before
+    notes = visitor.page.locator(".note")
+    notes.scroll_into_view_if_needed()
+    assert notes.inner_text() == "vertex colours are not read"
+    monkeypatch.undo()
+    wait_for(visitor, "!document.querySelector('.problem')")
+
+
+def test_knobs_stay_where_they_are(place: Place) -> None:
+    """While they differ from the preset, more and more."""
+    visitor, browser = place.visit()
+    visitor.page.set_viewport_size(LARGE)
+    at_rest(visitor, browser)
+    visitor.tab("Settings")
+    engine, settings = place.engine, place.engine.world.settings
+    before = settled(visitor.input("Frame rate"))
+    shown = visitor.page.locator(".preset").inner_text()
+    changed = settings.model_copy(
+        update={
+            "seed": 7,
+            "atrous": settings.atrous.model_copy(update={"levels": 2}),
+            "trace": settings.trace.model_copy(update={"object_rays": 3, "rays": 3}),
+        }
+    )
+    engine.set_settings(changed)
+    until(lambda: visitor.page.locator(".preset").inner_text() != shown, "it is not told")
+    assert settled(visitor.input("Frame rate")) == before
+    engine.set_settings(settings)
+
+
+def test_what_is_given_up_in_motion_is_told_in_plain_words(place: Place) -> None:
+    """With the details under the mouse; neither speed nor latency are told at rest."""
+    visitor, browser = place.visit()
+    view = at_rest(visitor, browser)
+    wait_for(visitor, "!document.querySelector('.status .speed')")
+    text = visitor.page.locator(".status .picture")
+    until(lambda: text.inner_text() == f"{view.width} × {view.height}, lossless", "not sharp")
+    browser.viewport.target_fps = 1000.0  # more than any device has
+    with turning(visitor):
+        preview = visitor.page.get_by_text("Preview at")
+        preview.wait_for(timeout=1000 * DEADLINE_S)
+        words = preview.inner_text()
+        told = preview.locator("..").get_attribute("title")
+    assert words.endswith("% resolution")
+    assert told.startswith("1") or "×" in told
+    assert "->" not in words
+    at_rest(visitor, browser)
+    wait_for(visitor, "!document.querySelector('.status .speed')")
+    until(lambda: text.inner_text() == f"{view.width} × {view.height}, lossless", "not sharp")
+
+
+@contextmanager
+def turning(visitor: Visitor) -> Iterator[None]:
+    """The view turns meanwhile, in the page."""
+    visitor.page.evaluate(
+        """() => { window.turning = setInterval(() => {
+            __viserMutable.cameraControl.rotate(0.01, 0, false);
+        }, 20); }"""
+    )
+    try:
+        yield
+    finally:
+        visitor.page.evaluate("clearInterval(window.turning)")
+
+
+def test_a_comparison_says_what_is_on_which_side(place: Place) -> None:
+    """The bar is where the picture is divided, and divides it elsewhere when it is dragged."""
+    visitor, browser = place.visit()
+    visitor.page.set_viewport_size(LARGE)
+    at_rest(visitor, browser)
+    plain = visitor.texture()
+    visitor.tab("Picture")
+    choose(visitor, "Compare with", "Input")
+    until(lambda: browser.sight.sides is not None, "nothing is compared")
+    view = at_rest(visitor, browser)
+    assert browser.sight.sides == ("Picture", "Input")
+    middle = 0.5 * view.width
+    until(lambda: bar(visitor) == pytest.approx(middle, abs=1.5), "there is no bar")
+    until(lambda: named(visitor, middle) == (True, True), "the sides are not named")
+
+    visitor.drag((middle, 0.5 * view.height), (-0.2 * view.width, 30.0), steps=10)
+    until(lambda: browser.viewport.lens.split == pytest.approx(0.3, abs=0.01), "it stays")
+    turned = at_rest(visitor, browser)
+    assert (turned.yaw_deg, turned.pitch_deg) == (view.yaw_deg, view.pitch_deg)
+    until(lambda: bar(visitor) == pytest.approx(0.3 * view.width, abs=3.0), "the bar stays")
+    column = round(browser.viewport.lens.split * view.width)
+    assert np.array_equal(visitor.texture()[:, :column], plain[:, :column])
+
+    box(visitor, "Error map").click()
+    until(lambda: browser.sight.sides is None, "it is divided still")
+    until(lambda: bar(visitor) is None, "the bar stays")
+    assert named(visitor, column) == (False, False)
+    visitor.errors = [error for error in visitor.errors if PASSIVE not in error]
+
+
+def named(visitor: Visitor, x: float) -> tuple[bool, bool]:
+    """Whether there are words in bright boxes left and right of a column, at the upper end."""
+    image = screen(visitor)[14:26].astype(int)
+    left, right = (image[:, round(x) + at : round(x) + at + 20] for at in (-34, 15))
+    bright = [(side.min(axis=2) > 200).mean() > 0.4 for side in (left, right)]
+    return bright[0], bright[1]
+
+
+def test_objects_are_hidden_and_shown(place: Place) -> None:
+    """In this window alone."""
+    (visitor, browser), (_, other) = place.visit(), place.visit()
+    at_rest(visitor, browser)
+    there = visitor.texture()
+    cube = box(visitor, "cube")
+    assert cube.is_checked()
+    cube.click()
+    until(lambda: browser.viewport.objects == (), "it is not hidden")
+    at_rest(visitor, browser)
+    until(lambda: not np.array_equal(visitor.texture(), there), "it is seen still")
+    assert other.viewport.objects is None or "cube" in other.viewport.objects
+    cube.click()
+    until(lambda: browser.viewport.objects is None, "it is not shown")
+    at_rest(visitor, browser)
+    until(lambda: np.abs(visitor.texture().astype(int) - there).mean() < 3.0, "it is not seen")
+
+
+def test_undo_and_redo(place: Place) -> None:
+    """Grey where there is nothing to take back or to make again, also after saving."""
+    engine = place.engine
+    while engine.can_undo:  # edits of other tests
+        engine.undo()
+    engine._exchange._history.clear()
+    visitor, browser = place.visit()
+    at_rest(visitor, browser)
+    undo, redo, save = (button(visitor, name) for name in ("Undo", "Redo", "Save"))
+    for name, grey in (("undo", undo), ("redo", redo), ("save", save)):
+        until(grey.is_disabled, f"{name} is not grey")
+    before = cube_middle(place)
+    to_world = engine.objects[0].to_world.copy()
+    to_world[0, 3] += 0.2
+    engine.place("cube", to_world)
+    until(undo.is_enabled, "undo stays grey")
+    until(lambda: cube_middle(place)[0] > before[0] + 0.1, "it is not moved")
+    assert redo.is_disabled()
+    undo.click()
+    until(redo.is_enabled, "redo stays grey")
+    until(undo.is_disabled, "undo does not become grey")
+    until(lambda: np.allclose(cube_middle(place), before), "it is not undone")
+    redo.click()
+    until(undo.is_enabled, "it is not made again")
+    save.click()
+    until(save.is_disabled, "it is not saved")
+    assert undo.is_enabled()
+    undo.click()
+    until(lambda: np.allclose(cube_middle(place), before), "it is not undone after saving")
+    until(save.is_enabled, "there is nothing to save")
+    save.click()
+    until(lambda: not engine.unsaved, "the scene stays changed")
+
+
+def test_playing(place: Place) -> None:
+    """The frame is counted; each is shown if that is wanted, and the first again at the end."""
+    visitor, browser = place.visit()
+    at_rest(visitor, browser)
+    counter = visitor.page.locator(".counter")
+    until(lambda: counter.inner_text() == "1 of 4", "it is not counted")
+    box(visitor, "Every frame").click()
+    box(visitor, "Loop").click()
+    until(lambda: place.engine.playback_mode == "every frame", "each frame is not wanted")
+    until(lambda: place.engine.loop, "it does not begin again")
+    seen: list[int] = []
+
+    def note() -> bool:
+        frame = browser.sight.shown.frame
+        if not seen or seen[-1] != frame:
+            seen.append(frame)
+        return len(seen) >= 7
+
+    box(visitor, "Play").click()
+    until(note, "it does not play")
+    until(lambda: "fps" in counter.inner_text(), "the rate is not told")
+    box(visitor, "Play").click()
+    until(lambda: not place.engine.playing, "it does not stop")
+    start = seen[0]
+    assert seen[:7] == [(start + number) % 4 for number in range(7)]
+    for name in ("Every frame", "Loop"):
+        box(visitor, name).click()
+    until(lambda: not place.engine.loop, "it begins again")
+    until(lambda: place.engine.playback_mode == "real time", "each frame is wanted")
+    place.engine.seek(0)
+
+
+def test_materials_and_buffers_are_explained(place: Place) -> None:
+    """Where the mouse rests on them; colours say in which numbers they are."""
+    visitor, browser = place.visit()
+    at_rest(visitor, browser)
+    choose(visitor, "Selected", "cube")
+    until(lambda: browser.selected == "cube", "it is not selected")
+    until(lambda: visitor.page.get_by_text("Colour (sRGB)").is_visible(), "of which kind?")
+    assert "coat" in hint(visitor, "Material")
+    visitor.tab("Picture")
+    choose(visitor, "Show", "Depth")
+    until(lambda: browser.viewport.lens.buffer == "depth", "it is not shown")
+    until(lambda: "metres" in hint(visitor, "Show"), "it is not explained")
+    shown = visitor.page.locator(".status .shows")
+    until(lambda: shown.count() and "Depth" in shown.inner_text(), "the status does not name it")
+
+
+def hint(visitor: Visitor, label: str) -> str:
+    """What an input says when the mouse rests on it."""
+    visitor.page.mouse.move(5, 5)
+    visitor.input(label).hover()
+    tooltip = visitor.page.get_by_role("tooltip").first
+    tooltip.wait_for(timeout=1000 * DEADLINE_S)
+    return str(tooltip.inner_text())
+
+
+def test_the_video_is_seen_while_kernels_compile(
+    place: Place, device: ComputeDevice, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And is told to be that, with how much is compiled."""
+    free, compiles = threading.Event(), Core._compiles
+
+    def slowly(core: Core, file: str) -> None:
+        compiles(core, file)
+        free.wait()
+
+    monkeypatch.setattr(Core, "_compiles", slowly)
+    scene = place.engine.scene
+    start = Start(scene.views["ahead"].view)
+    other = ComputeDevice(device.device)
+    with (
+        Engine(scene, lambda: other, SETTINGS) as engine,
+        Host(engine, start, host="127.0.0.1", port=0, token=None) as host,
+    ):
+        visitor = place.open(host.address.url)
+        try:
+            (browser,) = host.browsers
+            visitor.page.get_by_text("the video; objects follow").wait_for()
+            state = visitor.page.locator(".status .state").inner_text()
+            assert re.fullmatch(r"compiling \d+ of \d+", state)
+            shown = browser.sight.shown
+            with Renderer(device, scene.frame(0), (), shown.request.view, SETTINGS) as renderer:
+                expected = developed(renderer.render().color, scene.exposure)
+            assert np.abs(browser.sight.pixels.astype(int) - expected).mean() < 3.0
+        finally:
+            free.set()
+        until(lambda: not browser.sight.shown.plain, "objects do not follow")
+        visitor.page.get_by_text("the video; objects follow").wait_for(state="detached")
+        visitor.page.close()
+
+
+def test_what_a_mesh_file_lacks_is_told(place: Place) -> None:
+    visitor, browser = place.visit()
+    at_rest(visitor, browser)
+    mesh = trimesh.creation.box()
+    mesh.visual.vertex_colors = np.full((8, 4), (255, 0, 0, 255), np.uint8)
+    file = {"name": "red.glb", "mimeType": "", "buffer": mesh.export(file_type="glb")}
+    visitor.page.locator("input[type=file]").first.set_input_files([file])
+    note = visitor.page.locator(".note")
+    note.wait_for(timeout=1000 * DEADLINE_S)
+    assert "red.glb" in note.inner_text()
+    assert "colours of vertices" in note.inner_text()
+    until(lambda: len(place.engine.objects) == 2, "it is not there")
+    place.engine.undo()
+    until(lambda: len(place.engine.objects) == 1, "it stays")

@@ -1,0 +1,81 @@
+"""The words of both viewers: all things have some, and they are sentences."""
+
+from __future__ import annotations
+
+from typing import get_args
+
+import numpy as np
+import pytest
+
+from iprt.output.tone import Curve
+from iprt.scene.material import MaterialKind
+from iprt.scene.mesh_files import MESH_SUFFIXES
+from iprt.viewer import labels
+from iprt.viewer.lens import BUFFERS, Against
+from iprt.viewer.screenshots import default_folder, free_path
+from iprt.viewer.sight import Readout
+from iprt.viewer.state import PlaybackMode, Status
+
+
+def test_everything_has_a_name_and_a_tooltip() -> None:
+    groups = (
+        (labels.BUFFERS, BUFFERS),
+        (labels.CURVES, get_args(Curve)),
+        (labels.AGAINST, get_args(Against)),
+        (labels.MATERIALS, get_args(MaterialKind)),
+        (labels.PLAYBACK, get_args(PlaybackMode)),
+        (labels.PARTS, labels.PARTS),
+    )
+    for found, expected in groups:
+        assert list(found) == list(expected)
+        for label in found.values():
+            assert label.name[0].isupper()
+            assert "_" not in label.name
+            assert label.about.endswith((".", ")"))
+    names = [label.name for label in labels.BUFFERS.values()]
+    assert len(set(names)) == len(names)
+
+
+def test_all_kinds_of_meshes_are_named() -> None:
+    assert all(
+        f"{suffix} " in labels.PARTS["add"].about.replace(",", " ") for suffix in MESH_SUFFIXES
+    )
+
+
+def test_status_in_words() -> None:
+    assert Status("compiling", "trace.cl", built=7, to_build=24).text == "compiling 7 of 24"
+    assert Status("loading", "a.ply").text == "loading a.ply"
+    assert Status("waiting").text == "ready"
+
+
+@pytest.mark.parametrize("known", [False, True])
+def test_values_of_a_pixel_have_separators_and_units(known: bool) -> None:
+    readout = Readout(
+        3,
+        4,
+        np.float32([0.5, 0.25, 1e-5]),
+        "hit_distance",
+        np.float32([0.0]),
+        "m",
+        1.5 if known else None,
+        np.array([0.0, 1.0, 0.0]) if known else None,
+        "cube" if known else None,
+    )
+    text = "pixel 3, 4; linear RGB 0.5, 0.25, 1e-05; reflection distance 0 m"
+    rest = "; distance 1.500 m; normal +0.00, +1.00, +0.00; object cube"
+    assert readout.text == text + (rest if known else "")
+
+
+def test_screenshots_go_to_the_users_pictures(
+    tmp_path: object, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_PICTURES_DIR", str(tmp_path))
+    folder = default_folder()
+    assert folder.parent == tmp_path
+    first = free_path("room", "a/b", ".png")
+    assert first == folder / "room-a_b-0001.png"
+    assert not folder.exists()
+    folder.mkdir()
+    first.touch()
+    assert free_path("room", "a/b", ".png") == folder / "room-a_b-0002.png"
+    assert free_path("room", None, ".exr", folder) == folder / "room-view-0001.exr"

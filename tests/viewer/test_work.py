@@ -1,0 +1,225 @@
+"""Pictures under way: abandoned when others are wanted; told while compilers work; and no leaks."""
+
+from __future__ import annotations
+
+import gc
+import weakref
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from iprt.device import compute as module
+from iprt.device.compute import ComputeDevice
+from iprt.renderer import Renderer
+from iprt.scene.edits import ObjectEdit
+from iprt.scene.material import Material
+from iprt.scene.scene import Scene
+from iprt.scene.stance import Stance
+from iprt.viewer.plain import resampled
+from iprt.viewer.state import Status
+from tests.clips import write_clip
+from tests.viewer.turns import SETTINGS, VIEW, Turns, turns
+
+HEAVY = SETTINGS.model_copy(
+    update={"trace": SETTINGS.trace.model_copy(update={"rays": SETTINGS.trace.rays + 1})}
+)
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Scene:
+    return Scene.open(write_clip(tmp_path / "clip", 1))
+
+
+class Meanwhile:
+    """Something happens while a picture is rendered: as its kernel `composite` is launched."""
+
+    def __init__(self, driver: Turns, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.do: list[Callable[[], object]] = []
+        self.finished = 0
+        # Every launch is one between which the engine looks, and every picture takes long.
+        monkeypatch.setattr("iprt.viewer.work.ABANDON_S", 0.0)
+        monkeypatch.setattr("iprt.device.bands.QUICK_S", -1.0)
+        launch = module.Kernel.__call__
+
+        def noting(kernel: module.Kernel, *args: object) -> None:
+            if kernel._name == "composite" and self.do:
+                self.do.pop(0)()
+            launch(kernel, *args)  # type: ignore[arg-type]
+            self.finished += kernel._name == "composite"
+
+        monkeypatch.setattr(module.Kernel, "__call__", noting)
+
+
+def test_what_is_not_wanted_any_more_is_abandoned(
+    scene: Scene, device: ComputeDevice, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """For other settings, sizes, materials; the next picture is as if there had been no other."""
+    green = ObjectEdit("cube", material=Material("plastic", (0.1, 0.6, 0.1)))
+    with turns(scene, device) as driver:
+        client = driver.join()
+        first = driver.answer(client)
+        changes: list[Callable[[], int]] = [
+            lambda: driver.change(settings=SETTINGS),
+            lambda: driver.ask(client, view=VIEW.resized(16, 8)),
+            lambda: driver.change(edits=(green,)),
+        ]
+        for change in changes:
+            meanwhile = Meanwhile(driver, monkeypatch)
+            numbers: list[int] = []
+            meanwhile.do.append(lambda change=change, made=numbers: made.append(change()))
+            driver.change(settings=HEAVY)
+            assert driver.core.turn()
+            assert meanwhile.finished == 0
+            assert driver.shown(client) is not None
+            shown = driver.answer(client, numbers[0])
+            assert driver.exchange.status.problems == ()
+            monkeypatch.undo()
+            driver.change(settings=SETTINGS, edits=())
+            driver.answer(client, driver.ask(client))
+        again = driver.shown(client)
+    assert shown.request is not None
+    np.testing.assert_array_equal(again.picture.color, first.picture.color)
+
+
+def test_what_can_follow_is_finished(
+    scene: Scene, device: ComputeDevice, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Or else who drags the camera, or an object, would see nothing."""
+    with turns(scene, device) as driver:
+        client = driver.join()
+        driver.answer(client)
+        meanwhile = Meanwhile(driver, monkeypatch)
+        turned = replace(VIEW, yaw_deg=3.0)
+        meanwhile.do.append(lambda: driver.ask(client, view=replace(VIEW, yaw_deg=9.0)))
+        number = driver.ask(client, view=turned)
+        assert driver.core.turn()
+        assert driver.shown(client).number >= number
+        assert driver.shown(client).request.view == turned
+
+
+def test_who_drags_a_slider_sees_pictures(
+    scene: Scene, device: ComputeDevice, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each picture that is abandoned leaves more time to the next."""
+    now = [0.0]
+    with turns(scene, device) as driver:
+        client = driver.join()
+        driver.answer(client)
+        meanwhile = Meanwhile(driver, monkeypatch)
+        monkeypatch.setattr("iprt.viewer.work.ABANDON_S", 0.25)
+        monkeypatch.setattr("iprt.viewer.work.time.perf_counter", lambda: now[0])
+
+        def drag(number: int) -> None:
+            now[0] += 2.0  # each picture takes so long
+            material = Material("plastic", (0.01 * number, 0.5, 0.5))
+            driver.change(edits=(ObjectEdit("cube", material=material),))
+
+        meanwhile.do += [lambda number=number: drag(number) for number in range(1, 13)]
+        drag(0)
+        for _ in range(12):
+            driver.core.turn()
+        assert meanwhile.finished == 2
+
+
+def test_the_first_picture_is_the_video(scene: Scene, device: ComputeDevice) -> None:
+    """At once, while kernels compile, which are counted to the last; then the picture."""
+    own = ComputeDevice(device.device)
+    told: list[Status] = []
+    pictures: list[object] = []
+    with turns(scene, own) as driver:
+        exchange = driver.exchange
+        tell, publish = exchange.tell, exchange.publish
+        exchange.tell = lambda s: (told.append(s), tell(s))[1]  # type: ignore[method-assign]
+        exchange.publish = (  # type: ignore[method-assign]
+            lambda client, shown: (pictures.append(shown), publish(client, shown))[1]
+        )
+        client = driver.join(frames=2)
+        shown = driver.answer(client)
+        video, *others = pictures
+        assert video.plain  # type: ignore[attr-defined]
+        assert others == [shown]
+        assert not shown.plain
+        counts = [(s.built, s.to_build) for s in told if s.doing == "compiling"]
+        last = counts[-1][1]
+        assert last > 20
+        assert counts[-1] == (last, last)
+        assert {total for _, total in counts} == {last}
+        assert [built for built, _ in counts] == sorted({built for built, _ in counts})
+        assert f"compiling 3 of {last}" in {s.text for s in told}
+        # Where all is compiled, nothing is told and the picture is not the video again.
+        told.clear()
+        driver.answer(client, driver.ask(client, view=VIEW.resized(20, 10)))
+        assert "compiling" not in {s.doing for s in told}
+        assert [p.plain for p in pictures] == [True, *[False] * (len(pictures) - 1)]  # type: ignore[attr-defined]
+    assert video.request.view == VIEW  # type: ignore[attr-defined]
+
+
+def test_the_plain_video_is_what_renderers_resample(scene: Scene, device: ComputeDevice) -> None:
+    frame = scene.frame()
+    for view in (VIEW, replace(VIEW, yaw_deg=178.0), replace(VIEW, projection="equirect")):
+        with Renderer(device, frame, (), view, SETTINGS) as renderer:
+            expected = renderer.render().color
+        found = resampled(frame, view)
+        assert found.shape == expected.shape
+        # Where colours change from texel to texel, the two filters differ.
+        assert np.median(np.abs(found - expected)) < 0.02 * np.median(expected)
+
+
+def test_what_a_mesh_file_lost_is_told(scene: Scene, device: ComputeDevice, tmp_path: Path) -> None:
+    path = tmp_path / "painted.ply"
+    path.write_text(
+        "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
+        "property float z\nproperty uchar red\nproperty uchar green\nproperty uchar blue\n"
+        "element face 1\nproperty list uchar int vertex_indices\nend_header\n"
+        "0 0 0 255 0 0\n1 0 0 0 255 0\n0 1 0 0 0 255\n3 0 1 2\n"
+    )
+    with turns(scene, device) as driver:
+        driver.answer(driver.join())
+        driver.core.add(ObjectEdit("painted", path=path), (20.0, -40.0), Stance(height_m=0.3))
+        driver.settle()
+        (note,) = driver.exchange.status.notes
+        assert note.startswith("painted.ply: not read: ")
+        assert "colours" in note
+        assert driver.exchange.status.problems == ()
+        driver.clock.now += 100.0
+        driver.settle()
+        assert driver.exchange.status.notes == ()
+
+
+def test_renderers_and_programs_do_not_pile_up(
+    scene: Scene, device: ComputeDevice, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of all that settings, sizes, objects and views have needed, only the last few are held."""
+    renderers: list[weakref.ref[Renderer]] = []
+
+    def noting(*args: object, **kwargs: object) -> Renderer:
+        made = Renderer(*args, **kwargs)  # type: ignore[arg-type]
+        renderers.append(weakref.ref(made))
+        return made
+
+    monkeypatch.setattr("iprt.viewer.canvas.Renderer", noting)
+    monkeypatch.setattr("iprt.viewer.core.MOST_PROGRAMS", 8)
+    own = ComputeDevice(device.device)
+    with turns(scene, own) as driver:
+        client = driver.join()
+        driver.answer(client)
+        for number in range(12):
+            driver.change(settings=(SETTINGS, HEAVY)[number % 2])
+            driver.ask(client, view=VIEW.resized(16 + 4 * (number % 5), 8))
+            driver.settle()
+            driver.ask(client, settings=SETTINGS.model_copy(update={"method": "ibl"}))
+            driver.settle()
+            gc.collect()
+            alive = [ref for ref in renderers if ref() is not None]
+            assert len(alive) <= 2
+        in_use = len(own.built_programs)
+        driver.exchange.leave(client)
+        driver.settle()
+        gc.collect()
+        assert not [ref for ref in renderers if ref() is not None]
+        own.kernel("composite.cl", "composite", {"PLANE_PAD": 5})
+        assert len(own.built_programs) <= 8 < in_use
+    assert len(renderers) > 12
