@@ -34,9 +34,9 @@ from tests.waiting import DEADLINE_S
 LOOK = VIEW.resized(48, 32)
 
 
-@pytest.fixture(scope="module")
-def engine(device: ComputeDevice, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Engine]:
-    scene = Scene.open(write_clip(tmp_path_factory.mktemp("viewport") / "clip", 4))
+@pytest.fixture
+def engine(device: ComputeDevice, tmp_path: Path) -> Iterator[Engine]:
+    scene = Scene.open(write_clip(tmp_path / "clip", 4))
     with Engine(scene, lambda: device, SETTINGS) as made:
         yield made
 
@@ -45,7 +45,6 @@ def engine(device: ComputeDevice, tmp_path_factory: pytest.TempPathFactory) -> I
 def viewport(engine: Engine) -> Iterator[Viewport]:
     made = Viewport(engine, LOOK, frames=2)
     yield made
-    engine.undo()
     made.close()
 
 
