@@ -14,7 +14,7 @@ import numpy as np
 from iprt.device.choose import choose_device
 from iprt.device.compute import ComputeDevice
 from iprt.film import Film
-from iprt.measure.metrics import display
+from iprt.output.display import display
 from iprt.output.png import write_display_png
 from iprt.scene.scene import Scene
 from iprt.settings import Settings

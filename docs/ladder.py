@@ -32,6 +32,7 @@ from iprt.measure.reel import Turn
 from iprt.measure.sweep import still_settings
 from iprt.measure.target import Target, read_target, views_with_truth
 from iprt.output.atomic import replacing
+from iprt.output.display import display
 from iprt.renderer import Renderer
 from iprt.scene.frame import Frame
 from iprt.scene.scene import Scene
@@ -91,7 +92,7 @@ class Bench:
                 color = renderer.render(FRAMES).color
                 renderer.background = None
                 times.append(self.turning_ms(renderer))
-            shown = resize(metrics.display(color, target.exposure), target.shown.shape, order=1)
+            shown = resize(display(color, target.exposure), target.shown.shape, order=1)
             found += metrics.ssim_cuts(np.clip(shown, 0.0, 1.0), target.shown, target.cuts)
         return fmean(times), fmean(found)
 

@@ -4,22 +4,43 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 import pyopencl.array as cla
 from numpy.typing import NDArray
 
+from iprt.device.compute import ComputeDevice
+from iprt.gloss_pixels import GlossPixels
+from iprt.passes.guide import Guide
+from iprt.passes.layout import PlaneLayout
+from iprt.passes.real_layer import RealLayer
 from iprt.passes.temporal import Accumulated, Kind
-
-if TYPE_CHECKING:
-    from iprt.renderer import Renderer
+from iprt.pixels import RealPixels, VirtualPixels
+from iprt.real_world import RealWorld
+from iprt.scene.camera import View
 
 Image = NDArray[np.float32]
-Reader = Callable[["Renderer"], Image | None]
 
 
-def _planes(renderer: Renderer, planes: cla.Array | None, channels: slice) -> Image | None:
+class RenderedView(Protocol):
+    """What auxiliary pictures are read from: a `Renderer` after a frame, see there."""
+
+    device: ComputeDevice
+    layout: PlaneLayout
+    view: View
+    real: RealLayer
+    real_world: RealWorld
+    real_guide: Guide
+    real_pixels: RealPixels | None
+    gloss_pixels: GlossPixels | None
+    virtual_pixels: VirtualPixels | None
+
+
+Reader = Callable[[RenderedView], Image | None]
+
+
+def _planes(renderer: RenderedView, planes: cla.Array | None, channels: slice) -> Image | None:
     if planes is None:
         return None
     image = renderer.layout.interior(renderer.device.read(planes))[channels].astype(np.float32)
@@ -29,7 +50,7 @@ def _planes(renderer: Renderer, planes: cla.Array | None, channels: slice) -> Im
 def _visible(name: str, channels: slice) -> Reader:
     """Planes of the visible objects."""
 
-    def image(renderer: Renderer) -> Image | None:
+    def image(renderer: RenderedView) -> Image | None:
         pixels = renderer.virtual_pixels
         return _planes(renderer, getattr(pixels.visible, name), channels) if pixels else None
 
@@ -39,14 +60,14 @@ def _visible(name: str, channels: slice) -> Reader:
 def _mixed(name: str, channels: slice) -> Reader:
     """Planes of the real layer, replaced by the objects' where they cover half of the pixel."""
 
-    def image(renderer: Renderer) -> Image | None:
+    def image(renderer: RenderedView) -> Image | None:
         real = _planes(renderer, getattr(renderer.real, name), channels)
         return _in_front(renderer, _visible(name, channels)(renderer), real)
 
     return image
 
 
-def _in_front(renderer: Renderer, virtual: Image | None, real: Image | None) -> Image | None:
+def _in_front(renderer: RenderedView, virtual: Image | None, real: Image | None) -> Image | None:
     """`virtual` where objects cover half of the pixel, else `real`; None of one counts as 0."""
     coverage = _visible("coverage", slice(0, 1))(renderer)
     if virtual is None or coverage is None:
@@ -56,14 +77,14 @@ def _in_front(renderer: Renderer, virtual: Image | None, real: Image | None) -> 
     return np.where(front if virtual.ndim == 2 else front[..., None], virtual, behind)
 
 
-def _history_length(renderer: Renderer) -> Image | None:
+def _history_length(renderer: RenderedView) -> Image | None:
     def length(accumulated: Accumulated) -> Image | None:
         return _planes(renderer, accumulated.length, slice(0, 1))
 
     return _of_signals(renderer, length, np.minimum)
 
 
-def _variance(renderer: Renderer) -> Image | None:
+def _variance(renderer: RenderedView) -> Image | None:
     def variance(accumulated: Accumulated) -> Image | None:
         return _planes(renderer, accumulated.variance, slice(0, 1))
 
@@ -71,7 +92,7 @@ def _variance(renderer: Renderer) -> Image | None:
 
 
 def _of_signals(
-    renderer: Renderer, read: Callable[[Accumulated], Image | None], both: np.ufunc
+    renderer: RenderedView, read: Callable[[Accumulated], Image | None], both: np.ufunc
 ) -> Image | None:
     """An auxiliary layer; `both` joins what was read of diffuse and specular light of objects."""
     objects, surfaces = renderer.virtual_pixels, renderer.real_pixels
@@ -81,22 +102,26 @@ def _of_signals(
     return _in_front(renderer, virtual, read(accumulated) if accumulated else None)
 
 
-def _hit_distance(renderer: Renderer) -> Image | None:
+def _hit_distance(renderer: RenderedView) -> Image | None:
     pixels = renderer.virtual_pixels
     met = _planes(renderer, pixels.hit, slice(0, 1)) if pixels else None
     # Beside objects, where no rays start, the plane holds what was there before.
     return _in_front(renderer, met, None)
 
 
-def _irradiance_real(renderer: Renderer) -> Image | None:
+def _irradiance_real(renderer: RenderedView) -> Image | None:
     pixels, cache = renderer.real_pixels, renderer.real_world.irradiance
     if pixels is None or pixels.change is None:
         return None
-    shown = pixels.change if cache is None else cache.show(renderer.world, renderer.real_guide)
+    shown = (
+        pixels.change
+        if cache is None
+        else cache.show(renderer.real_world.panorama, renderer.real_guide)
+    )
     return _planes(renderer, shown, slice(0, 3))
 
 
-def _irradiance_mixed(renderer: Renderer) -> Image | None:
+def _irradiance_mixed(renderer: RenderedView) -> Image | None:
     pixels, real = renderer.real_pixels, _irradiance_real(renderer)
     if pixels is None or real is None:
         return None
@@ -108,7 +133,7 @@ def _irradiance_mixed(renderer: Renderer) -> Image | None:
 
 
 def _reflected(kind: Kind) -> Reader:
-    def image(renderer: Renderer) -> Image | None:
+    def image(renderer: RenderedView) -> Image | None:
         pixels = renderer.virtual_pixels
         planes = pixels.reflected.get(kind) if pixels else None
         shown = _planes(renderer, planes, slice(0, 3))
@@ -121,12 +146,12 @@ def _reflected(kind: Kind) -> Reader:
     return image
 
 
-def _tracing_level(renderer: Renderer) -> Image | None:
+def _tracing_level(renderer: RenderedView) -> Image | None:
     pixels = renderer.real_pixels
     return _planes(renderer, pixels.mask.level, slice(0, 1)) if pixels else None
 
 
-def _ratio(renderer: Renderer) -> Image | None:
+def _ratio(renderer: RenderedView) -> Image | None:
     if renderer.real_pixels is None:
         return None
     shape = (renderer.view.height, renderer.view.width, 4)
@@ -134,30 +159,30 @@ def _ratio(renderer: Renderer) -> Image | None:
     return np.ascontiguousarray(ratio[..., :3])
 
 
-def _background(renderer: Renderer) -> Image | None:
+def _background(renderer: RenderedView) -> Image | None:
     return _planes(renderer, renderer.real.color, slice(0, 3))
 
 
-def _gloss(renderer: Renderer) -> Image | None:
+def _gloss(renderer: RenderedView) -> Image | None:
     pixels = renderer.gloss_pixels
     return _planes(renderer, pixels.change, slice(0, 3)) if pixels else None
 
 
-def _highlight(renderer: Renderer) -> Image | None:
+def _highlight(renderer: RenderedView) -> Image | None:
     if renderer.gloss_pixels is None:
         return None
     seen = _background(renderer)
     diffuse = _planes(renderer, renderer.real.diffuse, slice(0, 3))
     if seen is None or diffuse is None:
         return None
-    color_map = renderer.frame.color_map
+    color_map = renderer.real_world.frame.color_map
     seen = seen if color_map is None else seen @ color_map.T.astype(np.float32)
     return np.asarray(seen - diffuse)
 
 
-def _normal(renderer: Renderer) -> Image | None:
+def _normal(renderer: RenderedView) -> Image | None:
     normal = _mixed("normal", slice(0, 3))(renderer)
-    pose = renderer.frame.pose
+    pose = renderer.real_world.frame.pose
     return (
         normal if normal is None or pose is None else (normal @ pose[:3, :3].T).astype(np.float32)
     )
@@ -196,7 +221,7 @@ specular light, added up). All but the background is in the colours of the video
 (`iprt.scene.drift`), where the frame's differ."""
 
 
-def read_aov(renderer: Renderer, name: str) -> Image:
+def read_aov(renderer: RenderedView, name: str) -> Image:
     """(H, W) or (H, W, 3) float32; zeros where the scene requires no such pass.
 
     Raises

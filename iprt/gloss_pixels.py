@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pyopencl.array as cla
 
+from iprt.context import FrameContext
 from iprt.device.compute import ComputeDevice
 from iprt.passes.gloss import TraceGloss
 from iprt.passes.guide import Guide
@@ -11,7 +12,7 @@ from iprt.passes.layout import PlaneLayout
 from iprt.passes.mask import Mask, grid_offset
 from iprt.passes.real_layer import RealLayer
 from iprt.passes.world import World
-from iprt.pixels import FrameContext, SignalFilter
+from iprt.pixels import SignalFilter
 from iprt.requirements import Requirements
 
 

@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.bvh.scene import object_bounds
+from iprt.context import FrameContext
 from iprt.device.compute import ComputeDevice
 from iprt.errors import DeviceError
 from iprt.passes.object_bvh import ObjectBvh
 from iprt.passes.object_layers import TracedLayers, VisibleLayer
 from iprt.passes.panorama import Panorama
 from iprt.passes.visibility import Visibility
-from iprt.pixels import FrameContext
 from iprt.requirements import Requirements
 from iprt.scene.camera import View
 from iprt.scene.material import material_table

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import pyopencl.array as cla
 
+from iprt.context import FrameContext
 from iprt.device.compute import ComputeDevice
 from iprt.passes.atrous import Atrous
 from iprt.passes.guide import Guide
@@ -30,45 +31,6 @@ MAP_LEAST = 0.1
 
 MAP_SETTLED, MAP_EVERY = 16, 4
 """After so many updates, the map of what objects do serves for so many frames if nothing moves."""
-
-
-@dataclass(frozen=True)
-class FrameContext:
-    """The view frame that is being rendered.
-
-    Attributes
-    ----------
-    index : int
-        Frames since the start.
-    view : (16,) float32
-        `View.kernel_constants()` on the device.
-    previous : (16,) float32
-        The same of the frame before.
-    view_changed : bool
-        The view, or that of the frame before, is not what it was then.
-    video_changed : bool
-        The panorama is not that of the frame before.
-    objects_changed : bool
-        Objects moved since the frame before.
-    fading : float
-        Least share of this frame in the temporal means; 0: what the mean of all gives it.
-    cut : bool
-        The video shows something else: nothing that was accumulated holds.
-    """
-
-    index: int
-    view: cla.Array
-    previous: cla.Array
-    view_changed: bool
-    video_changed: bool
-    objects_changed: bool
-    fading: float
-    cut: bool = False
-
-    @property
-    def changed(self) -> bool:
-        """The scene is not that of the frame before."""
-        return self.index > 0 and (self.video_changed or self.objects_changed)
 
 
 class SignalFilter:
@@ -163,6 +125,7 @@ class RealPixels:
     ) -> None:
         """Objects that span less than `least` sr from a surface need not be taken into account."""
         settings = requirements.settings
+        self._requirements = requirements
         self.layer = layer
         self._least = least
         self._guide = guide
@@ -186,7 +149,14 @@ class RealPixels:
         self._filter.start(context)
         mask.run(grid_offset(context.index), motion=layer.motion, metre=world.panorama.scale)
         if cache is not None:
-            cache.run(world, self._guide, mask, context.view, least=self._least)
+            cache.run(
+                world.arguments(self._requirements),
+                world.bounds,
+                self._guide,
+                mask,
+                context.view,
+                least=self._least,
+            )
         self._trace.run(world, mask, context.view, cache, least=self._least)
         self.change = self._filter.run(self._trace.signal, mask, layer.motion, context)
         self.relight.run(self.change, layer.diffuse, world, cache, mask.touched)

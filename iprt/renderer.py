@@ -16,6 +16,7 @@ import pyopencl.array as cla
 from numpy.typing import NDArray
 
 from iprt.aovs import read_aov
+from iprt.context import FrameContext
 from iprt.device.checked import checked
 from iprt.device.compute import ComputeDevice
 from iprt.gloss_pixels import GlossPixels
@@ -26,7 +27,7 @@ from iprt.passes.guide import Guide
 from iprt.passes.layout import PlaneLayout
 from iprt.passes.real_layer import RealLayer
 from iprt.passes.world import World
-from iprt.pixels import FrameContext, RatioMap, RealPixels, VirtualPixels
+from iprt.pixels import RatioMap, RealPixels, VirtualPixels
 from iprt.real_world import RealWorld
 from iprt.requirements import Requirements
 from iprt.scene.camera import View
@@ -291,7 +292,9 @@ class Renderer:
         if self.ratio_map is not None:
             self.ratio_map.run(self.world, irradiance, context)
         if self.requirements.relit_reflections:
-            self.world.relight(ratio, self.view, context.view, self.ratio_map)
+            ratio_map = self.ratio_map
+            around = None if ratio_map is None else (ratio_map.ratio, ratio_map.rows)
+            self.world.relight(ratio, self.view, context.view, around)
         if self.gloss_pixels is not None:
             self.gloss_pixels.run(self.world, self.real, context)
         return ratio

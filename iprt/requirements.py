@@ -5,15 +5,24 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from iprt.bvh.scene import STACK
 from iprt.device.compute import Define
-from iprt.passes.highlight_gain import CELL
-from iprt.passes.mask import TOUCHED_FRAMES
-from iprt.passes.object_bvh import bvh_defines
 from iprt.scene.camera import View
 from iprt.scene.footage import Footage
 from iprt.scene.material import Material, material_defines
 from iprt.scene.outside import OUTSIDE_ROWS
 from iprt.settings import Settings
+
+CELL = 8
+"""Texels a side of the cells in which the highlight is compared with what the camera saw."""
+
+TOUCHED_FRAMES = 10.0
+"""For how long tracing remembers that an object lit or shadowed a pixel (`Mask.touched`)."""
+
+
+def bvh_defines(*, textured: bool) -> dict[str, Define]:
+    """`-D` variants of kernels that trace the hierarchy; `textured`: a material has a texture."""
+    return {"OBJECTS_BVH": True, "BVH_STACK": STACK, "OBJECT_TEXTURES": textured}
 
 
 @dataclass(frozen=True)

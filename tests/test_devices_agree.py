@@ -11,7 +11,7 @@ import pytest
 from iprt.device.choose import choose_device
 from iprt.device.compute import ComputeDevice
 from iprt.errors import DeviceError
-from iprt.measure.metrics import display
+from iprt.output.display import display
 from iprt.scene.camera import View
 from tests.test_determinism import walk
 from tests.whole_frame import METHOD

@@ -11,8 +11,9 @@ import pyopencl as cl
 import pytest
 
 from iprt import cli
+from iprt.device.budget import PICTURE, REMEDIES, remedy, what_to_lower
 from iprt.device.compute import ComputeDevice
-from iprt.memory import PICTURE, REMEDIES, RenderPlan, remedy, what_to_lower
+from iprt.memory import RenderPlan
 from iprt.renderer import Renderer
 from iprt.scene.camera import View
 from iprt.scene.footage import Footage

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from iprt.aovs import AOVS
 from iprt.device.compute import ComputeDevice
-from iprt.measure.metrics import display, ssim
+from iprt.measure.metrics import ssim
+from iprt.output.display import display
 from iprt.passes.temporal import Temporal
 from iprt.renderer import RenderedFrame, Renderer
 from iprt.scene.camera import View

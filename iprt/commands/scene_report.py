@@ -31,8 +31,8 @@ def memory_lines(
 ) -> tuple[bool, list[str]]:
     """Whether a view needs more memory than the device has, and what to say about it."""
     from iprt.commands.views import choose_view
+    from iprt.device.budget import amount
     from iprt.film import film_plan
-    from iprt.memory import amount
 
     plans = {}
     for name in scene.views or (None,):

@@ -17,8 +17,8 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
+from iprt.device.budget import amount
 from iprt.errors import DeviceError
-from iprt.memory import amount
 from iprt.termination import register
 
 NEEDED = 32 * 2**20

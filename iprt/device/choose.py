@@ -11,11 +11,11 @@ from typing import Any, Literal
 
 import pyopencl as cl
 
+from iprt.device.budget import amount
 from iprt.device.caches import own_folder, require_caches
 from iprt.device.icd import OVERRIDES
 from iprt.device.install import opencl_command
 from iprt.errors import DeviceError
-from iprt.memory import amount
 
 Kind = Literal["gpu", "cpu", "accelerator", "other"]
 ORDER = "GPU, Intel's CPU runtime, PoCL, others"

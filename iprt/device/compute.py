@@ -18,10 +18,10 @@ import pyopencl.array as cla
 from numpy.typing import DTypeLike, NDArray
 
 from iprt.device.bands import Bands
+from iprt.device.budget import amount, what_to_lower
 from iprt.device.profile import Kind, Profile
 from iprt.device.recovery import reported, wait
 from iprt.errors import DeviceError, KernelError
-from iprt.memory import amount, what_to_lower
 from iprt.resources import CL
 
 Define = int | float | bool | str

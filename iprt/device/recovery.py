@@ -15,8 +15,8 @@ from typing import TypeVar
 
 import pyopencl as cl
 
+from iprt.device.budget import what_to_lower
 from iprt.errors import DeviceError, DeviceHangError, DeviceLostError, KernelError
-from iprt.memory import what_to_lower
 
 LOG = logging.getLogger("iprt.device")
 Result = TypeVar("Result")

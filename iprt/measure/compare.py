@@ -11,6 +11,7 @@ import numpy as np
 from iprt.errors import FormatError
 from iprt.measure import metrics
 from iprt.measure.target import Background, Radiance, Scores, Target, read_target
+from iprt.output.display import display
 
 if TYPE_CHECKING:
     from iprt.device.compute import ComputeDevice
@@ -65,7 +66,7 @@ class Compared:
     @property
     def render(self) -> metrics.Image:
         """The picture as displayed, (H, W, 3) float64 in [0, 1]."""
-        return metrics.display(self.color, self.target.exposure)
+        return display(self.color, self.target.exposure)
 
     def panels(self) -> metrics.Image:
         """(H, 3W, 3): render, truth, and their difference."""

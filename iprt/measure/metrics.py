@@ -26,51 +26,6 @@ FLIP_PPD = 67.0
 """Pixels per degree that FLIP assumes: a 0.7 m wide 3840-pixel display seen from 0.7 m."""
 
 
-def srgb_encode(linear: NDArray[Any]) -> Image:
-    """The sRGB transfer curve (IEC 61966-2-1) of linear values in [0, 1]."""
-    values = np.asarray(linear, np.float64)
-    curved = 1.055 * np.power(np.maximum(values, 0.0031308), 1.0 / 2.4) - 0.055
-    return np.where(values <= 0.0031308, 12.92 * values, curved)
-
-
-def display(radiance: NDArray[Any], exposure: float = 1.0) -> Image:
-    """Display-referred image of linear radiance: `srgb(clip(exposure * radiance, 0, 1))`.
-
-    Parameters
-    ----------
-    radiance : (H, W, 3) float
-        Linear Rec.709 radiance.
-    exposure : float
-        Factor before clipping; the scene's `exposure`.
-
-    Returns
-    -------
-    (H, W, 3) float64, in [0, 1]
-
-    Raises
-    ------
-    FormatError
-        The radiance is not an (H, W, 3) image, or holds NaN or infinity.
-    """
-    require_radiance(radiance)
-    return srgb_encode(np.clip(exposure * radiance.astype(np.float64), 0.0, 1.0))
-
-
-def require_radiance(radiance: NDArray[Any]) -> None:
-    """Check that it can be displayed.
-
-    Raises
-    ------
-    FormatError
-        It is not an (H, W, 3) image, or holds NaN or infinity.
-    """
-    if radiance.ndim != 3 or radiance.shape[2] != 3 or radiance.size == 0:
-        raise FormatError(f"expected an image of shape (H, W, 3), got {radiance.shape}")
-    bad = int(np.count_nonzero(~np.isfinite(radiance).all(axis=2)))
-    if bad:
-        raise FormatError(f"the image holds {bad} pixels with NaN or infinite radiance")
-
-
 def mse(test: Image, truth: Image) -> float:
     """Mean squared error over pixels and channels of two display-referred images."""
     _require_comparable(test, truth)

@@ -16,6 +16,7 @@ from iprt.measure import metrics
 from iprt.measure.compare import DIFFERENCE_GAIN, Compared, difference
 from iprt.measure.plot import Plot
 from iprt.output.atomic import replacing
+from iprt.output.display import display
 from iprt.output.grid import Grid
 
 if TYPE_CHECKING:
@@ -103,7 +104,7 @@ def scored_pictures(target: Target, color: Radiance, *, crop: bool = False) -> t
     crop : bool
         Show what the target's cuts hold, if it has any.
     """
-    render, truth = metrics.display(color, target.exposure), target.shown
+    render, truth = display(color, target.exposure), target.shown
     shown = {
         "render": render,
         "truth": truth,

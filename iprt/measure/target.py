@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from iprt.errors import FormatError, IprtError, SceneError
 from iprt.measure import metrics
+from iprt.output.display import display
 from iprt.scene.images import read_color
 from iprt.scene.video.sequence import frame_path
 
@@ -94,7 +95,7 @@ class Target:
     @cached_property
     def shown(self) -> metrics.Image:
         """The truth as displayed, (H, W, 3) in [0, 1]."""
-        return metrics.display(self.radiance, self.exposure)
+        return display(self.radiance, self.exposure)
 
     def score(self, color: Radiance) -> Scores:
         """Scores of linear radiance (H, W, 3).
@@ -104,7 +105,7 @@ class Target:
         FormatError
             It holds NaN or infinity.
         """
-        shown, truth = metrics.display(color, self.exposure), self.shown
+        shown, truth = display(color, self.exposure), self.shown
         return Scores(
             ssim=metrics.ssim(shown, truth),
             ssim_cuts=metrics.ssim_cuts(shown, truth, self.cuts),

@@ -27,6 +27,7 @@ from iprt.measure.stability import (
 )
 from iprt.measure.sweep import Combination, still_settings
 from iprt.measure.target import Scores, Target, read_target, reduced_cut, truth_indices
+from iprt.output.display import display
 
 if TYPE_CHECKING:
     from iprt.device.compute import ComputeDevice
@@ -171,8 +172,8 @@ class Player:
                     meters.add(index, picture, converged, target)
                 yield Moment(
                     index,
-                    tuple(metrics.display(picture.color, exposure) for picture in pictures),
-                    None if converged is None else metrics.display(converged.color, exposure),
+                    tuple(display(picture.color, exposure) for picture in pictures),
+                    None if converged is None else display(converged.color, exposure),
                 )
 
     def _converged(self, index: int) -> RenderedFrame:
@@ -214,8 +215,8 @@ class _Meters:
         target: Target | None,
     ) -> None:
         aovs = _with_ratio(picture)
-        shown = metrics.display(picture.color, self._exposure)
-        given = metrics.display(aovs["background"], self._exposure)
+        shown = display(picture.color, self._exposure)
+        given = display(aovs["background"], self._exposure)
         kinds = pixel_kinds(aovs["coverage"], aovs["ratio"], aovs["gloss"])
         differs = (picture.color != aovs["background"]).any(axis=-1)
         self._unequal += int((differs & kinds["untouched"]).sum())
@@ -235,7 +236,7 @@ class _Meters:
         now = _with_ratio(converged)
         left = left_behind(self._last_converged or now, now)
         gone = np.logical_or.reduce(list(left.values()))
-        clean = metrics.display(converged.color, self._exposure)
+        clean = display(converged.color, self._exposure)
         for cause, meter in self._trails.items():
             others = gone & ~left[cause]
             meter.add(shown, clean, left=left[cause], taken=taken(now) | others)

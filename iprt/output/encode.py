@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import FormatError
-from iprt.measure.metrics import display
 from iprt.output.atomic import replacing
 from iprt.output.boxes import index_first
+from iprt.output.display import display
 from iprt.output.ycbcr import ycbcr420
 
 CodecName = Literal["h264", "hevc"]

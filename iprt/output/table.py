@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+from iprt.device.budget import amount
 from iprt.measure.changes import FALSE_ALARMS, Change
 from iprt.measure.cost import PartRow, PassRow, Timing, WorkRow
 from iprt.measure.cost_report import CostReport
-from iprt.memory import amount
 from iprt.output.grid import Grid
 from iprt.wording import counted
 

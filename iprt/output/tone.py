@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.measure.metrics import srgb_encode
+from iprt.output.display import srgb_encode
 
 Curve = Literal["srgb", "filmic"]
 """srgb: clipped at 1, as PNG files are written. filmic: bright parts are pressed together, by

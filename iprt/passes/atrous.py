@@ -4,65 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 import pyopencl.array as cla
-from pydantic import BaseModel, ConfigDict, Field
 
 from iprt.device.compute import ComputeDevice, Define
 from iprt.passes.guide import Guide, plane_defines
 from iprt.passes.temporal import Kind, signal_defines, signal_planes
+from iprt.settings_filter import AtrousSettings
 
 ROW_GROUP = 16
 """Rows of a work group, at most: those beyond the picture are read too."""
 
 Rect = tuple[int, int, int, int]
 """Pixels x0 <= x < x1, y0 <= y < y1, as (x0, y0, x1, y1)."""
-
-
-class AtrousSettings(BaseModel):
-    """How far the filter reaches, and what stops it."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    levels: int = Field(
-        default=5,
-        ge=0,
-        le=5,
-        description="Levels: taps reach 2^levels - 1 pixels on real surfaces, 31 at 5, twice as "
-        "far on objects; 0 leaves the noise.",
-        json_schema_extra={"unit": "levels"},
-    )
-    normal_sharpness: float = Field(
-        default=24.0,
-        ge=0.0,
-        le=1e5,
-        description="Falloff per (1 - cosine) of the normals' angle; higher keeps creases.",
-    )
-    plane_sharpness: float = Field(
-        default=100.0,
-        ge=0.0,
-        le=1e5,
-        description="Falloff per (distance from the pixel's plane / depth); higher keeps steps.",
-    )
-    deviations: float = Field(
-        default=6.0,
-        gt=0.0,
-        le=100.0,
-        description="Differences of so many standard deviations count as noise; lower keeps more "
-        "detail and more noise.",
-        json_schema_extra={"unit": "σ"},
-    )
-    floor: float = Field(
-        default=0.002,
-        ge=0.0,
-        le=1.0,
-        description="Differences up to this fraction of a pixel's luminance, or of the light that "
-        "a real surface receives, count as noise always.",
-    )
-    lobe_fraction: float = Field(
-        default=0.5,
-        gt=0.0,
-        le=4.0,
-        description="Specular: fraction of the reflection lobe's half width that taps may span.",
-    )
 
 
 class Atrous:

@@ -12,7 +12,7 @@ from iprt.device.compute import ComputeDevice
 from iprt.passes.pyramid import PyramidShape
 
 if TYPE_CHECKING:
-    from iprt.settings import TraceSettings
+    from iprt.settings_trace import TraceSettings
 
 OTHER_LIGHT = 0.25
 """Share of the panorama's flux which, if it changes at once, was light that went on or off: what is

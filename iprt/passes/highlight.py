@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from iprt.device.compute import ComputeDevice
-from iprt.passes.highlight_gain import CELL, highlight_gain
+from iprt.passes.highlight_gain import highlight_gain
 from iprt.passes.panorama import Panorama
-from iprt.requirements import Requirements
+from iprt.requirements import CELL, Requirements
 from iprt.scene.material import material_table
 
 CELL_RAYS = 32

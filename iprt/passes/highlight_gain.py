@@ -15,8 +15,6 @@ from scipy.ndimage import gaussian_filter
 
 Cells = NDArray[np.float64]
 
-CELL = 8
-"""Texels a side of the cells in which the highlight is compared with what the camera saw."""
 DARKER = 0.25
 """Quantile of a material's diffuse reflectance that all its places have at least."""
 FAINT = 0.25

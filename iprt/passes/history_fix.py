@@ -5,9 +5,9 @@ from __future__ import annotations
 import pyopencl.array as cla
 
 from iprt.device.compute import ComputeDevice
-from iprt.passes.atrous import AtrousSettings
 from iprt.passes.guide import Guide, plane_defines
 from iprt.passes.temporal import Accumulated, Kind, signal_defines, signal_planes
+from iprt.settings_filter import AtrousSettings
 
 STRIDE, OF_HEIGHT = 14.0, 1.0 / 36.0
 """Pixels between taps where there is no history, at most; and as a fraction of the rows."""

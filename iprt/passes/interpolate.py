@@ -3,29 +3,10 @@
 from __future__ import annotations
 
 import pyopencl.array as cla
-from pydantic import BaseModel, ConfigDict, Field
 
 from iprt.device.compute import ComputeDevice
 from iprt.passes.guide import Guide, plane_defines
-
-
-class InterpolateSettings(BaseModel):
-    """How alike an untraced pixel and a ray's pixel must be."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    normal_sharpness: float = Field(
-        default=32.0,
-        ge=0.0,
-        le=1e4,
-        description="Falloff per (1 - cosine) of the normals' angle; higher keeps creases.",
-    )
-    plane_sharpness: float = Field(
-        default=100.0,
-        ge=0.0,
-        le=1e5,
-        description="Falloff per (distance from the pixel's plane / depth); higher keeps steps.",
-    )
+from iprt.settings_filter import InterpolateSettings
 
 
 class Interpolate:

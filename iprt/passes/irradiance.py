@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pyopencl.array as cla
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field
 
 from iprt.device.compute import ComputeDevice
 from iprt.passes.camera_motion import STILL
@@ -18,7 +17,6 @@ from iprt.scene.frame import Frame
 
 if TYPE_CHECKING:
     from iprt.passes.panorama import Panorama
-    from iprt.passes.world import World
     from iprt.requirements import Requirements
 
 
@@ -32,41 +30,6 @@ FOREVER = 1e6
 MOVED_SAMPLES = 64.0
 """Samples that a cell is worth at most that was fetched from where a moving camera saw it before.
 Each time it is mixed with its neighbours a little, and light may have changed."""
-
-
-class IrradianceSettings(BaseModel):
-    """How finely and how surely E_R is known."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    rows: int = Field(
-        default=128,
-        ge=16,
-        le=2048,
-        description="Rows of the grid around the capture centre; it has twice as many columns.",
-        json_schema_extra={"unit": "rows"},
-    )
-    first_rays: int = Field(
-        default=8,
-        ge=1,
-        le=4096,
-        description="Rays with which a cell starts when it is needed.",
-        json_schema_extra={"unit": "rays"},
-    )
-    rays: int = Field(
-        default=4,
-        ge=1,
-        le=1024,
-        description="Further rays per cell and frame, where objects have influence.",
-        json_schema_extra={"unit": "rays"},
-    )
-    samples: int = Field(
-        default=256,
-        ge=1,
-        le=2**20,
-        description="Rays after which a cell is not refined further; noise of E_R ∝ 1/√samples.",
-        json_schema_extra={"unit": "rays"},
-    )
 
 
 class IrradianceCache:
@@ -173,8 +136,19 @@ class IrradianceCache:
         for grid, values in ((self.plane, plane), (self.mean, mean), (self.irradiance, smooth)):
             self._device.write(grid, values)
 
-    def run(self, world: World, guide: Guide, mask: Mask, view: cla.Array, *, least: float) -> None:
+    def run(
+        self,
+        traced: tuple[Any, ...],
+        bounds: cla.Array,
+        guide: Guide,
+        mask: Mask,
+        view: cla.Array,
+        *,
+        least: float,
+    ) -> None:
         """Refine the cells around the pixels that `mask` has listed.
+
+        `traced` holds `World.arguments`, `bounds` the objects' `object_bounds`.
 
         A few rays do where objects have no noticeable influence yet, and none are needed where
         objects span less than `least` sr.
@@ -190,8 +164,8 @@ class IrradianceCache:
                 mask.count,
                 guide.current,
                 mask.touched,
-                world.bounds,
-                world.bounds.shape[0],
+                bounds,
+                bounds.shape[0],
                 least,
                 self.columns,
                 self.rows,
@@ -219,7 +193,7 @@ class IrradianceCache:
                 self.columns,
                 self.plane,
                 view,
-                *world.arguments(self._requirements),
+                *traced,
                 self.mean,
             )
             self._smooth(
@@ -233,14 +207,14 @@ class IrradianceCache:
                 self.irradiance,
             )
 
-    def show(self, world: World, guide: Guide) -> cla.Array:
+    def show(self, panorama: Panorama, guide: Guide) -> cla.Array:
         """E_R / π at a picture's pixels, 3 planes; 0 where no traced pixel has asked for it."""
         width, height = guide.layout.width, guide.layout.height
         planes = self._device.zeros("irradiance shown", guide.layout.shape(3))
-        self._show((width, height), width, height, guide.current, *self.arguments(world), planes)
+        self._show((width, height), width, height, guide.current, *self.arguments(panorama), planes)
         return planes
 
-    def arguments(self, world: World) -> tuple[Any, ...]:
+    def arguments(self, panorama: Panorama) -> tuple[Any, ...]:
         """What `CACHE_PARAMETERS` of `cl/lib/irradiance.h` declares, in order."""
-        black = BLACK * world.panorama.mean_radiance
+        black = BLACK * panorama.mean_radiance
         return (self.plane, self.irradiance, self.columns, self.rows, float(black))

@@ -4,43 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 import pyopencl.array as cla
-from pydantic import BaseModel, ConfigDict, Field
 
 from iprt.device.compute import ComputeDevice
 from iprt.passes.guide import Guide, plane_defines
+from iprt.requirements import TOUCHED_FRAMES
+from iprt.settings_filter import MaskSettings
 
 LEVEL_NONE = 255
 """Level of a pixel where there is nothing to trace."""
 
-TOUCHED_FRAMES = 10.0
-"""For how long tracing remembers that an object lit or shadowed a pixel (`Mask.touched`)."""
 STRONG_FRAMES = 2.0 * TOUCHED_FRAMES
 """The same where an object changes much, if pixels that it changes little are told apart."""
 
 _CHUNK = 64
-
-
-class MaskSettings(BaseModel):
-    """Where rays are saved: flat surfaces that no object lights or shadows."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    sparse: bool = Field(
-        default=True, description="Trace fewer rays on flat surfaces; off: one ray per pixel."
-    )
-    sigma_position: float = Field(
-        default=10.0,
-        ge=0.0,
-        le=1e4,
-        description="σ_p of Eq. 3: higher traces more pixels (1000 is nearly all of them).",
-        json_schema_extra={"unit": "1/m"},
-    )
-    low: float = Field(
-        default=0.3, gt=0.0, le=1.0, description="δ1 of Eq. 4: below, one ray for 16 pixels."
-    )
-    high: float = Field(
-        default=0.5, gt=0.0, le=1.0, description="δ2 of Eq. 4: below, one ray for 4 pixels."
-    )
 
 
 def grid_offset(frame: int) -> tuple[int, int]:

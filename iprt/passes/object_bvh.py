@@ -9,9 +9,10 @@ import numpy as np
 import pyopencl.array as cla
 from numpy.typing import DTypeLike, NDArray
 
-from iprt.bvh.scene import INSTANCE_ROWS, STACK, SceneBuilder, scene_sizes, shapes_of
+from iprt.bvh.scene import INSTANCE_ROWS, SceneBuilder, scene_sizes, shapes_of
 from iprt.bvh.wide import NODE_ROWS
 from iprt.device.compute import ComputeDevice, Define
+from iprt.requirements import bvh_defines
 from iprt.scene.material import Material
 from iprt.scene.mesh import Instance, motion_between
 
@@ -137,11 +138,6 @@ class ObjectBvh:
 
 NO_BVH: tuple[Any, ...] = (None, None, None, 0, None, None, None, None, None)
 """In place of `ObjectBvh.arguments()` where a kernel variant traces none."""
-
-
-def bvh_defines(*, textured: bool) -> dict[str, Define]:
-    """`-D` variants of kernels that trace the hierarchy; `textured`: a material has a texture."""
-    return {"OBJECTS_BVH": True, "BVH_STACK": STACK, "OBJECT_TEXTURES": textured}
 
 
 def _albedo_table(

@@ -14,7 +14,7 @@ from iprt.scene.frame import Frame
 from iprt.scene.outside import OUTSIDE_ROWS, outside_radiance
 
 if TYPE_CHECKING:
-    from iprt.settings import TraceSettings
+    from iprt.settings_trace import TraceSettings
 
 COARSEST_COLUMNS = 8
 """Cells span at most π/4 of azimuth, so that one plane per meridian decides a crossing."""

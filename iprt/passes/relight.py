@@ -7,8 +7,9 @@ import pyopencl.array as cla
 from iprt.device.compute import ComputeDevice
 from iprt.passes.guide import Guide, plane_defines
 from iprt.passes.irradiance import BLACK, IrradianceCache
-from iprt.passes.mask import STRONG_FRAMES, TOUCHED_FRAMES
+from iprt.passes.mask import STRONG_FRAMES
 from iprt.passes.world import World
+from iprt.requirements import TOUCHED_FRAMES
 
 
 class Relight:
@@ -67,7 +68,7 @@ class Relight:
                 signal,
                 colour,
                 self.ratio,
-                *((*cache.arguments(world), touched) if cache else (black,)),
+                *((*cache.arguments(world.panorama), touched) if cache else (black,)),
                 width,
                 height,
             )

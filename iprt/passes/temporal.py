@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from typing import Literal
 
 import pyopencl.array as cla
-from pydantic import BaseModel, ConfigDict, Field
 
 from iprt.device.compute import ComputeDevice, Define, Kernel
 from iprt.passes.guide import Guide, plane_defines
+from iprt.settings_filter import TemporalSettings
 
 Kind = Literal["ratio", "delta", "diffuse", "specular"]
 """What a signal is. Of real surfaces, by estimator: E_R rgb and E_RV rgb; or blocked / E_R rgb and
@@ -45,61 +45,6 @@ def signal_defines(kind: Kind) -> dict[str, Define]:
         "DIFFERENCE": kind in ("ratio", "delta"),
         "COMMON": kind == "ratio",
     }
-
-
-class TemporalSettings(BaseModel):
-    """When the history of a pixel still describes it."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    history: Literal["fast-slow", "iprt"] = Field(
-        default="fast-slow",
-        description="fast-slow: after changes a short history corrects a long one, whose variance "
-        "guides the spatial filter. iprt: the published filter, spatial first, without variance, "
-        "then a fixed share of each frame, the rest clamped to the frame's neighbourhoods.",
-    )
-    plane_tolerance: float = Field(
-        default=0.02,
-        gt=0.0,
-        le=1.0,
-        description="Distance from the pixel's plane / depth up to which a history is its own.",
-    )
-    moved_tolerance: float = Field(
-        default=0.2,
-        gt=0.0,
-        le=1.0,
-        description="The same for virtual surfaces while the scene changes: they may have moved.",
-    )
-    normal_agreement: float = Field(
-        default=0.9,
-        ge=-1.0,
-        le=1.0,
-        description="Least cosine of the angle between present and past normal.",
-    )
-    clamp_sigma: float = Field(
-        default=2.0,
-        gt=0.0,
-        le=10.0,
-        description="Half width of the clamping box in standard deviations; lower: less ghosting, "
-        "more noise.",
-        json_schema_extra={"unit": "σ"},
-    )
-    antilag_sigma: float = Field(
-        default=3.0,
-        gt=0.0,
-        le=100.0,
-        description="Differences between fast and slow history up to so many standard deviations "
-        "count as noise; lower: quicker, noisier.",
-        json_schema_extra={"unit": "σ"},
-    )
-    enough: float = Field(
-        default=1.5,
-        ge=0.0,
-        le=100.0,
-        description="Diffuse light of pixels whose history is worth fewer samples is mixed with "
-        "that of neighbours up to 28 pixels away, or 1/18 of the picture; 0: never.",
-        json_schema_extra={"unit": "samples"},
-    )
 
 
 @dataclass(frozen=True)

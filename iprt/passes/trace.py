@@ -66,7 +66,7 @@ class TraceReal:
                 (guide.layout.width * guide.layout.height,),
                 *traced_arguments(guide, mask, view, settings.trace.rays, settings.seed),
                 *world.arguments(self._requirements),
-                *((*cache.arguments(world), least) if cache else ()),
+                *((*cache.arguments(world.panorama), least) if cache else ()),
                 self._samples,
                 self.signal,
                 *(() if cache else (mask.touched,)),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pyopencl.array as cla
 
@@ -13,10 +13,6 @@ from iprt.passes.object_layers import EMPTY, NO_LAYERS, TracedLayers, int4
 from iprt.passes.panorama import Panorama
 from iprt.requirements import Requirements
 from iprt.scene.camera import View
-
-if TYPE_CHECKING:
-    from iprt.pixels import RatioMap
-
 
 NO_LIGHTS: tuple[Any, ...] = (None, None, None, 0, 1, 1)
 """In place of `Lights.arguments()` where nothing is aimed at lights."""
@@ -59,7 +55,11 @@ class World:
         self.relit: tuple[Any, ...] = NOT_RELIT
 
     def relight(
-        self, screen: cla.Array, view: View, constants: cla.Array, around: RatioMap | None
+        self,
+        screen: cla.Array,
+        view: View,
+        constants: cla.Array,
+        around: tuple[cla.Array, int] | None,
     ) -> None:
         """Let virtual surfaces reflect real ones relit: by `screen` in the view, else by `around`.
 
@@ -67,10 +67,10 @@ class World:
         ----------
         screen : (H * W, 4) float32
             `Relight.ratio` of the view, whose constants on the device `constants` are.
-        around : RatioMap or None
-            None: the view shows the whole panorama.
+        around : ((2 * rows * rows, 4) float32, rows) or None
+            `RatioMap.ratio`; None: the view shows the whole panorama.
         """
-        there = (None, 0) if around is None else (around.ratio, around.rows)
+        there = around or (None, 0)
         self.relit = (screen, constants, view.width, view.height, *there)
 
     def arguments(self, requirements: Requirements) -> tuple[Any, ...]:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.measure import metrics
+from iprt.output.display import display
 from iprt.output.tone import Bytes
 from iprt.scene.edits import ObjectEdit
 from iprt.scene.scene import Scene
@@ -161,7 +162,7 @@ class Developer:
 
         def score() -> float:
             try:
-                return metrics.ssim(*(metrics.display(image, exposure) for image in pair))
+                return metrics.ssim(*(display(image, exposure) for image in pair))
             finally:
                 self._done += 1
 

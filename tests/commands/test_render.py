@@ -15,7 +15,8 @@ from iprt.commands.views import choose_view, moving_view
 from iprt.errors import FormatError, IprtError
 from iprt.scene.camera import View
 from iprt.scene.scene import Scene
-from iprt.settings import Settings, TraceSettings
+from iprt.settings import Settings
+from iprt.settings_trace import TraceSettings
 from tests.commands.conftest import FakeFilm
 
 

@@ -17,7 +17,7 @@ from iprt.raster.layers import Layer, ObjectLayers
 from iprt.resources import CL
 from iprt.scene.camera import View
 from iprt.scene.frame import Frame
-from iprt.settings import TraceSettings
+from iprt.settings_trace import TraceSettings
 from tests.oracles.worlds import Solid
 
 SURFACE, SIDE, BACK_FACE, SKY, UNKNOWN = range(5)

@@ -23,6 +23,7 @@ from iprt.errors import FormatError, IprtError, SceneError
 from iprt.measure import metrics
 from iprt.measure.compare import Compared, Comparison, compare_views
 from iprt.measure.target import Scores, views_with_truth
+from iprt.output.display import display
 from iprt.output.exr import write_exr
 from iprt.scene.camera import View
 from iprt.settings import Settings
@@ -153,7 +154,7 @@ def test_scores_are_those_of_the_displayed_images(
     scene: Any, renderer: type[FakeRenderer], truth: NDArray[np.float32]
 ) -> None:
     iprt, ibl = run(scene, IPRT, IBL, frames=1)
-    shown, target = metrics.display(2.0 * truth, 1.5), metrics.display(truth, 1.5)
+    shown, target = display(2.0 * truth, 1.5), display(truth, 1.5)
     assert ibl.comparison.method == "ibl"
     assert ibl.comparison.scores.ssim == metrics.ssim(shown, target) < iprt.comparison.scores.ssim
     x0, y0, x1, y1 = CUTS[0]
@@ -171,7 +172,7 @@ def test_truth_background_reaches_the_renderer(
     (result,) = run(scene, background="truth", frames=1)
     np.testing.assert_array_equal(renderer.calls[0]["background"], 0.5 * truth)
     assert result.comparison.background == "truth"
-    np.testing.assert_array_equal(result.render, metrics.display(0.5 * truth, 1.5))
+    np.testing.assert_array_equal(result.render, display(0.5 * truth, 1.5))
 
 
 def test_panels_show_render_truth_and_difference(scene: Any, renderer: type[FakeRenderer]) -> None:

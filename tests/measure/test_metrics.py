@@ -12,6 +12,7 @@ from skimage.metrics import structural_similarity
 
 from iprt.errors import FormatError
 from iprt.measure import metrics
+from iprt.output.display import display, srgb_encode
 
 Image = NDArray[np.float64]
 
@@ -76,12 +77,12 @@ def ssim_oracle(test: Image, truth: Image) -> float:
     ],
 )
 def test_srgb_matches_the_standard(linear: float, encoded: float) -> None:
-    assert metrics.srgb_encode(np.array([linear]))[0] == pytest.approx(encoded, abs=2e-6)
+    assert srgb_encode(np.array([linear]))[0] == pytest.approx(encoded, abs=2e-6)
 
 
 def test_display_exposes_then_clips() -> None:
     radiance = np.array([[[0.107020568, 40.0, -1.0]]], np.float32)
-    np.testing.assert_allclose(metrics.display(radiance, 2.0)[0, 0], [0.5, 1.0, 0.0], atol=1e-6)
+    np.testing.assert_allclose(display(radiance, 2.0)[0, 0], [0.5, 1.0, 0.0], atol=1e-6)
 
 
 def test_identical_images_are_perfect(pair: tuple[Image, Image]) -> None:
@@ -140,7 +141,7 @@ def test_non_finite_radiance_is_refused(value: float) -> None:
     radiance = np.zeros((16, 16, 3), np.float32)
     radiance[3, 4, 1] = value
     with pytest.raises(FormatError, match="1 pixels with NaN or infinite"):
-        metrics.display(radiance)
+        display(radiance)
 
 
 @pytest.mark.parametrize("name", ["mse", "psnr", "ssim", "flip"])

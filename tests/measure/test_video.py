@@ -17,11 +17,11 @@ from PIL import Image
 from iprt import cli
 from iprt.commands.compare_video import VideoFlags, stability_grid
 from iprt.errors import IprtError
-from iprt.measure.metrics import display
 from iprt.measure.stability import CAUSES
 from iprt.measure.strip import COLUMNS, Strip
 from iprt.measure.sweep import Combination, combinations
 from iprt.measure.video import Player, over_background, resized
+from iprt.output.display import display
 from iprt.output.exr import write_exr
 from iprt.scene.camera import View
 from iprt.scene.scene import SceneView

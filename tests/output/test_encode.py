@@ -16,9 +16,9 @@ import pytest
 from numpy.typing import NDArray
 
 from iprt.errors import FormatError
-from iprt.measure.metrics import display
 from iprt.output import encode
 from iprt.output.boxes import boxes_in
+from iprt.output.display import display
 from iprt.output.encode import (
     CODECS,
     FORMATS,

@@ -20,7 +20,7 @@ from iprt.device.compute import ComputeDevice
 from iprt.passes.camera_motion import STILL
 from iprt.passes.guide import Guide
 from iprt.passes.irradiance import IrradianceCache
-from iprt.passes.mask import Mask, MaskSettings
+from iprt.passes.mask import Mask
 from iprt.passes.panorama import START_BIAS
 from iprt.passes.trace import TraceReal, TraceVirtual
 from iprt.renderer import Renderer
@@ -29,6 +29,7 @@ from iprt.scene.camera import View
 from iprt.scene.frame import Frame
 from iprt.scene.mesh import Instance
 from iprt.settings import Settings
+from iprt.settings_filter import MaskSettings
 from tests.worlds import Float, landscape_frame, sphere_frame
 
 Estimator = Literal["delta, aimed", "delta, even", "ratio"]
@@ -108,7 +109,9 @@ class Kernels:
         signal = self._planes(trace.signal)
         if renderer.real_world.irradiance is None:
             return signal[..., :3], signal[..., 3:], np.ones(3)
-        shown = renderer.real_world.irradiance.show(renderer.world, renderer.real_guide)
+        shown = renderer.real_world.irradiance.show(
+            renderer.real_world.panorama, renderer.real_guide
+        )
         return signal[..., :3], signal[..., 3:], self._planes(shown)
 
     def irradiance(self, seed: int, rays: int) -> Float:
@@ -119,7 +122,12 @@ class Kernels:
         frame = renderer.frame
         cache.place(renderer.real_world.panorama, frame, frame, STILL, changed=0.0, cut=False)
         cache.run(
-            renderer.world, renderer.real_guide, renderer.real_pixels.mask, self.view, least=0.0
+            renderer.world.arguments(self._requirements(seed, rays)),
+            renderer.world.bounds,
+            renderer.real_guide,
+            renderer.real_pixels.mask,
+            self.view,
+            least=0.0,
         )
         mean = self.device.read(cache.mean).astype(np.float64)
         known = mean[:, 3] > 0.0

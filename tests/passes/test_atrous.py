@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from iprt.device.compute import ComputeDevice
-from iprt.passes.atrous import Atrous, AtrousSettings, Rect
+from iprt.passes.atrous import Atrous, Rect
 from iprt.passes.temporal import Kind, signal_planes
 from iprt.scene.camera import View
+from iprt.settings_filter import AtrousSettings
 from tests.oracles import atrous as oracle
 from tests.passes.gbuffer import SIZES, GBuffer, flat_gbuffer, random_gbuffer, read, upload
 

@@ -13,7 +13,7 @@ from iprt.device.compute import ComputeDevice
 from iprt.passes.panorama import Panorama
 from iprt.scene.camera import View
 from iprt.scene.frame import Frame
-from iprt.settings import TraceSettings
+from iprt.settings_trace import TraceSettings
 from tests.kernels.tracing import panorama_of
 from tests.oracles.remember import Memory, remembered
 from tests.oracles.worlds import Box, Solid, Sphere, World

@@ -14,9 +14,10 @@ from iprt.passes.layout import PlaneLayout
 from iprt.passes.panorama import Panorama
 from iprt.passes.real_layer import RealLayer
 from iprt.passes.reflection_motion import ReflectionMotion
-from iprt.passes.temporal import Temporal, TemporalSettings
+from iprt.passes.temporal import Temporal
 from iprt.scene.camera import View
 from iprt.scene.pose import camera_motion, view_from
+from iprt.settings_filter import TemporalSettings
 from tests.oracles import temporal as oracle
 from tests.oracles.worlds import Box, World
 from tests.passes.gbuffer import Array, GBuffer, random_gbuffer, read, upload

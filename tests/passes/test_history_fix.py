@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from iprt.device.compute import ComputeDevice
-from iprt.passes.atrous import AtrousSettings
 from iprt.passes.history_fix import HistoryFix
 from iprt.passes.temporal import Accumulated, Kind, signal_planes
+from iprt.settings_filter import AtrousSettings
 from tests.oracles.guide import Array, falloff, shifted
 from tests.passes.gbuffer import SIZES, GBuffer, flat_gbuffer, random_gbuffer, read, upload
 

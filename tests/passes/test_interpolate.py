@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from iprt.device.compute import ComputeDevice
-from iprt.passes.interpolate import Interpolate, InterpolateSettings
+from iprt.passes.interpolate import Interpolate
+from iprt.settings_filter import InterpolateSettings
 from tests.oracles import interpolate as oracle
 from tests.oracles import mask as mask_oracle
 from tests.passes.gbuffer import SIZES, GBuffer, flat_gbuffer, random_gbuffer, read, upload

@@ -6,14 +6,9 @@ import numpy as np
 import pytest
 
 from iprt.device.compute import ComputeDevice
-from iprt.passes.mask import (
-    LEVEL_NONE,
-    STRONG_FRAMES,
-    TOUCHED_FRAMES,
-    Mask,
-    MaskSettings,
-    grid_offset,
-)
+from iprt.passes.mask import LEVEL_NONE, STRONG_FRAMES, Mask, grid_offset
+from iprt.requirements import TOUCHED_FRAMES
+from iprt.settings_filter import MaskSettings
 from tests.oracles import mask as oracle
 from tests.passes.gbuffer import SIZES, GBuffer, flat_gbuffer, random_gbuffer, read, upload
 

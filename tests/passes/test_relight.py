@@ -10,8 +10,9 @@ import pytest
 
 from iprt.device.compute import ComputeDevice
 from iprt.passes.irradiance import BLACK as BLACK_SHARE
-from iprt.passes.mask import STRONG_FRAMES, TOUCHED_FRAMES
+from iprt.passes.mask import STRONG_FRAMES
 from iprt.passes.relight import Relight
+from iprt.requirements import TOUCHED_FRAMES
 from tests.passes.gbuffer import SIZES, GBuffer, flat_gbuffer, random_gbuffer, read, upload
 
 BLACK = np.zeros(3)

@@ -16,9 +16,9 @@ from iprt.passes.temporal import (
     Accumulated,
     Kind,
     Temporal,
-    TemporalSettings,
     signal_planes,
 )
+from iprt.settings_filter import TemporalSettings
 from tests.oracles import temporal as oracle
 from tests.oracles.guide import shown
 from tests.passes.gbuffer import (

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from iprt.measure.metrics import display, psnr
+from iprt.measure.metrics import psnr
+from iprt.output.display import display
 from iprt.scene.scene import Scene
 from scenes360.video import pq_encode, write_color, write_depth, ycbcr_10_bit
 

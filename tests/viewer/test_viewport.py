@@ -16,7 +16,7 @@ import pytest
 from iprt.aovs import AOVS
 from iprt.device.compute import ComputeDevice
 from iprt.errors import IprtError
-from iprt.measure import metrics
+from iprt.output.display import display
 from iprt.renderer import Renderer
 from iprt.scene.camera import View
 from iprt.scene.scene import Scene
@@ -78,7 +78,7 @@ def test_shows_what_iprt_renders(viewport: Viewport, engine: Engine, device: Com
     settings = SETTINGS.model_copy(update={"fading": 0.0})
     with Renderer(device, scene.frame(0), scene.instances, LOOK, settings) as renderer:
         picture = renderer.render(2).color
-    expected = np.rint(255.0 * metrics.display(picture, scene.exposure))
+    expected = np.rint(255.0 * display(picture, scene.exposure))
     np.testing.assert_array_equal(sight.pixels, expected)
     assert viewport.poll() is sight, "nothing new"
 
@@ -126,7 +126,7 @@ def test_exposure_renders_nothing_anew(viewport: Viewport, engine: Engine) -> No
     viewport.lens = Lens(exposure_ev=1.0)
     after = until(viewport, lambda s: s is not before)
     assert after.shown is before.shown
-    expected = metrics.display(after.shown.picture.color, 2.0 * engine.scene.exposure)
+    expected = display(after.shown.picture.color, 2.0 * engine.scene.exposure)
     np.testing.assert_array_equal(after.pixels, np.rint(255.0 * expected))
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from iprt.errors import IprtError
-from iprt.measure.metrics import srgb_encode
+from iprt.output.display import srgb_encode
 from iprt.scene.edit import free_name
 from iprt.scene.images import decode_srgb
 from iprt.scene.material import Material

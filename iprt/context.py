@@ -1,0 +1,46 @@
+"""The state of the view frame that passes work on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import pyopencl.array as cla
+
+
+@dataclass(frozen=True)
+class FrameContext:
+    """The view frame that is being rendered.
+
+    Attributes
+    ----------
+    index : int
+        Frames since the start.
+    view : (16,) float32
+        `View.kernel_constants()` on the device.
+    previous : (16,) float32
+        The same of the frame before.
+    view_changed : bool
+        The view, or that of the frame before, is not what it was then.
+    video_changed : bool
+        The panorama is not that of the frame before.
+    objects_changed : bool
+        Objects moved since the frame before.
+    fading : float
+        Least share of this frame in the temporal means; 0: what the mean of all gives it.
+    cut : bool
+        The video shows something else: nothing that was accumulated holds.
+    """
+
+    index: int
+    view: cla.Array
+    previous: cla.Array
+    view_changed: bool
+    video_changed: bool
+    objects_changed: bool
+    fading: float
+    cut: bool = False
+
+    @property
+    def changed(self) -> bool:
+        """The scene is not that of the frame before."""
+        return self.index > 0 and (self.video_changed or self.objects_changed)

@@ -1,0 +1,40 @@
+"""How much memory buffers take, and which settings make them smaller, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+REMEDIES = {
+    "panorama.": "use a smaller panorama",
+    "light ": "use a smaller panorama",
+    "glossy texels": "use a smaller panorama",
+    "highlight ": "use a smaller panorama",
+    "equirect layer": "use a smaller panorama",
+    "irradiance": "lower irradiance.rows",
+    "ratio map": "lower trace.ratio_rows",
+    "bvh ": "use simpler meshes and textures",
+}
+"""How the names of buffers start -> what makes them smaller; all others have the picture's size."""
+PICTURE = "lower --size"
+WORTH_NAMING = 0.1
+"""Share of the whole from which on lowering something helps."""
+
+
+def remedy(buffer: str) -> str:
+    """What makes the buffer of that name smaller."""
+    return next((what for start, what in REMEDIES.items() if buffer.startswith(start)), PICTURE)
+
+
+def what_to_lower(buffers: Mapping[str, int]) -> str:
+    """What takes most of the memory, and how to make it smaller, in words."""
+    shares: dict[str, int] = {}
+    for name, size in buffers.items():
+        shares[remedy(name)] = shares.get(remedy(name), 0) + size
+    ranked = sorted(shares.items(), key=lambda share: -share[1])
+    named = [entry for entry in ranked if entry[1] >= WORTH_NAMING * sum(buffers.values())]
+    return " or ".join(f"{what} ({amount(size)})" for what, size in named) or PICTURE
+
+
+def amount(size: int) -> str:
+    """Bytes as people say them."""
+    return f"{size / 2**30:.1f} GiB" if size >= 2**30 else f"{size / 2**20:.0f} MiB"

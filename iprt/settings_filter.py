@@ -1,0 +1,152 @@
+"""Settings of the passes that turn sparse samples into a picture."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+
+class MaskSettings(BaseModel):
+    """Where rays are saved: flat surfaces that no object lights or shadows."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    sparse: bool = Field(
+        default=True, description="Trace fewer rays on flat surfaces; off: one ray per pixel."
+    )
+    sigma_position: float = Field(
+        default=10.0,
+        ge=0.0,
+        le=1e4,
+        description="σ_p of Eq. 3: higher traces more pixels (1000 is nearly all of them).",
+        json_schema_extra={"unit": "1/m"},
+    )
+    low: float = Field(
+        default=0.3, gt=0.0, le=1.0, description="δ1 of Eq. 4: below, one ray for 16 pixels."
+    )
+    high: float = Field(
+        default=0.5, gt=0.0, le=1.0, description="δ2 of Eq. 4: below, one ray for 4 pixels."
+    )
+
+
+class InterpolateSettings(BaseModel):
+    """How alike an untraced pixel and a ray's pixel must be."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    normal_sharpness: float = Field(
+        default=32.0,
+        ge=0.0,
+        le=1e4,
+        description="Falloff per (1 - cosine) of the normals' angle; higher keeps creases.",
+    )
+    plane_sharpness: float = Field(
+        default=100.0,
+        ge=0.0,
+        le=1e5,
+        description="Falloff per (distance from the pixel's plane / depth); higher keeps steps.",
+    )
+
+
+class TemporalSettings(BaseModel):
+    """When the history of a pixel still describes it."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    history: Literal["fast-slow", "iprt"] = Field(
+        default="fast-slow",
+        description="fast-slow: after changes a short history corrects a long one, whose variance "
+        "guides the spatial filter. iprt: the published filter, spatial first, without variance, "
+        "then a fixed share of each frame, the rest clamped to the frame's neighbourhoods.",
+    )
+    plane_tolerance: float = Field(
+        default=0.02,
+        gt=0.0,
+        le=1.0,
+        description="Distance from the pixel's plane / depth up to which a history is its own.",
+    )
+    moved_tolerance: float = Field(
+        default=0.2,
+        gt=0.0,
+        le=1.0,
+        description="The same for virtual surfaces while the scene changes: they may have moved.",
+    )
+    normal_agreement: float = Field(
+        default=0.9,
+        ge=-1.0,
+        le=1.0,
+        description="Least cosine of the angle between present and past normal.",
+    )
+    clamp_sigma: float = Field(
+        default=2.0,
+        gt=0.0,
+        le=10.0,
+        description="Half width of the clamping box in standard deviations; lower: less ghosting, "
+        "more noise.",
+        json_schema_extra={"unit": "σ"},
+    )
+    antilag_sigma: float = Field(
+        default=3.0,
+        gt=0.0,
+        le=100.0,
+        description="Differences between fast and slow history up to so many standard deviations "
+        "count as noise; lower: quicker, noisier.",
+        json_schema_extra={"unit": "σ"},
+    )
+    enough: float = Field(
+        default=1.5,
+        ge=0.0,
+        le=100.0,
+        description="Diffuse light of pixels whose history is worth fewer samples is mixed with "
+        "that of neighbours up to 28 pixels away, or 1/18 of the picture; 0: never.",
+        json_schema_extra={"unit": "samples"},
+    )
+
+
+class AtrousSettings(BaseModel):
+    """How far the filter reaches, and what stops it."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    levels: int = Field(
+        default=5,
+        ge=0,
+        le=5,
+        description="Levels: taps reach 2^levels - 1 pixels on real surfaces, 31 at 5, twice as "
+        "far on objects; 0 leaves the noise.",
+        json_schema_extra={"unit": "levels"},
+    )
+    normal_sharpness: float = Field(
+        default=24.0,
+        ge=0.0,
+        le=1e5,
+        description="Falloff per (1 - cosine) of the normals' angle; higher keeps creases.",
+    )
+    plane_sharpness: float = Field(
+        default=100.0,
+        ge=0.0,
+        le=1e5,
+        description="Falloff per (distance from the pixel's plane / depth); higher keeps steps.",
+    )
+    deviations: float = Field(
+        default=6.0,
+        gt=0.0,
+        le=100.0,
+        description="Differences of so many standard deviations count as noise; lower keeps more "
+        "detail and more noise.",
+        json_schema_extra={"unit": "σ"},
+    )
+    floor: float = Field(
+        default=0.002,
+        ge=0.0,
+        le=1.0,
+        description="Differences up to this fraction of a pixel's luminance, or of the light that "
+        "a real surface receives, count as noise always.",
+    )
+    lobe_fraction: float = Field(
+        default=0.5,
+        gt=0.0,
+        le=4.0,
+        description="Specular: fraction of the reflection lobe's half width that taps may span.",
+    )

@@ -1,0 +1,140 @@
+"""Settings of rays, and of what they know of the real world beforehand."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+
+class TraceSettings(BaseModel):
+    """What rays assume of the scene, and how far paths go."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    objects: Literal["bvh", "raster"] = Field(
+        default="bvh",
+        description="What rays meet of objects: their triangles, or two layers of them rasterized "
+        "from the capture centre.",
+    )
+    estimator: Literal["delta", "ratio"] = Field(
+        default="delta",
+        description="How real surfaces are relit: by what objects change in a cached irradiance, "
+        "or by the quotient of irradiances with and without them (IPRT Eq. 2).",
+    )
+    light_sampling: bool = Field(
+        default=True,
+        description="Aim rays at the bright parts of the panorama too; off: by reflectance only.",
+    )
+    rays: int = Field(
+        default=1,
+        ge=1,
+        le=1024,
+        description="Rays per traced pixel of real surfaces and frame; noise ∝ 1/√rays.",
+        json_schema_extra={"unit": "rays"},
+    )
+    object_rays: int = Field(
+        default=4,
+        ge=1,
+        le=1024,
+        description="The same for pixels of objects in their first eight frames; a quarter later, "
+        "up to four times as many at their edges.",
+        json_schema_extra={"unit": "rays"},
+    )
+    bounces: int = Field(
+        default=4,
+        ge=1,
+        le=16,
+        description="Virtual surfaces that a path may meet before it sees real ones only.",
+    )
+    thickness: float = Field(
+        default=0.05,
+        ge=0.0,
+        le=10.0,
+        description="Least thickness of real surfaces, in a room (median depth 2 m).",
+        json_schema_extra={"unit": "m"},
+    )
+    thickness_ratio: float = Field(
+        default=0.05,
+        ge=0.0,
+        le=1.0,
+        description="Least thickness of real surfaces as a fraction of their distance.",
+    )
+    back_faces: bool = Field(
+        default=True, description="Substitute back faces that the camera never saw (BASSRT)."
+    )
+    background: bool = Field(
+        default=True,
+        description="Remember what moving things hide in the video of a camera that stays, for "
+        "rays that pass behind these.",
+    )
+    openings: Literal["environment", "surface"] = Field(
+        default="environment",
+        description="What windows show: what is far behind them, or their own radiance.",
+    )
+    jitter: bool = Field(
+        default=True,
+        description="Shade objects at points all over each pixel, which smooths reflections; with "
+        "objects = bvh.",
+    )
+    relight_reflections: bool = Field(
+        default=True, description="Objects reflect shadows and light that objects cast."
+    )
+    ratio_rows: int = Field(
+        default=64,
+        ge=16,
+        le=2048,
+        description="Rows of the panorama that holds such shadows where the view does not show "
+        "them.",
+        json_schema_extra={"unit": "rows"},
+    )
+
+
+class GlossSettings(BaseModel):
+    """Glossy real surfaces, where a scene declares any (`[[real_materials]]`)."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    rays: int = Field(
+        default=4,
+        ge=1,
+        le=4096,
+        description="Rays per glossy texel, once per video frame, that find the highlight to take "
+        "off.",
+        json_schema_extra={"unit": "rays"},
+    )
+
+
+class IrradianceSettings(BaseModel):
+    """How finely and how surely E_R is known."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    rows: int = Field(
+        default=128,
+        ge=16,
+        le=2048,
+        description="Rows of the grid around the capture centre; it has twice as many columns.",
+        json_schema_extra={"unit": "rows"},
+    )
+    first_rays: int = Field(
+        default=8,
+        ge=1,
+        le=4096,
+        description="Rays with which a cell starts when it is needed.",
+        json_schema_extra={"unit": "rays"},
+    )
+    rays: int = Field(
+        default=4,
+        ge=1,
+        le=1024,
+        description="Further rays per cell and frame, where objects have influence.",
+        json_schema_extra={"unit": "rays"},
+    )
+    samples: int = Field(
+        default=256,
+        ge=1,
+        le=2**20,
+        description="Rays after which a cell is not refined further; noise of E_R ∝ 1/√samples.",
+        json_schema_extra={"unit": "rays"},
+    )
