@@ -22,7 +22,7 @@ from iprt.settings import Settings
 FOLDER = Path(__file__).resolve().parent
 SHOWN = (3, 9, 15, 21)
 SIZE = (240, 180)
-"""Of each frame, in pixels."""
+"""Size of each frame, in pixels."""
 GAP = 4
 
 

@@ -97,7 +97,7 @@ class Bench:
         return fmean(times), fmean(found)
 
     def turning_ms(self, renderer: Renderer) -> float:
-        """Of the quickest frame: what else runs only ever adds to it.
+        """Milliseconds of the quickest frame: what else runs only ever adds to it.
 
         On a processor, its own time on all cores, to which that adds next to nothing.
         """

@@ -171,7 +171,7 @@ class RatioMap:
     Attributes
     ----------
     rows : int
-        Of an equirect grid with twice as many columns.
+        Rows of an equirect grid with twice as many columns.
     ratio : (2 * rows * rows, 4) float32
     """
 

@@ -40,7 +40,7 @@ class Requirements:
     textured : bool
         One of them has a texture.
     deforming : bool
-        Of one of them, vertices move.
+        Vertices of one of them move.
     equirect_view : bool
         The picture is the whole panorama.
     opening_environment : bool

@@ -67,7 +67,7 @@ class Run:
     Attributes
     ----------
     digests : list of str
-        Of all pictures so far.
+        Digests of all pictures so far.
     used : list of int
         Bytes that are allocated and not freed, buffers of PoCL's devices among them.
     memory : list of int

@@ -91,6 +91,25 @@ def test_a_second_signal_ends_what_would_wait_for_ever() -> None:
         assert child.wait(timeout=DEADLINE_S) == 143
 
 
+def test_a_key_press_that_arrives_twice_is_one() -> None:
+    """The action is finished, though it sees the second signal: clocks are slowed down for it."""
+    code = (
+        "import iprt.termination; iprt.termination.REPEAT_S *= 1e6\n"
+        "def finish():\n"
+        " print('begun', flush=True)\n"
+        " while signal.SIGINT not in signal.sigpending(): time.sleep(0.01)\n"
+        " time.sleep(1.0); return 'finished'\n"
+        "with at_termination(finish):\n " + READY + " time.sleep(1000)"
+    )
+    with child_of(START + code) as child:
+        assert child.stdout is not None
+        for line in ("ready\n", "begun\n"):
+            assert child.stdout.readline() == line
+            child.send_signal(signal.SIGINT)
+        _, stderr = child.communicate(timeout=DEADLINE_S)
+    assert (child.returncode, stderr) == (130, "iprt: interrupted; finished\n")
+
+
 def test_what_is_not_to_be_disturbed_is_finished(tmp_path: Path) -> None:
     path = tmp_path / "whole"
     code = (

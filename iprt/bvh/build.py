@@ -75,7 +75,7 @@ def build_mesh(
     ----------
     mesh : Mesh
     positions : (V, 3) float32
-        Of the mesh, as the tree shall hold them.
+        Positions of the mesh's vertices, as the tree shall hold them.
     tree_of : callable, optional
         In place of `mesh_tree`, of lower and upper corners (P, 3) of the drawable triangles.
     """

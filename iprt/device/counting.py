@@ -30,9 +30,9 @@ class Rays:
     ----------
     count : int
     steps : int
-        Of all: cells of the pyramid; nodes, packets and instances of the hierarchy.
+        Steps of all: cells of the pyramid; nodes, packets and instances of the hierarchy.
     most_steps : int
-        Of the longest march.
+        Steps of the longest march.
     """
 
     count: int = 0

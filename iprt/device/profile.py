@@ -53,7 +53,7 @@ class Cost:
     ms : float
     launches : int
     bytes : int
-        Of a transfer: moved. Of a kernel: in the buffers that are bound to it, each counted once.
+        What a transfer moved. For a kernel: what the buffers bound to it hold, each counted once.
     """
 
     ms: float = 0.0
@@ -205,7 +205,7 @@ class Profile:
         ----------
         program : str
         event : pyopencl.Event
-            Of the launch, which is done.
+            Event of the launch, which is done.
         ms : float
             The host's time, from before it was enqueued until it was done.
         """
@@ -220,7 +220,7 @@ class Profile:
         ----------
         event : pyopencl.Event
         name : str
-            Of the kernel, or what kind of transfer it is.
+            Name of the kernel, or what kind of transfer it is.
         kind : Kind
         size : int
             Bytes; see `Cost`.

@@ -66,9 +66,9 @@ class WorkRow:
     rays, object_rays : float
         Through the panorama, and towards objects.
     steps, object_steps : float
-        Of a ray, on average.
+        Steps of a ray, on average.
     most_steps, most_object_steps : int
-        Of the longest march in all frames.
+        Steps of the longest march in all frames.
     """
 
     items: float
@@ -117,7 +117,7 @@ class PartRow:
         Bytes by time, in 10^9 a second. None of host work, and of kernels that read where rays or
         lists lead them: the buffers' sizes tell nothing of what these move.
     work : WorkRow or None
-        Of a kernel that counts, where it was counted.
+        What a kernel that counts had to do, where it was counted.
     """
 
     name: str

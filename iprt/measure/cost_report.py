@@ -34,7 +34,7 @@ class CostReport:
     scene, device : str
         Names.
     view : View
-        Of the first frame.
+        View of the first frame.
     settings : Settings
     frames : int
     wall : Timing or None

@@ -100,8 +100,8 @@ class Flicker:
     Attributes
     ----------
     output, reference : float
-        Of the pictures, and of what they are held against on the same pixels: the input, or the
-        truth. NaN where there are no pixels.
+        The difference in the pictures, and in what they are held against on the same pixels: the
+        input, or the truth. NaN where there are no pixels.
     pixels : int
         That were looked at, over all frames.
     """
@@ -192,8 +192,8 @@ def left_behind(
     Parameters
     ----------
     before, now : mapping of str to array
-        Of the picture before and of this one, once converged: coverage (H, W), depth (H, W) and
-        ratio (H, W, 3), as the renderer's auxiliary pictures of these names.
+        Auxiliary pictures of the picture before and of this one, once converged, by the renderer's
+        names: coverage (H, W), depth (H, W) and ratio (H, W, 3).
     """
     free = now["coverage"] == 0.0
     uncovered = free & (before["coverage"] > 0.0)

@@ -36,9 +36,9 @@ class Scores:
     Attributes
     ----------
     ssim : float
-        Of the whole view.
+        SSIM of the whole view.
     ssim_cuts : tuple of float
-        Of the view's cuts, in the order of the manifest.
+        SSIM of the view's cuts, in the order of the manifest.
     psnr : float
         Decibel; inf for equal images.
     mse : float

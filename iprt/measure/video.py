@@ -50,7 +50,7 @@ class Stability:
     label : str
         The settings, as far as they were swept.
     scores : dict of int to Scores
-        Of frames that have a truth, by their number.
+        Scores of frames that have a truth, by their number.
     temporal_error : float or None
         RMSE of the change of the displayed picture from one frame to the next, against the truth's;
         None where no two truths follow each other.
@@ -61,7 +61,7 @@ class Stability:
     unequal : int
         Pixels that no object changes and that are not the input's to the last bit.
     trails : dict of Cause to Trail
-        Of what left; empty: not measured.
+        Trails of what left; empty: not measured.
     """
 
     view: str
@@ -122,7 +122,7 @@ class Player:
     ----------
     scene : Scene
     view : SceneView
-        Of the size that is rendered.
+        The view, in the size that is rendered.
     chosen : sequence of Combination
         Settings to play with.
     device : ComputeDevice

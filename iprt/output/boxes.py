@@ -34,7 +34,7 @@ class Box:
     kind : bytes
         Four letters.
     start, body, end : int
-        Of its header, of its contents, and behind it, in bytes.
+        Where its header begins, where its contents begin, and where they end, in bytes.
     """
 
     kind: bytes

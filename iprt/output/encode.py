@@ -39,10 +39,10 @@ class Codec:
     pixels : str
         FFmpeg's name of the planes: luma, and two of chroma at half the width and height.
     bits : int
-        Of a sample.
+        Bits of a sample.
     options : mapping of str to str
-        Of the encoder: constant quality without visible loss; headers that do not depend on what
-        is coded, and no references out of a piece, so that pieces can be joined.
+        Options of the encoder: constant quality without visible loss; headers that do not depend on
+        what is coded, and no references out of a piece, so that pieces can be joined.
     tag : str or None
         What the pictures' format is called in MP4 and QuickTime files, where players expect another
         name than FFmpeg's own.

@@ -77,8 +77,8 @@ class Atrous:
         ----------
         signal : the signal's planes
         variance : 1 plane
-            Of the mean of the scalar that the picture shows. None where not `guided`. Neither is
-            changed, but for borders in equirect views.
+            Variance of the mean of the scalar that the picture shows. None where not `guided`.
+            Neither is changed, but for borders in equirect views.
         roughness : 1 plane
             GGX alpha of the specular lobe, needed by that kind. Mirrors are copied.
         rect : Rect or None

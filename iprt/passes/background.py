@@ -39,7 +39,7 @@ class Background:
     surface, range
         As those of `Panorama`.
     farthest : float
-        Of the finite depths, in metres.
+        Farthest finite depth, in metres.
     first : bool
         Nothing is remembered but the last frame, which hides nothing.
     """
@@ -87,7 +87,7 @@ class Background:
             On the device.
         grid : edges and centres of columns and rows, as `cl/surface.cl` reads them
         first_layer : `Panorama.surface`, `Panorama.range`
-            Of the frame.
+            Buffers of the frame.
         scale, farthest : float
             As `Panorama` has them.
         forget : bool

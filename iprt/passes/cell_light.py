@@ -28,9 +28,9 @@ def light_change(
     Parameters
     ----------
     before, now : Frame
-        Of one size, from the same capture centre.
+        Both of one size, from the same capture centre.
     rows : int
-        Of the grid, which has twice as many columns.
+        Rows of the grid, which has twice as many columns.
     changed : float
         Share of the panorama's flux that changed: the error where it is too dark to tell.
 

@@ -15,7 +15,8 @@ class ColorMap:
     Attributes
     ----------
     rows : (6, 4) float32 or None
-        Of the map to the reference's colours, and of that back; None where the frame has no map.
+        Rows of the map to the reference's colours, and of its inverse; None where the frame has no
+        map.
     """
 
     def __init__(self, device: ComputeDevice) -> None:

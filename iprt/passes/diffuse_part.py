@@ -49,7 +49,7 @@ class DiffusePart:
         colour : 3 planes
             Radiance as the frame shows it.
         highlight : 3 planes or None
-            Of that, in the colours that rays find; with gloss.
+            What of it is highlight, in the colours that rays find; with gloss.
         color_map : (6, 4) or None
             `ColorMap.rows`.
         """

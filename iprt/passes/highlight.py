@@ -26,7 +26,7 @@ class Highlight:
     table : (rows, 4) float32
         `material_table()` of the real materials.
     reflectance : (materials, 4) float32
-        Of the conductors among them.
+        Reflectance of the conductors among them.
     gain : (rows, columns, 4) float32
         Per cell of the panorama, see `highlight_gain`.
     """

@@ -87,7 +87,7 @@ def light_table(
     cells : (N,) int32
         Cells of positive density.
     cumulative : (N + 1,) float64
-        Of their probabilities, from 0 to 1.
+        Cumulative probabilities, from 0 to 1.
     """
     height, width = color.shape[:2]
     luminance = color.astype(np.float64) @ LUMINANCE

@@ -51,7 +51,7 @@ class Panorama:
     background : Background or None
         What the video has shown behind all this, where that is remembered.
     median_depth, nearest, farthest : float
-        Of the finite depths, in metres; `farthest` is 0 where all is open sky.
+        Median, least and largest finite depth, in metres; `farthest` is 0 where all is open sky.
     mean_radiance : float
         Over the sphere and the three channels.
     """

@@ -12,8 +12,8 @@ from iprt.passes.guide import Guide, plane_defines
 from iprt.settings_filter import TemporalSettings
 
 Kind = Literal["ratio", "delta", "diffuse", "specular"]
-"""What a signal is. Of real surfaces, by estimator: E_R rgb and E_RV rgb; or blocked / E_R rgb and
-bounce / E_R rgb. Of objects: irradiance or radiance."""
+"""What a signal is. For real surfaces, by estimator: E_R rgb and E_RV rgb; or blocked / E_R rgb and
+bounce / E_R rgb. For objects: irradiance or radiance."""
 
 Planes = tuple[cla.Array, cla.Array, cla.Array]
 """A history: signal, length in samples, and spread, the variance of single samples of g."""

@@ -25,7 +25,7 @@ class Visibility:
     Attributes
     ----------
     front, material : (H, W, 4) float32
-        Of the last `run`, before edge pixels are lent surfaces: `iprt.raster.layers.Layer`.
+        Planes of the last `run`, before edge pixels are lent surfaces: `iprt.raster.layers.Layer`.
     """
 
     def __init__(self, device: ComputeDevice, view: View, bvh: ObjectBvh) -> None:

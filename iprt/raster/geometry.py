@@ -35,14 +35,15 @@ class Part:
     ----------
     instance : Instance
     index : int
-        Of the instance.
+        Number of the instance.
     vertex_row : int
-        Of the vertex texture; every instance starts a row, so that it can be rewritten alone.
+        First row in the vertex texture; every instance starts a row, so that it can be rewritten
+        alone.
     first_triangle : int
     triangles : (F, 3) int32
         Those drawn, of the mesh.
     materials : slice
-        Of the materials of all instances.
+        Where its materials are among those of all instances.
     object_box : (8, 3) float64
         Corners, object space.
     displacement : (V, 3) float64 or None

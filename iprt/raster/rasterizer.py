@@ -61,7 +61,7 @@ class Rasterizer:
     Attributes
     ----------
     materials : tuple of Material
-        Of all instances, one after the other; `Layer.material[..., 3] - 1` indexes it.
+        Materials of all instances, one after the other; `Layer.material[..., 3] - 1` indexes it.
     material_object : (M,) int32
         Index of the instance that each material belongs to.
     device_name : str
@@ -142,7 +142,7 @@ class Rasterizer:
         Parameters
         ----------
         view : View
-            Of either projection.
+            A view of either projection.
         previous : View, optional
             The previous frame's view, of the same projection; by default `view` itself.
         shade : bool

@@ -70,7 +70,7 @@ class Targets:
     size : (width, height)
         Pixels.
     depth : moderngl.Renderbuffer
-        Of `facing` and of `away`.
+        Depth of `facing` and of `away`.
     facing, away : Target
         1 + number of the nearest triangle that faces the capture centre, and that faces away.
     front, back : Target

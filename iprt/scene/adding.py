@@ -45,7 +45,7 @@ class Added:
     Attributes
     ----------
     name, view : str
-        Of the object, and of the view that frames it.
+        Names of the object, and of the view that frames it.
     base : (3,) float64
         World-space point below the object's middle, at the height of its lowest point.
     size : str

@@ -36,7 +36,7 @@ class Piece:
     Attributes
     ----------
     vertices : slice
-        Of the mesh.
+        Where they are among the mesh's.
     node : int
     skin : Skin or None
         None: they follow the node.
@@ -54,7 +54,7 @@ class AnimatedMesh:
     Attributes
     ----------
     path : Path
-        Of its file.
+        The file it was read from.
     bound : Mesh
         Vertices as the file has them, before nodes and joints place them.
     clip : Clip

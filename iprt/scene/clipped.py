@@ -40,7 +40,7 @@ class Gains:
     Attributes
     ----------
     group : (2, cells) int
-        Of cells of the grid, for texels that are near and that are far; 0: none.
+        Groups of the grid's cells, for texels that are near and that are far; 0: none.
     factor : (groups + 1, rows, 3) float32
         By group and row of the picture; 1 for group 0.
     channels : (groups + 1, 3) bool

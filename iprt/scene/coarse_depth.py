@@ -105,9 +105,9 @@ def at_full_size(depth: Plane, grid: Grid | None, width: int, height: int) -> Pl
     depth : (H, W) float32
         Stored depth; 0, negative, NaN or inf where there is no surface.
     grid : Grid or None
-        Of the coarse texels that it repeats.
+        The coarse texels that it repeats.
     width, height : int
-        Of its colour.
+        Size of the colour picture.
     """
     coarse = depth if grid is None else grid.coarse(depth)
     if coarse.shape == (height, width):

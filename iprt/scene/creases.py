@@ -37,7 +37,7 @@ def with_normals(
     positions : (V, 3) float64
         Finite. Vertices at the same position belong together.
     normals : (V, 3) float64
-        Of any length; NaN or no length: there is none.
+        Vectors of any length; NaN or no length: there is none.
     triangles : (F, 3) int64
         None of them degenerate.
     flat : (F,) bool
@@ -48,9 +48,9 @@ def with_normals(
     source : (W,) int64
         The vertex that each vertex comes from; (V,), in order, if all have normals.
     normals : (W, 3) float64
-        Of unit length.
+        Unit vectors.
     triangles : (F, 3) int64
-        Of these vertices.
+        Numbers of these vertices.
     """
     usable = have_normals(normals)
     with np.errstate(invalid="ignore", divide="ignore"):

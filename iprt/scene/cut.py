@@ -33,7 +33,7 @@ def is_cut(before: Frame, after: Frame, flux_change: float) -> bool:
     Parameters
     ----------
     before, after : Frame
-        Of the same size. With poses, they are compared where the camera saw the same points.
+        Both of the same size. With poses, they are compared where the camera saw the same points.
     flux_change : float
         Share of the panorama's flux by which they differ, in [0, 1].
     """

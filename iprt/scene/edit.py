@@ -271,7 +271,7 @@ def outdate_truths(document: Any, names: Iterable[str]) -> bool:
     document : tomlkit document
         As it was before the edits.
     names : iterable of str
-        Of objects that are moved, painted, removed, or new.
+        Names of objects that are moved, painted, removed, or new.
     """
     edited, found = set(names), False
     for view in document.get("views", ()):
@@ -291,7 +291,7 @@ def mesh_copies(
         The scene's folder.
     file : MeshFile
     name : str
-        Of the object.
+        The object's name.
     others : mapping of Path to Path or None
         What will be copied besides.
     """

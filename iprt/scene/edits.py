@@ -59,7 +59,7 @@ class ObjectEdit:
     material : Material or None
         In place of its own ones.
     mesh : Mesh or AnimatedMesh or None
-        Of an object that the files do not have.
+        The mesh, if the files do not have the object.
     path : Path or None
         Where that was read from.
     removed : bool

@@ -18,7 +18,7 @@ def fingerprint(scene: Scene) -> str:
     """Digits that are others once the manifest says something else, or a file was written again
     or is read in another way.
 
-    Of files, size and time tell: they are not read.
+    Files are judged by their size and time, and are not read.
     """
     digest = hashlib.sha256(f"{READING} {scene.manifest.model_dump_json()}".encode())
     for file in sorted(made_of(scene) - {scene.root / MANIFEST_NAME}):

@@ -18,7 +18,7 @@ class Footage:
     openings : bool
         There are windows.
     real_materials : tuple of Material
-        Of glossy real surfaces.
+        Materials of glossy real surfaces.
     own_radiance : bool
         Some frames may have a radiance that is not their colour (`Frame.radiance`).
     drifts : bool

@@ -61,7 +61,7 @@ class Cells:
     depth : (N,) float64
         Metres.
     area : (N,) float64
-        Of the surface that the cell shows, in m².
+        Area of the surface that the cell shows, in m².
     solid_angle : (N,) float64
         sr about the capture centre.
     opening, sky : (N,) float64

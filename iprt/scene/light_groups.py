@@ -89,7 +89,7 @@ class Light:
     group : int
         From 1 on.
     knots_deg : tuple of float
-        Of all lights of the group, ascending; one for surfaces.
+        Knots of all lights of the group, ascending; one for surfaces.
     knot : int
         The light's own: it fades out towards the neighbouring ones.
     far : bool

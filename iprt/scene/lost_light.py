@@ -99,7 +99,7 @@ class LostLight:
     gain : (K, 3) float64
         True radiance over the clipped one, at least 1.
     reflectance : (S, 3) float64
-        Of the segments.
+        Reflectance of the segments.
     """
 
     gain: Float

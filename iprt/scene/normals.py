@@ -155,7 +155,7 @@ class _Window:
         Inverse depth, continued over the poles.
     same : (H + 2 reach, W) uint8
     first : int
-        Of the rows, in the unpadded image.
+        Number of the first row, in the unpadded image.
     spread : (rows,) int
         Columns per step in each row.
     """
@@ -206,7 +206,7 @@ class _Window:
     def _sums(self, slope_a: Plane, slope_b: Plane, tolerance: Plane) -> list[Plane]:
         """Count and moments of a, b and inverse depth over the texels on the local plane.
 
-        Of two texels as many steps to either side, a is opposite and b the same: they are summed as
+        Two texels as many steps to either side have opposite a and the same b: they are summed as
         pairs.
         """
         shape = self._center.shape

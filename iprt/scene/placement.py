@@ -44,9 +44,9 @@ class Standing:
     tolerance_m : float
         Largest |gap| that a contact may have.
     size_m, room_m : (3,) float64
-        Of boxes around it and around the real surfaces.
+        Sizes of boxes around it and around the real surfaces.
     distance_m : float
-        Of its nearest vertex.
+        Distance of its nearest vertex.
     around : bool
         The capture centre lies in the box around it.
     """
@@ -289,7 +289,7 @@ def set_on(
     corners : pair of (3,) float64
         Lowest and highest of its mesh (`bounds`).
     point : (3,) float64
-        Of the surface, in the world.
+        A point of the surface, in the world.
     normal : (3,) float64 or None
         Unit vector that the object's own +Y is turned to, by the shortest way. None: it keeps its
         rotation.

@@ -22,7 +22,7 @@ MAX_TRIES = 10_000
 def missing_files(scene: Scene, *, strict: bool = False) -> list[str]:
     """Files that are not there, or not inside; one line each.
 
-    Of a video's frames, only the first must be there, or all if `strict`.
+    Only the first of a video's frames must be there, or all if `strict`.
     """
     frames = scene.source.problems(strict=strict)
     problems = [

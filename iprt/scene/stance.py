@@ -87,9 +87,9 @@ class Stance:
         Parameters
         ----------
         extent : (3,) float64
-            Of the mesh along upright axes, in its own units.
+            Size of the mesh along upright axes, in its own units.
         distance : float
-            Of where it will stand, metres.
+            Metres to where it will stand.
 
         Raises
         ------
@@ -132,7 +132,7 @@ def hints(suffix: str, corners: tuple[Array, Array], stance: Stance) -> list[str
     Parameters
     ----------
     suffix : str
-        Of the file, in lower case.
+        Suffix of the file's name, in lower case.
     corners : pair of (3,) float64
         Lowest and highest, in the file's axes and units.
     stance : Stance

@@ -27,7 +27,7 @@ class Stage:
     Attributes
     ----------
     number : int
-        Of the newest change to the world that it shows.
+        Number of the newest change to the world that it shows.
     frame : Frame
     objects : tuple of SceneObject
     instances : tuple of Instance

@@ -16,7 +16,7 @@ class Compiling:
     Attributes
     ----------
     file : str or None
-        Of `cl/`, that is compiled now. None: nothing is.
+        File of `cl/` that is compiled now. None: nothing is.
     built, to_build : int
         Parts that were begun, and all that there are.
     """

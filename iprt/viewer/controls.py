@@ -91,15 +91,15 @@ class Control:
     Attributes
     ----------
     key : str
-        Of the knob, `trace.object_rays`.
+        Key of the knob, `trace.object_rays`.
     label : str
         `object rays`.
     kind : {"switch", "choice", "integer", "number", "numbers"}
-        Of its values: bool, str, int, float, or a list of numbers.
+        Kind of its values: bool, str, int, float, or a list of numbers.
     choices : tuple of str
-        Of a choice.
+        What can be chosen, if it is a choice.
     sliders : tuple of Slider
-        Of a number, one; of a list, one for each of its numbers.
+        A number has one; a list, one for each of its numbers.
     nullable : bool
         It may have no value (None), too: an interface shows a switch besides.
     start : bool, str, int, float or list

@@ -58,7 +58,7 @@ class Core:
     Attributes
     ----------
     objects : tuple of ObjectState
-        Of the newest stage; any thread may look.
+        Objects of the newest stage; any thread may look.
     """
 
     def __init__(

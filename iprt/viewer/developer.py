@@ -88,7 +88,7 @@ class Developer:
         Parameters
         ----------
         name : str or None
-            Of the scene's view that is shown.
+            Name of the scene's view that is shown.
         baseline : Shown or None
             The newest picture of the method `ibl`.
         edits : sequence of ObjectEdit

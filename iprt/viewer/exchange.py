@@ -31,7 +31,7 @@ class Wanted:
     Attributes
     ----------
     number : int
-        Of the newest change to the world.
+        Number of the newest change to the world.
     world : World
     requests : dict of int to Asked
         By client.
@@ -58,7 +58,7 @@ class Exchange:
         self._stirred = False
         self._closed = False
 
-    # Of clients -------------------------------------------------------------------------------
+    # Clients call these -----------------------------------------------------------------------
 
     def join(self, request: Request) -> int:
         """A new client's number."""
@@ -176,7 +176,7 @@ class Exchange:
             self._condition.wait_for(lambda: self._closed or found() is not None, timeout_s)
             return found()
 
-    # Of the engine ----------------------------------------------------------------------------
+    # The engine calls these -------------------------------------------------------------------
 
     def take(self) -> Wanted:
         """What is wanted now: the engine will have looked."""

@@ -27,7 +27,7 @@ class Loaded:
     ----------
     scene : Scene
     stamp : Stamp
-        Of the files that frames are made of.
+        Stamp of the files that frames are made of.
     objects : tuple of SceneObject
         Without the edits, also those that were saved.
     origin : Scene

@@ -44,12 +44,12 @@ class Geometry:
     pose : (4, 4) float64 or None
         World from the axes of the capture centre, in which all below is.
     names : tuple of str
-        Of the objects.
+        Names of the objects.
     real_depth : (H, W) float32
         Metres from the capture centre; +inf in open sky.
     real_normal : (H, W, 3) float32
     depth, normal : as those
-        Of objects, where `coverage` is not 0.
+        Depth and normals of objects, where `coverage` is not 0.
     coverage : (H, W) float32
         Share of the pixel that objects cover.
     material : (H, W) int32

@@ -131,4 +131,4 @@ PARTS: Mapping[str, Label] = {
         "PNG: the picture as it is seen. EXR: linear radiance, and the buffer that is shown.",
     ),
 }
-"""Of widgets that both viewers have, by what they change."""
+"""Labels of widgets that both viewers have, by what they change."""

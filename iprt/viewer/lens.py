@@ -21,7 +21,7 @@ Appearance = Literal[
 ]
 
 ERROR_LEVELS = 64
-"""Of 255: the difference that is white in an error map."""
+"""The difference, out of 255, that is white in an error map."""
 MOTION_PX = 16.0
 """Motion of which the colour is full."""
 
@@ -35,7 +35,7 @@ class Buffer:
     appearance : str
         How its values become colours.
     unit : str
-        Of the values, as they are read out.
+        Unit of the values, as they are read out.
     """
 
     appearance: Appearance

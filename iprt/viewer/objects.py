@@ -30,11 +30,11 @@ class ObjectState:
     corners : tuple of (3,) float64
         Lowest and highest of its mesh in that frame, before `to_world`.
     materials : tuple of Material
-        Of its mesh, in the file's order, or the one that it was painted with.
+        Materials of its mesh, in the file's order, or the one that it was painted with.
     motion : ObjectMotion
         Where it is over time; `motion.to_world` is what `Engine.place` sets.
     time_s : float
-        Of that frame.
+        Time of that frame.
     mesh : Mesh
         In that frame.
     """

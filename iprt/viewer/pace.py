@@ -182,7 +182,7 @@ class Pace:
 
 
 def _mean(times: Sequence[float]) -> float:
-    """Of few frames the median, which one outlier among them does not move."""
+    """The median of few frames, which one outlier among them does not move."""
     middle = median(times)
     if len(times) < WINDOW // 2:
         return middle

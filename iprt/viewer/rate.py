@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 EVENTS = 12
-"""Of which the mean is taken."""
+"""Number of events that the mean is taken of."""
 
 
 class Rate:

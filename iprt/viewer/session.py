@@ -41,7 +41,7 @@ class Shown:
     noise : float or None
         Estimated error relative to the mean luminance (`Convergence`). None: not known yet.
     passes : tuple of PassTime
-        Of the last view frame; none if it was not recorded (`Profile.every_s`).
+        Passes of the last view frame; none if it was not recorded (`Profile.every_s`).
     seconds : float
         That it took, transfers included.
     device : str

@@ -61,20 +61,20 @@ class Readout:
     Attributes
     ----------
     x, y : int
-        Of the picture as it was rendered.
+        Pixel of the picture as it was rendered.
     radiance : (3,) float32
         Linear.
     buffer : str or None
         The auxiliary picture that is shown.
     value : (1..3,) float32 or None
-        Of that, in `unit`.
+        What that picture holds there, in `unit`.
     unit : str
     depth_m : float or None
         From the capture centre, of what is seen; +inf: open sky. None: not known in motion.
     normal : (3,) float64 or None
         In the world; None: open sky, or not known.
     name : str or None
-        Of the object there.
+        Name of the object there.
     """
 
     x: int

@@ -25,7 +25,7 @@ class TimelineRow:
     median_ms, p95_ms : float
         Medians of passes do not add up to that of the whole frame.
     share : float
-        Of the time of all passes, in [0, 1].
+        Share of the time of all passes, in [0, 1].
     """
 
     name: str

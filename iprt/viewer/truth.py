@@ -27,7 +27,7 @@ class Truth:
         Parameters
         ----------
         name : str
-            Of the view in the scene.
+            Name of the view in the scene.
         window : View
             What would be rendered otherwise: the truth is made as small as that, or smaller, by a
             whole number where there is one that divides it.

@@ -33,7 +33,7 @@ from iprt.viewer.truth import truth_problem
 
 MIN_FOV_DEG, MAX_FOV_DEG = 2.0, 150.0
 ZOOM_STEP = 0.9
-"""Of the field of view, per step of a wheel."""
+"""Factor on the field of view per step of a wheel."""
 
 
 class Viewport:
@@ -60,7 +60,7 @@ class Viewport:
     view : View
         Where it looks; of the window's size.
     name : str or None
-        Of the scene's view that it shows, until it is turned.
+        Name of the scene's view that it shows, until it is turned.
     """
 
     def __init__(
@@ -82,7 +82,7 @@ class Viewport:
         self._sight: Sight | None = None
         self._made_of: tuple[object, ...] = ()
         self._latency: tuple[float, int] | None = None
-        # Of each input: its number, when it came, and at which view frame.
+        # Each input: its number, when it came, and at which view frame.
         self._asked: deque[tuple[int, float, int]] = deque(maxlen=256)
         self._picking = Picking()
         self._frame_rate = FrameRate(clock)
@@ -145,7 +145,7 @@ class Viewport:
         self._input()
 
     def _name_of(self, view: View, objects: tuple[str, ...] | None) -> str | None:
-        """Of the scene's view that looks so; of several, the one that shows these objects."""
+        """Name of the scene's view that looks so; of several, the one that shows these objects."""
         views = self._engine.scene.views.values()
         found = [entry for entry in views if entry.view.resized(view.width, view.height) == view]
         return min(found, key=lambda entry: entry.objects != objects).name if found else None
@@ -352,7 +352,7 @@ class Viewport:
         Returns
         -------
         Path
-            Of the new file, absolute.
+            Path of the new file, absolute.
 
         Raises
         ------

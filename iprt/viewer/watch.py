@@ -13,7 +13,7 @@ from iprt.scene.mesh_files import MeshFile
 from iprt.scene.video.sequence import frame_path
 
 MOST_FRAMES = 64
-"""Of a video of pictures, so many frames are watched, from the first on."""
+"""Frames of a video of pictures that are watched, from the first on."""
 
 State = tuple[int, int, int] | None
 """Time, size and number of a file; None: there is none."""

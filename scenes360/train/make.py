@@ -33,7 +33,7 @@ VIEW = View(224, 168, -2.0, -43.0, 54.0)
 TRUTH_FRAMES = (6, 7, 15, 16)
 """Two pairs of frames that follow each other, so that changes between frames have a truth too."""
 SEED = 1
-"""Of all frames, so that what is left of the noise stands still."""
+"""Seed of all frames, so that what is left of the noise stands still."""
 CRF = 4
 DEPTH_SCALE = 1e-4
 LOG = logging.getLogger("scenes360")

@@ -18,7 +18,7 @@ LAST_S = (FRAMES - 1) / FPS
 
 TRACK_Z, RAIL_TOP = -0.98, RUG + 0.046
 TRAIN_X = (-1.05, 1.20)
-"""Of the locomotive's middle, at the first and the last frame."""
+"""Places of the locomotive's middle, at the first and the last frame."""
 WHEEL = 0.065
 
 BALL_RADIUS = 0.13

@@ -8,11 +8,13 @@ from numpy.typing import NDArray
 
 from iprt.bvh.build import MESH_DEPTH, PACKET, build_mesh, mesh_tree
 from iprt.bvh.cache import is_tree
-from iprt.bvh.scene import SCENE_DEPTH, STACK
+from iprt.bvh.scene import SCENE_DEPTH, STACK, SceneBuilder
 from iprt.bvh.tree import Tree, build_tree, fit
 from iprt.bvh.wide import wide_count, widen
+from iprt.errors import SceneError
 from iprt.scene.mesh import Mesh
-from tests.bvh.meshes import bumpy, fan, growing, same_centres
+from iprt.scene.untrusted import MAX_OBJECTS
+from tests.bvh.meshes import bumpy, fan, growing, instance_of, placed, same_centres
 
 Floats = NDArray[np.float32]
 
@@ -141,3 +143,14 @@ def test_hundreds_of_thousands_of_triangles() -> None:
     mesh = bumpy(np.random.default_rng(2), 7)
     assert len(mesh.triangles) > 3e5
     assert is_tree(build_mesh(mesh, mesh.positions).tree, len(mesh.triangles))
+
+
+def test_more_objects_than_the_tree_has_room_for_are_refused() -> None:
+    mesh = same_centres(1)
+    places = [placed(position=(3.0 * i, 0.0, 0.0)) for i in range(MAX_OBJECTS + 1)]
+    instances = [instance_of(mesh, place) for place in places]
+    assert len(SceneBuilder().build(instances[:-1]).instances) == MAX_OBJECTS
+    with pytest.raises(SceneError) as refusal:
+        SceneBuilder().build(instances)
+    line = f"the scene has {MAX_OBJECTS + 1} objects, more than {MAX_OBJECTS}: join their meshes"
+    assert str(refusal.value) == line

@@ -56,7 +56,7 @@ class Met:
     t : (N,) float32
         inf: nothing.
     instance, triangle : (N,) int
-        Of the scene, of the mesh; -1: nothing.
+        Numbers within the scene and within the mesh; -1: nothing.
     position, normal, flat_normal, albedo : (N, 3) float32
     material : (N,) int
     """

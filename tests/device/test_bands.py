@@ -18,7 +18,7 @@ from tests.viewer.turns import SETTINGS
 
 
 class Event:
-    """Of a launch that took so many seconds."""
+    """The event of a launch that took so many seconds."""
 
     def __init__(self, seconds: float) -> None:
         self._end = round(1e9 * seconds)

@@ -169,6 +169,58 @@ def test_synthetic_depth_has_a_resolution_of_its_own(height: int) -> None:
             assert Grid.of(stored) is None, f"{name}, {how}"
 
 
+def stepped(down: NDArray[np.bool_], across: NDArray[np.bool_]) -> Depth:
+    """Depth that changes only at these rows (H,) and at these columns (W,)."""
+    return np.asarray(1.0 + 0.01 * (down.cumsum()[:, None] + across.cumsum()), np.float32)
+
+
+def some(size: int, factor: int, share: float) -> NDArray[np.bool_]:
+    """(size,) a share of the borders between coarse texels, at random."""
+    borders = np.arange(factor, size, factor)
+    steps = np.zeros(size, bool)
+    chosen = np.random.default_rng(1).permutation(borders)[: round(share * len(borders))]
+    steps[chosen] = True
+    return steps
+
+
+@pytest.mark.parametrize(("rows", "is_grid"), [(8, False), (12, False), (16, True), (24, True)])
+def test_few_rows_of_texels_could_be_any_pattern(rows: int, is_grid: bool) -> None:
+    """Panels of a wall are as regular as the texels of a tiny picture of depth."""
+    factor = 4
+    panels = np.random.default_rng(1).uniform(1.0, 2.0, (rows, 2 * rows))
+    grid = Grid.of(repeated(panels, factor * rows))
+    assert (None if grid is None else grid.size) == ((2 * rows, rows) if is_grid else None)
+
+
+@pytest.mark.parametrize(
+    ("down", "across", "is_grid"),
+    [(0.4, 0.4, True), (0.25, 0.25, False), (0.15, 1.0, False), (1.0, 0.15, False)],
+)
+def test_depth_changes_at_many_borders_of_texels(down: float, across: float, is_grid: bool) -> None:
+    """Quantised depth does at a part of them; a few steps in a row are the surface's own."""
+    height, factor = 512, 4
+    grid = Grid.of(stepped(some(height, factor, down), some(2 * height, factor, across)))
+    assert (None if grid is None else grid.size) == ((256, 128) if is_grid else None)
+
+
+def test_steps_that_lie_on_a_grid_by_chance_are_none() -> None:
+    """Columns are repeated and rows are not: some of 2,000 random sets of seven are all even."""
+    rng = np.random.default_rng(1)
+    across = some(64, 2, 1.0)
+    even = 0
+    for _ in range(2000):
+        rows = 1 + rng.permutation(31)[:7]
+        even += not (rows % 2).any()
+        assert Grid.of(stepped(np.isin(np.arange(32), rows), across)) is None
+    assert even
+
+
+def test_steps_too_many_to_be_chance_are_a_grid() -> None:
+    grid = Grid.of(stepped(some(64, 2, 1.0), some(128, 2, 1.0)))
+    assert grid is not None
+    assert grid.size == (64, 32)
+
+
 SCENES = [OWN / "room", OWN / "train", OWN / "chart"]
 SCENES += [SHARED / name for name in ("livingroom", "hotel", "livingroom-video")]
 

@@ -107,6 +107,23 @@ def test_the_crease_angle_is_where_edges_become_sharp(angle: float) -> None:
     )
 
 
+@pytest.mark.parametrize("suffix", CREASED)
+def test_faces_that_cancel_each_other_out_have_a_normal(suffix: str, tmp_path: Path) -> None:
+    """In a book that is open all the way round, the spine has the normal of one of the pages."""
+    # Less than a crease lies between two of them.
+    quarter = np.array([[24.0, 7.0], [20.0, 15.0], [15.0, 20.0], [7.0, 24.0]])
+    turn = np.array([[0.0, -1.0], [1.0, 0.0]])
+    rim = np.concatenate([quarter @ np.linalg.matrix_power(turn.T, i) for i in range(4)])
+    positions = np.concatenate([[[0, 0, 0], [0, 8, 0]], np.insert(rim, 1, 4.0, axis=1)])
+    pages = [(0, 1, 2 + i) for i in range(len(rim))]
+    book = trimesh.Trimesh(positions, pages, process=False)
+    mesh = load_mesh(exported(book, tmp_path / f"book{suffix}"))
+    spine = mesh.positions[:, 0] == 0.0
+    assert spine.any()
+    cosine = np.einsum("vi,fi->vf", mesh.normals[spine], face_normals(mesh))
+    assert cosine.max(axis=1) == pytest.approx(1.0)
+
+
 def test_smooth_normals_are_weighted_by_angles(tmp_path: Path) -> None:
     """How a quad is cut into triangles does not matter: by brute force, around every vertex."""
     solid = trimesh.creation.uv_sphere(count=[16, 16])

@@ -75,6 +75,33 @@ def test_round_places_are_not_inverted() -> None:
         assert "floor" not in place.line()
 
 
+def sectors(*shares: float) -> NDArray[np.float32]:
+    """Around a camera under open sky: shares of the directions that see level ground, that would
+    see it if depth were inverse, and, of the rest, rubble.
+    """
+    up = directions(128, 64)[..., 1]
+    aside = np.broadcast_to((np.arange(128) + 0.5) / 128, up.shape)
+    ground, bowl = -1.3 / up, -up / 1.3
+    rubble = np.exp(np.random.default_rng(1).normal(0.0, 1.0, up.shape))
+    depth = np.select([aside < shares[0], aside < sum(shares)], [ground, bowl], rubble)
+    return np.where(up < 0.0, depth, 0.0).astype(np.float32)
+
+
+@pytest.mark.parametrize(
+    ("level", "inverse", "inverted"),
+    [
+        (0.4, 0.6, False),  # both are level: it is a hollow in the ground
+        (0.25, 0.75, True),
+        (0.0, 0.15, False),  # a thing that happens to be round
+        (0.0, 0.4, True),
+    ],
+)
+def test_inverse_depth_is_level_in_many_and_more_directions(
+    level: float, inverse: float, inverted: bool
+) -> None:
+    assert of(sectors(level, inverse)).inverted is inverted
+
+
 def test_without_depth_there_is_nothing_to_tell() -> None:
     assert Surroundings.of(np.zeros((4, 8), np.float32)) is None
 

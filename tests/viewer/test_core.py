@@ -289,7 +289,7 @@ def test_a_frame_sought_is_shown_as_a_renderer_shows_it(
 
 
 def test_the_objects_are_told_as_they_are_shown(tmp_path: Path, device: ComputeDevice) -> None:
-    """Of the frame that is shown, with what was edited, and nothing that can be written to."""
+    """They are those of the frame that is shown, as edited, and cannot be written to."""
     folder = write_clip(tmp_path, 12)
     manifest = folder / "scene.toml"
     keys = "[[objects.keyframes]]\ntime = {}\ntranslation = [{}, 0, 0]\n"

@@ -130,7 +130,7 @@ def test_things_stand_where_they_are_dropped(scene: Scene) -> None:
 
 
 def test_noise_is_that_of_a_mean() -> None:
-    """Of independent frames, the estimate is the true error, to what few pixels allow."""
+    """The estimate is the true error if frames are independent, to what few pixels allow."""
     random = np.random.default_rng(1)
     convergence, total = Convergence(), np.zeros((64, 64, 3))
     for count in range(1, 65):

@@ -254,7 +254,7 @@ def test_rungs_start_from_what_was_asked_for_and_never_exceed_it(quality: Qualit
 
 
 def test_what_was_not_there_is_not_given_up() -> None:
-    """Of a rung of two knobs, of which the user has turned down one already, the other is left."""
+    """A rung has two knobs: if the user has turned down one already, the other is left."""
     knobs = tuple(
         MeasuredKnob(key=key, value=1, ms_share=0.5, ssim_cost=cost)
         for key, cost in (("trace.rays", 0.1), ("trace.object_rays", 0.2))

@@ -192,7 +192,7 @@ def test_what_a_mesh_file_lost_is_told(scene: Scene, device: ComputeDevice, tmp_
 def test_renderers_and_programs_do_not_pile_up(
     scene: Scene, device: ComputeDevice, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Of all that settings, sizes, objects and views have needed, only the last few are held."""
+    """Only the last few of all that settings, sizes, objects and views have needed are held."""
     renderers: list[weakref.ref[Renderer]] = []
 
     def noting(*args: object, **kwargs: object) -> Renderer:

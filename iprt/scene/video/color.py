@@ -95,7 +95,7 @@ def encoding_of(frame: av.VideoFrame, path: Path) -> Encoding:
     Raises
     ------
     FormatError
-        Of a pixel format, matrix, transfer or primaries that are not read.
+        The pixel format, matrix, transfer or primaries are not read.
     """
     how = layout(frame.format.name)
     if how is None:
@@ -177,7 +177,7 @@ def luma(frame: av.VideoFrame, rows: slice, path: Path) -> tuple[Samples, float,
     Raises
     ------
     FormatError
-        Of a pixel format without luma.
+        The pixel format has no luma.
     """
     how = layout(frame.format.name)
     if how is None or how.kind == "rgb":

@@ -47,7 +47,7 @@ class StreamInfo:
     ----------
     path : Path
     number : int
-        Of the stream in the file.
+        The stream's index in the file.
     width, height : int
     pixels : str
         FFmpeg's name of the pixel format.

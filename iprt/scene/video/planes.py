@@ -64,7 +64,7 @@ class Layout:
     kind : str
         "yuv", "rgb" or "grey".
     bits : int
-        Of each sample; 16 or 32 where it is a float.
+        Bits of each sample; 16 or 32 where it is a float.
     is_float : bool
     across, down : int
         Luma samples per sample of chroma, along a row and along a column.
@@ -107,9 +107,9 @@ def planes(frame: av.VideoFrame, rows: slice) -> list[Samples]:
     Parameters
     ----------
     frame : VideoFrame
-        Of a format that has a layout.
+        Its format has a layout.
     rows : slice
-        Of luma; ends on whole rows of chroma.
+        Rows of luma; they end on whole rows of chroma.
 
     Returns
     -------

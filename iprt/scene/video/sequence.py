@@ -36,7 +36,7 @@ class PictureTrack:
     root : Path
         The scene's folder.
     indices : range
-        Of the frames.
+        Numbers of the frames.
     within : Path
         Folder that the files must lie in, links followed.
     read : callable

@@ -60,10 +60,10 @@ def manipulate(
     Parameters
     ----------
     rectangle : (left, top, width, height)
-        Of the picture on the screen.
+        Where the picture is on the screen.
     view : View
     pose : (4, 4) float64 or None
-        Of the capture centre.
+        Pose of the capture centre.
     to_world : (4, 4) float64
     mode : {"move", "turn", "scale"}
 

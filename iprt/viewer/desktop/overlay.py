@@ -146,7 +146,7 @@ def readout(ui: UiState, rectangle: Rectangle, object_box: Box | None) -> None:
     ----------
     ui : UiState
     rectangle : (left, top, width, height)
-        Of the picture on the screen.
+        Where the picture is on the screen.
     object_box : (left, top, right, bottom) or None
         What is seen of the selected object.
     """

@@ -39,7 +39,7 @@ class PictureView:
     Attributes
     ----------
     rectangle : (left, top, width, height)
-        Of the picture, in the window.
+        Where the picture is in the window.
     gesture : str or None
         What the mouse is doing in it.
     """

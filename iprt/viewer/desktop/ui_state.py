@@ -39,7 +39,7 @@ class UiState:
     selected : str or None
         Name of an object, which may not be there yet.
     mode : {"move", "turn", "scale"}
-        Of the gizmo.
+        What the gizmo does.
     align : bool
         Objects that slide over surfaces turn their +Y to the normal.
     readout : bool

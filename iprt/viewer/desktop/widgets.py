@@ -116,7 +116,7 @@ def slider(
     value : float
         Whole numbers are chosen if it is an int.
     ends : (low, high)
-        Of the slider.
+        Ends of the slider.
     words : callable
         Tells a value with its unit.
     logarithmic : bool

@@ -79,7 +79,7 @@ class Browser:
     Attributes
     ----------
     viewport : Viewport
-        Of this thread.
+        Used by this window's thread only.
     sight : Sight or None
         The picture that the browser has.
     selected : str or None
@@ -118,7 +118,7 @@ class Browser:
     def join(self, timeout_s: float) -> None:
         self._thread.join(timeout_s)
 
-    # Of any thread ----------------------------------------------------------------------------
+    # Any thread may call these ----------------------------------------------------------------
 
     def post(self, key: object, do: Callable[[], object]) -> None:
         """Have something done by this window's thread; of what has the same key, the newest."""
@@ -141,7 +141,7 @@ class Browser:
         self._camera = Camera(wxyz, camera.fov, camera.image_width, camera.image_height)
         self._wake.set()
 
-    # Of the window's thread -------------------------------------------------------------------
+    # The window's thread calls these ----------------------------------------------------------
 
     def tell(self, text: str) -> None:
         """Show a line to the user, that something did not work."""
@@ -152,7 +152,7 @@ class Browser:
         self.client.add_notification("", text, auto_close_seconds=4.0)
 
     def _tell_defect(self, error: Exception) -> None:
-        """Of an error that no input should lead to; the window goes on, and it may come again."""
+        """Report an error that no input should cause; the window goes on, and it may come again."""
         text = f"a defect of iprt: {type(error).__name__}: {error}"
         if text not in self._defects:
             self._defects.add(text)

@@ -29,7 +29,7 @@ WHITE, DARK = (255, 255, 255, 255), (0, 0, 0, 110)
 
 
 class Divider:
-    """Of one browser. Of the window's thread.
+    """One browser's divider. The window's thread uses it.
 
     Parameters
     ----------
@@ -63,9 +63,9 @@ class Divider:
         Parameters
         ----------
         view : View
-            Of the picture.
+            View of the picture.
         height_px : int
-            Of the window.
+            Height of the window.
         split : float
             Share of the width, from the left.
         sides : (str, str) or None

@@ -13,11 +13,11 @@ if TYPE_CHECKING:
     from iprt.viewer.web.browser import Browser
 
 QUIET = (60, 66, 74)
-"""Of buttons."""
+"""Button colour (RGB)."""
 
 
 class FilesPanel:
-    """Edits are those of all browsers. Of the window's thread."""
+    """Edits are those of all browsers. The window's thread uses the panel."""
 
     def __init__(self, browser: Browser) -> None:
         self._browser, engine = browser, browser.engine

@@ -22,7 +22,7 @@ LEAST_MOVE = 1e-9
 
 
 class Gizmo:
-    """Moves and turns the selected object. Of the window's thread."""
+    """Moves and turns the selected object. The window's thread uses it."""
 
     def __init__(self, browser: Browser) -> None:
         self._browser = browser

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class LensPanel:
-    """This window's own. Of its thread."""
+    """This window's own; its thread uses it."""
 
     def __init__(self, browser: Browser) -> None:
         self._browser = browser

@@ -26,13 +26,13 @@ if TYPE_CHECKING:
 
 NONE = "none"
 LONGEST = 60
-"""Of a file's name, which has at most 255 bytes with what else it will have in the scene."""
+"""Characters of a file's name, which has at most 255 bytes with what the scene adds to it."""
 ROUGH = Material("plastic")
 SRGB = "The numbers here are sRGB, from 0 to 255; scene.toml has linear ones, from 0 to 1."
 
 
 class ObjectPanel:
-    """Of one browser; edits are those of all. Of the window's thread."""
+    """One browser's panel; edits are those of all. The window's thread uses it."""
 
     def __init__(self, browser: Browser) -> None:
         self._browser = browser

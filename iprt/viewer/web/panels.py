@@ -32,7 +32,7 @@ class Panel(Protocol):
 
 
 class Panels:
-    """All of one browser. Of the window's thread."""
+    """All panels of one browser. The window's thread uses it."""
 
     def __init__(self, browser: Browser) -> None:
         gui = browser.client.gui

@@ -54,7 +54,7 @@ class PictureSender:
         ----------
         sight : Sight
         height_px : int
-            Of the window.
+            Height of the window.
         split : float
             Where the picture is divided, if it is: share of the width, from the left.
         """

@@ -22,7 +22,7 @@ MOST_PASSES = len(COLORS) - 2
 
 
 class ProfilePanel:
-    """Of the window's thread."""
+    """Time per pass, as lines and as a table. The window's thread uses it."""
 
     def __init__(self, browser: Browser) -> None:
         self._browser, self._gui = browser, browser.client.gui

@@ -17,7 +17,7 @@ REAL_TIME: PlaybackMode = "real time"
 
 
 class ScenePanel:
-    """Views and playback. Of the window's thread."""
+    """Views and playback. The window's thread uses it."""
 
     def __init__(self, browser: Browser) -> None:
         self._browser = browser

@@ -28,7 +28,7 @@ STEPS = 200
 
 
 class SettingsPanel:
-    """Settings are those of all browsers. Of the window's thread."""
+    """Settings are those of all browsers. The window's thread uses the panel."""
 
     def __init__(self, browser: Browser) -> None:
         self._browser, self._engine = browser, browser.engine

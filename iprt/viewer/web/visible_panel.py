@@ -15,7 +15,7 @@ HINT = "Show or hide it in this window."
 
 
 class VisiblePanel:
-    """A box for each object, which the window shows or hides. Of the window's thread."""
+    """A box for each object, which the window shows or hides. The window's thread uses it."""
 
     def __init__(self, browser: Browser) -> None:
         self._browser = browser

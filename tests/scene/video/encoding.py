@@ -34,9 +34,9 @@ class Track:
     rate : Fraction or int
         Frames per second.
     times : sequence of int or None
-        Of the frames, in units of 1 / rate; by default one after the other.
+        Times of the frames, in units of 1 / rate; by default one after the other.
     options : dict
-        Of the encoder.
+        Options of the encoder.
     tags : dict
         Attributes of the codec context: color_range, colorspace, color_trc, color_primaries.
     """

@@ -25,7 +25,7 @@ FLAGS = [
     "--enable-unsafe-swiftshader",
 ]
 SIZE = (600, 240)
-"""Of the browser's window: a picture of 260 x 240 pixels beside the panels."""
+"""Size of the browser's window: a picture of 260 x 240 pixels beside the panels."""
 
 TEXTURE = """() => {
     const image = __viserMutable.backgroundMaterial.uniforms.colorMap.value.image;

@@ -250,7 +250,7 @@ def test_bad_news_is_shown(place: Place) -> None:
 
 
 def test_meshes_are_uploaded_and_saved(place: Place, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of whatever names, all at once: they lie in the scene's folder then. Comments stay."""
+    """Any names, all at once: the meshes lie in the scene's folder then. Comments stay."""
     visitor, browser = place.visit()
     at_rest(visitor, browser)
     engine, cube = place.engine, CUBE.encode()

@@ -170,7 +170,7 @@ def test_another_viser_is_not_trusted(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_it_says_where_it_is_and_ends_by_ctrl_c(tmp_path: Path) -> None:
-    """Of a wide address with a token that was made; nothing else is printed."""
+    """The address is wide and has a token that was made; nothing else is printed."""
     scene = write_clip(tmp_path / "clip", 1)
     program = textwrap.dedent(
         f"""

@@ -36,7 +36,7 @@ SIZE = (64, 48)
 
 @pytest.fixture
 def viewer(device: ComputeDevice, tmp_path: Path) -> Iterator[Place]:
-    """Of a scene whose only view has a truth."""
+    """A viewer of a scene whose only view has a truth."""
     folder = write_clip(tmp_path / "clip", 1, size=SIZE)
     manifest = folder / "scene.toml"
     manifest.write_text(manifest.read_text() + 'objects = ["cube"]\ntruth = "truth.exr"\n')
@@ -157,7 +157,7 @@ def test_places_in_a_picture_of_another_shape_than_the_window(place: Place) -> N
 
 
 def names(browser: Browser) -> tuple[str, ...]:
-    """Of the objects in the picture, once it rests."""
+    """Names of the objects in the picture, once it rests."""
     assert browser.sight is not None
     geometry = browser.sight.shown.geometry
     return () if geometry is None else geometry.names

@@ -33,16 +33,16 @@ from iprt.viewer.desktop.style import BAD
 from tests.viewer.screen.x11 import Screen, xvfb
 
 SIZE = (256, 192)
-"""Of the picture."""
+"""Size of the picture."""
 FRAMES = 3
 """To which it is refined."""
 WIDGETS = (
     "slider_float slider_int drag_float button begin_tab_item collapsing_header color_edit3 "
     "begin_combo selectable checkbox"
 )
-"""Of imgui, the places of which are known."""
+"""Widgets of imgui whose places are known."""
 WORDS = {"text_unformatted": 0, "text_colored": 1, "separator_text": 0}
-"""Of imgui, what draws words, and which argument these are."""
+"""What draws words in imgui, and which argument these are."""
 
 
 class User:

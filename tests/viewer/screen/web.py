@@ -118,7 +118,7 @@ def box(visitor: Visitor, name: str) -> Any:
 
 
 def choose(visitor: Visitor, label: str, option: str) -> None:
-    """Of a dropdown."""
+    """Choose an option of a dropdown."""
     visitor.input(label).click()
     visitor.page.get_by_role("option", name=option, exact=True).click()
 
