@@ -17,7 +17,7 @@ from iprt.film import Film
 from iprt.output.display import display
 from iprt.output.png import write_display_png
 from iprt.scene.scene import Scene
-from iprt.settings import Settings
+from iprt.settings.model import Settings
 
 FOLDER = Path(__file__).resolve().parent
 SHOWN = (3, 9, 15, 21)

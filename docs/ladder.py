@@ -25,18 +25,18 @@ from skimage.transform import resize
 
 from iprt.device.choose import choose_device
 from iprt.device.compute import ComputeDevice
-from iprt.knobs import changed, resolved
+from iprt.files.atomic import replacing
+from iprt.footage.frame import Frame
 from iprt.measure import metrics
 from iprt.measure.pareto import pareto_front
 from iprt.measure.reel import Turn
 from iprt.measure.sweep import still_settings
 from iprt.measure.target import Target, read_target, views_with_truth
-from iprt.output.atomic import replacing
 from iprt.output.display import display
 from iprt.renderer import Renderer
-from iprt.scene.frame import Frame
 from iprt.scene.scene import Scene
-from iprt.settings import Settings
+from iprt.settings.model import Settings
+from iprt.settings.overrides import changed, resolved
 from iprt.viewer.ladder import FILE, SCALE, Ladder, MeasuredKnob, MeasuredRung, order_of_notches
 
 ROOT = Path(__file__).resolve().parents[1]

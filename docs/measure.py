@@ -16,7 +16,7 @@ import sys
 import time
 from pathlib import Path
 
-from iprt.output.atomic import replacing
+from iprt.files.atomic import replacing
 
 BLOCK = re.compile(
     r"```bash\n(?P<command>iprt [^`]*?)\n```"

@@ -19,7 +19,7 @@ from playwright.sync_api import sync_playwright
 
 from iprt.device.choose import choose_device
 from iprt.device.compute import ComputeDevice
-from iprt.output.atomic import replacing
+from iprt.files.atomic import replacing
 from iprt.scene.scene import Scene
 from iprt.viewer.engine import Engine
 from iprt.viewer.web.browser import Browser, Start

@@ -9,10 +9,10 @@ TYPE_CHECKING = False  # `typing` takes long to import
 if TYPE_CHECKING:
     from iprt.device.choose import choose_device
     from iprt.device.compute import ComputeDevice
+    from iprt.meshes.camera import View
     from iprt.renderer import Renderer
-    from iprt.scene.camera import View
     from iprt.scene.scene import Scene
-    from iprt.settings import Settings
+    from iprt.settings.model import Settings
 
 __version__ = "0.1.0"
 __all__ = [
@@ -29,8 +29,8 @@ _HOMES = {
     "ComputeDevice": "iprt.device.compute",
     "Renderer": "iprt.renderer",
     "Scene": "iprt.scene.scene",
-    "Settings": "iprt.settings",
-    "View": "iprt.scene.camera",
+    "Settings": "iprt.settings.model",
+    "View": "iprt.meshes.camera",
     "choose_device": "iprt.device.choose",
 }
 

@@ -11,14 +11,14 @@ import pyopencl.array as cla
 from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
-from iprt.gloss_pixels import GlossPixels
-from iprt.passes.guide import Guide
-from iprt.passes.layout import PlaneLayout
-from iprt.passes.real_layer import RealLayer
-from iprt.passes.temporal import Accumulated, Kind
-from iprt.pixels import RealPixels, VirtualPixels
-from iprt.real_world import RealWorld
-from iprt.scene.camera import View
+from iprt.filter.temporal import Accumulated, Kind
+from iprt.gbuffer.guide import Guide
+from iprt.gbuffer.layout import PlaneLayout
+from iprt.meshes.camera import View
+from iprt.methods.gloss_pixels import GlossPixels
+from iprt.methods.pixels import RealPixels, VirtualPixels
+from iprt.view.real_layer import RealLayer
+from iprt.world.real.real_world import RealWorld
 
 Image = NDArray[np.float32]
 
@@ -218,7 +218,7 @@ history_length: frames with all their rays that the temporal mean is worth; vari
 luminance of that mean, which guides the spatial filter (of real surfaces: what objects change, as a
 fraction of E_R with the estimator "delta", over pi with "ratio"; of objects: of diffuse and
 specular light, added up). All but the background is in the colours of the video's reference frame
-(`iprt.scene.drift`), where the frame's differ."""
+(`iprt.footage.drift`), where the frame's differ."""
 
 
 def read_aov(renderer: RenderedView, name: str) -> Image:

@@ -16,7 +16,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 
 from iprt.errors import DeviceHangError, IprtError, OutputError
-from iprt.termination import end, end_on_signals
+from iprt.files.termination import end, end_on_signals
 
 TYPE_CHECKING = False  # `typing` takes long to import
 if TYPE_CHECKING:

@@ -9,14 +9,14 @@ from typing import Self
 from iprt.device.compute import ComputeDevice
 from iprt.device.recovery import wait
 from iprt.errors import DeviceError
+from iprt.footage.footage import Footage
+from iprt.footage.frame import Frame
 from iprt.memory import RenderPlan, require_memory
+from iprt.meshes.camera import View
+from iprt.meshes.mesh import Instance
 from iprt.renderer import RenderedFrame, Renderer
-from iprt.scene.camera import View
-from iprt.scene.footage import Footage
-from iprt.scene.frame import Frame
-from iprt.scene.mesh import Instance
 from iprt.scene.scene import Scene, SceneView
-from iprt.settings import Settings
+from iprt.settings.model import Settings
 
 LEAVING_S = 5.0
 """Longest wait for a device that nobody asks anything any more."""

@@ -12,12 +12,12 @@ from iprt.errors import DeviceError
 if TYPE_CHECKING:
     from iprt.device.compute import ComputeDevice
     from iprt.device.plan import PlannedKernel
-    from iprt.requirements import Requirements
-    from iprt.scene.camera import View
-    from iprt.scene.footage import Footage
-    from iprt.scene.frame import Frame
-    from iprt.scene.mesh import Instance
-    from iprt.settings import Settings
+    from iprt.footage.footage import Footage
+    from iprt.footage.frame import Frame
+    from iprt.meshes.camera import View
+    from iprt.meshes.mesh import Instance
+    from iprt.settings.model import Settings
+    from iprt.settings.requirements import Requirements
 
 
 @dataclass(frozen=True)

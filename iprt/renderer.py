@@ -16,26 +16,26 @@ import pyopencl.array as cla
 from numpy.typing import NDArray
 
 from iprt.aovs import read_aov
-from iprt.context import FrameContext
 from iprt.device.checked import checked
 from iprt.device.compute import ComputeDevice
-from iprt.gloss_pixels import GlossPixels
-from iprt.objects import Objects
-from iprt.passes.camera_motion import CameraMotion
-from iprt.passes.composite import Composite
-from iprt.passes.guide import Guide
-from iprt.passes.layout import PlaneLayout
-from iprt.passes.real_layer import RealLayer
-from iprt.passes.world import World
-from iprt.pixels import RatioMap, RealPixels, VirtualPixels
-from iprt.real_world import RealWorld
-from iprt.requirements import Requirements
-from iprt.scene.camera import View
-from iprt.scene.footage import Footage
-from iprt.scene.frame import Frame
-from iprt.scene.mesh import Instance, require_same_objects
-from iprt.scene.pose import seen_from, view_from
-from iprt.settings import Settings
+from iprt.footage.footage import Footage
+from iprt.footage.frame import Frame
+from iprt.gbuffer.context import FrameContext
+from iprt.gbuffer.guide import Guide
+from iprt.gbuffer.layout import PlaneLayout
+from iprt.meshes.camera import View
+from iprt.meshes.mesh import Instance, require_same_objects
+from iprt.meshes.pose import seen_from, view_from
+from iprt.methods.gloss_pixels import GlossPixels
+from iprt.methods.pixels import RatioMap, RealPixels, VirtualPixels
+from iprt.settings.model import Settings
+from iprt.settings.requirements import Requirements
+from iprt.view.composite import Composite
+from iprt.view.real_layer import RealLayer
+from iprt.world.objects.objects import Objects
+from iprt.world.real.camera_motion import CameraMotion
+from iprt.world.real.real_world import RealWorld
+from iprt.world.world import World
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.output.atomic import replacing
+from iprt.files.atomic import replacing
 
 DEPTH_BITS = 14
 """Bits of the mantissa kept in depth files: 0.06 mm in a metre, and half the bytes."""

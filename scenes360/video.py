@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.output.atomic import replacing
+from iprt.files.atomic import replacing
 
 WHITE_NITS = 203.0
 """Luminance in cd/m² that radiance 1 stands for."""

@@ -17,14 +17,14 @@ import numpy as np
 
 from iprt.aovs import AOVS
 from iprt.device.compute import ComputeDevice, Kernel
+from iprt.device.resources import CL
+from iprt.footage.footage import Footage
+from iprt.footage.frame import Frame
+from iprt.meshes.camera import View
+from iprt.meshes.material import Material
+from iprt.meshes.mesh import Instance
 from iprt.renderer import RenderedFrame, Renderer
-from iprt.resources import CL
-from iprt.scene.camera import View
-from iprt.scene.footage import Footage
-from iprt.scene.frame import Frame
-from iprt.scene.material import Material
-from iprt.scene.mesh import Instance
-from iprt.settings import Settings
+from iprt.settings.model import Settings
 from tests.oracles.worlds import Box, World
 from tests.worlds import (
     ball,
@@ -142,7 +142,7 @@ def launches() -> Iterator[set[str]]:
 def entry_points() -> set[str]:
     """The names of all kernels in `cl/`."""
     declared = re.compile(r"^(?:__kernel|TRACING_KERNEL) void (\w+)\(", re.MULTILINE)
-    return {name for file in CL.glob("*.cl") for name in declared.findall(file.read_text())}
+    return {name for file in CL.rglob("*.cl") for name in declared.findall(file.read_text())}
 
 
 def _room(width: int, height: int) -> tuple[Frame, Frame]:

@@ -10,7 +10,7 @@ from types import ModuleType
 
 import pytest
 
-from iprt import knobs
+from iprt.settings import overrides
 
 DOCS = Path(__file__).parents[1] / "docs"
 PAGE = DOCS / "tradeoff.md"
@@ -37,8 +37,9 @@ def test_swept_values_are_allowed_and_not_the_default(measure: ModuleType) -> No
     for command in measure.commands(PAGE.read_text(encoding="utf-8")):
         for key, values in re.findall(r"--sweep (\S+?)=(\S+)", command):
             for value in values.split(",") if key != "quality" else ():
-                item = knobs.parse_assignment("--sweep", f"{key}={value}")
-                assert knobs.resolved("balanced", [item]) != knobs.resolved("balanced"), item
+                item = overrides.parse_assignment("--sweep", f"{key}={value}")
+                balanced = overrides.resolved("balanced")
+                assert overrides.resolved("balanced", [item]) != balanced, item
 
 
 def test_tables_are_replaced_and_nothing_else(

@@ -110,7 +110,7 @@ def test_named_files_exist(page: Path) -> None:
 def test_every_kernel_is_in_the_table() -> None:
     table = (ROOT / "README.md").read_text().partition("| kernel | guarded by |")[2]
     left = " ".join(line.split("|")[1] for line in table.splitlines() if line.startswith("| `"))
-    kernels = {f"cl/{path.name}" for path in (ROOT / "cl").glob("*.cl")}
+    kernels = {str(path.relative_to(ROOT)) for path in (ROOT / "cl").rglob("*.cl")}
     assert kernels <= set(re.findall(r"`([\w./]+)`", left))
 
 

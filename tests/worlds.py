@@ -9,10 +9,10 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from iprt.scene.camera import View, equirect_pixel
-from iprt.scene.frame import Frame
-from iprt.scene.material import Material
-from iprt.scene.mesh import Instance, Mesh
+from iprt.footage.frame import Frame
+from iprt.meshes.camera import View, equirect_pixel
+from iprt.meshes.material import Material
+from iprt.meshes.mesh import Instance, Mesh
 from tests.oracles.worlds import World, frame_of
 
 Float = NDArray[np.float64]

@@ -1,4 +1,4 @@
-"""Meshes as trees over packets of four triangles, in the layout of `cl/lib/bvh.h`."""
+"""Meshes as trees over packets of four triangles, in the layout of `cl/lib/world/objects/bvh.h`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from iprt.bvh.tree import Tree, build_tree, fit
 from iprt.bvh.wide import widen
-from iprt.scene.mesh import Mesh
+from iprt.meshes.mesh import Mesh
 
 Floats = NDArray[np.float32]
 

@@ -13,7 +13,7 @@ from iprt.bvh.build import MESH_DEPTH, PACKET, mesh_tree
 from iprt.bvh.tree import Tree
 from iprt.device.caches import own_folder
 from iprt.errors import FormatError
-from iprt.output.atomic import replacing
+from iprt.files.atomic import replacing
 
 Floats = NDArray[np.float32]
 

@@ -20,8 +20,8 @@ from iprt.bvh.wide import (
     widen,
 )
 from iprt.errors import SceneError
-from iprt.scene.mesh import Instance, Mesh
-from iprt.scene.untrusted import MAX_OBJECTS
+from iprt.files.untrusted import MAX_OBJECTS
+from iprt.meshes.mesh import Instance, Mesh
 
 Floats = NDArray[np.float32]
 Float = NDArray[np.float64]
@@ -101,12 +101,12 @@ class SceneSizes:
 
 @dataclass(frozen=True)
 class SceneBvh:
-    """What `cl/lib/objects_bvh.h` reads.
+    """What `cl/lib/world/objects/objects_bvh.h` reads.
 
     Attributes
     ----------
     nodes, packets, instances : (N, 7, 4), (L, 9, 4), (I, 7, 4) float32
-        See `cl/lib/bvh.h`; I counts the instances that have triangles.
+        See `cl/lib/world/objects/bvh.h`; I counts the instances that have triangles.
     triangles : (4 L, 4) int32
         Three vertices and the material of the mesh, per place of a packet.
     normals : (V, 4) float32

@@ -1,4 +1,4 @@
-"""Trees with four children per node, as `cl/lib/bvh.h` reads them, from binary ones."""
+"""Trees with four children per node, for `cl/lib/world/objects/bvh.h`, from binary ones."""
 
 from __future__ import annotations
 

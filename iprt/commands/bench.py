@@ -167,10 +167,10 @@ def _time(
     from iprt.device.choose import choose_device
     from iprt.device.compute import ComputeDevice
     from iprt.measure.bench import WARM_UP, benchmark
+    from iprt.measure.profile_file import json_text
+    from iprt.measure.table import pass_grid
     from iprt.memory import require_memory
     from iprt.output.grid import print_grid
-    from iprt.output.profile_file import json_text
-    from iprt.output.table import pass_grid
     from iprt.scene.scene import Scene
 
     if len(views) > 1:

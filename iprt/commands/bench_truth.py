@@ -15,17 +15,17 @@ from iprt.commands.progress import progress_bar
 from iprt.device.choose import choose_device
 from iprt.device.compute import ComputeDevice
 from iprt.errors import IprtError
+from iprt.files.atomic import require_writable
+from iprt.files.termination import at_termination
+from iprt.files.wording import counted
 from iprt.measure.convergence import Curve, parse_counts, run_convergence
 from iprt.measure.convergence_report import convergence_grid, convergence_plots, reach_grid
 from iprt.measure.report import Report
 from iprt.measure.sweep import Combination, Outcome, frames_per_outcome, run_sweep
 from iprt.measure.sweep_report import passes_grid, sweep_figures, sweep_grid, sweep_plots
 from iprt.measure.target import Background, Target, read_target, views_with_truth
-from iprt.output.atomic import require_writable
 from iprt.output.grid import Grid, print_grid
 from iprt.scene.scene import Scene
-from iprt.termination import at_termination
-from iprt.wording import counted
 
 LOG = logging.getLogger("iprt.bench")
 MANY = 10

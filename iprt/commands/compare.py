@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from iprt.measure.target import Background
     from iprt.output.grid import Grid
     from iprt.scene.scene import Scene
-    from iprt.settings import Settings
+    from iprt.settings.model import Settings
 
 FRAMES = 64
 """Frames accumulated where nothing is said."""
@@ -101,9 +101,9 @@ def compare(
     video.check()
     from iprt.device.choose import choose_device
     from iprt.device.compute import ComputeDevice
+    from iprt.files.atomic import require_writable
     from iprt.measure.compare import METHODS
     from iprt.measure.target import views_with_truth
-    from iprt.output.atomic import require_writable
     from iprt.scene.scene import Scene
 
     asked: list[str | None] = [name for name in METHODS if name in method or "all" in method]
@@ -165,9 +165,9 @@ def _compare_stills(
     html: Path | None,
 ) -> list[Comparison]:
     from iprt.commands.progress import progress_bar
+    from iprt.files.lock import locked
     from iprt.measure.compare import compare_views
     from iprt.measure.report import Report, compared_figures
-    from iprt.output.lock import locked
 
     results: list[Comparison] = []
     report = Report(f"{scene.name}: compared with its truth")

@@ -134,9 +134,9 @@ def compare_video(
 ) -> list[Stability]:
     """Play the views and print what was measured."""
     from iprt.commands.progress import progress_bar
+    from iprt.files.lock import locked
     from iprt.measure.strip import Strip
     from iprt.measure.video import Player, resized
-    from iprt.output.lock import locked
 
     indices = flags.indices(scene)
     results: list[Stability] = []

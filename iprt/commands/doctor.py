@@ -26,7 +26,7 @@ def doctor(*, json: bool = False) -> int:
     int
         Exit status: 0 if an OpenCL device is usable, else 3.
     """
-    from iprt.device.doctor import examine
+    from iprt.commands.installation import examine
 
     report = examine()
     if json:
@@ -37,7 +37,7 @@ def doctor(*, json: bool = False) -> int:
 
 
 def show(report: Record) -> None:
-    """Print a report of `iprt.device.doctor.examine` for people."""
+    """Print a report of `iprt.commands.installation.examine` for people."""
     from rich.console import Console
 
     console = Console(markup=False, emoji=False, highlight=False)

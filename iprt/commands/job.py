@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from iprt.device.compute import ComputeDevice
 from iprt.device.profile import SAMPLED_S
 from iprt.film import Film, view_at
+from iprt.meshes.camera import View
 from iprt.output.metadata import picture_metadata
-from iprt.scene.camera import View
 from iprt.scene.scene import Scene, SceneView
-from iprt.settings import Settings
+from iprt.settings.model import Settings
 
 
 @dataclass(frozen=True)

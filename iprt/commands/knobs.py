@@ -11,11 +11,11 @@ import tyro
 
 from iprt.commands.help import plain_default
 from iprt.errors import IprtError
-from iprt.presets import STILL, Quality
+from iprt.settings.presets import STILL, Quality
 
 if TYPE_CHECKING:
-    from iprt.knobs import Assignment
-    from iprt.settings import Settings
+    from iprt.settings.model import Settings
+    from iprt.settings.overrides import Assignment
 
 
 @dataclass(frozen=True)
@@ -44,13 +44,13 @@ class KnobFlags:
         IprtError
             A key is no knob, a value is not allowed, or a knob is given twice.
         """
-        from iprt.knobs import resolved
+        from iprt.settings.overrides import resolved
 
         return resolved(self.quality, self.assignments(still=still, **short))
 
     def assignments(self, *, still: bool = False, **short: object) -> list[Assignment]:
         """What file and flags set, in the order in which it counts; see `resolved`."""
-        from iprt.knobs import Assignment, parse_assignment, read_settings
+        from iprt.settings.overrides import Assignment, parse_assignment, read_settings
 
         file = [] if self.settings is None else read_settings(self.settings)
         flags = [parse_assignment("--set", text) for text in self.set]
@@ -72,7 +72,7 @@ def fixed_when_still(given: Sequence[Assignment]) -> list[Assignment]:
     IprtError
         A flag sets it, in vain.
     """
-    from iprt.knobs import Assignment
+    from iprt.settings.overrides import Assignment
 
     for item in given:
         if item.key in STILL:

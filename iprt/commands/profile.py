@@ -15,11 +15,11 @@ from iprt.errors import IprtError
 if TYPE_CHECKING:
     from iprt.device.compute import ComputeDevice
     from iprt.measure.cost_report import CostReport
+    from iprt.measure.profile_file import OldReport
     from iprt.measure.reel import Reel
-    from iprt.output.profile_file import OldReport
-    from iprt.scene.camera import View
+    from iprt.meshes.camera import View
     from iprt.scene.scene import Scene, SceneView
-    from iprt.settings import Settings
+    from iprt.settings.model import Settings
 
 
 def profile(
@@ -95,8 +95,8 @@ def profile(
     from iprt.commands.views import moving_view
     from iprt.device.choose import choose_device
     from iprt.device.compute import ComputeDevice
-    from iprt.output.atomic import require_writable
-    from iprt.output.profile_file import read_profile
+    from iprt.files.atomic import require_writable
+    from iprt.measure.profile_file import read_profile
     from iprt.scene.scene import Scene
 
     settings = knobs.resolved(method=method)
@@ -128,7 +128,7 @@ def _reel(
 ) -> Reel:
     """The video, if there is one; else a turn around the panorama."""
     from iprt.measure.reel import Playback, Turn
-    from iprt.scene.camera import View
+    from iprt.meshes.camera import View
 
     if len(scene.frame_indices) > 1:
         return Playback(scene, view, objects, settings)
@@ -165,9 +165,9 @@ def _print(
 ) -> None:
     """Results, to stdout."""
     from iprt.measure.changes import changed_settings, changes
+    from iprt.measure.profile_file import csv_text, json_text
+    from iprt.measure.table import change_grid, compile_grid, memory_grid, part_grid
     from iprt.output.grid import print_grid
-    from iprt.output.profile_file import csv_text, json_text
-    from iprt.output.table import change_grid, compile_grid, memory_grid, part_grid
 
     found = None if old is None else changes(old, report)
     if csv:

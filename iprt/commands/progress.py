@@ -7,7 +7,7 @@ import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from iprt.termination import at_termination
+from iprt.files.termination import at_termination
 
 CLEAR = b"\r\x1b[K\x1b[?25h"
 """Ends a bar that is being drawn: the line is empty, and the cursor is shown."""

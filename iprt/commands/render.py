@@ -170,7 +170,7 @@ def render(
 def _check_files(output: Path, profile: Path | None, aovs: Sequence[str], *, video: bool) -> None:
     """What can be said of the outputs before the scene is read."""
     from iprt.aovs import AOVS
-    from iprt.output.atomic import require_writable
+    from iprt.files.atomic import require_writable
     from iprt.output.picture import check_output
 
     if not video:
@@ -193,7 +193,7 @@ def _render_still(job: Job, output: Path, index: int) -> tuple[ComputeDevice, Fi
     from iprt.device.choose import choose_device
     from iprt.device.compute import ComputeDevice
     from iprt.device.recovery import with_second_try
-    from iprt.output.lock import locked
+    from iprt.files.lock import locked
     from iprt.output.picture import write_picture
 
     handle = choose_device(job.device)
@@ -227,9 +227,9 @@ def _report(
     from iprt.commands.streams import reporting
     from iprt.film import view_at
     from iprt.measure.cost_report import CostReport
+    from iprt.measure.profile_file import write_profile
+    from iprt.measure.table import pass_grid
     from iprt.output.grid import print_grid
-    from iprt.output.profile_file import write_profile
-    from iprt.output.table import pass_grid
 
     with reporting(f"{output} has been written all the same"):
         if rendered is None:

@@ -11,7 +11,7 @@ import tyro
 from iprt.commands.pairs import DepthRange
 from iprt.commands.streams import reporting
 from iprt.errors import IprtError
-from iprt.wording import counted
+from iprt.files.wording import counted
 
 if TYPE_CHECKING:
     from iprt.device.compute import ComputeDevice
@@ -44,7 +44,7 @@ def info(
         Exit status 0.
     """
     from iprt.commands.scene_report import plan_lines, render_plan, report_lines
-    from iprt.output.atomic import require_writable
+    from iprt.files.atomic import require_writable
     from iprt.scene.report import describe_scene
     from iprt.scene.scene import Scene
     from iprt.scene.thumbnail import write_thumbnail
@@ -190,8 +190,8 @@ def new(
         Exit status 0.
     """
     from iprt.commands.scene_report import first_look
+    from iprt.footage.video.depth_code import DepthCode
     from iprt.scene.edit import new_scene
-    from iprt.scene.video.depth_code import DepthCode
 
     if depth_scale is not None and not 0.0 < depth_scale < float("inf"):
         raise IprtError(f"--depth-scale {depth_scale:g}: expected a number above 0")

@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from iprt.device.compute import ComputeDevice
-    from iprt.scene.frame import Frame
+    from iprt.footage.frame import Frame
     from iprt.scene.report import ObjectReport, RealMaterialReport, SceneReport, Share
     from iprt.scene.scene import Scene
 
 
 def first_look(folder: Path) -> list[str]:
     """What the first frame of a new scene shows, for its maker to compare with the real place."""
+    from iprt.footage.surroundings import Surroundings
     from iprt.scene.report import unlikely
     from iprt.scene.scene import Scene
-    from iprt.scene.surroundings import Surroundings
 
     scene = Scene.open(folder)
     raw = scene.raw_frame()

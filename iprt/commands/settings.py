@@ -15,7 +15,7 @@ def settings(*, knobs: Knobs = BALANCED) -> int:
     int
         Exit status 0.
     """
-    from iprt.knobs import settings_toml
+    from iprt.settings.overrides import settings_toml
 
     title = f"Settings of iprt, from quality {knobs.quality}. Remove the # before a knob to set it."
     print(settings_toml(knobs.resolved(), title), end="")

@@ -10,7 +10,7 @@ import tyro
 from iprt.commands.knobs import BALANCED, Knobs
 from iprt.commands.pairs import Size
 from iprt.errors import IprtError
-from iprt.termination import at_termination
+from iprt.files.termination import at_termination
 
 if TYPE_CHECKING:
     from iprt.viewer.engine import Engine
@@ -105,7 +105,7 @@ def view(
     from iprt.device.choose import choose_device
     from iprt.device.compute import ComputeDevice
     from iprt.device.profile import SAMPLED_S
-    from iprt.scene.camera import View
+    from iprt.meshes.camera import View
     from iprt.scene.edits import SAVED_VIEW
     from iprt.scene.scene import Scene
     from iprt.viewer.engine import Engine

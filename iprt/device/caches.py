@@ -19,7 +19,7 @@ from pathlib import Path
 
 from iprt.device.budget import amount
 from iprt.errors import DeviceError
-from iprt.termination import register
+from iprt.files.termination import register
 
 NEEDED = 32 * 2**20
 """Free bytes: about eight times what the kernels of a picture take."""

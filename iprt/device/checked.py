@@ -31,13 +31,13 @@ GUARD_BYTES = 4096
 
 INFINITE: Mapping[str, str] = {
     "panorama.depth": "open sky is infinitely far",
-    "panorama.range": "the same; cl/surface.cl",
+    "panorama.range": "the same; cl/world/real/surface.cl",
     "panorama.background depth": "open sky is infinitely far",
-    "panorama.background color": "the same, in the fourth channel; cl/remember.cl",
-    "panorama.background range": "the same; cl/surface.cl",
-    "screen layers range": "where there is no object; cl/object_surface.cl",
+    "panorama.background color": "the same, in the fourth channel; cl/world/real/remember.cl",
+    "panorama.background range": "the same; cl/world/real/surface.cl",
+    "screen layers range": "where there is no object; cl/world/objects/object_surface.cl",
     "equirect layers range": "the same",
-    "real highlight": "all of what metal shows is highlight; cl/resample.cl",
+    "real highlight": "all of what metal shows is highlight; cl/view/resample.cl",
 }
 """Buffers that may hold infinities, and why."""
 

@@ -1,7 +1,7 @@
 """A device that counts what kernels have to do: rays, steps, and work items with something to do.
 
-Kernels that declare `WORK_PARAMETER` (`cl/lib/work.h`) are built once more, with counters, which
-cost time: `iprt profile` counts in frames that it does not time. Pictures are the same.
+Kernels that declare `WORK_PARAMETER` (`cl/lib/maths/work.h`) are built once more, with counters,
+which cost time: `iprt profile` counts in frames that it does not time. Pictures are the same.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ import pyopencl.array as cla
 
 from iprt.device.compute import ComputeDevice, Define, Kernel
 from iprt.device.profile import Profile
-from iprt.resources import CL
+from iprt.device.resources import CL
 
 COUNTERS = 9
-"""Counters of one launch, see `cl/lib/work.h`."""
+"""Counters of one launch, see `cl/lib/maths/work.h`."""
 
 
 @dataclass(frozen=True)

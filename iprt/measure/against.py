@@ -12,8 +12,8 @@ from iprt.measure.sweep import with_frames
 from iprt.measure.target import Radiance, Target
 
 if TYPE_CHECKING:
-    from iprt.scene.frame import Frame
-    from iprt.scene.mesh import Instance
+    from iprt.footage.frame import Frame
+    from iprt.meshes.mesh import Instance
     from iprt.scene.scene import Scene
 
 QUICK_S = 4.0

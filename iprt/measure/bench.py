@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING
 from iprt.measure.cost import Counted, WorkRow
 from iprt.measure.cost_report import CostReport
 from iprt.measure.reel import Reel, Turn
-from iprt.scene.camera import View
-from iprt.settings import Settings
+from iprt.meshes.camera import View
+from iprt.settings.model import Settings
 
 if TYPE_CHECKING:
     from iprt.device.compute import ComputeDevice
+    from iprt.footage.frame import Frame
+    from iprt.meshes.mesh import Instance
     from iprt.renderer import Renderer
-    from iprt.scene.frame import Frame
-    from iprt.scene.mesh import Instance
 
 WARM_UP = 16
 """Frames before the first that counts: one cycle of the tracing grid, in which the mask has also

@@ -15,9 +15,9 @@ from iprt.output.display import display
 
 if TYPE_CHECKING:
     from iprt.device.compute import ComputeDevice
-    from iprt.scene.frame import Frame
+    from iprt.footage.frame import Frame
     from iprt.scene.scene import Scene
-    from iprt.settings import Settings
+    from iprt.settings.model import Settings
 
 METHODS = ("iprt", "ibl")
 

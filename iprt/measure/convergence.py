@@ -17,9 +17,9 @@ from iprt.measure.target import Radiance, Scores, Target
 
 if TYPE_CHECKING:
     from iprt.device.compute import ComputeDevice
-    from iprt.scene.frame import Frame
+    from iprt.footage.frame import Frame
     from iprt.scene.scene import Scene
-    from iprt.settings import Settings
+    from iprt.settings.model import Settings
 
 MAX_COUNT = 2**16
 

@@ -14,8 +14,8 @@ from iprt.measure.cost import (
     frame_timing,
     pass_rows,
 )
-from iprt.scene.camera import View
-from iprt.settings import Settings
+from iprt.meshes.camera import View
+from iprt.settings.model import Settings
 
 if TYPE_CHECKING:
     from iprt.device.compute import ComputeDevice

@@ -7,16 +7,16 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Protocol
 
-from iprt.scene.camera import View
-from iprt.settings import Settings
+from iprt.meshes.camera import View
+from iprt.settings.model import Settings
 
 if TYPE_CHECKING:
     from contextlib import AbstractContextManager
 
     from iprt.device.compute import ComputeDevice
+    from iprt.footage.frame import Frame
+    from iprt.meshes.mesh import Instance
     from iprt.renderer import Renderer
-    from iprt.scene.frame import Frame
-    from iprt.scene.mesh import Instance
     from iprt.scene.scene import Scene, SceneView
 
 TURN_DEG = 0.2

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from iprt.files.atomic import replacing
 from iprt.measure import metrics
 from iprt.measure.compare import DIFFERENCE_GAIN, Compared, difference
 from iprt.measure.plot import Plot
-from iprt.output.atomic import replacing
 from iprt.output.display import display
 from iprt.output.grid import Grid
 

@@ -9,19 +9,19 @@ from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any, get_args
 
 from iprt.errors import IprtError
-from iprt.knobs import Assignment, changed, parse_assignment, resolved
 from iprt.measure.bench import WARM_UP, benchmark
 from iprt.measure.compare import render_target, scored
 from iprt.measure.cost_report import CostReport
 from iprt.measure.intervals import Estimate
 from iprt.measure.pareto import pareto_front
 from iprt.measure.target import Radiance, Scores, Target
-from iprt.presets import STILL, Quality
-from iprt.settings import Settings
+from iprt.settings.model import Settings
+from iprt.settings.overrides import Assignment, changed, parse_assignment, resolved
+from iprt.settings.presets import STILL, Quality
 
 if TYPE_CHECKING:
     from iprt.device.compute import ComputeDevice
-    from iprt.scene.frame import Frame
+    from iprt.footage.frame import Frame
     from iprt.scene.scene import Scene
 
 QUALITY = "quality"

@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import FormatError, IprtError, SceneError
+from iprt.files.images import read_color
+from iprt.footage.video.sequence import frame_path
 from iprt.measure import metrics
 from iprt.output.display import display
-from iprt.scene.images import read_color
-from iprt.scene.video.sequence import frame_path
 
 if TYPE_CHECKING:
-    from iprt.scene.camera import View
+    from iprt.meshes.camera import View
     from iprt.scene.scene import Scene
 
 LOG = logging.getLogger("iprt.measure")

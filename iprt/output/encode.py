@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import FormatError
-from iprt.output.atomic import replacing
+from iprt.files.atomic import replacing
 from iprt.output.boxes import index_first
 from iprt.output.display import display
 from iprt.output.ycbcr import ycbcr420

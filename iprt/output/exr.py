@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import FormatError
-from iprt.output.atomic import replacing
+from iprt.files.atomic import replacing
 
 _SCALAR_SUFFIX = {"depth": "Z", "coverage": "A"}
 _GEOMETRIC = ("normal", "position", "motion")

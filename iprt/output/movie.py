@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import FormatError
-from iprt.output.atomic import replacing, require_regular
+from iprt.files.atomic import replacing, require_regular
 from iprt.output.encode import CodecName, encode_piece, join_pieces, planes, read_comment
 from iprt.output.frames import FrameOutput
 from iprt.output.metadata import difference

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import FormatError
-from iprt.output.atomic import require_writable
+from iprt.files.atomic import require_writable
 
 SUFFIXES = (".exr", ".png")
 

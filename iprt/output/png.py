@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import FormatError
-from iprt.output.atomic import replacing
+from iprt.files.atomic import replacing
 from iprt.output.display import require_radiance
 from iprt.output.tone import Bytes, developed
 

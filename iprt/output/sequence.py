@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from iprt.errors import FormatError
+from iprt.files.problems import FRAME_PATTERN
 from iprt.output.encode import FORMATS
 from iprt.output.frames import FrameOutput
 from iprt.output.metadata import difference
 from iprt.output.picture import write_picture
-from iprt.scene.manifest_problems import FRAME_PATTERN
 
 if TYPE_CHECKING:
     from iprt.renderer import RenderedFrame
@@ -122,7 +122,7 @@ def read_metadata(path: Path) -> Metadata | None:
 
 
 def _read_exr(path: Path) -> dict[str, str]:
-    from iprt.scene.exr import exr_size
+    from iprt.files.exr import exr_size
 
     exr_size(path)  # complete
     import OpenEXR

@@ -12,7 +12,7 @@ from itertools import groupby
 from pathlib import Path
 
 from iprt.device.profile import Kind, Span
-from iprt.output.atomic import replacing
+from iprt.files.atomic import replacing
 
 PROCESS = 1
 FRAMES, HOST, DEVICE = 1, 2, 3

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import SceneError
+from iprt.meshes.mesh import Instance, Mesh, motion_between
 from iprt.raster.region import box_corners
 from iprt.raster.targets import texture_bytes
-from iprt.scene.mesh import Instance, Mesh, motion_between
 
 Float = NDArray[np.float64]
 

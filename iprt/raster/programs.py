@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import moderngl
 
+from iprt.meshes.camera import Projection
 from iprt.raster.context import load_program
 from iprt.raster.layers import SAMPLES
-from iprt.scene.camera import Projection
 
 
 @dataclass(frozen=True)

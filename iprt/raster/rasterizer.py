@@ -10,15 +10,15 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from iprt.meshes.camera import Projection, View
+from iprt.meshes.material import Material
+from iprt.meshes.mesh import Instance
 from iprt.raster.context import bind_textures, create_context, set_uniforms
 from iprt.raster.geometry import Part, WorldGeometry
 from iprt.raster.layers import COVERAGE_TOLERANCE, NO_MOTION, SAMPLES, Layer, ObjectLayers
 from iprt.raster.programs import Programs
 from iprt.raster.region import Rect, box_rects, merge
 from iprt.raster.targets import Target, Targets, texture_bytes
-from iprt.scene.camera import Projection, View
-from iprt.scene.material import Material
-from iprt.scene.mesh import Instance
 
 _TILE = 512
 """Pixels; coverage is rendered in tiles, so that its target stays small in any view."""

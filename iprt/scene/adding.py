@@ -11,8 +11,15 @@ import tomlkit
 from numpy.typing import NDArray
 
 from iprt.errors import SceneError
-from iprt.output.atomic import replacing
-from iprt.scene.animated_mesh import load_animated_mesh
+from iprt.files.atomic import replacing
+from iprt.files.path_safety import anywhere, require_inside
+from iprt.files.toml_text import parse_toml
+from iprt.files.untrusted import MAX_OBJECTS
+from iprt.meshes.animated_mesh import load_animated_mesh
+from iprt.meshes.gltf_clip import animation_names
+from iprt.meshes.mesh import Instance, Mesh
+from iprt.meshes.mesh_files import MeshFile
+from iprt.meshes.meshes import load_mesh
 from iprt.scene.edit import (
     VIEW_SIZE,
     changing,
@@ -23,17 +30,10 @@ from iprt.scene.edit import (
     outdate_truths,
     quoted,
 )
-from iprt.scene.gltf_clip import animation_names
-from iprt.scene.inside import anywhere, require_inside
 from iprt.scene.manifest import MANIFEST_NAME, manifest_text, parse_manifest
-from iprt.scene.mesh import Instance, Mesh
-from iprt.scene.mesh_files import MeshFile
-from iprt.scene.meshes import load_mesh
 from iprt.scene.placement import RealSurfaces, bounds, metres, set_down
 from iprt.scene.scene import Scene
 from iprt.scene.stance import Stance, hints
-from iprt.scene.untrusted import MAX_OBJECTS
-from iprt.toml_text import parse_toml
 
 Corners = tuple[NDArray[np.float64], NDArray[np.float64]]
 

@@ -17,19 +17,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import FormatError, SceneError
-from iprt.output.atomic import replacing, require_writable
-from iprt.scene.images import read_depth
-from iprt.scene.inside import anywhere
+from iprt.files.atomic import replacing, require_writable
+from iprt.files.images import read_depth
+from iprt.files.path_safety import anywhere
+from iprt.files.problems import FRAME_PATTERN
+from iprt.files.termination import undisturbed
+from iprt.footage.video.container import is_container
+from iprt.footage.video.depth_code import DepthCode
+from iprt.footage.video.sequence import frame_path
+from iprt.footage.video.source import FrameSource
+from iprt.footage.video.table import VideoTable
+from iprt.meshes.mesh_files import MeshFile
 from iprt.scene.manifest import MANIFEST_NAME, parse_manifest
-from iprt.scene.manifest_problems import FRAME_PATTERN
-from iprt.scene.mesh_files import MeshFile
 from iprt.scene.sources import require_frames, require_sources
-from iprt.scene.video.container import is_container
-from iprt.scene.video.depth_code import DepthCode
-from iprt.scene.video.sequence import frame_path
-from iprt.scene.video.source import FrameSource
-from iprt.scene.video.table import VideoTable
-from iprt.termination import undisturbed
 
 VIEW_SIZE = (1024, 768)
 

@@ -16,9 +16,14 @@ import tomlkit
 from numpy.typing import NDArray
 
 from iprt.errors import SceneError
-from iprt.output.atomic import replacing
-from iprt.scene.animated_mesh import AnimatedMesh
-from iprt.scene.camera import View
+from iprt.files.atomic import replacing
+from iprt.files.path_safety import require_inside
+from iprt.meshes.animated_mesh import AnimatedMesh
+from iprt.meshes.camera import View
+from iprt.meshes.keyframes import ObjectMotion
+from iprt.meshes.material import Material
+from iprt.meshes.mesh import Mesh
+from iprt.meshes.mesh_files import MeshFile
 from iprt.scene.edit import (
     changing,
     copied,
@@ -26,8 +31,6 @@ from iprt.scene.edit import (
     object_text,
     outdate_truths,
 )
-from iprt.scene.inside import require_inside
-from iprt.scene.keyframes import ObjectMotion
 from iprt.scene.manifest import (
     MANIFEST_NAME,
     DiffuseTable,
@@ -35,9 +38,6 @@ from iprt.scene.manifest import (
     manifest_text,
     parse_manifest,
 )
-from iprt.scene.material import Material
-from iprt.scene.mesh import Mesh
-from iprt.scene.mesh_files import MeshFile
 from iprt.scene.objects import AnyMesh, SceneObject
 from iprt.scene.scene import Scene
 

@@ -24,23 +24,8 @@ from pydantic import (
 )
 
 from iprt.errors import SceneError
-from iprt.scene.camera import View
-from iprt.scene.gloss import MAX_REAL_MATERIALS, Plane, RealMaterial
-from iprt.scene.keyframes import (
-    Clip,
-    ObjectKeyframe,
-    ObjectKeyframes,
-    ViewKeyframe,
-    ViewKeyframes,
-)
-from iprt.scene.manifest_problems import (
-    MAX_PROBLEMS,
-    cross_problems,
-    describe,
-    problems_error,
-)
-from iprt.scene.material import Material
-from iprt.scene.table import (
+from iprt.files.problems import MAX_PROBLEMS, cross_problems, describe, problems_error
+from iprt.files.table import (
     FARTHEST,
     Color,
     Degrees,
@@ -57,9 +42,13 @@ from iprt.scene.table import (
     Table,
     Unit,
 )
-from iprt.scene.untrusted import MAX_OBJECTS
-from iprt.scene.video.table import VideoTable
-from iprt.toml_text import parse_toml, read_text
+from iprt.files.toml_text import parse_toml, read_text
+from iprt.files.untrusted import MAX_OBJECTS
+from iprt.footage.gloss import MAX_REAL_MATERIALS, Plane, RealMaterial
+from iprt.footage.video.table import VideoTable
+from iprt.meshes.camera import View
+from iprt.meshes.keyframes import Clip, ObjectKeyframe, ObjectKeyframes, ViewKeyframe, ViewKeyframes
+from iprt.meshes.material import Material
 
 MANIFEST_NAME = "scene.toml"
 MAX_VIEWS = 4096

@@ -10,14 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import FormatError
-from iprt.scene.animated_mesh import AnimatedMesh, load_animated_mesh
-from iprt.scene.images import read_color
-from iprt.scene.keyframes import ObjectMotion
+from iprt.files.images import read_color
+from iprt.files.untrusted import MAX_PIXELS, MAX_TRIANGLES
+from iprt.meshes.animated_mesh import AnimatedMesh, load_animated_mesh
+from iprt.meshes.keyframes import ObjectMotion
+from iprt.meshes.material import Material
+from iprt.meshes.mesh import Instance, Mesh
+from iprt.meshes.meshes import load_mesh
 from iprt.scene.manifest import DiffuseTable, Manifest, ObjectTable
-from iprt.scene.material import Material
-from iprt.scene.mesh import Instance, Mesh
-from iprt.scene.meshes import load_mesh
-from iprt.scene.untrusted import MAX_PIXELS, MAX_TRIANGLES
 
 AnyMesh = Mesh | AnimatedMesh
 

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from iprt.errors import SceneError
-from iprt.scene.camera import View, equirect_direction, equirect_pixel
-from iprt.scene.frame import Frame
-from iprt.scene.mesh import Instance, Mesh
-from iprt.scene.openings import solid_angles
+from iprt.footage.frame import Frame
+from iprt.footage.openings import solid_angles
+from iprt.meshes.camera import View, equirect_direction, equirect_pixel
+from iprt.meshes.mesh import Instance, Mesh
 from iprt.scene.stance import Stance
 
 Array = NDArray[np.float64]

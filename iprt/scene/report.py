@@ -11,21 +11,21 @@ from typing import Any
 import numpy as np
 
 from iprt.errors import IprtError
-from iprt.scene.clipped import Recovered
-from iprt.scene.frame import Frame
-from iprt.scene.images import picture_size
+from iprt.files.images import picture_size
+from iprt.files.problems import problems_error
+from iprt.footage.clipped import Recovered
+from iprt.footage.frame import Frame
+from iprt.footage.openings import classify_holes, solid_angles
+from iprt.footage.surroundings import Surroundings, normal_warnings
+from iprt.footage.video.incidents import bad_frames
+from iprt.footage.video.sequence import frame_path
+from iprt.footage.video.source import RawFrame
+from iprt.footage.video.tracks import depth_code
+from iprt.meshes.mesh import Instance
 from iprt.scene.manifest import MANIFEST_NAME
-from iprt.scene.manifest_problems import problems_error
-from iprt.scene.mesh import Instance
 from iprt.scene.objects import SceneObject
-from iprt.scene.openings import classify_holes, solid_angles
 from iprt.scene.placement import RealSurfaces
 from iprt.scene.scene import Scene
-from iprt.scene.surroundings import Surroundings, normal_warnings
-from iprt.scene.video.incidents import bad_frames
-from iprt.scene.video.sequence import frame_path
-from iprt.scene.video.source import RawFrame
-from iprt.scene.video.tracks import depth_code
 
 
 @dataclass(frozen=True)

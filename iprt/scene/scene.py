@@ -12,28 +12,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import FormatError, SceneError
-from iprt.scene.camera import View
-from iprt.scene.clipped import ClippedLights
-from iprt.scene.drift import Drift
-from iprt.scene.frame import Frame
-from iprt.scene.gloss import RealMaterial, with_gloss
-from iprt.scene.images import read_color
-from iprt.scene.inside import anywhere, require_inside
-from iprt.scene.keyframes import ViewMotion
+from iprt.files.images import read_color
+from iprt.files.path_safety import anywhere, require_inside
+from iprt.files.problems import problems_error
+from iprt.files.untrusted import MAX_PIXELS, is_file
+from iprt.footage.clipped import ClippedLights
+from iprt.footage.drift import Drift
+from iprt.footage.frame import Frame
+from iprt.footage.gloss import RealMaterial, with_gloss
+from iprt.footage.video.incidents import Stage, steady_frames
+from iprt.footage.video.source import FrameSource, RawFrame
+from iprt.footage.video.stream import Ahead
+from iprt.meshes.camera import View
+from iprt.meshes.keyframes import ViewMotion
+from iprt.meshes.mesh import Instance
 from iprt.scene.manifest import (
     MANIFEST_NAME,
     Manifest,
     ViewTable,
     read_manifest,
 )
-from iprt.scene.manifest_problems import problems_error
-from iprt.scene.mesh import Instance
 from iprt.scene.objects import SceneObject, load_objects, objects_at
 from iprt.scene.scene_files import made_of, missing_files
-from iprt.scene.untrusted import MAX_PIXELS, is_file
-from iprt.scene.video.incidents import Stage, steady_frames
-from iprt.scene.video.source import FrameSource, RawFrame
-from iprt.scene.video.stream import Ahead
 
 
 @dataclass(frozen=True)

@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from iprt.errors import FormatError
-from iprt.scene.inside import require_inside
+from iprt.files.path_safety import require_inside
+from iprt.files.untrusted import is_file
+from iprt.footage.video.sequence import frame_path
 from iprt.scene.manifest import MANIFEST_NAME
-from iprt.scene.untrusted import is_file
-from iprt.scene.video.sequence import frame_path
 
 if TYPE_CHECKING:
     from iprt.scene.scene import Scene

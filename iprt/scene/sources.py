@@ -8,10 +8,10 @@ from itertools import islice
 from pathlib import Path
 
 from iprt.errors import SceneError
-from iprt.scene.manifest_problems import FRAME_PATTERN, PICTURE_SUFFIXES
-from iprt.scene.untrusted import is_file
-from iprt.scene.video.container import is_container
-from iprt.wording import counted
+from iprt.files.problems import FRAME_PATTERN, PICTURE_SUFFIXES
+from iprt.files.untrusted import is_file
+from iprt.files.wording import counted
+from iprt.footage.video.container import is_container
 
 MAX_LISTED = 100_000
 """Files of a folder that are looked at."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from iprt.errors import SceneError
-from iprt.scene.table import FARTHEST
+from iprt.files.table import FARTHEST
 
 Array = NDArray[np.float64]
 

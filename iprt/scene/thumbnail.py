@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
-from iprt.output.atomic import replacing
-from iprt.scene.camera import View, equirect_pixel
-from iprt.scene.frame import Frame
+from iprt.files.atomic import replacing
+from iprt.footage.frame import Frame
+from iprt.meshes.camera import View, equirect_pixel
 from iprt.scene.scene import Scene
 
 WIDTH, HEIGHT = 1024, 512

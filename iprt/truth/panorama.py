@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.scene.camera import View
-from iprt.scene.frame import Frame
-from iprt.scene.mesh import Instance
+from iprt.footage.frame import Frame
+from iprt.meshes.camera import View
+from iprt.meshes.mesh import Instance
 from iprt.truth.denoise import denoise
 from iprt.truth.shapes import instance_shapes
 

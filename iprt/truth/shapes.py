@@ -9,8 +9,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.scene.material import MIRROR_ALPHA, Material
-from iprt.scene.mesh import Instance
+from iprt.meshes.material import MIRROR_ALPHA, Material
+from iprt.meshes.mesh import Instance
 from iprt.truth.backend import mitsuba
 
 

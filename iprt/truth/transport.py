@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.scene.camera import View
-from iprt.scene.frame import LUMINANCE, Frame
-from iprt.scene.openings import solid_angles
+from iprt.footage.frame import LUMINANCE, Frame
+from iprt.footage.openings import solid_angles
+from iprt.meshes.camera import View
 from iprt.truth.backend import vector_mitsuba
 from iprt.truth.depth_mesh import depth_mesh
 

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 from iprt.device.compute import ComputeDevice
 from iprt.errors import SceneError
+from iprt.footage.footage import Footage
+from iprt.footage.frame import Frame
 from iprt.memory import require_memory
+from iprt.meshes.camera import View
+from iprt.meshes.mesh import Instance, require_same_objects, same_places
 from iprt.renderer import RenderedFrame, Renderer
-from iprt.scene.camera import View
-from iprt.scene.footage import Footage
-from iprt.scene.frame import Frame
-from iprt.scene.mesh import Instance, require_same_objects, same_places
 from iprt.scene.objects import SceneObject
-from iprt.settings import Settings
+from iprt.settings.model import Settings
 from iprt.viewer.convergence import Convergence
 from iprt.viewer.geometry import Geometry
 from iprt.viewer.heap import give_back

@@ -13,7 +13,9 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any, Literal
 
-from iprt.knobs import (
+from iprt.files.toml_text import printable
+from iprt.settings.model import Settings
+from iprt.settings.overrides import (
     Assignment,
     Knob,
     Schema,
@@ -23,9 +25,7 @@ from iprt.knobs import (
     knobs,
     plain_values,
 )
-from iprt.presets import PRESETS, Quality
-from iprt.settings import Settings
-from iprt.toml_text import printable
+from iprt.settings.presets import PRESETS, Quality
 
 Kind = Literal["switch", "choice", "integer", "number", "numbers"]
 

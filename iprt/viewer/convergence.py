@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.scene.frame import LUMINANCE
+from iprt.footage.frame import LUMINANCE
 
 Picture = NDArray[np.float32]
 

@@ -11,15 +11,15 @@ from iprt.device.bands import Bands
 from iprt.device.compute import ComputeDevice
 from iprt.errors import DeviceHangError, DeviceLostError, IprtError, SceneError
 from iprt.film import footage_of
+from iprt.footage.footage import Footage
+from iprt.footage.frame import Frame
+from iprt.meshes.meshes import load_mesh
 from iprt.scene.edits import Look, ObjectEdit, edited_objects, flat
-from iprt.scene.footage import Footage
-from iprt.scene.frame import Frame
-from iprt.scene.meshes import load_mesh
 from iprt.scene.objects import SceneObject, objects_at
 from iprt.scene.placement import RealSurfaces, set_down
 from iprt.scene.scene import Scene
 from iprt.scene.stance import Stance
-from iprt.settings import Settings
+from iprt.settings.model import Settings
 from iprt.viewer.canvas import Stage
 from iprt.viewer.compiling import Compiling
 from iprt.viewer.exchange import Asked, Exchange, Wanted

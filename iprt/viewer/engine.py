@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 
 from iprt.aovs import AOVS
 from iprt.device.compute import ComputeDevice
+from iprt.meshes.material import Material
 from iprt.scene.edit import free_name
 from iprt.scene.edits import Look, ObjectEdit, flat, require_place
-from iprt.scene.material import Material
 from iprt.scene.scene import Scene
 from iprt.scene.stance import Stance
-from iprt.settings import Settings
+from iprt.settings.model import Settings
 from iprt.viewer.core import Core
 from iprt.viewer.exchange import Exchange
 from iprt.viewer.objects import ObjectState

@@ -9,9 +9,9 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Self
 
-from iprt.scene.frame import Frame
+from iprt.footage.frame import Frame
+from iprt.footage.video.stream import Ahead
 from iprt.scene.scene import Scene
-from iprt.scene.video.stream import Ahead
 from iprt.viewer.state import Playback
 
 WAKE_S = 0.1

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from iprt.meshes.camera import View
+from iprt.meshes.mesh import Instance
+from iprt.meshes.pose import view_from
 from iprt.renderer import Renderer
-from iprt.scene.camera import View
-from iprt.scene.mesh import Instance
-from iprt.scene.pose import view_from
 
 Float = NDArray[np.float64]
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from iprt.meshes.material import MaterialKind
 from iprt.output.tone import Curve
-from iprt.scene.material import MaterialKind
 from iprt.viewer.lens import Against
 from iprt.viewer.state import PlaybackMode
 

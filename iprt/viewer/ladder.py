@@ -13,9 +13,9 @@ from importlib.resources import files
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from iprt.knobs import changed, plain_values
-from iprt.presets import Quality
-from iprt.settings import Settings
+from iprt.settings.model import Settings
+from iprt.settings.overrides import changed, plain_values
+from iprt.settings.presets import Quality
 
 FILE = "ladder.json"
 NO_SLOWER = 0.99

@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Callable
 
-from iprt.settings import Settings
+from iprt.settings.model import Settings
 from iprt.viewer.ladder import Preview, Rung
 from iprt.viewer.pace import Pace
 from iprt.viewer.rate import Rate

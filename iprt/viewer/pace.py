@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from statistics import fmean, median
 
-from iprt.settings import Settings
+from iprt.settings.model import Settings
 from iprt.viewer.ladder import Ladder, Rung, measured_ladder, rungs_below
 
 SKIPPED = 2

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
+from iprt.footage.frame import Frame
+from iprt.meshes.camera import View, equirect_pixel
+from iprt.meshes.pose import view_from
 from iprt.renderer import RenderedFrame
-from iprt.scene.camera import View, equirect_pixel
-from iprt.scene.frame import Frame
-from iprt.scene.pose import view_from
 from iprt.viewer.session import Shown
 from iprt.viewer.state import Request
 

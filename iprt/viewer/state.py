@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from iprt.scene.camera import View
+from iprt.meshes.camera import View
 from iprt.scene.edits import ObjectEdit
-from iprt.settings import Settings
+from iprt.settings.model import Settings
 
 REST_FRAMES = 64
 """View frames to which a picture at rest is refined, as `iprt render` does with stills."""

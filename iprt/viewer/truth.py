@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from iprt.errors import IprtError
 from iprt.measure.target import Target, read_target, truth_indices
-from iprt.scene.camera import View
+from iprt.meshes.camera import View
 from iprt.scene.scene import Scene
 from iprt.viewer.session import Shown
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from iprt.errors import IprtError
-from iprt.scene.frame import Frame
+from iprt.footage.frame import Frame
 from iprt.scene.scene import Scene
 from iprt.viewer.exchange import Exchange
 from iprt.viewer.feed import Feed

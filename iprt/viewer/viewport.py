@@ -11,14 +11,14 @@ from pathlib import Path
 import numpy as np
 
 from iprt.errors import IprtError
-from iprt.output.atomic import require_writable
+from iprt.files.atomic import require_writable
+from iprt.meshes.camera import View
+from iprt.meshes.pose import view_from
 from iprt.output.metadata import picture_metadata
 from iprt.output.picture import check_output, write_picture
 from iprt.output.png import write_pixels
-from iprt.scene.camera import View
 from iprt.scene.edits import Look
 from iprt.scene.placement import set_on
-from iprt.scene.pose import view_from
 from iprt.viewer.developer import Developer
 from iprt.viewer.engine import Client, Engine
 from iprt.viewer.lens import Lens

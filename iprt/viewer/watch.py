@@ -7,10 +7,10 @@ from contextlib import suppress
 from pathlib import Path
 
 from iprt.errors import IprtError
+from iprt.files.problems import FRAME_PATTERN
+from iprt.footage.video.sequence import frame_path
+from iprt.meshes.mesh_files import MeshFile
 from iprt.scene.manifest import MANIFEST_NAME, Manifest, read_manifest
-from iprt.scene.manifest_problems import FRAME_PATTERN
-from iprt.scene.mesh_files import MeshFile
-from iprt.scene.video.sequence import frame_path
 
 MOST_FRAMES = 64
 """Frames of a video of pictures that are watched, from the first on."""

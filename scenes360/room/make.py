@@ -14,9 +14,9 @@ from typing import Protocol
 
 import numpy as np
 
+from iprt.meshes.camera import View
+from iprt.meshes.material import Material
 from iprt.output.exr import write_exr
-from iprt.scene.camera import View
-from iprt.scene.material import Material
 from iprt.truth.model import Parts, render_color, render_geometry, render_mask
 from iprt.truth.shapes import bsdf_of, mitsuba_mesh
 from scenes360.files import cuts, rounded, toml_matrix, write_planes

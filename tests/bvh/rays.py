@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from iprt.scene.mesh import Instance
+from iprt.meshes.mesh import Instance
 from tests.bvh.meshes import placed, turned
 from tests.kernels.tracing import random_directions
 

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from iprt.bvh.scene import SceneBuilder
 from iprt.device.compute import ComputeDevice
-from iprt.passes.object_bvh import ObjectBvh
-from iprt.scene.mesh import Instance
+from iprt.meshes.mesh import Instance
+from iprt.world.objects.object_bvh import ObjectBvh
 from tests.kernels.tracing import build, four
 
 KERNEL = """
-#include "scene.h"
+#include "world/scene.h"
 #if defined(__has_attribute)
 #if __has_attribute(intel_vec_len_hint)
 __attribute__((intel_vec_len_hint(1)))

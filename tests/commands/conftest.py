@@ -16,7 +16,7 @@ from iprt.commands.render import render
 from iprt.device.profile import Profile
 from iprt.film import view_at
 from iprt.renderer import RenderedFrame
-from iprt.settings import Settings
+from iprt.settings.model import Settings
 from tests.clips import write_clip
 from tests.profiles import frame
 

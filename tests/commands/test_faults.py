@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from iprt import cli
-from iprt.output.lock import NAME, locked
+from iprt.files.lock import NAME, locked
 from iprt.output.picture import write_picture
 from iprt.renderer import Renderer
 from tests.scene.files import write_rgb

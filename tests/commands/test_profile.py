@@ -68,7 +68,8 @@ def test_a_still_scene_is_profiled_and_compared(
     assert passes["rasterize view"]["host_ms"] > 0.0
     # What kernels are given is no larger than all there is.
     assert 0 < delta["bytes"] <= sum(record["buffers"].values())
-    assert {program.split()[0] for program in record["compiled"]} >= {"composite.cl", "mask.cl"}
+    compiled = {program.split()[0] for program in record["compiled"]}
+    assert compiled >= {"view/composite.cl", "filter/mask.cl"}
     assert record["compile_ms"] == pytest.approx(
         sum(record["compiled"].values()) + sum(record["first_launches"].values())
     )
@@ -97,7 +98,7 @@ def test_a_video_plays(tmp_path: Path, printed: Callable[..., str]) -> None:
     assert launches["composite"] == 1.0
     # A device that is shared may have compiled all it needs; what it has is not part of a pass.
     programs = [row for row in rows if row["kind"] == "program"]
-    assert any(row["part"].startswith("composite.cl") for row in programs)
+    assert any(row["part"].startswith("view/composite.cl") for row in programs)
     assert all(float(row["build_ms"]) >= 0.0 <= float(row["first_launch_ms"]) for row in programs)
     assert all(row["pass"] == "" and row["ms"] == "" for row in programs)
 
@@ -105,7 +106,7 @@ def test_a_video_plays(tmp_path: Path, printed: Callable[..., str]) -> None:
 @pytest.mark.gl
 def test_tables_name_kernels_buffers_and_programs(room: Path, printed: Callable[..., str]) -> None:
     text = printed(room, "--frames", 1)
-    for part in ("trace_delta", "active", "MiB", "composite.cl", "frames/s"):
+    for part in ("trace_delta", "active", "MiB", "view/composite.cl", "frames/s"):
         assert part in text
 
 

@@ -13,10 +13,10 @@ import pytest
 from iprt.commands.knobs import KnobFlags
 from iprt.commands.views import choose_view, moving_view
 from iprt.errors import FormatError, IprtError
-from iprt.scene.camera import View
+from iprt.meshes.camera import View
 from iprt.scene.scene import Scene
-from iprt.settings import Settings
-from iprt.settings_trace import TraceSettings
+from iprt.settings.model import Settings
+from iprt.settings.trace import TraceSettings
 from tests.commands.conftest import FakeFilm
 
 

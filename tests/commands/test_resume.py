@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from iprt import cli
-from iprt.scene.images import read_color
+from iprt.files.images import read_color
 from tests.clips import write_clip
 from tests.commands.test_faults import DEVICE, child_of
 from tests.waiting import DEADLINE_S, until

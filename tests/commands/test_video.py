@@ -16,7 +16,7 @@ from PIL import Image
 from iprt.commands.knobs import KnobFlags
 from iprt.commands.video import WARM_UP, runs, warm_up
 from iprt.errors import DeviceLostError, FormatError, IprtError
-from iprt.output.lock import locked
+from iprt.files.lock import locked
 from iprt.output.spherical import XML_ID
 from iprt.scene.fingerprint import fingerprint
 from iprt.scene.scene import Scene

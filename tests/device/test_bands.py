@@ -10,8 +10,8 @@ import pytest
 
 from iprt.device.bands import Bands
 from iprt.device.compute import ComputeDevice
+from iprt.meshes.camera import View
 from iprt.renderer import Renderer
-from iprt.scene.camera import View
 from iprt.scene.scene import Scene
 from tests.clips import write_clip
 from tests.viewer.turns import SETTINGS
@@ -116,7 +116,7 @@ def test_programs_that_are_not_in_use_are_forgotten(device: ComputeDevice) -> No
     own = ComputeDevice(device.device)
     own.most_programs = 3
     variants = [{"PLANE_PAD": 2 + number} for number in range(6)]
-    source, name = "composite.cl", "composite"
+    source, name = "view/composite.cl", "composite"
 
     def planned(number: int) -> list[tuple[str, str, dict[str, int]]]:
         return [(source, name, variants[number])]

@@ -14,10 +14,10 @@ from iprt.device import compute
 from iprt.device.checked import INFINITE, CheckedDevice
 from iprt.device.compute import ComputeDevice
 from iprt.device.plan import PlanDevice
+from iprt.device.resources import CL
 from iprt.errors import DefectError
+from iprt.footage.footage import Footage
 from iprt.renderer import Renderer
-from iprt.resources import CL
-from iprt.scene.footage import Footage
 from tests.films import entry_points, films, play
 
 COUNT = 70
@@ -152,7 +152,7 @@ def test_the_command_line_says_it_in_one_line(
 ) -> None:
     kernels = tmp_path / "cl"
     shutil.copytree(CL, kernels)
-    file = kernels / "composite.cl"
+    file = kernels / "view/composite.cl"
     right, wrong = "picture[i] = a >", "picture[i + 1] = a >"
     assert right in file.read_text()
     file.write_text(file.read_text().replace(right, wrong))
@@ -162,5 +162,5 @@ def test_the_command_line_says_it_in_one_line(
     words += ("--device", device.device.platform.name, "--set", "check_kernels=true")
     words += ("--method", "ibl")  # the fewest kernels
     line = fails(*words, code=70)
-    assert "pass 'composite': kernel 'composite' of cl/composite.cl wrote to 'picture'" in line
+    assert "pass 'composite': kernel 'composite' of cl/view/composite.cl wrote to 'picture'" in line
     assert not output.exists()

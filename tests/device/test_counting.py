@@ -7,10 +7,10 @@ import pytest
 
 from iprt.device.compute import ComputeDevice
 from iprt.device.counting import CountingDevice, Rays, Work
+from iprt.meshes.material import Material
+from iprt.meshes.mesh import Instance, Mesh
 from iprt.raster.layers import SAMPLES as COVERAGE_SAMPLES
 from iprt.renderer import Renderer
-from iprt.scene.material import Material
-from iprt.scene.mesh import Instance, Mesh
 from tests.bvh.tracing import BvhTracer
 from tests.films import films, play
 from tests.kernels.tracing import RealTracer, build, panorama_of, random_directions
@@ -20,7 +20,7 @@ from tests.worlds import bright_walls, room_frame
 
 TRACE = ("other", "trace")
 ADD = """
-#include "work.h"
+#include "maths/work.h"
 __kernel void add(const int count, const uint steps WORK_PARAMETER)
 {
     if (get_global_id(0) >= count)

@@ -183,7 +183,7 @@ for _ in range(2):
     device = ComputeDevice(choose_device(sys.argv[1]))
     told = device.profile.launched_first
     device.profile.launched_first = lambda *launch: (tell("told"), told(*launch))
-    kernel = device.kernel("pyramid.cl", "reduce_range")
+    kernel = device.kernel("world/real/pyramid.cl", "reduce_range")
     ranges = device.zeros("ranges", (4 * 2 + 2 * 1, 2))
     tell("built")
     for _ in range(2):
@@ -258,7 +258,7 @@ def test_without_a_trace_no_span_is_kept() -> None:
 def test_a_device_tells_transfers_from_kernels_and_counts_bytes(device: ComputeDevice) -> None:
     device.finish()
     device.profile.reset()
-    kernel = device.kernel("pyramid.cl", "reduce_range")
+    kernel = device.kernel("world/real/pyramid.cl", "reduce_range")
     with device.profile.section("some pass"):
         ranges = device.upload("ranges", np.ones((4 * 2 + 2 * 1, 2), np.float32))
         kernel((2, 1), 4, 2, 0, 8, ranges)

@@ -19,8 +19,8 @@ from iprt.device import compute as module
 from iprt.device import recovery
 from iprt.device.compute import ComputeDevice
 from iprt.device.recovery import with_second_try
+from iprt.device.resources import CL
 from iprt.errors import DeviceError, DeviceHangError, DeviceLostError, KernelError
-from iprt.resources import CL
 
 DEVICE = os.environ.get("IPRT_TEST_DEVICE", "pocl")
 EXHAUSTED = (cl.status_code.MEM_OBJECT_ALLOCATION_FAILURE, cl.status_code.OUT_OF_HOST_MEMORY)
@@ -268,14 +268,14 @@ def test_a_kernel_that_does_not_build_is_one_report(
 ) -> None:
     sources = tmp_path / "room" / "kernels"
     shutil.copytree(CL, sources)
-    with (sources / "composite.cl").open("a") as file:
+    with (sources / "view/composite.cl").open("a") as file:
         file.write("\n#ifdef RELIT\n__kernel void broken(void) { no_such_name = 1; }\n#endif\n")
         file.write("\n#error the end of composite.cl\n")
     monkeypatch.setattr(module, "CL", sources)
     status, picture = render("a.png")
     report = capsys.readouterr().err
     assert status == 3
-    assert report.startswith("iprt: error: cl/composite.cl did not build\n")
+    assert report.startswith("iprt: error: cl/view/composite.cl did not build\n")
     assert f"\n  device   {device.device.name.strip()}" in report
     assert f"\n  driver   {device.device.driver_version.strip()}\n" in report
     assert re.search(r"\n  options  -cl-std=CL1\.2 .*-I ", report)

@@ -66,7 +66,13 @@ def _one(target: str, folder: Path, flags: list[str]) -> None:
 
     import atheris
 
-    include = ["iprt.scene", "iprt.toml_text", "iprt.knobs", "trimesh.exchange", "tomllib"]
+    include = [
+        "iprt.scene",
+        "iprt.files.toml_text",
+        "iprt.settings.overrides",
+        "trimesh.exchange",
+        "tomllib",
+    ]
     with atheris.instrument_imports(include=include):
         from tests.fuzz.seeds import nasty, right
         from tests.fuzz.targets import Reading

@@ -12,11 +12,11 @@ import OpenEXR
 import trimesh
 from PIL import Image
 
-from iprt.knobs import resolved, settings_toml
+from iprt.settings.overrides import resolved, settings_toml
+from tests.footage.video.encoding import Track, grey16, plain, write_video
 from tests.scene import corpus
 from tests.scene.files import CUBE, MANIFEST, OBJECT, VIEW, write_channels, write_png16
 from tests.scene.nasty_meshes import BINARY, CORNERS, DATA, TEXTURED, glb, gltf, ply
-from tests.scene.video.encoding import Track, grey16, plain, write_video
 
 PARTS = b"\n=====\n"
 """Between an OBJ file and its MTL file, which are fuzzed as one."""

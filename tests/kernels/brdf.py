@@ -1,4 +1,4 @@
-"""`cl/lib/brdf.h` called from Python, in the local frame (normal +z) unless told otherwise."""
+"""`cl/lib/world/brdf.h` called from Python, by default in the local frame (normal +z)."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
-from iprt.scene.material import Material, material_defines, material_table
+from iprt.meshes.material import Material, material_defines, material_table
 from tests.kernels.wrap import evaluate
 
 Array = NDArray[np.float32]

@@ -10,9 +10,9 @@ import pytest
 from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
-from tests.kernels.lighting import numbers
-from tests.kernels.sphere import Bins, agreement, even_directions
 from tests.kernels.wrap import evaluate
+from tests.world.real.lighting import numbers
+from tests.world.real.sphere import Bins, agreement, even_directions
 
 Float = NDArray[np.float64]
 

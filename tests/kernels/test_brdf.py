@@ -1,11 +1,11 @@
-"""cl/lib/brdf.h: values against float64 twins, energy, reciprocity, extremes, build variants."""
+"""cl/lib/world/brdf.h: values against float64 twins, energy, reciprocity, extremes, variants."""
 
 import numpy as np
 import pyopencl as cl
 import pytest
 
-from iprt.scene.coat import rough_transmittance
-from iprt.scene.material import Material, material_defines
+from iprt.meshes.coat import rough_transmittance
+from iprt.meshes.material import Material, material_defines
 from tests.kernels.brdf import call, grid, needed_defines
 from tests.kernels.wrap import evaluate
 from tests.oracles import brdf as oracle

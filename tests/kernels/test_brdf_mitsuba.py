@@ -11,7 +11,7 @@ import sys
 import numpy as np
 import pytest
 
-from iprt.scene.material import Material
+from iprt.meshes.material import Material
 from tests.kernels.brdf import call
 from tests.oracles import brdf as oracle
 

@@ -1,4 +1,4 @@
-"""cl/lib/maths.h against float64."""
+"""cl/lib/maths/maths.h against float64."""
 
 import numpy as np
 

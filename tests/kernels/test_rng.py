@@ -1,4 +1,4 @@
-"""cl/lib/rng.h: hashes that scatter, numbers that fill [0, 1)."""
+"""cl/lib/maths/rng.h: hashes that scatter, numbers that fill [0, 1)."""
 
 import numpy as np
 from scipy.stats import chi2

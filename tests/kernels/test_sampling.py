@@ -1,4 +1,4 @@
-"""cl/lib/sampling.h: the (0,2)-sequence property, decorrelated seeds, frames, the cosine lobe."""
+"""cl/lib/maths/sampling.h: (0,2)-sequences, decorrelated seeds, frames, the cosine lobe."""
 
 import numpy as np
 import pytest

@@ -11,21 +11,21 @@ from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice, Kernel
 from iprt.device.counting import CountingDevice, CountingKernel
-from iprt.passes.object_layers import EMPTY, NO_LAYERS, TracedLayers, int4
-from iprt.passes.panorama import Panorama
+from iprt.device.resources import CL
+from iprt.footage.frame import Frame
+from iprt.meshes.camera import View
 from iprt.raster.layers import Layer, ObjectLayers
-from iprt.resources import CL
-from iprt.scene.camera import View
-from iprt.scene.frame import Frame
-from iprt.settings_trace import TraceSettings
+from iprt.settings.trace import TraceSettings
+from iprt.world.objects.object_layers import EMPTY, NO_LAYERS, TracedLayers, int4
+from iprt.world.real.panorama import Panorama
 from tests.oracles.worlds import Solid
 
 SURFACE, SIDE, BACK_FACE, SKY, UNKNOWN = range(5)
 
 REAL_KERNEL = """
-#include "grid.h"
+#include "maths/grid.h"
 %s
-#include "scene.h"
+#include "world/scene.h"
 __kernel void trace(const int n, __global const float4 *origin, __global const float4 *direction,
                     __global float4 *found, __global int4 *what,
                     REAL_PARAMETERS WORK_PARAMETER)
@@ -135,7 +135,7 @@ def panorama_of(device: ComputeDevice, frame: Frame, *before: Frame) -> Panorama
 
 
 OBJECT_KERNEL = """
-#include "scene.h"
+#include "world/scene.h"
 __kernel void trace(const int n, __global const float4 *origin, __global const float4 *direction,
                     __global float *found, __global int2 *what, __global const float *view,
                     OBJECT_PARAMETERS)

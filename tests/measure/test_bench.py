@@ -18,9 +18,9 @@ from iprt.errors import IprtError
 from iprt.measure import bench as bench_module
 from iprt.measure.bench import WARM_UP, benchmark
 from iprt.measure.reel import TURN_DEG, to_and_fro, turned
-from iprt.scene.camera import View
+from iprt.meshes.camera import View
 from iprt.scene.scene import Scene
-from iprt.settings import Settings
+from iprt.settings.model import Settings
 from tests.profiles import frame, launch
 
 ROOM = Path(__file__).parents[2] / "scenes360" / "room"

@@ -19,9 +19,9 @@ from iprt.measure.changes import (
     require_comparable,
 )
 from iprt.measure.cost_report import CostReport
-from iprt.output.profile_file import OldReport, json_text, read_profile
-from iprt.scene.camera import View
-from iprt.settings import Settings
+from iprt.measure.profile_file import OldReport, json_text, read_profile
+from iprt.meshes.camera import View
+from iprt.settings.model import Settings
 from tests.measure.test_cost import device_with
 from tests.profiles import frame
 

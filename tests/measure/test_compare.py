@@ -23,10 +23,10 @@ from iprt.errors import FormatError, IprtError, SceneError
 from iprt.measure import metrics
 from iprt.measure.compare import Compared, Comparison, compare_views
 from iprt.measure.target import Scores, views_with_truth
+from iprt.meshes.camera import View
 from iprt.output.display import display
 from iprt.output.exr import write_exr
-from iprt.scene.camera import View
-from iprt.settings import Settings
+from iprt.settings.model import Settings
 
 KEYS = ["view", "method", "background", "ssim", "ssim_cuts", "psnr", "mse", "rmse", "flip", "ms"]
 CUTS = ((2, 3, 20, 22), (0, 0, 40, 32))

@@ -16,9 +16,9 @@ from iprt.device.counting import Rays, Work
 from iprt.device.profile import Kind, Profile
 from iprt.measure.cost import BLOCKS, FEWEST_FRAMES, Timing, WorkRow, pass_rows
 from iprt.measure.cost_report import CostReport
-from iprt.output.profile_file import csv_text, json_text
-from iprt.scene.camera import View
-from iprt.settings import Settings
+from iprt.measure.profile_file import csv_text, json_text
+from iprt.meshes.camera import View
+from iprt.settings.model import Settings
 from tests.profiles import frame, launch
 
 WORK = Work(100, 30, 4, 2, Rays(40, 400, 25), Rays(10, 30, 5))

@@ -20,15 +20,15 @@ from iprt import cli
 from iprt.commands import bench_truth
 from iprt.commands.bench_truth import parse_levels
 from iprt.errors import DeviceError, IprtError
-from iprt.knobs import parse_assignment, resolved
+from iprt.files.images import read_color
 from iprt.measure.convergence import Point, parse_counts, seconds_to
 from iprt.measure.intervals import Estimate
 from iprt.measure.sweep import combinations, still_settings
 from iprt.measure.target import read_target
 from iprt.output.exr import write_exr
-from iprt.presets import PRESETS
-from iprt.scene.images import read_color
 from iprt.scene.scene import Scene
+from iprt.settings.overrides import parse_assignment, resolved
+from iprt.settings.presets import PRESETS
 from tests.measure.pages import page_of
 from tests.scene.files import MANIFEST, write_rgb, write_scene
 
@@ -330,7 +330,7 @@ def test_what_was_measured_before_an_error_is_kept(
 @pytest.mark.parametrize(("results", "printed"), [("", ""), ("1", "table\n")])
 def test_what_was_measured_before_a_signal_is_printed(results: str, printed: str) -> None:
     code = (
-        "import os, signal, time; from iprt.termination import end_on_signals\n"
+        "import os, signal, time; from iprt.files.termination import end_on_signals\n"
         "signal.signal(signal.SIGINT, signal.default_int_handler); end_on_signals()\n"
         "from iprt.commands.bench_truth import _printed_at_last\n"
         f"with _printed_at_last([{results}], lambda: print('table')):\n"

@@ -21,12 +21,12 @@ from iprt.measure.stability import CAUSES
 from iprt.measure.strip import COLUMNS, Strip
 from iprt.measure.sweep import Combination, combinations
 from iprt.measure.video import Player, over_background, resized
+from iprt.meshes.camera import View
 from iprt.output.display import display
 from iprt.output.exr import write_exr
-from iprt.scene.camera import View
 from iprt.scene.scene import SceneView
-from iprt.settings import Settings
-from tests.moving import write_moving
+from iprt.settings.model import Settings
+from tests.frame.moving import write_moving
 
 HEIGHT, WIDTH, FRAMES = 32, 40, 6
 COVERED, CHANGED = slice(4, 16), slice(16, 28)

@@ -18,22 +18,26 @@ SEED = 20240
 
 # File, how many of its mutants, tests that guard it.
 GUARDED = {
-    "iprt/scene/openings.py": (5, ("tests/scene/test_depth.py", "tests/scene/test_scene.py")),
-    "iprt/scene/outside.py": (4, ("tests/scene/test_outside.py",)),
-    "iprt/scene/normals.py": (8, ("tests/scene/test_normals.py",)),
-    "iprt/scene/depth.py": (7, ("tests/scene/test_depth.py", "tests/scene/test_scene.py")),
-    "iprt/scene/camera.py": (6, ("tests/scene/test_camera.py",)),
+    "iprt/footage/openings.py": (5, ("tests/footage/test_depth.py", "tests/scene/test_scene.py")),
+    "iprt/footage/window_environment.py": (4, ("tests/footage/test_window_environment.py",)),
+    "iprt/footage/normals.py": (8, ("tests/footage/test_normals.py",)),
+    "iprt/footage/depth.py": (7, ("tests/footage/test_depth.py", "tests/scene/test_scene.py")),
+    "iprt/meshes/camera.py": (6, ("tests/meshes/test_camera.py",)),
     "iprt/bvh/build.py": (3, ("tests/bvh/test_tree.py", "tests/bvh/test_traversal.py")),
     "iprt/bvh/cache.py": (2, ("tests/bvh/test_cache.py",)),
     "iprt/bvh/scene.py": (
         5,
-        ("tests/bvh/test_traversal.py", "tests/bvh/test_hit_points.py", "tests/test_memory.py"),
+        (
+            "tests/bvh/test_traversal.py",
+            "tests/bvh/test_hit_points.py",
+            "tests/frame/test_memory.py",
+        ),
     ),
     "iprt/bvh/tree.py": (6, ("tests/bvh/test_tree.py",)),
     "iprt/bvh/wide.py": (3, ("tests/bvh/test_tree.py", "tests/bvh/test_traversal.py")),
-    "iprt/passes/lights.py": (
+    "iprt/world/real/lights.py": (
         4,
-        ("tests/kernels/test_lights.py", "tests/passes/test_irradiance.py"),
+        ("tests/world/real/test_lights.py", "tests/world/real/test_irradiance.py"),
     ),
     "iprt/measure/metrics.py": (7, ("tests/measure/test_metrics.py",)),
     "iprt/measure/intervals.py": (2, ("tests/measure/test_intervals.py",)),
@@ -43,18 +47,18 @@ GUARDED = {
 
 # Why no test tells a mutant from the program, by its label.
 EQUIVALENT: dict[str, str] = {
-    "iprt/passes/lights.py: return np.zeros(rows * columns), cells[:0], np.zeros(1) -> "
+    "iprt/world/real/lights.py: return np.zeros(rows * columns), cells[:0], np.zeros(1) -> "
     "return np.zeros(rows * columns), cells[:1], np.zeros(1)": (
         "Without light there are no cells: both are empty."
     ),
-    "iprt/scene/normals.py: return 0.0 -> return 0.1": (
+    "iprt/footage/normals.py: return 0.0 -> return 0.1": (
         "The noise of panoramas of fewer than three rows, or without surfaces: nothing is fitted."
     ),
-    "iprt/scene/normals.py: self._joined = bool((self._same == self._same[0, 0]).all()) -> "
+    "iprt/footage/normals.py: self._joined = bool((self._same == self._same[0, 0]).all()) -> "
     "self._joined = bool((self._same == self._same[1, 0]).all())": (
         "If all are equal they equal any of them."
     ),
-    "iprt/scene/depth.py: sums: NDArray[Any] = rows[:, 0::2] + rows[:, 1::2] -> "
+    "iprt/footage/depth.py: sums: NDArray[Any] = rows[:, 0::2] + rows[:, 1::2] -> "
     "sums: NDArray[Any] = rows[:, 1::2] + rows[:, 1::2]": (
         "Where the solver starts from; it ends at the same depths."
     ),
@@ -75,7 +79,7 @@ EQUIVALENT: dict[str, str] = {
     "iprt/truth/sensor.py: [[*rotation[0], 0.0], [*rotation[1], 0.0], [*rotation[2], 0.0], "
     "[0, 0, 0, 1.0]] -> [[*rotation[0], 0.0], [*rotation[1], 0.0], [*rotation[2], 0.0], "
     "[0, 0, 0, 2.1]]": ("The same."),
-    "iprt/scene/normals.py: GAP_TOLERANCE = (3e-4, 0.05) -> GAP_TOLERANCE = (3e-4, 0.2)": (
+    "iprt/footage/normals.py: GAP_TOLERANCE = (3e-4, 0.05) -> GAP_TOLERANCE = (3e-4, 0.2)": (
         "A tuning value: nothing says how large a step in the noisiest depth still is one surface."
     ),
 }

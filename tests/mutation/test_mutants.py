@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from iprt.resources import CL
+from iprt.device.resources import CL
 from tests.mutation import kernels, sampled
 from tests.mutation.mutant import Mutant, read
 

@@ -1,4 +1,4 @@
-"""Float64 twins of `cl/lib/brdf.h`, in the local frame of the surface (normal +z).
+"""Float64 twins of `cl/lib/world/brdf.h`, in the local frame of the surface (normal +z).
 
 Everything is written from the textbook definitions (angles, tangents, explicit half vectors), not
 from the rearranged forms that the kernels use.
@@ -11,7 +11,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.scene.material import MIN_ALPHA, MIRROR_ALPHA, Material, material_table
+from iprt.meshes.material import MIN_ALPHA, MIRROR_ALPHA, Material, material_table
 
 Array = NDArray[np.float64]
 MIN_LOBE = 0.25

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.scene.camera import View
-from iprt.scene.mesh import Instance
+from iprt.meshes.camera import View
+from iprt.meshes.mesh import Instance
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]

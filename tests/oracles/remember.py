@@ -1,4 +1,4 @@
-"""NumPy twin of `cl/remember.cl`: the background of a static camera's video."""
+"""NumPy twin of `cl/world/real/remember.cl`: the background of a static camera's video."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.scene.frame import LUMINANCE, Frame
+from iprt.footage.frame import LUMINANCE, Frame
 
 Float = NDArray[np.float64]
 FOLLOW, SAME_NORMAL, RIM, LEAST_MARGIN = 1.0 / 64.0, 0.7, 2, 0.02

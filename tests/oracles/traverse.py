@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
-from iprt.passes.panorama import Panorama
-from iprt.scene.camera import equirect_pixel
+from iprt.meshes.camera import equirect_pixel
+from iprt.world.real.panorama import Panorama
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.scene.camera import View
-from iprt.scene.frame import Frame
+from iprt.footage.frame import Frame
+from iprt.meshes.camera import View
 
 Float = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from iprt.errors import FormatError
-from iprt.output.lock import NAME, locked
+from iprt.files.lock import NAME, locked
 
 ROOT = Path(__file__).parents[2]
 
@@ -48,7 +48,7 @@ def test_it_is_freed_by_an_error(tmp_path: Path) -> None:
 
 def test_a_killed_process_holds_nothing(tmp_path: Path) -> None:
     code = (
-        "import os, signal; from pathlib import Path; from iprt.output.lock import locked\n"
+        "import os, signal; from pathlib import Path; from iprt.files.lock import locked\n"
         f"with locked(Path({str(tmp_path)!r})): os.kill(os.getpid(), signal.SIGKILL)"
     )
     assert subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=False).returncode == -9

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from iprt.errors import FormatError
-from iprt.output.atomic import replacing
+from iprt.files.atomic import replacing
 from iprt.output.exr import write_exr
 from iprt.output.picture import check_output, write_picture
 from iprt.output.png import write_png

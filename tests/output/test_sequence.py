@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from iprt.errors import FormatError
+from iprt.meshes.camera import View
 from iprt.output.metadata import difference, picture_metadata
 from iprt.output.picture import write_picture
 from iprt.output.sequence import PictureSequence, is_pattern, is_video, numbered, read_metadata
 from iprt.renderer import RenderedFrame
-from iprt.scene.camera import View
-from iprt.settings import Settings
+from iprt.settings.model import Settings
 
 PICTURE = RenderedFrame(np.full((4, 6, 3), 0.5, np.float32), {})
 

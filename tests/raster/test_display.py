@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from iprt.meshes.camera import View
+from iprt.meshes.mesh import Instance
 from iprt.raster.layers import COVERAGE_TOLERANCE, NO_MOTION, SAMPLES
-from iprt.scene.camera import View
-from iprt.scene.mesh import Instance
 from tests.raster.shapes import Float, direction, mesh, placed, quad, rasterizer, sphere
 
 pytestmark = pytest.mark.gl

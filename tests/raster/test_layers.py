@@ -9,10 +9,10 @@ import moderngl
 import numpy as np
 import pytest
 
+from iprt.meshes.camera import View
+from iprt.meshes.material import Material
+from iprt.meshes.mesh import Instance, Mesh
 from iprt.raster.layers import ObjectLayers
-from iprt.scene.camera import View
-from iprt.scene.material import Material
-from iprt.scene.mesh import Instance, Mesh
 from tests.oracles.raster import Hits, Soup, cast_view, gather
 from tests.raster.shapes import direction, mesh, placed, quad, rasterizer, sphere
 

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from iprt.errors import DeviceError, SceneError
+from iprt.meshes.camera import View
+from iprt.meshes.material import Material
+from iprt.meshes.mesh import Instance
 from iprt.raster.rasterizer import Rasterizer
-from iprt.scene.camera import View
-from iprt.scene.material import Material
-from iprt.scene.mesh import Instance
 from tests.oracles.raster import cast, gather
 from tests.raster.shapes import mesh, placed, quad, rasterizer, sphere
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from iprt.meshes.camera import View
 from iprt.raster.region import Rect, box_corners, box_rects, merge
-from iprt.scene.camera import View
 
 VIEWS = [
     View(320, 160, projection="equirect"),

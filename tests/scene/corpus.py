@@ -16,14 +16,14 @@ from pathlib import Path
 import numpy as np
 
 from iprt.errors import IprtError
-from iprt.knobs import read_settings, resolved
-from iprt.scene.images import read_color, read_depth
-from iprt.scene.mesh import Mesh
-from iprt.scene.meshes import load_mesh
+from iprt.files.images import read_color, read_depth
+from iprt.footage.video.color import linear_color
+from iprt.footage.video.container import video_streams
+from iprt.footage.video.reader import OpenStreams
+from iprt.meshes.mesh import Mesh
+from iprt.meshes.meshes import load_mesh
 from iprt.scene.scene import Scene
-from iprt.scene.video.color import linear_color
-from iprt.scene.video.container import video_streams
-from iprt.scene.video.reader import OpenStreams
+from iprt.settings.overrides import read_settings, resolved
 from tests.scene import nasty_meshes, nasty_text, nasty_video  # noqa: F401  (they add to the corpus)
 from tests.scene.files import CUBE, write_scene
 from tests.scene.nasty import CORPUS, Nasty, Reader

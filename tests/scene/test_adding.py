@@ -14,12 +14,13 @@ from scipy.spatial.transform import Rotation
 
 from iprt import cli
 from iprt.errors import FormatError, SceneError
+from iprt.files.untrusted import MAX_OBJECTS
 from iprt.scene import edit
 from iprt.scene.adding import add_object
 from iprt.scene.manifest import MANIFEST_NAME, parse_manifest
 from iprt.scene.scene import Scene
 from iprt.scene.stance import UP_AXES, Stance
-from iprt.scene.untrusted import MAX_OBJECTS
+from tests.meshes.gltf_files import bar
 from tests.scene.files import (
     CUBE,
     IDENTITY,
@@ -30,7 +31,6 @@ from tests.scene.files import (
     snapshot,
     write_scene,
 )
-from tests.scene.gltf_files import bar
 
 LOOK = "--look=0,-50"
 

@@ -13,12 +13,12 @@ from tyro.extras import SubcommandApp
 
 from iprt.commands import scene as commands
 from iprt.errors import FormatError, IprtError, SceneError
+from iprt.footage.video.depth_code import DepthCode
 from iprt.scene.adding import add_object
 from iprt.scene.edit import new_scene, parse_material
 from iprt.scene.placement import RealSurfaces
 from iprt.scene.scene import Scene
 from iprt.scene.stance import Stance
-from iprt.scene.video.depth_code import DepthCode
 from tests.scene.files import (
     CUBE,
     HIGH,

@@ -11,10 +11,10 @@ import pytest
 from PIL import Image
 
 from iprt.errors import FormatError, SceneError
+from iprt.meshes.material import Material
+from iprt.meshes.meshes import load_mesh
 from iprt.scene.edit import free_name
 from iprt.scene.edits import ObjectEdit, edited_objects, flat, require_place, save_edits
-from iprt.scene.material import Material
-from iprt.scene.meshes import load_mesh
 from iprt.scene.objects import AnyMesh, objects_at
 from iprt.scene.scene import Scene
 from tests.scene.files import CUBE, IDENTITY, MANIFEST, snapshot, write_rgb, write_scene

@@ -9,13 +9,14 @@ import pytest
 from PIL import Image
 
 from iprt.errors import FormatError
-from iprt.scene import mesh_files, mesh_materials, meshes, untrusted
+from iprt.files import untrusted
+from iprt.files.images import read_color
+from iprt.footage.video import source
+from iprt.meshes import mesh_files, mesh_materials, meshes
+from iprt.meshes.meshes import load_mesh
 from iprt.scene import objects as objects_module
 from iprt.scene import scene as scene_module
-from iprt.scene.images import read_color
-from iprt.scene.meshes import load_mesh
 from iprt.scene.scene import Scene
-from iprt.scene.video import source
 from tests.scene.files import CUBE, IDENTITY, MANIFEST, write_scene
 
 COLORS = {"red": (255, 0, 0), "green": (0, 255, 0)}

@@ -13,12 +13,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
+from iprt.files.images import read_color, read_depth
+from iprt.footage.video.depth_code import DepthCode
+from iprt.meshes.meshes import load_mesh
 from iprt.output.exr import write_exr
 from iprt.scene.edit import _manifest_text, object_text
-from iprt.scene.images import read_color, read_depth
 from iprt.scene.manifest import parse_manifest
-from iprt.scene.meshes import load_mesh
-from iprt.scene.video.depth_code import DepthCode
 from tests.scene.files import write_channels, write_png16_grey
 from tests.scene.nasty_meshes import glb, gltf, ply
 

@@ -9,9 +9,9 @@ import pytest
 from PIL import Image
 
 from iprt.errors import FormatError, SceneError
+from iprt.footage.video.sequence import frame_path
+from iprt.footage.video.source import turned_color, turned_geometry
 from iprt.scene.scene import Scene
-from iprt.scene.video.sequence import frame_path
-from iprt.scene.video.source import turned_color, turned_geometry
 from tests.scene.files import (
     MANIFEST,
     OBJECT,

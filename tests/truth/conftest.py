@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from iprt.scene.camera import View
-from iprt.scene.frame import Frame
+from iprt.footage.frame import Frame
+from iprt.meshes.camera import View
 
 
 @pytest.fixture(scope="session")

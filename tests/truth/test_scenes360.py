@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from iprt.files.images import picture_size, read_color
+from iprt.footage.video.sequence import frame_path
 from iprt.measure.target import truth_indices
-from iprt.scene.camera import View
-from iprt.scene.images import picture_size, read_color
+from iprt.meshes.camera import View
 from iprt.scene.scene import Scene
-from iprt.scene.video.sequence import frame_path
 from scenes360.chart import make as chart
 from scenes360.train import plan as train
 

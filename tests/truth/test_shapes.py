@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from iprt.scene.camera import View
-from iprt.scene.mesh import Instance
-from iprt.scene.meshes import load_mesh
-from tests.scene.test_creases import exported
+from iprt.meshes.camera import View
+from iprt.meshes.mesh import Instance
+from iprt.meshes.meshes import load_mesh
+from tests.meshes.test_creases import exported
 
 pytestmark = pytest.mark.mitsuba
 

@@ -12,8 +12,8 @@ from iprt.scene.adding import add_object
 from iprt.scene.edits import ObjectEdit
 from iprt.scene.scene import Scene
 from iprt.scene.stance import Stance
+from tests.meshes.test_stl import solid
 from tests.scene.files import MANIFEST, write_scene
-from tests.scene.test_stl import solid
 from tests.viewer.turns import SETTINGS, Turns
 
 

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, create_model
 
 from iprt.errors import IprtError
-from iprt.knobs import Knob, changed, knobs, plain_values, resolved, settings_toml
-from iprt.presets import PRESETS, Quality
-from iprt.settings import Settings
+from iprt.settings.model import Settings
+from iprt.settings.overrides import Knob, changed, knobs, plain_values, resolved, settings_toml
+from iprt.settings.presets import PRESETS, Quality
 from iprt.viewer.controls import (
     Control,
     Slider,

@@ -11,12 +11,12 @@ import pytest
 
 from iprt.device.compute import ComputeDevice
 from iprt.film import footage_of
+from iprt.footage.frame import Frame
+from iprt.footage.video.stream import Ahead
+from iprt.meshes.material import Material
 from iprt.renderer import Renderer
 from iprt.scene.edits import ObjectEdit, flat
-from iprt.scene.frame import Frame
-from iprt.scene.material import Material
 from iprt.scene.scene import Scene
-from iprt.scene.video.stream import Ahead
 from iprt.viewer.state import Playback
 from tests.clips import write_clip
 from tests.viewer.turns import SETTINGS, VIEW, Turns, turns

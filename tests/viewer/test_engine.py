@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from iprt.device.compute import ComputeDevice
+from iprt.meshes.camera import View
+from iprt.meshes.material import Material
 from iprt.renderer import Renderer
-from iprt.scene.camera import View
 from iprt.scene.edits import ObjectEdit, flat
-from iprt.scene.material import Material
 from iprt.scene.placement import bounds, set_on
 from iprt.scene.scene import Scene
 from iprt.viewer.convergence import Convergence

@@ -11,11 +11,11 @@ import pytest
 from PIL import Image
 
 from iprt.device.compute import ComputeDevice
+from iprt.meshes.material import Material
 from iprt.scene.edits import ObjectEdit
-from iprt.scene.material import Material
 from iprt.scene.scene import Scene
 from iprt.scene.stance import Stance
-from iprt.settings import Settings
+from iprt.settings.model import Settings
 from iprt.viewer.exchange import Exchange
 from iprt.viewer.files import POLL_S
 from iprt.viewer.history import GESTURE_S

@@ -7,9 +7,9 @@ from typing import get_args
 import numpy as np
 import pytest
 
+from iprt.meshes.material import MaterialKind
+from iprt.meshes.mesh_files import MESH_SUFFIXES
 from iprt.output.tone import Curve
-from iprt.scene.material import MaterialKind
-from iprt.scene.mesh_files import MESH_SUFFIXES
 from iprt.viewer import labels
 from iprt.viewer.lens import BUFFERS, Against
 from iprt.viewer.screenshots import default_folder, free_path

@@ -14,10 +14,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from iprt.device.compute import ComputeDevice
-from iprt.knobs import changed, plain_values, resolved
-from iprt.presets import Quality
 from iprt.scene.scene import Scene
-from iprt.settings import Settings
+from iprt.settings.model import Settings
+from iprt.settings.overrides import changed, plain_values, resolved
+from iprt.settings.presets import Quality
 from iprt.viewer.engine import Engine
 from iprt.viewer.ladder import (
     SCALE,

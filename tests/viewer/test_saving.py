@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from iprt.device.compute import ComputeDevice
-from iprt.scene.camera import View
+from iprt.meshes.camera import View
+from iprt.meshes.material import Material
 from iprt.scene.edits import SAVED_VIEW, Look, ObjectEdit, flat
-from iprt.scene.material import Material
 from iprt.scene.scene import Scene
 from iprt.scene.stance import Stance
 from iprt.viewer.core import POLL_S

@@ -16,9 +16,9 @@ import pytest
 from iprt.aovs import AOVS
 from iprt.device.compute import ComputeDevice
 from iprt.errors import IprtError
+from iprt.meshes.camera import View
 from iprt.output.display import display
 from iprt.renderer import Renderer
-from iprt.scene.camera import View
 from iprt.scene.scene import Scene
 from iprt.scene.stance import Stance
 from iprt.viewer.developer import OUTDATED
@@ -161,8 +161,8 @@ def test_comparisons_are_of_the_same_view(
 
 def test_truth_is_scored_as_iprt_compare_does(engine: Engine, device: ComputeDevice) -> None:
     """SSIM of the shared scene format's own score function, and only in the view that it shows."""
+    from iprt.files.images import read_color
     from iprt.measure.target import read_target
-    from iprt.scene.images import read_color
 
     scene = Scene.open(Path(__file__).parents[2] / "scenes360" / "room")
     name = next(name for name, entry in scene.views.items() if entry.truth is not None)

@@ -13,9 +13,9 @@ import pytest
 
 from iprt.device import compute as module
 from iprt.device.compute import ComputeDevice
+from iprt.meshes.material import Material
 from iprt.renderer import Renderer
 from iprt.scene.edits import ObjectEdit
-from iprt.scene.material import Material
 from iprt.scene.scene import Scene
 from iprt.scene.stance import Stance
 from iprt.viewer.plain import resampled
@@ -220,6 +220,6 @@ def test_renderers_and_programs_do_not_pile_up(
         driver.settle()
         gc.collect()
         assert not [ref for ref in renderers if ref() is not None]
-        own.kernel("composite.cl", "composite", {"PLANE_PAD": 5})
+        own.kernel("view/composite.cl", "composite", {"PLANE_PAD": 5})
         assert len(own.built_programs) <= 8 < in_use
     assert len(renderers) > 12

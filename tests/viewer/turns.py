@@ -9,9 +9,9 @@ from dataclasses import replace
 from typing import Any
 
 from iprt.device.compute import ComputeDevice
-from iprt.scene.camera import View
+from iprt.meshes.camera import View
 from iprt.scene.scene import Scene
-from iprt.settings import Settings
+from iprt.settings.model import Settings
 from iprt.viewer.core import Core
 from iprt.viewer.exchange import Exchange
 from iprt.viewer.session import Shown

@@ -8,8 +8,8 @@ from imgui_bundle import icons_fontawesome_6 as icons
 from imgui_bundle import imgui
 
 from iprt.errors import IprtError
-from iprt.presets import PRESETS
-from iprt.settings import Settings
+from iprt.settings.model import Settings
+from iprt.settings.presets import PRESETS
 from iprt.viewer.controls import (
     DIGITS,
     Control,

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import IprtError
-from iprt.scene.mesh_files import MESH_SUFFIXES
-from iprt.settings import Settings
+from iprt.meshes.mesh_files import MESH_SUFFIXES
+from iprt.settings.model import Settings
 from iprt.viewer.desktop.gizmo import Mode
 from iprt.viewer.engine import Engine
 from iprt.viewer.objects import ObjectState

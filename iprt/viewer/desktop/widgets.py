@@ -8,8 +8,8 @@ from contextlib import contextmanager
 import numpy as np
 from imgui_bundle import imgui
 
+from iprt.files.images import decode_srgb
 from iprt.output.display import srgb_encode
-from iprt.scene.images import decode_srgb
 from iprt.viewer.desktop.style import ACCENT, QUIET
 from iprt.viewer.labels import PARTS, Label
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from iprt.viewer.needs import require_browser
 
 if TYPE_CHECKING:
-    from iprt.scene.camera import View
+    from iprt.meshes.camera import View
     from iprt.viewer.engine import Engine
 
 PORT = 8080

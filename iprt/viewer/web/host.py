@@ -10,7 +10,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from iprt.termination import at_termination
+from iprt.files.termination import at_termination
 from iprt.viewer.engine import Engine
 from iprt.viewer.web import Address, server
 from iprt.viewer.web.browser import Browser, Start

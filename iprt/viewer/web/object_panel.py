@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from iprt.errors import IprtError
+from iprt.files.images import decode_srgb
+from iprt.files.toml_text import printable
+from iprt.meshes.material import Material
+from iprt.meshes.mesh_files import MESH_SUFFIXES
 from iprt.output.display import srgb_encode
 from iprt.scene.edit import free_name
-from iprt.scene.images import decode_srgb
-from iprt.scene.material import Material
-from iprt.scene.mesh_files import MESH_SUFFIXES
-from iprt.toml_text import printable
 from iprt.viewer.labels import MATERIALS, PARTS
 from iprt.viewer.objects import ObjectState
 from iprt.viewer.web.binding import Binding, Choice, on_click, on_trigger, show

@@ -5,7 +5,7 @@ from __future__ import annotations
 from html import escape
 from typing import TYPE_CHECKING, Any
 
-from iprt.presets import PRESETS
+from iprt.settings.presets import PRESETS
 from iprt.viewer.controls import (
     Control,
     Slider,

@@ -1,0 +1,290 @@
+// One level of the edge-avoiding à-trous filter (IPRT "Filtering": 65x65 joint bilateral in five
+// levels; Dammertz et al. 2010; variance guidance after Schied et al. 2017, SVGF Eqs. 2-5).
+//
+// All planes of a signal share one set of weights, so that E_R and E_RV are averaged over the
+// same pixels before they are divided, and equal inputs give equal bits. The weight of a tap q is
+//   h(q) * falloff(k_n (1 - n_p . n_q) + k_d |n_p . (x_q - x_p)| / |x_p|
+//                   + (g_p - g_q)^2 / (k_v^2 (v_p + v_q) + floor^2)), 0 where ids differ,
+// where h is the B3 spline or, of 3x3 taps, that of ReLAX, g the scalar that the picture shows
+// (luminance of E_R - E_RV or of blocked - bounced light on real surfaces, of the signal on virtual
+// ones) and v its variance. Both variances enter, so that a pixel which missed
+// a rare event still takes part in what its noisy neighbours found.
+//
+//   in    guide (7 planes, guide.h), signal (SIGNAL_PLANES), variance (1) of g, roughness (1, GGX
+//         alpha; -DSPECULAR), borders wrapped in equirect views
+//   out   signal, variance: pixels without a surface are copied
+//
+// Build with -DSIGNAL_PLANES=3|6, -DDIFFERENCE for a real layer (planes E_R rgb, E_RV rgb with
+// -DCOMMON too, else blocked / E_R rgb, bounce / E_R rgb), -DSPECULAR for specular radiance,
+// -DEXTENT to filter only where there is anything but 0, -DTAPS=3|5 in a row, and -DGUIDED, without
+// which luminance does not count (IPRT's joint bilateral filter). Work groups of (n, 1) vectorize
+// best on CPUs.
+#include "gbuffer/guide.h"
+#include "filter/signal.h"
+
+#define MIRROR_ALPHA 1e-4f     // below: a perfect mirror, which is not filtered
+
+#if TAPS == 3
+#define MIDDLE 0.44198f       // weights of a row of taps, as in ReLAX
+#define SIDE 0.27901f
+#else
+#define MIDDLE 0.375f         // B3 spline, with 0.25 and 0.0625 to the sides
+#endif
+#define CENTRE (MIDDLE * MIDDLE)
+#define NORMAL_SPREAD 1.0f     // alpha^2 per sum of squared normal steps to the four neighbours
+#ifdef EXTENT
+// The columns of each row between which objects do anything, for all that is known.
+__kernel void find_extent(
+    __global const float *restrict signal,   // SIGNAL_PLANES planes
+    __global const float *restrict variance, // of the guide scalar's mean
+    __global int *restrict extent,           // out: per row first column and end; (width, 0): none
+    int width,
+    int height)
+{
+    int y = get_global_id(0);
+    if (y >= height)
+        return;
+    int size = plane_size(width, height), first = width, end = 0;
+    for (int x = 0; x < width; x++) {
+        int p = plane_index(x, y, width);
+        bool active = variance[p] > 0.0f;
+        #pragma unroll
+        for (int c = 0; c < SIGNAL_PLANES; c++)
+            active = active || signal[c * size + p] != 0.0f;
+        first = active ? min(first, x) : first;
+        end = active ? x + 1 : end;
+    }
+    extent[2 * y] = first;
+    extent[2 * y + 1] = end;
+}
+
+// The columns that the levels may change: those within their reach of active ones; and those that
+// they changed in the previous picture, which go back to 0 unless they are still within reach.
+__kernel void grow_extent(
+    __global const int *restrict found,    // per row first column and end, of find_extent
+    __global const int *restrict previous, // `grown` of the previous picture
+    __global int *restrict grown,          // out: per row
+    __global int *restrict extent,         // out: per row, what to filter
+    int reach,                             // of all levels together
+    int width,
+    int height)
+{
+    int y = get_global_id(0);
+    if (y >= height)
+        return;
+    int first = width, end = 0;
+    for (int row = max(y - reach, 0); row <= min(y + reach, height - 1); row++) {
+        first = min(first, found[2 * row]);
+        end = max(end, found[2 * row + 1]);
+    }
+    bool any = first < end, everywhere = false;
+#ifdef VIEW_EQUIRECT
+    everywhere = any && (first < reach || end > width - reach); // reaches across the seam
+#endif
+    first = !any ? width : everywhere ? 0 : max(first - reach, 0);
+    end = !any ? 0 : everywhere ? width : min(end + reach, width);
+    grown[2 * y] = first;
+    grown[2 * y + 1] = end;
+    bool before = previous[2 * y] < previous[2 * y + 1];
+    extent[2 * y] = before ? min(first, previous[2 * y]) : first;
+    extent[2 * y + 1] = before ? max(end, previous[2 * y + 1]) : end;
+}
+#endif
+
+__kernel void filter_level(
+    __global const float *restrict guide,        // 7 planes
+    __global const float *restrict signal,       // SIGNAL_PLANES planes
+    __global const float *restrict variance,     // of the guide scalar's mean
+    __global float *restrict signal_out,         // SIGNAL_PLANES planes
+    __global float *restrict variance_out,       // 1 plane
+#ifdef EXTENT
+    __global const int *restrict extent,         // per row first column and end; the rest is 0
+#endif
+#ifdef SPECULAR
+    __global const float *restrict roughness,    // of widen_lobes; below 1e-4 the pixel is copied
+    float lobe_fraction,                         // of the lobe's half width that taps may span
+#endif
+    int step,                                    // tap distance in pixels: 1, 2, 4, 8, 16
+    float normal_sharpness,                      // k_n
+    float plane_sharpness,                       // k_d
+    float variance_scale,                        // k_v^2
+    float floor_fraction,                        // floor, relative to the pixel's luminance
+    int x0,                                      // rectangle's first column
+    int y0,                                      // and row
+    int x1,                                      // end column
+    int y1,                                      // and row
+    int width,
+    int height)
+{
+    int x = x0 + (int)get_global_id(0), y = y0 + (int)get_global_id(1);
+#ifdef EXTENT
+    x += extent[2 * y];
+    x1 = extent[2 * y + 1];
+#endif
+    if (x >= x1 || y >= y1)
+        return;
+    int size = plane_size(width, height), stride = plane_stride(width);
+    int p = plane_index(x, y, width);
+
+    float nx = guide[p], ny = guide[size + p], nz = guide[2 * size + p];
+    float px = guide[3 * size + p], py = guide[4 * size + p], pz = guide[5 * size + p];
+    float id = guide[6 * size + p];
+    float plane = nx * px + ny * py + nz * pz;
+    float distance_squared = px * px + py * py + pz * pz;
+    float plane_scale = plane_sharpness / sqrt(fmax(distance_squared, 1e-30f));
+
+    float centre[SIGNAL_PLANES], sum[SIGNAL_PLANES];
+    #pragma unroll
+    for (int c = 0; c < SIGNAL_PLANES; c++) {
+        centre[c] = signal[c * size + p];
+        sum[c] = CENTRE * centre[c];
+    }
+    float weights = CENTRE;
+    float variances = CENTRE * CENTRE * variance[p];
+    float g = guide_scalar(centre);
+#if defined(DIFFERENCE) && !defined(COMMON)
+    float tolerance = floor_fraction; // the signal is a fraction of all light
+#else
+    float tolerance = floor_fraction * luminance((float3)(centre[0], centre[1], centre[2]));
+#endif
+    tolerance = variance_scale * variance[p] + tolerance * tolerance + 1e-30f;
+    // No tap matches -2, so that a pixel without a surface keeps what it has.
+    float same = id > 0.0f ? id : -2.0f;
+#ifdef SPECULAR
+    // The lobe of half width 2 alpha turns by twice the normal's angle and by the view angle.
+    float alpha = roughness[p];
+    same = alpha < MIRROR_ALPHA ? -2.0f : same;
+    float span = 2.0f * lobe_fraction * fmax(alpha, MIRROR_ALPHA);
+    float lobe = 0.5f / (span * span);
+    normal_sharpness = fmax(normal_sharpness, 8.0f * lobe);
+    lobe /= fmax(distance_squared, 1e-30f);
+#endif
+
+#ifdef SPECULAR
+#define LOBE_TERM(DX, DY, DZ) + lobe * ((DX) * (DX) + (DY) * (DY) + (DZ) * (DZ))
+#else
+#define LOBE_TERM(DX, DY, DZ)
+#endif
+#ifdef GUIDED
+#define NOISE_TERM(X) + X
+#else
+#define NOISE_TERM(X)
+#endif
+#define TAP(DX, DY, KERNEL)                                                                    \
+    {                                                                                          \
+        int q = p + step * (DX + DY * stride);                                                 \
+        float turn = 1.0f - (nx * guide[q] + ny * guide[size + q] + nz * guide[2 * size + q]); \
+        float qx = guide[3 * size + q], qy = guide[4 * size + q], qz = guide[5 * size + q];    \
+        float off_plane = nx * qx + ny * qy + nz * qz - plane;                                 \
+        float tap[SIGNAL_PLANES];                                                              \
+        _Pragma("unroll") for (int c = 0; c < SIGNAL_PLANES; c++) tap[c] = signal[c * size + q]; \
+        float dg = guide_scalar(tap) - g;                                                      \
+        float v = variance[q];                                                                 \
+        float x = normal_sharpness * fmax(turn, 0.0f) + plane_scale * fabs(off_plane)          \
+                  NOISE_TERM(dg * dg / (variance_scale * v + tolerance))                       \
+                  LOBE_TERM(qx - px, qy - py, qz - pz);                                        \
+        float w = guide[6 * size + q] == same ? KERNEL * falloff(x) : 0.0f;                    \
+        _Pragma("unroll") for (int c = 0; c < SIGNAL_PLANES; c++) sum[c] += w * tap[c];        \
+        weights += w;                                                                          \
+        variances += w * w * v;                                                                \
+    }
+#if TAPS == 3
+    TAP(-1, -1, SIDE * SIDE)
+    TAP(0, -1, MIDDLE * SIDE)
+    TAP(1, -1, SIDE * SIDE)
+    TAP(-1, 0, MIDDLE * SIDE)
+    TAP(1, 0, MIDDLE * SIDE)
+    TAP(-1, 1, SIDE * SIDE)
+    TAP(0, 1, MIDDLE * SIDE)
+    TAP(1, 1, SIDE * SIDE)
+#else
+#define ROW(DY, KERNEL)                                                                        \
+    TAP(-2, DY, KERNEL * 0.0625f)                                                              \
+    TAP(-1, DY, KERNEL * 0.25f)                                                                \
+    TAP(1, DY, KERNEL * 0.25f)                                                                 \
+    TAP(2, DY, KERNEL * 0.0625f)
+    ROW(-2, 0.0625f)
+    TAP(0, -2, 0.0625f * 0.375f)
+    ROW(-1, 0.25f)
+    TAP(0, -1, 0.25f * 0.375f)
+    ROW(0, 0.375f)
+    ROW(1, 0.25f)
+    TAP(0, 1, 0.25f * 0.375f)
+    ROW(2, 0.0625f)
+    TAP(0, 2, 0.0625f * 0.375f)
+
+#endif
+    // The quotient need not give back a lone centre's bits: copy it.
+    bool alone = weights <= CENTRE;
+    float scale = 1.0f / weights;
+    #pragma unroll
+    for (int c = 0; c < SIGNAL_PLANES; c++)
+        signal_out[c * size + p] = alone ? centre[c] : scale * sum[c];
+    variance_out[p] = alone ? variance[p] : scale * scale * variances;
+}
+
+#ifdef SPECULAR
+// GGX alpha of the lobe of a whole pixel: the normals within it turn its reflections too, by twice
+// their angle, as alpha does (Kaplanyan et al. 2016; Tokuyoshi and Kaplanyan 2019, Eq. 1). Where
+// surfaces bend within a pixel, one normal stands for many, and neighbours show what it misses.
+__kernel void widen_lobes(
+    __global const float *restrict guide,     // 7 planes
+    __global const float *restrict roughness, // GGX alpha
+    __global float *restrict widened,         // out: 1 plane; mirrors stay mirrors
+    int x0,                                   // rectangle's first column
+    int y0,                                   // and row
+    int x1,                                   // end column
+    int y1,                                   // and row
+    int width,
+    int height)
+{
+    int x = x0 + (int)get_global_id(0), y = y0 + (int)get_global_id(1);
+    if (x >= x1 || y >= y1)
+        return;
+    int size = plane_size(width, height), stride = plane_stride(width);
+    int p = plane_index(x, y, width);
+    float alpha = roughness[p], turned = 0.0f;
+    #pragma unroll
+    for (int i = 0; i < 4; i++) {
+        int q = p + (i < 2 ? 2 * i - 1 : (2 * i - 5) * stride);
+        float dx = guide[q] - guide[p], dy = guide[size + q] - guide[size + p];
+        float dz = guide[2 * size + q] - guide[2 * size + p];
+        bool same = guide[GUIDE_ID * size + q] == guide[GUIDE_ID * size + p];
+        turned += same ? dx * dx + dy * dy + dz * dz : 0.0f;
+    }
+    widened[p] = alpha < MIRROR_ALPHA ? alpha : sqrt(alpha * alpha + NORMAL_SPREAD * turned);
+}
+#endif
+
+// 3x3 binomial mean of the variance over pixels of one id: single estimates are too noisy to
+// steer the weights (Schied et al. 2017, section 4.4).
+__kernel void smooth_variance(
+    __global const float *restrict guide,    // 7 planes
+    __global const float *restrict variance, // 1 plane
+    __global float *restrict smooth,         // out: 1 plane
+    int x0,                                  // rectangle's first column
+    int y0,                                  // and row
+    int x1,                                  // end column
+    int y1,                                  // and row
+    int width,
+    int height)
+{
+    int x = x0 + (int)get_global_id(0), y = y0 + (int)get_global_id(1);
+    if (x >= x1 || y >= y1)
+        return;
+    int stride = plane_stride(width), p = plane_index(x, y, width);
+    __global const float *restrict id = guide + GUIDE_ID * plane_size(width, height);
+    float sum = 0.0f, weights = 0.0f;
+    #pragma unroll
+    for (int dy = -1; dy <= 1; dy++) {
+        #pragma unroll
+        for (int dx = -1; dx <= 1; dx++) {
+            int q = p + dx + dy * stride;
+            float w = (float)((2 - abs(dx)) * (2 - abs(dy)));
+            w = id[q] == id[p] ? w : 0.0f;
+            sum += w * variance[q];
+            weights += w;
+        }
+    }
+    smooth[p] = sum / weights;
+}

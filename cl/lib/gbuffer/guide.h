@@ -1,0 +1,38 @@
+// The guide of a layer: what every image-space pass compares pixels by. Seven padded planes
+// (planes.h), written by guide.cl: normal x y z, world position x y z (metres from the capture
+// centre), id. id > 0: a surface; 0: nothing to trace; -1: outside the picture. In equirect views
+// the left and right border hold copies from across the seam, so neighbours need no wrapping.
+#ifndef IPRT_GUIDE_H
+#define IPRT_GUIDE_H
+
+#include "maths/maths.h"
+#include "gbuffer/planes.h"
+
+#define GUIDE_NORMAL 0
+#define GUIDE_POSITION 3
+#define GUIDE_ID 6
+#define GUIDE_PLANES 7
+
+#define LEVEL_NONE 255
+
+// Spacing in pixels of the rays at a tracing level (IPRT Eq. 4 and Figure 5).
+static inline int level_spacing(int level) { return 1 << level; }
+
+// Whether the pixel (x, y), relative to the grid's origin of this frame, gets a ray.
+static inline bool is_traced(int level, int x, int y)
+{
+    return level != LEVEL_NONE && ((x | y) & (level_spacing(level) - 1)) == 0;
+}
+
+// Column of a neighbour: wrapped around the seam in equirect views.
+static inline int wrap_column(int x, int width)
+{
+#ifdef VIEW_EQUIRECT
+    x %= width;
+    return x < 0 ? x + width : x;
+#else
+    return x;
+#endif
+}
+
+#endif

@@ -1,0 +1,29 @@
+// Layout of everything that lives on the view: planes of float, one per channel, each with a
+// border of PLANE_PAD pixels on all sides, so that filters read past the edge without clamping.
+// The border of a depth plane is 0 ("nothing here") and stays so.
+#ifndef IPRT_PLANES_H
+#define IPRT_PLANES_H
+
+// PLANE_PAD is set by -D from iprt.gbuffer.layout.
+
+static inline int plane_stride(int width) { return width + 2 * PLANE_PAD; }
+static inline int plane_size(int width, int height) { return plane_stride(width) * (height + 2 * PLANE_PAD); }
+static inline int plane_index(int x, int y, int width)
+{
+    return (y + PLANE_PAD) * plane_stride(width) + x + PLANE_PAD;
+}
+
+// Three planes' values at `pixel`.
+static inline float3 load_planes(__global const float *restrict planes, int size, int pixel)
+{
+    return (float3)(planes[pixel], planes[size + pixel], planes[2 * size + pixel]);
+}
+
+static inline void store_planes(__global float *restrict planes, int size, int pixel, float3 value)
+{
+    planes[pixel] = value.x;
+    planes[size + pixel] = value.y;
+    planes[2 * size + pixel] = value.z;
+}
+
+#endif

@@ -1,0 +1,48 @@
+// The view's projection. `view` is the 16-float block of View.kernel_constants():
+// rows of world_from_view, focal length and centre in pixels, width, height.
+// -D VIEW_EQUIRECT selects the equirect projection, else perspective.
+#ifndef IPRT_VIEW_H
+#define IPRT_VIEW_H
+
+#include "maths/equirect.h"
+
+static inline float3 view_rotate_to_world(__global const float *restrict view, float3 v)
+{
+    return (float3)(view[0] * v.x + view[1] * v.y + view[2] * v.z,
+                    view[3] * v.x + view[4] * v.y + view[5] * v.z,
+                    view[6] * v.x + view[7] * v.y + view[8] * v.z);
+}
+
+static inline float3 view_rotate_to_local(__global const float *restrict view, float3 v)
+{
+    return (float3)(view[0] * v.x + view[3] * v.y + view[6] * v.z,
+                    view[1] * v.x + view[4] * v.y + view[7] * v.z,
+                    view[2] * v.x + view[5] * v.y + view[8] * v.z);
+}
+
+// Unit world direction through the image point p (pixels).
+static inline float3 view_direction(__global const float *restrict view, float2 p)
+{
+#ifdef VIEW_EQUIRECT
+    float3 local_dir = equirect_direction(p.x / view[12], p.y / view[13]);
+#else
+    float3 local_dir = normalize((float3)(p.x - view[10], view[11] - p.y, -view[9]));
+#endif
+    return view_rotate_to_world(view, local_dir);
+}
+
+// Image point (pixels) of a world point; (-1e9, -1e9) behind the camera.
+static inline float2 view_project(__global const float *restrict view, float3 point)
+{
+    float3 p = view_rotate_to_local(view, point);
+#ifdef VIEW_EQUIRECT
+    float2 uv = equirect_uv(p);
+    return (float2)(uv.x * view[12], uv.y * view[13]);
+#else
+    if (!(p.z < 0.0f))
+        return (float2)(-1e9f);
+    return (float2)(view[10] - view[9] * p.x / p.z, view[11] + view[9] * p.y / p.z);
+#endif
+}
+
+#endif

@@ -1,0 +1,107 @@
+// Sample points (Owen-scrambled Sobol) and directions.
+//
+// Points after B. Burley, "Practical Hash-based Owen Scrambling", JCGT 9(4), 2020. A sequence is
+// named by its seed, hash_combine(hash_combine(pixel, dimension pair), user seed); its index is
+// the sample's number over all frames. Any 2^k points that start at a multiple of 2^k put one
+// point into every elementary interval of area 2^-k.
+#ifndef IPRT_SAMPLING_H
+#define IPRT_SAMPLING_H
+
+#include "maths/maths.h"
+#include "maths/rng.h"
+
+static inline uint reverse_bits(uint x)
+{
+    x = (x >> 16) | (x << 16);
+    x = ((x >> 8) & 0x00ff00ffu) | ((x & 0x00ff00ffu) << 8);
+    x = ((x >> 4) & 0x0f0f0f0fu) | ((x & 0x0f0f0f0fu) << 4);
+    x = ((x >> 2) & 0x33333333u) | ((x & 0x33333333u) << 2);
+    return ((x >> 1) & 0x55555555u) | ((x & 0x55555555u) << 1);
+}
+
+// Owen scrambling of a number whose bits are reversed: each bit is flipped by a hash of the bits
+// below it (Burley, Listing 2: the Laine-Karras permutation with the constants found there).
+static inline uint scramble_reversed(uint x, uint seed)
+{
+    x += seed;
+    x ^= x * 0x6c50b47cu;
+    x ^= x * 0xb82f1e52u;
+    x ^= x * 0xc7afe638u;
+    x ^= x * 0x8d22f6e6u;
+    return x;
+}
+
+// Bit-reversed second dimension of the Sobol sequence. Its generator matrix is Pascal's triangle
+// modulo 2, whose entry (k, j) is 1 iff the bits of k are a subset of those of j (Lucas): a sum
+// over supersets, done for all 32 bits at once in five steps without the loop over the index.
+static inline uint sobol_1_reversed(uint index)
+{
+    index ^= (index >> 1) & 0x55555555u;
+    index ^= (index >> 2) & 0x33333333u;
+    index ^= (index >> 4) & 0x0f0f0f0fu;
+    index ^= (index >> 8) & 0x00ff00ffu;
+    index ^= index >> 16;
+    return index;
+}
+
+// Order of the points, shuffled so that sequences with different seeds can be paired.
+static inline uint shuffled_index(uint index, uint seed)
+{
+    return reverse_bits(scramble_reversed(reverse_bits(index), seed));
+}
+
+// Point `index` of the 2D sequence `seed`, in [0, 1)^2.
+static inline float2 sobol_2d(uint index, uint seed)
+{
+    index = shuffled_index(index, hash_u32(seed ^ 0xa511e9b3u));
+    // The first dimension is the reversed index; reversing it again for scrambling is the index.
+    const uint x = scramble_reversed(index, hash_u32(seed ^ 0x63d83595u));
+    const uint y = scramble_reversed(sobol_1_reversed(index), hash_u32(seed ^ 0x2f0b4c47u));
+    return (float2)(u01(reverse_bits(x)), u01(reverse_bits(y)));
+}
+
+// Point `index` of the 1D sequence `seed`, in [0, 1): for choices such as a lobe.
+static inline float sobol_1d(uint index, uint seed)
+{
+    index = shuffled_index(index, hash_u32(seed ^ 0xa511e9b3u));
+    return u01(reverse_bits(scramble_reversed(index, hash_u32(seed ^ 0x63d83595u))));
+}
+
+typedef struct {
+    float3 x;
+    float3 y;
+    float3 z;   // the direction that the frame was built around
+} Frame;
+
+// Right-handed orthonormal frame around a unit vector, for every one without a branch: Duff et
+// al., "Building an Orthonormal Basis, Revisited", JCGT 6(1), 2017.
+static inline Frame build_frame(float3 n)
+{
+    const float sign = copysign(1.0f, n.z);
+    const float a = -1.0f / (sign + n.z);
+    const float b = n.x * n.y * a;
+    Frame frame;
+    frame.x = (float3)(1.0f + sign * n.x * n.x * a, sign * b, -sign * n.x);
+    frame.y = (float3)(b, sign + n.y * n.y * a, -n.y);
+    frame.z = n;
+    return frame;
+}
+
+static inline float3 frame_to_world(Frame frame, float3 v)
+{
+    return v.x * frame.x + v.y * frame.y + v.z * frame.z;
+}
+
+static inline float3 frame_to_local(Frame frame, float3 v)
+{
+    return (float3)(dot(v, frame.x), dot(v, frame.y), dot(v, frame.z));
+}
+
+// Unit direction around +z with density cos/pi. z is never 0, so cos/pdf stays defined.
+static inline float3 sample_cosine(float2 u)
+{
+    const float2 disk = sqrt(u.y) * unit_circle(u.x);
+    return (float3)(disk.x, disk.y, sqrt(1.0f - u.y));
+}
+
+#endif

@@ -1,0 +1,302 @@
+// Reflectance of the materials in iprt/meshes/material.py: evaluate, sample, density.
+//
+// -D MATERIAL_DIFFUSE, MATERIAL_CONDUCTOR, MATERIAL_MIRROR, MATERIAL_PLASTIC name the kinds that
+// the scene holds (material_defines()); nothing else is compiled in.
+//
+// All directions are unit vectors that point away from the surface: wo to the viewer, wi to the
+// light; n is the shading normal. A reflectance has two lobes that callers accumulate apart:
+//   diffuse    given WITHOUT the albedo, so that irradiance can be filtered and the albedo
+//              multiplied afterwards
+//   specular   complete: a conductor's reflectance (its albedo) or a coat's Fresnel term included
+//
+// Sources. GGX, Smith: Heitz, "Understanding the Masking-Shadowing Function in Microfacet-Based
+// BRDFs", JCGT 3(2), 2014, eq. 72 and 99 (height-correlated). Sampling: Dupuy and Benyoub,
+// "Sampling Visible GGX Normals with Spherical Caps", HPG 2023. Plastic: a GGX dielectric coat on
+// a Lambertian base with linear colour, as Mitsuba 3 defines `roughplastic` and `plastic`.
+#ifndef IPRT_BRDF_H
+#define IPRT_BRDF_H
+
+#include "maths/equirect.h"
+#include "maths/maths.h"
+#include "maths/sampling.h"
+
+#if defined(MATERIAL_DIFFUSE) || defined(MATERIAL_PLASTIC)
+#define BRDF_DIFFUSE_LOBE
+#endif
+#if defined(MATERIAL_CONDUCTOR) || defined(MATERIAL_MIRROR)
+#define BRDF_METAL
+#endif
+#if defined(BRDF_METAL) || defined(MATERIAL_PLASTIC)
+#define BRDF_SPECULAR_LOBE
+#endif
+#if defined(MATERIAL_CONDUCTOR) || defined(MATERIAL_PLASTIC)
+#define BRDF_GGX
+#endif
+
+// Layout of the table made by material_table(): MATERIAL_ROWS float4 per material.
+//   row 0      kind, alpha (GGX; 0: perfectly smooth, else >= 1e-3), index of refraction,
+//              1 / (ior^2 (1 - internal reflectance))
+//   rows 1-8   rough transmittance of the coat at cosines (i / 31)^2, i = 0..31
+#define MATERIAL_ROWS 9
+#define MATERIAL_NODES 32
+#define KIND_DIFFUSE 0
+#define KIND_CONDUCTOR 1
+#define KIND_PLASTIC 2
+
+// Interpolated normals can turn away from the viewer: wo is bent up to this cosine.
+#define BRDF_MIN_COSINE 1e-3f
+// Either lobe of plastic gets at least this share of the samples: the reflection of the coat is
+// faint, but a filter can blur it far less than the irradiance below it.
+#define BRDF_MIN_LOBE 0.25f
+
+typedef struct {
+    int kind;
+    float alpha;
+    float ior;
+    float base;                              // what the coat makes of the base, row 0's w
+    __global const float *transmittance;     // MATERIAL_NODES values
+} Material;
+
+// One direction for one lobe. `weight` is f cos / density of that lobe, the probability of having
+// chosen it included; 0 where the direction lies below the surface.
+typedef struct {
+    float3 wi;
+    float3 weight;
+    int specular;    // which lobe: weight excludes the albedo iff this is 0
+} BrdfSample;
+
+// f in 1/sr, without the cosine. Perfectly smooth lobes, which only sampling can find, are 0.
+typedef struct {
+    float diffuse;      // to be multiplied by the albedo
+    float3 specular;
+} BrdfValue;
+
+static inline Material load_material(__global const float4 *restrict materials, int index)
+{
+    __global const float4 *row = materials + index * MATERIAL_ROWS;
+    const float4 head = row[0];
+    Material material = {(int)head.x, head.y, head.z, head.w, (__global const float *)(row + 1)};
+    return material;
+}
+
+static inline float3 brdf_local_wo(Frame frame, float3 wo)
+{
+    float3 o = frame_to_local(frame, wo);
+    o.z = fmax(o.z, BRDF_MIN_COSINE);
+    return o / sqrt(dot(o, o));
+}
+
+#ifdef MATERIAL_PLASTIC
+
+// Share of light that crosses the rough coat from a direction at this cosine.
+static inline float coat_transmittance(const Material material, float cosine)
+{
+    const float x = sqrt(cosine) * (MATERIAL_NODES - 1);
+    const int i = min((int)x, MATERIAL_NODES - 2);
+    return mix(material.transmittance[i], material.transmittance[i + 1], x - (float)i);
+}
+
+// Unpolarized reflectance of a smooth dielectric boundary, light coming from the ior = 1 side.
+static inline float fresnel_dielectric(float cosine, float ior)
+{
+    const float c = fmax(cosine, 1e-6f);
+    const float g = sqrt(fmax(ior * ior - 1.0f + c * c, 0.0f));
+    const float s = (c - g) / (c + g);
+    const float p = (ior * ior * c - g) / (ior * ior * c + g);
+    return 0.5f * (s * s + p * p);
+}
+
+#endif
+
+#ifdef BRDF_SPECULAR_LOBE
+
+// Probability of sampling the specular lobe: its share of the reflected luminance.
+static inline float specular_probability(const Material material, float3 albedo, float cos_o)
+{
+#ifdef MATERIAL_PLASTIC
+    if (material.kind == KIND_PLASTIC) {
+        const float crossed = coat_transmittance(material, cos_o);
+        const float specular = 1.0f - crossed;
+        const float diffuse = luminance(albedo) * material.base * crossed;
+        const float share = specular / fmax(specular + diffuse, 1e-6f);
+        return clamp(share, BRDF_MIN_LOBE, 1.0f - BRDF_MIN_LOBE);
+    }
+#endif
+    return material.kind == KIND_CONDUCTOR ? 1.0f : 0.0f;
+}
+
+static inline float3 specular_reflectance(const Material material, float3 albedo, float cos_h)
+{
+#ifdef MATERIAL_PLASTIC
+    if (material.kind == KIND_PLASTIC)
+        return (float3)(fresnel_dielectric(cos_h, material.ior));
+#endif
+    return albedo;
+}
+
+#endif
+
+#ifdef BRDF_GGX
+
+// z (1 + 2 Lambda(v)) of Smith's masking function.
+static inline float ggx_slope(float3 v, float alpha)
+{
+    return sqrt(v.z * v.z + alpha * alpha * (v.x * v.x + v.y * v.y));
+}
+
+// Distribution of normals at the half vector of i and o.
+static inline float ggx_distribution(float3 i, float3 o, float alpha)
+{
+    // Without normalizing h: its length cancels, and rounding hurts less when alpha is small.
+    const float3 h = i + o;
+    const float a2 = alpha * alpha;
+    const float spread = (h.x * h.x + h.y * h.y + a2 * h.z * h.z) / dot(h, h);
+    return a2 / (IPRT_PI * spread * spread);
+}
+
+static inline float3 ggx_sample_normal(float3 o, float alpha, float2 u)
+{
+    float3 stretched = (float3)(alpha * o.x, alpha * o.y, o.z);
+    stretched /= sqrt(dot(stretched, stretched));
+    const float height = (1.0f - u.y) * (1.0f + stretched.z);   // > 0: of the half vector
+    const float z = height - stretched.z;
+    const float2 disk = sqrt(fmax(1.0f - z * z, 0.0f)) * unit_circle(u.x);
+    const float3 h = (float3)(alpha * (disk.x + stretched.x), alpha * (disk.y + stretched.y),
+                              height);
+    return h / sqrt(dot(h, h));
+}
+
+#endif
+
+#ifdef BRDF_DIFFUSE_LOBE
+
+// pi times the diffuse lobe, without the albedo.
+static inline float diffuse_factor(const Material material, float cos_i, float cos_o)
+{
+#ifdef MATERIAL_PLASTIC
+    if (material.kind == KIND_PLASTIC)
+        return coat_transmittance(material, cos_i) * coat_transmittance(material, cos_o) *
+               material.base;
+#endif
+    return 1.0f;
+}
+
+#endif
+
+#ifdef BRDF_SPECULAR_LOBE
+// A direction of the specular lobe alone; u in [0, 1)^2, o towards the viewer, in the frame of n.
+static inline BrdfSample sample_specular(const Material material, float3 albedo, const Frame frame,
+                                         float3 o, float2 u)
+{
+    float3 h = (float3)(0.0f, 0.0f, 1.0f);
+#ifdef BRDF_GGX
+    if (material.alpha > 0.0f)
+        h = ggx_sample_normal(o, material.alpha, u);
+#endif
+    const float cos_h = dot(o, h);
+    const float3 i = 2.0f * cos_h * h - o;
+    float unshadowed = i.z > 0.0f ? 1.0f : 0.0f;
+#ifdef BRDF_GGX
+    if (i.z > 0.0f && material.alpha > 0.0f) {   // G2 / G1(o)
+        const float slope_o = ggx_slope(o, material.alpha);
+        const float slope_i = ggx_slope(i, material.alpha);
+        unshadowed = i.z * (o.z + slope_o) / (slope_o * i.z + slope_i * o.z);
+    }
+#endif
+    BrdfSample sample;
+    sample.specular = 1;
+    sample.wi = frame_to_world(frame, i);
+    sample.weight = specular_reflectance(material, albedo, cos_h) * unshadowed;
+    return sample;
+}
+#endif
+
+// Choose a lobe with u.z, a direction in it with u.xy; u in [0, 1)^3.
+static inline BrdfSample brdf_sample(const Material material, float3 albedo, float3 n, float3 wo,
+                                     float3 u)
+{
+    const Frame frame = build_frame(n);
+    BrdfSample sample;
+    sample.specular = 0;
+    sample.wi = n;
+    sample.weight = (float3)(0.0f);
+    float diffuse_probability = 1.0f;
+
+#ifdef BRDF_SPECULAR_LOBE
+    const float3 o = brdf_local_wo(frame, wo);
+    const float probability = specular_probability(material, albedo, o.z);
+    diffuse_probability = 1.0f - probability;
+    if (u.z < probability) {
+        sample = sample_specular(material, albedo, frame, o, u.xy);
+        sample.weight /= probability;
+        return sample;
+    }
+#endif
+
+#ifdef BRDF_DIFFUSE_LOBE
+    const float3 i = sample_cosine(u.xy);
+    float cos_o = 1.0f;
+#ifdef MATERIAL_PLASTIC
+    cos_o = o.z;
+#endif
+    sample.wi = frame_to_world(frame, i);
+    sample.weight = (float3)(diffuse_factor(material, i.z, cos_o) / diffuse_probability);
+#endif
+    return sample;
+}
+
+static inline BrdfValue brdf_eval(const Material material, float3 albedo, float3 n, float3 wo,
+                                  float3 wi)
+{
+    const Frame frame = build_frame(n);
+    const float3 o = brdf_local_wo(frame, wo);
+    const float3 i = frame_to_local(frame, wi);
+    BrdfValue value = {0.0f, (float3)(0.0f)};
+    if (!(i.z > 0.0f))
+        return value;
+#ifdef BRDF_DIFFUSE_LOBE
+    if (material.kind != KIND_CONDUCTOR)
+        value.diffuse = diffuse_factor(material, i.z, o.z) / IPRT_PI;
+#endif
+#ifdef BRDF_GGX
+    if (material.kind != KIND_DIFFUSE && material.alpha > 0.0f) {
+        // G2 / (4 cos_i cos_o), which stays finite at grazing angles.
+        const float visible = 0.5f / (ggx_slope(o, material.alpha) * i.z +
+                                      ggx_slope(i, material.alpha) * o.z);
+        const float3 h = i + o;
+        const float cos_h = dot(o, h) / sqrt(dot(h, h));
+        value.specular = specular_reflectance(material, albedo, cos_h) *
+                         (ggx_distribution(i, o, material.alpha) * visible);
+    }
+#endif
+    return value;
+}
+
+// Densities (1/sr) with which brdf_sample() draws wi by the diffuse (x) and the specular lobe (y),
+// the lobes' probabilities included: x + y is the density of the mixture. Directions below the
+// surface, which the specular lobe may draw with weight 0, have density 0 here.
+static inline float2 brdf_pdf(const Material material, float3 albedo, float3 n, float3 wo,
+                              float3 wi)
+{
+    const Frame frame = build_frame(n);
+    const float3 i = frame_to_local(frame, wi);
+    float2 density = (float2)(0.0f);
+    if (!(i.z > 0.0f))
+        return density;
+    float probability = 0.0f;
+#ifdef BRDF_SPECULAR_LOBE
+    const float3 o = brdf_local_wo(frame, wo);
+    probability = specular_probability(material, albedo, o.z);
+#endif
+#ifdef BRDF_GGX
+    if (material.kind != KIND_DIFFUSE && material.alpha > 0.0f)
+        density.y = probability * ggx_distribution(i, o, material.alpha) /
+                    (2.0f * (o.z + ggx_slope(o, material.alpha)));
+#endif
+#ifdef BRDF_DIFFUSE_LOBE
+    density.x = (1.0f - probability) * i.z / IPRT_PI;
+#endif
+    return density;
+}
+
+#endif

@@ -1,0 +1,21 @@
+// The virtual objects as rays see them, in one of two representations with the same functions:
+//
+//   -D OBJECTS_BVH   objects_bvh.h     triangles, exactly
+//   without          objects_raster.h  what is rasterized from the capture centre
+//
+//   OBJECT_PARAMETERS, OBJECTS(view)   what kernels are given (iprt/world/world.py), and `Objects`
+//                                      made of it, with `bounds`: 2 float4 for each of its `objects`,
+//                                      opposite corners of a box around it, world
+//   trace_objects(objects, o, d, t_max, &hit)   nearest surface before t_max, hit.t; 1: there is one
+//   object_point(objects, hit, o, d)            the surface there: Scatterer
+//   object_lift(objects, distance)              metres to leave what the view shows by
+#ifndef IPRT_OBJECTS_H
+#define IPRT_OBJECTS_H
+
+#ifdef OBJECTS_BVH
+#include "world/objects/objects_bvh.h"
+#else
+#include "world/objects/objects_raster.h"
+#endif
+
+#endif

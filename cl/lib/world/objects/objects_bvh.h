@@ -1,0 +1,170 @@
+// The virtual objects as rays see them: their triangles, in a bounding volume hierarchy.
+// -D OBJECT_TEXTURES where a material has one.
+#ifndef IPRT_OBJECTS_BVH_H
+#define IPRT_OBJECTS_BVH_H
+
+#include "world/objects/bvh.h"
+#include "maths/grid.h"
+#include "maths/maths.h"
+#include "world/objects/scatterer.h"
+
+// Rays leave a surface this fraction of the largest coordinate around above it. A hit, computed from
+// the triangle's corners, and the ray's start in object space are each some units in the last place
+// (2^-24) of that coordinate off the plane: after C. Wächter and N. Binder, "A Fast and Robust Method
+// for Avoiding Self-Intersection", Ray Tracing Gems, 2019, but of the same size in all directions, so
+// that the unit of length does not matter.
+#define OBJECT_ULPS 0x1p-18f
+// The same for surfaces that the view shows, whose position comes from a picture of depth.
+#define OBJECT_DEPTH_ERROR 0x1p-14f
+
+typedef struct {
+    Bvh bvh;
+    __global const int4 *triangles;      // 4 per packet: three vertices, material of the mesh
+    __global const float4 *normals;      // per vertex, object space
+    __global const float2 *uvs;          // per vertex
+    __global const float4 *albedos;      // 2 per material: rgb; int bits of its texture's first
+                                         // texel, width (0: none) and height
+    __global const half *texels;         // 4 per texel: rgb, linear
+    __global const float4 *bounds;       // 2 per object: corners of its box, world
+    int objects;
+} Objects;
+
+typedef BvhHit ObjectHit;
+
+static inline int trace_objects(const Objects world, float3 o, float3 d, float t_max, ObjectHit *hit)
+{
+    return is_ray(o, d) && bvh_trace(world.bvh, o, d, t_max, hit);
+}
+
+#ifdef OBJECT_TEXTURES
+// Bilinear, repeated; row 0 is at v = 1.
+static inline float3 object_texture(__global const half *texels, int4 image, float2 uv)
+{
+    const float2 at = (uv - floor(uv)) * (float2)(image.y, -image.z) - 0.5f;
+    const float2 low = floor(at), part = at - low;
+    int x = (int)low.x, y = (int)low.y + image.z;
+    x = clamp(x < 0 ? x + image.y : x, 0, image.y - 1);
+    y = clamp(y < 0 ? y + image.z : y, 0, image.z - 1);
+    const int right = x + 1 < image.y ? x + 1 : 0, below = y + 1 < image.z ? y + 1 : 0;
+    const int row0 = image.x + y * image.y, row1 = image.x + below * image.y;
+    const float4 upper = mix(vload_half4(row0 + x, texels), vload_half4(row0 + right, texels), part.x);
+    const float4 lower = mix(vload_half4(row1 + x, texels), vload_half4(row1 + right, texels), part.x);
+    return mix(upper, lower, part.y).xyz;
+}
+#endif
+
+// Albedo of a material of all instances, at weights of the corners of a triangle.
+static inline float3 object_albedo(const Objects world, int material, int4 vertices, float3 weights)
+{
+    float3 albedo = world.albedos[2 * material].xyz;
+#ifdef OBJECT_TEXTURES
+    const int4 image = as_int4(world.albedos[2 * material + 1]);
+    if (image.y > 0) {
+        const float2 uv = weights.x * world.uvs[vertices.x] + weights.y * world.uvs[vertices.y]
+            + weights.z * world.uvs[vertices.z];
+        albedo *= object_texture(world.texels, image, uv);
+    }
+#endif
+    return albedo;
+}
+
+static inline float3 packet_corner(__global const float4 *rows, int corner, int column)
+{
+    return (float3)(bvh_column(rows[3 * corner], column), bvh_column(rows[3 * corner + 1], column),
+                    bvh_column(rows[3 * corner + 2], column));
+}
+
+// In world space, of unit length: by the inverse transpose of world from object.
+static inline float3 vertex_normal(const Objects world, __global const float4 *rows, int vertex)
+{
+    const float3 n = world.normals[vertex].xyz;
+    return safe_normalize(n.x * rows[0].xyz + n.y * rows[1].xyz + n.z * rows[2].xyz,
+                          (float3)(0.0f));
+}
+
+static inline float largest(float3 v)
+{
+    return fmax(fabs(v.x), fmax(fabs(v.y), fabs(v.z)));
+}
+
+// The triangle that a ray along d has hit, in world space.
+typedef struct {
+    float3 position;
+    float3 flat_normal;   // of the plane, towards the viewer
+    float3 normal;        // interpolated, outward as the mesh has it; flat_normal where it has none
+    float3 bulge;         // from position to the curved surface that the normals tell of, if outside
+    float reach;          // the largest coordinate that it was computed from
+    int4 vertices;        // and the material of the mesh
+    float3 weights;
+    int material;         // of all instances
+} ObjectSurface;
+
+// From x up to the plane through the origin with normal n, if x is below it.
+static inline float3 above_plane(float3 x, float3 n) { return fmax(-dot(x, n), 0.0f) * n; }
+
+static inline ObjectSurface object_surface(const Objects world, const ObjectHit hit, float3 d)
+{
+    __global const float4 *rows = world.bvh.instances + BVH_INSTANCE_ROWS * hit.instance;
+    __global const float4 *packet = world.bvh.packets + BVH_PACKET_ROWS * (hit.triangle >> 2);
+    const int column = hit.triangle & 3;
+    const float3 a = bvh_transform(rows + 3, packet_corner(packet, 0, column), 1.0f);
+    const float3 b = bvh_transform(rows + 3, packet_corner(packet, 1, column), 1.0f);
+    const float3 c = bvh_transform(rows + 3, packet_corner(packet, 2, column), 1.0f);
+    const float3 moved = (float3)(rows[3].w, rows[4].w, rows[5].w);
+    ObjectSurface at;
+    at.vertices = world.triangles[hit.triangle];
+    at.material = as_int(rows[6].y) + at.vertices.w;
+    at.weights = (float3)(1.0f - hit.u - hit.v, hit.u, hit.v);
+    at.position = at.weights.x * a + at.weights.y * b + at.weights.z * c;
+    at.reach = fmax(fmax(largest(a), largest(b)), fmax(largest(c), largest(moved)));
+    at.flat_normal =
+        safe_normalize(cross(safe_normalize(b - a, d), safe_normalize(c - a, d)), -d);
+    at.flat_normal = dot(at.flat_normal, d) > 0.0f ? -at.flat_normal : at.flat_normal;
+    const float3 na = vertex_normal(world, rows, at.vertices.x);
+    const float3 nb = vertex_normal(world, rows, at.vertices.y);
+    const float3 nc = vertex_normal(world, rows, at.vertices.z);
+    const float3 n = at.weights.x * na + at.weights.y * nb + at.weights.z * nc;
+    at.normal = safe_normalize(n, at.flat_normal);
+    const float side = dot(n, at.flat_normal) < 0.0f ? -1.0f : 1.0f;
+    at.bulge = at.weights.x * above_plane(at.position - a, side * na)
+        + at.weights.y * above_plane(at.position - b, side * nb)
+        + at.weights.z * above_plane(at.position - c, side * nc);
+    return at;
+}
+
+// Where the interpolated normals tell of a bulge, rays start on it (J. Hanika, "Hacking the Shadow
+// Terminator", Ray Tracing Gems II, 2021): a ball of triangles does not shade itself. Others that the
+// normal sends below the triangle meet it again from outside, so that none gets into a solid.
+static inline Scatterer object_point(const Objects world, const ObjectHit hit, float3 o, float3 d)
+{
+    const ObjectSurface at = object_surface(world, hit, d);
+    Scatterer point;
+    point.position = at.position + at.bulge + OBJECT_ULPS * at.reach * at.flat_normal;
+    // On the side that is seen; near silhouettes it may still face away.
+    const float3 n = dot(at.normal, at.flat_normal) < 0.0f ? -at.normal : at.normal;
+    point.normal = n - 2.0f * fmax(dot(n, d), 0.0f) * d;
+    point.albedo = object_albedo(world, at.material, at.vertices, at.weights);
+    point.material = at.material;
+    return point;
+}
+
+static inline float object_lift(const Objects world, float distance)
+{
+    return OBJECT_DEPTH_ERROR * distance;
+}
+
+#define OBJECT_PARAMETERS                                                                          \
+    __global const float4 *restrict bvh_nodes, __global const float4 *restrict bvh_packets,        \
+        __global const float4 *restrict bvh_instances, const int bvh_count,                        \
+        __global const int4 *restrict bvh_triangles, __global const float4 *restrict bvh_normals,  \
+        __global const float2 *restrict bvh_uvs, __global const float4 *restrict bvh_albedos,      \
+        __global const half *restrict bvh_texels, __global const float4 *restrict objects_bounds,  \
+        const int objects_count, __global const float4 *restrict materials
+
+#define OBJECTS(view)                                                                              \
+    {                                                                                              \
+        {bvh_nodes, bvh_packets, bvh_instances, bvh_count WORK}, bvh_triangles, bvh_normals,       \
+            bvh_uvs, bvh_albedos, bvh_texels, objects_bounds, objects_count                        \
+    }
+
+#endif

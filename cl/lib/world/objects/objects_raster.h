@@ -1,0 +1,380 @@
+// The virtual objects as rays see them when they are rasterized from the capture centre: per
+// texel one solid interval, from the front layer's tangent plane to the back layer's. The screen
+// layers are tried first, the equirect layers serve what is off screen.
+#ifndef IPRT_OBJECTS_RASTER_H
+#define IPRT_OBJECTS_RASTER_H
+
+#include "maths/grid.h"
+#include "world/objects/scatterer.h"
+#include "gbuffer/view.h"
+
+// A texel's tangent plane may leave its centre depth by this many footprints.
+#define OBJECT_SLOPE 6.0f
+// Rays leave a surface this many texel footprints of its layer above it.
+#define OBJECT_LIFT 2.0f
+// Depth errors up to this many texel footprints are no entry into a solid.
+#define OBJECT_TOLERANCE 1.0f
+
+typedef struct {
+    Grid grid;                            // `column` and `row` are unused by screen layers
+    __global const float4 *planes;        // 2 per texel, front and back: xyz g (g.x = 1 on the
+                                          // plane), w radial distance at the centre, 0: nothing
+    __global const float4 *geometry;      // [2][H*W]: shading normal, radial distance
+    __global const float4 *material;      // [2][H*W]: albedo, 1 + material index
+    float footprint;                      // of a texel, per metre of distance
+} ObjectLayer;
+
+typedef struct {
+    ObjectLayer screen;
+    ObjectLayer equirect;
+    __global const float *view;           // lib/gbuffer/view.h
+    int4 rectangle;                       // of the screen that objects cover: x0, y0, x1, y1
+    __global const float4 *bounds;        // 2 per object: corners of its box, world
+    int objects;
+} Objects;
+
+typedef struct {
+    float t;
+    int index;        // into geometry and material, the layer included
+    int on_screen;    // which ObjectLayer
+    int outside;      // 0 while the ray is still inside the solid that it started in
+    int from;         // where the ray comes from: FROM_*
+} ObjectHit;
+
+#define FROM_NOWHERE 0   // beside the objects: nothing is rasterized in the last direction
+#define FROM_FRONT 1     // nearer than the front
+#define FROM_BACK 2      // farther than the back
+
+static inline float plane_radius(float4 plane, float gx, float r, float slope)
+{
+    const float radius = gx > 0.0f ? r / gx : INFINITY;
+    return clamp(radius, plane.w * (1.0f - slope), plane.w * (1.0f + slope));
+}
+
+// The solid interval of one texel against the part [t0, t1] of the ray, whose radii there are r0
+// and r1. A ray enters once it is deeper than the tolerance, in this texel or in one after: solids
+// thinner than that, such as the shell that the camera sees from inside, are met because the ray
+// came from their other side.
+static inline int object_leaf(const ObjectLayer layer, float3 o, float3 d, int texel, float t0, float t1,
+                       float r0, float r1, ObjectHit *hit)
+{
+    const float4 front = layer.planes[2 * texel], back = layer.planes[2 * texel + 1];
+    if (!(front.w > 0.0f)) {
+        hit->outside = 1;
+        hit->from = FROM_NOWHERE;
+        return 0;
+    }
+    const float slope = OBJECT_SLOPE * layer.footprint;
+    const float tolerance = OBJECT_TOLERANCE * layer.footprint * front.w;
+    const float go = dot(front.xyz, o), gd = dot(front.xyz, d);
+    const float ho = dot(back.xyz, o), hd = dot(back.xyz, d);
+    // How far past the front, and how far before the back.
+    const float past0 = r0 - plane_radius(front, go + t0 * gd, r0, slope);
+    const float past1 = r1 - plane_radius(front, go + t1 * gd, r1, slope);
+    const float before0 = plane_radius(back, ho + t0 * hd, r0, slope) - r0;
+    const float before1 = plane_radius(back, ho + t1 * hd, r1, slope) - r1;
+    const int inside = past0 > tolerance && before0 > tolerance;
+    if (!hit->outside) {
+        hit->outside = !inside || past1 <= tolerance || before1 <= tolerance;
+        if (inside)
+            return 0;
+    }
+    // A step no larger than the steepest plane's is the same surface; past others, and from beside
+    // the objects, the ray is where it is.
+    const float step = slope * front.w;
+    if (hit->from == FROM_NOWHERE || (hit->from == FROM_FRONT ? past0 : before0) > step) {
+        const int nearer = past0 <= 0.0f || (past0 <= tolerance && before0 > 0.0f);
+        hit->from = nearer || (inside && past0 <= before0) ? FROM_FRONT : FROM_BACK;
+    }
+    const int texels = layer.grid.width * layer.grid.height;
+    float t = t0;
+    if (hit->from == FROM_FRONT) {
+        if (!(fmax(past0, past1) > tolerance))
+            return 0;
+        t = past0 <= 0.0f ? (1.0f - go) / gd : t0;
+        hit->index = texel;
+    } else {
+        if (!(fmax(before0, before1) > tolerance))
+            return 0;
+        t = before0 <= 0.0f ? (1.0f - ho) / hd : t0;
+        hit->index = texels + texel;
+    }
+    hit->t = t >= t0 && t <= t1 ? t : t0;
+    return 1;
+}
+
+typedef struct {
+    float3 o;
+    float3 d;
+    float t_max;
+} ObjectRay;
+
+static inline int equirect_leaf(const ObjectLayer layer, const ObjectRay line, const PolarRay ray,
+                         const Segment at, ObjectHit *hit)
+{
+    return object_leaf(layer, line.o, line.d, at.row * layer.grid.width + at.column,
+                       polar_t(ray, at.u0), polar_t(ray, at.u1), ray.b * at.root0,
+                       ray.b * at.root1, hit);
+}
+
+// Cells that the ray passes at one side of all that is in them; not where it comes from the other
+// side, because a thin solid might lie between.
+static inline int object_skip(float near, float far, float2 range, ObjectHit *hit)
+{
+    const int empty = range.x > range.y;
+    const int nearer = far < range.x && hit->from != FROM_BACK;
+    const int farther = near > range.y && hit->from != FROM_FRONT;
+    if (!(empty || nearer || farther))
+        return 0;
+    hit->outside = 1;
+    hit->from = empty ? FROM_NOWHERE : nearer ? FROM_FRONT : FROM_BACK;
+    return 1;
+}
+
+#define MARCH_NAME march_equirect_objects
+#define MARCH_LAYER ObjectLayer
+#define MARCH_STATE ObjectRay
+#define MARCH_HIT ObjectHit
+#define MARCH_WORK WORK_OBJECTS
+#define MARCH_SKIP(state, near, far, range, cell) object_skip(near, far, range, hit)
+#define MARCH_LEAF(layer, ray, at, state, hit) equirect_leaf(layer, *(state), ray, at, hit)
+#define MARCH_END(state) 0
+#include "world/real/march.h"
+
+static inline int trace_equirect_objects(const ObjectLayer layer, float3 o, float3 d, float t0, float t1,
+                                  ObjectHit *hit)
+{
+    if (!(t1 > t0))
+        return 0;
+    PolarRay ray = polar_ray(o, d);
+    if (!(ray.b > 1e-6f * fabs(ray.od))) {
+        // Through the capture centre: any perpendicular serves as direction of closest approach.
+        ray.m = normalize(fabs(d.y) < 0.9f ? (float3)(-d.z, 0.0f, d.x) : (float3)(0.0f, -d.z, d.y));
+        ray.b = fmax(1e-6f * fabs(ray.od), 1e-20f);
+    }
+    const ObjectRay line = {o, d, t1};
+    hit->on_screen = 0;
+    return march_equirect_objects(layer, ray, t0, t1, line, hit) == 1;
+}
+
+#ifndef VIEW_EQUIRECT
+// Cuts [*t0, *t1] to where a + t b >= 0.
+static inline void clip_half_space(float a, float b, float *t0, float *t1)
+{
+    const float t = -a / b;
+    if (b > 0.0f)
+        *t0 = fmax(*t0, t);
+    else if (b < 0.0f)
+        *t1 = fmin(*t1, t);
+    else if (a < 0.0f)
+        *t1 = -INFINITY;
+}
+
+// The part of the ray that projects into the rectangle of the screen that objects cover.
+static inline float2 clip_to_rectangle(const Objects world, float3 o, float3 d, float t0, float t1)
+{
+    const float focal = world.view[9], cx = world.view[10], cy = world.view[11];
+    const float left = world.rectangle.x - cx, right = world.rectangle.z - cx;
+    const float upper = world.rectangle.y - cy, lower = world.rectangle.w - cy;
+    clip_half_space(focal * o.x + left * o.z, focal * d.x + left * d.z, &t0, &t1);
+    clip_half_space(-focal * o.x - right * o.z, -focal * d.x - right * d.z, &t0, &t1);
+    clip_half_space(-focal * o.y + upper * o.z, -focal * d.y + upper * d.z, &t0, &t1);
+    clip_half_space(focal * o.y - lower * o.z, focal * d.y - lower * d.z, &t0, &t1);
+    return (float2)(t0, t1);
+}
+
+// Hierarchical march through the screen layers; o and d in view space. Cell edges are planes
+// through the capture centre, so crossings are exact in t.
+static inline int march_screen_objects(const Objects world, float3 o, float3 d, float t0, float t1,
+                                float3 o_world, float3 d_world, ObjectHit *hit)
+{
+    const ObjectLayer layer = world.screen;
+    const float focal = world.view[9], cx = world.view[10], cy = world.view[11];
+    const int width = layer.grid.width, height = layer.grid.height;
+    const int rightward = o.x * d.z - o.z * d.x >= 0.0f;
+    const int downward = d.y * o.z - o.y * d.z >= 0.0f;
+    const float od = dot(o, d), oo = dot(o, o);
+
+    float t = t0;
+    const float3 start = o + t * d;
+    int column = clamp((int)(cx - focal * start.x / start.z), world.rectangle.x,
+                       world.rectangle.z - 1);
+    int row = clamp((int)(cy + focal * start.y / start.z), world.rectangle.y,
+                    world.rectangle.w - 1);
+    int level = 0, offset = 0, entry = ENTRY_START;
+    for (int step = 0; step < MARCH_STEP_CAP; step++) {
+        const int columns = cells_along(width, level), rows = cells_along(height, level);
+        const float x = min((column + rightward) << level, width) - cx;
+        const float y = min((row + downward) << level, height) - cy;
+        // Edges are crossed the way the ray moves, or not at all.
+        const float x_speed = focal * d.x + x * d.z, y_speed = focal * d.y - y * d.z;
+        const float t_x = -(focal * o.x + x * o.z) / x_speed;
+        const float t_y = -(focal * o.y - y * o.z) / y_speed;
+        const float side = (rightward ? x_speed : -x_speed) > 0.0f ? fmax(t_x, t) : INFINITY;
+        const float level_edge = (downward ? -y_speed : y_speed) > 0.0f ? fmax(t_y, t) : INFINITY;
+        const float next = fmin(fmin(side, level_edge), t1);
+        const float r0 = sqrt(fmax(oo + t * (2.0f * od + t), 0.0f));
+        const float r1 = sqrt(fmax(oo + next * (2.0f * od + next), 0.0f));
+        const float near = t < -od && next > -od ? sqrt(fmax(oo - od * od, 0.0f)) : fmin(r0, r1);
+        const float2 range = layer.grid.range[offset + row * columns + column];
+        if (!object_skip(near, fmax(r0, r1), range, hit)) {
+            if (level > 0) {
+                level--;
+                const int child_columns = cells_along(width, level);
+                const int child_rows = cells_along(height, level);
+                const float3 p = o + t * d;
+                const int right = entry == ENTRY_WEST ? 0 : entry == ENTRY_EAST ? 1
+                    : focal * p.x > -(((2 * column + 1) << level) - cx) * p.z;
+                const int lower = entry == ENTRY_NORTH ? 0 : entry == ENTRY_SOUTH ? 1
+                    : focal * p.y < (((2 * row + 1) << level) - cy) * p.z;
+                column = min(2 * column + right, child_columns - 1);
+                row = min(2 * row + lower, child_rows - 1);
+                offset -= child_columns * child_rows;
+                continue;
+            }
+            if (object_leaf(layer, o_world, d_world, row * width + column, t, next, r0, r1, hit)) {
+                COUNT_STEPS(layer.grid.work, WORK_OBJECTS, step + 1);
+                return 1;
+            }
+        }
+        if (next >= t1) {
+            COUNT_STEPS(layer.grid.work, WORK_OBJECTS, step + 1);
+            return 0;
+        }
+        t = next;
+        const int old_column = column, old_row = row;
+        if (side <= level_edge) {
+            entry = rightward ? ENTRY_WEST : ENTRY_EAST;
+            column += rightward ? 1 : -1;
+        } else {
+            entry = downward ? ENTRY_NORTH : ENTRY_SOUTH;
+            row += downward ? 1 : -1;
+        }
+        if (column < 0 || row < 0 || column >= columns || row >= rows)
+            return 0;
+        if (level + 1 < layer.grid.levels
+            && (column >> 1 != old_column >> 1 || row >> 1 != old_row >> 1)) {
+            offset += columns * rows;
+            level++;
+            column >>= 1;
+            row >>= 1;
+        }
+    }
+    return 0;
+}
+#endif
+
+// The stretch of the ray that lies in the objects' boxes.
+static inline float2 bounds_interval(const Objects world, float3 o, float3 d, float t_max)
+{
+    float2 interval = (float2)(INFINITY, -INFINITY);
+    for (int i = 0; i < world.objects; i++) {
+        const float3 a = (world.bounds[2 * i].xyz - o) / d;
+        const float3 b = (world.bounds[2 * i + 1].xyz - o) / d;
+        const float3 low = fmin(a, b), high = fmax(a, b);
+        const float enter = fmax(fmax(low.x, low.y), fmax(low.z, 0.0f));
+        const float leave = fmin(fmin(high.x, high.y), fmin(high.z, t_max));
+        if (enter <= leave)
+            interval = (float2)(fmin(interval.x, enter), fmax(interval.y, leave));
+    }
+    return interval;
+}
+
+// Nearest virtual surface along the ray before t_max, 1 if there is one. `outside` = 0 for a ray
+// that starts on an object and might start below its rasterized surface.
+static inline int trace_objects(const Objects world, float3 o, float3 d, float t_max, ObjectHit *hit)
+{
+    if (!is_ray(o, d))
+        return 0;
+    COUNT_RAY(world.equirect.grid.work, WORK_OBJECTS);
+    const float2 reach = bounds_interval(world, o, d, t_max);
+    if (!(reach.x <= reach.y))
+        return 0;
+    hit->outside = 0;
+    hit->from = FROM_NOWHERE;
+#ifdef VIEW_EQUIRECT
+    return trace_equirect_objects(world.equirect, o, d, reach.x, reach.y, hit);
+#else
+    const float3 o_view = view_rotate_to_local(world.view, o);
+    const float3 d_view = view_rotate_to_local(world.view, d);
+    float2 seen = clip_to_rectangle(world, o_view, d_view, reach.x, reach.y);
+    if (!(seen.x < seen.y))
+        seen = (float2)(reach.y);
+    // Before, on and after the screen. A loop, because each march is inlined where it is called.
+    for (int part = 0; part < 3; part++) {
+        const float t0 = part == 0 ? reach.x : part == 1 ? seen.x : seen.y;
+        const float t1 = part == 0 ? seen.x : part == 1 ? seen.y : reach.y;
+        if (!(t0 < t1))
+            continue;
+        hit->on_screen = part == 1;
+        if (part == 1 ? march_screen_objects(world, o_view, d_view, t0, t1, o, d, hit)
+                      : trace_equirect_objects(world.equirect, o, d, t0, t1, hit))
+            return 1;
+    }
+    return 0;
+#endif
+}
+
+static inline Scatterer object_point(const Objects world, const ObjectHit hit, float3 o, float3 d)
+{
+    __global const float4 *geometries = hit.on_screen ? world.screen.geometry
+                                                      : world.equirect.geometry;
+    __global const float4 *materials = hit.on_screen ? world.screen.material
+                                                     : world.equirect.material;
+    const float footprint = hit.on_screen ? world.screen.footprint
+                                          : world.equirect.footprint;
+    const int texels = hit.on_screen
+        ? world.screen.grid.width * world.screen.grid.height
+        : world.equirect.grid.width * world.equirect.grid.height;
+    // Beside the layers, where the solid's flank is, the one that faces the ray stands for it: off
+    // the other, the ray would be scattered into the solid.
+    const int opposite = hit.index < texels ? hit.index + texels : hit.index - texels;
+    const int flank = dot(geometries[hit.index].xyz, d) > 0.0f
+        && dot(geometries[opposite].xyz, d) < 0.0f;
+    const int index = flank ? opposite : hit.index;
+    const float4 geometry = geometries[index];
+    const float4 material = materials[index];
+    Scatterer point;
+    point.normal = dot(geometry.xyz, d) > 0.0f ? -geometry.xyz : geometry.xyz;
+    point.position = o + hit.t * d + OBJECT_LIFT * footprint * geometry.w * point.normal;
+    point.albedo = material.xyz;
+    point.material = (int)material.w - 1;
+    return point;
+}
+
+// Metres by which rays leave the object that the view shows at this distance, along its normal.
+static inline float object_lift(const Objects world, float distance)
+{
+#ifdef VIEW_EQUIRECT
+    return OBJECT_LIFT * world.equirect.footprint * distance;
+#else
+    return OBJECT_LIFT * world.screen.footprint * distance;
+#endif
+}
+
+#define LAYER_PARAMETERS(name)                                                                     \
+    const int name##_width, const int name##_height, const int name##_levels,                      \
+        const float name##_footprint, __global const float2 *restrict name##_range,                \
+        __global const float2 *restrict name##_column, __global const float *restrict name##_row,  \
+        __global const float4 *restrict name##_planes,                                             \
+        __global const float4 *restrict name##_geometry,                                           \
+        __global const float4 *restrict name##_material
+
+#define LAYER(name)                                                                                \
+    {                                                                                              \
+        {                                                                                          \
+            name##_width, name##_height, name##_levels, name##_range, name##_column,               \
+                name##_row WORK                                                                    \
+        },                                                                                         \
+            name##_planes, name##_geometry, name##_material, name##_footprint                      \
+    }
+
+#define OBJECT_PARAMETERS                                                                          \
+    LAYER_PARAMETERS(screen), LAYER_PARAMETERS(equirect), const int4 objects_rectangle,            \
+        __global const float4 *restrict objects_bounds, const int objects_count,                   \
+        __global const float4 *restrict materials
+
+#define OBJECTS(view)                                                                              \
+    {LAYER(screen), LAYER(equirect), view, objects_rectangle, objects_bounds, objects_count}
+
+#endif

@@ -1,0 +1,228 @@
+// Paths through the mixed scene: what arrives along a ray that meets real surfaces, which end it
+// with the radiance that the panorama shows, and virtual ones, which scatter it on.
+//
+// -D MAX_BOUNCES is how many virtual surfaces a path may meet; the ray after the last one sees real
+// surfaces only (Algorithm 1, lines 4-6).
+// -D REAL_GLOSS lets glossy real surfaces reflect as well, once, what they show being what they radiate
+// to all sides only (iprt/world/real/highlight.py).
+// -D DISTANT_ENVIRONMENT takes the panorama as infinitely far: image-based lighting.
+#ifndef IPRT_PATH_H
+#define IPRT_PATH_H
+
+#include "world/boxes.h"
+#include "world/brdf.h"
+#include "world/direction.h"
+#ifdef REAL_GLOSS
+#include "world/real/gloss.h"
+#endif
+#include "maths/sampling.h"
+#include "world/world.h"
+
+// Narrower lobes find lights better than aiming does.
+#define AIMED_ALPHA 0.02f
+
+static inline float light_share(const World world, const Material material)
+{
+#ifdef LIGHT_SAMPLING
+    if (world.lights.count == 0)
+        return 0.0f;
+    if (material.kind == KIND_DIFFUSE)
+        return 0.5f;
+    return material.kind == KIND_PLASTIC ? 0.35f : material.alpha > AIMED_ALPHA ? 0.25f : 0.0f;
+#else
+    return 0.0f;
+#endif
+}
+
+// One direction off a virtual surface at x; u in [0, 1)^4.
+static inline Scatter scatter(const World world, const Material material, float3 albedo, float3 x,
+                              float3 n, float3 wo, float4 u)
+{
+    Scatter s = no_scatter(n);
+    s.light_share = light_share(world, material);
+    s.aimed = u.w < s.light_share;
+    const float rest = 1.0f - s.light_share;
+    if (s.aimed) {
+        s.light = sample_light(world.lights, u.xy);
+        s.wi = towards_light(world.real, s.light, x);
+    } else {
+        const BrdfSample sample = brdf_sample(material, albedo, n, wo, u.xyz);
+        s.wi = sample.wi;
+        if (sample.specular && !(material.alpha > 0.0f)) {
+            s.specular = sample.weight / rest;
+            return s;
+        }
+    }
+    const BrdfValue value = brdf_eval(material, albedo, n, wo, s.wi);
+    const float2 density = brdf_pdf(material, albedo, n, wo, s.wi);
+    const float cosine = fmax(dot(n, s.wi), 0.0f);
+    s.diffuse = (float3)(value.diffuse * cosine);
+    s.specular = value.specular * cosine;
+    // Directions below the surface pass no light on, whatever their density.
+    s.density = fmax(rest * (density.x + density.y), 1e-20f);
+    return s;
+}
+
+#ifndef DISTANT_ENVIRONMENT
+
+// One path from a point. Objects are looked for from o_object, real surfaces from o.
+typedef struct {
+    float3 arriving;    // radiance over density at the start, objects included
+    float3 real;        // the same if there were no objects
+    float distance;     // to the first thing that the path meets, metres; INFINITY: sky
+    int met;            // that is an object
+} PathResult;
+
+#ifdef REAL_GLOSS
+// Index + 1 of the material of a glossy real surface that a ray has hit, else 0.
+static inline int gloss_at(const World world, const RealHit hit)
+{
+    int seen = hit.kind == HIT_SURFACE
+        && !((int)world.real.surface[hit.texel].w & SURFACE_OPENING);
+#ifdef BACKGROUND
+    seen &= !hit.behind;
+#endif
+    return seen ? world.gloss.map[hit.texel] : 0;
+}
+
+// How much of a computed reflection in a real surface at p the camera can have seen. Of a conductor
+// nothing else was seen that would tell.
+static inline float3 seen_share(const World world, const Material material, float3 p)
+{
+    const float2 texel = equirect_uv(p)
+        * (float2)((float)world.real.grid.width, (float)world.real.grid.height);
+    return material.kind == KIND_CONDUCTOR
+        ? (float3)(1.0f) : gain_at(world.gloss.gain, world.gloss.columns, world.gloss.rows, texel);
+}
+
+// The direction in which a glossy real surface at p with normal n reflects a ray along d.
+static inline BrdfSample reflect_real(const World world, int index, float3 p, float3 n, float3 d,
+                                      float2 u)
+{
+    const Material material = load_material(world.gloss.materials, index);
+    const Frame frame = build_frame(n);
+    BrdfSample sample = sample_specular(material, world.gloss.reflectance[index].xyz, frame,
+                                        brdf_local_wo(frame, -d), u);
+    sample.weight *= seen_share(world, material, p);
+    return sample;
+}
+#endif
+
+// All of a path is one loop with one call of each march, because OpenCL compilers inline them.
+// -D WITHOUT_OBJECTS also fills `real`, which costs tracing past the objects.
+// -D DELTA is for what objects change only: paths whose first surface is none are not followed,
+// and `real` is what the first object hides. `boxes` are seen from o_object.
+static inline PathResult trace_path(const World world, float3 o, float3 o_object, Scatter s,
+#ifdef DELTA
+                                    const BoxView boxes,
+#endif
+                                    uint seed, uint index)
+{
+    PathResult result;
+    result.met = 0;
+    result.distance = INFINITY;
+    result.real = result.arriving = (float3)(0.0f);
+    float3 throughput = (float3)(1.0f);
+#ifdef REAL_GLOSS
+    int reflected = 0;
+#endif
+    // One more for a glossy real surface, and one for what is seen in the last.
+    for (int bounce = 0; bounce < MAX_BOUNCES + 2; bounce++) {
+        const float3 d = s.wi;
+        ObjectHit hit;
+        hit.t = INFINITY;
+        const int object = bounce < MAX_BOUNCES
+            && trace_objects(world.objects, o_object, d, INFINITY, &hit);
+#ifdef DELTA
+        if (bounce == 0) {
+            if (!object)
+                return result;
+            if (s.box_share > 0.0f)
+                s.density += s.box_share
+                    * box_density(world.objects.bounds, world.objects.objects, boxes, d);
+        }
+#endif
+#if defined(WITHOUT_OBJECTS) || defined(DELTA)
+        const float t_max = object && bounce > 0 ? hit.t : INFINITY;
+#else
+        const float t_max = object ? hit.t : INFINITY;
+#endif
+        const RealHit real = trace_real_layer(world.real, o, d, t_max);
+        // The face that an object stands on and the surface below it are one: the object's is met, or
+        // light would leak into it.
+        const int at_object = object && !(real.t < hit.t - world.real.bias);
+        if (bounce == 0)
+            result.distance = at_object ? hit.t : real.t;
+#ifdef WITHOUT_OBJECTS
+        if (bounce == 0)
+            result.real = real_radiance(world, real, d);
+#endif
+        if (!at_object) {
+#ifdef DELTA
+            if (bounce == 0)
+                return result;
+#endif
+#ifdef WITHOUT_OBJECTS
+            // The same value bit for bit where no object is met.
+            if (bounce == 0) {
+                result.arriving = result.real;
+                return result;
+            }
+#endif
+            const float share = inverse_density(world, s, o, real);
+            if (!(share > 0.0f))
+                return result;
+            throughput *= share;
+#ifdef REAL_GLOSS
+            const int gloss = reflected ? 0 : gloss_at(world, real);
+            if (gloss) {
+                // A conductor shows nothing but its reflection.
+                if (load_material(world.gloss.materials, gloss - 1).kind != KIND_CONDUCTOR)
+                    result.arriving += throughput * real_radiance(world, real, d);
+                const float3 n = -normalize(world.real.surface[real.texel].xyz), p = o + real.t * d;
+                const BrdfSample shine =
+                    reflect_real(world, gloss - 1, p, n, d,
+                                 sobol_2d(index, hash_combine(seed, 2 * bounce + 3)));
+                throughput *= shine.weight;
+                if (!(throughput.x + throughput.y + throughput.z > 0.0f))
+                    return result;
+                o = real_start(world.real, p, n);
+                o_object = p + world.real.bias * n;
+                s = no_scatter(shine.wi);
+                reflected = 1;
+                continue;
+            }
+#endif
+            result.arriving += throughput * real_radiance(world, real, d);
+            return result;
+        }
+#ifdef DELTA
+        if (bounce == 0) {
+            const float share = inverse_density(world, s, o, real);
+            if (!(share > 0.0f))
+                return result;
+            result.real = share * captured_radiance(world, real, d);
+            throughput *= share;
+        } else
+#endif
+        {
+            if (s.aimed)
+                return result;
+            throughput *= s.density > 0.0f ? 1.0f / s.density : 1.0f;
+        }
+        result.met |= bounce == 0;
+        const Scatterer at = object_point(world.objects, hit, o_object, d);
+        const uint stream = hash_combine(seed, 2 * bounce + 2);
+        const float2 u = sobol_2d(index, stream), v = sobol_2d(index, hash_combine(stream, 1));
+        o = o_object = at.position;
+        s = scatter(world, load_material(world.materials, at.material), at.albedo, o, at.normal, -d,
+                    (float4)(u, v));
+        throughput *= at.albedo * s.diffuse + s.specular;
+        if (!(throughput.x + throughput.y + throughput.z > 0.0f))
+            return result;
+    }
+    return result;
+}
+#endif
+
+#endif

@@ -1,0 +1,78 @@
+// The irradiance cache: E_R / pi at the cells of a coarse equirect grid.
+#ifndef IPRT_IRRADIANCE_H
+#define IPRT_IRRADIANCE_H
+
+#include "maths/equirect.h"
+
+// Cells count for a point that lies within so much of its distance from their tangent plane...
+#define CACHE_PLANE 0.02f
+// ... and whose normal agrees: cosine.
+#define CACHE_NORMAL 0.8f
+
+typedef struct {
+    __global const float4 *plane;        // xyz g of the tangent plane g.x = 1; w > 0: a surface
+    __global const float4 *irradiance;   // rgb / pi, w samples; 0: unknown
+    int columns;
+    int rows;
+    float black;                         // irradiance up to this is none
+} IrradianceCache;
+
+#define CACHE_PARAMETERS                                                                           \
+    __global const float4 *restrict cache_plane, __global const float4 *restrict cache_irradiance, \
+        const int cache_columns, const int cache_rows, const float cache_black
+
+#define CACHE {cache_plane, cache_irradiance, cache_columns, cache_rows, cache_black}
+
+// Upper left one of the four cells around the direction p, and how far p lies past its centre.
+static inline int2 cache_corner(int columns, int rows, float3 p, float2 *past)
+{
+    const float2 uv = equirect_uv(p);
+    const float x = uv.x * columns - 0.5f, y = uv.y * rows - 0.5f;
+    const int2 corner = (int2)((int)floor(x), (int)floor(y));
+    *past = (float2)(x - corner.x, y - corner.y);
+    return corner;
+}
+
+static inline int cache_cell(int columns, int rows, int x, int y)
+{
+    x = x < 0 ? x + columns : x >= columns ? x - columns : x;
+    return clamp(y, 0, rows - 1) * columns + x;
+}
+
+// How far the cell's surface is the point's: 1 on its plane, 0 on another surface.
+static inline float cache_agreement(float4 plane, float3 p, float3 n)
+{
+    const float inverse = rsqrt(fmax(dot(plane.xyz, plane.xyz), 1e-30f));
+    const float facing = -dot(plane.xyz, n) * inverse;
+    const float apart = fabs(dot(plane.xyz, p) - 1.0f) * inverse;
+    const float near = 1.0f - apart / (CACHE_PLANE * length(p));
+    return plane.w > 0.0f && facing > CACHE_NORMAL ? fmax(near, 0.0f) : 0.0f;
+}
+
+// E_R / pi at the point p with normal n; 0 where the cache knows no such surface.
+static inline float3 cached_irradiance(const IrradianceCache cache, float3 p, float3 n)
+{
+    float2 past;
+    const int2 corner = cache_corner(cache.columns, cache.rows, p, &past);
+    float3 sum = (float3)(0.0f), fallback = (float3)(0.0f);
+    float weights = 0.0f, fallback_weights = 0.0f;
+    for (int i = 0; i < 4; i++) {
+        const int cell = cache_cell(cache.columns, cache.rows, corner.x + (i & 1), corner.y + (i >> 1));
+        const float4 value = cache.irradiance[cell];
+        const float bilinear = (i & 1 ? past.x : 1.0f - past.x) * (i & 2 ? past.y : 1.0f - past.y);
+        const float known = value.w > 0.0f ? bilinear + 1e-3f : 0.0f;
+        const float weight = known * cache_agreement(cache.plane[cell], p, n);
+        sum += weight * value.xyz;
+        weights += weight;
+        fallback += known * value.xyz;
+        fallback_weights += known;
+    }
+    // Surfaces too small for a cell of their own take what is around them.
+    if (!(weights > 0.0f)) {
+        sum = fallback;
+        weights = fallback_weights;
+    }
+    return weights > 0.0f ? sum / weights : (float3)(0.0f);
+}
+
+#endif

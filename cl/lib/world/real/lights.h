@@ -1,0 +1,128 @@
+// Light sampling of the panorama: directions towards its bright texels, from any point.
+//
+// A table of equirect cells holds densities about the capture centre, in proportion to what each
+// cell's luminance exceeds the mean by (the rest is left to BRDF sampling). A sample is a point y on
+// the real surface; its density per area is p0 cos_0 / |y|^2 with p0 the table's, and per solid
+// angle at x that times |y - x|^2 / cos_y, so that parallax is right. Whether y is visible from x
+// is for the same march to say that every other ray takes.
+#ifndef IPRT_LIGHTS_H
+#define IPRT_LIGHTS_H
+
+#include "maths/maths.h"
+#include "world/real/real.h"
+
+// Surfaces that the capture centre sees at less than this cosine are not aimed at.
+#define LIGHT_GRAZING 0.05f
+// Rays that meet a surface this far off the texel's plane, as a fraction of its distance from the
+// centre, met it where two planes are joined: nothing is aimed there.
+#define LIGHT_OFF_PLANE 1e-3f
+
+typedef struct {
+    __global const float *cumulative;   // [count + 1] of the listed cells' probabilities
+    __global const int *cell;           // [count] row * columns + column
+    __global const float *density;      // [rows * columns] 1/sr about the capture centre
+    int count;                          // 0: the panorama is too even to aim at anything
+    int columns;
+    int rows;
+} Lights;
+
+#define LIGHT_PARAMETERS                                                                           \
+    __global const float *restrict light_cumulative, __global const int *restrict light_cell,      \
+        __global const float *restrict light_density_table, const int light_count,                 \
+        const int light_columns, const int light_rows
+
+#define LIGHTS                                                                                     \
+    {light_cumulative, light_cell, light_density_table, light_count, light_columns, light_rows}
+
+// Unit direction from the capture centre, with the table's density; u in [0, 1)^2.
+static inline float3 sample_light(const Lights lights, float2 u)
+{
+    int low = 0, high = lights.count;   // cumulative[low] <= u.x < cumulative[high]
+    while (high - low > 1) {
+        const int middle = (low + high) >> 1;
+        if (lights.cumulative[middle] <= u.x)
+            low = middle;
+        else
+            high = middle;
+    }
+    const float start = lights.cumulative[low];
+    const float within = clamp((u.x - start) / (lights.cumulative[low + 1] - start), 0.0f, 1.0f);
+    const int column = lights.cell[low] % lights.columns, row = lights.cell[low] / lights.columns;
+    const float top = unit_circle(0.5f * row / lights.rows).x;
+    const float bottom = unit_circle(0.5f * (row + 1) / lights.rows).x;
+    const float y = mix(top, bottom, u.y), s = sqrt(fmax(1.0f - y * y, 0.0f));
+    const float2 azimuth = unit_circle((column + within) / lights.columns);   // from -Z by half a turn
+    return (float3)(-s * azimuth.y, y, s * azimuth.x);
+}
+
+static inline int light_texel(const RealLayer layer, float3 v)
+{
+    const float2 uv = equirect_uv(v);
+    return min((int)(uv.y * layer.grid.height), layer.grid.height - 1) * layer.grid.width
+        + min((int)(uv.x * layer.grid.width), layer.grid.width - 1);
+}
+
+#ifdef BACKGROUND
+// Are rays in this direction aimed at the background, rather than at what stands before it?
+static inline int aims_behind(const RealLayer layer, int texel)
+{
+    return ((int)layer.back_surface[texel].w & SURFACE_AIMED) != 0;
+}
+#endif
+
+// Direction from x to the point of the tangent plane that the panorama shows towards v.
+static inline float3 towards_light(const RealLayer layer, float3 v, float3 x)
+{
+    const int texel = light_texel(layer, v);
+    float4 surface = layer.surface[texel];
+    float farthest = layer.grid.range[texel].y;
+#ifdef BACKGROUND
+    if (aims_behind(layer, texel)) {
+        surface = layer.back_surface[texel];
+        farthest = layer.back_range[texel].y;
+    }
+#endif
+    if ((int)surface.w & SURFACE_NONE)
+        return v;
+    const float inverse = dot(surface.xyz, v);
+    const float radius = inverse > 0.0f ? 1.0f / inverse : farthest;
+    return safe_normalize(radius * v - x, v);
+}
+
+// Whether a ray that was sent towards v's point met it, rather than something on the way. It counts
+// where light_density() is positive only: the texel and its plane leave no point but that one.
+static inline int reaches_light(const RealLayer layer, const RealHit hit, float3 v)
+{
+    return hit.texel == light_texel(layer, v);
+}
+
+// Density per solid angle at x with which light sampling sends a ray along d to what it has hit.
+static inline float light_density(const Lights lights, const RealLayer layer, const RealHit hit,
+                                  float3 x, float3 d)
+{
+    if (lights.count == 0 || (hit.kind != HIT_SURFACE && hit.kind != HIT_SKY))
+        return 0.0f;
+#ifdef BACKGROUND
+    if (hit.behind != aims_behind(layer, hit.texel))
+        return 0.0f;
+#endif
+    const float2 uv = equirect_uv(hit.direction);
+    const int cell = min((int)(uv.y * lights.rows), lights.rows - 1) * lights.columns
+        + min((int)(uv.x * lights.columns), lights.columns - 1);
+    const float density = lights.density[cell];
+    if (!(density > 0.0f) || hit.kind == HIT_SKY)
+        return density;
+#ifdef BACKGROUND
+    const float3 g = (hit.behind ? layer.back_surface : layer.surface)[hit.texel].xyz;
+#else
+    const float3 g = layer.surface[hit.texel].xyz;
+#endif
+    const float3 y = x + hit.t * d;
+    const float towards_centre = dot(g, hit.direction);
+    if (!(towards_centre > LIGHT_GRAZING * length(g) && fabs(dot(g, y) - 1.0f) < LIGHT_OFF_PLANE))
+        return 0.0f;
+    return density * towards_centre * hit.t * hit.t
+        / (dot(y, y) * fmax(fabs(dot(g, d)), 1e-6f * towards_centre));
+}
+
+#endif

@@ -1,0 +1,308 @@
+// The real scene as rays see it: one tangent plane per panorama texel, with a finite thickness,
+// joined to its neighbours where the depth is continuous.
+//
+// surface[texel].xyz = g, with g.x = 1 for the points x of the tangent plane (radial distance
+// along the unit direction v: 1 / (g.v)); g = 0 where nothing is. surface[texel].w holds flags.
+//
+// -D BACKGROUND: a second layer holds, per texel, the farthest surface that the video has shown
+// there (remember.cl), which is the first one's own where nothing nearer hides it (background.h).
+#ifndef IPRT_REAL_H
+#define IPRT_REAL_H
+
+#include "maths/grid.h"
+
+#define SURFACE_EAST 1      // connected with the neighbour in that direction
+#define SURFACE_WEST 2
+#define SURFACE_NORTH 4
+#define SURFACE_SOUTH 8
+#define SURFACE_OPENING 16  // no depth in the source: a window; radiates, takes no shadow
+#define SURFACE_NONE 32     // open sky
+#define SURFACE_HIDDEN 64   // of the background: behind what the first layer shows
+#define SURFACE_AIMED 128   // the same, and brighter: rays at lights are aimed at it instead
+
+#define HIT_SURFACE 0       // the ray meets a visible surface
+#define HIT_SIDE 1          // it enters the assumed thickness of one, from behind or beside
+#define HIT_BACK_FACE 2     // it meets an assumed back face (BASSRT)
+#define HIT_SKY 3           // it leaves the scene through open sky
+#define HIT_UNKNOWN 4       // it leaves the scene behind visible surfaces, or at the step cap
+
+typedef struct {
+    Grid grid;
+    __global const float4 *surface;
+    float thickness;         // metres, at least
+    float thickness_ratio;   // of the radial distance, at least
+    float bias;              // metres: a start this little behind a surface is in front of it
+    float nearest;           // smallest and largest finite depth, metres
+    float farthest;
+#ifdef BACKGROUND
+    __global const float4 *back_surface;   // as `surface`
+    __global const float2 *back_range;     // as `grid.range`
+    __global const float4 *back_color;     // radiance; w is for remember.cl
+#endif
+} RealLayer;
+
+typedef struct {
+    float t;            // metres along the ray; INFINITY for HIT_SKY and HIT_UNKNOWN
+    float3 direction;   // where the panorama shows the radiance of what was hit
+    int texel;
+    int kind;           // HIT_*
+#ifdef BACKGROUND
+    int behind;         // it is background that the first layer hides
+#endif
+} RealHit;
+
+#define SIDE_FRONT 0    // between the capture centre and the surface
+#define SIDE_WITHIN 1   // started inside the thickness, and has not left it yet
+#define SIDE_BEHIND 2   // with a background: behind that too
+#define SIDE_BETWEEN 3  // behind the first layer, before the background
+
+static inline float real_thickness(const RealLayer layer, float r)
+{
+    return fmax(layer.thickness, layer.thickness_ratio * r);
+}
+
+static inline int real_skip(const RealLayer layer, int *side, float near, float far, float2 range,
+                            int cell)
+{
+#ifdef BACKGROUND
+    if (*side == SIDE_BETWEEN)
+        return near > range.y + real_thickness(layer, range.y) && far < layer.back_range[cell].x;
+    if (*side == SIDE_BEHIND)
+        range = layer.back_range[cell];
+#endif
+    // A ray that was on the other side of these surfaces has just crossed one, or a gap.
+    if (*side != SIDE_BEHIND && far < range.x) {
+        *side = SIDE_FRONT;
+        return 1;
+    }
+    return *side == SIDE_BEHIND && near > range.y + real_thickness(layer, range.y);
+}
+
+// Radial distance of the texel's surface in the direction of m + u d (root = |m + u d|).
+static inline float surface_radius(float gm, float gd, float u, float root, float2 range)
+{
+    float inverse = gm + u * gd;
+    return inverse > 0.0f ? clamp(root / inverse, range.x, range.y) : range.y;
+}
+
+#ifdef BASSRT
+// The back face assumed behind the edge of a visible surface, IPRT Figure 4, in the plane of the
+// ray and the capture centre: it starts at the edge point g1 and is perpendicular to the surface.
+// The ray meets it at p; p' lies as far from g1 along the surface. Returns 1 and the hit when the
+// panorama shows p' on that same surface.
+static inline int back_face(const RealLayer layer, const PolarRay ray, const Segment at, float3 g,
+                     float radius, RealHit *hit)
+{
+    const float3 edge = (ray.m + at.u0 * ray.d) / at.root0;
+    const float3 start = edge * (ray.b * at.root0);
+    const float3 g1 = edge * radius;
+    const float3 outward = normalize(g);
+    const float3 plane = normalize(cross(ray.m, ray.d));
+    float3 along = cross(outward, plane);
+    const float length_along = length(along);
+    if (!(length_along > 1e-3f))
+        return 0;
+    along /= length_along;
+    // Into the surface, which is the way the ray's direction turns.
+    const float3 turning = ray.d - dot(ray.d, edge) * edge;
+    along *= dot(along, turning) < 0.0f ? -1.0f : 1.0f;
+    const float3 behind = normalize(outward - dot(outward, plane) * plane);
+
+    const float2 from = (float2)(dot(start - g1, along), dot(start - g1, behind));
+    const float2 heading = (float2)(dot(ray.d, along), dot(ray.d, behind));
+    if (!(heading.x > 1e-4f))
+        return 0;   // theta <= 0: the ray moves away from the back face
+    const float travel = fmax(-from.x / heading.x, 0.0f);
+    const float depth = from.y + travel * heading.y;
+    if (!(depth > 0.0f))
+        return 0;
+    const float3 substitute = g1 + depth * along;
+    const float reach = length(substitute);
+    const float2 uv = equirect_uv(substitute);
+    const int column = min((int)(uv.x * layer.grid.width), layer.grid.width - 1);
+    const int row = min((int)(uv.y * layer.grid.height), layer.grid.height - 1);
+    const int texel = row * layer.grid.width + column;
+    const float2 range = layer.grid.range[texel];
+    const float tolerance = 0.5f * real_thickness(layer, reach);
+    if (reach < range.x - tolerance || reach > range.y + tolerance)
+        return 0;
+    hit->t = polar_t(ray, at.u0) + travel;
+    hit->direction = substitute / reach;
+    hit->texel = texel;
+    hit->kind = HIT_BACK_FACE;
+    return 1;
+}
+#endif
+
+#ifdef BACKGROUND
+#include "world/real/background.h"
+#endif
+
+// What happens to a ray in one texel. Surfaces are watertight across connected edges, because a
+// ray that is on different sides of two connected neighbours has met the surface between them.
+static inline int real_leaf(const RealLayer layer, const PolarRay ray, const Segment at, int *side,
+                     RealHit *hit)
+{
+    const int texel = at.row * layer.grid.width + at.column;
+    const float4 surface = layer.surface[texel];
+    const int flags = (int)surface.w;
+    if (flags & SURFACE_NONE) {
+        *side = SIDE_FRONT;
+        return 0;
+    }
+    const float2 range = layer.grid.range[texel];
+    const float gm = dot(surface.xyz, ray.m), gd = dot(surface.xyz, ray.d);
+    const float radius0 = surface_radius(gm, gd, at.u0, at.root0, range);
+    const float radius1 = surface_radius(gm, gd, at.u1, at.root1, range);
+    const float behind0 = ray.b * at.root0 - radius0;
+    const float behind1 = ray.b * at.root1 - radius1;
+    const float thickness0 = real_thickness(layer, radius0);
+    const float thickness1 = real_thickness(layer, radius1);
+
+    const int edge = at.entry == ENTRY_WEST ? SURFACE_WEST
+        : at.entry == ENTRY_EAST            ? SURFACE_EAST
+        : at.entry == ENTRY_NORTH           ? SURFACE_NORTH
+                                            : SURFACE_SOUTH;
+    int connected = flags & edge;
+    hit->texel = texel;
+#ifdef BACKGROUND
+    hit->behind = 0;
+    const float4 back = layer.back_surface[texel];
+    const int back_flags = (int)back.w;
+    if (back_flags & SURFACE_HIDDEN)
+        return hidden_leaf(layer, ray, at, edge, surface, back, side, hit);
+    // Here the first layer is the background, too, to which the ray may come from a texel where it
+    // was between the two.
+    if (*side == SIDE_BETWEEN) {
+        const int out = behind0 <= 0.0f && connected;
+        *side = out ? SIDE_BEHIND : SIDE_FRONT;
+        connected = out ? connected : back_flags & edge;
+    } else {
+        connected |= back_flags & edge;
+    }
+#endif
+    hit->kind = HIT_SURFACE;
+    float u = at.u0;
+    int found = 0;
+    if (at.entry == ENTRY_START) {
+        // A start just below a surface counts as on it: it hits if it heads deeper.
+        *side = behind0 <= thickness0 ? SIDE_WITHIN : SIDE_BEHIND;
+        found = behind0 > 0.0f && behind0 <= layer.bias && behind1 > behind0;
+    } else if (*side == SIDE_FRONT && behind0 > 0.0f) {
+        if (!connected) {
+#ifdef BASSRT
+            if (back_face(layer, ray, at, surface.xyz, radius0, hit))
+                return 1;
+#endif
+            hit->kind = HIT_SIDE;
+        }
+        found = connected || behind0 <= thickness0;
+        *side = SIDE_BEHIND;
+    } else if (*side == SIDE_BEHIND) {
+        hit->kind = HIT_SIDE;
+        found = behind0 <= thickness0 && (behind0 > 0.0f || connected);
+    } else if (*side == SIDE_WITHIN && behind0 > thickness0) {
+        *side = SIDE_BEHIND;
+    }
+    if (behind0 <= 0.0f)
+        *side = SIDE_FRONT;
+
+    if (!found && *side == SIDE_FRONT && behind1 > 0.0f) {
+        hit->kind = HIT_SURFACE;
+        found = 1;
+        u = (1.0f / ray.b - gm) / gd;
+        // Where the radius is clamped there is no plane to cross: the exit is close enough.
+        u = u >= at.u0 && u <= at.u1 ? u : at.u1;
+    } else if (!found && *side == SIDE_BEHIND && behind1 <= thickness1) {
+        hit->kind = HIT_SIDE;
+        found = 1;
+        u = at.u1;
+    } else if (!found && *side == SIDE_WITHIN) {
+        *side = behind1 <= 0.0f ? SIDE_FRONT : behind1 > thickness1 ? SIDE_BEHIND : SIDE_WITHIN;
+    }
+    if (!found)
+        return 0;
+    hit->t = fmax(polar_t(ray, u), 0.0f);
+    hit->direction = normalize(ray.m + u * ray.d);
+    return 1;
+}
+
+#define MARCH_NAME march_real_layer
+#define MARCH_LAYER RealLayer
+#define MARCH_STATE int
+#define MARCH_HIT RealHit
+#define MARCH_WORK WORK_REAL
+#define MARCH_SKIP(state, near, far, range, cell)                                                  \
+    real_skip(layer, &state, near, far, range, cell)
+#define MARCH_LEAF(layer, ray, at, state, hit) real_leaf(layer, ray, at, state, hit)
+#define MARCH_END(state) (state == SIDE_BEHIND ? -1 : 0)
+#include "world/real/march.h"
+
+// A ray whose line passes the capture centre so closely that the direction of closest approach is
+// rounding noise: it stays in the texel where it starts and in the one it heads for.
+static inline int radial_real(const RealLayer layer, const PolarRay ray, int texel, RealHit *hit)
+{
+    const float4 surface = layer.surface[texel];
+    if ((int)surface.w & SURFACE_NONE)
+        return 0;
+    const float2 range = layer.grid.range[texel];
+    const float radius = surface_radius(0.0f, dot(surface.xyz, ray.d), 1.0f, 1.0f, range);
+    if (ray.od > radius + layer.bias) {
+#ifdef BACKGROUND
+        return radial_background(layer, ray, texel, hit);
+#else
+        return -1;
+#endif
+    }
+    hit->t = fmax(radius - ray.od, 0.0f);
+    return 1;
+}
+
+// Nearest real surface along the ray, up to t_max. Always fills the hit: a ray that leaves the
+// scene takes what the panorama shows in its own direction.
+static inline RealHit trace_real_layer(const RealLayer layer, float3 o, float3 d, float t_max)
+{
+    RealHit hit;
+    if (!is_ray(o, d)) {
+        hit.t = INFINITY;
+        hit.direction = (float3)(0.0f, 1.0f, 0.0f);
+        hit.texel = 0;
+        hit.kind = HIT_UNKNOWN;
+#ifdef BACKGROUND
+        hit.behind = 0;
+#endif
+        return hit;
+    }
+    COUNT_RAY(layer.grid.work, WORK_REAL);
+    const PolarRay ray = polar_ray(o, d);
+    const float2 uv = equirect_uv(d);
+    const int texel = min((int)(uv.y * layer.grid.height), layer.grid.height - 1) * layer.grid.width
+        + min((int)(uv.x * layer.grid.width), layer.grid.width - 1);
+    hit.kind = HIT_SURFACE;
+    hit.texel = texel;
+    hit.direction = d;
+#ifdef BACKGROUND
+    hit.behind = 0;
+#endif
+    int found = 0;
+    // Past this radius there is nothing left to meet.
+    const float t_last = fmin(t_max, fabs(ray.od) + 1.25f * layer.farthest);
+    if (!(layer.farthest > 0.0f))
+        found = 0;
+    else if (!(ray.b > 2e-4f * layer.nearest))
+        found = radial_real(layer, ray, texel, &hit);
+    else
+        found = march_real_layer(layer, ray, 0.0f, t_last, SIDE_FRONT, &hit);
+    if (found != 1) {
+        hit.t = INFINITY;
+        hit.texel = texel;
+        hit.direction = d;
+        hit.kind = found == 0 ? HIT_SKY : HIT_UNKNOWN;
+#ifdef BACKGROUND
+        hit.behind = found == 0 && sky_behind(layer, texel);
+#endif
+    }
+    return hit;
+}
+
+#endif

@@ -1,0 +1,153 @@
+// The mixed scene that paths go through: the real layer, objects, lights; and the radiance of what
+// is real, as the panorama shows it.
+//
+// Real surfaces are taken as diffuse emitters (IPRT, "Interactive panoramic ray tracing"): the
+// panorama already holds every bounce between them.
+// -D RELIT multiplies real radiance by what objects do to it (UpdateGbuffer): in the view where
+// that shows the surface, else in the panorama.
+// -D OPENING_ENVIRONMENT lets windows show what is far behind them in the ray's direction, rather
+// than the radiance of the point where the ray crosses them.
+#ifndef IPRT_WORLD_H
+#define IPRT_WORLD_H
+
+#include "world/real/lights.h"
+#include "world/real/panorama.h"
+#include "world/scene.h"
+#include "maths/tracing.h"
+#include "gbuffer/view.h"
+
+// Rays leave a real surface this many texel footprints above it.
+#define REAL_LIFT 2.0f
+
+// What objects do to the radiance of real surfaces, as factors.
+typedef struct {
+    __global const float4 *screen;      // per pixel of the view, [width * height]
+    __global const float *view;         // lib/gbuffer/view.h; of the screen
+    int width;
+    int height;
+    __global const float4 *panorama;    // [rows * 2 rows], equirect
+    int rows;
+} Relit;
+
+// Glossy real surfaces.
+typedef struct {
+    __global const uchar *map;              // per texel: 0 diffuse, else 1 + index of the material
+    __global const float4 *materials;       // lib/world/brdf.h
+    __global const float4 *reflectance;     // per material: of conductors
+    __global const float4 *gain;            // per cell (lib/world/real/gloss.h): what was seen of highlights
+    int columns;                            // cells
+    int rows;
+} Gloss;
+
+typedef struct {
+    RealLayer real;
+    __global const float4 *color;       // panorama radiance
+    __global const float4 *outside;     // [OUTSIDE_ROWS * 2 OUTSIDE_ROWS], seen through windows
+    Objects objects;
+    __global const float4 *materials;   // lib/world/brdf.h
+    Lights lights;
+    Relit relit;
+    Gloss gloss;
+} World;
+
+// What every kernel that traces paths is given, in this order (iprt/world/world.py).
+#define WORLD_PARAMETERS                                                                           \
+    REAL_PARAMETERS, OBJECT_PARAMETERS, LIGHT_PARAMETERS,                                          \
+        __global const float4 *restrict relit_screen, __global const float *restrict relit_view,   \
+        const int relit_width, const int relit_height,                                             \
+        __global const float4 *restrict relit_panorama, const int relit_rows,                      \
+        __global const uchar *restrict real_gloss, __global const float4 *restrict real_materials, \
+        __global const float4 *restrict real_reflectance,                                          \
+        __global const float4 *restrict real_gain, const int gain_columns, const int gain_rows
+
+#define WORLD(view)                                                                                \
+    {                                                                                              \
+        REAL_LAYER, real_color, real_outside, OBJECTS(view), materials, LIGHTS,                    \
+        {                                                                                          \
+            relit_screen, relit_view, relit_width, relit_height, relit_panorama, relit_rows        \
+        },                                                                                         \
+        {                                                                                          \
+            real_gloss, real_materials, real_reflectance, real_gain, gain_columns, gain_rows       \
+        }                                                                                          \
+    }
+
+// Where rays leave a real surface.
+static inline float3 real_start(const RealLayer layer, float3 p, float3 n)
+{
+    const float footprint = IPRT_PI / layer.grid.height;
+    return p + fmax(layer.bias, REAL_LIFT * footprint * length(p)) * n;
+}
+
+static inline float3 sky_radiance(const World world, float3 d)
+{
+    return panorama_bilinear(world.color, world.real.grid.width, world.real.grid.height,
+                             equirect_uv(d));
+}
+
+#ifdef RELIT
+// Where d leads from the capture centre.
+static inline float3 relit_factor(const Relit relit, float3 d)
+{
+    if (relit.screen != 0) {
+        const float2 p = view_project(relit.view, d);
+        if (p.x >= 0.0f && p.y >= 0.0f && p.x < relit.width && p.y < relit.height)
+            return relit.screen[(int)p.y * relit.width + (int)p.x].xyz;
+    }
+    if (relit.panorama == 0)
+        return (float3)(1.0f);
+    return panorama_bilinear(relit.panorama, 2 * relit.rows, relit.rows, equirect_uv(d));
+}
+#endif
+
+// Radiance without objects of what a ray in direction d has hit. One lookup, whichever picture it is
+// in.
+static inline float3 captured_radiance(const World world, const RealHit hit, float3 d)
+{
+    __global const float4 *picture = world.color;
+    int width = world.real.grid.width, height = world.real.grid.height;
+    float2 uv = equirect_uv(hit.direction);
+    __global const float4 *surfaces = world.real.surface;
+#ifdef BACKGROUND
+    if (hit.behind) {
+        picture = world.real.back_color;
+        surfaces = world.real.back_surface;
+    }
+#endif
+    const int surface = hit.kind <= HIT_BACK_FACE;
+#ifdef OPENING_ENVIRONMENT
+    if (surface && (int)surfaces[hit.texel].w & SURFACE_OPENING) {
+        // Behind windows: as the camera saw it in that direction, or else extrapolated.
+        uv = equirect_uv(d);
+        const int texel = min((int)(uv.y * height), height - 1) * width
+            + min((int)(uv.x * width), width - 1);
+#ifdef BACKGROUND
+        picture = world.real.back_color;
+        surfaces = world.real.back_surface;
+#endif
+        if (!((int)surfaces[texel].w & SURFACE_OPENING)) {
+            picture = world.outside;
+            width = 2 * OUTSIDE_ROWS;
+            height = OUTSIDE_ROWS;
+        }
+    }
+#endif
+    return panorama_bilinear(picture, width, height, uv);
+}
+
+// The same, with what objects do to it.
+static inline float3 real_radiance(const World world, const RealHit hit, float3 d)
+{
+    float3 radiance = captured_radiance(world, hit, d);
+#ifdef RELIT
+#ifdef BACKGROUND
+    // What objects do to surfaces that the view does not show is not known.
+    if (hit.behind)
+        return radiance;
+#endif
+    if (hit.kind <= HIT_BACK_FACE)
+        radiance *= relit_factor(world.relit, hit.direction);
+#endif
+    return radiance;
+}
+
+#endif

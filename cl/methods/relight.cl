@@ -1,0 +1,98 @@
+// Relighting ratio of real surfaces, E_RV / E_R (IPRT Eq. 2; Algorithm 1, UpdateGbuffer): what
+// the camera's radiance is multiplied by where objects cast shadows and light.
+//
+//   in   guide (7 planes, guide.h), colour (3 planes: L_cam), signal (6 planes): E_R rgb, E_RV rgb,
+//        or, with -DDELTA, blocked / E_R rgb, bounce / E_R rgb, and the cache that holds E_R
+//        (irradiance.h): L = L_cam (1 + (bounce - blocked) / E_R)
+//   out  ratio, float4 per pixel (height x width, no border, row 0 the top), w = 1; exactly 1 where
+//        E_R and E_RV are equal or nothing is blocked or bounced, where E_R is black or not finite, and where no real surface is lit
+//        (nothing there, or an opening: id 0)
+//
+// No diffuse surface reflects more than it receives. Where the camera saw more than E_R, the rest
+// came from light that the panorama does not hold (a clipped window) or shone at the camera only (a
+// highlight). Objects are taken to block as much of it as of the known light, without colour, and
+// never to add to it; otherwise such spots would light themselves up by way of objects near them.
+#include "gbuffer/guide.h"
+#ifdef DELTA
+#include "world/real/irradiance.h"
+#endif
+
+// Objects at most add light to a spot that was dark; beyond 4 a real surface's radiance is mostly
+// noise of a small E_R, and its colour was captured too dark to be trusted.
+#define MAX_RATIO 4.0f
+
+// Changes below this are applied as they are.
+#define SLIGHT 0.004f
+// Changes from these on deserve a ray for every fourth pixel, and for every pixel: noise is in
+// proportion to what is changed.
+#define FAINT 0.015f
+#define STRONG 0.06f
+
+static inline float channel_ratio(
+    float real, float both, float seen, float passing, float explained, float black)
+{
+    float unexplained = fmax(seen - real, 0.0f);
+    float ratio = (both + passing * unexplained) / (real + unexplained);
+    ratio = mix(passing, ratio, explained);
+    bool usable = real > black && real < 1e30f && fabs(both) < 1e30f && both != real;
+    return usable ? fmin(fmax(ratio, 0.0f), MAX_RATIO) : 1.0f;
+}
+
+__kernel void relight(
+    __global const float *restrict guide,  // 7 planes
+    __global const float *restrict signal, // 6 planes
+    __global const float *restrict colour, // 3 planes
+    __global float4 *restrict ratio,       // out: float4 per pixel
+#ifdef DELTA
+    CACHE_PARAMETERS,
+    __global float *restrict touched,      // in, out: 1 plane, frames for which pixels are traced
+                                           // densely: more where objects change more
+#else
+    float black,                           // E_R up to this counts as black
+#endif
+    int width,
+    int height)
+{
+    int x = get_global_id(0), y = get_global_id(1);
+    if (x >= width || y >= height)
+        return;
+    int size = plane_size(width, height), p = plane_index(x, y, width);
+    float3 seen = load_planes(colour, size, p);
+#ifdef DELTA
+    // Only filtered values are clamped: single samples may go beyond what can be.
+    const float3 blocked = clamp(load_planes(signal, size, p), 0.0f, 1.0f);
+    const float3 bounce = fmax(load_planes(signal + 3 * size, size, p), 0.0f);
+    const IrradianceCache cache = CACHE;
+    const float black = cache.black;
+    const float3 larger = fmax(blocked, bounce);
+    // Most pixels of most views: what E_R would say of so little is not worth looking it up.
+    const int slight = fmax(larger.x, fmax(larger.y, larger.z)) < SLIGHT;
+    float3 real = (float3)(0.0f);
+    if (guide[GUIDE_ID * size + p] > 0.0f && !slight)
+        real = cached_irradiance(cache, load_planes(guide + GUIDE_POSITION * size, size, p),
+                                 load_planes(guide + GUIDE_NORMAL * size, size, p));
+    float3 both = real * (1.0f - blocked + bounce);
+#else
+    float3 real = load_planes(signal, size, p), both = load_planes(signal + 3 * size, size, p);
+#endif
+    float passing = fmin(fmax(luminance(both) / fmax(luminance(real), black), 0.0f), 1.0f);
+    float3 shares = real / fmax(fmax(real, seen), black);
+    float explained = clamp(fmin(shares.x, fmin(shares.y, shares.z)), 0.0f, 1.0f);
+    float4 result = (float4)(
+        channel_ratio(real.x, both.x, seen.x, passing, explained, black),
+        channel_ratio(real.y, both.y, seen.y, passing, explained, black),
+        channel_ratio(real.z, both.z, seen.z, passing, explained, black), 1.0f);
+#ifdef DELTA
+    if (slight)
+        result = (float4)(1.0f - blocked + bounce, 1.0f);
+#endif
+    if (!(guide[GUIDE_ID * size + p] > 0.0f))
+        result = (float4)(1.0f);
+    ratio[y * width + x] = result;
+#ifdef DELTA
+    const float4 change = fabs(result - 1.0f);
+    const float most = fmax(change.x, fmax(change.y, change.z));
+    if (most > FAINT)
+        touched[p] = fmax(touched[p], most > STRONG ? STRONG_FRAMES : FAINT_FRAMES);
+#endif
+}

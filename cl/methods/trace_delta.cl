@@ -1,0 +1,90 @@
+// What objects change in the irradiance of real surfaces, relative to the irradiance E_R that these
+// have without objects: light blocked and light that objects send instead. Rays are sampled where
+// objects can be: towards their boxes, towards the lights that they may hide, and by the cosine.
+//
+// in   list, count    pixels to trace (y * width + x) and how many
+//      guide          7 planes (lib/gbuffer/guide.h): world normal, position, id
+//      world          lib/world/world.h
+//      cache          lib/world/real/irradiance.h
+// out  signal         6 planes: blocked / E_R rgb, bounce / E_R rgb
+//      samples        1 plane: rays that the pixel has sent since the start, in and out
+#define DELTA
+#include "world/real/irradiance.h"
+#include "world/path.h"
+#include "methods/traced.h"
+
+// Shares of the ways to choose a direction where boxes can be aimed at; the rest is left to the
+// cosine, which covers what is close.
+#define BOX_SHARE 0.5f
+#define BOX_SHARE_INSIDE 0.2f
+
+static inline Scatter sample_delta(const World world, const BoxView boxes, float3 o, float2 u,
+                                   float2 v)
+{
+    Scatter s = no_scatter(boxes.n);
+    s.box_share = !(boxes.total > 0.0f) ? 0.0f : boxes.inside ? BOX_SHARE_INSIDE : BOX_SHARE;
+#ifdef LIGHT_SAMPLING
+    s.light_share = world.lights.count > 0 ? 0.5f * (1.0f - s.box_share) : 0.0f;
+#endif
+    if (v.x < s.box_share) {
+        s.wi = sample_boxes(world.objects.bounds, world.objects.objects, boxes, u,
+                            v.x / s.box_share);
+    } else if (v.x < s.box_share + s.light_share) {
+        s.aimed = 1;
+        s.light = sample_light(world.lights, u);
+        s.wi = towards_light(world.real, s.light, o);
+    } else {
+        s.wi = frame_to_world(build_frame(boxes.n), sample_cosine(u));
+    }
+    const float cosine = fmax(dot(boxes.n, s.wi), 0.0f);
+    s.diffuse = (float3)(cosine / IPRT_PI);
+    s.density = fmax((1.0f - s.box_share - s.light_share) * cosine / IPRT_PI, 1e-20f);
+    return s;
+}
+
+TRACING_KERNEL void trace_delta(
+    TRACED_PARAMETERS,
+    WORLD_PARAMETERS,
+    CACHE_PARAMETERS,
+    const float least,                           // solid angle of objects that matters, sr
+    __global uint *restrict samples,
+    __global float *restrict signal WORK_PARAMETER)
+{
+    const int item = get_global_id(0);
+    if (item >= count[0])
+        return;
+    COUNT_ITEM;
+    const World world = WORLD(view);
+    const IrradianceCache cache = CACHE;
+    const TracedPixel at = TRACED_PIXEL(item, 0x64656c74u);
+    const int pixel = at.pixel, size = at.size;
+    const float3 n = at.n, p = at.p;
+    const float3 o = real_start(world.real, p, n);
+    const float3 o_object = p + world.real.bias * n;
+    const uint seed = at.seed;
+    const BoxView boxes = view_boxes(world.objects.bounds, world.objects.objects, o_object, n);
+
+    float3 blocked = (float3)(0.0f), bounce = (float3)(0.0f);
+    const uint first = samples[pixel];
+    for (int ray = 0; ray < rays && boxes_matter(boxes, least); ray++) {
+        const uint index = first + ray;
+        const Scatter s = sample_delta(world, boxes, o, sobol_2d(index, seed),
+                                       sobol_2d(index, hash_combine(seed, 1)));
+        if (!(s.diffuse.x > 0.0f))
+            continue;
+        const PathResult path = trace_path(world, o, o_object, s, boxes, seed, index);
+        blocked += s.diffuse * path.real;
+        bounce += s.diffuse * path.arriving;
+    }
+    samples[pixel] = first + rays;
+    // f cos is cos / pi, so that the sums are irradiance / pi, as the cache holds it.
+    const float3 irradiance = cached_irradiance(cache, p, n);
+    const float black = cache.black;
+    const float3 scale = (float3)(irradiance.x > black ? 1.0f / irradiance.x : 0.0f,
+                                  irradiance.y > black ? 1.0f / irradiance.y : 0.0f,
+                                  irradiance.z > black ? 1.0f / irradiance.z : 0.0f) / (float)rays;
+    blocked *= scale;
+    bounce *= scale;
+    store_planes(signal, size, pixel, blocked);
+    store_planes(signal + 3 * size, size, pixel, bounce);
+}

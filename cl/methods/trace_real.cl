@@ -1,0 +1,51 @@
+// Irradiance of real surfaces with and without the virtual objects: IPRT Algorithm 1, lines 1-9,
+// with the same rays for both (common random numbers), so that E_RV = E_R bit for bit wherever no
+// ray meets an object.
+//
+// in   list, count    pixels to trace (y * width + x) and how many
+//      guide          7 planes (lib/gbuffer/guide.h): world normal, position, id
+//      real, objects  lib/world/world.h
+// out  signal         6 planes: E_R rgb, E_RV rgb; irradiance / pi
+//      touched        1 plane: TOUCHED_FRAMES where a ray met an object
+//      samples        1 plane: rays that the pixel has sent since the start, in and out
+#define WITHOUT_OBJECTS
+#include "world/path.h"
+#include "methods/traced.h"
+
+TRACING_KERNEL void trace_real(
+    TRACED_PARAMETERS,
+    WORLD_PARAMETERS,
+    __global uint *restrict samples,
+    __global float *restrict signal,
+    __global float *restrict touched WORK_PARAMETER)
+{
+    const int item = get_global_id(0);
+    if (item >= count[0])
+        return;
+    COUNT_ITEM;
+    const World world = WORLD(view);
+    const TracedPixel at = TRACED_PIXEL(item, 0x7265616cu);
+    const int pixel = at.pixel, size = at.size;
+    const float3 n = at.n, p = at.p;
+    const float3 o = real_start(world.real, p, n);
+    const float3 o_object = p + world.real.bias * n;
+    const Frame frame = build_frame(n);
+    const uint seed = at.seed;
+
+    float3 real_sum = (float3)(0.0f), both_sum = (float3)(0.0f);
+    int met = 0;
+    const uint first = samples[pixel];
+    for (int ray = 0; ray < rays; ray++) {
+        const uint index = first + ray;
+        const float3 d = frame_to_world(frame, sample_cosine(sobol_2d(index, seed)));
+        const PathResult path = trace_path(world, o, o_object, no_scatter(d), seed, index);
+        real_sum += path.real;
+        both_sum += path.arriving;
+        met |= path.met;
+    }
+    samples[pixel] = first + rays;
+    store_planes(signal, size, pixel, real_sum / (float)rays);
+    store_planes(signal + 3 * size, size, pixel, both_sum / (float)rays);
+    if (met)
+        touched[pixel] = TOUCHED_FRAMES;
+}

@@ -1,0 +1,118 @@
+// Light that virtual surfaces reflect: IPRT Algorithm 1, lines 10-16. The diffuse lobe is kept
+// without its albedo, which compositing applies at full resolution.
+//
+// in   list, count    pixels to trace (y * width + x) and how many
+//      guide          7 planes (lib/gbuffer/guide.h): world normal towards the viewer, position, id
+//      albedo         3 planes
+//      history        1 plane: frames that the pixel's temporal mean was worth in the last picture
+//      real, objects  lib/world/world.h
+// out  diffuse        3 planes (-D HAS_DIFFUSE): irradiance / pi
+//      specular       3 planes (-D HAS_SPECULAR): radiance
+//      hit            1 plane (-D HAS_SPECULAR): metres to what is reflected, the harmonic mean over
+//                     the specular lobe; FAR_HIT: the sky, 0: no specular lobe
+//      touched        1 plane: TOUCHED_FRAMES where a ray met an object
+//      samples        1 plane: rays that the pixel has sent since the start, in and out
+#include "world/path.h"
+#include "methods/rays.h"
+#include "methods/traced.h"
+
+#define FAR_HIT 1e6f
+
+// Neighbours whose normals agree so well share their samples by way of the filter.
+#define ALIKE 0.95f
+// A pixel without such neighbours sends so many times as many rays as one amid them.
+#define LONELY_RAYS 4.0f
+
+// How many times as many rays a pixel deserves as one whose eight neighbours are like it.
+static inline float loneliness(__global const float *restrict guide, int size, int pixel, int stride,
+                               float3 n)
+{
+    int alike = 1;
+    for (int i = 0; i < 9; i++) {
+        const int q = pixel + i % 3 - 1 + (i / 3 - 1) * stride;
+        alike += i != 4 && guide[6 * size + q] == guide[6 * size + pixel]
+            && dot(load_planes(guide, size, q), n) > ALIKE;
+    }
+    return fmin(9.0f / alike, LONELY_RAYS);
+}
+
+TRACING_KERNEL void trace_virtual(
+    TRACED_PARAMETERS,
+    __global const float *restrict albedo,
+    __global const float *restrict history,
+    WORLD_PARAMETERS,
+    __global uint *restrict samples,
+    __global float *restrict diffuse,
+    __global float *restrict specular,
+    __global float *restrict hit_distance,
+    __global float *restrict touched WORK_PARAMETER)
+{
+    const int item = get_global_id(0);
+    if (item >= count[0])
+        return;
+    COUNT_ITEM;
+    const World world = WORLD(view);
+    const TracedPixel at = TRACED_PIXEL(item, 0x76697274u);
+    const int pixel = at.pixel, size = at.size;
+    float3 n = at.n;
+    const float3 p = at.p;
+    const Material material = load_material(materials, at.id - 1);
+    float3 color = load_planes(albedo, size, pixel);
+    const float distance = length(p);
+    float3 o = p + object_lift(world.objects, distance) * n;
+    float3 viewer = -p / distance;
+    const uint seed = at.seed;
+
+    float3 diffuse_sum = (float3)(0.0f), specular_sum = (float3)(0.0f);
+    float lobe = 0.0f, lobe_nearness = 0.0f;
+    int met = 0;
+    const uint first = samples[pixel];
+    const float steady = rays * share_of_rays(history[pixel], rays);
+    const int more = (int)(steady * loneliness(guide, size, pixel, plane_stride(width), n));
+    for (int ray = 0; ray < more; ray++) {
+        const uint index = first + ray;
+        const float2 u = sobol_2d(index, seed), v = sobol_2d(index, hash_combine(seed, 1));
+#ifdef JITTER
+        // Somewhere else in the pixel, if that shows the same material.
+        const float2 within = sobol_2d(index, hash_combine(seed, 3));
+        const float3 d = view_direction(view, (float2)(at.x, at.y) + within);
+        ObjectHit hit;
+        if (trace_objects(world.objects, (float3)(0.0f), d, INFINITY, &hit)) {
+            const Scatterer seen = object_point(world.objects, hit, (float3)(0.0f), d);
+            if (seen.material == at.id - 1) {
+                o = seen.position;
+                n = seen.normal;
+                viewer = -d;
+                color = seen.albedo;
+            }
+        }
+#endif
+        const Scatter s = scatter(world, material, color, o, n, viewer, (float4)(u, v));
+        if (!(s.diffuse.x + s.specular.x + s.specular.y + s.specular.z > 0.0f))
+            continue;
+#ifdef DISTANT_ENVIRONMENT
+        const float3 arriving = sky_radiance(world, s.wi) / (s.density > 0.0f ? s.density : 1.0f);
+        const float away = FAR_HIT;
+#else
+        const PathResult path = trace_path(world, o, o, s, seed, index);
+        const float3 arriving = path.arriving;
+        const float away = fmin(path.distance, FAR_HIT);
+        met |= path.met;
+#endif
+        diffuse_sum += s.diffuse * arriving;
+        specular_sum += s.specular * arriving;
+        lobe += luminance(s.specular);
+        lobe_nearness += luminance(s.specular) / fmax(away, 1e-6f);
+    }
+    samples[pixel] = first + more;
+#ifdef HAS_DIFFUSE
+    // f / albedo is 1 / pi at most: what the albedo multiplies is a mean of radiance.
+    store_planes(diffuse, size, pixel, diffuse_sum / (float)more);
+#endif
+#ifdef HAS_SPECULAR
+    store_planes(specular, size, pixel, specular_sum / (float)more);
+    hit_distance[pixel] = lobe > 0.0f ? fmin(lobe / lobe_nearness, FAR_HIT) : 0.0f;
+#endif
+    if (met)
+        touched[pixel] = TOUCHED_FRAMES;
+}

@@ -1,0 +1,165 @@
+// What the view shows of the objects, by rays from the capture centre: the same as OpenGL draws
+// (iprt/raster/rasterizer.py), where that is missing or to be checked.
+//
+//   kernel        in                                       out, [height * width]
+//   see_objects   objects (lib/world/objects/objects_bvh.h);             front: world normal as the mesh has it,
+//                 displacements: per vertex, to where it   radial distance (0: nothing); material:
+//                 was, object space (-D OBJECTS_DEFORM)    albedo, 1 + material index; displaced:
+//                                                          the same of the surface, world space
+//   show_objects  objects; front and material, which       display_front, display_material: the
+//                 nothing else reads; surface: tangent     same, edge pixels lent a surface; coverage:
+//                 planes of the panorama; previous view    fraction of the pixel in which an object
+//                 (lib/gbuffer/view.h); motion: 3 float4 per       is in front of the real surface; motion:
+//                 material, rows of this frame's world     image point in the previous view, pixels,
+//                 to the previous frame's                  (-1e9, -1e9): nowhere
+//
+// Pixel centres are at integer + 0.5. Both run over a rectangle; outside, nothing is written.
+// -D SAMPLES: coverage takes SAMPLES x SAMPLES rays a pixel. -D COVERAGE_TOLERANCE: an object is in
+// front up to this fraction of the distance behind the real surface. Coverage is 1 - M of Eq. 2 of
+// IPRT ("Interactive panoramic ray tracing"). -D OBJECTS_DEFORM: meshes bend. What a point was
+// before is its object's motion of the point displaced.
+#include "world/objects/objects_bvh.h"
+#include "maths/tracing.h"
+#include "gbuffer/view.h"
+
+// Lending a surface to the pixel next to it may change its distance by this fraction.
+#define LENDING_RANGE 0.03f
+
+TRACING_KERNEL void see_objects(
+    const int4 rectangle,                        // x0, y0, x1, y1
+    const int width,
+    const int height,
+    __global const float *restrict view,
+    OBJECT_PARAMETERS,
+    __global const float4 *restrict displacements,
+    __global float4 *restrict front,
+    __global float4 *restrict material,
+    __global float4 *restrict displaced WORK_PARAMETER)
+{
+    const int x = rectangle.x + (int)get_global_id(0), y = rectangle.y + (int)get_global_id(1);
+    if (x >= rectangle.z || y >= rectangle.w)
+        return;
+    COUNT_ITEM;
+    const Objects world = OBJECTS(view);
+    const int pixel = y * width + x;
+    const float3 d = view_direction(view, (float2)(x + 0.5f, y + 0.5f));
+    ObjectHit hit;
+    front[pixel] = material[pixel] = (float4)(0.0f);
+    if (!trace_objects(world, (float3)(0.0f), d, INFINITY, &hit))
+        return;
+    const ObjectSurface at = object_surface(world, hit, d);
+    front[pixel] = (float4)(at.normal, hit.t);
+    material[pixel] = (float4)(object_albedo(world, at.material, at.vertices, at.weights),
+                               at.material + 1);
+#ifdef OBJECTS_DEFORM
+    const float3 step = at.weights.x * displacements[at.vertices.x].xyz
+        + at.weights.y * displacements[at.vertices.y].xyz
+        + at.weights.z * displacements[at.vertices.z].xyz;
+    __global const float4 *rows = world.bvh.instances + BVH_INSTANCE_ROWS * hit.instance;
+    displaced[pixel] = (float4)(bvh_transform(rows + 3, step, 0.0f), 0.0f);
+#endif
+}
+
+// Rays that meet an object in front of the real surface; and the mean albedo of those that meet
+// `index` - 1, which pictures finer than the pixels are averaged by.
+static inline int visible_samples(const Objects world, __global const float *restrict view, int x,
+                                  int y, int index, __global const float4 *restrict surface,
+                                  int surface_width, int surface_height, float3 *albedo)
+{
+    int visible = 0, same = 0;
+    float3 sum = (float3)(0.0f);
+    for (int i = 0; i < SAMPLES * SAMPLES; i++) {
+        const float2 within = ((float2)(i % SAMPLES, i / SAMPLES) + 0.5f) / SAMPLES;
+        const float3 d = view_direction(view, (float2)(x, y) + within);
+        ObjectHit hit;
+        if (!trace_objects(world, (float3)(0.0f), d, INFINITY, &hit))
+            continue;
+        const float2 uv = equirect_uv(d);
+        const int texel = min((int)(uv.y * surface_height), surface_height - 1) * surface_width
+            + min((int)(uv.x * surface_width), surface_width - 1);
+        visible += hit.t * dot(surface[texel].xyz, d) <= 1.0f + COVERAGE_TOLERANCE;
+#ifdef OBJECT_TEXTURES
+        const ObjectSurface at = object_surface(world, hit, d);
+        if (at.material + 1 == index) {
+            sum += object_albedo(world, at.material, at.vertices, at.weights);
+            same++;
+        }
+#endif
+    }
+    if (same > 0)
+        *albedo = sum / (float)same;
+    return visible;
+}
+
+// A neighbour with a surface, -1: none.
+static inline int lender(__global const float4 *restrict front, int x, int y, int width, int height)
+{
+    const int2 steps[8] = {{-1, 0}, {1, 0}, {0, -1}, {0, 1}, {-1, -1}, {1, -1}, {-1, 1}, {1, 1}};
+    for (int i = 0; i < 8; i++) {
+        int column = x + steps[i].x;
+        const int row = y + steps[i].y;
+#ifdef VIEW_EQUIRECT
+        column = (column + width) % width;
+#endif
+        if (column < 0 || row < 0 || column >= width || row >= height)
+            continue;
+        if (front[row * width + column].w > 0.0f)
+            return row * width + column;
+    }
+    return -1;
+}
+
+TRACING_KERNEL void show_objects(
+    const int4 rectangle,                        // x0, y0, x1, y1
+    const int width,
+    const int height,
+    __global const float *restrict view,
+    __global const float *restrict previous,     // of the frame before
+    OBJECT_PARAMETERS,
+    __global const float4 *restrict moved,       // rows of the objects' motion, per material
+    __global const float4 *restrict surface,     // xyz = g, g . x = 1 on the real surface
+    const int surface_width,
+    const int surface_height,
+    __global const float4 *restrict front,
+    __global const float4 *restrict material,
+    __global const float4 *restrict displaced,
+    __global float4 *restrict display_front,
+    __global float4 *restrict display_material,
+    __global float *restrict coverage,
+    __global float2 *restrict motion WORK_PARAMETER)
+{
+    const int x = rectangle.x + (int)get_global_id(0), y = rectangle.y + (int)get_global_id(1);
+    if (x >= rectangle.z || y >= rectangle.w)
+        return;
+    COUNT_ITEM;
+    const Objects world = OBJECTS(view);
+    const int pixel = y * width + x;
+    const float3 d = view_direction(view, (float2)(x + 0.5f, y + 0.5f));
+    float4 seen = front[pixel], its_material = material[pixel];
+    float3 albedo = its_material.xyz;
+    const int visible = visible_samples(world, view, x, y, (int)its_material.w, surface,
+                                        surface_width, surface_height, &albedo);
+    its_material.xyz = albedo;
+    const int from = visible > 0 && !(seen.w > 0.0f) ? lender(front, x, y, width, height) : -1;
+    if (from >= 0) {
+        const float4 lent = front[from];
+        const float2 at = (float2)(from % width + 0.5f, from / width + 0.5f);
+        const float ratio = dot(lent.xyz, view_direction(view, at)) / dot(lent.xyz, d);
+        // A plane seen edge-on gives no ratio, or one of any size.
+        const float moderate = clamp(ratio, 1.0f - LENDING_RANGE, 1.0f + LENDING_RANGE);
+        seen = (float4)(lent.xyz, lent.w * (ratio > 0.0f ? moderate : 1.0f));
+        its_material = material[from];
+    }
+    display_front[pixel] = seen;
+    display_material[pixel] = its_material;
+    coverage[pixel] = seen.w > 0.0f ? visible / (float)(SAMPLES * SAMPLES) : 0.0f;
+    motion[pixel] = (float2)(-1e9f);
+    if (seen.w > 0.0f) {
+        float3 point = seen.w * d;
+#ifdef OBJECTS_DEFORM
+        point += displaced[from >= 0 ? from : pixel].xyz;
+#endif
+        const float3 before = bvh_transform(moved + 3 * ((int)its_material.w - 1), point, 1.0f);
+        motion[pixel] = view_project(previous, before);
+    }
+}

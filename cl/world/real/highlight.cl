@@ -1,0 +1,245 @@
+// Highlights that the capture centre sees on glossy real surfaces, and the panorama without them.
+//
+// Equirect texels (row 0 the zenith), world-space, metres. `list` holds the glossy texels, row *
+// width + column; gloss 0 means diffuse, else 1 + index into the table of real materials.
+//
+//   kernel            in                                        out
+//   sample_highlight  real layer, color (float4 per texel)      highlight, list's texels: rgb
+//                                                               radiance, w variance of the mean's
+//                                                               luminance
+//   filter_highlight  highlight, surface                        highlight of the list's texels
+//   measure_cells     color, highlight, real layer              means over the glossy texels of
+//                                                               cells of CELL x CELL texels: color
+//                                                               (w: their gloss, 0 none), highlight,
+//                                                               irradiance / pi
+//   remove_highlight  color, highlight, gain, least (per cell)  highlight, all texels: what is no
+//                                                               diffuse reflection, within [0, color];
+//                                                               radiated: what rays find there
+//
+// -D CELL: texels a side of a cell. The gain corrects what the panorama cannot tell, see
+// iprt/world/real/highlight_gain.py.
+//
+// The reflection at x towards the centre is the integral of f_s(wo, wi) L(x, wi) cos over the
+// specular lobe, by rays of the lobe's visible normals (lib/world/brdf.h). L is what the camera saw where
+// the ray ends: a highlight in it counts as if it shone this way too. It is reflected once more to
+// get here, by a few percent of a coat, so that a second pass would change nothing that shows.
+//
+// A conductor only reflects. What it sends elsewhere is not known; rays that meet one find
+// what the camera saw, which is what it reflects from another side, and nearer to that than black.
+#include "world/brdf.h"
+#include "world/real/gloss.h"
+#include "world/world.h"
+
+// Planes whose g (lib/world/real/real.h) differ by this part of it, in distance or angle, are of one surface.
+#define PLANE_TOLERANCE 0.1f
+// Differences of so many standard deviations count as noise.
+#define DEVIATIONS_SQUARED 9.0f
+// Taps span this part of the lobe's half width, 2 alpha.
+#define LOBE_FRACTION 0.25f
+
+static inline float3 texel_point(const RealLayer layer, int texel)
+{
+    const int width = layer.grid.width;
+    const float3 v = texel_direction(texel % width, texel / width, width, layer.grid.height);
+    const float3 g = layer.surface[texel].xyz;
+    return v * surface_radius(0.0f, dot(g, v), 1.0f, 1.0f, layer.grid.range[texel]);
+}
+
+// What the camera saw, and no objects.
+static inline World captured(
+    const RealLayer layer, __global const float4 *color, __global const float4 *outside)
+{
+    World world;
+    world.real = layer;
+    world.color = color;
+    world.outside = outside;
+    return world;
+}
+
+TRACING_KERNEL void sample_highlight(
+    const int most_rays,                            // per texel; fewer where these crowd: poles
+    const int frame_seed,
+    __global const int *restrict list,
+    const int count,
+    __global const uchar *restrict gloss,
+    __global const float4 *restrict real_materials, // lib/world/brdf.h
+    __global const float4 *restrict reflectance,    // per real material: of conductors
+    REAL_PARAMETERS,
+    __global float4 *restrict highlight WORK_PARAMETER)
+{
+    const int item = get_global_id(0);
+    if (item >= count)
+        return;
+    COUNT_ITEM;
+    const RealLayer layer = REAL_LAYER;
+    const World world = captured(layer, real_color, real_outside);
+    const int texel = list[item], index = gloss[texel] - 1;
+    const Material material = load_material(real_materials, index);
+    const float3 tint = reflectance[index].xyz;
+    const float3 n = -normalize(layer.surface[texel].xyz);
+    const float3 p = texel_point(layer, texel);
+    const float distance = length(p);
+    const float3 start = real_start(layer, p, n);
+    const Frame frame = build_frame(n);
+    const float3 o = brdf_local_wo(frame, -p / distance);
+    const uint seed = hash_combine(hash_combine((uint)texel, 0x676c6f73u), (uint)frame_seed);
+
+    const float c = p.y / distance;
+    const float sine = sqrt(fmax(1.0f - c * c, 0.0f));
+    const int rays = max((int)(most_rays * sine + 0.5f), min(most_rays, 2));
+    float3 sum = (float3)(0.0f);
+    float mean = 0.0f, spread = 0.0f;   // of luminance, by Welford's recurrence
+    for (int ray = 0; ray < rays; ray++) {
+        const BrdfSample sample = sample_specular(material, tint, frame, o, sobol_2d(ray, seed));
+        float3 found = (float3)(0.0f);
+        if (sample.weight.x + sample.weight.y + sample.weight.z > 0.0f) {
+            const RealHit hit = trace_real_layer(layer, start, sample.wi, INFINITY);
+            found = sample.weight * real_radiance(world, hit, sample.wi);
+        }
+        sum += found;
+        const float step = luminance(found) - mean;
+        mean += step / (ray + 1);
+        spread += step * (luminance(found) - mean);
+    }
+    const float variance = spread / ((float)rays * max(rays - 1, 1));
+    highlight[texel] = (float4)(sum / (float)rays, variance);
+}
+
+// One level of an à-trous filter over the texels of one material (Dammertz et al. 2010; SVGF Eqs. 2
+// to 5): those on one plane, whose difference of luminance is within the noise, and no farther apart
+// than the lobe is wide. The first level pools variances, which few rays do not tell, and takes all
+// differences for noise.
+__kernel void filter_highlight(
+    const int step,                              // tap distance in texels
+    __global const int *restrict list,
+    const int count,
+    __global const uchar *restrict gloss,
+    __global const float4 *restrict real_materials,
+    REAL_PARAMETERS,
+    __global const float4 *restrict highlight,
+    __global float4 *restrict filtered WORK_PARAMETER)
+{
+    const int item = get_global_id(0);
+    if (item >= count)
+        return;
+    COUNT_ITEM;
+    const RealLayer layer = REAL_LAYER;
+    const int texel = list[item], column = texel % real_width, row = texel / real_width;
+    const float4 centre = highlight[texel];
+    const float3 g = layer.surface[texel].xyz;
+    const float plane = 1.0f / (PLANE_TOLERANCE * PLANE_TOLERANCE * dot(g, g));
+    // In texels.
+    const float span = 2.0f * LOBE_FRACTION * real_height / IPRT_PI
+        * load_material(real_materials, gloss[texel] - 1).alpha;
+    const float lobe = 0.5f / fmax(span * span, 1e-30f);
+    const float c = 0.5f * (real_row[row] + real_row[row + 1]), squeeze = 1.0f - c * c;
+
+    float4 sum = (float4)(0.0f);
+    float weights = 0.0f;
+    for (int dy = -2; dy <= 2; dy++) {
+        const int y = row + dy * step;
+        if (y < 0 || y >= real_height)
+            continue;
+        for (int dx = -2; dx <= 2; dx++) {
+            int x = (column + dx * step) % real_width;
+            x = x < 0 ? x + real_width : x;
+            const int q = y * real_width + x;
+            if (gloss[q] != gloss[texel])
+                continue;
+            const float4 tap = highlight[q];
+            const float3 bend = layer.surface[q].xyz - g;
+            const float apart = step * step * (dx * dx * squeeze + dy * dy);
+            const float differ = step > 1 ? luminance(tap.xyz) - luminance(centre.xyz) : 0.0f;
+            const float noise = DEVIATIONS_SQUARED * (tap.w + centre.w) + 1e-30f;
+            const float kernel_weight = (dx == 0 ? 0.375f : abs(dx) == 1 ? 0.25f : 0.0625f)
+                * (dy == 0 ? 0.375f : abs(dy) == 1 ? 0.25f : 0.0625f);
+            const float weight = kernel_weight
+                * falloff(plane * dot(bend, bend) + lobe * apart + differ * differ / noise);
+            sum += (float4)(weight * tap.xyz, weight * weight * tap.w);
+            weights += weight;
+        }
+    }
+    filtered[texel] = (float4)(sum.xyz / weights, sum.w / (weights * weights));
+}
+
+TRACING_KERNEL void measure_cells(
+    const int rays,                                 // per cell, for the irradiance
+    const int frame_seed,
+    const int columns,
+    const int rows,
+    __global const uchar *restrict gloss,
+    REAL_PARAMETERS,
+    __global const float4 *restrict highlight,
+    __global float4 *restrict seen,                 // out: columns x rows
+    __global float4 *restrict shine,                // out
+    __global float4 *restrict irradiance            // out
+    WORK_PARAMETER)
+{
+    const int cell_x = get_global_id(0), cell_y = get_global_id(1);
+    if (cell_x >= columns || cell_y >= rows)
+        return;
+    COUNT_ITEM;
+    const RealLayer layer = REAL_LAYER;
+    const World world = captured(layer, real_color, real_outside);
+    const int x1 = min((cell_x + 1) * CELL, real_width), y1 = min((cell_y + 1) * CELL, real_height);
+    int index = 0, count = 0;
+    int texels[CELL * CELL];
+    float4 seen_sum = (float4)(0.0f), shine_sum = (float4)(0.0f);
+    for (int y = cell_y * CELL; y < y1; y++)
+        for (int x = cell_x * CELL; x < x1; x++) {
+            const int texel = y * real_width + x;
+            index = index ? index : gloss[texel];
+            if (!index || gloss[texel] != index)
+                continue;
+            texels[count++] = texel;
+            seen_sum += real_color[texel];
+            shine_sum += highlight[texel];
+        }
+    const int cell = cell_y * columns + cell_x;
+    const float scale = 1.0f / max(count, 1);
+    float3 sum = (float3)(0.0f);
+    const uint seed = hash_combine(hash_combine((uint)cell, 0x63656c6cu), (uint)frame_seed);
+    for (int ray = 0; ray < rays && count > 0; ray++) {
+        const int texel = texels[ray % count];
+        const float3 n = -normalize(layer.surface[texel].xyz), p = texel_point(layer, texel);
+        const float3 d = frame_to_world(build_frame(n), sample_cosine(sobol_2d(ray, seed)));
+        const RealHit hit = trace_real_layer(layer, real_start(layer, p, n), d, INFINITY);
+        sum += real_radiance(world, hit, d);
+    }
+    seen[cell] = (float4)(scale * seen_sum.xyz, (float)index);
+    shine[cell] = scale * shine_sum;
+    irradiance[cell] = (float4)(sum / (float)rays, 0.0f);
+}
+
+__kernel void remove_highlight(
+    const int width,
+    const int height,
+    __global const uchar *restrict gloss,
+    __global const float4 *restrict real_materials,
+    __global const float4 *restrict color,       // float4 per texel: what the camera saw
+    const int columns,                           // cells
+    const int rows,
+    __global const float4 *restrict gain,        // float4 per cell
+    __global const float4 *restrict least,       // float4 per cell: what the highlight leaves
+    __global float4 *restrict highlight,         // in, out
+    __global float4 *restrict radiated)          // out
+{
+    const int x = get_global_id(0), y = get_global_id(1);
+    if (x >= width || y >= height)
+        return;
+    const int texel = y * width + x;
+    const float4 seen = color[texel];
+    float4 shine = (float4)(0.0f), left = seen;
+    if (gloss[texel]) {
+        const int conductor =
+            load_material(real_materials, gloss[texel] - 1).kind == KIND_CONDUCTOR;
+        const float2 at = (float2)(x + 0.5f, y + 0.5f);
+        const float3 share = gain_at(gain, columns, rows, at);
+        const float3 most = fmax(seen.xyz - gain_at(least, columns, rows, at), 0.0f);
+        shine.xyz = clamp(share * highlight[texel].xyz, (float3)(0.0f), most);
+        shine = conductor ? seen : shine;
+        left = conductor ? seen : seen - shine;
+    }
+    highlight[texel] = shine;
+    radiated[texel] = left;
+}

@@ -1,0 +1,288 @@
+// The irradiance cache of the panorama: E_R / pi per cell of an equirect grid, refined over frames
+// where it is needed, and kept while the video stays (lib/world/real/irradiance.h).
+//
+//   kernel         in                                           out
+//   place_cells    panorama (lib/world/real/real.h)                        plane: tangent plane at each cell's
+//                                                               centre (w 0: none, or a window;
+//                                                               else 1 + samples forgotten); means
+//                                                               forget what is elsewhere now
+//   move_cells     panorama, camera (lib/gbuffer/camera.h), plane,      the same, fetched from where the
+//                  mean and smooth as they were                 surfaces were
+//   want_cells     pixels that are traced (list, count, guide,  wanted: 1 at the cells around them,
+//                  touched), objects' boxes                     2 where objects have influence
+//   list_cells     wanted, mean                                 cells to refine; wanted cleared
+//   refine_cells   cells, world (lib/world/world.h)                    mean: rgb / pi, w samples
+//   smooth_cells   cells, mean                                  smooth: joint filter of mean, ever
+//                                                               narrower as samples come in
+//   show_cells     guide, smooth                                3 planes: rgb / pi at the pixels
+#include "world/boxes.h"
+#include "gbuffer/camera.h"
+#include "world/direction.h"
+#include "world/real/irradiance.h"
+#include "gbuffer/planes.h"
+#include "maths/sampling.h"
+
+#define SMOOTH_RADIUS 3
+// Samples after which a cell counts as much as all others around it.
+#define OWN_SAMPLES 32.0f
+// Relative distance up to which a cell's surface is the one it was.
+#define SAME_PLACE 0.02f
+
+// Random numbers go on where they were, so that what is forgotten is not drawn again.
+#define MOST_FORGOTTEN 4194304.0f
+
+static inline float forgotten(float before, float more)
+{
+    const float all = before + fmax(more, 0.0f);
+    return all < MOST_FORGOTTEN ? all : 0.0f;
+}
+
+// Tangent plane at a cell's centre; 0 where there is none, or a window.
+static inline float4 cell_plane(int x, int y, int columns, int rows, int real_width,
+                                int real_height, __global const float4 *restrict real_surface)
+{
+    const int column = min((int)((x + 0.5f) / columns * real_width), real_width - 1);
+    const int row = min((int)((y + 0.5f) / rows * real_height), real_height - 1);
+    const float4 surface = real_surface[row * real_width + column];
+    const int usable = !((int)surface.w & (SURFACE_NONE | SURFACE_OPENING));
+    return usable ? (float4)(surface.xyz, 1.0f) : (float4)(0.0f);
+}
+
+__kernel void place_cells(
+    const int columns,
+    const int rows,
+    const int real_width,
+    const int real_height,
+    __global const float4 *restrict real_surface,
+    const float kept,                      // samples that means are worth at most from now on
+    __global float4 *restrict plane,       // in, out
+    __global float4 *restrict mean,        // in, out
+    __global float4 *restrict smooth)      // in, out
+{
+    const int x = get_global_id(0), y = get_global_id(1);
+    if (x >= columns || y >= rows)
+        return;
+    const int cell = y * columns + x;
+    float4 now = cell_plane(x, y, columns, rows, real_width, real_height, real_surface);
+    const float4 before = plane[cell];
+    const float3 moved = now.xyz - before.xyz;
+    const int same = (before.w > 0.0f) == (now.w > 0.0f)
+        && dot(moved, moved) <= SAME_PLACE * SAME_PLACE * dot(now.xyz, now.xyz);
+    const float samples = mean[cell].w, left = same ? fmin(samples, kept) : 0.0f;
+    if (now.w > 0.0f && before.w > 0.0f)
+        now.w = forgotten(before.w, samples - left);
+    mean[cell].w = left;
+    smooth[cell].w = same ? smooth[cell].w : 0.0f;
+    plane[cell] = now;
+}
+
+__kernel void move_cells(
+    const int columns,
+    const int rows,
+    const int real_width,
+    const int real_height,
+    __global const float4 *restrict real_surface,
+    const float kept,                              // samples that means are worth at most
+    __global const float *restrict camera,         // lib/gbuffer/camera.h
+    __global const float4 *restrict plane_before,
+    __global const float4 *restrict mean_before,
+    __global const float4 *restrict smooth_before,
+    __global float4 *restrict plane,               // out
+    __global float4 *restrict mean,                // out
+    __global float4 *restrict smooth)              // out
+{
+    const int x = get_global_id(0), y = get_global_id(1);
+    if (x >= columns || y >= rows)
+        return;
+    const int cell = y * columns + x;
+    float4 now = cell_plane(x, y, columns, rows, real_width, real_height, real_surface);
+    float4 mean_now = (float4)(0.0f), smooth_now = (float4)(0.0f);
+    if (now.w > 0.0f) {
+        const float3 v = texel_direction(x, y, columns, rows);
+        const float3 p = camera_before(camera, v, dot(now.xyz, v));
+        const float3 point = p / fmax(dot(now.xyz, v), 1e-30f);
+        const float3 normal = camera_before(camera, -normalize(now.xyz), 0.0f);
+        float2 past;
+        const int2 corner = cache_corner(columns, rows, point, &past);
+        float drawn = 0.0f;
+        for (int i = 0; i < 4; i++) {
+            const int from = cache_cell(columns, rows, corner.x + (i & 1), corner.y + (i >> 1));
+            const float4 before = plane_before[from], known = mean_before[from];
+            const float weight = (i & 1 ? past.x : 1.0f - past.x)
+                * (i & 2 ? past.y : 1.0f - past.y) * cache_agreement(before, point, normal);
+            // What is worth more samples weighs more; sums come first, means after.
+            mean_now += weight * (float4)(known.w * known.xyz, known.w);
+            const float4 shown = smooth_before[from];
+            smooth_now += weight * (float4)(shown.w * shown.xyz, shown.w);
+            drawn = fmax(drawn, before.w - 1.0f + known.w);
+        }
+        const float left = fmin(floor(mean_now.w), kept);
+        mean_now = left >= 1.0f ? (float4)(mean_now.xyz / mean_now.w, left) : (float4)(0.0f);
+        smooth_now.xyz /= fmax(smooth_now.w, 1e-30f);
+        now.w = forgotten(1.0f, ceil(drawn) - left);
+    }
+    mean[cell] = mean_now;
+    smooth[cell] = smooth_now;
+    plane[cell] = now;
+}
+
+__kernel void want_cells(
+    const int width,
+    const int height,
+    __global const int *restrict list,
+    __global const int *restrict count,
+    __global const float *restrict guide,
+    __global const float *restrict touched,
+    __global const float4 *restrict boxes,
+    const int box_count,
+    const float least,                     // solid angle of objects that matters, sr
+    const int columns,
+    const int rows,
+    __global const float4 *restrict plane,
+    __global int *restrict wanted          // out
+    WORK_PARAMETER)
+{
+    const int item = get_global_id(0);
+    if (item >= count[0])
+        return;
+    COUNT_ITEM;
+    const int pixel = plane_index(list[item] % width, list[item] / width, width);
+    const int size = plane_size(width, height);
+    const float3 p = load_planes(guide + 3 * size, size, pixel);
+    if (!boxes_matter(view_boxes(boxes, box_count, p, load_planes(guide, size, pixel)), least))
+        return;
+    float2 past;
+    const int2 corner = cache_corner(columns, rows, p, &past);
+    for (int i = 0; i < 4; i++) {
+        const int cell = cache_cell(columns, rows, corner.x + (i & 1), corner.y + (i >> 1));
+        if (plane[cell].w > 0.0f)
+            atomic_max(wanted + cell, touched[pixel] > 0.0f ? 2 : 1);
+    }
+}
+
+__kernel void list_cells(
+    const int cells,
+    const float first,                     // samples that do without influence
+    const float enough,                    // samples after which a cell is not refined further
+    __global const float4 *restrict mean,
+    __global int *restrict wanted,         // in, out
+    __global int *restrict list,           // out
+    __global int *restrict count)          // in, out: 0 at the start
+{
+    const int cell = get_global_id(0);
+    if (cell >= cells || wanted[cell] == 0)
+        return;
+    const float samples = wanted[cell] == 1 ? first : enough;
+    wanted[cell] = 0;
+    if (mean[cell].w < samples)
+        list[atomic_inc(count)] = cell;
+}
+
+TRACING_KERNEL void refine_cells(
+    const int rays,                        // per cell and frame
+    const int first_rays,                  // for a cell that knows nothing
+    const int seed,
+    __global const int *restrict list,
+    __global const int *restrict count,
+    const int columns,
+    __global const float4 *restrict plane,
+    __global const float *restrict view,   // lib/gbuffer/view.h
+    WORLD_PARAMETERS,
+    __global float4 *restrict mean         // in, out
+    WORK_PARAMETER)
+{
+    const int item = get_global_id(0);
+    if (item >= count[0])
+        return;
+    COUNT_ITEM;
+    const World world = WORLD(view);
+    const int cell = list[item];
+    const float3 g = plane[cell].xyz;
+    const float3 v = texel_direction(cell % columns, cell / columns, columns, columns / 2);
+    const float3 n = -normalize(g);
+    const float3 o = real_start(world.real, v / fmax(dot(g, v), 1e-30f), n);
+    const Frame frame = build_frame(n);
+    const float4 before = mean[cell];
+    const uint first = (uint)(before.w + (plane[cell].w - 1.0f) + 0.5f);
+    const int more = before.w < 1.0f ? first_rays : rays;
+    const uint stream = hash_combine(hash_combine((uint)cell, 0x69727261u), (uint)seed);
+
+    float3 sum = (float3)(0.0f);
+    for (int ray = 0; ray < more; ray++) {
+        const float2 u = sobol_2d(first + ray, stream);
+        Scatter s = no_scatter(n);
+#ifdef LIGHT_SAMPLING
+        s.light_share = world.lights.count > 0 ? 0.5f : 0.0f;
+        s.aimed = sobol_1d(first + ray, hash_combine(stream, 1)) < s.light_share;
+#endif
+        if (s.aimed) {
+            s.light = sample_light(world.lights, u);
+            s.wi = towards_light(world.real, s.light, o);
+        } else {
+            s.wi = frame_to_world(frame, sample_cosine(u));
+        }
+        const float cosine = dot(n, s.wi);
+        if (!(cosine > 0.0f))
+            continue;
+        s.density = (1.0f - s.light_share) * cosine / IPRT_PI;
+        const RealHit hit = trace_real_layer(world.real, o, s.wi, INFINITY);
+        const float share = inverse_density(world, s, o, hit) * cosine / IPRT_PI;
+        if (share > 0.0f)
+            sum += share * real_radiance(world, hit, s.wi);
+    }
+    const float total = before.w + more;
+    mean[cell] = (float4)((before.xyz * before.w + sum) / total, total);
+}
+
+__kernel void smooth_cells(
+    __global const int *restrict list,
+    __global const int *restrict count,
+    const int columns,
+    const int rows,
+    __global const float4 *restrict plane,
+    __global const float4 *restrict mean,
+    __global float4 *restrict smooth       // out
+    WORK_PARAMETER)
+{
+    const int item = get_global_id(0);
+    if (item >= count[0])
+        return;
+    COUNT_ITEM;
+    const int cell = list[item], x = cell % columns, y = cell / columns;
+    const float3 g = plane[cell].xyz, n = -normalize(g);
+    const float3 v = texel_direction(x, y, columns, rows);
+    const float3 p = v / fmax(dot(g, v), 1e-30f);
+    const float4 own = mean[cell];
+    const float share = OWN_SAMPLES / (OWN_SAMPLES + own.w);
+    float3 sum = (float3)(0.0f);
+    float weights = 0.0f;
+    for (int dy = -SMOOTH_RADIUS; dy <= SMOOTH_RADIUS; dy++)
+        for (int dx = -SMOOTH_RADIUS; dx <= SMOOTH_RADIUS; dx++) {
+            const int other = cache_cell(columns, rows, x + dx, y + dy);
+            const float4 value = mean[other];
+            const float weight = dx == 0 && dy == 0
+                ? own.w
+                : share * value.w * cache_agreement(plane[other], p, n) / (1.0f + dx * dx + dy * dy);
+            sum += weight * value.xyz;
+            weights += weight;
+        }
+    smooth[cell] = (float4)(sum / fmax(weights, 1e-30f), own.w);
+}
+
+__kernel void show_cells(
+    const int width,
+    const int height,
+    __global const float *restrict guide,
+    CACHE_PARAMETERS,
+    __global float *restrict shown)        // out: 3 planes
+{
+    const int x = get_global_id(0), y = get_global_id(1);
+    if (x >= width || y >= height)
+        return;
+    const IrradianceCache cache = CACHE;
+    const int pixel = plane_index(x, y, width), size = plane_size(width, height);
+    if (guide[6 * size + pixel] > 0.0f)
+        store_planes(shown, size, pixel,
+                     cached_irradiance(cache, load_planes(guide + 3 * size, size, pixel),
+                                       load_planes(guide, size, pixel)));
+}

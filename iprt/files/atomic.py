@@ -1,0 +1,93 @@
+"""Files appear whole or not at all, and only regular files are replaced."""
+
+from __future__ import annotations
+
+import os
+import stat
+import tempfile
+import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from iprt.errors import FormatError
+from iprt.files.termination import at_termination
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """Write to the yielded path; on success it becomes `path`, on failure nothing is left behind.
+
+    Missing folders are created. The temporary file lies in the target's folder, because a rename
+    is atomic only within one file system.
+
+    Raises
+    ------
+    FormatError
+        The folder or the file cannot be written, or `path` is no regular file.
+    """
+    require_regular(path)
+    temporary = path.with_name(f".{uuid.uuid4().hex}.tmp")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with at_termination(lambda: temporary.unlink(missing_ok=True)):
+            try:
+                yield temporary
+                _sync(temporary)
+                os.replace(temporary, path)
+            finally:
+                temporary.unlink(missing_ok=True)
+    except (OSError, RuntimeError) as error:  # OpenEXR reports system errors as RuntimeError
+        reason = getattr(error, "strerror", None) or str(error).replace(str(temporary), path.name)
+        raise FormatError(f"{path}: cannot be written: {reason}") from error
+
+
+def _sync(path: Path) -> None:
+    # Some file systems tell only now that they are full, and after a power cut a name may stand for
+    # a file whose contents never reached the disk.
+    with path.open("rb") as file:
+        os.fsync(file.fileno())
+
+
+def require_regular(path: Path) -> None:
+    """Refuse to replace anything but a regular file: a link would be lost, or a device.
+
+    Raises
+    ------
+    FormatError
+        `path` is a folder, a symbolic link, a device, a pipe or a socket; or cannot be looked at.
+    """
+    try:
+        mode = path.lstat().st_mode
+    except (FileNotFoundError, NotADirectoryError):
+        return
+    except OSError as error:  # a name too long, a folder that may not be searched
+        raise FormatError(f"{path}: cannot be written: {error.strerror}") from error
+    if stat.S_ISDIR(mode):
+        raise FormatError(f"{path}: is a folder; name a file in it")
+    if stat.S_ISLNK(mode):
+        target = os.path.realpath(path)
+        raise FormatError(f"{path}: is a symbolic link and is not replaced; name {target} instead")
+    if not stat.S_ISREG(mode):
+        raise FormatError(f"{path}: is a device, pipe or socket and is not replaced; name a file")
+
+
+def require_writable(path: Path) -> None:
+    """Fail now rather than after minutes of rendering if `path` cannot be written.
+
+    Raises
+    ------
+    FormatError
+        As `require_regular`; or the folder it goes to is not one, or permits no writing.
+    """
+    require_regular(path)
+    folder = Path(os.path.realpath(path.parent))
+    while not folder.exists():
+        folder = folder.parent
+    if not folder.is_dir():
+        raise FormatError(f"{path}: {folder} is a file, not a folder")
+    try:
+        # Only trying tells: root may write everywhere, except where no file can be.
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError as error:
+        raise FormatError(f"{path}: cannot write in {folder}: {error.strerror}") from error

@@ -1,0 +1,202 @@
+"""Pictures on disk to arrays: EXR, PNG, JPEG and PFM, told apart by their first bytes."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from iprt.errors import FormatError
+from iprt.files import exr
+from iprt.files.pfm import read_pfm
+from iprt.files.png16 import read_png16
+from iprt.files.untrusted import decoding, open_file, read_bytes, require_picture_size
+
+Image2D = NDArray[np.float32]
+_SIGNATURES = {
+    exr.MAGIC: "exr",
+    b"\x89PNG": "png",
+    b"\xff\xd8\xff": "jpeg",
+    b"Pf": "pfm",
+    b"PF": "pfm",
+}
+FLOAT_KINDS = ("exr", "pfm")
+"""Whose values have no upper end."""
+TEXTURE_FORMATS = ("PNG", "JPEG", "WEBP", "BMP", "TGA", "TIFF")
+"""Names that Pillow has for what textures of meshes may be stored as."""
+NO_DEPTH = "depth needs one channel, as EXR, PFM or 16-bit grey PNG"
+MAX_SCANS = 100
+"""A progressive JPEG has no more; each goes over the whole picture. Programs write about ten."""
+_START_OF_SCAN = b"\xff\xda"
+
+
+def file_kind(path: Path) -> str:
+    """ "exr", "png", "jpeg" or "pfm", by the file's first bytes.
+
+    Raises
+    ------
+    FormatError
+        Missing, unreadable, empty, or none of these.
+    """
+    with open_file(path) as file:
+        start = file.read(4)
+    for signature, kind in _SIGNATURES.items():
+        if start.startswith(signature):
+            return kind
+    what = "empty" if not start else "not an EXR, PNG, JPEG or PFM file"
+    raise FormatError(f"{path}: {what}")
+
+
+def read_color(path: Path) -> Image2D:
+    """Linear RGB radiance as (H, W, 3) float32, as stored: possibly not finite.
+
+    EXR with channels R, G, B (or Y alone) is linear; PNG and JPEG, 8 or 16 bits per channel, are
+    decoded from sRGB. Alpha and colour profiles are ignored.
+
+    Raises
+    ------
+    FormatError
+    """
+    kind = file_kind(path)
+    if kind == "exr":
+        planes = exr.read_exr(path, [("R", "G", "B"), ("Y",)])
+        return np.stack([planes[i % len(planes)] for i in range(3)], axis=-1).astype(np.float32)
+    if kind == "pfm":
+        raise FormatError(f"{path}: PFM is read as depth only; save colour as EXR, PNG or JPEG")
+    image = _open_pillow(path)
+    if kind == "png" and _is_16_bit(image):
+        coded = read_png16(path)
+        grey = coded.shape[2] < 3
+        return decode_srgb(np.repeat(coded[..., :1], 3, axis=2) if grey else coded[..., :3])
+    return decode_srgb(_decoded(path, image, "RGB"))
+
+
+def read_depth(path: Path) -> tuple[Image2D, bool]:
+    """Depth in stored units as (H, W) float32, and whether it is stored as integers.
+
+    EXR (channel Z, else Y, else R, else the only one), 16-bit grey PNG, or PFM.
+
+    Raises
+    ------
+    FormatError
+        Also for pictures in colours, and for those of 8 bits: too coarse for geometry.
+    """
+    kind = file_kind(path)
+    if kind == "exr":
+        plane, *others = exr.read_exr(path, [("Z",), ("Y",), ("R", "G", "B"), ("R",), ("*",)])
+        if not all(np.array_equal(plane, other, equal_nan=True) for other in others):
+            raise FormatError(f"{path}: a picture in colours, whose R, G and B differ; {NO_DEPTH}")
+        return plane.astype(np.float32), plane.dtype.kind == "u"
+    if kind == "pfm":
+        return read_pfm(path), False
+    image = _open_pillow(path)
+    if not image.mode.startswith("I"):
+        what = "grey picture of 8 bits" if image.mode.startswith("L") else "picture in colours"
+        raise FormatError(f"{path}: a {what}; {NO_DEPTH}")
+    return _decoded(path, image).astype(np.float32), True
+
+
+def read_plane(path: Path) -> Image2D:
+    """The first channel of an EXR picture as (H, W) float32; masks are stored so."""
+    if file_kind(path) != "exr":
+        raise FormatError(f"{path}: not an EXR file")
+    return exr.read_exr(path, [("Y",), ("R",), ("A",), ("*",)])[0].astype(np.float32)
+
+
+def read_normal(path: Path) -> Image2D:
+    """World-space normals (H, W, 3) float32 from an EXR picture, R, G, B = x, y, z, as stored."""
+    if file_kind(path) != "exr":
+        raise FormatError(f"{path}: normals are read from EXR only")
+    planes = exr.read_exr(path, [("R", "G", "B"), ("X", "Y", "Z"), ("x", "y", "z")])
+    return np.stack(planes, axis=-1).astype(np.float32)
+
+
+def picture_size(path: Path) -> tuple[int, int]:
+    """Width and height of an EXR, PNG or JPEG picture, from its header.
+
+    Raises
+    ------
+    FormatError
+    """
+    if file_kind(path) == "exr":
+        return exr.exr_size(path)
+    image = _open_pillow(path)
+    return image.width, image.height
+
+
+def decode_srgb(coded: NDArray[Any]) -> Image2D:
+    """Linear float32 in [0, 1] of uint8 or uint16 sRGB values (IEC 61966-2-1)."""
+    steps = np.iinfo(coded.dtype).max
+    value = np.arange(steps + 1, dtype=np.float64) / steps
+    linear = np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
+    decoded: Image2D = linear.astype(np.float32)[coded]
+    return decoded
+
+
+def _is_16_bit(image: Image.Image) -> bool:
+    # Pillow reports mode RGB for 16-bit colour; the decoder's raw mode tells.
+    tiles = getattr(image, "tile", [])
+    return image.mode.startswith("I") or (bool(tiles) and "16" in str(tiles[0][3]))
+
+
+def _open_pillow(path: Path) -> Image.Image:
+    return open_picture(path, path, ("PNG", "JPEG"))
+
+
+def open_picture(
+    source: Path | BytesIO, path: Path, formats: Sequence[str] = TEXTURE_FORMATS
+) -> Image.Image:
+    """Open lazily: only the header is read, and its size checked; `path` names it in errors.
+
+    Raises
+    ------
+    FormatError
+        Damaged, of none of Pillow's `formats`, or larger than is read.
+    """
+    # Without a list of formats, Pillow runs Ghostscript on what looks like PostScript.
+    with _quiet(), decoding(path, "cannot be read as a picture"):
+        image = Image.open(source, formats=list(formats))
+    require_picture_size(path, image.width, image.height)
+    if image.format in ("JPEG", "MPO"):
+        data = read_bytes(source) if isinstance(source, Path) else source.getvalue()
+        if data.count(_START_OF_SCAN) > MAX_SCANS:
+            raise FormatError(
+                f"{path}: a progressive JPEG of more than {MAX_SCANS} scans; save it again"
+                " without them"
+            )
+    return image
+
+
+def texture_pixels(image: Image.Image, path: Path) -> NDArray[np.uint8]:
+    """(H, W, 3) sRGB of a picture that a mesh's loader has opened; `path` names it in errors.
+
+    Raises
+    ------
+    FormatError
+    """
+    # MPO is JPEG with further pictures behind; without a format, the loader made it in memory.
+    if image.format not in (*TEXTURE_FORMATS, "MPO", None):
+        raise FormatError(f"{path}: a texture is no {', '.join(TEXTURE_FORMATS)} picture")
+    require_picture_size(path, image.width, image.height)
+    return _decoded(path, image, "RGB").astype(np.uint8, copy=False)
+
+
+def _decoded(path: Path, image: Image.Image, mode: str | None = None) -> NDArray[Any]:
+    """The pixels of a picture, converted to one of Pillow's modes."""
+    with _quiet(), decoding(path, "cut off or damaged picture"):
+        return np.asarray(image if mode is None else image.convert(mode))
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Sizes are checked here, so that Pillow need not warn of them, nor of odd palettes."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        yield

@@ -1,0 +1,167 @@
+"""Spatial filter: edge-avoiding à-trous wavelets in up to five levels (IPRT "Filtering")."""
+
+from __future__ import annotations
+
+import numpy as np
+import pyopencl.array as cla
+
+from iprt.device.compute import ComputeDevice, Define
+from iprt.filter.temporal import Kind, signal_defines, signal_planes
+from iprt.gbuffer.guide import Guide, plane_defines
+from iprt.settings.filter import AtrousSettings
+
+ROW_GROUP = 16
+"""Rows of a work group, at most: those beyond the picture are read too."""
+
+Rect = tuple[int, int, int, int]
+"""Pixels x0 <= x < x1, y0 <= y < y1, as (x0, y0, x1, y1)."""
+
+
+class Atrous:
+    """Filters one accumulated signal of one layer."""
+
+    def __init__(
+        self,
+        device: ComputeDevice,
+        guide: Guide,
+        kind: Kind,
+        settings: AtrousSettings,
+        *,
+        name: str,
+        guided: bool = True,
+    ) -> None:
+        """Without `guided`, luminance does not count: IPRT's joint bilateral filter."""
+        self.settings = settings
+        self.kind = kind
+        self._device = device
+        self._guide = guide
+        self._real = kind in ("ratio", "delta")
+        self._taps = 3 if self._real and guided else 5
+        channels = signal_planes(kind)
+        defines = plane_defines(
+            equirect=guide.equirect,
+            **signal_defines(kind),
+            SPECULAR=kind == "specular",
+            EXTENT=kind == "delta",
+            TAPS=self._taps,
+            GUIDED=guided,
+        )
+        self._filter = device.kernel("filter/atrous.cl", "filter_level", defines)
+        self._smooth = device.kernel("filter/atrous.cl", "smooth_variance", defines)
+        if kind == "specular":
+            self._widen = device.kernel("filter/atrous.cl", "widen_lobes", defines)
+            self._roughness = device.zeros(f"{name} widened roughness", guide.layout.shape(1))
+        if kind == "delta":
+            self._extent = Extent(device, guide, defines, name=name)
+        if not guided:
+            self._nothing = device.zeros(f"{name} no variance", guide.layout.shape(1))
+        self._scratch = [
+            (
+                device.zeros(f"{name} filtered {i}", guide.layout.shape(channels)),
+                device.zeros(f"{name} filtered variance {i}", guide.layout.shape(1)),
+            )
+            for i in range(2 if settings.levels else 0)
+        ]
+
+    def run(
+        self,
+        signal: cla.Array,
+        variance: cla.Array | None = None,
+        *,
+        roughness: cla.Array | None = None,
+        rect: Rect | None = None,
+    ) -> cla.Array:
+        """Return the filtered signal: buffers of this object, or the input if `levels` is 0.
+
+        Parameters
+        ----------
+        signal : the signal's planes
+        variance : 1 plane
+            Variance of the mean of the scalar that the picture shows. None where not `guided`.
+            Neither is changed, but for borders in equirect views.
+        roughness : 1 plane
+            GGX alpha of the specular lobe, needed by that kind. Mirrors are copied.
+        rect : Rect or None
+            Where there are surfaces; outside it the result is undefined. None: everywhere.
+        """
+        settings, guide = self.settings, self._guide
+        width, height = guide.layout.width, guide.layout.height
+        if settings.levels == 0:
+            return signal
+        x0, y0, x1, y1 = rect = (0, 0, width, height) if rect is None else rect
+        size = (x1 - x0, y1 - y0)
+        if min(size) <= 0:
+            return signal
+        with self._device.profile.section(f"filter {'real' if self._real else self.kind}"):
+            variance = self._nothing if variance is None else variance
+            extra = self._own_arguments(signal, variance, roughness, rect)
+            guide.wrap(variance)
+            smooth = self._scratch[-1][1]
+            self._smooth(size, guide.current, variance, smooth, *rect, width, height)
+            variance = smooth
+            for level in range(settings.levels):
+                guide.wrap(signal)
+                guide.wrap(variance)
+                signal_out, variance_out = self._scratch[level % 2]
+                self._filter(
+                    size,
+                    guide.current,
+                    signal,
+                    variance,
+                    signal_out,
+                    variance_out,
+                    *extra,
+                    1 << level,
+                    settings.normal_sharpness,
+                    settings.plane_sharpness,
+                    settings.deviations**2,
+                    settings.floor,
+                    *rect,
+                    width,
+                    height,
+                )
+                signal, variance = signal_out, variance_out
+        return signal
+
+    def _own_arguments(
+        self, signal: cla.Array, variance: cla.Array, roughness: cla.Array | None, rect: Rect
+    ) -> tuple[object, ...]:
+        """Arguments of `filter_level` that only this kind of signal has."""
+        settings, guide = self.settings, self._guide
+        width, height = guide.layout.width, guide.layout.height
+        if self.kind == "specular":
+            size = (rect[2] - rect[0], rect[3] - rect[1])
+            self._widen(size, guide.current, roughness, self._roughness, *rect, width, height)
+            return self._roughness, settings.lobe_fraction
+        if self.kind == "delta":
+            reach = self._taps // 2 * ((1 << settings.levels) - 1)
+            return (self._extent.run(signal, variance, reach),)
+        return ()
+
+
+class Extent:
+    """Which columns of each row the filter may change: the rest is 0 before and after."""
+
+    def __init__(
+        self, device: ComputeDevice, guide: Guide, defines: dict[str, Define], *, name: str
+    ) -> None:
+        self._guide = guide
+        self._find = device.kernel("filter/atrous.cl", "find_extent", defines)
+        self._grow = device.kernel("filter/atrous.cl", "grow_extent", defines)
+        rows = guide.layout.height + ROW_GROUP
+
+        def columns(label: str) -> cla.Array:
+            return device.zeros(f"{name} {label}", (rows, 2), np.int32)
+
+        self._found, self._used = columns("extent found"), columns("extent used")
+        self._now, self._before = columns("extent"), columns("extent before")
+
+    def run(self, signal: cla.Array, variance: cla.Array, reach: int) -> cla.Array:
+        """(rows, 2) int32: first column and end of what `filter_level` has to write."""
+        width, height = self._guide.layout.width, self._guide.layout.height
+        self._now, self._before = self._before, self._now
+        self._find((height,), signal, variance, self._found, width, height)
+        self._grow(
+            (height,), self._found, self._before, self._now, self._used, reach, width, height
+        )
+        return self._used

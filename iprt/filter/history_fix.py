@@ -1,0 +1,59 @@
+"""Pixels with a short history borrow from far neighbours (after NVIDIA's ReLAX)."""
+
+from __future__ import annotations
+
+import pyopencl.array as cla
+
+from iprt.device.compute import ComputeDevice
+from iprt.filter.temporal import Accumulated, Kind, signal_defines, signal_planes
+from iprt.gbuffer.guide import Guide, plane_defines
+from iprt.settings.filter import AtrousSettings
+
+STRIDE, OF_HEIGHT = 14.0, 1.0 / 36.0
+"""Pixels between taps where there is no history, at most; and as a fraction of the rows."""
+
+
+class HistoryFix:
+    """Mixes accumulated pixels that are worth few samples with those around them."""
+
+    def __init__(
+        self,
+        device: ComputeDevice,
+        guide: Guide,
+        kind: Kind,
+        settings: AtrousSettings,
+        enough: float,
+        *,
+        name: str,
+    ) -> None:
+        """Histories of `enough` samples are left alone; `settings` tell which surfaces are one."""
+        self._device = device
+        self._guide = guide
+        self._settings = settings
+        self._enough = enough
+        defines = plane_defines(equirect=guide.equirect, **signal_defines(kind))
+        self._fix = device.kernel("filter/history_fix.cl", "fix_history", defines)
+        layout = guide.layout
+        self._signal = device.zeros(f"{name} fixed", layout.shape(signal_planes(kind)))
+        self._variance = device.zeros(f"{name} fixed variance", layout.shape(1))
+
+    def run(self, accumulated: Accumulated, level: cla.Array) -> Accumulated:
+        """The same signal, in buffers of this object; `level` is `Mask.level`."""
+        size = (self._guide.layout.width, self._guide.layout.height)
+        with self._device.profile.section("history fix"):
+            self._fix(
+                size,
+                self._guide.current,
+                accumulated.signal,
+                accumulated.variance,
+                accumulated.length,
+                level,
+                self._signal,
+                self._variance,
+                min(STRIDE, OF_HEIGHT * size[1]),
+                self._enough,
+                self._settings.normal_sharpness,
+                self._settings.plane_sharpness,
+                *size,
+            )
+        return Accumulated(self._signal, accumulated.length, self._variance)

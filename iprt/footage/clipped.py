@@ -1,0 +1,239 @@
+"""Light that a camera clipped, found in the shading of the surfaces that it falls on.
+
+A picture with a white level shows a window, a lamp or the sun as white. Shadows and objects need
+to know how bright they are. `ClippedLights` joins what is clipped to lights (`light_groups`), and
+finds by what factor each is brighter (`lost_light`) from how it shades the surfaces around
+(`light_shading`). The picture stays as it is: what is recovered goes to `Frame.light`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.files.wording import counted
+from iprt.footage.frame import Frame
+from iprt.footage.gather import Float
+from iprt.footage.light_groups import GROUP_ROWS, Clipped, groups_of, lights_of, ties_of
+from iprt.footage.light_shading import shading_of
+from iprt.footage.lost_light import lost_light
+from iprt.footage.openings import solid_angles
+
+CHANGED = 0.3
+"""Share of the clipped area that comes or goes, from which on lights are estimated anew."""
+OTHER = 0.8
+"""Share from which on they are other lights: nothing of the old gains holds."""
+LEAST_CLIPPED = 0.25
+"""A channel has lost nothing if less is clipped, over the flux of the light's strongest channel."""
+LEAST_TOLD = 1.05
+"""Factor by which lights are brighter than they look, from which on it is reported."""
+BLEND = 12
+"""Frames over which gains go over to those of a new estimate."""
+
+
+@dataclass(frozen=True)
+class Gains:
+    """How much brighter clipped texels are than they look.
+
+    Attributes
+    ----------
+    group : (2, cells) int
+        Groups of the grid's cells, for texels that are near and that are far; 0: none.
+    factor : (groups + 1, rows, 3) float32
+        By group and row of the picture; 1 for group 0.
+    channels : (groups + 1, 3) bool
+        Which channels of a group are clipped.
+    covered : (cells,) float64
+        Share of the sphere that clipped texels cover in each cell.
+    exposed : (3,) float64
+        What `exposure_of` the frame was.
+    """
+
+    group: NDArray[np.intp]
+    factor: NDArray[np.float32]
+    channels: NDArray[np.bool_]
+    covered: Float
+    exposed: Float
+
+    def of(self, frame: Frame, clipped: Clipped) -> NDArray[np.float32]:
+        """(N, 3) by what a frame's clipped texels are brighter than they look.
+
+        A camera that opens clips more of a light.
+        """
+        group = self.group[clipped.far.astype(np.intp), clipped.cell]
+        opened = (self.exposed / exposure_of(frame)).astype(np.float32)
+        factor = self.factor[group, clipped.row]
+        factor = np.where(factor > 1.0, np.maximum(factor * opened, 1.0), 1.0).astype(np.float32)
+        share = white_share(clipped, self.channels[group])
+        return np.asarray(1.0 + share * (factor - 1.0), np.float32)
+
+
+def exposure_of(frame: Frame) -> Float:
+    """(3,) how much brighter the video's reference frame shows what is grey."""
+    return np.ones(3) if frame.color_map is None else frame.color_map.sum(axis=1)
+
+
+def covered(frame: Frame, clipped: Clipped) -> Float:
+    """`Gains.covered`."""
+    rows = min(GROUP_ROWS, frame.height)
+    weight = solid_angles(frame.width, frame.height)[clipped.row] / (4.0 * np.pi)
+    area = weight * clipped.share.max(-1)
+    return np.asarray(np.bincount(clipped.cell, area, 2 * rows * rows), np.float64)
+
+
+def recover(frame: Frame, clipped: Clipped, white: float) -> Gains:
+    """Estimate the gains of a frame's lights; all 1 where its surfaces tell nothing."""
+    cell_groups = groups_of(frame, clipped)
+    count = int(cell_groups.max()) + 1
+    factor = np.ones((count, frame.height, 3), np.float32)
+    area = covered(frame, clipped)
+    group = cell_groups[clipped.far.astype(np.intp), clipped.cell]
+    flux = np.stack([_flux(frame, clipped, group == number) for number in range(count)])
+    channels = flux > LEAST_CLIPPED * flux.max(axis=1, keepdims=True)
+    clipped = replace(clipped, share=white_share(clipped, channels[group]))
+    lights = lights_of(frame, clipped, cell_groups)
+    shading = shading_of(frame, clipped, group, lights, white) if lights else None
+    if shading is not None:
+        shares = np.stack([light.share(frame.height) for light in lights], axis=-1)
+        present = np.stack([channels[light.group] for light in lights])
+        gain = lost_light(shading, ties_of(lights), present).gain
+        for index, light in enumerate(lights):
+            more = shares[:, index, None] * (gain[index] - 1.0)
+            factor[light.group] += more.astype(np.float32)
+    return Gains(cell_groups, factor, channels, area, exposure_of(frame))
+
+
+def white_share(clipped: Clipped, channels: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """(N, 3) how far texels count as lights: as far as all `channels` (N, 3) of theirs are clipped.
+
+    Where one of them is not, the others have lost little; more would paint the rim of a light.
+    """
+    least = np.where(channels, clipped.share, np.float32(1.0)).min(axis=-1, keepdims=True)
+    return np.where(channels, least, np.float32(0.0))
+
+
+def _flux(frame: Frame, clipped: Clipped, chosen: NDArray[np.bool_]) -> Float:
+    """(3,) clipped flux at the capture centre of some of the clipped texels, as they look."""
+    weight = solid_angles(frame.width, frame.height)[clipped.row[chosen], None]
+    color = frame.color.reshape(-1, 3)[clipped.texel[chosen]]
+    return np.asarray((weight * color * clipped.share[chosen]).sum(0), np.float64)
+
+
+@dataclass(frozen=True)
+class Recovered:
+    """What is clipped in a frame, in numbers.
+
+    Attributes
+    ----------
+    lights : int
+        Groups of clipped texels.
+    area : float
+        Share of all directions that they cover.
+    seen, flux : float
+        Share of the flux at the capture centre that comes from them as they look, and as recovered.
+    factor : float
+        Their flux as recovered over that as they look.
+    """
+
+    lights: int
+    area: float
+    seen: float
+    flux: float
+    factor: float
+
+    @classmethod
+    def of(cls, frame: Frame, white: float) -> Recovered | None:
+        """None where nothing is clipped."""
+        clipped = Clipped.of(frame, white) if np.isfinite(white) else None
+        if clipped is None:
+            return None
+        weight = solid_angles(frame.width, frame.height)
+        at = clipped.row, clipped.texel % frame.width
+        shares = []
+        for picture in (frame.color, frame.color if frame.light is None else frame.light):
+            bright = picture.mean(axis=-1)
+            shares.append(
+                (float((weight[at[0]] * bright[at]).sum()), float(weight @ bright.sum(1)))
+            )
+        (seen, before), (flux, after) = shares
+        return cls(
+            lights=int(groups_of(frame, clipped).max()),
+            area=float(weight[at[0]].sum()) / (4.0 * np.pi),
+            seen=seen / before,
+            flux=flux / after,
+            factor=flux / seen,
+        )
+
+    def line(self) -> str:
+        """As text."""
+        what = (
+            f"{counted(self.lights, 'clipped light')} in {100 * self.area:.2f}% of all directions"
+        )
+        if self.factor < LEAST_TOLD:
+            return (
+                f"{what}; taken to be as bright as the picture shows, because no surface in sight "
+                "tells more"
+            )
+        return (
+            f"{what}, estimated {self.factor:.1f} times as bright as the picture shows: "
+            f"{100 * self.flux:.1f}% of all light, not {100 * self.seen:.1f}%"
+        )
+
+
+class ClippedLights:
+    """A stage of a video's stream: gives frames in which something is clipped their `light`.
+
+    Gains are found in the first such frame, and stay while what is clipped does. Where much of it
+    comes or goes, they are found anew, and go over to the new ones gradually.
+
+    Parameters
+    ----------
+    white : float
+        Linear radiance at which the camera's channels are clipped; infinite: never.
+    """
+
+    def __init__(self, white: float) -> None:
+        self._white = white
+        self._gains: Gains | None = None
+        self._before: Gains | None = None
+        self._blended = 0
+
+    def __call__(self, frame: Frame) -> Frame:
+        clipped = Clipped.of(frame, self._white) if np.isfinite(self._white) else None
+        if clipped is None:
+            return frame
+        gain = self._gain(frame, clipped)
+        if (gain == 1.0).all():
+            return frame
+        light = frame.color.copy()
+        color = light.reshape(-1, 3)
+        color[clipped.texel] *= gain
+        return replace(frame, light=light)
+
+    def _gain(self, frame: Frame, clipped: Clipped) -> NDArray[np.float32]:
+        """(N, 3) by what the clipped texels are brighter now."""
+        now = covered(frame, clipped)
+        if self._gains is None:
+            self._gains = recover(frame, clipped, self._white)
+        elif self._before is None:
+            change = _change(self._gains.covered, now)
+            if change > CHANGED:
+                self._before = None if change > OTHER else self._gains
+                self._gains, self._blended = recover(frame, clipped, self._white), 0
+        gain = self._gains.of(frame, clipped)
+        if self._before is None:
+            return gain
+        self._blended += 1
+        share = np.float32(self._blended / BLEND)
+        blended = self._before.of(frame, clipped) ** (1 - share) * gain**share
+        if self._blended == BLEND:
+            self._before = None
+        return blended
+
+
+def _change(before: Float, after: Float) -> float:
+    """Share by which two areas differ, in [0, 1]."""
+    both = np.maximum(before, after).sum()
+    return float(np.abs(after - before).sum() / both) if both > 0.0 else 0.0

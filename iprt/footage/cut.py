@@ -1,0 +1,97 @@
+"""Whether two frames of a video belong together, or the video was cut between them.
+
+Light alone does not tell: a lamp that is switched on changes more of it than many a cut. What
+surfaces there are does, and where their edges and textures are.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.footage.frame import LUMINANCE, Frame
+from iprt.meshes.camera import View, equirect_pixel
+from iprt.meshes.pose import camera_motion
+
+Float = NDArray[np.float64]
+
+ROWS = 32
+"""The coarse panoramas that are compared have so many."""
+OTHER_DEPTH = 0.15
+"""Relative difference of distances from which on a surface is another one."""
+OTHER_SURFACES = 0.35
+"""Share of the sphere with other surfaces from which on it is another scene."""
+SWITCHED = 0.5
+"""Share of the flux from which on what was accumulated misleads, although the scene is the same."""
+OTHER_LIGHT, OTHER_DETAIL = 0.2, 0.3
+"""Or: so much of the flux is elsewhere, and details correlate less than this."""
+
+
+def is_cut(before: Frame, after: Frame, flux_change: float) -> bool:
+    """Whether `after`, the next frame of a video, shows something else than `before`.
+
+    Parameters
+    ----------
+    before, after : Frame
+        Both of the same size. With poses, they are compared where the camera saw the same points.
+    flux_change : float
+        Share of the panorama's flux by which they differ, in [0, 1].
+    """
+    if before is after:
+        return False
+    rows = min(ROWS, after.height, after.width // 2)
+    view = View(2 * rows, rows, projection="equirect")
+    weights = np.broadcast_to(
+        np.sin((np.arange(rows) + 0.5) / rows * np.pi)[:, None], (rows, 2 * rows)
+    )
+    now = _sampled(after.depth, view.directions())
+    motion = camera_motion(before.pose, after.pose)
+    near = np.where(np.isfinite(now), now, 1e6)[..., None] * view.directions()
+    seen = near @ motion[:, :3].T + motion[:, 3]
+    expected = np.where(np.isfinite(now), np.linalg.norm(seen, axis=-1), np.inf)
+    if _other_surfaces(_sampled(before.depth, seen), expected, weights) > OTHER_SURFACES:
+        return True
+    if flux_change <= OTHER_LIGHT:
+        return False
+    details = [_details(frame.color, rows) for frame in (before, after)]
+    return _correlation(_sampled(details[0], seen), details[1], weights) < OTHER_DETAIL
+
+
+def _sampled(image: NDArray[np.floating], directions: Float) -> Float:
+    """Nearest texels of an equirect image (H, W) in directions (..., 3)."""
+    height, width = image.shape
+    column, row = np.moveaxis(equirect_pixel(directions, width, height).astype(np.intp), -1, 0)
+    texels = image[np.minimum(row, height - 1), np.minimum(column, width - 1)]
+    return np.asarray(texels, np.float64)
+
+
+def _other_surfaces(found: Float, expected: Float, weights: Float) -> float:
+    """Share of directions in which the distance is another than expected, up to one factor: the
+    scale of estimated depth wavers.
+    """
+    both = np.isfinite(found) & np.isfinite(expected)
+    step = np.log(np.where(both, found, 1.0) / np.where(both, expected, 1.0))
+    if both.any():
+        step = step - np.median(step[both])
+    other = np.where(both, np.abs(step) > OTHER_DEPTH, np.isfinite(found) != np.isfinite(expected))
+    return float((other * weights).sum() / weights.sum())
+
+
+def _details(color: NDArray[np.float32], rows: int) -> Float:
+    """(rows, 2 rows) logarithm of the luminance, less its mean around."""
+    height, width = color.shape[:2]
+    starts = (np.arange(rows) * height // rows, np.arange(2 * rows) * width // (2 * rows))
+    sums = np.add.reduceat(np.add.reduceat(color, starts[0], axis=0), starts[1], axis=1)
+    texels = np.outer(*(np.diff([*s, end]) for s, end in zip(starts, (height, width), strict=True)))
+    light = (sums.astype(np.float64) @ LUMINANCE) / texels
+    level = np.log(np.maximum(light, 1e-3 * light.mean() + 1e-30))
+    wide = np.pad(np.pad(level, ((0, 0), (1, 1)), "wrap"), ((1, 1), (0, 0)), "edge")
+    around = sum(wide[i : i + rows, j : j + 2 * rows] for i in range(3) for j in range(3)) / 9.0
+    return np.asarray(level - around)
+
+
+def _correlation(a: Float, b: Float, weights: Float) -> float:
+    """How two images correlate: single large values do not decide; 1 where one has no details."""
+    a, b = np.clip(a, -0.5, 0.5), np.clip(b, -0.5, 0.5)
+    power = (weights * a * a).sum() * (weights * b * b).sum()
+    return float((weights * a * b).sum() / np.sqrt(power)) if power > 1e-6 else 1.0

@@ -1,0 +1,57 @@
+"""What the frames of a video have, in so far as passes and buffers depend on it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Self
+
+from iprt.footage.frame import Frame
+from iprt.meshes.material import Material
+
+
+@dataclass(frozen=True)
+class Footage:
+    """What is to be expected of the frames of one video.
+
+    Attributes
+    ----------
+    openings : bool
+        There are windows.
+    real_materials : tuple of Material
+        Materials of glossy real surfaces.
+    own_radiance : bool
+        Some frames may have a radiance that is not their colour (`Frame.radiance`).
+    drifts : bool
+        Some may have a `color_map`.
+    poses : bool
+        They have poses.
+    static_camera : bool
+        There are several, seen from the same place, so that what moving things hide can be
+        remembered.
+    """
+
+    openings: bool = False
+    real_materials: tuple[Material, ...] = ()
+    own_radiance: bool = False
+    drifts: bool = False
+    poses: bool = False
+    static_camera: bool = False
+
+    @classmethod
+    def of(
+        cls,
+        frame: Frame,
+        *,
+        own_radiance: bool = False,
+        drifts: bool = False,
+        static_camera: bool = False,
+    ) -> Self:
+        """That of which `frame` is one; what others may have besides is said by the flags."""
+        return cls(
+            openings=bool(frame.opening.any()),
+            real_materials=frame.real_materials,
+            own_radiance=own_radiance or frame.own_radiance,
+            drifts=drifts or frame.color_map is not None,
+            poses=frame.pose is not None,
+            static_camera=static_camera,
+        )

@@ -1,0 +1,85 @@
+"""One frame of 360° RGBD video, sanitised."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.meshes.material import Material
+
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
+"""Weights of linear Rec.709, in which all colour is."""
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A panorama in the convention of the scene format.
+
+    Attributes
+    ----------
+    color : (H, W, 3) float32
+        Linear radiance, finite, non-negative.
+    depth : (H, W) float32
+        Metres from the capture centre; positive; +inf where the sky is open (no rim closes it).
+        Openings hold a depth interpolated from their rim.
+    opening : (H, W) bool
+        True where the source has no depth and a rim does: windows, mostly.
+    normal : (H, W, 3) float32
+        World-space unit vector facing the capture centre; zero where depth is infinite.
+    gloss : (H, W) uint8 or None
+        0 where the surface is diffuse, else 1 + its index in `real_materials`. None: nowhere.
+    real_materials : tuple of Material
+        The glossy materials of the real scene.
+    index : int
+        Number of the frame in the video.
+    pose : (4, 4) float64 or None
+        Rigid transform from this frame's capture centre and axes, in which all above is, to the
+        world. None: they are the world's.
+    light : (H, W, 3) float32 or None
+        What the surfaces send in truth where `color` is clipped, elsewhere `color`. None: `color`.
+    color_map : (3, 3) float64 or None
+        Takes colours of this frame to those of the video's reference frame, which was exposed and
+        balanced otherwise. None: they are the same.
+    """
+
+    color: NDArray[np.float32]
+    depth: NDArray[np.float32]
+    opening: NDArray[np.bool_]
+    normal: NDArray[np.float32]
+    gloss: NDArray[np.uint8] | None = None
+    real_materials: tuple[Material, ...] = ()
+    index: int = 0
+    pose: NDArray[np.float64] | None = None
+    light: NDArray[np.float32] | None = None
+    color_map: NDArray[np.float64] | None = None
+
+    @cached_property
+    def radiance(self) -> NDArray[np.float32]:
+        """(H, W, 3) linear radiance that rays find: `light`, as the reference frame shows it."""
+        light = self.color if self.light is None else self.light
+        if self.color_map is None:
+            return light
+        mapped = light @ self.color_map.T.astype(np.float32)
+        return np.maximum(mapped, np.float32(0.0))
+
+    @property
+    def own_radiance(self) -> bool:
+        """`radiance` may differ from `color`."""
+        return self.light is not None or self.color_map is not None
+
+    @property
+    def height(self) -> int:
+        return int(self.depth.shape[0])
+
+    @property
+    def width(self) -> int:
+        return int(self.depth.shape[1])
+
+    @property
+    def median_depth(self) -> float:
+        """Median of the finite depths, in metres: the unit of the tracer's tolerances."""
+        finite = self.depth[np.isfinite(self.depth)]
+        return float(np.median(finite)) if finite.size else 1.0

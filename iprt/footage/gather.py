@@ -1,0 +1,231 @@
+"""Irradiance of the surfaces that a panorama shows, from the light in it: coarse, and on the host.
+
+The panorama is cut into equirect cells, each of which stands for what it shows. A surface point x
+with normal n receives from a cell at y, whose surface of area A looks along m,
+
+    F = cos(n, y - x) cos(m, x - y) A / (r² + cos(m, x - y) A / π)
+
+times its radiance, if nothing between them hides it: the form factor of a point and a disc, finite
+where they touch. What lies behind openings is infinitely far away, as the tracer takes it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.footage.frame import Frame
+from iprt.footage.openings import solid_angles
+from iprt.footage.window_environment import OUTSIDE_ROWS, outside_radiance
+from iprt.meshes.camera import View
+
+Float = NDArray[np.float64]
+
+SKY = 50.0
+"""Open sky lies so many times as far as the farthest surface."""
+GRAZING = 0.1
+"""Least cosine at which the area that a cell shows is taken from its normal."""
+THICKNESS, CLEARANCE = 0.15, 0.03
+"""Fractions of depth: a line of sight is hidden where it is deeper below a surface than the
+clearance, and passes behind where it is deeper than the thickness."""
+LEAST_OPEN = 0.1
+"""π minus what lights take: never less of a hemisphere sees the rest."""
+
+
+def cell_means(picture: NDArray[np.generic], rows: int) -> Float:
+    """Means (rows, 2 rows, ...) over the cells of a picture (H, 2 H, ...); H >= `rows`."""
+    sums: NDArray[Any] = picture
+    texels = np.ones((1, 1))
+    for axis, cells in ((0, rows), (1, 2 * rows)):
+        size = picture.shape[axis]
+        starts = -(-np.arange(cells) * size // cells)
+        sums = np.add.reduceat(sums, starts, axis=axis, dtype=np.float64)
+        texels = texels * np.diff(starts, append=size).reshape((-1, 1) if axis == 0 else (1, -1))
+    return np.asarray(sums / texels.reshape(*texels.shape, *[1] * (picture.ndim - 2)))
+
+
+@dataclass(frozen=True)
+class Cells:
+    """Surfaces of a panorama in cells, row by row.
+
+    Attributes
+    ----------
+    rows : int
+        Half as many as columns; N = 2 rows².
+    direction, point, normal : (N, 3) float64
+        From the capture centre; points in metres.
+    depth : (N,) float64
+        Metres.
+    area : (N,) float64
+        Area of the surface that the cell shows, in m².
+    solid_angle : (N,) float64
+        sr about the capture centre.
+    opening, sky : (N,) float64
+        Shares of the cell, in [0, 1].
+    rough : (N,) float64
+        Spread of inverse depth in the cell over its mean, plus how much normals differ.
+    """
+
+    rows: int
+    direction: Float
+    point: Float
+    normal: Float
+    depth: Float
+    area: Float
+    solid_angle: Float
+    opening: Float
+    sky: Float
+    rough: Float
+
+    @classmethod
+    def of(cls, frame: Frame, rows: int) -> Cells:
+        finite = np.isfinite(frame.depth)
+        far = float(frame.depth[finite].max()) if finite.any() else 1.0
+        inverse = np.float32(1.0) / np.where(finite, frame.depth, np.float32(SKY * far))
+        mean = cell_means(inverse, rows).ravel()
+        squared = cell_means(inverse * inverse, rows).ravel()
+        spread = np.sqrt(np.maximum(squared - mean**2, 0.0)) / mean
+        direction = View(2 * rows, rows, projection="equirect").directions().reshape(-1, 3)
+        normal = cell_means(frame.normal, rows).reshape(-1, 3)
+        length = np.linalg.norm(normal, axis=-1)
+        normal = np.where(
+            length[:, None] > 0.3, normal / np.maximum(length, 1e-9)[:, None], -direction
+        )
+        solid_angle = np.repeat(solid_angles(2 * rows, rows), 2 * rows)
+        depth = 1.0 / mean
+        facing = np.abs((normal * direction).sum(-1))
+        return cls(
+            rows=rows,
+            direction=direction,
+            point=direction * depth[:, None],
+            normal=normal,
+            depth=depth,
+            area=solid_angle * depth**2 / np.maximum(facing, GRAZING),
+            solid_angle=solid_angle,
+            opening=cell_means(frame.opening, rows).ravel(),
+            sky=cell_means(~finite, rows).ravel(),
+            rough=spread + 1.0 - np.minimum(length, 1.0),
+        )
+
+
+def visible(cells: Cells, x: Float, y: Float, steps: int) -> NDArray[np.bool_]:
+    """(n, m) bool: nothing in the panorama stands between points x (n, 3) and y (m, 3)."""
+    depth = cells.depth.astype(np.float32)
+    start, way = x.astype(np.float32)[:, None], y.astype(np.float32) - x.astype(np.float32)[:, None]
+    free = np.ones(way.shape[:2], bool)
+    for step in range(steps):
+        point = start + np.float32(0.02 + 0.94 * (step + 0.5) / steps) * way
+        radius = np.sqrt(np.einsum("ijk,ijk->ij", point, point))
+        front = depth[_cell(point, radius, cells.rows)]
+        below = radius - front
+        free &= (below <= CLEARANCE * front) | (below >= THICKNESS * front)
+    return free
+
+
+def _cell(point: NDArray[np.floating], radius: NDArray[np.floating], rows: int) -> NDArray[np.intp]:
+    """Number of the cell of a grid that points (..., 3) at a distance (...) are seen in."""
+    polar = np.arccos(np.clip(point[..., 1] / np.maximum(radius, 1e-12), -1.0, 1.0))
+    azimuth = np.arctan2(point[..., 0], -point[..., 2])
+    row = np.minimum((polar * (rows / np.pi)).astype(np.intp), rows - 1)
+    column = ((azimuth / (2.0 * np.pi) + 0.5) * 2 * rows).astype(np.intp) % (2 * rows)
+    return np.asarray(row * 2 * rows + column)
+
+
+def form_factors(x: Float, n: Float, cells: Cells, chosen: NDArray[np.intp], share: Float) -> Float:
+    """(n, m) form factors, see above, of points x, n (n, 3) and cells (m,), of which `share` (m,)
+    counts; without visibility. Of a closed room they sum up to π."""
+    way = cells.point[chosen] - x[:, None]
+    squared = np.maximum((way * way).sum(-1), 1e-24)
+    inverse = 1.0 / np.sqrt(squared)
+    leaving = np.maximum(np.einsum("ijk,ik->ij", way, n) * inverse, 0.0)
+    arriving = np.maximum(-np.einsum("ijk,jk->ij", way, cells.normal[chosen]) * inverse, 0.0)
+    seen = arriving * (cells.area[chosen] * share)
+    return np.asarray(leaving * seen / (squared + seen / np.pi))
+
+
+@dataclass(frozen=True)
+class Receivers:
+    """Points of surfaces: `point` (n, 3) in metres and `normal` (n, 3)."""
+
+    point: Float
+    normal: Float
+
+
+def irradiance_of_lights(
+    receivers: Receivers, cells: Cells, fine: Cells, lights: Float, steps: int
+) -> tuple[Float, Float]:
+    """Irradiance that each light brings, and what of the hemisphere lights and openings take.
+
+    Parameters
+    ----------
+    receivers : Receivers
+        n points.
+    cells, fine : Cells
+        N cells, and finer ones that tell what is hidden.
+    lights : (N, 3, K) float64
+        Radiance of cells due to each of K lights, means over the cells.
+
+    Returns
+    -------
+    irradiance : (n, 3, K) float64
+    taken : (n,) float64
+        In [0, π].
+    """
+    chosen = np.flatnonzero((lights.sum(axis=(1, 2)) > 0.0) | (cells.opening > 0.0))
+    x, n = receivers.point, receivers.normal
+    factors = form_factors(x, n, cells, chosen, np.ones(len(chosen)))
+    factors *= visible(fine, x, cells.point[chosen], steps)
+    outside = cells.opening[chosen] > 0.5
+    found = np.einsum("ij,jck->ick", factors[:, ~outside], lights[chosen[~outside]])
+    if outside.any():
+        far = chosen[outside]
+        way = cells.point[far] - x[:, None]
+        at = _cell(way, np.linalg.norm(way, axis=-1), OUTSIDE_ROWS)
+        for light in range(lights.shape[2]):
+            there = lights[..., light]
+            if there[far].any():
+                distant = distant_light(there, cells).reshape(-1, 3)
+                found[..., light] += np.einsum("ij,ijc->ic", factors[:, outside], distant[at])
+    return found, np.minimum(factors.sum(1), np.pi)
+
+
+def distant_light(radiance: Float, cells: Cells) -> NDArray[np.float32]:
+    """`outside_radiance` of cells (N, 3), whose openings' radiance it is."""
+    shape = (cells.rows, 2 * cells.rows)
+    opening = cells.opening > 0.5
+    picture = radiance / np.maximum(cells.opening, 0.5)[:, None]
+    return outside_radiance(picture.reshape(*shape, 3).astype(np.float32), opening.reshape(shape))
+
+
+def irradiance_of_rest(
+    receivers: Receivers, cells: Cells, radiance: Float, share: Float, taken: Float, steps: int
+) -> Float:
+    """Irradiance (n, 3) by all that is no light and no opening.
+
+    It is the mean radiance that a point sees of it, over the hemisphere that lights leave: so what
+    the panorama does not show of a room counts as what it does show.
+
+    Parameters
+    ----------
+    radiance : (N, 3) float64
+        Means over cells, of which `share` (N,) is neither light nor opening.
+    taken : (n,) float64
+        See `irradiance_of_lights`.
+    """
+    chosen = np.flatnonzero(share > 0.0)
+    x = receivers.point
+    factors = form_factors(x, receivers.normal, cells, chosen, share[chosen])
+    factors *= visible(cells, x, cells.point[chosen], steps)
+    left = np.maximum(np.pi - taken, LEAST_OPEN)
+    total = np.maximum(factors.sum(1), LEAST_OPEN)
+    mean = radiance[chosen] / share[chosen, None]
+    return np.asarray((factors @ mean) * (left / total)[:, None])
+
+
+def stacked(pictures: Sequence[Float]) -> Float:
+    """(N, 3, K) of K pictures (rows, columns, 3)."""
+    return np.stack([picture.reshape(-1, 3) for picture in pictures], axis=-1)

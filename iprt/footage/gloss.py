@@ -1,0 +1,114 @@
+"""Which texels of a panorama are glossy: the regions of `[[real_materials]]`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.footage.frame import Frame
+from iprt.meshes.camera import View
+from iprt.meshes.material import Material
+
+Mask = NDArray[np.bool_]
+Triple = tuple[float, float, float]
+
+MAX_REAL_MATERIALS = 255
+"""`Frame.gloss` counts them in a byte, whose 0 means diffuse."""
+PARALLEL = 0.9
+"""Least cosine between a texel's normal and the plane's: up to 26 degrees apart."""
+
+
+@dataclass(frozen=True)
+class Plane:
+    """A plane in the world: a point of it in metres, its unit normal, and how far from it counts
+    as on it, in metres.
+    """
+
+    point: Triple
+    normal: Triple
+    tolerance: float
+
+
+@dataclass(frozen=True)
+class RealMaterial:
+    """A glossy real surface: which texels of the panorama show it, and how it reflects.
+
+    All the selections that are given must hold; openings and open sky never belong to one.
+
+    Attributes
+    ----------
+    name : str
+    material : Material
+        "plastic" or "conductor". Of plastic, only the coat matters: the base is what the camera
+        saw without the coat's reflection.
+    mask : (h, w) bool or None
+        Equirect picture, turned as the world is; texels read the nearest pixel.
+    color : (r, g, b) or None
+        Linear colour of the surface, in any unit: chromaticities are compared.
+    color_tolerance : float
+        Largest distance of chromaticities, see `chromaticity`.
+    plane : Plane or None
+        The surface lies on it and is parallel to it (`PARALLEL`).
+    """
+
+    name: str
+    material: Material
+    mask: Mask | None = None
+    color: Triple | None = None
+    color_tolerance: float = 0.05
+    plane: Plane | None = None
+
+    def region(self, frame: Frame) -> Mask:
+        """(H, W) bool: the texels that show this surface."""
+        inside = np.isfinite(frame.depth) & ~frame.opening
+        if self.mask is not None:
+            inside &= _nearest(self.mask, frame.width, frame.height)
+        if self.color is not None:
+            inside &= _alike(frame.radiance, self.color, self.color_tolerance)
+        if self.plane is not None:
+            inside &= _on_plane(frame, self.plane)
+        return inside
+
+
+def with_gloss(frame: Frame, materials: tuple[RealMaterial, ...]) -> Frame:
+    """The frame with `gloss` and `real_materials` filled in; where regions overlap, the last
+    one holds.
+    """
+    if not materials:
+        return frame
+    gloss = np.zeros(frame.depth.shape, np.uint8)
+    for index, material in enumerate(materials):
+        gloss[material.region(frame)] = index + 1
+    return replace(frame, gloss=gloss, real_materials=tuple(m.material for m in materials))
+
+
+def chromaticity(color: NDArray[np.floating]) -> NDArray[np.float64]:
+    """(..., 3) linear colours over the sum of their channels; NaN for black, which has no hue.
+
+    Independent of how strongly a surface of one colour is lit. Two colours are at most √2 apart;
+    a grey and a wood's brown about 0.2.
+    """
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(color / color.sum(axis=-1, keepdims=True, dtype=np.float64))
+
+
+def _alike(color: NDArray[np.float32], wanted: Triple, tolerance: float) -> Mask:
+    apart = chromaticity(color) - chromaticity(np.asarray(wanted))
+    # NaN, of black texels, is not within any tolerance.
+    return np.asarray(np.linalg.norm(apart, axis=-1) <= tolerance)
+
+
+def _on_plane(frame: Frame, plane: Plane) -> Mask:
+    directions = View(frame.width, frame.height, projection="equirect").directions()
+    reach = np.where(np.isfinite(frame.depth), frame.depth, 0.0)
+    offset = reach * (directions @ np.asarray(plane.normal)) - np.dot(plane.point, plane.normal)
+    facing = np.abs(frame.normal @ np.asarray(plane.normal))
+    return np.asarray((np.abs(offset) <= plane.tolerance) & (facing >= PARALLEL))
+
+
+def _nearest(mask: Mask, width: int, height: int) -> Mask:
+    rows = (2 * np.arange(height) + 1) * mask.shape[0] // (2 * height)
+    columns = (2 * np.arange(width) + 1) * mask.shape[1] // (2 * width)
+    return mask[np.ix_(rows, columns)]

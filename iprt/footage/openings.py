@@ -1,0 +1,129 @@
+"""Which texels without depth a surface closes, and which of those are windows.
+
+A *hole* is a connected set of texels without depth (8-neighbours, across the seam and over the
+poles). Three cases:
+
+- **Open sky**: no rim closes the hole. It covers more than 2 sr, or it holds the zenith and
+  reaches down to 30° above the horizon (a street's sky; a skylight ends higher). Stays at infinity.
+- **Opening**: any other hole, a window mostly. Filled from its rim, and flagged.
+- **Dropout**: a hole that a sensor left in a surface: smaller than 1e-4 sr and not twice as bright
+  as its rim, or around the nadir, where the tripod stands. Filled from its rim, not flagged.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from iprt.footage.frame import LUMINANCE
+
+OPEN_SKY_SR = 2.0
+"""Solid angle above which a hole is open. Below 2 pi, so that the fill has a unique solution."""
+OPEN_SKY_ELEVATION_DEG = 30.0
+DROPOUT_SR = 1e-4
+DROPOUT_BRIGHTNESS = 2.0
+
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Holes:
+    """What each texel without depth is; all (H, W) bool and disjoint."""
+
+    open_sky: Mask
+    opening: Mask
+    dropout: Mask
+
+
+def solid_angles(width: int, height: int) -> NDArray[np.float64]:
+    """(H,) exact solid angle in sr of a texel of each row of an equirect image."""
+    edges = np.cos(np.arange(height + 1) / height * np.pi)
+    rows: NDArray[np.float64] = (edges[:-1] - edges[1:]) * (2.0 * np.pi / width)
+    return rows
+
+
+def classify_holes(hole: Mask, color: NDArray[np.float32]) -> Holes:
+    """Sort holes into open sky, openings and dropouts, by the rules above.
+
+    Parameters
+    ----------
+    hole : (H, W) bool
+        Texels without depth.
+    color : (H, W, 3) float32
+        Linear radiance, finite.
+    """
+    height, width = hole.shape
+    label, count = components(hole)
+    rows, columns = np.nonzero(hole)
+    of_texel = label[rows, columns]
+    sr = np.bincount(of_texel, solid_angles(width, height)[rows], minlength=count)
+    lowest_row = np.zeros(count)
+    np.maximum.at(lowest_row, of_texel, rows)
+    elevation_deg = 90.0 - 180.0 * (lowest_row + 1.0) / height
+    at_zenith, at_nadir = (
+        np.isin(np.arange(count), of_texel[rows == row]) for row in (0, height - 1)
+    )
+    is_open = (sr > OPEN_SKY_SR) | (at_zenith & (elevation_deg < OPEN_SKY_ELEVATION_DEG))
+    brightness = _brightness_over_rim(hole, color, rows, columns, of_texel, count)
+    small = (sr < DROPOUT_SR) & (brightness < DROPOUT_BRIGHTNESS)
+    is_dropout = ~is_open & (small | at_nadir)
+
+    def texels(chosen: Mask) -> Mask:
+        mask = np.zeros_like(hole)
+        mask[rows, columns] = chosen[of_texel]
+        return mask
+
+    return Holes(texels(is_open), texels(~is_open & ~is_dropout), texels(is_dropout))
+
+
+def components(hole: Mask) -> tuple[NDArray[np.intp], int]:
+    """Label 8-connected components on the sphere; 0-based labels, valid where `hole`."""
+    height = hole.shape[0]
+    label, count = ndimage.label(hole, structure=np.ones((3, 3)))
+    pairs = [
+        (label[max(0, -shift) : height - max(0, shift), -1], label[max(0, shift) :, 0])
+        if shift >= 0
+        else (label[-shift:, -1], label[: height + shift, 0])
+        for shift in (-1, 0, 1)
+    ]
+    # The texels of a polar row surround the pole: they all touch there.
+    for row in (0, height - 1):
+        present = label[row][label[row] > 0]
+        pairs.append((present[:1].repeat(present.size), present))
+    a = np.concatenate([first for first, _ in pairs])
+    b = np.concatenate([second for _, second in pairs])
+    both = (a > 0) & (b > 0)
+    links = coo_array((np.ones(both.sum()), (a[both] - 1, b[both] - 1)), shape=(count, count))
+    merged, group = connected_components(links, directed=False)
+    lookup = np.concatenate([[0], group]).astype(np.intp)
+    return lookup[label], int(merged)
+
+
+def _brightness_over_rim(
+    hole: Mask,
+    color: NDArray[np.float32],
+    rows: NDArray[np.intp],
+    columns: NDArray[np.intp],
+    of_texel: NDArray[np.intp],
+    count: int,
+) -> NDArray[np.float64]:
+    """(count,) mean luminance of each hole over that of the texels around it; 0 without a rim."""
+    height, width = hole.shape
+    luminance = color @ LUMINANCE
+    total = np.bincount(of_texel, luminance[rows, columns], minlength=count)
+    inside = total / np.maximum(np.bincount(of_texel, minlength=count), 1)
+    rim_sum, rim_count = np.zeros(count), np.zeros(count)
+    for down, right in ((-1, 0), (1, 0), (0, -1), (0, 1)):
+        row, column = rows + down, (columns + right) % width
+        outside = (row >= 0) & (row < height)
+        outside[outside] = ~hole[row[outside], column[outside]]
+        values = luminance[row[outside], column[outside]]
+        rim_sum += np.bincount(of_texel[outside], values, minlength=count)
+        rim_count += np.bincount(of_texel[outside], minlength=count)
+    rim = rim_sum / np.maximum(rim_count, 1)
+    return np.where(rim_count > 0, inside / np.maximum(rim, 1e-12), 0.0)

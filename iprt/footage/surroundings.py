@@ -1,0 +1,174 @@
+"""What depth says of the place: how large it is, how high the camera stands, and what is unlikely.
+
+All follows from depth alone, so that a wrong unit, a wrong encoding or a wrong file shows before
+anything is rendered.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.footage.coarse_depth import usable
+from iprt.footage.normals import estimate_normals
+from iprt.footage.openings import solid_angles
+from iprt.meshes.camera import equirect_direction
+
+Float = NDArray[np.float64]
+
+LIKELY_MEDIAN_M = (0.05, 100.0)
+"""Median depth of places where people put objects."""
+LOW_CAMERA_M, SMALL_PLACE_M = 0.25, 0.5
+"""Height of a camera over its floor, and median depth, below which both are unlikely together: a
+camera on a table sees farther."""
+FLAT = 0.03
+"""Half the thickness of what counts as one level, over its distance from the camera's height."""
+FLOOR_SHARE = 0.2
+"""So many of the directions that look down must meet one level to call it a floor."""
+INVERTED_SHARE, INVERTED_FACTOR = 0.25, 2.0
+"""Share that meets a level, and how many times as many these are, where depth is inverted."""
+MOST_DISAGREEMENT_DEG = 30.0
+"""Median angle between given normals and those of the depth."""
+_DOWN = 0.5
+"""Sine of the angle below the horizon from which on a direction looks down."""
+_ROWS = 256
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """A place in numbers.
+
+    Attributes
+    ----------
+    median_m : float
+        Median depth.
+    size_m : (float, float, float)
+        Extent along x, y and z of all but the outermost hundredths.
+    floor_m : float or None
+        Height of the camera over the floor; None where there is no level ground.
+    inverted : bool
+        Whether 1 / depth has level ground or a level ceiling, and depth has not.
+    """
+
+    median_m: float
+    size_m: tuple[float, float, float]
+    floor_m: float | None
+    inverted: bool
+
+    @classmethod
+    def of(cls, depth: NDArray[np.float32]) -> Surroundings | None:
+        """By the depth (H, W) of a frame in metres; None where it has none."""
+        height, width = depth.shape
+        step = -(-height // _ROWS)
+        row, column = np.meshgrid(
+            np.arange(step // 2, height, step), np.arange(step // 2, width, step), indexing="ij"
+        )
+        there = usable(depth[row, column])
+        if not there.any():
+            return None
+        pixels = np.stack([column, row], axis=-1)[there] + 0.5
+        direction = equirect_direction(pixels, width, height)
+        distance = depth[row, column][there].astype(np.float64)
+        weight = solid_angles(width, height)[row[there]]
+        points = direction * distance[:, None]
+        x, y, z = (_extent(points[:, axis], weight) for axis in range(3))
+        level, share = _level(points[:, 1], direction[:, 1], weight)
+        return cls(
+            float(np.median(distance)),
+            (x, y, z),
+            -level if share > FLOOR_SHARE else None,
+            _is_inverted(distance, direction[:, 1], weight),
+        )
+
+    def line(self) -> str:
+        """As text."""
+        x, y, z = (_length(side) for side in self.size_m)
+        text = f"median depth {_length(self.median_m)}; about {x} wide, {z} deep, {y} high"
+        if self.floor_m is not None:
+            text += f"; the camera is {_length(self.floor_m)} above the floor"
+        return text
+
+    def warnings(self) -> list[str]:
+        """What is unlikely, one phrase each."""
+        found = []
+        least, most = LIKELY_MEDIAN_M
+        unit = (
+            "check depth_scale, the metres of one stored unit: 0.001 for millimetres, 1 for metres"
+        )
+        if self.median_m > most:
+            found.append(f"half of the depth is beyond {_length(self.median_m)}; {unit}")
+        elif self.median_m < least:
+            found.append(f"half of the depth is nearer than {_length(self.median_m)}; {unit}")
+        elif (
+            self.floor_m is not None
+            and self.floor_m < LOW_CAMERA_M
+            and self.median_m < SMALL_PLACE_M
+        ):
+            found.append(f"the camera is only {_length(self.floor_m)} above the floor; {unit}")
+        if self.inverted:
+            found.append(
+                "seems to be stored as 1 / depth, high where things are near: level ground comes "
+                "out curved; store depth itself, or values from 0 to 1 with a depth_range and "
+                'depth_encoding = "inverse"'
+            )
+        return found
+
+
+def normal_warnings(normal: NDArray[np.float32], depth: NDArray[np.float32]) -> list[str]:
+    """What is unlikely of the normals (H, W, 3) given with depth (H, W), one phrase each."""
+    there = usable(depth)
+    solid = np.where(there, depth, np.float32(np.inf))
+    fitted = estimate_normals(solid, np.zeros(depth.shape, np.uint8))
+    with np.errstate(all="ignore"):
+        length = np.linalg.norm(normal, axis=-1)
+        known = there & np.isfinite(length) & (length > 0.1)
+        cosine = np.abs((normal * fitted).sum(axis=-1)[known] / length[known])
+    if not cosine.size:
+        return ["are nowhere where depth is; leave them out to have them fitted to depth"]
+    angle = float(np.degrees(np.arccos(np.clip(np.median(cosine), 0.0, 1.0))))
+    if angle <= MOST_DISAGREEMENT_DEG:
+        return []
+    return [
+        f"differ from the surfaces that depth shows, by {angle:.0f}° in the median; expected world "
+        "space (+X right of the picture's middle, +Y up, -Z ahead); leave them out to have them "
+        "fitted to depth"
+    ]
+
+
+def _extent(values: Float, weight: Float) -> float:
+    order = np.argsort(values)
+    share = np.cumsum(weight[order])
+    low, high = np.searchsorted(share, np.array([0.01, 0.99]) * share[-1])
+    return float(values[order[high]] - values[order[low]])
+
+
+def _level(height: Float, up: Float, weight: Float) -> tuple[float, float]:
+    """y that most directions that look down meet, and their share; up (N,) is their y."""
+    down = up < -_DOWN
+    if not down.any():
+        return 0.0, 0.0
+    order = np.argsort(height[down])
+    heights = height[down][order]
+    total = np.concatenate([[0.0], np.cumsum(weight[down][order])])
+    first = np.searchsorted(heights, heights * (1.0 + FLAT))
+    last = np.searchsorted(heights, heights * (1.0 - FLAT), side="right")
+    found = total[last] - total[first]
+    best = int(found.argmax())
+    return float(np.median(heights[first[best] : last[best]])), float(found[best] / total[-1])
+
+
+def _is_inverted(distance: Float, up: Float, weight: Float) -> bool:
+    """Whether floor and ceiling are level if distances are taken to be inverse, and only then."""
+    stored, inverse = (
+        max(_level(side * depth * up, side * up, weight)[1] for side in (1.0, -1.0))
+        for depth in (distance, 1.0 / distance)
+    )
+    return inverse > max(INVERTED_SHARE, INVERTED_FACTOR * stored)
+
+
+def _length(metres: float) -> str:
+    if metres >= 1000.0:
+        return f"{metres / 1000.0:.3g} km"
+    return f"{metres:.2f} m" if metres >= 0.995 else f"{100.0 * metres:.1f} cm"

@@ -1,0 +1,308 @@
+"""Decoded frames to linear Rec.709 radiance, by what the stream says of its colours.
+
+What a stream does not say is taken to be
+
+- matrix: that of its primaries where these are BT.2020; else BT.709 from 1280 pixels a row or 577
+  rows on, BT.601 below, as players do;
+- range: limited for YUV, full for RGB and grey and for what formats of JPEG hold;
+- transfer: sRGB, as pictures of 8 bits are read; linear for floats;
+- primaries: BT.2020 with PQ and HLG, else BT.709.
+
+Streams tagged BT.601, BT.709 or BT.2020 show by BT.1886: a power of 2.4. 1 is reference white: of
+PQ and HLG, 203 cd/m² (ITU-R BT.2408-7, table 1), which HLG reaches on a display of 1000 cd/m².
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.errors import FormatError
+from iprt.footage.video.planes import Layout, Samples, layout, planes
+
+if TYPE_CHECKING:
+    import av
+
+Picture = NDArray[np.float32]
+UNSPECIFIED = 2
+REFERENCE_WHITE = 203.0
+"""cd/m² of diffuse white in PQ and HLG."""
+HLG_PEAK, HLG_GAMMA = 1000.0, 1.2
+"""cd/m² and exponent of the display that HLG is made for (ITU-R BT.2100-2, table 5)."""
+_PQ, _HLG, _LINEAR = 16, 18, 8
+_BT1886 = (1, 6, 7, 11, 14, 15)
+_GAMMAS = {4: 2.2, 5: 2.8}
+_SRGB = 13
+BAND = 64
+"""Rows that are converted at a time, to stay in the processor's cache."""
+
+# Codes of ITU-T H.273, as FFmpeg uses them.
+_LUMA = {
+    1: (0.2126, 0.0722),
+    4: (0.30, 0.11),
+    5: (0.299, 0.114),
+    6: (0.299, 0.114),
+    7: (0.212, 0.087),
+    9: (0.2627, 0.0593),
+}
+"""Weights of red and blue in luma, by matrix coefficients (H.273, table 4)."""
+_D65, _C, _DCI = (0.3127, 0.3290), (0.310, 0.316), (0.314, 0.351)
+_PRIMARIES = {
+    1: ((0.640, 0.330), (0.300, 0.600), (0.150, 0.060), _D65),
+    4: ((0.67, 0.33), (0.21, 0.71), (0.14, 0.08), _C),
+    5: ((0.64, 0.33), (0.29, 0.60), (0.15, 0.06), _D65),
+    6: ((0.630, 0.340), (0.310, 0.595), (0.155, 0.070), _D65),
+    7: ((0.630, 0.340), (0.310, 0.595), (0.155, 0.070), _D65),
+    9: ((0.708, 0.292), (0.170, 0.797), (0.131, 0.046), _D65),
+    11: ((0.680, 0.320), (0.265, 0.690), (0.150, 0.060), _DCI),
+    12: ((0.680, 0.320), (0.265, 0.690), (0.150, 0.060), _D65),
+    22: ((0.630, 0.340), (0.295, 0.605), (0.155, 0.077), _D65),
+}
+"""Chromaticities (x, y) of red, green, blue and white (H.273, table 2)."""
+_BRADFORD = np.array(
+    [[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]]
+)
+"""XYZ to the cone responses in which white points are exchanged (ICC.1:2022, annex E)."""
+
+
+@dataclass(frozen=True)
+class Encoding:
+    """How the samples of a frame stand for colours; codes of ITU-T H.273.
+
+    Attributes
+    ----------
+    layout : Layout
+    matrix, transfer, primaries : int
+    full : bool
+        Whether codes go from 0 to the largest, and not as BT.709 has them.
+    """
+
+    layout: Layout
+    matrix: int
+    transfer: int
+    primaries: int
+    full: bool
+
+
+def encoding_of(frame: av.VideoFrame, path: Path) -> Encoding:
+    """The encoding of a frame, what it does not say filled in; `path` names it in errors.
+
+    Raises
+    ------
+    FormatError
+        The pixel format, matrix, transfer or primaries are not read.
+    """
+    how = layout(frame.format.name)
+    if how is None:
+        raise FormatError(
+            f"{path}: its pixel format, {frame.format.name}, is not supported; convert the video, "
+            "for example to yuv420p"
+        )
+    matrix, transfer, primaries = _codes(frame)
+    if transfer in (0, UNSPECIFIED):
+        transfer = _LINEAR if how.is_float else _SRGB
+    if primaries in (0, UNSPECIFIED):
+        primaries = 9 if transfer in (_PQ, _HLG) or matrix == 9 else 1
+    if how.kind != "yuv":
+        matrix = 1
+    elif matrix in (0, UNSPECIFIED, 3):
+        large = frame.width >= 1280 or frame.height > 576
+        matrix = 9 if primaries == 9 else 1 if large else 6
+    full = frame.color_range == 2 or how.full
+    if how.kind == "grey" and frame.color_range != 1:
+        full = True
+    for code, known, what in (
+        (matrix, _LUMA, "colour matrix"),
+        (transfer, (*_BT1886, *_GAMMAS, _SRGB, _LINEAR, _PQ, _HLG), "transfer characteristics"),
+        (primaries, _PRIMARIES, "colour primaries"),
+    ):
+        if code not in known:
+            raise FormatError(
+                f"{path}: {what} {code} (ITU-T H.273) not supported; convert it to BT.709"
+            )
+    return Encoding(how, matrix, transfer, primaries, full)
+
+
+def has_highlights(pixels: str, transfer: int) -> bool:
+    """Whether a stream holds what is brighter than reference white: PQ, HLG, or floats.
+
+    Parameters
+    ----------
+    pixels : str
+        FFmpeg's name of the pixel format.
+    transfer : int
+        Transfer characteristics (H.273).
+    """
+    how = layout(pixels)
+    return transfer in (_PQ, _HLG) or (how is not None and how.is_float)
+
+
+def _codes(frame: av.VideoFrame) -> tuple[int, int, int]:
+    return int(frame.colorspace), int(frame.color_trc), int(frame.color_primaries)
+
+
+def linear_color(frame: av.VideoFrame, rows: slice, path: Path) -> Picture:
+    """Some rows of a frame as (h, W, 3) float32 linear Rec.709 radiance; 1 is reference white.
+
+    Colours outside of Rec.709 are negative in a channel. A panorama's chroma is interpolated across
+    its seam.
+
+    Raises
+    ------
+    FormatError
+        See `encoding_of`.
+    """
+    encoding = encoding_of(frame, path)
+    stored = planes(frame, rows)
+    height, width = stored[0].shape
+    chroma = [_upsampled(plane, encoding.layout, height, width) for plane in stored[1:]]
+    to_rec709 = _to_rec709(encoding.primaries)
+    out = np.empty((height, width, 3), np.float32)
+    for first in range(0, height, BAND):
+        band = slice(first, min(first + BAND, height))
+        coded = _coded_rgb([stored[0][band], *(plane[band] for plane in chroma)], encoding)
+        linear = _linear(coded, encoding)
+        out[band] = linear if to_rec709 is None else linear @ to_rec709.T
+    return out
+
+
+def luma(frame: av.VideoFrame, rows: slice, path: Path) -> tuple[Samples, float, float]:
+    """Some rows of luma or grey as stored, and the codes of black and of white.
+
+    Raises
+    ------
+    FormatError
+        The pixel format has no luma.
+    """
+    how = layout(frame.format.name)
+    if how is None or how.kind == "rgb":
+        raise FormatError(
+            f"{path}: its pixel format, {frame.format.name}, holds no depth; depth needs grey, "
+            "such as gray16le"
+        )
+    full = how.full or frame.color_range == 2 or (how.kind == "grey" and frame.color_range != 1)
+    return planes(frame, rows)[0], *_limits(how, full)
+
+
+def _limits(how: Layout, full: bool) -> tuple[float, float]:
+    """Codes of black and white of luma."""
+    if how.is_float:
+        return 0.0, 1.0
+    if full:
+        return 0.0, float(2**how.bits - 1)
+    return 16.0 * 2 ** (how.bits - 8), 235.0 * 2 ** (how.bits - 8)
+
+
+def _coded_rgb(stored: list[Samples], encoding: Encoding) -> list[Picture]:
+    """Non-linear R, G, B, in the mean from 0 to 1."""
+    how = encoding.layout
+    black, white = _limits(how, encoding.full)
+    if how.kind != "yuv":
+        scaled = [(plane.astype(np.float32) - black) / (white - black) for plane in stored]
+        return scaled if len(scaled) == 3 else scaled * 3
+    y = (stored[0].astype(np.float32) - np.float32(black)) * np.float32(1.0 / (white - black))
+    middle = 2.0 ** (how.bits - 1)
+    reach = white if encoding.full else 224.0 * 2 ** (how.bits - 8)
+    u, v = ((plane - np.float32(middle)) * np.float32(1.0 / reach) for plane in stored[1:])
+    red, blue = _LUMA[encoding.matrix]
+    green = 1.0 - red - blue
+    from_v, from_u = 2.0 * (1.0 - red), 2.0 * (1.0 - blue)
+    return [
+        y + np.float32(from_v) * v,
+        y - np.float32(red * from_v / green) * v - np.float32(blue * from_u / green) * u,
+        y + np.float32(from_u) * u,
+    ]
+
+
+def _linear(coded: list[Picture], encoding: Encoding) -> Picture:
+    """(h, w, 3) of non-linear channels."""
+    stacked = np.stack(coded, axis=-1)
+    if encoding.transfer == _LINEAR:
+        return stacked
+    table = _table(encoding.transfer)
+    steps = len(table) - 1
+    with np.errstate(invalid="ignore"):
+        at = np.nan_to_num(np.clip(stacked, 0.0, 1.0)) * np.float32(steps) + np.float32(0.5)
+    linear = table[at.astype(np.uint16)]
+    if encoding.transfer == _HLG:
+        red, blue = _LUMA[9]
+        weights = np.array([red, 1.0 - red - blue, blue], np.float32)
+        # The display's OOTF brightens by luminance, which keeps hues (BT.2100-2, table 5).
+        scene = linear @ weights
+        linear = linear * (scene ** np.float32(HLG_GAMMA - 1.0))[..., None]
+    return linear
+
+
+@lru_cache(maxsize=16)
+def _table(transfer: int) -> Picture:
+    """(65536,) linear values of non-linear ones from 0 to 1; of HLG, before its OOTF."""
+    e = np.arange(65536) / 65535.0
+    if transfer == _SRGB:
+        linear = np.where(e <= 0.04045, e / 12.92, ((e + 0.055) / 1.055) ** 2.4)
+    elif transfer == _PQ:
+        # SMPTE ST 2084, as in BT.2100-2, table 4.
+        m1, m2 = 2610 / 16384, 2523 / 4096 * 128
+        c1, c2, c3 = 3424 / 4096, 2413 / 4096 * 32, 2392 / 4096 * 32
+        power = e ** (1 / m2)
+        linear = (np.maximum(power - c1, 0.0) / (c2 - c3 * power)) ** (1 / m1)
+        linear *= 10_000.0 / REFERENCE_WHITE
+    elif transfer == _HLG:
+        a, b = 0.17883277, 1 - 4 * 0.17883277
+        c = 0.5 - a * np.log(4 * a)
+        linear = np.where(e <= 0.5, e * e / 3.0, (np.exp((e - c) / a) + b) / 12.0)
+        # Such that the OOTF, of which the power is left, ends at the display's peak.
+        linear *= (HLG_PEAK / REFERENCE_WHITE) ** (1.0 / HLG_GAMMA)
+    else:
+        linear = e ** _GAMMAS.get(transfer, 2.4)
+    return linear.astype(np.float32)
+
+
+@lru_cache(maxsize=16)
+def _to_rec709(primaries: int) -> Picture | None:
+    """(3, 3) from linear RGB of these primaries to that of Rec.709; None if they are the same."""
+    if primaries == 1:
+        return None
+    own, rec709 = _to_xyz(primaries), _to_xyz(1)
+    return (np.linalg.inv(rec709) @ own).astype(np.float32)
+
+
+def _to_xyz(primaries: int) -> NDArray[np.float64]:
+    """(3, 3) from linear RGB to XYZ under D65 (SMPTE RP 177; white points by Bradford)."""
+    *corners, white = (_xyz(*xy) for xy in _PRIMARIES[primaries])
+    columns = np.stack(corners, axis=1)
+    matrix = columns * np.linalg.solve(columns, white)
+    gains = (_BRADFORD @ _xyz(*_D65)) / (_BRADFORD @ white)
+    adapted: NDArray[np.float64] = np.linalg.inv(_BRADFORD) @ np.diag(gains) @ _BRADFORD @ matrix
+    return adapted
+
+
+def _xyz(x: float, y: float) -> NDArray[np.float64]:
+    return np.array([x / y, 1.0, (1.0 - x - y) / y])
+
+
+def _upsampled(plane: Samples, how: Layout, height: int, width: int) -> Picture:
+    """Chroma at every sample of luma, linearly interpolated.
+
+    It is sited as MPEG-2 to HEVC have it by default: on every other luma sample of a row, and
+    midway between two rows.
+    """
+    chroma = plane.astype(np.float32)
+    across, down = how.across, how.down
+    while across > 1:
+        wider = np.empty((chroma.shape[0], 2 * chroma.shape[1]), np.float32)
+        wider[:, 0::2] = chroma
+        wider[:, 1::2] = 0.5 * (chroma + np.roll(chroma, -1, axis=1))
+        chroma, across = wider, across // 2
+    if down == 2:
+        above = np.concatenate([chroma[:1], chroma[:-1]])
+        below = np.concatenate([chroma[1:], chroma[-1:]])
+        higher = np.empty((2 * chroma.shape[0], chroma.shape[1]), np.float32)
+        higher[0::2] = 0.75 * chroma + 0.25 * above
+        higher[1::2] = 0.75 * chroma + 0.25 * below
+        chroma = higher
+    return chroma[:height, :width]

@@ -1,0 +1,226 @@
+"""Video files through FFmpeg (PyAV): what streams they hold, and their frames by time.
+
+Files may come from anybody. FFmpeg reads nothing but the file itself: it gets an open file instead
+of a name, every further file that it would open is refused, and formats that do nothing but name
+other files (playlists, HLS, DASH, concat) are not read.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NoReturn
+
+from iprt.errors import FormatError
+from iprt.files.images import file_kind
+from iprt.files.problems import FRAME_PATTERN, PICTURE_SUFFIXES
+from iprt.files.untrusted import MAX_PIXELS, decoding, is_file, open_file, require_picture_size
+
+if TYPE_CHECKING:
+    from av.container import InputContainer
+
+FORMATS = "matroska,webm,mov,mp4,avi,mpegts,mxf,nut,ivf,flv,asf,ogg,mpeg,yuv4mpegpipe"
+"""FFmpeg's demuxers that read pictures out of the very file."""
+BUFFER_BYTES = 2**20
+MAX_STREAMS = 64
+LONGEST_SEARCH = 4096
+"""Packets at the end of a file that are looked through for the last frame."""
+NEITHER = "not an EXR, PNG, JPEG or PFM file, nor a video that can be read"
+LAST_S = 2
+"""Seconds before the end of a file that are searched for the last frame."""
+
+
+@dataclass(frozen=True)
+class StreamInfo:
+    """A video stream, by what its headers say.
+
+    Attributes
+    ----------
+    path : Path
+    number : int
+        The stream's index in the file.
+    width, height : int
+    pixels : str
+        FFmpeg's name of the pixel format.
+    transfer : int
+        Transfer characteristics (H.273).
+    start, last : Fraction
+        Times of the first and the last frame in seconds, on the file's clock.
+    rate : Fraction
+        Frames per second, in the mean.
+    claimed : Fraction or None
+        Seconds from the first to the end of the last frame, as the headers have it.
+    """
+
+    path: Path
+    number: int
+    width: int
+    height: int
+    pixels: str
+    transfer: int
+    start: Fraction
+    last: Fraction
+    rate: Fraction
+    claimed: Fraction | None
+
+    @property
+    def is_grey(self) -> bool:
+        return self.pixels.startswith("gray")
+
+    @property
+    def is_deep_grey(self) -> bool:
+        """Whether it can hold depth: one channel of more than 8 bits."""
+        return self.is_grey and self.pixels != "gray"
+
+
+def is_container(root: Path, name: str) -> bool:
+    """Whether a file that `[video]` names is there and no picture.
+
+    What is neither a picture nor a video counts as a video, whose reader tells so.
+    """
+    path = root / name
+    if FRAME_PATTERN.search(name) or name.lower().endswith(PICTURE_SUFFIXES) or not is_file(path):
+        return False
+    try:
+        file_kind(path)
+    except FormatError:
+        return True
+    return False
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[InputContainer]:
+    """A video file, opened by FFmpeg.
+
+    Raises
+    ------
+    FormatError
+        Not a video, or of a format that is not read.
+    """
+    import av
+
+    av.logging.set_level(None)  # what FFmpeg says of damage is told once by us
+    with open_file(path) as file:
+        with ffmpeg_decoding(
+            path, "not an EXR, PNG, JPEG or PFM file, nor a video that can be read"
+        ):
+            container = av.open(
+                file,
+                metadata_errors="replace",
+                options={
+                    "format_whitelist": FORMATS,
+                    "protocol_whitelist": "none",
+                    "max_pixels": str(MAX_PIXELS),
+                },
+                io_open=_refuse,
+                buffer_size=BUFFER_BYTES,
+            )
+        assert isinstance(container, av.container.InputContainer)
+        try:
+            yield container
+        finally:
+            container.close()
+
+
+@contextmanager
+def ffmpeg_decoding(path: Path, complaint: str) -> Iterator[None]:
+    """As `decoding`; of FFmpeg's errors, lack of memory among them, only the reason is told."""
+    import av
+
+    with decoding(path, complaint):
+        try:
+            yield
+        except av.FFmpegError as error:
+            raise FormatError(f"{path}: {complaint} ({error.strerror})") from error
+
+
+def _refuse(url: str, *_: Any) -> NoReturn:
+    raise PermissionError(f"{url}: a video may not name other files")
+
+
+def video_streams(path: Path) -> list[StreamInfo]:
+    """The video streams of a file; cover pictures are none.
+
+    Raises
+    ------
+    FormatError
+        Not a video, without a video stream, or with pictures larger than are read.
+    """
+    with opened(path) as container:
+        streams = container.streams.video[:MAX_STREAMS]
+        found = []
+        for stream in streams:
+            context = stream.codec_context
+            if "attached_pic" in str(stream.disposition).lower() or context is None:
+                continue
+            if context.width < 1 or context.height < 1:  # so FFmpeg leaves what is beyond limits
+                raise FormatError(
+                    f"{path}: its header gives pictures no size, or more than {MAX_PIXELS} pixels, "
+                    "the most that are read"
+                )
+            require_picture_size(path, context.width, context.height)
+            with ffmpeg_decoding(path, "damaged or cut off video"):
+                found.append(_info(path, container, stream))
+    if not found:
+        raise FormatError(f"{path}: holds no video stream")
+    return found
+
+
+def _info(path: Path, container: InputContainer, stream: Any) -> StreamInfo:
+    base = time_base(stream)
+    rate = stream.average_rate or stream.guessed_rate or stream.base_rate
+    start = Fraction(stream.start_time or 0) * base
+    claimed = None
+    if stream.duration is not None:
+        claimed = Fraction(stream.duration) * base
+    elif container.duration is not None:
+        claimed = Fraction(container.duration, 1_000_000)
+    if not rate or rate <= 0:
+        raise FormatError(f"{path}: does not say how many frames it shows per second")
+    return StreamInfo(
+        path=path,
+        number=stream.index,
+        width=stream.codec_context.width,
+        height=stream.codec_context.height,
+        pixels=stream.codec_context.pix_fmt or "",
+        transfer=int(stream.codec_context.color_trc),
+        start=start,
+        last=_last_time(container, stream, start, start + (claimed or 0)),
+        rate=rate,
+        claimed=claimed,
+    )
+
+
+def _last_time(container: InputContainer, stream: Any, start: Fraction, end: Fraction) -> Fraction:
+    """The time of the last frame that is in the file, which may be cut off before it should end.
+
+    Packets come in the order of decoding: the last frame is among the last ones.
+    """
+    import av
+
+    base = time_base(stream)
+    with suppress(av.FFmpegError):
+        container.seek(int(max(start, end - LAST_S) / base), stream=stream)
+    last = start
+    with suppress(av.FFmpegError):
+        for count, packet in enumerate(container.demux(stream)):
+            stamp = stamp_of(packet)
+            if stamp is not None:
+                last = max(last, stamp * base)
+            if count > LONGEST_SEARCH:
+                break
+    return last
+
+
+def time_base(stream: Any) -> Fraction:
+    """Seconds per step of a stream's times."""
+    return Fraction(stream.time_base or Fraction(1, 1_000_000))
+
+
+def stamp_of(timed: Any) -> int | None:
+    """When a packet or frame is shown, in its time base; AVI knows only when it is decoded."""
+    stamp: int | None = timed.pts if timed.pts is not None else timed.dts
+    return stamp

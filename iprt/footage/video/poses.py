@@ -1,0 +1,92 @@
+"""`poses` of `[video]`: where the capture centre of each frame is, and how it is turned.
+
+One line per frame of 16 numbers, the rows of a 4x4 matrix that takes points from the frame's axes
+to the world (metres). Blank lines and what follows a # are passed over.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.errors import FormatError
+from iprt.files.problems import MAX_PROBLEMS
+from iprt.files.table import FARTHEST
+from iprt.files.toml_text import printable
+from iprt.files.untrusted import read_bytes
+from iprt.files.wording import counted
+
+RIGID = 1e-3
+"""By which lengths and cosines of a rotation's columns may be wrong, as numbers are rounded."""
+LONGEST_LINE = 1024
+"""Bytes of a line, comments in it included."""
+HEADER_BYTES = 2**16
+"""For comments on lines of their own."""
+
+
+def read_poses(path: Path, frames: int) -> NDArray[np.float64]:
+    """(frames, 4, 4) rigid transforms, world from capture.
+
+    Raises
+    ------
+    FormatError
+        All problems with the file, each with its line, on a line each.
+    """
+    data = read_bytes(path, frames * LONGEST_LINE + HEADER_BYTES)
+    problems: list[str] = []
+    rows: list[list[float]] = []
+    for number, line in enumerate(data.split(b"\n"), 1):
+        text = line.partition(b"#")[0].strip()
+        if not text or len(problems) >= MAX_PROBLEMS:
+            continue
+        try:
+            rows.append(_pose(text.decode("ascii", "backslashreplace")))
+        except ValueError as error:
+            problems.append(f"{path}: line {number}: {error}")
+            rows.append([])
+    if len(rows) != frames and len(problems) < MAX_PROBLEMS:
+        problems.append(
+            f"{path}: {counted(len(rows), 'pose')}, but the video has {counted(frames, 'frame')}; "
+            "each needs a line"
+        )
+    if problems:
+        raise FormatError("\n".join(map(printable, problems)), several_lines=True)
+    poses = np.array(rows, np.float64).reshape(frames, 4, 4)
+    # The nearest rotation, so that an inverse is a transpose: the polar factor, by SVD.
+    u, _, v = np.linalg.svd(poses[:, :3, :3])
+    poses[:, :3, :3] = u @ v
+    return poses
+
+
+def _pose(text: str) -> list[float]:
+    words = text.split(maxsplit=16)
+    if len(words) != 16:
+        found = "more" if len(words) > 16 else str(len(words))
+        raise ValueError(f"expected 16 numbers, found {found}")
+    values = []
+    for word in words:
+        try:
+            value = float(word)
+        except ValueError:
+            raise ValueError(f"'{printable(word, 40)}' is not a number") from None
+        if not abs(value) <= FARTHEST:
+            raise ValueError(f"{value:g}: at most {FARTHEST:g} (metres) is allowed")
+        values.append(value)
+    if values[12:] != [0.0, 0.0, 0.0, 1.0]:
+        raise ValueError("the last four must be 0 0 0 1 (row-major, column vectors)")
+    x, y, z = (values[i:12:4] for i in range(3))
+    off = [abs(math.hypot(*axis) - 1.0) for axis in (x, y, z)]
+    off += [abs(_dot(a, b)) for a, b in ((x, y), (y, z), (z, x))]
+    if max(off) > RIGID:
+        raise ValueError("scales or shears: a pose is a rotation and a translation")
+    normal = [y[i - 2] * z[i - 1] - y[i - 1] * z[i - 2] for i in range(3)]
+    if _dot(x, normal) < 0.0:
+        raise ValueError("mirrors: a pose is a rotation and a translation")
+    return values
+
+
+def _dot(a: list[float], b: list[float]) -> float:
+    return sum(p * q for p, q in zip(a, b, strict=True))

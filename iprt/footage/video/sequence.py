@@ -1,0 +1,125 @@
+"""A video as files: a picture per frame."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.errors import FormatError
+from iprt.files.images import FLOAT_KINDS, file_kind, picture_size, read_depth
+from iprt.files.path_safety import require_inside
+from iprt.files.problems import FRAME_PATTERN
+from iprt.files.untrusted import is_file
+from iprt.footage.video.depth_code import DepthCode, unit_problem
+from iprt.footage.video.reader import OpenStreams
+
+Picture = NDArray[np.float32]
+
+
+def frame_path(root: Path, pattern: str, index: int) -> Path:
+    """The file of frame `index` that a printf pattern names."""
+    return root / FRAME_PATTERN.sub(lambda match: match[0] % index, pattern)
+
+
+class PictureTrack:
+    """One picture, or one per frame that a printf pattern names.
+
+    Parameters
+    ----------
+    key, pattern : str
+        In `[video]`.
+    root : Path
+        The scene's folder.
+    indices : range
+        Numbers of the frames.
+    within : Path
+        Folder that the files must lie in, links followed.
+    read : callable
+        Path to picture.
+    """
+
+    def __init__(
+        self,
+        key: str,
+        pattern: str,
+        root: Path,
+        indices: range,
+        within: Path,
+        read: Callable[[Path], Picture],
+    ) -> None:
+        self.key, self._root, self._pattern = key, root, pattern
+        self._within, self._read = within, read
+        self._indices = indices if FRAME_PATTERN.search(pattern) else indices[:1]
+
+    def file(self, index: int) -> Path:
+        return frame_path(self._root, self._pattern, index)
+
+    def _files(self) -> Iterator[Path]:
+        return (self.file(index) for index in self._indices)
+
+    def missing(self) -> Iterator[Path]:
+        return (file for file in self._files() if not is_file(file))
+
+    def problems(self) -> list[str]:
+        folders: set[Path] = set()
+        try:
+            for file in self._files():
+                if file.parent not in folders or file.is_symlink():
+                    require_inside(file, self._within)
+                    folders.add(file.parent)
+        except FormatError as error:
+            return [f"video.{self.key}: {error}"]
+        return []
+
+    def size(self) -> tuple[int, int]:
+        return picture_size(self.file(self._indices[0]))
+
+    def white(self) -> float:
+        return math.inf if file_kind(self.file(self._indices[0])) in FLOAT_KINDS else 1.0
+
+    def reader(self, _: OpenStreams) -> Callable[[int], Picture]:
+        if FRAME_PATTERN.search(self._pattern):
+            return lambda index: self._read(self.file(index))
+        kept = cache(self._read)  # one picture for all frames
+        return lambda index: kept(self.file(index))
+
+
+class DepthPictures(PictureTrack):
+    """As `PictureTrack`, of depth in metres.
+
+    Parameters
+    ----------
+    code : DepthCode
+        What stored values stand for; needed where they are integers.
+    """
+
+    def __init__(
+        self, pattern: str, root: Path, indices: range, within: Path, code: DepthCode
+    ) -> None:
+        super().__init__("depth", pattern, root, indices, within, self._metres)
+        self._code = code
+
+    def problems(self) -> list[str]:
+        problems = super().problems()
+        if not self._code.is_known and not problems:
+            first = self.file(self._indices[0])
+            try:
+                if file_kind(first) == "png":
+                    problems.append(unit_problem(first.name))
+            except FormatError as error:
+                problems.append(f"video.{self.key}: {error}")
+        return problems
+
+    def _metres(self, path: Path) -> Picture:
+        depth, integers = read_depth(path)
+        if integers and not self._code.is_known:
+            raise FormatError(f"{path}: {unit_problem(path.name)}")
+        if not integers:
+            self._code.require_range(path, depth)
+        white = 1.0 if not integers else 65535.0 if file_kind(path) == "png" else 2.0**32 - 1.0
+        return self._code.metres(depth, 0.0, white)

@@ -1,0 +1,359 @@
+"""Where the frames of a video come from: a track of pictures for colour, for depth, for normals."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.errors import FormatError
+from iprt.files.path_safety import require_inside
+from iprt.footage.coarse_depth import Grid, at_full_size
+from iprt.footage.depth import sanitise_color, sanitise_depth
+from iprt.footage.frame import Frame
+from iprt.footage.normals import estimate_normals, sanitise_normals
+from iprt.footage.video.poses import read_poses
+from iprt.footage.video.reader import OpenStreams
+from iprt.footage.video.table import VideoTable
+from iprt.footage.video.tracks import Tracks, open_tracks
+
+Picture = NDArray[np.float32]
+MAX_MISSING = 10_000
+"""Frames without a file that are counted."""
+
+
+@dataclass(frozen=True)
+class RawFrame:
+    """A frame as its files have it, in metres and turned to the scene's convention.
+
+    Attributes
+    ----------
+    color : (H, W, 3) float32
+        Linear radiance; possibly negative or not finite.
+    depth : (H, W) float32
+        Metres; 0, negative, NaN or inf where there is no surface.
+    normal : (H, W, 3) float32 or None
+    index, pose
+        As in `Frame`.
+    """
+
+    color: Picture
+    depth: Picture
+    normal: Picture | None
+    index: int = 0
+    pose: NDArray[np.float64] | None = None
+
+    def sanitised(self) -> Frame:
+        """Fill holes and find normals; see `sanitise_depth` and `estimate_normals`."""
+        color = sanitise_color(self.color)
+        clean = sanitise_depth(self.depth, color)
+        normal = estimate_normals(clean.depth, clean.opening.astype(np.uint8))
+        if self.normal is not None:
+            normal = sanitise_normals(self.normal, normal)
+        return Frame(color, clean.depth, clean.opening, normal, index=self.index, pose=self.pose)
+
+
+@dataclass(frozen=True)
+class StoredDepth:
+    """Pixels of the pictures of depth.
+
+    Attributes
+    ----------
+    size : (int, int)
+        Width and height.
+    grid : Grid or None
+        The coarse texels that they repeat.
+    """
+
+    size: tuple[int, int]
+    grid: Grid | None
+
+
+class FrameSource:
+    """The pictures that `[video]` names. Files are opened when something of them is asked for.
+
+    Parameters
+    ----------
+    root : Path
+        The scene's folder.
+    video : VideoTable
+    within : Path
+        Folder that the pictures must lie in, links followed.
+    """
+
+    def __init__(self, root: Path, video: VideoTable, within: Path) -> None:
+        self._root, self._video, self._within = root, video, within
+
+    @cached_property
+    def _tracks(self) -> Tracks:
+        return open_tracks(self._root, self._video, self._within)
+
+    @property
+    def indices(self) -> range:
+        """Numbers of the frames."""
+        return self._tracks.indices
+
+    @property
+    def fps(self) -> float:
+        """Frames per second."""
+        return self._tracks.fps
+
+    @cached_property
+    def _poses(self) -> NDArray[np.float64] | None:
+        """(frames, 4, 4), world from capture."""
+        if self._video.poses is None:
+            return None
+        path = self._root / self._video.poses
+        require_inside(path, self._within)
+        return read_poses(path, len(self.indices))
+
+    def pose(self, index: int) -> NDArray[np.float64] | None:
+        """(4, 4) world from the capture centre and axes of a frame; None: they are the world's."""
+        return None if self._poses is None else self._poses[index - self.indices[0]]
+
+    @property
+    def static_camera(self) -> bool:
+        """Do several frames show what is around one place?"""
+        stays = self._poses is None or bool((self._poses == self._poses[:1]).all())
+        return stays and len(self.indices) > 1
+
+    @cached_property
+    def white(self) -> float:
+        """Radiance from which on colour is clipped; infinite where it never is."""
+        given = self._video.white
+        return self._tracks.by_key["color"].white() if given is None else given
+
+    def files(self, index: int) -> dict[str, Path]:
+        """The files of a frame by their key: color, depth, and normal where there are any."""
+        return {key: track.file(index) for key, track in self._tracks.by_key.items()}
+
+    @cached_property
+    def _missing(self) -> dict[str, str]:
+        """By key, the frames that have no file."""
+        lines = {}
+        for key, track in self._tracks.by_key.items():
+            missing = list(islice(track.missing(), MAX_MISSING))
+            if missing:
+                least = "at least " if len(missing) == MAX_MISSING else ""
+                more = f" (and {least}{len(missing) - 1} more frames)" if len(missing) > 1 else ""
+                lines[key] = f"there is no file {missing[0].relative_to(self._root)}{more}"
+        return lines
+
+    def problems(self, *, strict: bool = False) -> list[str]:
+        """What keeps the video from being read; one line each.
+
+        The first frame without a file, links elsewhere, and depth without a unit. If `strict`, any
+        frame without a file.
+        """
+        problems = []
+        try:
+            tracks = self._tracks.by_key
+        except FormatError as error:
+            return [str(error)]
+        for key, track in tracks.items():
+            first = next(track.missing(), None) == track.file(self.indices[0])
+            if key in self._missing and (first or strict):
+                problems.append(f"video.{key}: {self._missing[key]}")
+            else:
+                problems += track.problems()
+        try:
+            self.pose(self.indices[0])
+        except FormatError as error:
+            problems += [f"video.poses: {line}" for line in error.lines]
+        return problems
+
+    def notices(self) -> list[str]:
+        """What the reader of the video makes up for; one line each."""
+        gaps = [
+            f"video.{key}: {line}; the one before it stays" for key, line in self._missing.items()
+        ]
+        return gaps + self.disagreements()
+
+    def disagreements(self) -> list[str]:
+        """What the streams do not agree on, and what is done about it; one line each."""
+        return self._tracks.disagreements
+
+    def interpolation(self) -> list[str]:
+        """At most one line: that depth has fewer values than colour, and what is done about it."""
+        stored = self.stored_depth
+        if stored is None or (stored.grid is None and stored.size == self.size()):
+            return []
+        name = self.files(self.indices[0])["depth"].name
+        what = f"video.depth: {name} has {_by(stored.size)} pixels"
+        if stored.grid is not None:
+            what += f", enlarged from {_by(stored.grid.size)} by repeating them"
+        if stored.size != self.size():
+            what += f"; colour has {_by(self.size())}"
+        return [f"{what}; depth is interpolated along surfaces"]
+
+    @cached_property
+    def stored_depth(self) -> StoredDepth | None:
+        """How depth is stored, by the first frame wherever reading begins; None: it has none."""
+        try:
+            with OpenStreams() as streams:
+                depth = self._tracks.by_key["depth"].reader(streams)(self.indices[0])
+        except FormatError:
+            return None
+        return StoredDepth((depth.shape[1], depth.shape[0]), Grid.of(depth))
+
+    def size(self) -> tuple[int, int]:
+        """Width and height of the first colour picture, from its header."""
+        return self._size
+
+    @cached_property
+    def _size(self) -> tuple[int, int]:
+        return self._tracks.by_key["color"].size()
+
+    @contextmanager
+    def reading(self) -> Iterator[FrameReader]:
+        """What reads frames, quickest in order. Not for several threads at a time."""
+        with OpenStreams() as streams:
+            readers = {key: track.reader(streams) for key, track in self._tracks.by_key.items()}
+            yield FrameReader(self, readers, self._video.yaw_offset_deg)
+
+    def read(self, index: int) -> RawFrame:
+        """Read one frame; see `FrameReader`."""
+        with self.reading() as reader:
+            return reader.read(index)
+
+
+class FrameReader:
+    """Reads frames of a source, whose files it holds open."""
+
+    def __init__(
+        self, source: FrameSource, readers: dict[str, Callable[[int], Picture]], yaw_deg: float
+    ) -> None:
+        self._source, self._readers, self._yaw_deg = source, readers, yaw_deg
+
+    def read(self, index: int) -> RawFrame:
+        """A frame; raises as `color` and `completed` do."""
+        return self.completed(index, self.color(index))
+
+    def color(self, index: int) -> Picture:
+        """(H, W, 3) linear radiance as in `RawFrame`.
+
+        Raises
+        ------
+        FormatError
+            A damaged or missing file, not 2:1 or of another size than the first frame, or without
+            a single usable value.
+        """
+        color = self._readers["color"](index)
+        path = self._source.files(index)["color"]
+        height, width = color.shape[:2]
+        if width != 2 * height:
+            raise FormatError(
+                f"{path}: {width} x {height} pixels; an equirect panorama is twice as wide as high"
+            )
+        self._require_size(path, color, "the first frame")
+        _require_any(path, np.isfinite(color), "colour is NaN or infinite everywhere")
+        return turned_color(color, self._yaw_deg)
+
+    def completed(self, index: int, color: Picture) -> RawFrame:
+        """A frame of which colour is read: depth in metres, and normals where there are any.
+
+        Raises
+        ------
+        FormatError
+            A damaged or missing file, depth that is larger than colour or not 2:1, normals of
+            another size than colour, integer depth without a scale, or depth without a single
+            usable value.
+        """
+        files = self._source.files(index)
+        depth = self._readers["depth"](index)
+        full = self._full_depth(files["depth"], depth)
+        _require_any(
+            files["depth"],
+            np.isfinite(depth) & (depth > 0.0),
+            "no depth: all values are 0, negative, NaN or infinite",
+        )
+        normal = None
+        if "normal" in files:
+            normal = self._readers["normal"](index)
+            self._require_size(files["normal"], normal, "colour")
+            _require_unit(files["normal"], normal)
+        turned = turned_geometry(full, normal, self._yaw_deg)
+        return RawFrame(color, *turned, index, self.pose(index))
+
+    def pose(self, index: int) -> NDArray[np.float64] | None:
+        """As `FrameSource.pose`."""
+        return self._source.pose(index)
+
+    def _full_depth(self, path: Path, depth: Picture) -> Picture:
+        """Depth at the size of colour."""
+        stored, size = self._source.stored_depth, self._source.size()
+        columns, rows = own = depth.shape[1], depth.shape[0]
+        if columns != 2 * rows or rows > size[1]:
+            raise FormatError(
+                f"{path}: {_by(own)} pixels, but colour has {_by(size)}; depth needs the same "
+                "size, or a smaller one twice as wide as high"
+            )
+        if stored is not None and own != stored.size:
+            raise FormatError(
+                f"{path}: {_by(own)} pixels, but the first frame has {_by(stored.size)}"
+            )
+        return at_full_size(depth, None if stored is None else stored.grid, *size)
+
+    def _require_size(self, path: Path, picture: Picture, other: str) -> None:
+        size, own = self._source.size(), (picture.shape[1], picture.shape[0])
+        if own != size:
+            raise FormatError(f"{path}: {_by(own)} pixels, but {other} has {_by(size)}")
+
+
+def _by(size: tuple[int, int]) -> str:
+    return f"{size[0]} x {size[1]}"
+
+
+def turned_color(color: Picture, yaw_deg: float) -> Picture:
+    """Turn the world to the right, towards +X: what lay at azimuth a comes to a + yaw.
+
+    Colour is interpolated between columns.
+    """
+    columns = yaw_deg / 360.0 * color.shape[1]
+    whole = int(np.floor(columns))
+    part = np.float32(columns - whole)
+    color = np.roll(color, whole, axis=1)
+    if part > 1e-4:
+        color = (1 - part) * color + part * np.roll(color, 1, axis=1)
+    return color
+
+
+def turned_geometry(
+    depth: Picture, normal: Picture | None, yaw_deg: float
+) -> tuple[Picture, Picture | None]:
+    """As `turned_color`, but from the nearest column, because depth and normals jump at edges.
+
+    Normals turn with the world.
+    """
+    nearest = int(np.floor(yaw_deg / 360.0 * depth.shape[1] + 0.5))
+    if normal is not None and yaw_deg % 360.0 != 0.0:
+        angle = np.deg2rad(yaw_deg)
+        cos, sin = np.float32(np.cos(angle)), np.float32(np.sin(angle))
+        x, y, z = np.moveaxis(np.roll(normal, nearest, axis=1), -1, 0)
+        normal = np.stack([cos * x - sin * z, y, sin * x + cos * z], axis=-1)
+    return np.roll(depth, nearest, axis=1), normal
+
+
+def _require_any(path: Path, usable: NDArray[np.bool_], problem: str) -> None:
+    if not usable.any():
+        raise FormatError(f"{path}: {problem}; export it again")
+
+
+def _require_unit(path: Path, normal: Picture) -> None:
+    """Raise FormatError for what can be no normals: most vectors are not of length 1."""
+    with np.errstate(all="ignore"):
+        length = np.linalg.norm(normal, axis=-1)
+    given = length[np.isfinite(length) & (length > 0.0)]
+    unit = float((np.abs(given - 1.0) < 0.2).mean()) if given.size else 1.0
+    if unit < 0.5:
+        raise FormatError(
+            f"{path}: holds no normals: {1.0 - unit:.0%} of its values are not of length 1; "
+            "expected x, y, z from -1 to 1 in world space; without this file, normals are fitted "
+            "to depth"
+        )

@@ -1,0 +1,41 @@
+"""`[video]` of `scene.toml`."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, Field
+
+from iprt.files.table import Degrees, Factor, FrameNumber, FramePath, RelativePath, Table
+
+
+def _differ(values: list[float]) -> list[float]:
+    if values[0] == values[1]:
+        raise ValueError("expected two depths that differ")
+    return values
+
+
+class VideoTable(Table):
+    """Pictures of one frame, printf patterns and a range of frames, or video files.
+
+    `depth` may be left out where the file of `color` holds it. `frames` and `fps` are those of
+    a video file by default, else one frame and 30 per second.
+
+    `white` is the linear radiance from which on the camera's colour is clipped, `inf` for never. By
+    default it is 1 for integers, and floats and HDR video never are.
+    """
+
+    color: FramePath
+    depth: FramePath | None = None
+    depth_scale: Factor | None = None
+    depth_range: (
+        Annotated[list[Factor], Field(min_length=2, max_length=2), AfterValidator(_differ)] | None
+    ) = None
+    depth_encoding: Literal["linear", "inverse"] = "linear"
+    normal: FramePath | None = None
+    poses: RelativePath | None = None
+    white: Annotated[float, Field(gt=0.0, allow_inf_nan=True)] | None = None
+    yaw_offset_deg: Degrees = 0.0
+    frames: Annotated[list[FrameNumber], Field(min_length=2, max_length=2)] | None = None
+    fps: Factor | None = None
+    loop: bool = False

@@ -1,0 +1,264 @@
+"""What `[video]` names, opened: a track of pictures for each kind, and the clock they follow."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.errors import FormatError
+from iprt.files.images import read_color, read_normal
+from iprt.files.path_safety import require_inside
+from iprt.files.table import LAST_FRAME
+from iprt.files.untrusted import is_file
+from iprt.footage.video.clock import Clock, disagreements, frame_count
+from iprt.footage.video.color import has_highlights, linear_color, luma
+from iprt.footage.video.container import StreamInfo, is_container, video_streams
+from iprt.footage.video.depth_code import DepthCode, unit_problem
+from iprt.footage.video.reader import OpenStreams
+from iprt.footage.video.sequence import DepthPictures, PictureTrack
+from iprt.footage.video.table import VideoTable
+
+if TYPE_CHECKING:
+    import av
+
+Picture = NDArray[np.float32]
+DEFAULT_FPS = Fraction(30)
+
+
+class Track(Protocol):
+    """Pictures of one kind along a video: colour, depth or normals."""
+
+    def file(self, index: int) -> Path:
+        """The file that holds a frame's picture."""
+
+    def missing(self) -> Iterator[Path]:
+        """Files that are not there, by frame."""
+
+    def problems(self) -> list[str]:
+        """What keeps the files that are there from being read; a line with its key each."""
+
+    def size(self) -> tuple[int, int]:
+        """Width and height of the first picture, from its header."""
+
+    def white(self) -> float:
+        """Radiance at which its colours end, by its kind; infinite where they do not."""
+
+    def reader(self, streams: OpenStreams) -> Callable[[int], Picture]:
+        """What reads the picture of a frame, and is quickest if asked in order."""
+
+
+class StreamTrack:
+    """Pictures in some rows of a video stream.
+
+    Parameters
+    ----------
+    info : StreamInfo
+    zero : Fraction
+        Second on the file's clock at which the video's clock starts.
+    clock : Clock
+    rows : slice
+    decode : callable
+        Makes a picture of a frame's rows; gets frame, rows, and the file to name in errors.
+    """
+
+    def __init__(
+        self,
+        info: StreamInfo,
+        zero: Fraction,
+        clock: Clock,
+        rows: slice,
+        decode: Callable[[av.VideoFrame, slice, Path], Picture],
+    ) -> None:
+        self._info, self._zero, self._clock = info, zero, clock
+        self._rows, self._decode = rows, decode
+
+    def file(self, _: int) -> Path:
+        return self._info.path
+
+    def missing(self) -> Iterator[Path]:
+        return iter(())
+
+    def problems(self) -> list[str]:
+        return []
+
+    def size(self) -> tuple[int, int]:
+        return self._info.width, self._rows.stop - self._rows.start
+
+    def white(self) -> float:
+        return math.inf if has_highlights(self._info.pixels, self._info.transfer) else 1.0
+
+    def reader(self, streams: OpenStreams) -> Callable[[int], Picture]:
+        info, stream = self._info, streams.reader(self._info)
+
+        def read(index: int) -> Picture:
+            frame = stream.at(self._zero + self._clock.time(index))
+            if (frame.width, frame.height) != (info.width, info.height):
+                raise FormatError(
+                    f"{info.path}: {frame.width} x {frame.height} pixels in frame {index}, but its "
+                    f"header says {info.width} x {info.height}"
+                )
+            return self._decode(frame, self._rows, info.path)
+
+        return read
+
+
+@dataclass(frozen=True)
+class Tracks:
+    """All tracks, by their key in `[video]`.
+
+    Attributes
+    ----------
+    by_key : dict of str to Track
+    indices : range
+        Numbers of the frames.
+    fps : float
+    disagreements : list of str
+        What the streams do not agree on, a line each.
+    """
+
+    by_key: dict[str, Track]
+    indices: range
+    fps: float
+    disagreements: list[str]
+
+
+def open_tracks(root: Path, video: VideoTable, within: Path) -> Tracks:
+    """Look at the headers of what `[video]` names.
+
+    Raises
+    ------
+    FormatError
+        A video file that cannot be used, with its key. Of pictures, none is opened.
+    """
+    color, others = _color_stream(root, video, within)
+    depth = _depth_stream(root, video, within, color, others)
+    timed = color or depth
+    fps = timed.rate if timed else DEFAULT_FPS
+    if video.fps is not None:
+        fps = Fraction(video.fps).limit_denominator(10**6)
+    indices = _indices(video, fps, color)
+    clock = Clock(fps, indices[0] if color is None else 0)
+    place = root, indices, within
+    code = depth_code(video)
+    by_key: dict[str, Track] = {}
+    packed = color is not None and depth is color
+    if color is None:
+        by_key["color"] = PictureTrack("color", video.color, *place, read_color)
+    else:
+        rows = slice(0, color.height // 2 if packed else color.height)
+        by_key["color"] = StreamTrack(color, color.start, clock, rows, linear_color)
+    if depth is None:
+        assert video.depth is not None
+        by_key["depth"] = DepthPictures(video.depth, *place, code)
+    else:
+        if not code.is_known:
+            raise FormatError(unit_problem(depth.path.name))
+        rows = slice(depth.height // 2 if packed else 0, depth.height)
+        # Streams of one file share its clock; another file's starts where the video does.
+        same = color is not None and color.path == depth.path
+        zero = color.start if color is not None and same else depth.start
+        by_key["depth"] = StreamTrack(depth, zero, clock, rows, _depth_decoder(code))
+    if video.normal is not None:
+        by_key["normal"] = PictureTrack("normal", video.normal, *place, read_normal)
+    told = disagreements(clock, indices, color, None if packed else depth)
+    return Tracks(by_key, indices, float(fps), told)
+
+
+def depth_code(video: VideoTable) -> DepthCode:
+    """What stored depth stands for."""
+    ends = None if video.depth_range is None else (video.depth_range[0], video.depth_range[1])
+    return DepthCode(video.depth_scale, ends, video.depth_encoding)
+
+
+def _depth_decoder(code: DepthCode) -> Callable[[av.VideoFrame, slice, Path], Picture]:
+    def decode(frame: av.VideoFrame, rows: slice, path: Path) -> Picture:
+        stored, black, white = luma(frame, rows, path)
+        code.require_range(path, stored)
+        return code.metres(stored, black, white)
+
+    return decode
+
+
+def _indices(video: VideoTable, fps: Fraction, color: StreamInfo | None) -> range:
+    if video.frames is not None:
+        return range(video.frames[0], video.frames[1] + 1)
+    count = 1 if color is None else frame_count(color, fps)
+    if count > LAST_FRAME + 1:
+        raise FormatError(
+            f"video.frames: {video.color} has {count} frames; say which to use, at most the first "
+            f"{LAST_FRAME + 1}"
+        )
+    return range(count)
+
+
+@contextmanager
+def _named(key: str) -> Iterator[None]:
+    """Put the key of `[video]` before what is wrong."""
+    try:
+        yield
+    except FormatError as error:
+        raise FormatError(f"video.{key}: {error}") from error
+
+
+def _streams(key: str, root: Path, name: str, within: Path) -> list[StreamInfo]:
+    with _named(key):
+        require_inside(root / name, within)
+        return video_streams(root / name)
+
+
+def _color_stream(
+    root: Path, video: VideoTable, within: Path
+) -> tuple[StreamInfo | None, list[StreamInfo]]:
+    """The stream of colour, if it comes from a video file, and the file's other streams."""
+    if not is_container(root, video.color):
+        return None, []
+    streams = _streams("color", root, video.color, within)
+    color = next((stream for stream in streams if not stream.is_deep_grey), streams[0])
+    return color, [stream for stream in streams if stream is not color]
+
+
+def _depth_stream(
+    root: Path,
+    video: VideoTable,
+    within: Path,
+    color: StreamInfo | None,
+    others: list[StreamInfo],
+) -> StreamInfo | None:
+    """The stream of depth, if it comes from a video file; that of colour if it holds both."""
+    if video.depth is None:
+        if color is None and not is_file(root / video.color):
+            raise FormatError(f"video.color: there is no file {video.color}")
+        if color is None:
+            raise FormatError(
+                f"video.depth: required key is missing; {video.color} is no video file, which "
+                "could hold depth itself; name a file of depth (docs/footage.md says of what kind)"
+            )
+        found = next((stream for stream in others if stream.is_deep_grey), None)
+        if found is not None:
+            return found
+        # Two panoramas one above the other make a square.
+        if color.width == color.height and color.height % 4 == 0:
+            return color
+        raise FormatError(
+            f"video.depth: {color.path} holds no depth: no second stream of 16-bit grey, and its "
+            f"{color.width} x {color.height} pixels are not a square with colour above depth; name "
+            "a file of depth (docs/footage.md says of what kind)"
+        )
+    if not is_container(root, video.depth):
+        return None
+    streams = _streams("depth", root, video.depth, within)
+    depth = next((stream for stream in streams if stream.is_deep_grey), None)
+    if depth is None:
+        raise FormatError(
+            f"video.depth: {root / video.depth} holds {streams[0].pixels}; depth needs a stream of "
+            "grey with more than 8 bits, such as FFV1 with gray16le"
+        )
+    return depth

@@ -1,0 +1,85 @@
+"""The guide: what the image-space passes compare pixels by, of this picture and the one before."""
+
+from __future__ import annotations
+
+import numpy as np
+import pyopencl.array as cla
+
+from iprt.device.compute import ComputeDevice, Define
+from iprt.gbuffer.layout import PAD, PlaneLayout
+
+PLANES = 7
+"""Normal x y z, world position x y z in metres, id (0 nothing to trace, -1 outside)."""
+
+
+def plane_defines(*, equirect: bool = False, **others: Define) -> dict[str, Define]:
+    """Build flags of every kernel that works on padded planes."""
+    return {"PLANE_PAD": PAD, "VIEW_EQUIRECT": equirect, **others}
+
+
+class Guide:
+    """Gathers a layer's G-buffer into the planes of `cl/lib/gbuffer/guide.h`; keeps the last.
+
+    Attributes
+    ----------
+    current, previous : (7, H + 2 PAD, W + 2 PAD) float32
+        Before the second picture, `previous` holds no surface.
+    camera : (12,) float32 or None
+        `CameraMotion.rows`, from the axes of `current` to those of `previous`; None: they are one.
+    """
+
+    def __init__(
+        self,
+        device: ComputeDevice,
+        layout: PlaneLayout,
+        *,
+        equirect: bool,
+        name: str,
+        camera: cla.Array | None = None,
+    ) -> None:
+        """`equirect` views are adjacent across the ±180° seam; `name` tells layers apart."""
+        self.layout = layout
+        self.equirect = equirect
+        self.camera = camera
+        self._device = device
+        defines = plane_defines(equirect=equirect)
+        self._build = device.kernel("gbuffer/guide.cl", "build_guide", defines)
+        self._wrap = device.kernel("gbuffer/guide.cl", "wrap_border", defines)
+        outside = np.zeros(layout.shape(PLANES), np.float32)
+        outside[-1] = -1.0
+        self.current = device.upload(f"{name} guide", outside)
+        self.previous = device.upload(f"{name} guide before", outside)
+
+    def run(self, view: cla.Array, normal: cla.Array, depth: cla.Array, ids: cla.Array) -> None:
+        """Make `current` this picture's guide, and `previous` what `current` was.
+
+        Parameters
+        ----------
+        view : (16,) float32
+            `View.kernel_constants()`.
+        normal : 3 planes, world-space unit normals
+        depth : 1 plane, radial metres, 0 = nothing here
+        ids : 1 plane, 0 = nothing to trace; surfaces of different ids never mix
+        """
+        self.current, self.previous = self.previous, self.current
+        with self._device.profile.section("guide"):
+            width, height = self.layout.width, self.layout.height
+            self._build((width, height), view, normal, depth, ids, self.current, width, height)
+            self.wrap(self.current)
+
+    @property
+    def camera_define(self) -> dict[str, Define]:
+        """`-D` variant of kernels that compare `current` with `previous`."""
+        return {"CAMERA_MOTION": self.camera is not None}
+
+    @property
+    def camera_argument(self) -> tuple[cla.Array, ...]:
+        """Their last argument, where the camera moves."""
+        return () if self.camera is None else (self.camera,)
+
+    def wrap(self, planes: cla.Array) -> None:
+        """In an equirect view, fill the left and right border of `planes` from across the seam."""
+        if self.equirect:
+            width, height = self.layout.width, self.layout.height
+            channels = planes.shape[0] if planes.ndim == 3 else 1
+            self._wrap((2 * PAD, height * channels), planes, channels, width, height)

@@ -1,0 +1,31 @@
+"""The layout of buffers that live on the view: padded planes, one per channel."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+PAD = 32
+"""Border in pixels: the reach of the widest à-trous level (two taps of stride 16)."""
+
+
+@dataclass(frozen=True)
+class PlaneLayout:
+    """Shape of a stack of planes for a view of `width` x `height` pixels."""
+
+    width: int
+    height: int
+
+    def shape(self, channels: int) -> tuple[int, int, int]:
+        """(channels, height + 2 PAD, width + 2 PAD), what `cl/lib/gbuffer/planes.h` indexes."""
+        return (channels, self.height + 2 * PAD, self.width + 2 * PAD)
+
+    def interior(self, planes: NDArray[np.generic]) -> NDArray[np.generic]:
+        """(channels, height, width) view of padded planes, without the border."""
+        return planes[..., PAD:-PAD, PAD:-PAD]
+
+    def padded(self, image: NDArray[np.generic]) -> NDArray[np.generic]:
+        """Planes (C, height + 2 PAD, width + 2 PAD) from an image (C, height, width), border 0."""
+        return np.pad(image, [(0, 0), (PAD, PAD), (PAD, PAD)])

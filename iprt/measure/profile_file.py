@@ -1,0 +1,116 @@
+"""Costs of frames as files and texts: JSON, CSV, and what a JSON file of before says."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from pydantic import BaseModel, Field, ValidationError
+
+from iprt.errors import FormatError
+from iprt.files.atomic import replacing
+from iprt.measure.cost_report import SCHEMA, CostReport
+
+if TYPE_CHECKING:
+    from iprt.measure.changes import Change
+
+
+def json_text(report: CostReport, changes: Sequence[Change] | None = None) -> str:
+    """`CostReport.record`, and the `changes` since another, if any."""
+    record = report.record()
+    if changes is not None:
+        record["changes"] = [change.record() for change in changes]
+    return json.dumps(record, indent=2)
+
+
+def csv_text(report: CostReport) -> str:
+    """`CostReport.flat`, with a first line of names; what does not apply is left empty."""
+    rows = report.flat()
+    text = io.StringIO(newline="")
+    table = csv.DictWriter(text, list(rows[0]) if rows else [], lineterminator="\n")
+    table.writeheader()
+    table.writerows(rows)
+    return text.getvalue()
+
+
+def write_profile(path: Path, report: CostReport) -> None:
+    """Write `json_text`, atomically.
+
+    Raises
+    ------
+    FormatError
+        The file cannot be written.
+    """
+    with replacing(path) as temporary:
+        temporary.write_text(json_text(report) + "\n", encoding="utf-8")
+
+
+Milliseconds = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+
+
+class OldPart(BaseModel):
+    """A kernel, a kind of transfer, or host work, as `PartRow`."""
+
+    name: str
+    kind: str
+    ms: Milliseconds
+    error_ms: Milliseconds | None
+
+
+class OldPass(BaseModel):
+    """As `PassRow`."""
+
+    name: str
+    ms: Milliseconds
+    error_ms: Milliseconds | None
+    parts: list[OldPart]
+
+
+class OldReport(BaseModel):
+    """What a comparison needs to know of a `CostReport` of before."""
+
+    version: str
+    scene: str
+    device: str
+    view: dict[str, Any]
+    frames: int
+    wall_ms: Milliseconds | None
+    wall_error_ms: Milliseconds | None
+    ms: Milliseconds
+    error_ms: Milliseconds | None
+    passes: list[OldPass]
+    settings: dict[str, Any]
+
+
+def read_profile(path: Path) -> OldReport:
+    """Read what `iprt profile --json`, `iprt bench --json` or `iprt render --profile` wrote.
+
+    Raises
+    ------
+    FormatError
+        It cannot be read, or holds something else.
+    """
+    try:
+        record = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise FormatError(f"{path}: cannot be read: {error.strerror}") from error
+    except (ValueError, RecursionError) as error:
+        raise FormatError(f"{path}: is not JSON: {str(error).splitlines()[0]}") from error
+    wanted = "expected the output of `iprt profile --json`"
+    schema = record.get("schema") if isinstance(record, dict) else None
+    if schema is None:
+        raise FormatError(f"{path}: {wanted}")
+    if schema != SCHEMA:
+        raise FormatError(
+            f"{path}: has schema {schema}, this version reads {SCHEMA}; measure again with it"
+        )
+    try:
+        return OldReport.model_validate(record)
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(map(str, first["loc"]))
+        raise FormatError(f"{path}: {place}: {first['msg']}; {wanted}") from error

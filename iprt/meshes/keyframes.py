@@ -1,0 +1,215 @@
+"""`[[objects.keyframes]]` and `[[views.keyframes]]` of `scene.toml`: where things are, and when."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, Literal, Self, TypeVar
+
+import numpy as np
+from pydantic import AfterValidator, Field, PlainValidator, model_validator
+
+from iprt.files.table import Degrees, FieldOfView, Pitch, Point, Table
+from iprt.meshes.animation import NO_ROTATION, Float, Track, transform
+from iprt.meshes.camera import View
+
+MAX_KEYFRAMES = 2**16
+"""An object or a view has no more."""
+LARGEST_SCALE = 1e6
+UNIT_TOLERANCE = 0.01
+"""By which a quaternion's length may differ from 1: it has been rounded."""
+
+
+def _scale(value: Any) -> list[float]:
+    """A number, or one for each axis, as three."""
+    values = value if isinstance(value, list) else [value] * 3
+    numbers = [isinstance(v, int | float) and not isinstance(v, bool) for v in values]
+    if len(values) != 3 or not all(numbers):
+        raise ValueError("expected a number, or three: x, y, z")
+    if not all(1.0 / LARGEST_SCALE <= v <= LARGEST_SCALE for v in values):
+        raise ValueError(f"expected factors from {1.0 / LARGEST_SCALE:g} to {LARGEST_SCALE:g}")
+    return [float(v) for v in values]
+
+
+def _unit(values: list[float]) -> list[float]:
+    length = math.hypot(*values)
+    if not abs(length - 1.0) <= UNIT_TOLERANCE:
+        raise ValueError(f"expected a quaternion x, y, z, w of length 1; its length is {length:g}")
+    return [value / length for value in values]
+
+
+def _clip(value: Any) -> str | int:
+    if isinstance(value, bool) or not isinstance(value, str | int) or value in ("",):
+        raise ValueError("expected the name of an animation in the glTF file, or its number")
+    if isinstance(value, int) and value < 0:
+        raise ValueError("expected a number from 0 on")
+    return value
+
+
+Clip = Annotated[str | int | None, PlainValidator(_clip)]
+"""`objects.animation`."""
+
+
+class _Keyframe(Table):
+    time: Annotated[float, Field(ge=0.0, le=1e6)]
+    interpolation: Literal["linear", "step"] = "linear"
+
+    @model_validator(mode="after")
+    def _says_something(self) -> Self:
+        keys = [key for key in type(self).model_fields if key not in ("time", "interpolation")]
+        if all(getattr(self, key) is None for key in keys):
+            raise ValueError(f"says nothing but when; give {', '.join(keys[:-1])} or {keys[-1]}")
+        return self
+
+
+class ObjectKeyframe(_Keyframe):
+    """Where an object is at a time, relative to its `to_world`; what is left out is not keyed."""
+
+    translation: Point | None = None
+    rotation: (
+        Annotated[list[float], Field(min_length=4, max_length=4), AfterValidator(_unit)] | None
+    ) = None
+    scale: Annotated[list[float] | None, PlainValidator(_scale)] = None
+
+
+class ViewKeyframe(_Keyframe):
+    """Where a view looks at a time; what is left out is not keyed."""
+
+    yaw_deg: Degrees | None = None
+    pitch_deg: Pitch | None = None
+    fov_y_deg: FieldOfView | None = None
+
+
+Key = TypeVar("Key", bound=_Keyframe)
+
+
+def _ascending(keyframes: list[Key]) -> list[Key]:
+    for number in range(1, len(keyframes)):
+        before, time = keyframes[number - 1].time, keyframes[number].time
+        if not time > before:
+            raise ValueError(f"times must ascend; [{number}] is at {time:g} s, after {before:g} s")
+    return keyframes
+
+
+ObjectKeyframes = Annotated[
+    list[ObjectKeyframe], Field(max_length=MAX_KEYFRAMES), AfterValidator(_ascending)
+]
+ViewKeyframes = Annotated[
+    list[ViewKeyframe], Field(max_length=MAX_KEYFRAMES), AfterValidator(_ascending)
+]
+
+
+@dataclass(frozen=True)
+class ObjectMotion:
+    """An object's way. It is scaled along its own axes, placed by `to_world`, turned about where
+    that puts its origin, by the world's axes, and moved along these.
+
+    Attributes
+    ----------
+    to_world : (4, 4) float64
+    translation : Track or None
+        Metres; None: nowhere.
+    rotation, scale : Track or None
+    """
+
+    to_world: Float
+    translation: Track | None = None
+    rotation: Track | None = None
+    scale: Track | None = None
+
+    @classmethod
+    def of(cls, to_world: Float, keyframes: Sequence[ObjectKeyframe]) -> ObjectMotion:
+        return cls(
+            to_world,
+            _track(keyframes, "translation"),
+            _track(keyframes, "rotation", rotation=True),
+            _track(keyframes, "scale"),
+        )
+
+    def describe(self) -> str | None:
+        """What moves and when, in words; None: nothing does."""
+        return _described(
+            {"translation": self.translation, "rotation": self.rotation, "scale": self.scale}
+        )
+
+    @property
+    def moves(self) -> bool:
+        """There are keyframes."""
+        return any(track is not None for track in (self.translation, self.rotation, self.scale))
+
+    def at(self, time_s: float) -> Float:
+        """(4, 4) `to_world` at a time."""
+        moved, linear, scale = self._keyed(time_s)
+        placed = self.to_world.copy()
+        placed[:3, :3] = linear @ self.to_world[:3, :3] * scale
+        placed[:3, 3] += moved
+        return placed
+
+    def before(self, placed: Float, time_s: float) -> Float:
+        """The (4, 4) `to_world` with which it would be at `placed` at a time: `at` undone."""
+        moved, linear, scale = self._keyed(time_s)
+        to_world = placed.copy()
+        to_world[:3, :3] = linear.T @ placed[:3, :3] / scale
+        to_world[:3, 3] -= moved
+        return to_world
+
+    def _keyed(self, time_s: float) -> tuple[Float, Float, Float]:
+        """How far (3,), by which turn (3, 3) and how much larger (3,) it is at a time."""
+        moved = np.zeros(3) if self.translation is None else self.translation.at(time_s)
+        turn = np.array(NO_ROTATION) if self.rotation is None else self.rotation.at(time_s)
+        scale = np.ones(3) if self.scale is None else self.scale.at(time_s)
+        return moved, transform((0.0, 0.0, 0.0), turn, np.ones(3))[:3, :3], scale
+
+
+@dataclass(frozen=True)
+class ViewMotion:
+    """Where a view looks over time; a track of None: where it always does."""
+
+    view: View
+    yaw_deg: Track | None = None
+    pitch_deg: Track | None = None
+    fov_y_deg: Track | None = None
+
+    @classmethod
+    def of(cls, view: View, keyframes: Sequence[ViewKeyframe]) -> ViewMotion:
+        return cls(view, *(_track(keyframes, key) for key in ("yaw_deg", "pitch_deg", "fov_y_deg")))
+
+    def describe(self) -> str | None:
+        """What changes and when, in words; None: nothing does."""
+        return _described({"yaw": self.yaw_deg, "pitch": self.pitch_deg, "fov": self.fov_y_deg})
+
+    def at(self, time_s: float) -> View:
+        def value(track: Track | None, otherwise: float) -> float:
+            return otherwise if track is None else float(track.at(time_s)[0])
+
+        return replace(
+            self.view,
+            yaw_deg=value(self.yaw_deg, self.view.yaw_deg),
+            pitch_deg=value(self.pitch_deg, self.view.pitch_deg),
+            fov_y_deg=value(self.fov_y_deg, self.view.fov_y_deg),
+        )
+
+
+def _described(tracks: Mapping[str, Track | None]) -> str | None:
+    keyed = {name: track.times for name, track in tracks.items() if track is not None}
+    if not keyed:
+        return None
+    first = min(float(times[0]) for times in keyed.values())
+    last = max(float(times[-1]) for times in keyed.values())
+    return f"keyframes of {', '.join(keyed)} from {first:g} to {last:g} s"
+
+
+def _track(keyframes: Sequence[_Keyframe], name: str, *, rotation: bool = False) -> Track | None:
+    """One key of those keyframes that give it."""
+    giving = [keyframe for keyframe in keyframes if getattr(keyframe, name) is not None]
+    if not giving:
+        return None
+    return Track(
+        np.array([keyframe.time for keyframe in giving]),
+        np.array([getattr(keyframe, name) for keyframe in giving], np.float64).reshape(
+            len(giving), -1
+        ),
+        np.array([keyframe.interpolation == "step" for keyframe in giving]),
+        rotation,
+    )

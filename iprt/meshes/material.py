@@ -1,0 +1,83 @@
+"""Materials of virtual objects."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.meshes.coat import internal_reflectance, rough_transmittance
+
+MaterialKind = Literal["diffuse", "conductor", "plastic"]
+MIRROR_ALPHA = 1e-4
+"""GGX roughness below which a surface is a perfect mirror."""
+MIN_ALPHA = 1e-3
+"""Least GGX roughness of what is not: below it, single precision cannot resolve the lobe."""
+MATERIAL_ROWS = 9
+"""float4 rows per material in the table; `cl/lib/world/brdf.h` documents them."""
+_NODES = 4 * (MATERIAL_ROWS - 1)
+_KINDS: tuple[MaterialKind, ...] = ("diffuse", "conductor", "plastic")
+
+
+@dataclass(frozen=True)
+class Material:
+    """Reflectance of a surface; linear Rec.709.
+
+    Attributes
+    ----------
+    kind : {"diffuse", "conductor", "plastic"}
+        Lambertian; GGX with a constant (Fresnel-free) reflectance; GGX dielectric coat over a
+        Lambertian base.
+    albedo : (r, g, b)
+        Diffuse albedo in [0, 1], or the conductor's reflectance. Multiplies the texture.
+    alpha : float
+        GGX roughness of the conductor or the coat; a mirror at 0.
+    ior : float
+        Index of refraction of the coat.
+    texture : (H, W, 3) float32 or None
+        Linear albedo image, row 0 at v = 1, repeated outside [0, 1].
+    """
+
+    kind: MaterialKind = "diffuse"
+    albedo: tuple[float, float, float] = (0.5, 0.5, 0.5)
+    alpha: float = 0.1
+    ior: float = 1.5
+    texture: NDArray[np.float32] | None = field(default=None, compare=False)
+
+    @property
+    def is_mirror(self) -> bool:
+        return self.kind == "conductor" and self.alpha < MIRROR_ALPHA
+
+
+def material_table(materials: Sequence[Material]) -> NDArray[np.float32]:
+    """What the kernels know of the materials; the albedo comes with each hit instead.
+
+    Returns
+    -------
+    (MATERIAL_ROWS * len(materials), 4) float32
+        Per material: kind, alpha (0 or at least `MIN_ALPHA`), index of refraction, factor of the
+        base below a coat; then the coat's transmittance at cosines (i / 31)², i = 0..31.
+    """
+    rows = np.zeros((len(materials), MATERIAL_ROWS, 4), np.float32)
+    cosine = np.linspace(0, 1, _NODES) ** 2
+    for row, material in zip(rows, materials, strict=True):
+        alpha = 0.0 if material.alpha < MIRROR_ALPHA else max(material.alpha, MIN_ALPHA)
+        row[0, :3] = _KINDS.index(material.kind), alpha, material.ior
+        if material.kind == "plastic":
+            escaping = 1 - internal_reflectance(alpha, material.ior)
+            row[0, 3] = 1 / (material.ior**2 * escaping)
+            row[1:] = rough_transmittance(cosine, alpha, material.ior).reshape(-1, 4)
+    return rows.reshape(-1, 4)
+
+
+def material_defines(materials: Sequence[Material]) -> dict[str, bool]:
+    """`-D` flags of `cl/lib/world/brdf.h`: the kinds of reflectance that these materials need."""
+    return {
+        "MATERIAL_DIFFUSE": any(m.kind == "diffuse" for m in materials),
+        "MATERIAL_CONDUCTOR": any(m.kind == "conductor" and not m.is_mirror for m in materials),
+        "MATERIAL_MIRROR": any(m.is_mirror for m in materials),
+        "MATERIAL_PLASTIC": any(m.kind == "plastic" for m in materials),
+    }

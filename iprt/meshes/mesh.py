@@ -1,0 +1,127 @@
+"""Triangle meshes of virtual objects, and instances of them placed in the world."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.errors import SceneError
+from iprt.meshes.material import Material
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """Indexed triangles in object space.
+
+    Attributes
+    ----------
+    positions, normals : (V, 3) float32
+        Normals are unit length.
+    uvs : (V, 2) float32
+        Zero where the file has none.
+    triangles : (F, 3) int32
+        Counter-clockwise seen from outside.
+    material_index : (F,) int32
+        Into `materials`.
+    materials : tuple of Material
+        At least one.
+    dropped : tuple of str
+        What the file holds and this does not, one phrase each.
+    deforms : bool
+        At other times vertices lie elsewhere.
+    """
+
+    positions: NDArray[np.float32]
+    normals: NDArray[np.float32]
+    uvs: NDArray[np.float32]
+    triangles: NDArray[np.int32]
+    material_index: NDArray[np.int32]
+    materials: tuple[Material, ...]
+    dropped: tuple[str, ...] = ()
+    deforms: bool = False
+
+
+def motion_between(
+    previous: NDArray[np.float64], current: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """(3, 4) affine map of world points of this frame to the frame before.
+
+    Parameters
+    ----------
+    previous, current : (4, 4) float64
+        `Instance.to_world` of an object in both.
+    """
+    if np.array_equal(previous, current):
+        return np.eye(4)[:3]
+    # The pseudo-inverse serves transforms that flatten.
+    linear = previous[:3, :3] @ np.linalg.pinv(current[:3, :3])
+    offset = previous[:3, 3] - linear @ current[:3, 3]
+    return np.concatenate([linear, offset[:, None]], axis=1)
+
+
+@dataclass(frozen=True)
+class Instance:
+    """A mesh placed in the world.
+
+    Attributes
+    ----------
+    name : str
+    mesh : Mesh
+    to_world : (4, 4) float64
+        `p_world = to_world @ p_object`, affine.
+    """
+
+    name: str
+    mesh: Mesh
+    to_world: NDArray[np.float64]
+
+
+def require_same_objects(before: Sequence[Instance], after: Sequence[Instance]) -> None:
+    """Raise SceneError unless these are the same objects, at most elsewhere.
+
+    They are if their names, order, triangles and materials are, and the vertices of meshes that do
+    not deform.
+    """
+    names, others = ([instance.name for instance in those] for those in (before, after))
+    if names != others:
+        raise SceneError(
+            f"cannot move {', '.join(others) or 'nothing'}: the objects are, in this order, "
+            f"{', '.join(names) or 'none'}"
+        )
+    for old, new in zip(before, after, strict=True):
+        if new.to_world.shape != (4, 4) or not np.isfinite(new.to_world).all():
+            raise SceneError(f"object {new.name}: to_world must be 4x4 finite numbers")
+        if old.mesh is not new.mesh and not _same_shape(old.mesh, new.mesh):
+            raise SceneError(
+                f"object {new.name}: cannot move, its triangles, vertices or materials are others "
+                "than before; make a new renderer"
+            )
+
+
+def same_places(before: Sequence[Instance], after: Sequence[Instance]) -> bool:
+    """Whether nothing has moved between two states of the same objects."""
+    return all(
+        np.array_equal(old.to_world, new.to_world)
+        and (old.mesh is new.mesh or _equal(old.mesh, new.mesh, "positions", "normals"))
+        for old, new in zip(before, after, strict=True)
+    )
+
+
+def _same_shape(old: Mesh, new: Mesh) -> bool:
+    vertices = () if old.deforms else ("positions", "normals")
+    return (
+        old.deforms == new.deforms
+        and old.positions.shape == new.positions.shape
+        and _equal(old, new, "uvs", "triangles", "material_index", *vertices)
+        and old.materials == new.materials
+        and all(a.texture is b.texture for a, b in zip(old.materials, new.materials, strict=True))
+    )
+
+
+def _equal(old: Mesh, new: Mesh, *names: str) -> bool:
+    """Whether these arrays are; most of them are the same."""
+    pairs = ((getattr(old, name), getattr(new, name)) for name in names)
+    return all(a is b or np.array_equal(a, b) for a, b in pairs)

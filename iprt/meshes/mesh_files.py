@@ -1,0 +1,274 @@
+"""What a mesh file refers to and holds, read from the file itself.
+
+trimesh passes over missing textures and over what it does not know, in silence, and believes what a
+file claims; this finds all of it before trimesh reads.
+"""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import json
+import struct
+from collections.abc import Iterator
+from io import BytesIO
+from pathlib import Path, PurePosixPath
+from typing import Any
+from urllib.parse import unquote
+
+from iprt.errors import FormatError
+from iprt.files.images import open_picture
+from iprt.files.path_safety import require_inside
+from iprt.files.toml_text import printable
+from iprt.files.untrusted import MAX_BYTES, decoding, is_file, read_bytes
+from iprt.meshes.gltf_check import Gltf, parsed_gltf
+from iprt.meshes.gltf_numbers import numbered
+from iprt.meshes.mesh_unread import unread_gltf, unread_obj, unread_ply
+from iprt.meshes.ply_check import check_ply
+from iprt.meshes.stl_check import check_stl, checked_stl_text, has_colors
+
+MESH_SUFFIXES = (".ply", ".obj", ".stl", ".gltf", ".glb")
+MAX_MATERIALS = 4096
+MAX_MATERIALS_TIMES_VERTICES = 2**32
+"""An OBJ file has no more: trimesh goes through all vertices for each material."""
+MAX_JSON_BYTES = 2**27
+"""A glTF document has no more; it takes a multiple of that in memory."""
+_GLTF_SUFFIXES = (".gltf", ".glb")
+
+
+class MeshFile:
+    """A mesh file and those that it refers to, of which no others are read.
+
+    Parameters
+    ----------
+    path : Path
+        .ply, .obj, .stl, .gltf or .glb.
+    within : Path or None
+        Folder that all of them must lie in, links followed; by default the mesh's own, which the
+        mesh itself may be a link in.
+
+    Attributes
+    ----------
+    suffix : str
+        With the dot, in lower case.
+    gltf : Gltf or None
+        The document of a glTF file.
+    references : dict of str to Path
+        Buffers, material libraries and textures: by the name in the file, relative to its folder.
+
+    Raises
+    ------
+    FormatError
+        Missing, damaged, too large, or something that it refers to is missing or elsewhere.
+    """
+
+    def __init__(self, path: Path, within: Path | None = None) -> None:
+        self.path, self.suffix = path, path.suffix.lower()
+        self._within = path.parent if within is None else within
+        self._read: dict[Path, bytes] = {}
+        self._decoded: dict[str, bytes] = {}
+        self.gltf: Gltf | None = None
+        self._gltf_document: Any = None
+        self._gltf_chunk = b""
+        self._ply_elements: list[str] = []
+        self.references: dict[str, Path] = {}
+        if self.suffix not in MESH_SUFFIXES:
+            raise FormatError(f"{path}: not a PLY, OBJ, STL, glTF or GLB file (by its suffix)")
+        if not is_file(path):
+            raise FormatError(f"{path}: no such mesh file")
+        if within is not None:
+            require_inside(path, within)
+        if self.suffix == ".ply":
+            self._ply_elements = check_ply(path)
+        if self.suffix == ".stl":
+            check_stl(path)
+        self.data = read_bytes(path, MAX_JSON_BYTES if self.suffix == ".gltf" else MAX_BYTES)
+        kind = "glTF" if self.suffix in _GLTF_SUFFIXES else self.suffix[1:].upper()
+        with decoding(path, f"cut off or damaged {kind} file"):
+            self._look_inside()
+
+    def get(self, name: str) -> bytes:
+        """Contents of a file that this one refers to; trimesh asks for it by the name it reads.
+
+        Raises
+        ------
+        FileNotFoundError
+            It refers to no such file.
+        """
+        for known in (name.strip(), _without_options(name.strip())):
+            if known in self.references:
+                return self._contents(self.references[known])
+        raise FileNotFoundError(name)
+
+    __getitem__ = get
+
+    def readable_data(self) -> bytes:
+        """The file for trimesh.
+
+        It takes words of the format in comments and names for real. Of glTF, nodes are named by
+        their numbers, and the joints, weights and colours of vertices by what trimesh hands on:
+        `JOINT_KEYS`, `WEIGHT_KEYS`, `COLOR_KEY`.
+        """
+        if self.suffix == ".obj":
+            lines = BytesIO(self.data)
+            return b"".join(line for line in lines if not line.lstrip().startswith(b"#"))
+        if self.suffix == ".stl":
+            return checked_stl_text(self.data)
+        if self.gltf is None:
+            return self.data
+        return numbered(self._gltf_document, self._gltf_chunk if self.suffix == ".glb" else None)
+
+    def buffer(self, number: int) -> bytes:
+        """Contents of a glTF file's buffer, which may be shorter than it claims."""
+        assert self.gltf is not None
+        uri = self.gltf.buffers[number].uri
+        return self._gltf_chunk if uri is None else self._uri_bytes(uri)
+
+    def unread_parts(self, *, animated: bool = False) -> list[str]:
+        """What the file holds and is not read, one phrase each, in a fixed order.
+
+        `animated`: of a glTF file, an animation is.
+        """
+        if self.gltf is not None:
+            return list(unread_gltf(self.gltf, animated=animated))
+        if self.suffix == ".obj":
+            return unread_obj(_lines(self.data))
+        if self.suffix == ".stl":
+            return ["colours of triangles"] if has_colors(self.data) else []
+        return unread_ply(self._ply_elements)
+
+    def _look_inside(self) -> None:
+        if self.suffix in _GLTF_SUFFIXES:
+            self._gltf_document, self._gltf_chunk = self._document()
+            self.gltf = parsed_gltf(self._gltf_document)
+            for uri in self.gltf.uris():
+                if not uri.startswith("data:"):
+                    self._refer(uri, unquote(uri))
+            self._check_gltf_textures(self.gltf)
+        elif self.suffix == ".obj":
+            self._refer_from_obj()
+        elif self.suffix == ".ply":
+            for name in _ply_textures(self.data):
+                self._refer(name, name)
+                self._check_texture(name)
+
+    def _document(self) -> tuple[Any, bytes]:
+        """The JSON of a glTF file, and the binary chunk of a .glb."""
+        if self.suffix == ".gltf":
+            return json.loads(self.data), b""
+        magic, version, whole = struct.unpack_from("<4sII", self.data)
+        if magic != b"glTF" or version != 2:
+            raise ValueError("no header of glTF 2")
+        if whole != len(self.data):
+            raise ValueError(f"{len(self.data)} of {whole} bytes")
+        chunks, at = [], 12
+        while at < whole:
+            length, kind = struct.unpack_from("<I4s", self.data, at)
+            chunks.append((kind, self.data[at + 8 : at + 8 + length]))
+            at += 8 + length
+        if at != whole or not chunks or chunks[0][0] != b"JSON":
+            raise ValueError("its chunks do not fill it")
+        if len(chunks[0][1]) > MAX_JSON_BYTES:
+            raise ValueError(f"a document of more than {MAX_JSON_BYTES} bytes")
+        binary = [data for kind, data in chunks[1:] if kind == b"BIN\0"]
+        return json.loads(chunks[0][1]), binary[0] if binary else b""
+
+    def _refer_from_obj(self) -> None:
+        materials, vertices = set(), 0
+        for line in _lines(self.data):
+            key, _, rest = line.partition(" ")
+            if key == "v":
+                vertices += 1
+            if key == "usemtl":
+                materials.add(rest)
+            if key == "mtllib":
+                library = rest.strip()
+                self._refer(library, library)
+                for name in _material_maps(self._contents(self.references[library])):
+                    self._refer(name, name)
+                    self._check_texture(name)
+        count = len(materials)
+        if count > MAX_MATERIALS or count * vertices > MAX_MATERIALS_TIMES_VERTICES:
+            raise ValueError(
+                f"{count} materials of {vertices} vertices take too long to read; merge materials, "
+                "or split the file"
+            )
+
+    def _refer(self, written: str, name: str) -> None:
+        relative = PurePosixPath(name.replace("\\", "/"))
+        name = printable(name)
+        if "://" in name:
+            raise FormatError(f"{self.path}: refers to {name} on the net; copy it beside it")
+        if relative.is_absolute() or ".." in relative.parts:
+            raise FormatError(f"{self.path}: refers to {name}, outside its folder; copy it in")
+        file = self.path.parent / relative
+        if not is_file(file):
+            raise FormatError(f"{self.path}: refers to {name}, which is missing beside it")
+        require_inside(file, self._within)
+        self.references[written] = Path(relative)
+
+    def _contents(self, relative: Path) -> bytes:
+        if relative not in self._read:
+            self._read[relative] = read_bytes(self.path.parent / relative)
+        return self._read[relative]
+
+    def _check_texture(self, written: str) -> None:
+        file = self.references[written]
+        open_picture(BytesIO(self._contents(file)), self.path.parent / file)
+
+    def _check_gltf_textures(self, gltf: Gltf) -> None:
+        """trimesh takes a texture that it cannot read for none."""
+        for number in gltf.color_images():
+            image = gltf.images[number]
+            if image.uri is not None:
+                data = self._uri_bytes(image.uri)
+            elif image.buffer_view is not None:
+                view = gltf.buffer_views[image.buffer_view]
+                data = self.buffer(view.buffer)[
+                    view.byte_offset : view.byte_offset + view.byte_length
+                ]
+            else:
+                raise ValueError(f"images[{number}]: neither uri nor bufferView")
+            open_picture(BytesIO(data), self.path.with_name(f"{self.path.name}:images[{number}]"))
+
+    def _uri_bytes(self, uri: str) -> bytes:
+        if not uri.startswith("data:"):
+            return self._contents(self.references[uri])
+        kind, comma, text = uri.partition(",")
+        if not comma or not kind.endswith(";base64"):
+            raise ValueError("a data URI that is not base64")
+        if uri not in self._decoded:
+            try:
+                self._decoded[uri] = base64.b64decode(text)
+            except binascii.Error as error:
+                raise ValueError(f"a data URI: {error}") from None
+        return self._decoded[uri]
+
+
+def _material_maps(data: bytes) -> Iterator[str]:
+    """Colour textures of an MTL file."""
+    for line in _lines(data):
+        key, _, rest = line.partition(" ")
+        if key.lower() == "map_kd" and rest.strip():
+            yield _without_options(rest.strip())
+
+
+def _without_options(text: str) -> str:
+    """The name behind options such as `-s 1 1 1`, which end before it."""
+    words = text.split()
+    return words[-1] if any(word.startswith("-") for word in words) else text
+
+
+def _ply_textures(data: bytes) -> Iterator[str]:
+    for line in BytesIO(data):
+        text = line.decode("utf-8", "replace").strip()
+        if text == "end_header":
+            return
+        if text.lower().startswith("comment texturefile"):
+            yield text[len("comment texturefile") :].strip()
+
+
+def _lines(data: bytes) -> Iterator[str]:
+    """Lines of a text, with blanks for tabs and none at the ends."""
+    for line in BytesIO(data):
+        yield line.decode("utf-8", "replace").replace("\t", " ").strip()

@@ -1,0 +1,228 @@
+"""Materials of mesh files to the three kinds that are rendered."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from iprt.errors import FormatError
+from iprt.files.images import decode_srgb, texture_pixels
+from iprt.files.toml_text import printable
+from iprt.files.untrusted import MAX_PIXELS
+from iprt.meshes.gltf_numbers import COLOR_KEY
+from iprt.meshes.material import Material
+
+DEFAULT_MATERIAL = Material("diffuse", (0.5, 0.5, 0.5))
+MATTE_ROUGHNESS = 0.9
+"""glTF roughness from which a dielectric is taken as diffuse: its coat no longer shows."""
+METALLIC = 0.5
+"""Least metalness of what is taken for a metal: there is no material in between."""
+GLOSSY_SPECULAR = 0.04
+"""Least specular reflectance (Ks) of an MTL material that gets a coat."""
+MAX_IOR = 4.0
+"""As in `scene.toml`."""
+_READ_KEYS = {"kd", "ks", "ns", "ni", "pr", "pm", "name", "image", "diffuse", "specular"}
+_SAYS_NOTHING = {"ambient", "ka", "glossiness", "illum"}
+"""Light from nowhere, and which formula MTL's own shading is."""
+
+
+class Textures:
+    """Decoded textures of one mesh file, each once however many materials have it."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._texels = 0
+        self._decoded: dict[bytes, NDArray[np.float32]] = {}
+
+    def linear(self, image: Any) -> NDArray[np.float32] | None:
+        """Linear (H, W, 3) float32 of a picture that Pillow has opened; None if it is none.
+
+        Raises
+        ------
+        FormatError
+            Damaged, of a format that is not read, or too many texels with those before.
+        """
+        if not isinstance(image, Image.Image):
+            return None
+        pixels = texture_pixels(image, self._path)
+        digest = hashlib.blake2b(pixels.tobytes() + str(pixels.shape).encode()).digest()
+        if digest not in self._decoded:
+            self._texels += pixels.shape[0] * pixels.shape[1]
+            if self._texels > MAX_PIXELS:
+                raise FormatError(
+                    f"{self._path}: its textures have more than the {MAX_PIXELS} pixels that are "
+                    "read; make them smaller"
+                )
+            self._decoded[digest] = decode_srgb(pixels)
+        return self._decoded[digest]
+
+
+def convert_material(
+    source: Any, factors: dict[str, list[float]], textures: Textures, dropped: list[str]
+) -> Material:
+    """A trimesh material as one of ours; what is lost is appended to `dropped`.
+
+    Parameters
+    ----------
+    source : trimesh material or None
+        PBRMaterial (glTF) or SimpleMaterial (MTL).
+    factors : dict of str to list of float
+        Base colours of a glTF file by the material's name: trimesh keeps only 8 bits of them.
+    textures : Textures
+    dropped : list of str
+    """
+    if source is None:
+        return DEFAULT_MATERIAL
+    if type(source).__name__ == "PBRMaterial":
+        return _from_pbr(source, factors, textures, dropped)
+    return _from_mtl(source, textures, dropped)
+
+
+def mean_color(geometry: Any) -> tuple[float, float, float] | None:
+    """The mean of the colours that vertices or faces of a trimesh geometry have; None: of none.
+
+    Those of glTF are linear, others those of sRGB displays.
+    """
+    given, visual = geometry.vertex_attributes.get(COLOR_KEY), geometry.visual
+    if given is not None:
+        rgb = np.asarray(given)[:, :3]
+        rgb = rgb / np.iinfo(rgb.dtype).max if rgb.dtype.kind in "iu" else rgb
+    elif visual.kind in ("vertex", "face"):
+        colors = visual.vertex_colors if visual.kind == "vertex" else visual.face_colors
+        rgb = decode_srgb(np.asarray(colors)[:, :3])
+    else:
+        return None
+    return _color(rgb.mean(axis=0, dtype=np.float64)) if len(rgb) else None
+
+
+def tinted(material: Material, color: tuple[float, float, float] | None) -> Material:
+    """A material of a colour, which multiplies its own if it has one; None: as it is."""
+    if color is None:
+        return material
+    own = (1.0, 1.0, 1.0) if material is DEFAULT_MATERIAL else material.albedo
+    return replace(material, albedo=_color(np.multiply(own, color)))
+
+
+def _from_pbr(
+    source: Any, factors: dict[str, list[float]], textures: Textures, dropped: list[str]
+) -> Material:
+    """glTF: alpha = roughness²."""
+    _note_unused_maps(source, dropped)
+    color = factors.get(source.name)
+    if color is None:
+        stored = source.baseColorFactor
+        color = [1.0, 1.0, 1.0] if stored is None else [float(c) / 255.0 for c in stored]
+    albedo = _color(color)
+    texture = textures.linear(source.baseColorTexture)
+    metallic = 1.0 if source.metallicFactor is None else float(source.metallicFactor)
+    roughness = 1.0 if source.roughnessFactor is None else float(source.roughnessFactor)
+    # A map scales the factor: without it, a factor of 1 says nothing about the material.
+    if source.metallicRoughnessTexture is not None:
+        metallic = 0.0
+    return _metal_or_not(albedo, metallic, roughness, texture, dropped)
+
+
+def _metal_or_not(
+    albedo: tuple[float, float, float],
+    metallic: float,
+    roughness: float,
+    texture: NDArray[np.float32] | None,
+    dropped: list[str],
+) -> Material:
+    """A metal, or plastic, or what is so rough that no coat shows; glTF 2.0, section 3.9.2."""
+    if 0.0 < metallic < 1.0:
+        taken = "1, a metal" if metallic >= METALLIC else "0, no metal"
+        dropped.append(f"metallic {metallic:g}, which is taken for {taken}")
+    alpha = float(np.clip(roughness, 0.0, 1.0) ** 2)
+    if metallic >= METALLIC:
+        return Material("conductor", albedo, alpha=alpha, texture=texture)
+    if roughness >= MATTE_ROUGHNESS:
+        return Material("diffuse", albedo, texture=texture)
+    return Material("plastic", albedo, alpha=alpha, texture=texture)
+
+
+def _from_mtl(source: Any, textures: Textures, dropped: list[str]) -> Material:
+    """MTL: diffuse (Kd), with a coat where Ks and the exponent Ns say that it shines.
+
+    A Phong exponent n is about as wide as GGX with alpha = sqrt(2 / (n + 2)) (Walter et al.,
+    "Microfacet Models for Refraction", 2007, section 5.2, for Beckmann). Roughness (Pr) and
+    metalness (Pm) mean what they do in glTF, and come before these.
+    """
+    values = source.kwargs
+    albedo = _color(values.get("kd", [1.0, 1.0, 1.0]))
+    texture = textures.linear(source.image)
+    dropped.extend(_unread_mtl(values))
+    exponent = _first(values.get("ns"), 0.0)
+    alpha = float(np.sqrt(2.0 / (exponent + 2.0))) if exponent >= 1.0 else 1.0
+    if "pr" in values or "pm" in values:
+        roughness = _first(values.get("pr"), float(np.sqrt(alpha)))
+        metallic = _first(values.get("pm"), 0.0)
+        return _metal_or_not(albedo, metallic, roughness, texture, dropped)
+    specular = max(_color(values.get("ks", [0.0, 0.0, 0.0])))
+    if specular >= GLOSSY_SPECULAR and exponent >= 1.0:
+        ior = _first(values.get("ni"), 0.0)
+        ior = ior if 1.0 < ior <= MAX_IOR else Material.ior
+        return Material("plastic", albedo, alpha=alpha, ior=ior, texture=texture)
+    return Material("diffuse", albedo, texture=texture)
+
+
+def _unread_mtl(values: dict[str, Any]) -> Iterator[str]:
+    """What an MTL material says and ours do not, a phrase each."""
+    if _first(values.get("d"), 1.0) < 1.0 or _first(values.get("tr"), 0.0) > 0.0:
+        yield "transparency"
+    if max(_color(values.get("ke", [0.0, 0.0, 0.0]))) > 0.0:
+        yield "emission"
+    for key in sorted(set(values) - _READ_KEYS - _SAYS_NOTHING - {"d", "tr", "ke"}):
+        if _is_map(key):
+            yield f"texture {printable(key)}"
+        elif key == "tf":
+            if min(_color(values[key])) < 1.0:
+                yield "a filter of what shines through (Tf)"
+        elif _first(values[key], 1.0) != 0.0:
+            yield f"'{printable(key)}' of its materials"
+
+
+def _note_unused_maps(source: Any, dropped: list[str]) -> None:
+    for key, phrase in (
+        ("normalTexture", "normal map"),
+        ("occlusionTexture", "occlusion map"),
+        ("metallicRoughnessTexture", "metallic-roughness map"),
+        ("emissiveTexture", "emission map"),
+    ):
+        if getattr(source, key) is not None:
+            dropped.append(phrase)
+    emission = source.emissiveFactor
+    if emission is not None and np.any(np.asarray(emission) > 0.0):
+        dropped.append("emission")
+    if source.alphaMode in ("MASK", "BLEND"):
+        dropped.append("transparency")
+
+
+def _is_map(key: str) -> bool:
+    return (key.startswith("map_") and key != "map_kd") or key in ("bump", "norm", "disp", "refl")
+
+
+def _color(values: Any) -> tuple[float, float, float]:
+    """Three values; of MTL, also one for all, and black for what are no numbers."""
+    try:
+        given = np.asarray(values, np.float64)
+    except (ValueError, TypeError):
+        given = np.zeros(3)
+    r, g, b = np.clip(np.nan_to_num(np.resize(given, 3)), 0.0, 1.0)
+    return float(r), float(g), float(b)
+
+
+def _first(value: Any, default: float) -> float:
+    """MTL numbers arrive as a float or a list with one."""
+    try:
+        number = float(np.ravel(value)[0]) if value is not None else default
+    except (ValueError, TypeError, IndexError):
+        return default
+    return number if np.isfinite(number) else default

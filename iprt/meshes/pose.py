@@ -1,0 +1,82 @@
+"""Poses of a moving 360° camera.
+
+Everything on the device is in the axes of the current frame's capture centre. A pose, the rigid
+transform from there to the world, therefore moves objects and turns views.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.meshes.camera import View
+from iprt.meshes.mesh import Instance
+
+Float = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class TurnedView(View):
+    """A view whose yaw and pitch are those of the world, in the axes of a turned capture centre.
+
+    Attributes
+    ----------
+    capture : tuple of 9 float
+        Rows of the rotation from the world's axes to the capture centre's.
+    """
+
+    capture: tuple[float, ...] = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
+
+    @property
+    def world_from_view(self) -> Float:
+        """(3, 3) rotation that takes view-space directions to the capture centre's axes."""
+        rotation: Float = np.reshape(self.capture, (3, 3)) @ super().world_from_view
+        return rotation
+
+
+def view_from(view: View, pose: Float | None) -> View:
+    """A view of the world in the axes of a capture centre with this (4, 4) pose.
+
+    Equirect views show the capture centre's own axes.
+    """
+    if pose is None or view.projection == "equirect" or np.array_equal(pose[:3, :3], np.eye(3)):
+        return view
+    capture = tuple(float(value) for value in pose[:3, :3].T.ravel())
+    return TurnedView(**vars(view), capture=capture)
+
+
+def seen_from(instances: Iterable[Instance], pose: Float | None) -> tuple[Instance, ...]:
+    """Objects of the world in the axes of a capture centre with this (4, 4) pose."""
+    if pose is None or np.array_equal(pose, np.eye(4)):
+        return tuple(instances)
+    capture = inverse_pose(pose)
+    return tuple(replace(i, to_world=capture @ i.to_world) for i in instances)
+
+
+def inverse_pose(pose: Float) -> Float:
+    """(4, 4) transform from the world to the axes of a capture centre with this (4, 4) pose."""
+    inverse = np.eye(4)
+    inverse[:3, :3] = pose[:3, :3].T
+    inverse[:3, 3] = -pose[:3, :3].T @ pose[:3, 3]
+    return inverse
+
+
+def camera_motion(before: Float | None, now: Float | None) -> Float:
+    """(3, 4) affine map of points in the axes of a capture centre to those of the one before.
+
+    Exactly the identity where both poses, (4, 4), are equal or None.
+
+    Raises
+    ------
+    ValueError
+        One of them is None: how the camera moved cannot be told.
+    """
+    if (before is None) != (now is None):
+        raise ValueError("either all frames of a video have poses or none")
+    if before is None or now is None or np.array_equal(before, now):
+        return np.eye(4)[:3]
+    motion: Float = (inverse_pose(before) @ now)[:3]
+    return motion

@@ -1,0 +1,90 @@
+"""What an STL file claims to hold, checked before anything is read by it.
+
+Format: 3D Systems, "StereoLithography Interface Specification", 1988: text from `solid` to
+`endsolid`, or a header of 80 bytes, the number of triangles, and 50 bytes for each.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections import Counter
+from pathlib import Path
+
+from iprt.errors import FormatError
+from iprt.files.untrusted import MAX_BYTES, MAX_TRIANGLES
+
+MAX_SOLIDS = 1024
+"""A text has no more."""
+_HEADER = 84
+_TRIANGLE = 50
+_NUMBER = rb"[ \t]+[-+]?(?:\d+(?:\.\d*)?|\.\d+|nan|inf)(?:e[-+]?\d+)?"
+_LINE = re.compile(
+    rb"^[ \t]*(?:(facet|endfacet|endsolid)\b|(vertex)(?:%s){3}[ \t]*\r?$)" % _NUMBER,
+    re.IGNORECASE | re.MULTILINE,
+)
+_NAMED = re.compile(rb"^[ \t]*((?:end)?solid)\b.*$", re.IGNORECASE | re.MULTILINE)
+
+
+def check_stl(path: Path) -> None:
+    """Check that a binary file is as long as it claims.
+
+    Raises
+    ------
+    FormatError
+    """
+    with path.open("rb") as file:
+        head = file.read(_HEADER)
+        size = os.fstat(file.fileno()).st_size
+    if size > MAX_BYTES:
+        raise FormatError(f"{path}: {size} bytes; at most {MAX_BYTES} are read")
+    count = _claimed(head)
+    if _is_binary(head, size):
+        if count > MAX_TRIANGLES:
+            raise FormatError(f"{path}: claims {count} triangles; at most {MAX_TRIANGLES} are read")
+    elif b"\0" in head or head.lstrip()[:5].lower() != b"solid":
+        raise FormatError(
+            f"{path}: cut off or damaged STL file ({size} bytes; a header with {count} triangles "
+            f"would need {_HEADER + count * _TRIANGLE})"
+        )
+
+
+def checked_stl_text(data: bytes) -> bytes:
+    """The text of a file without the names of its solids, which may be words of the format; a
+    binary file as it is.
+
+    Raises
+    ------
+    ValueError
+        Not all solids, facets and numbers are whole, in one line.
+    """
+    if _is_binary(data, len(data)):
+        return data
+    count = Counter((match[1] or match[2]).lower().decode() for match in _LINE.finditer(data))
+    facets, vertices = count["facet"], count["vertex"]
+    if facets > MAX_TRIANGLES or count["endsolid"] > MAX_SOLIDS:
+        raise ValueError(
+            f"{facets} triangles in {count['endsolid']} solids; at most {MAX_TRIANGLES} and "
+            f"{MAX_SOLIDS} are read"
+        )
+    if not (facets == count["endfacet"] and 3 * facets == vertices):
+        raise ValueError(
+            f"{facets} facets with {vertices} vertices, of which {count['endfacet']} end"
+        )
+    if not count["endsolid"]:
+        raise ValueError("no endsolid")
+    return _NAMED.sub(rb"\1", data)
+
+
+def has_colors(data: bytes) -> bool:
+    """Whether triangles of a binary file may have colours, which nothing standardizes."""
+    attributes = (data[_HEADER + _TRIANGLE - byte :: _TRIANGLE] for byte in (2, 1))
+    return _is_binary(data, len(data)) and any(map(any, attributes))
+
+
+def _claimed(head: bytes) -> int:
+    return int.from_bytes(head[_HEADER - 4 : _HEADER], "little")
+
+
+def _is_binary(head: bytes, size: int) -> bool:
+    return len(head) >= _HEADER and size == _HEADER + _claimed(head) * _TRIANGLE

@@ -1,0 +1,55 @@
+"""Motion of what virtual surfaces reflect, which is not theirs."""
+
+from __future__ import annotations
+
+import pyopencl.array as cla
+
+from iprt.device.compute import ComputeDevice
+from iprt.gbuffer.guide import Guide, plane_defines
+
+
+class ReflectionMotion:
+    """Finds where reflections were in the previous picture while objects move."""
+
+    def __init__(self, device: ComputeDevice, guide: Guide) -> None:
+        self._device = device
+        self._guide = guide
+        defines = plane_defines(equirect=guide.equirect, **guide.camera_define)
+        self._kernel = device.kernel("methods/reflection_motion.cl", "move_reflections", defines)
+        self._moved = device.zeros("reflection motion", guide.layout.shape(2))
+
+    def run(
+        self, motion: cla.Array, roughness: cla.Array, hit: cla.Array, previous: cla.Array
+    ) -> cla.Array:
+        """Return 2 planes: previous position of each pixel's reflection; -1e9 = nowhere.
+
+        Parameters
+        ----------
+        motion : 2 planes
+            The same of each pixel's surface.
+        roughness : 1 plane
+            GGX alpha.
+        hit : 1 plane
+            Metres to what is reflected, 0 where nothing is; its border is overwritten in equirect
+            views.
+        previous : (16,) float32
+            `View.kernel_constants()` of the previous picture.
+        """
+        guide = self._guide
+        width, height = guide.layout.width, guide.layout.height
+        with self._device.profile.section("temporal"):
+            guide.wrap(hit)
+            self._kernel(
+                (width, height),
+                guide.current,
+                guide.previous,
+                motion,
+                roughness,
+                hit,
+                previous,
+                self._moved,
+                width,
+                height,
+                *guide.camera_argument,
+            )
+        return self._moved

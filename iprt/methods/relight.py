@@ -1,0 +1,74 @@
+"""Relighting ratio of real surfaces (IPRT, Eq. 2)."""
+
+from __future__ import annotations
+
+import pyopencl.array as cla
+
+from iprt.device.compute import ComputeDevice
+from iprt.filter.mask import STRONG_FRAMES
+from iprt.gbuffer.guide import Guide, plane_defines
+from iprt.settings.requirements import TOUCHED_FRAMES
+from iprt.world.real.irradiance import BLACK, IrradianceCache
+from iprt.world.world import World
+
+
+class Relight:
+    """What objects make of each pixel's radiance, as a factor.
+
+    Attributes
+    ----------
+    ratio : (H * W, 4) float32
+        Factor per colour of the real layer's radiance, in [0, 4]; row by row, without border. 1
+        exactly where E_R and E_RV are equal, E_R is black or not finite, or no surface is lit.
+    """
+
+    def __init__(self, device: ComputeDevice, guide: Guide, *, delta: bool, name: str) -> None:
+        """`delta`: signals are relative to a cached E_R."""
+        self._device = device
+        self._guide = guide
+        defines = plane_defines(
+            equirect=guide.equirect,
+            DELTA=delta,
+            FAINT_FRAMES=TOUCHED_FRAMES,
+            STRONG_FRAMES=STRONG_FRAMES,
+        )
+        self._kernel = device.kernel("methods/relight.cl", "relight", defines)
+        pixels = guide.layout.width * guide.layout.height
+        self.ratio = device.empty(f"{name} relighting ratio", (pixels, 4))
+
+    def run(
+        self,
+        signal: cla.Array,
+        colour: cla.Array,
+        world: World,
+        cache: IrradianceCache | None,
+        touched: cla.Array,
+    ) -> None:
+        """Fill `ratio`.
+
+        Parameters
+        ----------
+        signal : 6 planes
+            `TraceReal.signal`, filtered.
+        colour : 3 planes
+            Radiance of the real layer, L_cam.
+        world : World
+            Its panorama says what is black.
+        cache : IrradianceCache or None
+            E_R, where signals are relative to it.
+        touched : 1 plane
+            `Mask.touched`: written where objects change much; the estimator "ratio" has done that.
+        """
+        black = float(BLACK * world.panorama.mean_radiance)
+        width, height = self._guide.layout.width, self._guide.layout.height
+        with self._device.profile.section("relight"):
+            self._kernel(
+                (width, height),
+                self._guide.current,
+                signal,
+                colour,
+                self.ratio,
+                *((*cache.arguments(world.panorama), touched) if cache else (black,)),
+                width,
+                height,
+            )

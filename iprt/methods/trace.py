@@ -1,0 +1,131 @@
+"""Tracing: irradiance of real surfaces, and what virtual ones reflect (IPRT Algorithm 1)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pyopencl.array as cla
+
+from iprt.device.compute import ComputeDevice
+from iprt.filter.mask import Mask
+from iprt.gbuffer.guide import Guide, plane_defines
+from iprt.settings.requirements import Requirements
+from iprt.world.real.irradiance import IrradianceCache
+from iprt.world.world import World
+
+
+def traced_arguments(
+    guide: Guide, mask: Mask, view: cla.Array, rays: int, seed: int
+) -> tuple[Any, ...]:
+    """What `TRACED_PARAMETERS` of `cl/lib/methods/traced.h` declares, in order."""
+    size = (guide.layout.width, guide.layout.height)
+    return (*size, rays, seed, mask.traced, mask.count, guide.current, view)
+
+
+class TraceReal:
+    """What objects do to the irradiance at the traced pixels of a real layer.
+
+    Attributes
+    ----------
+    signal : 6 planes
+        Valid at the pixels that were traced. Estimator "delta": blocked / E_R rgb, bounce / E_R
+        rgb; "ratio": E_R rgb, E_RV rgb, irradiance over π.
+    """
+
+    def __init__(
+        self, device: ComputeDevice, guide: Guide, requirements: Requirements, *, name: str
+    ) -> None:
+        self._device = device
+        self._guide = guide
+        self._requirements = requirements
+        # Its rays look into the view only where this holds layers of the objects.
+        equirect = guide.equirect and requirements.traced_layers
+        defines = plane_defines(equirect=equirect, **requirements.trace_defines())
+        kernel = "trace_delta" if requirements.delta else "trace_real"
+        self._kernel = device.kernel(f"{kernel}.cl", kernel, defines)
+        layout = guide.layout
+        self.signal = device.zeros(f"{name} signal", layout.shape(6))
+        self._samples = device.zeros(f"{name} samples", layout.shape(1), np.uint32)
+
+    def run(
+        self,
+        world: World,
+        mask: Mask,
+        view: cla.Array,
+        cache: IrradianceCache | None,
+        *,
+        least: float,
+    ) -> None:
+        """`cache` holds E_R for the estimator "delta", which ignores objects that span less than
+        `least` sr.
+        """
+        guide, settings = self._guide, self._requirements.settings
+        with self._device.profile.section("trace real"):
+            self._kernel(
+                (guide.layout.width * guide.layout.height,),
+                *traced_arguments(guide, mask, view, settings.trace.rays, settings.seed),
+                *world.arguments(self._requirements),
+                *((*cache.arguments(world.panorama), least) if cache else ()),
+                self._samples,
+                self.signal,
+                *(() if cache else (mask.touched,)),
+            )
+
+
+class TraceVirtual:
+    """What the visible virtual surfaces reflect, at the traced pixels.
+
+    Attributes
+    ----------
+    diffuse : 3 planes or None
+        Irradiance over π, without albedo; None when no material has a diffuse part.
+    specular : 3 planes or None
+        Radiance; None when no material has a specular part.
+    hit : 1 plane or None
+        Metres to what the specular lobe reflects, 1e6: the sky, 0: nothing; None as `specular`.
+    """
+
+    def __init__(self, device: ComputeDevice, guide: Guide, requirements: Requirements) -> None:
+        self._device = device
+        self._guide = guide
+        self._requirements = requirements
+        defines = plane_defines(
+            equirect=guide.equirect,
+            RELIT=requirements.relit_reflections,
+            JITTER=requirements.jitter,
+            **requirements.gloss_defines(),
+        )
+        self._kernel = device.kernel("methods/trace_virtual.cl", "trace_virtual", defines)
+        layout = guide.layout
+        self.diffuse = self.specular = self.hit = None
+        if requirements.diffuse_signal:
+            self.diffuse = device.zeros("diffuse signal", layout.shape(3))
+        if requirements.specular_signal:
+            self.specular = device.zeros("specular signal", layout.shape(3))
+            self.hit = device.zeros("specular hit distance", layout.shape(1))
+        self._samples = device.zeros("object samples", layout.shape(1), np.uint32)
+
+    def run(
+        self,
+        world: World,
+        mask: Mask,
+        view: cla.Array,
+        albedo: cla.Array,
+        history: cla.Array,
+    ) -> None:
+        """`history` is the `Temporal.length` of the signals."""
+        guide, settings = self._guide, self._requirements.settings
+        with self._device.profile.section("trace virtual"):
+            self._kernel(
+                (guide.layout.width * guide.layout.height,),
+                *traced_arguments(guide, mask, view, settings.trace.object_rays, settings.seed),
+                albedo,
+                history,
+                *world.arguments(self._requirements),
+                self._samples,
+                self.diffuse,
+                self.specular,
+                self.hit,
+                mask.touched,
+            )

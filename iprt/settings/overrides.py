@@ -1,0 +1,322 @@
+"""Knobs: every field of `Settings` by its dotted name, as files and flags set it.
+
+Everything here is read from the model, so that a new field is a knob without further ado.
+"""
+
+from __future__ import annotations
+
+import json
+import textwrap
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import tomlkit
+from pydantic import ValidationError
+
+from iprt.errors import IprtError
+from iprt.files.toml_text import parse_toml, printable, read_text
+from iprt.settings.model import Settings
+from iprt.settings.presets import PRESETS, Quality
+
+Schema = Mapping[str, Any]
+WIDTH = 96
+"""Columns of the comments in a settings file."""
+
+
+@dataclass(frozen=True)
+class Knob:
+    """One setting.
+
+    Attributes
+    ----------
+    key : str
+        Dotted name, `trace.rays`.
+    group : str
+        Name of the group that it is in, `trace`; empty at the top.
+    default : object
+        As plain data.
+    help : str
+        Meaning, unit and consequence.
+    allowed : str
+        Its type, bounds and unit in words.
+    schema : mapping
+        The JSON schema of its values.
+    """
+
+    key: str
+    group: str
+    default: Any
+    help: str
+    allowed: str
+    schema: Schema
+
+
+@dataclass(frozen=True)
+class Assignment:
+    """A value that a file or flag gives to a knob; `source` is how an error names it."""
+
+    key: str
+    value: Any
+    source: str
+
+
+@cache
+def knobs() -> dict[str, Knob]:
+    """All knobs by key, in the order of the model, those of the top before the groups."""
+    return {knob.key: knob for knob, _ in _walk()}
+
+
+@cache
+def groups() -> dict[str, str]:
+    """What each group of knobs is about, by name."""
+    return {knob.group: about for knob, about in _walk() if knob.group}
+
+
+def resolved(quality: Quality, assignments: Iterable[Assignment] = ()) -> Settings:
+    """The settings of a preset with `assignments`, of which later ones win.
+
+    Raises
+    ------
+    IprtError
+        A key is no knob, or a value is of the wrong type or out of its bounds.
+    """
+    preset = [Assignment(k, v, f"preset {quality}: {k}") for k, v in PRESETS[quality].items()]
+    return assigned(Settings(), (*preset, *assignments))
+
+
+def assigned(settings: Settings, assignments: Iterable[Assignment]) -> Settings:
+    """The settings with `assignments`, of which later ones win.
+
+    Raises
+    ------
+    IprtError
+        As `resolved`.
+    """
+    # All of them, as a group's default may differ from its fields' own.
+    values = plain_values(settings)
+    sources: dict[str, str] = {}
+    for item in assignments:
+        _require_knob(item)
+        values[item.key], sources[item.key] = item.value, item.source
+    try:
+        # As JSON, lists become tuples, and yet a text is no number and 2.5 no whole number.
+        return Settings.model_validate_json(json.dumps(_nested(values), default=str), strict=True)
+    except ValidationError as error:
+        raise IprtError(_complaint(error, sources)) from None
+
+
+def changed(settings: Settings, values: Mapping[str, Any]) -> Settings:
+    """The settings with other values, by key, which are allowed ones."""
+    now = {**plain_values(settings), **values}
+    return Settings.model_validate_json(json.dumps(_nested(now)), strict=True)
+
+
+def plain_values(settings: Settings) -> dict[str, Any]:
+    """The value of every knob, as plain data."""
+    return dict(_flat(settings.model_dump(mode="json")))
+
+
+def read_settings(path: Path) -> list[Assignment]:
+    """The assignments of a TOML file, as `iprt settings` prints it.
+
+    Raises
+    ------
+    IprtError
+        The file cannot be read, is no TOML, or names what is no knob.
+    """
+    try:
+        tables = parse_toml(read_text(path))
+    except OSError as error:
+        raise IprtError(f"{path}: cannot be read: {error.strerror}") from error
+    except ValueError as error:
+        raise IprtError(f"{path}: {error}") from None
+    assignments = []
+    for key, value in _flat(tables):
+        shown = "{...}" if isinstance(value, dict) else printable(_toml_value(value), 100)
+        assignments.append(Assignment(key, value, f"{path}: {printable(key)} = {shown}"))
+    for item in assignments:
+        _require_knob(item)
+    return assignments
+
+
+def parse_assignment(flag: str, text: str) -> Assignment:
+    """`KEY=VALUE` as given to `flag`; the value is as in TOML, words without quotes.
+
+    Raises
+    ------
+    IprtError
+        There is no `=`, or the key is no knob.
+    """
+    text = " ".join(text.split())
+    key, equals, value = (part.strip() for part in text.partition("="))
+    if not equals or not key or not value:
+        raise IprtError(f"{flag} {text}: expected KEY=VALUE, such as trace.rays=4")
+    item = Assignment(key, plain_value(value), f"{flag} {text}")
+    _require_knob(item)
+    return item
+
+
+def plain_value(text: str) -> Any:
+    """A value of TOML, or else the text itself."""
+    try:
+        return parse_toml(f"x = {text}")["x"]
+    except ValueError:
+        return text
+
+
+def settings_toml(settings: Settings, title: str) -> str:
+    """A file of all knobs that sets those whose value in `settings` is not the default.
+
+    The others are commented out, so that a preset may still choose them.
+    """
+    values = plain_values(settings)
+    lines, group = [f"# {title}", ""], ""
+    for knob in knobs().values():
+        if knob.group != group:
+            group = knob.group
+            lines += [f"[{group}]", *_comment(groups()[group]), ""]
+        default = "" if knob.default is None else f"; default {_toml_value(knob.default)}"
+        name = knob.key.rpartition(".")[2]
+        value = values[knob.key]
+        # TOML has no word for nothing.
+        line = f"{name} =" if value is None else f"{name} = {_toml_value(value)}"
+        left_out = "#" if value == knob.default else ""
+        lines += [*_comment(knob.help), *_comment(knob.allowed + default), left_out + line, ""]
+    return "\n".join(lines)
+
+
+def _require_knob(item: Assignment) -> None:
+    if item.key in knobs():
+        return
+    if item.key in groups():
+        members = _members(item.key)
+        raise IprtError(f"{item.source}: '{item.key}' is a group; its settings are: {members}")
+    near, group = _nearest(item.key), item.key.partition(".")[0]
+    hint = "`iprt settings` lists all settings"
+    if near is not None:
+        hint = f"did you mean {near}?"
+    elif group in groups():
+        hint = f"the settings of {group} are: {_members(group)}"
+    raise IprtError(f"{item.source}: there is no setting '{printable(item.key)}'; {hint}")
+
+
+def _members(group: str) -> str:
+    return ", ".join(key for key, knob in knobs().items() if knob.group == group)
+
+
+def _nearest(key: str) -> str | None:
+    """The knob that was probably meant: of the same or a similar name, in whatever group."""
+    name = key.rpartition(".")[2]
+    by_name: dict[str, list[str]] = {}
+    for known in knobs():
+        by_name.setdefault(known.rpartition(".")[2], []).append(known)
+    similar = [name] if name in by_name else get_close_matches(name, by_name, n=1, cutoff=0.8)
+    candidates = [known for match in similar for known in by_name[match]] or list(knobs())
+    close = get_close_matches(key, candidates, n=1, cutoff=0.0 if similar else 0.8)
+    return close[0] if close else None
+
+
+def _complaint(error: ValidationError, sources: Mapping[str, str]) -> str:
+    """The first fault in one line: who gave the value, and what is allowed."""
+    fault = error.errors()[0]
+    parts = [str(part) for part in fault["loc"]]
+    keys = [".".join(parts[:count]) for count in range(len(parts), 0, -1)]
+    knob = next((knobs()[key] for key in keys if key in knobs()), None)
+    if knob is not None:
+        return f"{sources.get(knob.key, knob.key)}: expected {knob.allowed}"
+    # Knobs that do not go together: the last one given is named.
+    inside = [source for key, source in sources.items() if not keys or key.startswith(keys[-1])]
+    reason = fault["msg"].removeprefix("Value error, ")
+    return f"{inside[-1] if inside else 'settings'}: {reason}"
+
+
+def _nested(values: Mapping[str, Any]) -> dict[str, Any]:
+    tables: dict[str, Any] = {}
+    for key, value in values.items():
+        *path, name = key.split(".")
+        table = tables
+        for part in path:
+            table = table.setdefault(part, {})
+        table[name] = value
+    return tables
+
+
+def _flat(tables: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Dotted keys and values of nested tables; a table that is no group is a value."""
+    for name, value in tables.items():
+        key = prefix + name
+        if isinstance(value, dict) and key in groups():
+            yield from _flat(value, f"{key}.")
+        else:
+            yield key, value
+
+
+def _walk() -> Iterator[tuple[Knob, str]]:
+    """Every knob, with what its group is about."""
+    schema = Settings.model_json_schema()
+    defaults = Settings().model_dump(mode="json")
+    yield from _walk_group(schema, schema.get("$defs", {}), defaults, "", "")
+
+
+def _walk_group(
+    group: Schema, definitions: Schema, defaults: Mapping[str, Any], name: str, about: str
+) -> Iterator[tuple[Knob, str]]:
+    inner = []
+    for field, given in group["properties"].items():
+        key = f"{name}.{field}" if name else field
+        reference = given.get("$ref", "").rpartition("/")[2]
+        schema = {**definitions[reference], **given} if reference else given
+        if "properties" in schema:
+            summary = schema.get("description", "").partition("\n")[0]
+            inner.append((schema, definitions, defaults[field], key, summary))
+        else:
+            help_text = schema.get("description", "")
+            yield Knob(key, name, defaults[field], help_text, allowed(schema), schema), about
+    for arguments in inner:
+        yield from _walk_group(*arguments)
+
+
+def allowed(schema: Schema) -> str:
+    """Type, bounds and unit of a JSON schema in words."""
+    if "anyOf" in schema:
+        return " or ".join(allowed(option) for option in schema["anyOf"])
+    if "const" in schema:
+        return json.dumps(schema["const"])
+    if "enum" in schema:
+        return " or ".join(json.dumps(value) for value in schema["enum"])
+    kind = schema.get("type")
+    if kind == "array":
+        items: Sequence[Schema] = schema.get("prefixItems", [])
+        inside = ", ".join(allowed(item) for item in items) or allowed(schema.get("items", {}))
+        return f"a list of [{inside}]"
+    words = {"boolean": "true or false", "integer": "a whole number", "number": "a number"}
+    if kind in ("integer", "number"):
+        unit = f" {schema['unit']}" if "unit" in schema else ""
+        return words[kind] + _bounds(schema) + unit
+    return words.get(str(kind), "nothing" if kind == "null" else "a text")
+
+
+def _bounds(schema: Schema) -> str:
+    low, above = schema.get("minimum"), schema.get("exclusiveMinimum")
+    high, below = schema.get("maximum"), schema.get("exclusiveMaximum")
+    if low is not None and high is not None:
+        return f" from {_number(low)} to {_number(high)}"
+    words = {"at least": low, "above": above, "at most": high, "below": below}
+    parts = [f"{word} {_number(value)}" for word, value in words.items() if value is not None]
+    return f" {' and '.join(parts)}" if parts else ""
+
+
+def _number(value: float) -> str:
+    return f"{value:.0f}" if float(value).is_integer() else f"{value:g}"
+
+
+def _comment(text: str) -> list[str]:
+    return textwrap.wrap(text, WIDTH, initial_indent="# ", subsequent_indent="# ")
+
+
+def _toml_value(value: Any) -> str:
+    return str(tomlkit.item(value).as_string())

@@ -1,0 +1,107 @@
+"""Differential rendering: real and virtual layer become the picture (IPRT, Eq. 2)."""
+
+from __future__ import annotations
+
+import pyopencl.array as cla
+
+from iprt.device.compute import ComputeDevice, Kernel
+from iprt.gbuffer.guide import plane_defines
+from iprt.gbuffer.layout import PlaneLayout
+
+
+class Composite:
+    """Blends relit background and objects by coverage.
+
+    Attributes
+    ----------
+    picture : (H, W, 4) float32
+        Linear rgb, a = coverage by objects.
+    """
+
+    def __init__(
+        self,
+        device: ComputeDevice,
+        layout: PlaneLayout,
+        *,
+        relit: bool,
+        diffuse: bool,
+        specular: bool,
+        gloss: bool = False,
+        color_map: bool = False,
+    ) -> None:
+        """`relit`: objects shadow and light the real layer. `diffuse`, `specular`: the parts of
+        which objects' radiance consists; none: no objects. `gloss`: the real layer, which is
+        relit, also reflects objects. `color_map`: frames may come with one.
+        """
+        self._device = device
+        self._layout = layout
+        self._relit = relit
+        self._gloss = gloss
+        self._diffuse = diffuse
+        self._specular = specular
+        self._kernel = self._variant(mapped=False)
+        # A kernel of its own, so that frames without a map are as in a video without any.
+        self._mapped = self._variant(mapped=True) if color_map else None
+        self.picture = device.empty("picture", (layout.height, layout.width, 4))
+
+    def _variant(self, *, mapped: bool) -> Kernel:
+        defines = plane_defines(
+            HAS_RATIO=self._relit,
+            HAS_BASE=self._has_base(mapped),
+            HAS_GLOSS=self._gloss,
+            COLOR_MAP=mapped,
+            HAS_OBJECTS=self._diffuse or self._specular,
+            HAS_DIFFUSE=self._diffuse,
+            HAS_SPECULAR=self._specular,
+        )
+        return self._device.kernel("view/composite.cl", "composite", defines)
+
+    def _has_base(self, mapped: bool) -> bool:
+        return self._relit and (self._gloss or mapped)
+
+    def run(
+        self,
+        colour: cla.Array,
+        *,
+        ratio: cla.Array | None = None,
+        base: cla.Array | None = None,
+        change: cla.Array | None = None,
+        coverage: cla.Array | None = None,
+        albedo: cla.Array | None = None,
+        diffuse: cla.Array | None = None,
+        specular: cla.Array | None = None,
+        color_map: cla.Array | None = None,
+    ) -> None:
+        """Fill `picture`.
+
+        Parameters
+        ----------
+        colour : 3 planes, radiance of the real layer
+        ratio : (H * W, 4), `Relight.ratio`
+        base, change : 3 planes each
+            `RealLayer.diffuse`, which the ratio multiplies, with gloss or a map; and what objects
+            change in the reflections of real surfaces, with gloss.
+        coverage : 1 plane in [0, 1], fraction of the pixel that objects cover (1 - M)
+        albedo, diffuse : 3 planes each, multiplied
+        specular : 3 planes, radiance
+        color_map : (6, 4)
+            `ColorMap.rows`: all but `colour` is in the colours that it takes the frame's to.
+        """
+        width, height = self._layout.width, self._layout.height
+        parts: list[cla.Array | None] = [ratio] if self._relit else []
+        if self._has_base(color_map is not None):
+            parts.append(base)
+        if self._gloss:
+            parts.append(change)
+        if color_map is not None:
+            parts.append(color_map)
+        if self._diffuse or self._specular:
+            parts.append(coverage)
+        if self._diffuse:
+            parts += [albedo, diffuse]
+        if self._specular:
+            parts.append(specular)
+        kernel = self._kernel if color_map is None else self._mapped
+        assert kernel is not None
+        with self._device.profile.section("composite"):
+            kernel((width, height), colour, *parts, self.picture, width, height)

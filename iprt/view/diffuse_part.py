@@ -1,0 +1,62 @@
+"""What real surfaces in the view radiate to all sides."""
+
+from __future__ import annotations
+
+import pyopencl.array as cla
+
+from iprt.device.compute import ComputeDevice, Kernel
+from iprt.gbuffer.guide import plane_defines
+from iprt.gbuffer.layout import PlaneLayout
+
+
+class DiffusePart:
+    """Takes off highlights, and goes over to the colours that rays find.
+
+    Parameters
+    ----------
+    device : ComputeDevice
+    layout : PlaneLayout
+    name : str
+        Tells layers apart.
+    gloss : bool
+        There are highlights.
+    color_map : bool
+        Frames may come with a colour map.
+    """
+
+    def __init__(
+        self, device: ComputeDevice, layout: PlaneLayout, *, name: str, gloss: bool, color_map: bool
+    ) -> None:
+        self._device, self._layout = device, layout
+        self._gloss = gloss
+        self._plain = self._variant(mapped=False) if gloss else None
+        self._mapped = self._variant(mapped=True) if color_map else None
+        self._planes: cla.Array | None = None
+        if gloss or color_map:
+            self._planes = device.zeros(f"{name} diffuse", layout.shape(3))
+
+    def _variant(self, *, mapped: bool) -> Kernel:
+        defines = plane_defines(HIGHLIGHT=self._gloss, COLOR_MAP=mapped)
+        return self._device.kernel("view/diffuse_part.cl", "diffuse_part", defines)
+
+    def run(
+        self, colour: cla.Array, highlight: cla.Array | None, color_map: cla.Array | None
+    ) -> cla.Array:
+        """The part (3 planes), which is `colour` itself where there is nothing to be done.
+
+        Parameters
+        ----------
+        colour : 3 planes
+            Radiance as the frame shows it.
+        highlight : 3 planes or None
+            What of it is highlight, in the colours that rays find; with gloss.
+        color_map : (6, 4) or None
+            `ColorMap.rows`.
+        """
+        kernel = self._plain if color_map is None else self._mapped
+        if kernel is None:
+            return colour
+        parts = [part for part in (color_map, highlight) if part is not None]
+        width, height = self._layout.width, self._layout.height
+        kernel((width, height), colour, *parts, self._planes, width, height)
+        return self._planes

@@ -1,0 +1,132 @@
+"""The real layer of the view: what the camera sees without the objects."""
+
+from __future__ import annotations
+
+import numpy as np
+import pyopencl.array as cla
+from numpy.typing import NDArray
+
+from iprt.device.compute import ComputeDevice
+from iprt.gbuffer.guide import plane_defines
+from iprt.gbuffer.layout import PlaneLayout
+from iprt.view.diffuse_part import DiffusePart
+from iprt.world.real.panorama import Panorama
+
+
+class RealLayer:
+    """Resamples the panorama into the view.
+
+    Attributes
+    ----------
+    color : 3 planes
+        Linear radiance, L_cam of IPRT Eq. 2.
+    normal, depth, id, motion : 3, 1, 1, 2 planes
+        See `cl/view/resample.cl`.
+    diffuse : 3 planes
+        What of `color` surfaces radiate to all sides, in the colours that rays find: `color`
+        itself, but mapped where the frame has a colour map, and without the highlight where real
+        surfaces are glossy.
+    gloss, roughness : 1 plane each, or None
+        Index of the real material + 1, 0 where diffuse, and its GGX alpha; where asked for.
+    """
+
+    def __init__(
+        self,
+        device: ComputeDevice,
+        layout: PlaneLayout,
+        *,
+        equirect: bool,
+        name: str,
+        gloss: bool = False,
+        radiated: bool = False,
+        camera: cla.Array | None = None,
+        color_map: bool = False,
+    ) -> None:
+        """`name` tells layers apart; `gloss`: the panorama has glossy surfaces, and the view shows
+        their highlights; `radiated`: it shows what surfaces radiate to all sides; `camera`:
+        `CameraMotion.rows`, where the camera moves; `color_map`: frames may come with one.
+        """
+        self._camera: tuple[cla.Array, ...] = () if camera is None else (camera,)
+        self._radiated = radiated
+        self._device = device
+        self._layout = layout
+        self._kernel = device.kernel(
+            "view/resample.cl",
+            "resample_panorama",
+            plane_defines(
+                equirect=equirect,
+                GLOSS=gloss,
+                MATERIAL_PLASTIC=gloss,
+                MATERIAL_CONDUCTOR=gloss,
+                CAMERA_MOTION=camera is not None,
+            ),
+        )
+        self.color = device.zeros(f"{name} color", layout.shape(3))
+        self.normal = device.zeros(f"{name} normal", layout.shape(3))
+        self.depth = device.zeros(f"{name} depth", layout.shape(1))
+        self.id = device.zeros(f"{name} id", layout.shape(1))
+        self.motion = device.zeros(f"{name} motion", layout.shape(2))
+        self.diffuse = self.color
+        self._diffuse_part = DiffusePart(
+            device, layout, name=name, gloss=gloss, color_map=color_map
+        )
+        self.gloss = self.roughness = self._highlight = None
+        if gloss:
+            self.gloss = device.zeros(f"{name} gloss", layout.shape(1))
+            self.roughness = device.zeros(f"{name} roughness", layout.shape(1))
+            self._highlight = device.zeros(f"{name} highlight", layout.shape(3))
+
+    def run(
+        self,
+        panorama: Panorama,
+        view: cla.Array,
+        previous: cla.Array,
+        *,
+        real_materials: cla.Array | None = None,
+        color_map: cla.Array | None = None,
+    ) -> None:
+        """Fill the planes.
+
+        Parameters
+        ----------
+        panorama : Panorama
+        view, previous : (16,) float32
+            `View.kernel_constants()`.
+        real_materials : (rows, 4) float32 or None
+            `material_table()` of the glossy real surfaces, where there are any.
+        color_map : (6, 4) or None
+            `ColorMap.rows` of the frame.
+        """
+        gloss: tuple[cla.Array | None, ...] = ()
+        if self.gloss is not None:
+            gloss = (panorama.gloss, panorama.highlight, real_materials)
+            gloss += (self.gloss, self.roughness, self._highlight)
+        width, height = self._layout.width, self._layout.height
+        with self._device.profile.section("resample"):
+            self._kernel(
+                (width, height),
+                width,
+                height,
+                view,
+                previous,
+                panorama.width,
+                panorama.height,
+                panorama.radiated if self._radiated else panorama.color,
+                panorama.surface,
+                panorama.range,
+                self.color,
+                self.normal,
+                self.depth,
+                self.id,
+                self.motion,
+                *gloss,
+                *self._camera,
+            )
+            self.diffuse = self._diffuse_part.run(self.color, self._highlight, color_map)
+
+    def replace_color(
+        self, background: NDArray[np.float32], color_map: cla.Array | None = None
+    ) -> None:
+        """Use another picture (H, W, 3), linear radiance, as what the camera sees."""
+        self._device.write(self.color, self._layout.padded(np.moveaxis(background, -1, 0)))
+        self.diffuse = self._diffuse_part.run(self.color, self._highlight, color_map)

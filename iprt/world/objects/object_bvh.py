@@ -1,0 +1,159 @@
+"""The virtual objects on the device as triangles in a bounding volume hierarchy."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pyopencl.array as cla
+from numpy.typing import DTypeLike, NDArray
+
+from iprt.bvh.scene import INSTANCE_ROWS, SceneBuilder, scene_sizes, shapes_of
+from iprt.bvh.wide import NODE_ROWS
+from iprt.device.compute import ComputeDevice, Define
+from iprt.meshes.material import Material
+from iprt.meshes.mesh import Instance, motion_between
+from iprt.settings.requirements import bvh_defines
+
+
+class ObjectBvh:
+    """Buffers of `cl/lib/world/objects/objects_bvh.h`.
+
+    Parameters
+    ----------
+    device : ComputeDevice
+    instances : sequence of Instance
+        They say how large the buffers are; nothing is built before `load`.
+
+    Attributes
+    ----------
+    motion : (3 M, 4) float32
+        Per material of all instances: rows that take world points of its object to where they were
+        before the last `load`, if its vertices had not moved.
+    deforming : bool
+        There is a mesh that deforms.
+    displacements : (V, 4) float32 or None
+        Per vertex, in its mesh's space: to where it was before the last `load`. None: no mesh
+        deforms, or `follow_vertices` was not called.
+
+    Raises
+    ------
+    SceneError
+        Too many objects or triangles.
+    """
+
+    def __init__(self, device: ComputeDevice, instances: Sequence[Instance]) -> None:
+        self._device = device
+        self._builder = SceneBuilder()
+        materials = [m for instance in instances for m in instance.mesh.materials]
+        self._textured = any(m.texture is not None for m in materials)
+        self.deforming = any(instance.mesh.deforms for instance in instances)
+        sizes = scene_sizes(shapes_of(instances))
+        rows = {name: max(count, 1) for name, count in vars(sizes).items()}
+        self._count = sizes.instances
+        self._buffers: dict[str, cla.Array] = {}
+        self._make("nodes", (rows["nodes"], NODE_ROWS, 4))
+        self._make("packets", (rows["packets"], 9, 4))
+        self._make("instances", (rows["instances"], INSTANCE_ROWS, 4))
+        self._make("triangles", (4 * rows["packets"], 4), np.int32)
+        self._make("normals", (rows["vertices"], 4))
+        table, texels = _albedo_table(materials)
+        self._albedos = device.upload("bvh albedos", table)
+        self._texels = None
+        self.motion = device.empty("bvh motion", (3 * max(len(materials), 1), 4))
+        self._before: Sequence[Instance] | None = None
+        if self._textured:
+            self._make("uvs", (rows["vertices"], 2))
+            self._texels = device.upload("bvh texels", texels)
+
+    def _make(self, name: str, shape: tuple[int, ...], dtype: DTypeLike = np.float32) -> None:
+        self._buffers[name] = self._device.empty(f"bvh {name}", shape, dtype)
+
+    def follow_vertices(self) -> None:
+        """Keep `displacements` too, where a mesh deforms."""
+        if self.deforming and self.displacements is None:
+            self._make("displacements", self._buffers["normals"].shape)
+            self._device.fill_zero(self._buffers["displacements"])
+
+    @property
+    def displacements(self) -> cla.Array | None:
+        return self._buffers.get("displacements")
+
+    def load(self, instances: Sequence[Instance]) -> None:
+        """Follow the objects: transforms and vertices may have changed since the last call.
+
+        While objects move, call it once per frame, and once more when they stop.
+        """
+        with self._device.profile.host("build bvh"):
+            scene = self._builder.build(instances)
+        with self._device.profile.section("upload"):
+            for name in self._buffers:
+                values = getattr(scene, name)
+                buffer = self._room_for(name, 0 if values is None else len(values))
+                if values is None:
+                    self._device.fill_zero(buffer)
+                    continue
+                # The bound of the number of nodes is not always met.
+                rows = np.zeros(buffer.shape, buffer.dtype)
+                rows[: len(values)] = values
+                self._device.write(buffer, rows)
+
+        moved = [
+            motion_between(old.to_world, new.to_world)
+            for old, new in zip(self._before or instances, instances, strict=True)
+            for _ in new.mesh.materials
+        ]
+        if moved:
+            self._device.write(self.motion, np.concatenate(moved))
+        self._before = instances
+
+    def _room_for(self, name: str, rows: int) -> cla.Array:
+        """The buffer, larger if need be: objects that shared a tree may come to need their own,
+        where one is flattened so far that it has no place in object space.
+        """
+        buffer = self._buffers[name]
+        if rows > buffer.shape[0]:
+            self._make(name, (rows, *buffer.shape[1:]), buffer.dtype)
+        return self._buffers[name]
+
+    def defines(self) -> dict[str, Define]:
+        """`-D` variants of kernels that trace the objects."""
+        return bvh_defines(textured=self._textured)
+
+    def arguments(self) -> tuple[Any, ...]:
+        """`OBJECT_PARAMETERS` of `cl/lib/world/objects/objects_bvh.h`, up to the objects' boxes."""
+        return (
+            self._buffers["nodes"],
+            self._buffers["packets"],
+            self._buffers["instances"],
+            self._count,
+            self._buffers["triangles"],
+            self._buffers["normals"],
+            self._buffers.get("uvs"),
+            self._albedos,
+            self._texels,
+        )
+
+
+NO_BVH: tuple[Any, ...] = (None, None, None, 0, None, None, None, None, None)
+"""In place of `ObjectBvh.arguments()` where a kernel variant traces none."""
+
+
+def _albedo_table(
+    materials: Sequence[Material],
+) -> tuple[NDArray[np.float32], NDArray[np.float16]]:
+    """(2 M, 4) rows of albedo and place of the texture; (T, 4) texels of all textures."""
+    table = np.zeros((max(len(materials), 1), 2, 4), np.float32)
+    texels: list[NDArray[np.float16]] = []
+    first = 0
+    for row, material in zip(table, materials, strict=False):
+        row[0, :3] = material.albedo
+        if material.texture is not None:
+            height, width = material.texture.shape[:2]
+            row[1].view(np.int32)[:3] = first, width, height
+            image = material.texture.reshape(-1, 3).astype(np.float16)
+            texels.append(np.pad(image, ((0, 0), (0, 1))))
+            first += width * height
+    packed = np.concatenate(texels) if texels else np.zeros((1, 4), np.float16)
+    return table.reshape(-1, 4), packed

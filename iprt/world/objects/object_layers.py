@@ -1,0 +1,173 @@
+"""The virtual objects on the device: layers that rays march through, and the visible one."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pyopencl as cl
+import pyopencl.array as cla
+from numpy.typing import NDArray
+
+from iprt.device.compute import ComputeDevice
+from iprt.gbuffer.guide import plane_defines
+from iprt.gbuffer.layout import PlaneLayout
+from iprt.meshes.camera import View
+from iprt.raster.layers import ObjectLayers
+from iprt.world.real.pyramid import Pyramid, PyramidShape, equirect_edges
+
+Rect = tuple[int, int, int, int]
+EMPTY: Rect = (0, 0, 0, 0)
+
+
+class TracedLayers:
+    """Front and back layer of the objects with tangent planes and a depth pyramid.
+
+    Attributes
+    ----------
+    rect : (x0, y0, x1, y1)
+        Pixels that objects cover.
+    """
+
+    def __init__(self, device: ComputeDevice, view: View, name: str) -> None:
+        self._device = device
+        self.width, self.height = view.width, view.height
+        equirect = view.projection == "equirect"
+        self.footprint = np.pi / view.height if equirect else 1.0 / view.focal_px
+        self.shape = PyramidShape.of(self.width, self.height, 8 if equirect else 1)
+        layers = (2, self.height, self.width, 4)
+        self.geometry = device.empty(f"{name} geometry", layers)
+        self.material = device.empty(f"{name} material", layers)
+        self._planes = device.empty(f"{name} planes", (self.height, self.width, 2, 4))
+        self._range = device.empty(f"{name} range", (self.shape.offsets[-1], 2))
+        column, row = equirect_edges(self.width, self.height) if equirect else (None, None)
+        self._column = None if column is None else device.upload(f"{name} column", column)
+        self._row = None if row is None else device.upload(f"{name} row", row)
+        self._build = device.kernel(
+            "world/objects/object_surface.cl",
+            "build_object_surface",
+            plane_defines(equirect=equirect),
+        )
+        self._pyramid = Pyramid(device)
+        self.rect = EMPTY
+
+    def load(self, layers: ObjectLayers, view: cla.Array) -> None:
+        """Upload rasterized layers; `view` holds the constants of the view they were made for."""
+        self.rect = covered_rect(layers.front.geometry[..., 3])
+        with self._device.profile.section("upload"):
+            pair = (layers.front, layers.back)
+            self._device.write(self.geometry, np.stack([p.geometry for p in pair]))
+            self._device.write(self.material, np.stack([p.material for p in pair]))
+        with self._device.profile.section("object surface"):
+            self._build(
+                (self.width, self.height),
+                self.width,
+                self.height,
+                float(self.footprint),
+                view,
+                self.geometry,
+                self._planes,
+                self._range,
+            )
+        self._pyramid.run(self._range, self.shape)
+
+    def arguments(self) -> tuple[Any, ...]:
+        """What `LAYER_PARAMETERS` of `cl/lib/world/scene.h` declares, in order."""
+        return (
+            self.width,
+            self.height,
+            self.shape.levels,
+            float(self.footprint),
+            self._range,
+            self._column,
+            self._row,
+            self._planes,
+            self.geometry,
+            self.material,
+        )
+
+
+NO_LAYERS: tuple[Any, ...] = (1, 1, 1, 1.0, None, None, None, None, None, None)
+"""Arguments in place of `TracedLayers.arguments()` where a kernel variant traces none."""
+
+
+class VisibleLayer:
+    """The objects' nearest surfaces in the view, as planes.
+
+    Attributes
+    ----------
+    normal, depth, id, roughness, albedo, coverage, motion : 3, 1, 1, 1, 3, 1, 2 planes
+        See `cl/world/objects/unpack.cl`.
+    front, material, cover, moved : (H, W, 4), (H, W, 4), (H, W), (H, W, 2) float32
+        What is unpacked: images as in `ObjectLayers`.
+    rect : (x0, y0, x1, y1)
+        Pixels where an object is visible.
+    """
+
+    def __init__(self, device: ComputeDevice, layout: PlaneLayout, *, equirect: bool) -> None:
+        self._device = device
+        self._layout = layout
+        self._kernel = device.kernel(
+            "world/objects/unpack.cl", "unpack_objects", plane_defines(equirect=equirect)
+        )
+        pixels = (layout.height, layout.width)
+        self.front = device.empty("visible front", (*pixels, 4))
+        self.material = device.empty("visible material", (*pixels, 4))
+        self.cover = device.empty("visible coverage", pixels)
+        self.moved = device.empty("visible motion", (*pixels, 2))
+        self.normal = device.zeros("object normal", layout.shape(3))
+        self.depth = device.zeros("object depth", layout.shape(1))
+        self.id = device.zeros("object id", layout.shape(1))
+        self.roughness = device.zeros("object roughness", layout.shape(1))
+        self.albedo = device.zeros("object albedo", layout.shape(3))
+        self.coverage = device.zeros("object coverage", layout.shape(1))
+        self.motion = device.zeros("object motion", layout.shape(2))
+        self.rect = EMPTY
+
+    def load(self, layers: ObjectLayers, view: cla.Array, materials: cla.Array) -> None:
+        """Upload and unpack layers rasterized with `shade=True`."""
+        assert layers.coverage is not None
+        assert layers.motion is not None
+        with self._device.profile.section("upload"):
+            self._device.write(self.front, layers.front.geometry)
+            self._device.write(self.material, layers.front.material)
+            self._device.write(self.cover, layers.coverage)
+            self._device.write(self.moved, layers.motion)
+        self.unpack(covered_rect(layers.coverage), view, materials)
+
+    def unpack(self, rect: Rect, view: cla.Array, materials: cla.Array) -> None:
+        """Fill the planes from the images, in which `rect` holds all that is covered."""
+        self.rect = rect
+        width, height = self._layout.width, self._layout.height
+        with self._device.profile.section("unpack"):
+            self._kernel(
+                (width, height),
+                width,
+                height,
+                view,
+                self.front,
+                self.material,
+                self.cover,
+                self.moved,
+                materials,
+                self.normal,
+                self.depth,
+                self.id,
+                self.roughness,
+                self.albedo,
+                self.coverage,
+                self.motion,
+            )
+
+
+def covered_rect(image: NDArray[np.float32]) -> Rect:
+    """Smallest (x0, y0, x1, y1) that holds all positive pixels."""
+    rows = np.flatnonzero(image.max(axis=1) > 0.0)
+    columns = np.flatnonzero(image.max(axis=0) > 0.0)
+    if rows.size == 0:
+        return EMPTY
+    return int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1
+
+
+def int4(rect: Rect) -> Any:
+    return cl.cltypes.make_int4(*rect)

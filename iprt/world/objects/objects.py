@@ -1,0 +1,196 @@
+"""The inserted objects, followed: what rays meet of them, and what the view shows of them."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.bvh.scene import object_bounds
+from iprt.device.compute import ComputeDevice
+from iprt.errors import DeviceError
+from iprt.gbuffer.context import FrameContext
+from iprt.meshes.camera import View
+from iprt.meshes.material import material_table
+from iprt.meshes.mesh import Instance, same_places
+from iprt.settings.requirements import Requirements
+from iprt.world.objects.object_bvh import ObjectBvh
+from iprt.world.objects.object_layers import TracedLayers, VisibleLayer
+from iprt.world.objects.visibility import Visibility
+from iprt.world.real.panorama import Panorama
+
+if TYPE_CHECKING:
+    from iprt.raster.rasterizer import Rasterizer
+
+LOG = logging.getLogger("iprt.world.objects.objects")
+
+BOX_MARGIN = 1e-3
+"""By which boxes around objects are enlarged, as a fraction of their diagonals."""
+LAYER_MARGIN = 0.02
+"""The same for rasterized surfaces: tangent planes per texel, which stand out a little."""
+MAX_LAYER_ROWS = 1024
+"""Rows of the equirect layers that off-screen rays meet objects in, at most."""
+
+
+class Objects:
+    """Places the objects for rays and in the view, by triangles or by rasterized layers.
+
+    Attributes
+    ----------
+    version : int
+        Number of states that the objects have had. A view compares it with that of its last frame.
+    bvh : ObjectBvh or None
+        What rays meet; None: they meet layers.
+    screen, equirect : TracedLayers or None
+        The layers of the view, and those around the capture centre.
+    bounds : (N, 2, 4) float32
+        `object_bounds()`; `device_bounds` holds it on the device, `materials` `material_table()`.
+    """
+
+    def __init__(
+        self,
+        device: ComputeDevice,
+        instances: Sequence[Instance],
+        view: View,
+        panorama: Panorama,
+        needs: Requirements,
+    ) -> None:
+        self._device, self._instances, self._needs = device, instances, needs
+        self.version = 1
+        self._panorama = panorama
+        self._equirect_view = view.projection == "equirect"
+        self._rasterizer: Rasterizer | None = None
+        self.screen: TracedLayers | None = None
+        self.equirect: TracedLayers | None = None
+        if needs.traced_layers:
+            traced = TracedLayers(device, view, "screen layers")
+            self.screen, self.equirect = (None, traced) if self._equirect_view else (traced, None)
+        if needs.equirect_layers:
+            self._place_layers_around(min(panorama.height, MAX_LAYER_ROWS))
+        # Primary rays need the hierarchy too, where other rays meet layers.
+        self._triangles = ObjectBvh(device, instances) if needs.bvh or needs.primary_rays else None
+        self.bvh = self._triangles if needs.bvh else None
+        self._visibility: Visibility | None = None
+        if needs.primary_rays:
+            self._see_by_rays(view)
+        self.bounds = self._bounds()
+        self.device_bounds = device.upload("object bounds", self.bounds)
+        materials = material_table([m for i in instances for m in i.mesh.materials])
+        self.materials = device.upload("materials", materials)
+
+    def _place_layers_around(self, rows: int) -> None:
+        self._layer_view = View(2 * rows, rows, projection="equirect")
+        self._layer_constants = self._device.upload(
+            "equirect layer view", self._layer_view.kernel_constants()
+        )
+        self.equirect = TracedLayers(self._device, self._layer_view, "equirect layers")
+
+    def _see_by_rays(self, view: View) -> None:
+        if self._triangles is None:
+            self._triangles = ObjectBvh(self._device, self._instances)
+            self._triangles.load(self._instances)
+        self._visibility = Visibility(self._device, view, self._triangles)
+
+    def move(self, instances: Sequence[Instance]) -> None:
+        """Follow the objects from the next `place` on. Nothing is done if none has moved."""
+        still = same_places(self._instances, instances)
+        self._instances = instances
+        if still:
+            return
+        self.version += 1
+        self.bounds = self._bounds()
+        self._device.write(self.device_bounds, self.bounds)
+
+    def _bounds(self) -> NDArray[np.float32]:
+        margin = LAYER_MARGIN if self._needs.traced_layers else BOX_MARGIN
+        return object_bounds(self._instances, margin=margin)
+
+    def close(self) -> None:
+        """Release the OpenGL context."""
+        if self._rasterizer is not None:
+            self._rasterizer.close()
+            self._rasterizer = None
+
+    def place(
+        self, visible: VisibleLayer, view: View, previous: View, context: FrameContext
+    ) -> None:
+        """Follow the objects, and find what the view shows of them.
+
+        Parameters
+        ----------
+        visible : VisibleLayer
+            To be filled.
+        view, previous : View
+            Those of `context`.
+
+        Raises
+        ------
+        DeviceError
+            No EGL where rasterized layers are traced.
+        """
+        if self._triangles is not None and context.objects_changed:
+            self._triangles.load(self._instances)
+        if self._rasterizer is not None and context.objects_changed:
+            self._rasterizer.move(self._instances)
+        if self._visibility is None or self._needs.traced_layers:
+            self._open_rasterizer(view)
+        shown_anew = context.view_changed or context.video_changed or context.objects_changed
+        if self._rasterizer is not None:
+            self._rasterize(
+                self._rasterizer, visible, view, previous if shown_anew else None, context
+            )
+        if self._visibility is not None and shown_anew:
+            self._visibility.run(
+                visible,
+                view,
+                context.view,
+                context.previous,
+                self._panorama,
+                self.bounds,
+                self.materials,
+            )
+
+    def _rasterize(
+        self,
+        rasterizer: Rasterizer,
+        visible: VisibleLayer,
+        view: View,
+        previous: View | None,
+        context: FrameContext,
+    ) -> None:
+        """Draw the view, unless `previous` is None, and the layers around the capture centre."""
+        profile = self._device.profile
+        if context.video_changed:
+            rasterizer.set_surface(self._device.read(self._panorama.surface))
+        if previous is not None:
+            with profile.host("rasterize view"):
+                layers = rasterizer.render(view, previous, shade=True)
+            if self._visibility is None:
+                visible.load(layers, context.view, self.materials)
+            traced = self.equirect if self._equirect_view else self.screen
+            if traced is not None:
+                traced.load(layers, context.view)
+        if self._needs.equirect_layers and context.objects_changed:
+            assert self.equirect is not None
+            with profile.host("rasterize panorama"):
+                layers = rasterizer.render(self._layer_view, shade=False)
+            self.equirect.load(layers, self._layer_constants)
+
+    def _open_rasterizer(self, view: View) -> None:
+        """OpenGL; rays in its place where it is missing and they serve as well."""
+        if self._rasterizer is not None:
+            return
+        from iprt.raster.rasterizer import Rasterizer
+
+        try:
+            with self._device.profile.compiling("OpenGL"):
+                self._rasterizer = Rasterizer(self._instances)
+            self._device.opengl = self._rasterizer.memory
+        except DeviceError as error:
+            if self._needs.traced_layers:
+                raise
+            LOG.warning("objects are drawn by rays in OpenCL: %s", error)
+            self._see_by_rays(view)

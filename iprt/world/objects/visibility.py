@@ -1,0 +1,116 @@
+"""What the view shows of the objects, by rays: in place of the rasterizer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pyopencl.array as cla
+from numpy.typing import NDArray
+
+from iprt.device.compute import ComputeDevice
+from iprt.gbuffer.guide import plane_defines
+from iprt.meshes.camera import View
+from iprt.raster.layers import COVERAGE_TOLERANCE, SAMPLES
+from iprt.raster.region import box_corners, box_rects, merge
+from iprt.world.objects.object_bvh import ObjectBvh
+from iprt.world.objects.object_layers import VisibleLayer, covered_rect, int4
+from iprt.world.real.panorama import Panorama
+
+
+class Visibility:
+    """Fills a `VisibleLayer` by tracing primary rays.
+
+    Attributes
+    ----------
+    front, material : (H, W, 4) float32
+        Planes of the last `run`, before edge pixels are lent surfaces: `iprt.raster.layers.Layer`.
+    """
+
+    def __init__(self, device: ComputeDevice, view: View, bvh: ObjectBvh) -> None:
+        self._device = device
+        self._bvh = bvh
+        bvh.follow_vertices()
+        defines = plane_defines(
+            equirect=view.projection == "equirect",
+            SAMPLES=SAMPLES,
+            COVERAGE_TOLERANCE=COVERAGE_TOLERANCE,
+            OBJECTS_DEFORM=bvh.deforming,
+            **bvh.defines(),
+        )
+        self._see = device.kernel("world/objects/visibility.cl", "see_objects", defines)
+        self._show = device.kernel("world/objects/visibility.cl", "show_objects", defines)
+        self.front = device.empty("traced front", (view.height, view.width, 4))
+        self.material = device.empty("traced material", (view.height, view.width, 4))
+        self._displaced: cla.Array | None = None
+        if bvh.deforming:
+            self._displaced = device.empty("traced displacement", (view.height, view.width, 4))
+
+    def run(
+        self,
+        visible: VisibleLayer,
+        view: View,
+        constants: cla.Array,
+        previous: cla.Array,
+        panorama: Panorama,
+        bounds: NDArray[np.float32],
+        materials: cla.Array,
+    ) -> None:
+        """Trace the view and unpack it into the planes of `visible`.
+
+        Parameters
+        ----------
+        constants, previous : (16,) float32
+            `View.kernel_constants()` of the view and of the frame before.
+        bounds : (N, 2, 4) float32
+            `object_bounds()`.
+        materials : `material_table()` on the device
+        """
+        objects = (*self._bvh.arguments(), None, 0, None)
+        boxes = [box_rects(view, box_corners(low, high)) for low, high in bounds[:, :, :3]]
+        regions = merge([rect for rects in boxes for rect in rects])
+
+        def run(kernel: Callable[..., None], *arguments: Any) -> None:
+            for region in regions:
+                corners = (region.x0, region.y0, region.x1, region.y1)
+                kernel(region.viewport[2:], int4(corners), view.width, view.height, *arguments)
+
+        with self._device.profile.section("trace view"):
+            for array in (
+                self.front,
+                self.material,
+                *(() if self._displaced is None else (self._displaced,)),
+                visible.front,
+                visible.material,
+                visible.cover,
+            ):
+                self._device.fill_zero(array)
+            run(
+                self._see,
+                constants,
+                *objects,
+                self._bvh.displacements,
+                self.front,
+                self.material,
+                self._displaced,
+            )
+            run(
+                self._show,
+                constants,
+                previous,
+                *objects,
+                self._bvh.motion,
+                panorama.surface,
+                panorama.width,
+                panorama.height,
+                self.front,
+                self.material,
+                self._displaced,
+                visible.front,
+                visible.material,
+                visible.cover,
+                visible.moved,
+            )
+            rect = covered_rect(self._device.read(visible.cover))
+        visible.unpack(rect, constants, materials)

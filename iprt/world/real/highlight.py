@@ -1,0 +1,147 @@
+"""Highlights on glossy real surfaces, taken off what the camera saw: on the video's clock."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from iprt.device.compute import ComputeDevice
+from iprt.meshes.material import material_table
+from iprt.settings.requirements import CELL, Requirements
+from iprt.world.real.highlight_gain import highlight_gain
+from iprt.world.real.panorama import Panorama
+
+CELL_RAYS = 32
+"""Rays per cell that measure its irradiance."""
+LEVELS = 4
+"""Levels of the filter; an even number, so that the result ends up where it began."""
+
+
+class Highlight:
+    """Splits the panorama into what surfaces radiate to all sides and what only the camera saw.
+
+    Attributes
+    ----------
+    table : (rows, 4) float32
+        `material_table()` of the real materials.
+    reflectance : (materials, 4) float32
+        Reflectance of the conductors among them.
+    gain : (rows, columns, 4) float32
+        Per cell of the panorama, see `highlight_gain`.
+    """
+
+    def __init__(
+        self,
+        device: ComputeDevice,
+        panorama: Panorama,
+        requirements: Requirements,
+    ) -> None:
+        """`panorama` was built with gloss."""
+        materials = requirements.real_materials
+        self._device = device
+        self._panorama = panorama
+        self._settings = requirements.settings
+        defines = requirements.highlight_defines()
+        self._sample = device.kernel("world/real/highlight.cl", "sample_highlight", defines)
+        self._filter = device.kernel("world/real/highlight.cl", "filter_highlight", defines)
+        self._measure = device.kernel("world/real/highlight.cl", "measure_cells", defines)
+        self._remove = device.kernel("world/real/highlight.cl", "remove_highlight", defines)
+        texels = panorama.width * panorama.height
+        self._list = device.empty("glossy texels", (texels,), np.int32)
+        cells = (-(-panorama.height // CELL), -(-panorama.width // CELL), 4)
+        self.gain = device.empty("highlight gain", cells)
+        self._least = device.empty("highlight least", cells)
+        self._cells = [
+            device.empty(f"highlight {name}", cells) for name in ("seen", "shine", "irradiance")
+        ]
+        self.table = device.upload("real materials", material_table(materials))
+        # Nothing is known of a conductor but its reflection: there is nothing to compare it with.
+        self._coated = np.array([False, *(material.kind == "plastic" for material in materials)])
+        reflectance = [(*material.albedo, 0.0) for material in materials]
+        self.reflectance = device.upload(
+            "real materials' reflectance", np.array(reflectance, np.float32)
+        )
+
+    def run(self) -> None:
+        """Fill the panorama's `highlight` and `radiated` for the video frame that it holds."""
+        device, panorama = self._device, self._panorama
+        settings, gloss = self._settings, panorama.gloss
+        highlight, radiated = panorama.highlight, panorama.radiated
+        assert gloss is not None
+        with device.profile.section("highlights"):
+            glossy = np.flatnonzero(device.read(gloss)).astype(np.int32)
+            count = len(glossy)
+            if count:
+                device.write(self._list[:count], glossy)
+                texels = (self._list, count, gloss, self.table)
+                real = (
+                    *panorama.layer_arguments(
+                        settings.trace.thickness, settings.trace.thickness_ratio
+                    ),
+                    panorama.radiance,
+                    panorama.outside,
+                    *panorama.background_arguments(),
+                )
+                self._sample(
+                    (count,),
+                    settings.gloss.rays,
+                    settings.seed,
+                    *texels,
+                    self.reflectance,
+                    *real,
+                    highlight,
+                )
+                signal, filtered = highlight, radiated
+                for level in range(LEVELS):
+                    self._filter((count,), 1 << level, *texels, *real, signal, filtered)
+                    signal, filtered = filtered, signal
+                self._calibrate(real)
+            size = (panorama.width, panorama.height)
+            rows, columns, _ = self.gain.shape
+            self._remove(
+                size,
+                *size,
+                gloss,
+                self.table,
+                panorama.radiance,
+                columns,
+                rows,
+                self.gain,
+                self._least,
+                highlight,
+                radiated,
+            )
+
+    def arguments(self) -> tuple[Any, ...]:
+        """Glossy surfaces, in the order of `WORLD_PARAMETERS` of `cl/lib/world/world.h`."""
+        rows, columns, _ = self.gain.shape
+        return (self._panorama.gloss, self.table, self.reflectance, self.gain, columns, rows)
+
+    def _calibrate(self, real: tuple[Any, ...]) -> None:
+        """Fill `gain`; `real` are the arguments that `REAL_PARAMETERS` declares."""
+        rows, columns, _ = self.gain.shape
+        panorama = self._panorama
+        self._measure(
+            (columns, rows),
+            CELL_RAYS,
+            self._settings.seed,
+            columns,
+            rows,
+            panorama.gloss,
+            *real,
+            panorama.highlight,
+            *self._cells,
+        )
+        seen, shine, irradiance = (
+            self._device.read(cells).astype(np.float64) for cells in self._cells
+        )
+        gloss = seen[..., 3].astype(np.int64)
+        gain, least = highlight_gain(
+            seen[..., :3],
+            shine[..., :3],
+            irradiance[..., :3],
+            np.where(self._coated[gloss], gloss, 0),
+        )
+        self._device.write(self.gain, gain)
+        self._device.write(self._least, least)

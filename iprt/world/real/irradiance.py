@@ -1,0 +1,220 @@
+"""E_R, the irradiance of real surfaces without objects, kept in panorama space."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pyopencl.array as cla
+from numpy.typing import NDArray
+
+from iprt.device.compute import ComputeDevice
+from iprt.filter.mask import Mask
+from iprt.footage.frame import Frame
+from iprt.gbuffer.guide import Guide, plane_defines
+from iprt.world.real.camera_motion import STILL
+from iprt.world.real.cell_light import light_change
+
+if TYPE_CHECKING:
+    from iprt.settings.requirements import Requirements
+    from iprt.world.real.panorama import Panorama
+
+
+BLACK = 1e-6
+"""E_R up to this fraction of the panorama's mean radiance is black: what is relative to it is
+noise."""
+
+FOREVER = 1e6
+"""More samples than a cell ever has."""
+
+MOVED_SAMPLES = 64.0
+"""Samples that a cell is worth at most that was fetched from where a moving camera saw it before.
+Each time it is mixed with its neighbours a little, and light may have changed."""
+
+
+class IrradianceCache:
+    """Grid of E_R around the capture centre, refined where traced pixels need it.
+
+    It depends on the video only: all views share it, and the objects do not enter.
+
+    Attributes
+    ----------
+    rows, columns : int
+    plane : (rows * columns, 4) float32
+        Tangent plane g (g·x = 1) at each cell's centre, 1 + samples that were forgotten; all 0:
+        no surface there, or a window.
+    mean, irradiance : (rows * columns, 4) float32
+        E_R / π as sampled, and after smoothing; number of samples.
+    """
+
+    def __init__(self, device: ComputeDevice, requirements: Requirements) -> None:
+        self._device = device
+        self._requirements = requirements
+        self.settings = requirements.settings.irradiance
+        self.rows, self.columns = self.settings.rows, 2 * self.settings.rows
+        defines = plane_defines() | requirements.real_defines()
+
+        def kernel(name: str) -> Any:
+            return device.kernel("world/real/irradiance.cl", name, defines)
+
+        self._place = kernel("place_cells")
+        self._want = kernel("want_cells")
+        self._list = kernel("list_cells")
+        self._refine = kernel("refine_cells")
+        self._smooth = kernel("smooth_cells")
+        self._show = kernel("show_cells")
+        cells = self.rows * self.columns
+        self.plane, self.mean, self.irradiance = self._grids("")
+        if requirements.moving_camera:
+            self._move = kernel("move_cells")
+            self._before = self._grids(" before")
+            self._camera = device.zeros("irradiance camera motion", (12,))
+        self._wanted = device.zeros("irradiance wanted", (cells,), np.int32)
+        self._cells = device.empty("irradiance cells", (cells,), np.int32)
+        self._count = device.zeros("irradiance count", (1,), np.int32)
+
+    def _grids(self, when: str) -> tuple[cla.Array, cla.Array, cla.Array]:
+        names = ("irradiance plane", "irradiance mean", "irradiance")
+        plane, mean, smooth = (
+            self._device.zeros(name + when, (self.rows * self.columns, 4)) for name in names
+        )
+        return plane, mean, smooth
+
+    def place(
+        self,
+        panorama: Panorama,
+        before: Frame,
+        now: Frame,
+        motion: NDArray[np.float64],
+        *,
+        changed: float,
+        cut: bool,
+    ) -> None:
+        """Follow the video to its next frame: forget what is elsewhere, and follow the light.
+
+        Parameters
+        ----------
+        before, now : Frame
+            The same on the first frame. `panorama` holds `now`.
+        motion : (3, 4) float64
+            `camera_motion` between them. Where the camera moved, cells are fetched from where
+            their surfaces were.
+        changed : float
+            Share of the panorama's flux that changed, in [0, 1].
+        cut : bool
+            They show different things, and nothing that is known holds.
+        """
+        grid = (self.columns, self.rows)
+        cells = (self.plane, self.mean, self.irradiance)
+        surface = (*grid, panorama.width, panorama.height, panorama.surface)
+        still = np.array_equal(motion, STILL)
+        with self._device.profile.section("irradiance"):
+            if still:
+                self._place(grid, *surface, 1.0 if cut else FOREVER, *cells)
+            else:
+                self._before, cells = cells, self._before
+                self.plane, self.mean, self.irradiance = cells
+                self._device.write(self._camera, motion.astype(np.float32).ravel())
+                kept = 1.0 if cut else MOVED_SAMPLES
+                self._move(grid, *surface, kept, self._camera, *self._before, *cells)
+        if still and changed > 0.0 and not cut:
+            self._relight(*light_change(before, now, self.rows, changed))
+
+    def _relight(self, factor: NDArray[np.float32], error: NDArray[np.float32]) -> None:
+        """Change E_R by (cells, 3) factors, known to (cells,) relative errors.
+
+        A mean of so many samples that its own error is as large is kept.
+        """
+        plane, mean, smooth = (
+            self._device.read(grid) for grid in (self.plane, self.mean, self.irradiance)
+        )
+        mean[:, :3] *= factor
+        smooth[:, :3] *= factor
+        left = np.minimum(mean[:, 3], 1.0 / np.maximum(error, 1e-4) ** 2)
+        plane[:, 3] += np.where(plane[:, 3] > 0.0, mean[:, 3] - left, 0.0)
+        mean[:, 3] = left
+        for grid, values in ((self.plane, plane), (self.mean, mean), (self.irradiance, smooth)):
+            self._device.write(grid, values)
+
+    def run(
+        self,
+        traced: tuple[Any, ...],
+        bounds: cla.Array,
+        guide: Guide,
+        mask: Mask,
+        view: cla.Array,
+        *,
+        least: float,
+    ) -> None:
+        """Refine the cells around the pixels that `mask` has listed.
+
+        `traced` holds `World.arguments`, `bounds` the objects' `object_bounds`.
+
+        A few rays do where objects have no noticeable influence yet, and none are needed where
+        objects span less than `least` sr.
+        """
+        settings, layout = self.settings, guide.layout
+        cells = self.rows * self.columns
+        with self._device.profile.section("irradiance"):
+            self._want(
+                (layout.width * layout.height,),
+                layout.width,
+                layout.height,
+                mask.traced,
+                mask.count,
+                guide.current,
+                mask.touched,
+                bounds,
+                bounds.shape[0],
+                least,
+                self.columns,
+                self.rows,
+                self.plane,
+                self._wanted,
+            )
+            self._device.fill_zero(self._count)
+            self._list(
+                (cells,),
+                cells,
+                float(settings.first_rays),
+                float(settings.samples),
+                self.mean,
+                self._wanted,
+                self._cells,
+                self._count,
+            )
+            self._refine(
+                (cells,),
+                settings.rays,
+                settings.first_rays,
+                self._requirements.settings.seed,
+                self._cells,
+                self._count,
+                self.columns,
+                self.plane,
+                view,
+                *traced,
+                self.mean,
+            )
+            self._smooth(
+                (cells,),
+                self._cells,
+                self._count,
+                self.columns,
+                self.rows,
+                self.plane,
+                self.mean,
+                self.irradiance,
+            )
+
+    def show(self, panorama: Panorama, guide: Guide) -> cla.Array:
+        """E_R / π at a picture's pixels, 3 planes; 0 where no traced pixel has asked for it."""
+        width, height = guide.layout.width, guide.layout.height
+        planes = self._device.zeros("irradiance shown", guide.layout.shape(3))
+        self._show((width, height), width, height, guide.current, *self.arguments(panorama), planes)
+        return planes
+
+    def arguments(self, panorama: Panorama) -> tuple[Any, ...]:
+        """What `CACHE_PARAMETERS` of `cl/lib/world/real/irradiance.h` declares, in order."""
+        black = BLACK * panorama.mean_radiance
+        return (self.plane, self.irradiance, self.columns, self.rows, float(black))

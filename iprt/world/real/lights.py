@@ -1,0 +1,122 @@
+"""The table by which rays are aimed at the bright parts of the panorama."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.device.compute import ComputeDevice
+from iprt.footage.frame import LUMINANCE
+
+LIGHT_ROWS = 256
+"""Rows of the table, at most: cells of 0.7 degrees."""
+
+
+class Lights:
+    """Densities of directions about the capture centre, for `cl/lib/world/real/lights.h`.
+
+    Attributes
+    ----------
+    rows, columns : int
+    count : int
+        Cells that rays are aimed at; 0 where the panorama is even.
+    """
+
+    def __init__(self, device: ComputeDevice, width: int, height: int) -> None:
+        self._device = device
+        self.rows, self.columns = min(LIGHT_ROWS, height), min(2 * LIGHT_ROWS, width)
+        cells = self.rows * self.columns
+        self._cumulative = device.zeros("light cumulative", (cells + 1,))
+        self._cell = device.zeros("light cells", (cells,), np.int32)
+        self._density = device.zeros("light density", (cells,))
+        self.count = 0
+
+    def load(self, color: NDArray[np.float32], hidden: NDArray[np.float32] | None = None) -> None:
+        """Make the table of a panorama (H, W, 3), linear radiance.
+
+        `hidden` (H, W) is the luminance of lights that are remembered behind it, else 0.
+        """
+        density, cells, cumulative = light_table(color, self.rows, self.columns, hidden)
+        self.count = len(cells)
+        padded = np.zeros(self._cumulative.shape, np.float32)
+        padded[: self.count + 1] = cumulative
+        numbers = np.zeros(self._cell.shape, np.int32)
+        numbers[: self.count] = cells
+        with self._device.profile.section("upload"):
+            self._device.write(self._cumulative, padded)
+            self._device.write(self._cell, numbers)
+            self._device.write(self._density, density.astype(np.float32))
+
+    def arguments(self) -> tuple[Any, ...]:
+        """What `LIGHT_PARAMETERS` of `cl/lib/world/real/lights.h` declares, in order."""
+        return (
+            self._cumulative,
+            self._cell,
+            self._density,
+            self.count,
+            self.columns,
+            self.rows,
+        )
+
+
+def light_table(
+    color: NDArray[np.float32],
+    rows: int,
+    columns: int,
+    hidden: NDArray[np.float32] | None = None,
+) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.float64]]:
+    """Sampling densities in proportion to what a cell's luminance exceeds the mean by.
+
+    Where the light is even, BRDF sampling is the better strategy, so the mean is taken off (*MIS
+    compensation*, Karlík et al., "MIS Compensation: Optimizing Sampling Techniques in Multiple
+    Importance Sampling", SIGGRAPH Asia 2019).
+
+    Parameters
+    ----------
+    color : (H, W, 3) float32
+        Linear radiance, H >= `rows` and W >= `columns`.
+    hidden : (H, W) float32 or None
+        Luminance behind it that counts where it is larger.
+
+    Returns
+    -------
+    density : (rows * columns,) float64
+        1/sr about the capture centre; sums to 1 over the sphere, or is 0 everywhere.
+    cells : (N,) int32
+        Cells of positive density.
+    cumulative : (N + 1,) float64
+        Cumulative probabilities, from 0 to 1.
+    """
+    height, width = color.shape[:2]
+    luminance = color.astype(np.float64) @ LUMINANCE
+    if hidden is not None:
+        luminance = np.maximum(luminance, hidden)
+    row, column = np.arange(height) * rows // height, np.arange(width) * columns // width
+    cell = (row[:, None] * columns + column).ravel()
+    texels = np.bincount(cell, minlength=rows * columns)
+    mean = np.bincount(cell, luminance.ravel(), rows * columns) / texels
+    edges = np.cos(np.arange(rows + 1) / rows * np.pi)
+    solid_angle = np.repeat((edges[:-1] - edges[1:]) * (2.0 * np.pi / columns), columns)
+    average = float((mean * solid_angle).sum() / (4.0 * np.pi))
+    # Rounding is no light: what an even panorama leaves is 0.
+    excess = np.where(mean > average * (1.0 + 1e-4), mean - average, 0.0)
+    total = float((excess * solid_angle).sum())
+    cells = np.flatnonzero(excess).astype(np.int32)
+    if not total > 0.0:
+        return np.zeros(rows * columns), cells[:0], np.zeros(1)
+    density = excess / total
+    cumulative = np.concatenate([[0.0], np.cumsum((density * solid_angle)[cells])])
+    return density, cells, cumulative / cumulative[-1]
+
+
+def flux_change(before: NDArray[np.float32], after: NDArray[np.float32]) -> float:
+    """Share of the panorama's flux by which two pictures (H, W, 3) differ, in [0, 1]."""
+    if before is after:
+        return 0.0
+    height = len(after)
+    weights = np.sin((np.arange(height) + 0.5) / height * np.pi)
+    apart = weights @ np.abs(after - before).mean(axis=(1, 2), dtype=np.float64)
+    total = weights @ np.maximum(after, before).mean(axis=(1, 2), dtype=np.float64)
+    return float(apart / total) if total > 0.0 else 0.0

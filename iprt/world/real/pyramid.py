@@ -1,0 +1,91 @@
+"""Min/max depth pyramids, over the panorama and over the layers of the virtual objects."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pyopencl.array as cla
+from numpy.typing import NDArray
+
+from iprt.device.compute import ComputeDevice
+
+
+@dataclass(frozen=True)
+class PyramidShape:
+    """Sizes of the levels of a pyramid, finest first.
+
+    Attributes
+    ----------
+    columns, rows : tuple of int
+        Cells per level, `ceil(size / 2**level)`.
+    """
+
+    columns: tuple[int, ...]
+    rows: tuple[int, ...]
+
+    @classmethod
+    def of(cls, width: int, height: int, coarsest_columns: int) -> PyramidShape:
+        """Halve until a level would have fewer than `coarsest_columns` columns."""
+        columns, rows = [width], [height]
+        while columns[-1] > 1 and (columns[-1] + 1) // 2 >= coarsest_columns:
+            columns.append((columns[-1] + 1) // 2)
+            rows.append((rows[-1] + 1) // 2)
+        return cls(tuple(columns), tuple(rows))
+
+    @property
+    def levels(self) -> int:
+        return len(self.columns)
+
+    @property
+    def offsets(self) -> tuple[int, ...]:
+        """First cell of each level in the concatenated buffer, and the total as last entry."""
+        sizes = np.multiply(self.columns, self.rows)
+        return tuple(int(n) for n in np.concatenate([[0], np.cumsum(sizes)]))
+
+
+class Pyramid:
+    """Builds the coarser levels in place over a buffer whose finest level is filled."""
+
+    def __init__(self, device: ComputeDevice) -> None:
+        self._device = device
+        self._reduce = device.kernel("world/real/pyramid.cl", "reduce_range")
+
+    def run(self, range_: cla.Array, shape: PyramidShape) -> None:
+        """Fill levels 1 and up of `range_`, (cells, 2) float32, from level 0."""
+        with self._device.profile.section("pyramid"):
+            for level in range(shape.levels - 1):
+                self._reduce(
+                    (shape.columns[level + 1], shape.rows[level + 1]),
+                    shape.columns[level],
+                    shape.rows[level],
+                    shape.offsets[level],
+                    shape.offsets[level + 1],
+                    range_,
+                )
+
+
+def equirect_edges(width: int, height: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Edges of the texels of an equirect image, for the marches of `cl/lib/maths/grid.h`.
+
+    Returns
+    -------
+    column : (width + 1, 2) float32
+        Cosine and sine of the azimuth of the column edges; the last equals the first exactly.
+    row : (height + 1,) float32
+        Cosine of the polar angle of the row edges, from 1 to -1.
+    """
+    phi = (np.arange(width + 1) / width - 0.5) * 2.0 * np.pi
+    column = np.stack([np.cos(phi), np.sin(phi)], axis=-1).astype(np.float32)
+    column[-1] = column[0]
+    row = np.cos(np.arange(height + 1) / height * np.pi).astype(np.float32)
+    return column, row
+
+
+def equirect_centres(width: int, height: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Cosine and sine of azimuths (width, 2) and polar angles (height, 2) of texel centres."""
+    phi = ((np.arange(width) + 0.5) / width - 0.5) * 2.0 * np.pi
+    theta = (np.arange(height) + 0.5) / height * np.pi
+    azimuth = np.stack([np.cos(phi), np.sin(phi)], axis=-1).astype(np.float32)
+    polar = np.stack([np.cos(theta), np.sin(theta)], axis=-1).astype(np.float32)
+    return azimuth, polar

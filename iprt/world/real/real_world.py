@@ -1,0 +1,113 @@
+"""The real scene on a device: what depends on the video alone, whatever views show of it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pyopencl.array as cla
+
+from iprt.device.compute import ComputeDevice
+from iprt.footage.cut import SWITCHED, is_cut
+from iprt.footage.frame import Frame
+from iprt.meshes.pose import camera_motion
+from iprt.settings.requirements import Requirements
+from iprt.world.real.background import OTHER_LIGHT
+from iprt.world.real.camera_motion import STILL
+from iprt.world.real.color_map import ColorMap
+from iprt.world.real.highlight import Highlight
+from iprt.world.real.irradiance import IrradianceCache
+from iprt.world.real.lights import Lights, flux_change
+from iprt.world.real.panorama import Panorama
+
+
+class RealWorld:
+    """The current frame of a video, prepared for rays. It knows nothing of views.
+
+    Parameters
+    ----------
+    device : ComputeDevice
+    frame : Frame
+        The first frame.
+    needs : Requirements
+
+    Attributes
+    ----------
+    frame : Frame
+    version : int
+        Number of frames loaded. A view compares it with the version of its last picture.
+    cut_version : int
+        The version since which the video shows one scene under one light; nothing that was
+        accumulated before holds.
+    panorama : Panorama
+    lights : Lights or None
+    irradiance : IrradianceCache or None
+    highlight : Highlight or None
+    """
+
+    def __init__(self, device: ComputeDevice, frame: Frame, needs: Requirements) -> None:
+        self._needs = needs
+        self.frame = frame
+        self.version = self.cut_version = self._split_version = 0
+        self.panorama = Panorama(
+            device,
+            frame.width,
+            frame.height,
+            outside=needs.opening_environment,
+            gloss=needs.gloss,
+            own_radiance=needs.own_radiance,
+            background=needs.settings.trace if needs.background else None,
+        )
+        self._color_map = ColorMap(device) if needs.color_map else None
+        self.lights = Lights(device, frame.width, frame.height) if needs.light_sampling else None
+        self.irradiance = IrradianceCache(device, needs) if needs.delta else None
+        self.highlight = Highlight(device, self.panorama, needs) if needs.gloss else None
+        self._load(frame)
+
+    @property
+    def color_map(self) -> cla.Array | None:
+        """`ColorMap.rows` of the frame."""
+        return None if self._color_map is None else self._color_map.rows
+
+    def load(self, frame: Frame) -> None:
+        """Go on to another frame of the video, of the same size and with the same openings.
+
+        Nothing is done if it is the frame that is held.
+
+        Raises
+        ------
+        ValueError
+            It has a pose and the frame before has none, or the other way round.
+        """
+        if frame is not self.frame:
+            self._load(frame)
+
+    def _load(self, frame: Frame) -> None:
+        needs, before = self._needs, self.frame
+        assert needs.own_radiance or not (needs.objects and frame.own_radiance), "no buffer for it"
+        motion = camera_motion(before.pose, frame.pose)
+        mapped = needs.objects and frame.color_map is not None
+        assert needs.color_map or not mapped, "no kernel for it"
+        self.panorama.load(frame)
+        if self._color_map is not None:
+            self._color_map.load(frame.color_map)
+        self.version += 1
+        if needs.objects:
+            changed = flux_change(before.radiance, frame.radiance)
+            cut = is_cut(before, frame, changed)
+            if cut or changed > SWITCHED:
+                self.cut_version = self.version
+            elsewhere = cut or not np.array_equal(motion, STILL)
+            hidden = self.panorama.remember(forget=elsewhere or changed > OTHER_LIGHT)
+            if self.lights is not None:
+                self.lights.load(frame.radiance, hidden)
+            if self.irradiance is not None:
+                self.irradiance.place(
+                    self.panorama, before, frame, motion, changed=changed, cut=cut
+                )
+        self.frame = frame
+
+    def split_highlights(self) -> None:
+        """Take highlights off the panorama before its first use, where surfaces are glossy."""
+        if self.highlight is None or self._split_version == self.version:
+            return
+        self.highlight.run()
+        self._split_version = self.version

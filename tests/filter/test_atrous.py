@@ -1,0 +1,233 @@
+"""The à-trous filter against its twin, and what it promises."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from iprt.device.compute import ComputeDevice
+from iprt.filter.atrous import Atrous, Rect
+from iprt.filter.temporal import Kind, signal_planes
+from iprt.meshes.camera import View
+from iprt.settings.filter import AtrousSettings
+from tests.filter.gbuffer import SIZES, GBuffer, flat_gbuffer, random_gbuffer, read, upload
+from tests.oracles import atrous as oracle
+
+SETTINGS = AtrousSettings(
+    normal_sharpness=24.0, plane_sharpness=100.0, deviations=6.0, floor=0.002, lobe_fraction=0.5
+)
+
+
+def run(
+    device: ComputeDevice,
+    gbuffer: GBuffer,
+    kind: Kind,
+    signal: np.ndarray,
+    variance: np.ndarray,
+    *,
+    roughness: np.ndarray | None = None,
+    rect: Rect | None = None,
+    settings: AtrousSettings | None = None,
+    guided: bool = True,
+) -> np.ndarray:
+    layout = gbuffer.layout
+    settings = settings or SETTINGS
+    atrous = Atrous(device, gbuffer.guide(device), kind, settings, name="test", guided=guided)
+    planes = (upload(device, layout, signal), upload(device, layout, variance[None]))
+    alpha = None if roughness is None else upload(device, layout, roughness[None])
+    return read(device, layout, atrous.run(*planes, roughness=alpha, rect=rect))
+
+
+def twin(
+    gbuffer: GBuffer,
+    kind: Kind,
+    signal: np.ndarray,
+    variance: np.ndarray,
+    levels: int = 5,
+    roughness: np.ndarray | None = None,
+    guided: bool = True,
+) -> np.ndarray:
+    args = (gbuffer.normal, gbuffer.position, gbuffer.seen_ids)
+    if roughness is not None:
+        roughness = oracle.widened(roughness, gbuffer.normal, gbuffer.seen_ids, gbuffer.equirect)
+    variance = oracle.smooth_variance(variance, gbuffer.seen_ids, gbuffer.equirect)
+    for level in range(levels):
+        signal, variance = oracle.filter_level(
+            signal,
+            variance,
+            *args,
+            1 << level,
+            roughness=roughness,
+            delta=kind == "delta",
+            guided=guided,
+            equirect=gbuffer.equirect,
+        )
+    return signal
+
+
+def random_case(
+    kind: Kind, width: int, height: int, equirect: bool
+) -> tuple[GBuffer, np.ndarray, np.ndarray, np.ndarray | None]:
+    rng = np.random.default_rng(2)
+    gbuffer = random_gbuffer(width, height, equirect=equirect)
+    signal = rng.gamma(4.0, 0.25, (signal_planes(kind), height, width))
+    variance = rng.gamma(2.0, 0.05, (height, width))
+    roughness = None
+    if kind == "specular":
+        roughness = rng.choice([0.0, 5e-5, 0.05, 0.3, 1.0], (height, width))
+    return gbuffer, signal, variance, roughness
+
+
+@pytest.mark.parametrize("kind", ["ratio", "delta", "diffuse", "specular"])
+@pytest.mark.parametrize("equirect", [False, True])
+@pytest.mark.parametrize(("width", "height"), SIZES)
+def test_equals_twin(
+    device: ComputeDevice, width: int, height: int, equirect: bool, kind: Kind
+) -> None:
+    gbuffer, signal, variance, roughness = random_case(kind, width, height, equirect)
+    for guided in (True, False):
+        result = run(device, gbuffer, kind, signal, variance, roughness=roughness, guided=guided)
+        expected = twin(gbuffer, kind, signal, variance, roughness=roughness, guided=guided)
+        np.testing.assert_allclose(result, expected, rtol=5e-3, atol=1e-4)
+
+
+@pytest.mark.parametrize("levels", [0, 1, 2, 3])
+def test_levels(device: ComputeDevice, levels: int) -> None:
+    gbuffer, signal, variance, _ = random_case("ratio", 33, 21, False)
+    settings = SETTINGS.model_copy(update={"levels": levels})
+    result = run(device, gbuffer, "ratio", signal, variance, settings=settings)
+    np.testing.assert_allclose(result, twin(gbuffer, "ratio", signal, variance, levels), rtol=3e-3)
+
+
+def test_constant_stays(device: ComputeDevice) -> None:
+    gbuffer, _, variance, _ = random_case("diffuse", 64, 48, False)
+    signal = np.array([0.3, 1.7, 40.0])[:, None, None] * np.ones((3, 48, 64))
+    np.testing.assert_allclose(run(device, gbuffer, "diffuse", signal, variance), signal, rtol=2e-6)
+
+
+def test_ids_do_not_mix(device: ComputeDevice) -> None:
+    gbuffer = flat_gbuffer(64, 48)
+    gbuffer.ids[:, 30:] = 2.0
+    gbuffer.ids[20:, :8] = 0.0
+    rng = np.random.default_rng(3)
+    signal = rng.random((3, 48, 64))
+    variance = np.full((48, 64), 10.0)
+    before = run(device, gbuffer, "diffuse", signal, variance)
+    signal[:, gbuffer.ids == 2.0] = 1e6
+    signal[:, gbuffer.ids == 0.0] = -5.0
+    after = run(device, gbuffer, "diffuse", signal, variance)
+    own = gbuffer.ids == 1.0
+    assert np.array_equal(before[:, own], after[:, own])
+    assert np.all(after[:, gbuffer.ids == 0.0] == -5.0)
+
+
+def test_equal_planes_stay_equal(device: ComputeDevice) -> None:
+    gbuffer, signal, variance, _ = random_case("ratio", 61, 47, False)
+    signal[3:] = signal[:3]
+    for v in (variance, 0.0 * variance):
+        result = run(device, gbuffer, "ratio", signal, v)
+        assert np.array_equal(result[:3], result[3:])
+        assert not np.array_equal(result, signal)
+
+
+@pytest.mark.parametrize("equirect", [False, True])
+def test_zeros_stay_zeros(device: ComputeDevice, equirect: bool) -> None:
+    """Beyond the filter's reach of what objects touch, and where they touched things before."""
+    gbuffer = flat_gbuffer(160, 128)
+    if equirect:
+        view = View(160, 128, projection="equirect")
+        gbuffer = replace(gbuffer, view=view, depth=np.full_like(gbuffer.depth, 2.0))
+    atrous = Atrous(device, gbuffer.guide(device), "delta", SETTINGS, name="test")
+    rng = np.random.default_rng(11)
+    for x, y in [(70, 60), (2, 3), (155, 120), (90, 100)]:
+        signal, variance = np.zeros((6, 128, 160)), np.zeros((128, 160))
+        signal[:, y - 2 : y + 3, x - 2 : x + 3] = rng.random((6, 5, 5))
+        variance[y - 2 : y + 3, x - 2 : x + 3] = 0.1
+        planes = [upload(device, gbuffer.layout, image) for image in (signal, variance[None])]
+        result = read(device, gbuffer.layout, atrous.run(*planes))
+        expected = twin(gbuffer, "delta", signal, variance)
+        np.testing.assert_allclose(result, expected, rtol=5e-3, atol=1e-6)
+        row, column = np.mgrid[:128, :160]
+        across = np.abs(column - x)
+        across = np.minimum(across, 160 - across) if equirect else across
+        assert not result[:, np.maximum(across, np.abs(row - y)) > 2 + 31].any()
+    planes = [upload(device, gbuffer.layout, np.zeros((n, 128, 160))) for n in (6, 1)]
+    assert not read(device, gbuffer.layout, atrous.run(*planes)).any()
+
+
+def test_mirror_is_not_touched(device: ComputeDevice) -> None:
+    gbuffer, signal, variance, _ = random_case("specular", 64, 48, False)
+    mirror = np.zeros((48, 64))
+    result = run(device, gbuffer, "specular", signal, variance, roughness=mirror)
+    assert np.array_equal(result, signal.astype(np.float32))
+
+
+def test_surfaces_that_bend_within_a_pixel_are_filtered(device: ComputeDevice) -> None:
+    """Noise of sharp reflections goes where normals differ from pixel to pixel."""
+    rng = np.random.default_rng(13)
+    signal = 1.0 + 0.1 * rng.normal(size=(3, 48, 64))
+    variance, sharp = np.full((48, 64), 0.01), np.full((48, 64), 0.001)
+    left = []
+    for turn in (0.0, 0.1):
+        gbuffer = flat_gbuffer(64, 48)
+        gbuffer.normal[0] = turn * (np.arange(64) - 32.0) / 4.0
+        gbuffer.normal[:] /= np.linalg.norm(gbuffer.normal, axis=0)
+        left.append(run(device, gbuffer, "specular", signal, variance, roughness=sharp).std())
+    assert left[1] < 0.7 * left[0]
+
+
+def test_rougher_is_smoother(device: ComputeDevice) -> None:
+    gbuffer = flat_gbuffer(64, 48)
+    rng = np.random.default_rng(4)
+    signal = 1.0 + 0.1 * rng.normal(size=(3, 48, 64))
+    variance = np.full((48, 64), 0.01)
+    left = [
+        run(device, gbuffer, "specular", signal, variance, roughness=np.full((48, 64), a)).std()
+        for a in (0.0, 0.01, 0.03, 0.1, 0.5)
+    ]
+    assert np.all(np.diff(left) < 0.0)
+    assert left[-1] < 0.1 * left[0]
+
+
+def test_rectangle_gives_the_same_pixels(device: ComputeDevice) -> None:
+    gbuffer, signal, variance, _ = random_case("diffuse", 64, 48, False)
+    gbuffer.ids[:, :10] = gbuffer.ids[:, 41:] = 0.0
+    gbuffer.ids[:5] = gbuffer.ids[40:] = 0.0
+    whole = run(device, gbuffer, "diffuse", signal, variance)
+    part = run(device, gbuffer, "diffuse", signal, variance, rect=(10, 5, 41, 40))
+    assert np.array_equal(whole[:, 5:40, 10:41], part[:, 5:40, 10:41])
+    run(device, gbuffer, "diffuse", signal, variance, rect=(10, 5, 10, 5))
+
+
+def test_noise_goes_and_known_detail_stays(device: ComputeDevice) -> None:
+    """A step of 10% vanishes in noise of one picture, and survives the mean of 256."""
+    gbuffer = flat_gbuffer(96, 64)
+    rng = np.random.default_rng(5)
+    truth = np.where(np.arange(96) < 48, 1.0, 0.9) * np.ones((3, 64, 96))
+    errors = {}
+    for frames in (1, 256):
+        deviation = 0.5 / np.sqrt(frames)
+        signal = truth + deviation * rng.normal(size=(1, 64, 96))
+        result = run(device, gbuffer, "diffuse", signal, np.full((64, 96), deviation**2))
+        errors[frames] = np.sqrt(np.mean((result - truth) ** 2))
+        assert errors[frames] < 0.3 * deviation
+        step = result[0, :, 40:46].mean() - result[0, :, 50:56].mean()
+        assert frames == 1 or abs(step - 0.1) < 0.005
+    assert errors[256] < 0.1 * errors[1] or errors[256] < 0.006
+
+
+def test_extreme_values_stay_finite(device: ComputeDevice) -> None:
+    gbuffer, signal, variance, _ = random_case("ratio", 64, 48, False)
+    rng = np.random.default_rng(6)
+    signal *= 10.0 ** rng.choice([-30, -5, 0, 6, 12], signal.shape)
+    variance *= 10.0 ** rng.choice([-35, 0, 12, 24], variance.shape)
+    assert np.isfinite(run(device, gbuffer, "ratio", signal, variance)).all()
+
+
+def test_equirect_picture_turns_with_the_view(device: ComputeDevice) -> None:
+    gbuffer, signal, variance, _ = random_case("ratio", 64, 32, True)
+    result = run(device, gbuffer, "ratio", signal, variance)
+    turned = run(device, gbuffer.rolled(7), "ratio", np.roll(signal, 7, 2), np.roll(variance, 7, 1))
+    np.testing.assert_allclose(np.roll(result, 7, 2), turned, rtol=2e-3, atol=1e-5)

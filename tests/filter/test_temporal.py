@@ -1,0 +1,357 @@
+"""Temporal accumulation against its twin, and what it promises."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from iprt.device.compute import ComputeDevice
+from iprt.filter.temporal import (
+    FAST_FRAMES,
+    FAST_LEAST,
+    FAST_LENGTH,
+    SETTLE_FRAMES,
+    Accumulated,
+    Kind,
+    Temporal,
+    signal_planes,
+)
+from iprt.settings.filter import TemporalSettings
+from tests.filter.gbuffer import GBuffer, flat_gbuffer, random_gbuffer, read, still_motion, upload
+from tests.oracles import temporal as oracle
+from tests.oracles.guide import shown
+
+SETTINGS = TemporalSettings()
+
+
+class Session:
+    """A temporal filter fed with images."""
+
+    def __init__(
+        self,
+        device: ComputeDevice,
+        gbuffer: GBuffer,
+        kind: Kind,
+        settings: TemporalSettings = SETTINGS,
+        *,
+        rays: int = 1,
+    ) -> None:
+        self.device = device
+        self.layout = gbuffer.layout
+        self.guide = gbuffer.guide(device)
+        self.temporal = Temporal(device, self.guide, kind, settings, name="test", rays=rays)
+        self.still = still_motion(self.layout.width, self.layout.height)
+
+    def add(
+        self,
+        gbuffer: GBuffer,
+        signal: np.ndarray,
+        motion: np.ndarray | None = None,
+        level: np.ndarray | None = None,
+        *,
+        fading: float = 0.0,
+        changed: bool = False,
+    ) -> Accumulated:
+        gbuffer.fill(self.device, self.guide)
+        levels = np.zeros(self.still.shape[1:]) if level is None else level
+        return self.temporal.run(
+            upload(self.device, self.layout, signal),
+            upload(self.device, self.layout, self.still if motion is None else motion),
+            self.device.upload("level", self.layout.padded(levels[None].astype(np.uint8))),
+            fading=fading,
+            changed=changed,
+        )
+
+    def image(self, planes: object) -> np.ndarray:
+        return read(self.device, self.layout, planes)
+
+
+def noise(rng: np.random.Generator, kind: Kind, width: int, height: int) -> np.ndarray:
+    signal = rng.gamma(2.0, 0.5, (signal_planes(kind), height, width))
+    if kind == "ratio":  # influence in part of the picture only
+        shadow = rng.random((1, height, width)) < 0.3
+        shadow[..., : width // 2] = False
+        signal[3:] = np.where(shadow, 0.2, 1.0) * signal[:3]
+    if kind == "delta":
+        touched = rng.random((1, height, width)) < 0.3
+        touched[..., : width // 2] = False
+        signal = np.where(touched, signal, 0.0)
+    return signal
+
+
+@pytest.mark.parametrize("kind", ["ratio", "delta", "diffuse"])
+@pytest.mark.parametrize("equirect", [False, True])
+@pytest.mark.parametrize(("width", "height"), [(1, 1), (7, 13), (36, 20)])
+def test_equals_twin(
+    device: ComputeDevice, width: int, height: int, equirect: bool, kind: Kind
+) -> None:
+    rng = np.random.default_rng(5)
+    gbuffer = random_gbuffer(width, height, equirect=equirect)
+    session = Session(device, gbuffer, kind)
+    before = gbuffer
+    past = fast = empty = oracle.History(
+        np.zeros((signal_planes(kind), height, width)),
+        np.zeros((height, width)),
+        np.zeros((height, width)),
+    )
+    age = -1  # of the fast history, which starts anew after some frames
+    for frame, (changed, fading) in enumerate(
+        [(False, 0.0)] * 3 + [(True, 0.0), (True, 0.1), (False, 0.1)] + [(True, 0.1)] * 6
+    ):
+        signal = noise(rng, kind, width, height)
+        motion = session.still + rng.normal(size=(2, height, width)) * [[[0.8]], [[0.6]]]
+        if equirect:
+            motion[0] %= width
+        motion[:, rng.random((height, width)) < 0.05] = -1e9
+        ids = np.where(rng.random((height, width)) < 0.02, 0.0, gbuffer.ids)
+        now = replace(gbuffer, ids=ids)
+        level = rng.integers(0, 3, (height, width))
+        result = session.add(now, signal, motion, level, fading=fading, changed=changed)
+        tolerance = SETTINGS.plane_tolerance
+        if changed and kind == "diffuse":
+            tolerance = SETTINGS.moved_tolerance
+        limits = (tolerance, SETTINGS.normal_agreement)
+        past = oracle.reproject(now.planes, before.planes, motion, past, limits, equirect)
+        age = age + 1 if age >= 0 or changed else -1
+        if age >= 0:
+            fast = empty if age % FAST_FRAMES == 0 else fast
+            fast = oracle.reproject(now.planes, before.planes, motion, fast, limits, equirect)
+            fast = oracle.follow(fast, signal, now.seen_ids, level, FAST_LENGTH)
+        if age >= 0 and (age < FAST_FRAMES or age % FAST_FRAMES >= FAST_LEAST - 1):
+            past = oracle.correct(past, fast, now.seen_ids, 3.0, equirect)
+            common = kind == "ratio"
+            past = oracle.clamp(past, fast.signal, now.seen_ids, 2.0, equirect, common=common)
+        past = oracle.accumulate(past, signal, now.seen_ids, level, fading)
+        variance = oracle.variance(past, now.seen_ids, equirect)
+        # A value on a threshold may fall on either side of it in single precision.
+        for image, twin in [
+            (result.signal, past.signal),
+            (result.length, past.length[None]),
+            (result.variance, variance[None]),
+        ]:
+            close = np.isclose(session.image(image), twin, rtol=2e-3, atol=2e-4)
+            # What follows builds on it.
+            assert (~close).sum() <= 1 + 0.002 * (frame + 1) * close.size, frame
+        before = now
+
+
+@pytest.mark.parametrize("kind", ["ratio", "delta", "diffuse"])
+def test_still_picture_converges_to_the_mean(device: ComputeDevice, kind: Kind) -> None:
+    rng = np.random.default_rng(6)
+    gbuffer = flat_gbuffer(40, 24)
+    session = Session(device, gbuffer, kind)
+    samples = [noise(rng, kind, 40, 24) for _ in range(30)]
+    for signal in samples:
+        result = session.add(gbuffer, signal)
+    np.testing.assert_allclose(session.image(result.signal), np.mean(samples, 0), rtol=3e-6)
+    assert np.all(session.image(result.length) == 30.0)
+    scalars = np.array([shown(s) for s in samples])
+    variance = (1.0 + 8.0 / 30.0) * scalars.var(0, ddof=1) / 30.0
+    np.testing.assert_allclose(session.image(result.variance)[0], variance, rtol=1e-3, atol=1e-9)
+
+
+def test_a_lone_hit_that_was_spread_gives_way(device: ComputeDevice) -> None:
+    """One ray for 16 pixels, then one for each of them: the mean of all rays, each once."""
+    gbuffer = flat_gbuffer(8, 8)
+    session = Session(device, gbuffer, "diffuse")
+    session.add(gbuffer, np.full((3, 8, 8), 1.0), level=np.full((8, 8), 2))
+    for _ in range(2):
+        result = session.add(gbuffer, np.zeros((3, 8, 8)))
+    np.testing.assert_allclose(session.image(result.signal), 1.0 / 33.0, rtol=1e-5)
+
+
+def test_fading_after_stillness_and_back(device: ComputeDevice) -> None:
+    """A faded history is worth (2 - f) / f samples, so the mean that follows weighs it right."""
+    gbuffer = flat_gbuffer(8, 8)
+    session = Session(device, gbuffer, "diffuse")
+    rng = np.random.default_rng(7)
+    for _ in range(60):
+        result = session.add(gbuffer, rng.random((3, 8, 8)), fading=0.1)
+    np.testing.assert_allclose(session.image(result.length), 19.0)
+    result = session.add(gbuffer, rng.random((3, 8, 8)), fading=0.0)
+    np.testing.assert_allclose(session.image(result.length), 20.0)
+
+
+def test_whole_pixel_motion_is_exact(device: ComputeDevice) -> None:
+    gbuffer = flat_gbuffer(40, 24)
+    session = Session(device, gbuffer, "diffuse")
+    rng = np.random.default_rng(8)
+    first = rng.random((3, 24, 40)).astype(np.float32)
+    session.add(gbuffer, first)
+    lost = np.full_like(first, np.nan)
+    motion = session.still + np.array([3.0, -2.0])[:, None, None]
+    result = session.image(session.add(gbuffer, lost, motion).signal)
+    assert np.array_equal(result[:, 2:, :-3], first[:, :-2, 3:])
+    assert not result[:, :2].any()
+    assert not result[:, :, -3:].any()
+
+
+def test_other_surface_is_rejected(device: ComputeDevice) -> None:
+    gbuffer = flat_gbuffer(40, 24)
+    session = Session(device, gbuffer, "diffuse")
+    dark, bright = np.zeros((3, 24, 40)), np.ones((3, 24, 40))
+    for _ in range(5):
+        session.add(gbuffer, dark)
+    ids, depth, normal = gbuffer.ids.copy(), gbuffer.depth.copy(), gbuffer.normal.copy()
+    ids[:, :10] = 2.0
+    depth[:, 10:20] *= 1.1
+    normal[:, :, 20:30] = np.array([1.0, 0.0, 0.0])[:, None, None]
+    result = session.add(replace(gbuffer, ids=ids, depth=depth, normal=normal), bright)
+    expected = np.where(np.arange(40) < 30, 1.0, 6.0)
+    assert np.array_equal(session.image(result.length)[0], np.tile(expected, (24, 1)))
+    np.testing.assert_allclose(session.image(result.signal)[..., :30], 1.0)
+
+
+@pytest.mark.parametrize("kind", ["ratio", "delta"])
+def test_old_shadow_goes_at_once(device: ComputeDevice, kind: Kind) -> None:
+    """To the last bit, so that the video passes unchanged where the object was."""
+    gbuffer = flat_gbuffer(40, 24)
+    session = Session(device, gbuffer, kind)
+    rng = np.random.default_rng(9)
+    for _ in range(20):
+        signal = rng.gamma(2.0, 0.5, (6, 24, 40))
+        if kind == "ratio":
+            signal[3:] = 0.5 * signal[:3]
+        session.add(gbuffer, signal)
+    signal = np.tile(signal[:3], (2, 1, 1)) if kind == "ratio" else np.zeros_like(signal)
+    accumulated = session.add(gbuffer, signal, fading=0.1, changed=True)
+    result = session.image(accumulated.signal)
+    assert np.array_equal(result[:3], result[3:])
+    assert kind == "ratio" or not result.any()
+
+
+@pytest.mark.parametrize("before", [0.0, 0.3, 1.0])
+def test_ghosts_last_eight_frames_at_most(device: ComputeDevice, before: float) -> None:
+    """A seventh at most is left of noisy light that steps to 0.6 after a long time."""
+    gbuffer = flat_gbuffer(64, 48)
+    session = Session(device, gbuffer, "diffuse")
+    rng = np.random.default_rng(14)
+
+    def samples(chance: float) -> np.ndarray:
+        return np.repeat(rng.random((1, 48, 64)) < chance, 3, axis=0).astype(float)
+
+    for _ in range(60):
+        session.add(gbuffer, samples(before))
+    for frame in range(8):
+        result = session.add(gbuffer, samples(0.6), fading=0.1, changed=frame == 0)
+    left = session.image(result.signal).mean() - 0.6
+    assert abs(left) < 0.15 * abs(before - 0.6)
+
+
+def test_change_elsewhere_costs_little(device: ComputeDevice) -> None:
+    """Where nothing changed, a long history keeps most of its worth while objects move."""
+    gbuffer = flat_gbuffer(64, 48)
+    session = Session(device, gbuffer, "diffuse")
+    rng = np.random.default_rng(15)
+    for frame in range(60):
+        signal = 1.0 + 0.5 * rng.normal(size=(1, 48, 64)) * np.ones((3, 1, 1))
+        result = session.add(gbuffer, signal, changed=frame >= 30)
+    image = session.image(result.signal)[0]
+    assert abs(image.mean() - 1.0) < 0.01
+    assert image.std() < 2.0 * 0.5 / np.sqrt(60)
+    assert np.median(session.image(result.length)) > 30.0
+
+
+def test_published_filter_is_its_twin(device: ComputeDevice) -> None:
+    """A tenth of each frame; the history within the frame's neighbourhoods, in every frame."""
+    rng = np.random.default_rng(17)
+    gbuffer = random_gbuffer(40, 30, equirect=False)
+    session = Session(device, gbuffer, "delta", TemporalSettings(history="iprt"))
+    zeros = np.zeros((30, 40))
+    past, ids = oracle.History(np.zeros((6, 30, 40)), zeros, zeros), gbuffer.seen_ids
+    for _ in range(6):
+        signal = noise(rng, "delta", 40, 30)
+        result = session.add(gbuffer, signal)
+        clamped = oracle.clamp(past, signal, ids, 2.0, False, common=False)
+        past = replace(past, signal=clamped.signal)
+        past = oracle.accumulate(past, signal, ids, zeros, 0.1)
+    close = np.isclose(session.image(result.signal), past.signal, rtol=1e-3, atol=1e-4)
+    assert (~close).sum() <= 0.005 * close.size
+
+
+def test_histories_agree_again(device: ComputeDevice) -> None:
+    """From `SETTLE_FRAMES` after a change on, all frames count alike."""
+    gbuffer = flat_gbuffer(8, 8)
+    session = Session(device, gbuffer, "diffuse")
+    rng = np.random.default_rng(16)
+    for frame in range(SETTLE_FRAMES + 1):
+        result = session.add(gbuffer, rng.random((3, 8, 8)), changed=frame == 1)
+    past, length = session.image(result.signal), session.image(result.length)[0]
+    sample = rng.random((3, 8, 8))
+    result = session.add(gbuffer, sample)
+    expected = past + (sample - past) / (length + 1.0)
+    np.testing.assert_allclose(session.image(result.signal), expected, rtol=1e-5)
+
+
+def test_equal_planes_stay_equal(device: ComputeDevice) -> None:
+    gbuffer = random_gbuffer(33, 21, equirect=False)
+    session = Session(device, gbuffer, "ratio")
+    rng = np.random.default_rng(10)
+    for changed in (False, True, True, False):
+        signal = np.tile(rng.gamma(2.0, 0.5, (3, 21, 33)), (2, 1, 1))
+        motion = session.still + rng.normal(size=(2, 21, 33))
+        result = session.add(gbuffer, signal, motion, fading=0.1, changed=changed)
+    image = session.image(result.signal)
+    assert np.array_equal(image[:3], image[3:])
+    assert not session.image(result.variance).any()
+
+
+@pytest.mark.parametrize("changed", [False, True])
+def test_samples_that_are_not_finite_are_dropped(device: ComputeDevice, changed: bool) -> None:
+    gbuffer = flat_gbuffer(16, 8)
+    session = Session(device, gbuffer, "diffuse")
+    values = (0.5, 0.9, 0.3, 0.1, 0.7)
+    for value, bad in zip(values, (np.nan, np.inf, 1.0, -np.inf, 1.0), strict=True):
+        signal = np.full((3, 8, 16), value)
+        signal[1, 3:5, 4:9] *= bad
+        result = session.add(gbuffer, signal, changed=changed)
+    image = session.image(result.signal)
+    assert np.isfinite(image).all()
+    assert np.isfinite(session.image(result.variance)).all()
+    assert session.image(result.length)[0, 4, 6] == 2.0
+    if not changed:
+        np.testing.assert_allclose(image[:, 4, 6], 0.5, rtol=1e-6)
+
+
+@pytest.mark.parametrize("changed", [False, True])
+def test_reset_forgets(device: ComputeDevice, changed: bool) -> None:
+    """Both histories: the fast one would bring back what the slow one has lost."""
+    gbuffer = flat_gbuffer(16, 8)
+    session = Session(device, gbuffer, "diffuse")
+    session.add(gbuffer, np.zeros((3, 8, 16)), changed=changed)
+    session.temporal.reset()
+    for _ in range(3):
+        result = session.add(gbuffer, np.ones((3, 8, 16)), changed=changed)
+        assert np.all(session.image(result.signal) == 1.0)
+
+
+def test_equirect_picture_turns_with_the_view(device: ComputeDevice) -> None:
+    """A pan of an equirect view keeps the whole history, across the seam too."""
+    gbuffer = random_gbuffer(64, 32, equirect=True)
+    rng = np.random.default_rng(12)
+    signal = rng.random((3, 32, 64)).astype(np.float32)
+    session = Session(device, gbuffer, "diffuse")
+    session.add(gbuffer, signal)
+    motion = session.still.copy()
+    motion[0] = (motion[0] - 7.0) % 64
+    result = session.add(gbuffer.rolled(7), np.full_like(signal, np.nan), motion)
+    image = session.image(result.signal)
+    assert np.array_equal(image, np.roll(np.where(gbuffer.seen_ids > 0, signal, 0), 7, 2))
+
+
+def test_frames_weigh_as_their_rays(device: ComputeDevice) -> None:
+    """Eight frames of four rays a pixel, then one a frame: the mean is that of all rays."""
+    gbuffer = flat_gbuffer(64, 48)
+    session = Session(device, gbuffer, "diffuse", rays=4)
+    rng = np.random.default_rng(8)
+    for rays in [4] * 8 + [1] * 24:
+        noise = rng.normal(0.0, 1.0 / np.sqrt(rays), (1, 48, 64))
+        result = session.add(gbuffer, np.repeat(1.0 + noise, 3, axis=0))
+    assert (session.image(result.length) == 8 + 24 / 4).all()
+    # 56 rays of variance 1; one error for all three channels.
+    error = session.image(result.signal)[0] - 1.0
+    assert abs(56 * np.mean(error**2) - 1.0) < 0.1
+    told = session.image(result.variance).mean() / (1.0 + 8.0 / 14.0)
+    assert abs(56 * told - 1.0) < 0.15

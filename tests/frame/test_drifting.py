@@ -1,0 +1,185 @@
+"""Whole frames of a video whose exposure and white balance drift: what is inserted drifts too."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from iprt.device.compute import ComputeDevice
+from iprt.device.plan import PlanDevice
+from iprt.footage.drift import Drift
+from iprt.footage.footage import Footage
+from iprt.footage.frame import Frame
+from iprt.meshes.camera import View
+from iprt.meshes.material import Material
+from iprt.meshes.mesh import Instance
+from iprt.renderer import Renderer
+from iprt.settings.model import Settings
+from tests.films import FEW
+from tests.frame.whole_frame import ROOM, require_finite, rms, still_life
+from tests.worlds import bright_walls, landscape_frame, room_frame
+
+Picture = NDArray[np.float32]
+
+VIEW = View(48, 36, pitch_deg=-35.0)
+AROUND = View(64, 32, projection="equirect")
+FRAME = room_frame(ROOM, 64, 32, bright_walls)
+DRIFTING = Footage.of(FRAME, drifts=True)
+OBJECTS = still_life()
+SETTINGS = Settings.model_validate(FEW)
+CAMERA = np.array([[0.7, 0.05, 0.0], [0.02, 0.6, 0.03], [0.0, 0.1, 0.5]])
+"""Colours of the reference to those of a frame that was exposed and balanced otherwise."""
+
+
+def shown(frame: Frame, camera: NDArray[np.float64]) -> Frame:
+    """The frame in other colours, whose map is known."""
+    color = (frame.color @ camera.T).astype(np.float32)
+    return replace(frame, color=color, color_map=np.linalg.inv(camera))
+
+
+def furnished() -> Frame:
+    """The room with a window in a wall and a glossy floor."""
+    rows, columns = np.indices(FRAME.depth.shape)
+    return replace(
+        FRAME,
+        opening=(np.abs(rows - 14) < 3) & (np.abs(columns - 40) < 3),
+        gloss=(FRAME.normal[..., 1] > 0.5).astype(np.uint8),
+        real_materials=(Material("plastic", alpha=0.2),),
+    )
+
+
+def film(
+    device: ComputeDevice,
+    frames: Sequence[Frame],
+    view: View = VIEW,
+    settings: Settings = SETTINGS,
+    **others: Any,
+) -> list[Picture]:
+    """The pictures of a video, one view frame for each of its frames."""
+    pictures = []
+    with Renderer(device, frames[0], OBJECTS, view, settings, **others) as renderer:
+        for index, frame in enumerate(frames):
+            if index:
+                renderer.load(frame)
+            rendered = renderer.render(1, ["coverage", "ratio"])
+            require_finite(renderer, [rendered])
+            pictures.append(rendered.color)
+    return pictures
+
+
+KINDS: dict[str, tuple[Frame, View, Settings]] = {
+    "room": (FRAME, AROUND, SETTINGS),
+    "window and gloss": (furnished(), VIEW, SETTINGS),
+    "environment": (FRAME, VIEW, Settings.model_validate({**FEW, "method": "ibl"})),
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_mapped_frame_shows_the_reference_mapped_back(device: ComputeDevice, kind: str) -> None:
+    """And frames without a map are rendered bit for bit as in a video that has none."""
+    frame, view, settings = KINDS[kind]
+    steady = film(device, [replace(frame) for _ in range(4)], view, settings)
+    frames = [frame, replace(frame), shown(frame, CAMERA), replace(frame)]
+    drifting = film(device, frames, view, settings, footage=Footage.of(frame, drifts=True))
+    for index in range(2):
+        assert np.array_equal(steady[index], drifting[index])
+    for index, camera in ((2, CAMERA), (3, np.eye(3))):
+        expected = steady[index] @ camera.T
+        assert rms(drifting[index] - expected) < 1e-3 * float(expected.mean())
+        # Rounding decides what few rays meet.
+        assert np.isclose(drifting[index], expected, rtol=1e-3, atol=1e-4).mean() > 0.99
+
+
+RAMP, BEFORE = 16, 10
+GAINS = [1.0] * BEFORE + [float(g) for g in np.geomspace(1.0, 2.0, RAMP + 1)[1:]] + [2.0] * 4
+
+
+def exposed(gains: list[float]) -> list[Frame]:
+    """The room, filmed with exposures."""
+    return [replace(FRAME, color=FRAME.color * np.float32(gain)) for gain in gains]
+
+
+def flicker(pictures: list[Picture], where: NDArray[np.bool_]) -> float:
+    """Mean change from frame to frame during the ramp, relative to the mean radiance."""
+    during = np.stack([p[where] for p in pictures[BEFORE - 1 : BEFORE + RAMP]])
+    return float(np.abs(np.diff(during, axis=0)).mean() / during.mean())
+
+
+def test_exposure_ramps_and_the_object_follows(device: ComputeDevice) -> None:
+    """Output over exposure is the steady video's; without compensation, history lags behind."""
+    steady = film(device, exposed([1.0] * len(GAINS)))
+    drift = Drift()
+    mapped = [drift(frame) for frame in exposed(GAINS)]
+    assert all(frame.color_map is None for frame in mapped[:BEFORE])
+    assert all(frame.color_map is not None for frame in mapped[BEFORE:])
+    with Renderer(device, FRAME, OBJECTS, VIEW, SETTINGS) as renderer:
+        aovs = renderer.render(4, ["coverage", "ratio"]).aovs
+    places = {
+        "object": aovs["coverage"] == 1.0,
+        "shadow": (aovs["coverage"] == 0.0) & (aovs["ratio"] < 0.9).all(-1),
+    }
+
+    def unexposed(pictures: list[Picture]) -> list[Picture]:
+        return [p / np.float32(gain) for p, gain in zip(pictures, GAINS, strict=True)]
+
+    found = unexposed(film(device, mapped, footage=DRIFTING))
+    without = unexposed(film(device, exposed(GAINS)))
+    for name, where in places.items():
+        assert where.sum() > 30
+        figures = {
+            kind: (flicker(pictures, where), rms(pictures[-5][where] - steady[-5][where]))
+            for kind, pictures in (("steady", steady), ("mapped", found), ("without", without))
+        }
+        mean = float(steady[-5][where].mean())
+        assert figures["mapped"][0] < 1.02 * figures["steady"][0] + 1e-4
+        assert figures["mapped"][1] < 0.005 * mean
+        # A shadow is a quotient, in which exposure cancels, and E_R follows light by itself.
+        if name == "object":
+            assert figures["without"][0] > 1.2 * figures["steady"][0]
+            # A history of so many frames is this far behind.
+            assert figures["without"][1] > 0.1 * mean
+
+
+def test_untouched_pixels_keep_the_bits_of_the_input(device: ComputeDevice) -> None:
+    """The sky, on which no object has influence."""
+    world = landscape_frame(64, 32)
+    frame = shown(world, CAMERA)
+    with Renderer(device, world, OBJECTS, AROUND, SETTINGS, footage=DRIFTING) as renderer:
+        renderer.render(2)
+        renderer.load(frame)
+        rendered = renderer.render(1, ["ratio", "coverage"])
+    untouched = (rendered.aovs["ratio"] == 1.0).all(-1) & (rendered.aovs["coverage"] == 0.0)
+    assert untouched.mean() > 0.4
+    assert np.array_equal(rendered.color[untouched], frame.color[untouched])
+    assert not np.array_equal(rendered.color, frame.color)
+
+
+def test_a_jump_of_the_exposure_is_no_cut(device: ComputeDevice) -> None:
+    """Histories and the cache of E_R go on: the picture is as clean after it as before."""
+    drift = Drift()
+    frames = [drift(frame) for frame in exposed([1.0] * 12 + [0.25] * 2)]
+    steady = film(device, exposed([1.0] * 14))
+    jumped = film(device, frames, footage=DRIFTING)
+    assert rms(jumped[-1] * 4.0 - steady[-1]) < 0.005 * float(steady[-1].mean())
+
+
+def planned(frame: Frame, objects: list[Instance], **others: Any) -> PlanDevice:
+    device = PlanDevice()
+    Renderer(device, frame, objects, VIEW, SETTINGS, **others)
+    return device
+
+
+def test_only_videos_that_may_drift_build_for_it() -> None:
+    still, drifting = planned(FRAME, OBJECTS), planned(FRAME, OBJECTS, footage=DRIFTING)
+    assert not [1 for _, _, used in still.kernels if "COLOR_MAP" in dict(used)]
+    more = set(drifting.buffers) - set(still.buffers)
+    assert more == {"color map", "real diffuse", "panorama.radiance"}
+    mapped = [file for file, _, used in drifting.kernels if "COLOR_MAP" in dict(used)]
+    assert sorted(mapped) == ["view/composite.cl", "view/diffuse_part.cl"]
+    assert planned(shown(FRAME, CAMERA), OBJECTS).buffers == drifting.buffers
+    assert planned(FRAME, [], footage=DRIFTING).buffers == planned(FRAME, []).buffers

@@ -1,0 +1,293 @@
+"""The whole frame while the 360° camera moves through an analytic room."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from iprt.device.compute import ComputeDevice
+from iprt.footage.frame import Frame
+from iprt.meshes.camera import View
+from iprt.meshes.mesh import Instance
+from iprt.meshes.pose import view_from
+from iprt.renderer import RenderedFrame, Renderer
+from iprt.settings.model import Settings
+from tests.frame.whole_frame import BRASS, CLAY, METHOD, METHODS, SATIN, SILVER, chosen, rms
+from tests.oracles.worlds import Box, World
+from tests.worlds import Float, ball, bright_walls, cuboid, filmed, pose_at, room_frame, turned
+
+pytestmark = pytest.mark.gl
+
+ROOM = World(solids=(Box((-0.8, -0.9, -1.7), (0.25, 0.5, 0.2)),))
+VIEW = View(64, 48, yaw_deg=5.0, pitch_deg=-35.0)
+WHOLE = View(96, 48, projection="equirect")
+AOVS = ("ratio", "coverage", "background", "normal", "diffuse", "specular")
+
+
+def objects() -> list[Instance]:
+    return [
+        ball((0.2, -1.0, -1.4), 0.3, CLAY, subdivisions=3),
+        replace(ball((-0.3, -1.25, -1.1), 0.15, BRASS, subdivisions=3), name="brass"),
+        cuboid((0.75, -1.2, -1.1), (0.2, 0.2, 0.15), SATIN),
+        # Behind the view; with a mirror, kernels are those of other tests.
+        ball((0.0, -1.3, 1.8), 0.1, SILVER, subdivisions=1),
+    ]
+
+
+def walk(steps: int) -> list[Float]:
+    """Poses of a camera that is carried past the objects and turned meanwhile; it ends level."""
+    poses = []
+    for i in range(steps - 1, -1, -1):
+        position = (0.15 - 0.012 * i, 0.05 + 0.006 * i, 0.1 + 0.01 * i)
+        poses.append(pose_at(position, 10.0 + 0.8 * i, 0.3 * i))
+    return poses
+
+
+def frame_at(pose: Float) -> Frame:
+    return filmed(ROOM, 256, 128, bright_walls, pose)
+
+
+def settings(**others: Any) -> Settings:
+    return chosen(METHODS[0], **others)
+
+
+def errors(picture: RenderedFrame, truth: RenderedFrame) -> dict[str, float]:
+    """RMS errors of what objects do to real pixels, and of pixels of objects."""
+    real = truth.aovs["coverage"] == 0.0
+    solid = (truth.aovs["coverage"] == 1.0) & (picture.aovs["coverage"] == 1.0)
+    ratio = picture.aovs["ratio"] - truth.aovs["ratio"]
+    return {"ratio": rms(ratio[real]), "objects": rms((picture.color - truth.color)[solid])}
+
+
+# What must stay ------------------------------------------------------------------------------
+
+
+@METHOD
+@pytest.mark.parametrize("view", [VIEW, WHOLE], ids=lambda view: view.projection)
+def test_the_worlds_own_pose_changes_no_bit(
+    device: ComputeDevice, method: tuple[str, str], view: View
+) -> None:
+    """A camera that stays at the origin is none that moves."""
+    first = room_frame(ROOM, 128, 64, bright_walls)
+    second = replace(first, color=first.color * np.float32(0.9))
+    pictures = []
+    for pose in (None, np.eye(4)):
+        frames = [replace(frame, pose=pose) for frame in (first, second)]
+        with Renderer(device, frames[0], objects(), view, chosen(method)) as renderer:
+            shown = [renderer.render(2, AOVS)]
+            renderer.load(frames[1])
+            pictures.append([*shown, renderer.render(2, AOVS)])
+    for plain, posed in zip(*pictures, strict=True):
+        np.testing.assert_array_equal(posed.color, plain.color)
+        for name in AOVS:
+            np.testing.assert_array_equal(posed.aovs[name], plain.aovs[name])
+
+
+@METHOD
+def test_a_scene_moved_by_a_pose_looks_the_same(
+    device: ComputeDevice, method: tuple[str, str]
+) -> None:
+    """Objects and view turned and moved along with the camera."""
+    frame = room_frame(ROOM, 128, 64, bright_walls)
+    pose = pose_at((3.0, -1.0, 7.0), 30.0)
+    moved = [replace(i, to_world=pose @ i.to_world) for i in objects()]
+    turned_view = replace(VIEW, yaw_deg=VIEW.yaw_deg + 30.0)
+    pictures = []
+    for scene in (
+        (frame, objects(), VIEW),
+        (replace(frame, pose=pose), moved, turned_view),
+    ):
+        with Renderer(device, *scene, chosen(method)) as renderer:
+            pictures.append(renderer.render(3, AOVS))
+    still, other = pictures
+    # Rounding decides what single rays meet.
+    assert np.isclose(other.color, still.color, rtol=0.02, atol=1e-4).mean() > 0.99
+    assert rms(other.color - still.color) < 0.01
+    # Normals are told in the world, which is another now.
+    inside = still.aovs["coverage"] == 1.0
+    normals = still.aovs["normal"][inside] @ pose[:3, :3].T
+    np.testing.assert_allclose(other.aovs["normal"][inside], normals, atol=2e-3)
+
+
+@METHOD
+def test_a_camera_that_turns_shows_the_still_picture(
+    device: ComputeDevice, method: tuple[str, str]
+) -> None:
+    """The view keeps its direction in the world; nothing that was accumulated is lost."""
+    frame = room_frame(ROOM, 256, 128, bright_walls)
+    steps = [(3 * i * (-1) ** i) % 256 for i in range(1, 7)]
+    with Renderer(device, frame, objects(), VIEW, chosen(method, fading=0.0)) as renderer:
+        still = renderer.render(len(steps) + 1, AOVS)
+    first = replace(frame, pose=np.eye(4))
+    with Renderer(device, first, objects(), VIEW, chosen(method, fading=0.0)) as renderer:
+        renderer.step()
+        for columns in steps:
+            rolled, _, yaw_deg = turned(frame, [], columns)
+            renderer.load(replace(rolled, pose=pose_at(yaw_deg=-yaw_deg)))
+            renderer.step()
+        picture = renderer.render(0, AOVS)
+        assert renderer.real_pixels is not None
+        length = renderer.layout.interior(
+            renderer.device.read(renderer.real_pixels._filter.history)
+        )
+    np.testing.assert_allclose(picture.aovs["background"], still.aovs["background"], atol=0.02)
+    np.testing.assert_allclose(picture.aovs["coverage"], still.aovs["coverage"], atol=0.07)
+    with Renderer(device, frame, objects(), VIEW, chosen(method, seed=9, fading=0.0)) as renderer:
+        again = renderer.render(len(steps) + 1, AOVS)
+    noise = errors(again, still)
+    for name, error in errors(picture, still).items():
+        assert error < 1.6 * noise[name], name
+    assert np.median(length) > 4.0 if method[0] == "ratio" else np.percentile(length, 90) > 4.0
+
+
+# What must be kept ---------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def truth(device: ComputeDevice) -> RenderedFrame:
+    """The last frame of the walk, converged."""
+    sure = settings(fading=0.0, seed=5, trace={"rays": 8, "object_rays": 16})
+    with Renderer(device, frame_at(walk(1)[0]), objects(), VIEW, sure) as renderer:
+        return renderer.render(32, AOVS)
+
+
+def walked(
+    device: ComputeDevice, poses: Sequence[Float], chosen_settings: Settings, each: int = 1
+) -> tuple[RenderedFrame, NDArray[Any]]:
+    """The last frame of a walk, and the samples of E_R that it has."""
+    with Renderer(device, frame_at(poses[0]), objects(), VIEW, chosen_settings) as renderer:
+        renderer.render(each)
+        for pose in poses[1:]:
+            renderer.load(frame_at(pose))
+            renderer.render(each)
+        assert renderer.real_world.irradiance is not None
+        return renderer.render(0, AOVS), device.read(renderer.real_world.irradiance.mean)
+
+
+def test_walking_leaves_no_trails(device: ComputeDevice, truth: RenderedFrame) -> None:
+    """After a walk the picture has less noise than a first one, and in no place another one."""
+    poses = walk(14)
+    fresh = [walked(device, poses[-1:], settings(seed=seed))[0] for seed in (1, 2)]
+    picture, _ = walked(device, poses, settings(seed=1))
+    least = [errors(f, truth) for f in fresh]
+    for name, error in errors(picture, truth).items():
+        assert error < 0.85 * min(found[name] for found in least), name
+    real = truth.aovs["coverage"] == 0.0
+    lit = real & (truth.aovs["ratio"].min(-1) > 0.97)
+    assert lit.mean() > 0.2
+    found, first = (p.aovs["ratio"] - truth.aovs["ratio"] for p in (picture, fresh[0]))
+    assert np.percentile(np.abs(found)[lit], 99.5) < np.percentile(np.abs(first)[lit], 99.5)
+    np.testing.assert_allclose(picture.aovs["background"], truth.aovs["background"], atol=1e-6)
+
+
+def test_histories_survive_the_walk(device: ComputeDevice, truth: RenderedFrame) -> None:
+    """With as many samples as at rest, nearly as good as at rest."""
+    poses = walk(14)
+    rest, _ = walked(device, [poses[-1]] * 14, settings(seed=1))
+    picture, _ = walked(device, poses, settings(seed=1))
+    at_rest = errors(rest, truth)
+    for name, error in errors(picture, truth).items():
+        assert error < 1.6 * at_rest[name], name
+
+
+def test_objects_keep_their_place_in_the_world(device: ComputeDevice) -> None:
+    """Their motion, by either way to draw them, is that of their points past the camera."""
+    before, now = walk(6)[0], walk(6)[-1]
+    for gbuffer in ("gl", "cl"):
+        with Renderer(
+            device, frame_at(before), objects(), VIEW, settings(gbuffer=gbuffer)
+        ) as renderer:
+            renderer.step()
+            renderer.load(frame_at(now))
+            renderer.step()
+            pixels = renderer.virtual_pixels
+            assert pixels is not None
+            seen = pixels.visible
+            image = {
+                name: renderer.layout.interior(device.read(getattr(seen, name)))
+                for name in ("motion", "depth", "coverage")
+            }
+            renderer.step()
+            rested = renderer.layout.interior(device.read(seen.motion))
+        solid = image["coverage"][0] == 1.0
+        assert solid.sum() > 200
+        here = view_from(VIEW, now)
+        point = now[:3, 3] + (here.directions() * image["depth"][0][..., None]) @ now[:3, :3].T
+        wanted = view_from(VIEW, before).project((point - before[:3, 3]) @ before[:3, :3])
+        motion = np.moveaxis(image["motion"], 0, -1)
+        np.testing.assert_allclose(motion[solid], wanted[solid], atol=0.01)
+        still = np.stack(np.meshgrid(np.arange(64) + 0.5, np.arange(48) + 0.5), -1)
+        assert np.abs(motion - still)[solid].mean() > 0.5
+        np.testing.assert_allclose(np.moveaxis(rested, 0, -1)[solid], still[solid], atol=0.01)
+
+
+def test_the_seam_does_not_show_while_walking(device: ComputeDevice) -> None:
+    """An equirect view: histories cross the seam with what moves past it."""
+    near = [ball((0.1, -1.0, 1.2), 0.35, CLAY, subdivisions=3)]
+    yaw = [0.0, 1.5, 3.0, 4.5, 6.0, 7.5]
+    poses = [pose_at((0.02 * i, 0.0, 0.0), a) for i, a in enumerate(yaw)]
+    pictures = []
+    for start in (0.0, 90.0):
+        shifted = [pose @ pose_at(yaw_deg=start) for pose in poses]
+        with Renderer(device, frame_at(shifted[0]), near, WHOLE, settings(seed=2)) as renderer:
+            renderer.render(2)
+            for pose in shifted[1:]:
+                renderer.load(frame_at(pose))
+                renderer.render(2)
+            pictures.append(renderer.render(0, AOVS))
+    # Turned by a quarter, the seam is elsewhere and the rest is the same.
+    still, other = (p.aovs["ratio"] for p in pictures)
+    error = np.roll(other, 24, 1) - still
+    assert still.min() < 0.95
+    assert (pictures[0].aovs["coverage"][:, [0, -1]] > 0.0).any()
+    seam = np.r_[0:6, 90:96]
+    assert rms(error[:, seam]) < 1.5 * rms(error) + 0.01
+
+
+# E_R -----------------------------------------------------------------------------------------
+
+
+def test_irradiance_is_fetched_from_where_it_was(device: ComputeDevice) -> None:
+    """Cells of a walk know what cells of a camera that stood still do."""
+    poses = walk(14)
+    many = settings(irradiance={"rows": 32, "first_rays": 2048, "samples": 2048})
+    _, sure = walked(device, poses[-1:], many)
+    _, mean = walked(device, poses, settings(irradiance={"rows": 32}))
+    _, first = walked(device, poses[-1:], settings(irradiance={"rows": 32}))
+    known = (first[:, 3] > 0.0) & (sure[:, 3] > 0.0)
+    assert known.sum() > 80
+    assert (mean[known, 3] >= 20.0).mean() > 0.85
+    error, alone = (m[known, :3] - sure[known, :3] for m in (mean, first))
+    assert rms(error) < 0.7 * rms(alone)
+    assert abs((error / sure[known, :3]).mean()) < 0.02
+
+
+def test_random_numbers_go_on(device: ComputeDevice) -> None:
+    """Cells that forget draw other samples: what they say over time is the mean of many."""
+    rows = {"rows": 32}
+    frame = room_frame(ROOM, 128, 64, bright_walls)
+    video = (frame, replace(frame, color=2.0 * frame.color))
+    many = settings(irradiance={**rows, "first_rays": 2048, "samples": 2048})
+    with Renderer(device, frame, objects(), VIEW, many) as renderer:
+        renderer.step()
+        assert renderer.real_world.irradiance is not None
+        sure = device.read(renderer.real_world.irradiance.mean)
+    means = []
+    with Renderer(device, frame, objects(), VIEW, settings(irradiance=rows)) as renderer:
+        for i in range(40):
+            renderer.step()
+            assert renderer.real_world.irradiance is not None
+            means.append(device.read(renderer.real_world.irradiance.mean))
+            means[-1][:, :3] /= (1.0, 2.0)[i % 2]
+            renderer.load(video[(i + 1) % 2])
+        drawn = device.read(renderer.real_world.irradiance.plane)[:, 3]
+    known = (drawn > 80.0) & (sure[:, 3] > 0.0)
+    assert known.sum() > 50
+    over_time = np.mean(means[5:], axis=0)[known, :3] - sure[known, :3]
+    single = means[0][known, :3] - sure[known, :3]
+    assert rms(over_time) < 0.4 * rms(single)

@@ -1,0 +1,146 @@
+"""Rays see `Frame.radiance`, the picture shows `Frame.color`: two buffers, where they differ."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from iprt.aovs import AOVS
+from iprt.device.compute import ComputeDevice
+from iprt.device.plan import PlanDevice
+from iprt.footage.footage import Footage
+from iprt.footage.frame import Frame
+from iprt.memory import RenderPlan
+from iprt.meshes.camera import View
+from iprt.meshes.material import Material
+from iprt.meshes.mesh import Instance
+from iprt.renderer import Renderer
+from iprt.settings.model import Settings
+from tests.films import FEW, LOOK
+from tests.frame.whole_frame import still_life
+from tests.oracles.worlds import World
+from tests.worlds import ball, bright_walls, ceiling_lamp, room_frame
+
+AROUND = View(64, 32, projection="equirect")
+FLOOR = Material("plastic", alpha=0.2)
+SETTINGS = Settings.model_validate(FEW)
+BALL = ball((0.0, -1.1, -1.7), 0.3, Material(), subdivisions=1)
+
+
+def lit(*, window: bool = False, gloss: bool = False) -> Frame:
+    """A dim room under a bright lamp, with a window in a wall, on a glossy floor."""
+    frame = room_frame(World(), 64, 32, ceiling_lamp)
+    rows, columns = np.indices(frame.depth.shape)
+    if window:
+        inside = (np.abs(rows - 14) < 3) & (np.abs(columns - 40) < 3)
+        frame = replace(frame, opening=inside)
+        frame.color[inside] = 3.0
+    if gloss:
+        floor = (frame.normal[..., 1] > 0.5).astype(np.uint8)
+        frame = replace(frame, gloss=floor, real_materials=(FLOOR,))
+    return frame
+
+
+def clipped(frame: Frame) -> Frame:
+    """The frame as a camera shows it that sees nothing brighter than 1; its light is known."""
+    return replace(frame, color=np.minimum(frame.color, np.float32(1.0)), light=frame.color)
+
+
+def pictures(
+    device: ComputeDevice,
+    frame: Frame,
+    view: View,
+    background: NDArray[np.float32] | None = None,
+    **kwargs: Any,
+) -> list[NDArray[np.float32]]:
+    objects = still_life() if frame.real_materials else [BALL]  # the kernels of other tests
+    with Renderer(
+        device, frame, objects, view, SETTINGS, background=background, **kwargs
+    ) as renderer:
+        rendered = renderer.render(2, AOVS)
+    return [rendered.color, *rendered.aovs.values()]
+
+
+KINDS: list[dict[str, bool]] = [{}, {"window": True, "gloss": True}]
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=str)
+def test_rays_see_the_light_that_was_clipped(device: ComputeDevice, kind: dict[str, bool]) -> None:
+    """Over one and the same background, the picture is that of the unclipped frame, bit for bit."""
+    frame = lit(**kind)
+    background = np.full((LOOK.height, LOOK.width, 3), 0.2, np.float32)
+    truth = pictures(device, frame, LOOK, background)
+    found = pictures(device, clipped(frame), LOOK, background)
+    without = pictures(device, replace(clipped(frame), light=None), LOOK, background)
+    for a, b in zip(truth, found, strict=True):
+        np.testing.assert_array_equal(a, b)
+    assert not np.array_equal(truth[0], without[0])
+
+
+def test_the_picture_shows_the_colour(device: ComputeDevice) -> None:
+    """What objects do to it is a factor, that of the light."""
+    frame = clipped(lit())
+    with Renderer(device, frame, [BALL], AROUND, SETTINGS) as renderer:
+        shown = renderer.render(2, ["ratio", "coverage"])
+    real = shown.aovs["coverage"] == 0.0
+    assert (real & (frame.color == 1.0).all(-1)).any()
+    expected = frame.color * shown.aovs["ratio"]
+    np.testing.assert_allclose(shown.color[real], expected[real], rtol=1e-5)
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=str)
+def test_a_buffer_of_its_own_changes_no_bit(device: ComputeDevice, kind: dict[str, bool]) -> None:
+    frame = lit(**kind)
+    plain = pictures(device, frame, LOOK)
+    for others in (
+        pictures(device, frame, LOOK, footage=Footage.of(frame, own_radiance=True)),
+        pictures(device, replace(frame, light=frame.color), LOOK),
+    ):
+        for a, b in zip(plain, others, strict=True):
+            np.testing.assert_array_equal(a, b)
+
+
+def test_light_that_goes_out_is_a_cut_though_the_colour_stays(device: ComputeDevice) -> None:
+    """Histories end, and E_R is found anew."""
+    before = clipped(room_frame(World(), 64, 32, bright_walls))
+    dark = replace(before, light=before.color * np.float32(0.1))
+    with Renderer(device, before, [BALL], LOOK, SETTINGS) as renderer:
+        renderer.render(4)
+        irradiance = renderer.real_world.irradiance
+        assert irradiance is not None
+        renderer.load(replace(before))
+        counted = device.read(irradiance.mean)[..., 3].max()
+        renderer.load(dark)
+        left = device.read(irradiance.mean)[..., 3].max()
+    assert counted > 2.0 * left
+
+
+def test_mean_radiance_is_that_of_the_light(device: ComputeDevice) -> None:
+    frame = lit()
+    with Renderer(device, clipped(frame), [BALL], LOOK, SETTINGS) as renderer:
+        rows = np.sin((np.arange(frame.height) + 0.5) / frame.height * np.pi)
+        expected = np.average(frame.color.mean(axis=(1, 2)), weights=rows)
+        assert renderer.real_world.panorama.mean_radiance == pytest.approx(expected, rel=1e-5)
+
+
+def planned(frame: Frame, objects: list[Instance], **kwargs: Any) -> PlanDevice:
+    device = PlanDevice()
+    Renderer(device, frame, objects, LOOK, SETTINGS, **kwargs)
+    return device
+
+
+@pytest.mark.parametrize("gloss", [False, True])
+def test_only_frames_that_need_it_get_the_buffer(gloss: bool) -> None:
+    """And no kernel is built otherwise for it."""
+    frame = lit(gloss=gloss)
+    plain, needed = planned(frame, [BALL]), planned(clipped(frame), [BALL])
+    assert needed.kernels == plain.kernels
+    assert needed.buffers == {**plain.buffers, "panorama.radiance": 64 * 32 * 16}
+    clips = Footage.of(frame, own_radiance=True)
+    assert planned(frame, [BALL], footage=clips).buffers == needed.buffers
+    assert RenderPlan.of(frame, [BALL], LOOK, SETTINGS, clips).bytes == sum(needed.buffers.values())
+    assert planned(clipped(frame), []).buffers == planned(frame, []).buffers

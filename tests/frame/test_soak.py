@@ -1,0 +1,185 @@
+"""Hours of video: memory stays where it is, nothing becomes NaN, and the same seed shows the same.
+
+`python -m tests.frame.test_soak 10000` plays so many frames twice and prints what it finds; the
+tests play as many as there is time for.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import gc
+import hashlib
+import sys
+import tempfile
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+from unittest import mock
+
+import numpy as np
+import pyopencl.array as cla
+import pytest
+
+from iprt.device import profile
+from iprt.device.choose import choose_device
+from iprt.device.compute import ComputeDevice, Kernel
+from iprt.film import Film
+from iprt.footage.video.stream import Ahead
+from iprt.scene.scene import Scene
+from tests.frame.moving import FRAMES as CLIP
+from tests.frame.moving import write_moving
+from tests.frame.whole_frame import METHODS, chosen
+from tests.waiting import until
+
+pytestmark = pytest.mark.gl
+
+FRAMES, AGAIN = 400, 48
+"""Frames of the tests' film, and of those that are played a second time."""
+WARM_UP = 120
+"""Frames until the interpreter, the driver and FFmpeg have the memory that they keep."""
+EVERY = 2 * CLIP
+"""Frames from one look at the memory to the next: what is decoded ahead is the same every time."""
+SLOPE = 500.0
+"""Bytes per frame by which memory in use may seem to grow: less than the smallest object for which
+Python asks the allocator."""
+SETTINGS: dict[str, Any] = {"trace": {"object_rays": 1}, "atrous": {"levels": 3}}
+"""Few rays: it is not the accuracy that lasts or does not."""
+
+
+class CountingDevice(ComputeDevice):
+    """Counts the buffers that are allocated and the kernels that are asked for."""
+
+    made = 0
+
+    def empty(self, *args: Any, **kwargs: Any) -> cla.Array:
+        self.made += 1
+        return super().empty(*args, **kwargs)
+
+    def kernel(self, *args: Any, **kwargs: Any) -> Kernel:
+        self.made += 1
+        return super().kernel(*args, **kwargs)
+
+
+@dataclass
+class Run:
+    """What a film came to, every `EVERY` frames.
+
+    Attributes
+    ----------
+    digests : list of str
+        Digests of all pictures so far.
+    used : list of int
+        Bytes that are allocated and not freed, buffers of PoCL's devices among them.
+    memory : list of int
+        Bytes that the process holds: with what the allocator keeps, and so in large steps.
+    made : list of int
+        Buffers and kernels made so far.
+    """
+
+    digests: list[str] = field(default_factory=list)
+    used: list[int] = field(default_factory=list)
+    memory: list[int] = field(default_factory=list)
+    made: list[int] = field(default_factory=list)
+
+    @property
+    def slope(self) -> float:
+        """Bytes per frame by which use grew after the warm-up: the median step between two looks.
+
+        What is forgotten in every frame is in every step; what the driver keeps because more was
+        on its way at once than ever before is in a few.
+        """
+        after = self.used[WARM_UP // EVERY :]
+        return float(np.median(np.diff(after))) / EVERY
+
+
+class Mallinfo(ctypes.Structure):
+    """What glibc tells of its allocator (`man mallinfo2`)."""
+
+    _fields_ = tuple(
+        (name, ctypes.c_size_t)
+        for name in (
+            *("arena", "ordblks", "smblks", "hblks", "hblkhd"),
+            *("usmblks", "fsmblks", "uordblks", "fordblks", "keepcost"),
+        )
+    )
+
+
+def in_use() -> int:
+    """Bytes that are allocated and not freed."""
+    try:
+        ask = ctypes.CDLL("libc.so.6").mallinfo2
+    except (OSError, AttributeError):
+        pytest.skip("needs glibc 2.33, which tells what is allocated")
+    ask.restype = Mallinfo
+    told = ask()
+    return int(told.uordblks + told.hblkhd)
+
+
+def resident() -> int:
+    """Bytes of memory that the process holds."""
+    return 4096 * int(Path("/proc/self/statm").read_text().split()[1])
+
+
+def at_rest(stream: Ahead[Any]) -> bool:
+    """Whether as many frames lie ready as may, and one more waits for room, or all are made."""
+    return bool(stream._ready.not_full._waiters) or not stream._thread.is_alive()
+
+
+def play(scene: Scene, compute: ComputeDevice, frames: int, method: tuple[str, str]) -> Run:
+    """Loop the clip for so many frames; no picture holds NaN."""
+    device = CountingDevice(compute.device)
+    settings = chosen(method, seed=5, **SETTINGS)
+    run, digest = Run(), hashlib.sha256()
+    streams: list[Ahead[Any]] = []
+
+    def stream(*args: Any, **kwargs: Any) -> Ahead[Any]:
+        streams.append(Scene.stream(scene, *args, **kwargs))
+        return streams[-1]
+
+    with (
+        mock.patch.object(scene, "stream", stream),
+        Film(scene, device, settings, view=scene.views["ahead"]) as film,
+    ):
+        for number, (_, picture) in enumerate(film.frames([i % CLIP for i in range(frames)])):
+            assert np.isfinite(picture.color).all(), number
+            digest.update(picture.color)
+            if number % EVERY == EVERY - 1:
+                until(lambda: at_rest(streams[-1]))
+                gc.collect()
+                run.digests.append(digest.hexdigest())
+                run.used.append(in_use())
+                run.memory.append(resident())
+                run.made.append(device.made)
+    return run
+
+
+@pytest.mark.slow
+def test_a_long_film_stays_as_it_began(
+    device: ComputeDevice, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """No memory grows, on the device nothing is made anew, and again it is the same to the bit."""
+    # The profile's sample of frames, 4 kB each, is to be full when the warm-up is over.
+    monkeypatch.setattr(profile, "MOST_FRAMES", WARM_UP // 2)
+    scene = write_moving(tmp_path / "clip")
+    run = play(scene, device, FRAMES, METHODS[0])
+    assert abs(run.slope) < SLOPE
+    assert set(run.made) == {run.made[0]}
+    again = play(scene, device, AGAIN, METHODS[0])
+    assert again.digests == run.digests[: AGAIN // EVERY]
+    assert len(set(run.digests)) == FRAMES // EVERY
+
+
+def main(frames: int) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        scene = write_moving(Path(folder))
+        compute = ComputeDevice(choose_device("pocl"))
+        runs = [play(scene, compute, frames, METHODS[0]) for _ in range(2)]
+    for run in runs:
+        print(f"{frames} frames: {run.slope:.1f} bytes per frame, {run.used[0]} at first")
+        print(f"  resident: {run.memory[0]} bytes, at the end {run.memory[-1]}")
+        print(f"  buffers and kernels: {run.made[0]}, at the end {run.made[-1]}")
+    print("the same to the bit" if runs[0].digests == runs[1].digests else "they differ")
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]))

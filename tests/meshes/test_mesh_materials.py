@@ -1,0 +1,129 @@
+"""What materials of mesh files become, and that what is lost of them is named."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from iprt.meshes.material import Material
+from iprt.meshes.mesh import Mesh
+from iprt.meshes.meshes import load_mesh
+from tests.meshes.gltf_files import GltfFile
+from tests.meshes.test_meshes import gltf
+from tests.scene.files import CUBE
+
+
+def of_mtl(folder: Path, *lines: str) -> Mesh:
+    (folder / "m.mtl").write_text("\n".join(["newmtl a", *lines]))
+    (folder / "m.obj").write_text("mtllib m.mtl\nusemtl a\n" + CUBE)
+    return load_mesh(folder / "m.obj")
+
+
+@pytest.mark.parametrize(
+    ("lines", "material"),
+    [
+        (["Kd 1 0 0", "Pr 0.5"], Material("plastic", (1, 0, 0), alpha=0.25)),
+        (["Kd 1 0 0", "Pr 0.95"], Material("diffuse", (1, 0, 0))),
+        (["Kd 1 0.5 0", "Pr 0.2", "Pm 1"], Material("conductor", (1, 0.5, 0), alpha=0.04)),
+        (["Kd 1 0 0", "Ks 1 1 1", "Ns 198", "Pm 1"], Material("conductor", (1, 0, 0), alpha=0.1)),
+        (["Kd 1 0 0", "Ks 1 1 1", "Ns 198"], Material("plastic", (1, 0, 0), alpha=0.1)),
+        (["Kd 1 0 0", "Ks 1 1 1", "Ns 198", "Ni 1.8"],
+         Material("plastic", (1, 0, 0), alpha=0.1, ior=1.8)),
+        (["Kd 1 0 0", "Ks 1 1 1", "Ns 198", "Ni 1"], Material("plastic", (1, 0, 0), alpha=0.1)),
+        (["Kd 0.5"], Material("diffuse", (0.5, 0.5, 0.5))),
+        (["Kd 1 0 0", "Pr nan", "Pm inf"], Material("diffuse", (1, 0, 0))),
+    ],
+)  # fmt: skip
+def test_mtl_to_kind(tmp_path: Path, lines: list[str], material: Material) -> None:
+    mesh = of_mtl(tmp_path, *lines)
+    (found,) = mesh.materials
+    assert (found.kind, found.albedo) == (material.kind, material.albedo)
+    if found.kind != "diffuse":
+        assert (found.alpha, found.ior) == pytest.approx((material.alpha, material.ior))
+    assert mesh.dropped == ()
+
+
+@pytest.mark.parametrize(
+    ("line", "phrase"),
+    [
+        ("Ke 2 2 2", "emission"),
+        ("d 0.5", "transparency"),
+        ("Tr 0.5", "transparency"),
+        ("Tf 1 0 0", "a filter of what shines through (Tf)"),
+        ("Pc 0.5", "'pc' of its materials"),
+        ("map_Pr r.png", "texture map_pr"),
+        ("norm n.png", "texture norm"),
+        ("Pm 0.5", "metallic 0.5, which is taken for 1, a metal"),
+        ("Pm 0.25", "metallic 0.25, which is taken for 0, no metal"),
+    ],
+)
+def test_what_mtl_says_and_is_not_read_is_named(tmp_path: Path, line: str, phrase: str) -> None:
+    assert of_mtl(tmp_path, "Kd 1 0 0", line).dropped == (phrase,)
+
+
+@pytest.mark.parametrize(
+    "line", ["Ke 0 0 0", "Ka 1 1 1", "illum 2", "d 1", "Tr 0", "Tf 1 1 1", "Ps 0", "Pm 0", "Pm 1"]
+)
+def test_what_says_nothing_is_not_named(tmp_path: Path, line: str) -> None:
+    assert of_mtl(tmp_path, "Kd 1 0 0", line).dropped == ()
+
+
+@pytest.mark.parametrize(("metallic", "taken"), [(0.5, "1, a metal"), (0.4, "0, no metal")])
+def test_half_metals_of_gltf_are_named(tmp_path: Path, metallic: float, taken: str) -> None:
+    path = gltf(tmp_path / "q.gltf", metallicFactor=metallic, roughnessFactor=0.5)
+    assert load_mesh(path).dropped == (f"metallic {metallic}, which is taken for {taken}",)
+
+
+@pytest.mark.parametrize("dtype", ["u1", "u2", "f4"])
+@pytest.mark.parametrize("factor", [None, 0.5])
+def test_colours_of_gltf_multiply_that_of_the_material(
+    dtype: str, factor: float | None, tmp_path: Path
+) -> None:
+    file = GltfFile()
+    top = 1.0 if dtype == "f4" else np.iinfo(dtype).max
+    colors = np.array([[0.2, 1.0, 0.0], [0.4, 1.0, 0.0], [0.6, 1.0, 0.0]]) * top
+    more = {} if dtype == "f4" else {"normalized": True}
+    corners = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
+    number = file.mesh(corners, [[0, 1, 2]], COLOR_0=file.array(colors, dtype, **more))
+    if factor is not None:
+        pbr = {"baseColorFactor": [factor] * 3 + [1.0], "metallicFactor": 0.0}
+        file.document["materials"] = [{"pbrMetallicRoughness": pbr}]
+        file.document["meshes"][number]["primitives"][0]["material"] = 0
+    file.node(mesh=number)
+    (material,) = load_mesh(file.write(tmp_path / "c.glb")).materials
+    expected = np.array([0.4, 1.0, 0.0]) * (factor or 1.0)
+    assert material.albedo == pytest.approx(expected, abs=5e-3)
+
+
+def test_texture_coordinates_and_borders_that_are_not_read_are_named(tmp_path: Path) -> None:
+    path = gltf(tmp_path / "q.gltf", baseColorTexture=Image.new("RGB", (2, 2)), metallicFactor=0.0)
+    document = json.loads(path.read_text())
+    assert load_mesh(path).dropped == ()
+    document["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"]["texCoord"] = 1
+    document["samplers"] = [{"wrapS": 33071}]
+    document["textures"][0]["sampler"] = 0
+    path.write_text(json.dumps(document))
+    assert load_mesh(path).dropped == (
+        "a second set of texture coordinates; the first is used",
+        "textures that are clamped or mirrored at their borders; they repeat",
+    )
+
+
+def test_smoothing_groups_are_named_where_they_would_matter(tmp_path: Path) -> None:
+    (tmp_path / "m.obj").write_text("s 1\n" + CUBE)
+    assert load_mesh(tmp_path / "m.obj").dropped == ("smoothing groups",)
+    text = "vn 0 0 1\nv 0 0 0\nv 1 0 0\nv 0 1 0\ns 1\nf 1//1 2//1 3//1\n"
+    (tmp_path / "m.obj").write_text(text)
+    assert load_mesh(tmp_path / "m.obj").dropped == ()
+
+
+def test_other_elements_of_ply_are_named(tmp_path: Path) -> None:
+    text = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
+    text += "property float z\nelement face 1\nproperty list uchar int vertex_indices\n"
+    text += "element edge 1\nproperty int vertex1\nproperty int vertex2\nend_header\n"
+    (tmp_path / "m.ply").write_text(text + "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n0 1\n")
+    assert load_mesh(tmp_path / "m.ply").dropped == ("element 'edge'",)

@@ -1,0 +1,253 @@
+"""Meshes: geometry, normals, materials; what is dropped is named, what is wrong is one line."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+from PIL import Image
+from trimesh.visual.material import PBRMaterial
+
+from iprt.errors import FormatError
+from iprt.meshes.material import Material
+from iprt.meshes.meshes import load_mesh
+from tests.scene.files import CUBE
+
+
+def write(path: Path, text: str) -> Path:
+    path.write_text(text)
+    return path
+
+
+def test_a_cube_of_obj(tmp_path: Path) -> None:
+    mesh = load_mesh(write(tmp_path / "cube.obj", CUBE))
+    assert len(mesh.triangles) == 12
+    assert len(mesh.positions) == 24, "three faces meet at a corner"
+    assert ((mesh.normals * mesh.positions).sum(axis=-1) == 1.0).all()
+    corners = mesh.positions[mesh.triangles]
+    face = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    assert ((face * corners.mean(axis=1)).sum(-1) > 0).all(), "counter-clockwise from outside"
+    assert mesh.uvs.shape == (len(mesh.positions), 2)
+    assert mesh.positions.dtype == mesh.normals.dtype == np.float32
+    assert mesh.triangles.dtype == mesh.material_index.dtype == np.int32
+
+
+def test_given_normals_are_kept_and_bad_ones_replaced(tmp_path: Path) -> None:
+    text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0.6 0 0.8\nvn 0 0 0\nf 1//1 2//1 3//2\n"
+    mesh = load_mesh(write(tmp_path / "t.obj", text))
+    assert np.allclose(np.sort(mesh.normals[:, 0]), [0.0, 0.6, 0.6])
+    assert np.allclose(np.linalg.norm(mesh.normals, axis=1), 1.0)
+
+
+def test_obj_materials_stay_apart(tmp_path: Path) -> None:
+    Image.new("RGB", (2, 2), (255, 0, 0)).save(tmp_path / "t.png")
+    write(
+        tmp_path / "m.mtl",
+        "newmtl matte\nKd 0.8 0.1 0.015\nmap_Kd t.png\nmap_Bump b.png\n"
+        "newmtl shiny\nKd 0 0 1\nKs 0.5 0.5 0.5\nNs 198\n",
+    )
+    text = "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nvt 0 0\nvt 1 0\nvt 0.25 1\n"
+    text += "usemtl matte\nf 1/1 2/2 3/3\nusemtl shiny\nf 1/1 2/2 4/3\nl 1 2\n"
+    mesh = load_mesh(write(tmp_path / "m.obj", text))
+    by_kind = {m.kind: (i, m) for i, m in enumerate(mesh.materials)}
+    index, matte = by_kind["diffuse"]
+    assert matte.albedo == pytest.approx((0.8, 0.1, 0.015))
+    assert matte.texture is not None
+    assert np.allclose(matte.texture, [1, 0, 0])
+    assert by_kind["plastic"][1].alpha == pytest.approx(0.1)
+    (triangle,) = mesh.triangles[mesh.material_index == index]
+    assert np.allclose(mesh.positions[triangle], [[0, 0, 0], [1, 0, 0], [0, 1, 0]])
+    assert np.allclose(mesh.uvs[triangle], [[0, 0], [1, 0], [0.25, 1]])
+    assert "lines" in mesh.dropped
+    assert any("bump" in phrase for phrase in mesh.dropped)
+
+
+def gltf(path: Path, **material: Any) -> Path:
+    """A textured quad in glTF, moved and mirrored by its node."""
+    uv = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    vertices = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float)
+    visual = trimesh.visual.TextureVisuals(uv=uv, material=PBRMaterial(name="m", **material))
+    mesh = trimesh.Trimesh(vertices, [[0, 1, 2], [0, 2, 3]], visual=visual, process=False)
+    scene = trimesh.Scene()
+    scene.add_geometry(mesh, transform=np.array(MIRRORED, float))
+    scene.export(str(path))
+    return path
+
+
+MIRRORED = [[-1, 0, 0, 5], [0, 2, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
+
+
+@pytest.mark.parametrize("suffix", [".glb", ".gltf"])
+def test_gltf_node_texture_and_roughness(tmp_path: Path, suffix: str) -> None:
+    image = Image.new("RGB", (2, 2), (188, 0, 0))
+    image.putpixel((0, 0), (0, 188, 0))  # top left: u < 0.5, v > 0.5
+    mesh = load_mesh(
+        gltf(
+            tmp_path / f"q{suffix}",
+            baseColorTexture=image,
+            baseColorFactor=[0.5, 1.0, 1.0, 1.0],
+            metallicFactor=0.0,
+            roughnessFactor=0.5,
+            normalTexture=Image.new("RGB", (1, 1)),
+        )
+    )
+    assert mesh.positions[:, 0].min() == 4.0
+    assert mesh.positions[:, 1].max() == 2.0
+    corners = mesh.positions[mesh.triangles]
+    face = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    assert (face[:, 2] > 0).all(), "a mirrored node keeps the outside outside"
+    (material,) = mesh.materials
+    assert material.kind == "plastic"
+    assert material.alpha == pytest.approx(0.25)
+    assert material.albedo == pytest.approx((0.5, 1.0, 1.0), abs=3e-3)
+    assert material.texture is not None
+    assert np.allclose(material.texture[0, 0], [0, 0.5, 0], atol=3e-3), "row 0 is v = 1"
+    top_left = np.argmin(np.abs(mesh.positions - [5, 2, 0]).sum(axis=1))
+    assert np.allclose(mesh.uvs[top_left], [0, 1])
+    assert "normal map" in mesh.dropped
+
+
+@pytest.mark.parametrize(
+    ("metallic", "roughness", "kind", "alpha"),
+    [(1.0, 0.3, "conductor", 0.09), (0.4, 0.3, "plastic", 0.09), (0.0, 1.0, "diffuse", None)],
+)
+def test_pbr_to_kind(
+    tmp_path: Path, metallic: float, roughness: float, kind: str, alpha: float | None
+) -> None:
+    path = gltf(tmp_path / "q.glb", metallicFactor=metallic, roughnessFactor=roughness)
+    (material,) = load_mesh(path).materials
+    assert material.kind == kind
+    if alpha is not None:
+        assert material.alpha == pytest.approx(alpha)
+
+
+def test_dark_gltf_colours_keep_their_value(tmp_path: Path) -> None:
+    path = gltf(tmp_path / "q.gltf", metallicFactor=0.0, roughnessFactor=1.0)
+    document = json.loads(path.read_text())
+    document["materials"][0]["pbrMetallicRoughness"]["baseColorFactor"] = [0.001, 0.01, 0.5, 1]
+    path.write_text(json.dumps(document))
+    assert load_mesh(path).materials[0].albedo == pytest.approx((0.001, 0.01, 0.5))
+
+
+def test_what_gltf_holds_besides_is_named(tmp_path: Path) -> None:
+    path = gltf(tmp_path / "q.gltf", metallicFactor=0.0, emissiveFactor=[1, 0, 0])
+    document = json.loads(path.read_text())
+    document["extensionsUsed"] = ["KHR_lights_punctual"]
+    document["animations"] = [{"channels": [], "samplers": []}]
+    path.write_text(json.dumps(document))
+    assert set(load_mesh(path).dropped) == {
+        "animations (1)",
+        "extension KHR_lights_punctual",
+        "emission",
+    }
+
+
+def test_vertex_colours_are_named(tmp_path: Path) -> None:
+    mesh = trimesh.Trimesh(
+        [[0, 0, 0], [1, 0, 0], [0, 1, 0]],
+        [[0, 1, 2]],
+        vertex_colors=[[255, 0, 0, 255]] * 3,
+        process=False,
+    )
+    mesh.export(tmp_path / "c.ply")
+    mesh.export(tmp_path / "c.glb")
+    for name in ("c.ply", "c.glb"):
+        found = load_mesh(tmp_path / name)
+        assert found.dropped == ("colours of vertices or faces; their mean is used",)
+    assert load_mesh(tmp_path / "c.ply", Material()).dropped == ()
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".obj", ".glb"])
+@pytest.mark.parametrize("kind", ["vertex", "face"])
+def test_the_mean_of_vertex_colours_is_used(suffix: str, kind: str, tmp_path: Path) -> None:
+    """Those of glTF are linear, others are those of displays."""
+    solid = trimesh.creation.box()
+    colors = np.array([[255, 188, 0, 255], [255, 188, 0, 255], [0, 188, 0, 255]])
+    count = len(solid.vertices if kind == "vertex" else solid.faces)
+    setattr(solid.visual, f"{kind}_colors", np.resize(colors, (count, 4)))
+    share = float((np.resize(colors, (count, 4))[:, 0] > 0).mean())
+    solid.export(tmp_path / f"c{suffix}")
+    (material,) = load_mesh(tmp_path / f"c{suffix}").materials
+    if kind == "vertex":
+        assert material.albedo[0] == pytest.approx(share, abs=1e-3)
+    assert material.albedo[1] == pytest.approx(188 / 255 if suffix == ".glb" else 0.503, abs=2e-3)
+    assert material.albedo[2] == 0.0
+
+
+def test_one_material_for_all(tmp_path: Path) -> None:
+    mirror = Material("conductor", (0.9, 0.9, 0.9), alpha=0.0)
+    mesh = load_mesh(gltf(tmp_path / "q.glb", metallicFactor=0.0), mirror)
+    assert mesh.materials == (mirror,)
+    assert (mesh.material_index == 0).all()
+
+
+def test_degenerate_triangles_are_removed(tmp_path: Path) -> None:
+    text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 2 0 0\nv nan 0 0\nv 1e30 0 0\n"
+    text += "f 1 2 3\nf 1 2 4\nf 1 1 2\nf 1 2 5\nf 1 3 6\n"
+    mesh = load_mesh(write(tmp_path / "d.obj", text))
+    assert len(mesh.triangles) == 1
+    assert mesh.dropped == ("4 degenerate or non-finite triangles",)
+    assert np.isfinite(mesh.positions).all()
+    assert np.allclose(np.linalg.norm(mesh.normals, axis=1), 1.0)
+
+
+def test_small_meshes_are_not_degenerate(tmp_path: Path) -> None:
+    text = "\n".join(
+        line if line[0] == "f" else "v " + " ".join(f"{float(c) * 1e-6}" for c in line.split()[1:])
+        for line in CUBE.strip().splitlines()
+    )
+    assert len(load_mesh(write(tmp_path / "tiny.obj", text)).triangles) == 12
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "message"),
+    [
+        ("m.obj", None, "no such mesh file"),
+        ("m.off", "OFF", "not a PLY, OBJ, STL, glTF or GLB file"),
+        ("m.obj", "", "m.obj"),
+        ("m.obj", "v 0 0 0\nv 1 0 0\n", "m.obj"),
+        ("m.obj", "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n", "holds no triangles"),
+        ("m.obj", "v 0 0 0\nf 1 2 9\n", "m.obj"),
+        ("m.obj", "mtllib none.mtl\n" + CUBE, "refers to none.mtl, which is missing"),
+        ("m.obj", "mtllib ../a.mtl\n" + CUBE, "refers to ../a.mtl, outside its folder"),
+        ("m.ply", "ply\nformat ascii 1.0\n", "cut off or damaged"),
+        ("m.ply", "hello", "cut off or damaged"),
+        ("m.gltf", "{", "cut off or damaged glTF file"),
+        ("m.gltf", "[]", "cut off or damaged glTF file"),
+        ("m.gltf", "{}", "m.gltf"),
+        ("m.gltf", '{"images": [{"uri": "t.png"}]}', "refers to t.png, which is missing"),
+        ("m.glb", "glTF", "cut off or damaged glTF file"),
+    ],
+)
+def test_bad_meshes_are_one_line(tmp_path: Path, name: str, text: str | None, message: str) -> None:
+    if text is not None:
+        write(tmp_path / name, text)
+    with pytest.raises(FormatError) as error:
+        load_mesh(tmp_path / name)
+    assert str(tmp_path / name) in str(error.value)
+    assert message in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_missing_colour_texture_is_an_error(tmp_path: Path) -> None:
+    write(tmp_path / "m.mtl", "newmtl a\nKd 1 1 1\nmap_Kd my texture.png\n")
+    write(tmp_path / "m.obj", "mtllib m.mtl\nusemtl a\n" + CUBE)
+    with pytest.raises(FormatError, match=r"refers to my texture\.png, which is missing"):
+        load_mesh(tmp_path / "m.obj")
+
+
+def test_cut_off_meshes_are_errors(tmp_path: Path) -> None:
+    mesh = trimesh.creation.icosphere(subdivisions=1)
+    for suffix in (".ply", ".glb"):
+        path = tmp_path / f"s{suffix}"
+        mesh.export(path)
+        data = path.read_bytes()
+        for fraction in (0.0, 0.1, 0.3, 0.6, 0.9):
+            path.write_bytes(data[: int(fraction * len(data))])
+            with pytest.raises(FormatError) as error:
+                load_mesh(path)
+            assert str(path) in str(error.value)

@@ -1,0 +1,56 @@
+"""Frames whose truth is known at the centres of pixels, and where mirrors look in them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from iprt.device.compute import ComputeDevice
+from iprt.footage.frame import Frame
+from iprt.meshes.camera import View
+from iprt.meshes.material import Material
+from iprt.meshes.mesh import Instance
+from iprt.renderer import RenderedFrame, Renderer
+from iprt.settings.model import Settings
+from tests.oracles.worlds import Sphere, World
+from tests.worlds import Float
+
+ROOM = World()
+FLOOR = ROOM.low[1]
+BLACK = Material(albedo=(0.0, 0.0, 0.0))
+MIRROR = Material("conductor", (0.9, 0.8, 0.7), alpha=0.0)
+ESTIMATORS = ["delta", "ratio"]
+
+
+def settings(
+    rays: int = 1, relit: bool = False, estimator: str = "delta", **others: Any
+) -> Settings:
+    """Rays of objects start at the pixels' centres, which is where truth is known."""
+    trace = {
+        "rays": rays, "relight_reflections": relit, "estimator": estimator, "jitter": False
+    }  # fmt: skip
+    return Settings.model_validate({"fading": 0.0, "trace": trace, **others})
+
+
+def render(
+    device: ComputeDevice,
+    frame: Frame,
+    instances: list[Instance],
+    view: View,
+    chosen: Settings,
+    frames: int = 1,
+) -> RenderedFrame:
+    aovs = ("coverage", "ratio", "normal", "irradiance_real", "irradiance_mixed", "specular")
+    with Renderer(device, frame, instances, view, chosen) as renderer:
+        return renderer.render(frames, aovs)
+
+
+def mirror_rays(view: View, solid: Sphere) -> tuple[Float, Float, Float]:
+    """Points on a ball seen through pixels, mirror directions there, cosines (0: beside it)."""
+    d = view.directions()
+    t, _, normal, _ = solid.interval(np.zeros(d.shape), d)
+    seen = np.isfinite(t)
+    point = np.where(seen, t, 1.0)[..., None] * d
+    cosine = np.where(seen, -(normal * d).sum(-1), 0.0)
+    return point, np.where(seen[..., None], d + 2.0 * cosine[..., None] * normal, d), cosine

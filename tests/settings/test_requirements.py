@@ -1,0 +1,295 @@
+"""Only what a scene requires is built: kernels, variants and buffers, read from a plan."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from iprt.device.plan import PlanDevice, PlannedBuffer
+from iprt.footage.footage import Footage
+from iprt.footage.frame import Frame
+from iprt.meshes.camera import View
+from iprt.meshes.material import Material
+from iprt.renderer import Renderer
+from iprt.settings.model import Settings
+from iprt.settings.requirements import Requirements
+from tests.worlds import ball, sphere_frame
+
+FRAME = sphere_frame(2.0, 32, 16, 1.0)
+VIEW = View(24, 16)
+PANORAMA = View(32, 16, projection="equirect")
+
+DIFFUSE = Material()
+GLOSSY = Material("conductor", alpha=0.2)
+MIRROR = Material("conductor", alpha=0.0)
+PLASTIC = Material("plastic")
+
+RASTER = Settings.model_validate({"trace": {"objects": "raster"}})
+
+KIND_OF = {
+    "MATERIAL_DIFFUSE": DIFFUSE,
+    "MATERIAL_CONDUCTOR": GLOSSY,
+    "MATERIAL_MIRROR": MIRROR,
+    "MATERIAL_PLASTIC": PLASTIC,
+}
+
+
+def plan(
+    *materials: Material,
+    view: View = VIEW,
+    settings: Settings | None = None,
+    frame: Frame = FRAME,
+) -> PlanDevice:
+    """What a renderer of one ball per material would build."""
+    balls = [ball((i, 0.0, -1.5), 0.3, m, subdivisions=1) for i, m in enumerate(materials)]
+    device = PlanDevice()
+    Renderer(device, frame, balls, view, settings)
+    return device
+
+
+def files(device: PlanDevice) -> set[str]:
+    return {file for file, _, _ in device.kernels}
+
+
+def defines(device: PlanDevice, file: str) -> dict[str, object]:
+    """The `-D` of a file's variant for the view; the map around it differs in the projection."""
+    variants: list[dict[str, object]] = [
+        dict(used) for built, _, used in device.kernels if built == file
+    ]
+    assert variants
+    same = [{name: v for name, v in used.items() if name != "VIEW_EQUIRECT"} for used in variants]
+    assert all(used == same[0] for used in same)
+    return variants[0]
+
+
+def buffers(device: PlanDevice, word: str) -> list[str]:
+    return [name for name in device.buffers if word in name]
+
+
+def test_a_diffuse_scene_builds_and_stores_nothing_glossy() -> None:
+    device = plan(DIFFUSE, DIFFUSE)
+    built = {define for _, _, used in device.kernels for define in used}
+    assert "MATERIAL_DIFFUSE" in built
+    for glossy in ("MATERIAL_CONDUCTOR", "MATERIAL_MIRROR", "MATERIAL_PLASTIC"):
+        assert glossy not in built
+    assert not {"HAS_SPECULAR", "SPECULAR"} & built
+    assert not buffers(device, "specular")
+
+
+def test_a_mirror_stores_nothing_diffuse() -> None:
+    device = plan(MIRROR)
+    built = {define for _, _, used in device.kernels for define in used}
+    assert not {"MATERIAL_DIFFUSE", "MATERIAL_CONDUCTOR", "MATERIAL_PLASTIC", "HAS_DIFFUSE"} & built
+    assert not buffers(device, "diffuse")
+    assert buffers(device, "specular")
+
+
+@pytest.mark.parametrize("file", ["methods/trace_delta.cl", "methods/trace_virtual.cl"])
+@pytest.mark.parametrize("left_out", [*KIND_OF, None])
+def test_tracing_knows_the_materials_that_are_there(file: str, left_out: str | None) -> None:
+    kinds = {define: m for define, m in KIND_OF.items() if define != left_out}
+    used = defines(plan(*kinds.values()), file)
+    assert {define for define in used if define.startswith("MATERIAL_")} == set(kinds)
+
+
+def test_what_meets_real_surfaces_only_is_built_alike_for_all_objects() -> None:
+    """Compilers take seconds for each variant."""
+    textured = replace(PLASTIC, texture=np.ones((4, 8, 3), np.float32))
+    glossy = replace(
+        FRAME, gloss=np.ones(FRAME.depth.shape, np.uint8), real_materials=(Material("plastic"),)
+    )
+    plans = [
+        plan(*materials, settings=tracing(bounces=bounces), frame=glossy)
+        for materials, bounces in (((DIFFUSE,), 4), ((MIRROR, GLOSSY, textured), 2))
+    ]
+    for file in ("world/real/irradiance.cl", "world/real/highlight.cl"):
+        one, other = (defines(device, file) for device in plans)
+        assert one == other, file
+    one, other = (defines(device, "methods/trace_delta.cl") for device in plans)
+    assert one != other
+
+
+@pytest.mark.parametrize("estimator", ["delta", "ratio"])
+@pytest.mark.parametrize("objects", ["bvh", "raster"])
+def test_the_view_and_the_map_around_it_share_what_looks_into_neither(
+    objects: str, estimator: str
+) -> None:
+    """Rays of real surfaces meet the view only where it holds layers of the objects."""
+    device = plan(DIFFUSE, settings=tracing(objects=objects, estimator=estimator))
+    file = {"delta": "methods/trace_delta.cl", "ratio": "methods/trace_real.cl"}[estimator]
+    around = ["VIEW_EQUIRECT" in used for built, _, used in device.kernels if built == file]
+    assert sorted(around) == [False, objects == "raster"]
+
+
+@pytest.mark.parametrize("view", [VIEW, PANORAMA])
+def test_without_objects_the_panorama_is_resampled_and_that_is_all(view: View) -> None:
+    device = plan(view=view)
+    assert files(device) == {
+        "world/real/surface.cl",
+        "world/real/pyramid.cl",
+        "view/resample.cl",
+        "view/composite.cl",
+    }
+    assert {name.split(".")[0].split()[0] for name in device.buffers} == {
+        "panorama",
+        "view",
+        "real",
+        "picture",
+    }
+    assert not {"HAS_OBJECTS", "HAS_RATIO"} & set(defines(device, "view/composite.cl"))
+
+
+@pytest.mark.parametrize("view", [VIEW, PANORAMA])
+def test_the_distant_environment_traces_nothing(view: View) -> None:
+    device = plan(DIFFUSE, GLOSSY, view=view, settings=Settings(method="ibl"))
+    unused = {
+        "methods/trace_real.cl",
+        "methods/trace_delta.cl",
+        "world/real/irradiance.cl",
+        "world/objects/object_surface.cl",
+        "methods/relight.cl",
+    }
+    assert not unused & files(device)
+    assert not buffers(device, "light cells")
+    assert "DISTANT_ENVIRONMENT" in defines(device, "methods/trace_virtual.cl")
+    assert "RELIT" not in defines(device, "methods/trace_virtual.cl")
+    assert "HAS_RATIO" not in defines(device, "view/composite.cl")
+    assert not buffers(device, "layers")
+    assert not buffers(device, "ratio")
+    assert not buffers(device, "real signal")
+
+
+def test_rasterized_a_view_has_layers_of_its_own_and_of_the_panorama() -> None:
+    device = plan(DIFFUSE, settings=RASTER)
+    assert buffers(device, "screen layers")
+    assert buffers(device, "equirect layers")
+    assert not buffers(device, "bvh")
+    assert "OBJECTS_BVH" not in defines(device, "methods/trace_virtual.cl")
+    assert "DISTANT_ENVIRONMENT" not in defines(device, "methods/trace_virtual.cl")
+
+
+@pytest.mark.parametrize("view", [VIEW, PANORAMA])
+def test_triangles_are_traced_without_layers(view: View) -> None:
+    device = plan(DIFFUSE, view=view)
+    assert buffers(device, "bvh nodes")
+    assert not buffers(device, "layers")
+    assert "world/objects/object_surface.cl" not in files(device)
+    assert "OBJECTS_BVH" in defines(device, "methods/trace_virtual.cl")
+    assert "OBJECT_TEXTURES" not in defines(device, "methods/trace_virtual.cl")
+    assert not buffers(device, "texels")
+    textured = plan(replace(DIFFUSE, texture=np.ones((4, 8, 3), np.float32)), view=view)
+    assert "OBJECT_TEXTURES" in defines(textured, "methods/trace_virtual.cl")
+    assert textured.buffers["bvh texels"] == 4 * 8 * 4 * 2
+
+
+def test_rasterized_the_whole_panorama_has_one_set_of_layers() -> None:
+    device = plan(DIFFUSE, view=PANORAMA, settings=RASTER)
+    layers = {name.split()[0] for name in buffers(device, "layers")}
+    assert len(layers) == 1
+    built = [file for file, _, _ in device.kernels]
+    assert built.count("world/objects/object_surface.cl") == 1
+    assert "VIEW_EQUIRECT" in defines(device, "world/objects/object_surface.cl")
+
+
+def tracing(**trace: Any) -> Settings:
+    return Settings.model_validate({"trace": trace})
+
+
+@pytest.mark.parametrize("estimator", ["delta", "ratio"])
+def test_settings_choose_variants(estimator: str) -> None:
+    file = {"delta": "methods/trace_delta.cl", "ratio": "methods/trace_real.cl"}[estimator]
+    bounces = tracing(bounces=2, back_faces=False, light_sampling=False, estimator=estimator)
+    used = defines(plan(DIFFUSE, settings=bounces), file)
+    assert used["MAX_BOUNCES"] == 2
+    assert not {"BASSRT", "LIGHT_SAMPLING"} & set(used)
+    assert {"BASSRT", "LIGHT_SAMPLING"} <= set(
+        defines(plan(DIFFUSE, settings=tracing(estimator=estimator)), file)
+    )
+    plain = tracing(relight_reflections=False, estimator=estimator)
+    assert "RELIT" not in defines(plan(DIFFUSE, settings=plain), "methods/trace_virtual.cl")
+    assert "RELIT" in defines(plan(DIFFUSE), "methods/trace_virtual.cl")
+
+
+@pytest.mark.parametrize("view", [VIEW, PANORAMA])
+def test_one_estimator_is_built(view: View) -> None:
+    """The cache of E_R with the one that is relative to it."""
+    delta = plan(DIFFUSE, view=view)
+    assert {"methods/trace_delta.cl", "world/real/irradiance.cl"} <= files(delta)
+    assert "methods/trace_real.cl" not in files(delta)
+    assert "irradiance" in delta.buffers
+    ratio = plan(DIFFUSE, view=view, settings=tracing(estimator="ratio"))
+    assert "methods/trace_real.cl" in files(ratio)
+    assert not {"methods/trace_delta.cl", "world/real/irradiance.cl"} & files(ratio)
+    assert not buffers(ratio, "irradiance")
+
+
+@pytest.mark.parametrize("estimator", ["delta", "ratio"])
+def test_lights_and_shadows_off_screen_are_built_where_they_are_used(estimator: str) -> None:
+    assert buffers(plan(DIFFUSE, settings=tracing(estimator=estimator)), "light cells")
+    without = tracing(light_sampling=False, estimator=estimator)
+    assert not buffers(plan(DIFFUSE, settings=without), "light cells")
+    assert buffers(plan(DIFFUSE, settings=tracing(estimator=estimator)), "ratio map")
+    # The whole panorama needs no map besides.
+    assert not buffers(plan(DIFFUSE, view=PANORAMA), "ratio map")
+    plain = tracing(relight_reflections=False, estimator=estimator)
+    assert not buffers(plan(DIFFUSE, settings=plain), "ratio map")
+
+
+def test_what_moves_is_remembered_where_the_camera_stays() -> None:
+    def built(*materials: Material, settings: Settings | None = None, stays: bool) -> PlanDevice:
+        balls = [ball((0.0, 0.0, -1.5), 0.3, m, subdivisions=1) for m in materials]
+        device = PlanDevice()
+        Renderer(
+            device, FRAME, balls, VIEW, settings, footage=Footage.of(FRAME, static_camera=stays)
+        )
+        return device
+
+    def remembers(device: PlanDevice) -> set[bool]:
+        return {
+            bool(buffers(device, "background")),
+            "world/real/remember.cl" in files(device),
+            any("BACKGROUND" in used for _, _, used in device.kernels),
+        }
+
+    assert remembers(built(DIFFUSE, stays=True)) == {True}
+    assert "BACKGROUND" in defines(built(DIFFUSE, stays=True), "world/real/irradiance.cl")
+    assert remembers(built(DIFFUSE, stays=False)) == {False}
+    assert remembers(built(DIFFUSE, settings=tracing(background=False), stays=True)) == {False}
+    # Nothing is traced.
+    assert remembers(built(DIFFUSE, settings=Settings(method="ibl"), stays=True)) == {False}
+    assert remembers(built(stays=True)) == {False}
+
+
+class CountingPlan(PlanDevice):
+    """Remembers every allocation."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.allocated: list[str] = []
+
+    def empty(self, name: str, *args: Any) -> PlannedBuffer:
+        self.allocated.append(name)
+        return super().empty(name, *args)
+
+
+@pytest.mark.parametrize("view", [VIEW, PANORAMA])
+def test_a_plan_tells_the_memory(view: View) -> None:
+    """No two buffers share a name, under which one would hide the other's bytes."""
+    device = CountingPlan()
+    objects = [ball((0.0, 0.0, -1.5), 0.3, m, subdivisions=1) for m in KIND_OF.values()]
+    Renderer(device, FRAME, objects, view)
+    assert sorted(device.allocated) == sorted(device.buffers)
+    assert all(size > 0 for size in device.buffers.values())
+
+
+def test_described_parts_are_those_that_are_built() -> None:
+    described = Requirements.of([DIFFUSE], VIEW, Settings(), Footage()).describe()
+    assert described["diffuse reflection"]
+    assert not described["glossy reflection"]
+    assert not described["mirror reflection"]
+    assert not any(
+        Requirements.of([], VIEW, Settings(), Footage(openings=True)).describe().values()
+    )

@@ -1,0 +1,180 @@
+"""Differential rendering of real and virtual layer."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from iprt.device.compute import ComputeDevice
+from iprt.gbuffer.layout import PlaneLayout
+from iprt.view.composite import Composite
+from iprt.view.diffuse_part import DiffusePart
+from iprt.world.real.color_map import ColorMap
+from tests.filter.gbuffer import SIZES, upload
+
+
+@pytest.mark.parametrize("relit", [False, True])
+@pytest.mark.parametrize(
+    ("diffuse", "specular"), [(True, False), (False, True), (True, True), (False, False)]
+)
+@pytest.mark.parametrize(("width", "height"), SIZES)
+def test_equation(
+    device: ComputeDevice, width: int, height: int, relit: bool, diffuse: bool, specular: bool
+) -> None:
+    rng = np.random.default_rng(0)
+    layout = PlaneLayout(width, height)
+    colour, albedo, light, shine, ratio = rng.random((5, 3, height, width))
+    coverage = rng.choice([0.0, 0.3, 1.0], (height, width))
+    planes = {
+        "coverage": coverage[None] if diffuse or specular else None,
+        "albedo": albedo if diffuse else None,
+        "diffuse": light if diffuse else None,
+        "specular": shine if specular else None,
+    }
+    arrays = {k: None if v is None else upload(device, layout, v) for k, v in planes.items()}
+    arrays["ratio"] = device.upload("ratio", pixels(ratio)) if relit else None
+    composite = Composite(device, layout, relit=relit, diffuse=diffuse, specular=specular)
+    composite.run(upload(device, layout, colour), **arrays)
+    picture = np.moveaxis(device.read(composite.picture), -1, 0)
+    coverage = coverage if diffuse or specular else 0.0 * coverage
+    expected = coverage * (diffuse * albedo * light + specular * shine)
+    expected = expected + (1.0 - coverage) * colour * (ratio if relit else 1.0)
+    np.testing.assert_allclose(picture[:3], expected, rtol=1e-5, atol=1e-7)
+    np.testing.assert_allclose(picture[3], coverage, rtol=1e-6)
+
+
+@pytest.mark.parametrize("color_map", [False, True])
+def test_untouched_pixels_keep_their_bits(device: ComputeDevice, color_map: bool) -> None:
+    rng = np.random.default_rng(1)
+    layout = PlaneLayout(31, 17)
+    colour = rng.gamma(0.3, 2.0, (3, 17, 31)).astype(np.float32)
+    colour.ravel()[:3] = 0.0, 1e-30, 65504.0
+    unlit = np.full((3, 17, 31), np.nan)
+    mapped = np.einsum("ij,jyx->iyx", COLOR_MAP, colour)
+    composite = Composite(
+        device, layout, relit=True, diffuse=True, specular=True, color_map=color_map
+    )
+    composite.run(
+        upload(device, layout, colour),
+        ratio=device.upload("ratio", pixels(np.ones((3, 17, 31)))),
+        base=upload(device, layout, mapped) if color_map else None,
+        coverage=upload(device, layout, np.zeros((1, 17, 31))),
+        albedo=upload(device, layout, unlit),
+        diffuse=upload(device, layout, unlit),
+        specular=upload(device, layout, unlit),
+        color_map=mapped_rows(device).rows if color_map else None,
+    )
+    picture = device.read(composite.picture)
+    assert np.array_equal(picture[..., :3], np.moveaxis(colour, 0, -1))
+    assert not picture[..., 3].any()
+
+
+def pixels(ratio: np.ndarray) -> np.ndarray:
+    """(H * W, 4) float32 from (3, H, W), w = 1."""
+    four = np.concatenate([ratio, np.ones_like(ratio[:1])])
+    return np.moveaxis(four, 0, -1).reshape(-1, 4).astype(np.float32)
+
+
+def gloss_picture(
+    device: ComputeDevice, colour: np.ndarray, base: np.ndarray, change: np.ndarray, ratio: float
+) -> np.ndarray:
+    """(3, H, W): a real layer that reflects objects, none of which covers it."""
+    _, height, width = colour.shape
+    layout = PlaneLayout(width, height)
+    composite = Composite(device, layout, relit=True, diffuse=True, specular=False, gloss=True)
+    nothing = np.zeros((3, height, width))
+    composite.run(
+        upload(device, layout, colour),
+        ratio=device.upload("ratio", pixels(np.full(colour.shape, ratio))),
+        base=upload(device, layout, base),
+        change=upload(device, layout, change),
+        coverage=upload(device, layout, nothing[:1]),
+        albedo=upload(device, layout, nothing),
+        diffuse=upload(device, layout, nothing),
+    )
+    return np.moveaxis(device.read(composite.picture)[..., :3], -1, 0)
+
+
+def test_reflections_change_apart_from_the_diffuse_part(device: ComputeDevice) -> None:
+    rng = np.random.default_rng(2)
+    colour = rng.gamma(0.3, 2.0, (3, 17, 31))
+    base, change = colour * rng.random(colour.shape), rng.normal(size=colour.shape)
+    picture = gloss_picture(device, colour, base, change, 0.6)
+    expected = np.maximum(colour - 0.4 * base + change, 0.0)
+    np.testing.assert_allclose(picture, expected, rtol=1e-5, atol=1e-6)
+    assert (expected == 0.0).any()
+
+
+def test_unchanged_reflections_keep_their_bits(device: ComputeDevice) -> None:
+    colour = np.random.default_rng(3).gamma(0.3, 2.0, (3, 17, 31)).astype(np.float32)
+    colour.ravel()[:3] = 0.0, 1e-30, 65504.0
+    for base in (colour, 0.3 * colour, np.zeros_like(colour)):
+        picture = gloss_picture(device, colour, base, np.zeros_like(colour), 1.0)
+        np.testing.assert_array_equal(picture, colour)
+
+
+COLOR_MAP = np.array([[1.4, 0.2, 0.0], [0.1, 2.0, 0.1], [0.0, 0.3, 1.1]])
+"""A frame's colours to the reference's."""
+
+
+def mapped_rows(device: ComputeDevice) -> ColorMap:
+    color_map = ColorMap(device)
+    color_map.load(COLOR_MAP)
+    return color_map
+
+
+@pytest.mark.parametrize("gloss", [False, True])
+@pytest.mark.parametrize(("width", "height"), SIZES)
+def test_changes_and_objects_are_mapped_back(
+    device: ComputeDevice, width: int, height: int, gloss: bool
+) -> None:
+    rng = np.random.default_rng(4)
+    layout = PlaneLayout(width, height)
+    colour, base, albedo, light, shine, ratio = rng.random((6, 3, height, width))
+    change = rng.normal(size=colour.shape) if gloss else np.zeros(colour.shape)
+    coverage = rng.choice([0.0, 0.3, 1.0], (height, width))
+    composite = Composite(
+        device, layout, relit=True, diffuse=True, specular=True, gloss=gloss, color_map=True
+    )
+    composite.run(
+        upload(device, layout, colour),
+        ratio=device.upload("ratio", pixels(ratio)),
+        base=upload(device, layout, base),
+        change=upload(device, layout, change) if gloss else None,
+        coverage=upload(device, layout, coverage[None]),
+        albedo=upload(device, layout, albedo),
+        diffuse=upload(device, layout, light),
+        specular=upload(device, layout, shine),
+        color_map=mapped_rows(device).rows,
+    )
+    picture = np.moveaxis(device.read(composite.picture), -1, 0)
+
+    def back(values: np.ndarray) -> np.ndarray:
+        return np.einsum("ij,jyx->iyx", np.linalg.inv(COLOR_MAP), values)
+
+    real = np.maximum(colour + back(base * (ratio - 1.0) + change), 0.0)
+    expected = coverage * np.maximum(back(albedo * light + shine), 0.0) + (1.0 - coverage) * real
+    np.testing.assert_allclose(picture[:3], expected, rtol=1e-4, atol=1e-5)
+    np.testing.assert_allclose(picture[3], coverage, rtol=1e-6)
+
+
+@pytest.mark.parametrize("gloss", [False, True])
+def test_diffuse_part(device: ComputeDevice, gloss: bool) -> None:
+    """Mapped first, and without what is reflected, of which there may be infinitely much."""
+    rng = np.random.default_rng(6)
+    layout = PlaneLayout(31, 17)
+    colour, shine = rng.random((2, 3, 17, 31))
+    shine[:, 3] = np.inf
+    part = DiffusePart(device, layout, name="test", gloss=gloss, color_map=True)
+    planes = upload(device, layout, colour)
+    highlight = upload(device, layout, shine) if gloss else None
+    rows = mapped_rows(device).rows
+    found = layout.interior(device.read(part.run(planes, highlight, rows)))
+    expected = np.einsum("ij,jyx->iyx", COLOR_MAP, colour) - (shine if gloss else 0.0)
+    np.testing.assert_allclose(found, np.maximum(expected, 0.0), rtol=1e-5, atol=1e-6)
+    plain = part.run(planes, highlight, None)
+    if gloss:
+        expected = np.maximum(colour.astype(np.float32) - shine.astype(np.float32), 0.0)
+        np.testing.assert_array_equal(layout.interior(device.read(plain)), expected)
+    else:
+        assert plain is planes

@@ -1,0 +1,203 @@
+"""The real layer of a view against a bilinear twin, an analytic room and its own symmetries."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from iprt.device.compute import ComputeDevice
+from iprt.footage.frame import Frame
+from iprt.gbuffer.layout import PlaneLayout
+from iprt.meshes.camera import View, equirect_pixel
+from iprt.view.real_layer import RealLayer
+from iprt.world.real.panorama import Panorama
+from tests.oracles.worlds import Box, World
+from tests.worlds import Float, landscape_frame, panorama_at, turned
+
+WIDTH, HEIGHT = 256, 128
+ROOM = World(solids=(Box((0.8, -0.9, -1.4), (0.3, 0.5, 0.25), 0.6),))
+NOWHERE = -1e9
+
+VIEWS = {
+    "ahead": View(96, 64),
+    "tilted": View(65, 47, yaw_deg=40.0, pitch_deg=-25.0, fov_y_deg=90.0),
+    "seam": View(64, 48, yaw_deg=180.0, pitch_deg=5.0),
+    "zenith": View(48, 64, yaw_deg=30.0, pitch_deg=90.0, fov_y_deg=80.0),
+    "nadir": View(64, 48, yaw_deg=-70.0, pitch_deg=-90.0),
+    "whole": View(WIDTH, HEIGHT, projection="equirect"),
+    "whole, coarse": View(97, 49, projection="equirect"),
+    "whole, fine": View(512, 256, projection="equirect"),
+}
+views = pytest.mark.parametrize("view", VIEWS.values(), ids=VIEWS)
+
+
+@dataclass(frozen=True)
+class Layer:
+    """(H, W, 3) color and normal, (H, W) depth and id, (H, W, 2) motion."""
+
+    color: Float
+    normal: Float
+    depth: Float
+    id: Float
+    motion: Float
+
+
+def resampled(
+    device: ComputeDevice, frame: Frame, view: View, previous: View | None = None
+) -> Layer:
+    panorama = Panorama(device, frame.width, frame.height)
+    panorama.load(frame)
+    layout = PlaneLayout(view.width, view.height)
+    layer = RealLayer(device, layout, equirect=view.projection == "equirect", name="real")
+    constants = (device.upload("view", v.kernel_constants()) for v in (view, previous or view))
+    layer.run(panorama, *constants)
+
+    def image(name: str) -> Float:
+        planes = device.read(getattr(layer, name))
+        outside = np.ones(planes.shape, bool)
+        layout.interior(outside)[:] = False
+        assert not planes[outside].any(), "borders hold nothing"
+        channels = np.moveaxis(layout.interior(planes).astype(np.float64), 0, -1)
+        return channels[..., 0] if channels.shape[-1] == 1 else channels
+
+    return Layer(*(image(name) for name in ("color", "normal", "depth", "id", "motion")))
+
+
+def noisy_frame(world: World = ROOM) -> Frame:
+    """The room in random colours."""
+    color = np.random.default_rng(2).uniform(0.0, 4.0, (HEIGHT, WIDTH, 3))
+    return replace(world.frame(WIDTH, HEIGHT), color=color.astype(np.float32))
+
+
+def texel_of(d: Float) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
+    """Row and column of the panorama's texel in each direction; is it clear of the texel's edge."""
+    column, row = np.moveaxis(equirect_pixel(d, WIDTH, HEIGHT), -1, 0)
+    to_edge = np.minimum(abs(column - np.round(column)), abs(row - np.round(row)))
+    return row.astype(int), column.astype(int) % WIDTH, to_edge > 1e-3
+
+
+@views
+def test_color_is_bilinear(device: ComputeDevice, view: View) -> None:
+    frame = noisy_frame()
+    layer = resampled(device, frame, view)
+    np.testing.assert_allclose(layer.color, panorama_at(frame.color, view.directions()), atol=2e-3)
+
+
+def test_a_view_of_the_panoramas_size_is_the_panorama(device: ComputeDevice) -> None:
+    """Texel for texel, bit for bit."""
+    frame = noisy_frame()
+    layer = resampled(device, frame, VIEWS["whole"])
+    np.testing.assert_array_equal(layer.color, frame.color)
+    np.testing.assert_allclose(layer.depth, frame.depth, rtol=1e-5)
+    np.testing.assert_allclose(layer.normal, frame.normal, atol=1e-6)
+
+
+@views
+def test_surfaces_are_the_room(device: ComputeDevice, view: View) -> None:
+    """Planes are exact, not just at texel centres; only texels with an edge in them are not."""
+    layer = resampled(device, noisy_frame(), view)
+    d = view.directions()
+    depth, normal, which = ROOM.first_hit(np.zeros(3), d)
+    row, column, _ = texel_of(d)
+    centres = View(WIDTH, HEIGHT, projection="equirect").directions()
+    _, centre_normal, centre_which = ROOM.first_hit(np.zeros(3), centres)
+    shown = (centre_normal[row, column] == normal).all(-1) & (centre_which[row, column] == which)
+    assert shown.mean() > 0.93
+    # Beside a silhouette a plane may run out of the depths that its texel is known to hold.
+    error = np.abs(layer.depth[shown] / depth[shown] - 1.0)
+    assert (error < 1e-4).mean() > 0.999
+    assert error.max() < 0.02
+    np.testing.assert_allclose(layer.normal[shown], normal[shown], atol=1e-5)
+    np.testing.assert_array_equal(layer.id, 1.0)
+    # The position, which all passes compare, lies on the wall.
+    position = d * layer.depth[..., None]
+    walls = shown & (which == 0)
+    bound = np.where(normal < 0.0, ROOM.high, ROOM.low)
+    gap = np.abs((position - bound) * normal).sum(-1)
+    assert gap[walls].max() < 1e-3
+    np.testing.assert_allclose(np.linalg.norm(layer.normal, axis=-1), 1.0, atol=1e-5)
+    assert (layer.depth > 0.5 * depth.min()).all()
+    assert (layer.depth < 1.2 * depth.max()).all()
+
+
+@views
+def test_sky_and_openings_take_no_shadow(device: ComputeDevice, view: View) -> None:
+    frame = landscape_frame(WIDTH, HEIGHT)
+    opening = np.zeros((HEIGHT, WIDTH), bool)
+    opening[66:126, ::7] = True
+    opening[66:126, [127, 128, 129, 0, 1, 254, 255]] = True
+    layer = resampled(device, replace(frame, opening=opening), view)
+    row, column, clear = texel_of(view.directions())
+    sky = np.isinf(frame.depth)[row, column]
+    window = opening[row, column]
+    np.testing.assert_array_equal(layer.depth[clear] == 0.0, sky[clear])
+    np.testing.assert_array_equal(layer.id[clear] == 1.0, (~sky & ~window)[clear])
+    assert not layer.id[clear & (sky | window)].any()
+    assert not layer.normal[sky & clear].any()
+    np.testing.assert_allclose(layer.normal[~sky & clear][:, 1], 1.0, atol=1e-3)
+    assert view.pitch_deg == 90.0 or (window & clear).sum() > 20
+
+
+TURNS: dict[str, dict[str, float]] = {
+    "still": {},
+    "to the right": {"yaw_deg": 3.7},
+    "far to the left": {"yaw_deg": -31.0},
+    "about face": {"yaw_deg": 180.0},
+}
+MOVES: dict[str, dict[str, float]] = {
+    "up": {"pitch_deg": 2.2},
+    "aside": {"yaw_deg": 20.0, "pitch_deg": -12.0},
+    "zoom": {"fov_y_deg": -9.0},
+}
+CASES = [(name, move) for name in ("ahead", "tilted", "seam", "zenith") for move in TURNS | MOVES]
+CASES += [(name, move) for name in ("whole", "whole, coarse") for move in TURNS]
+
+
+@pytest.mark.parametrize(("name", "move"), CASES)
+def test_motion_is_where_the_point_was(device: ComputeDevice, name: str, move: str) -> None:
+    """The room's own points, projected into the view before."""
+    view = VIEWS[name]
+    changes = {key: getattr(view, key) + by for key, by in (TURNS | MOVES)[move].items()}
+    previous = replace(view, **changes)
+    motion = resampled(device, noisy_frame(), view, previous).motion
+    d = view.directions()
+    wanted = previous.project(d * ROOM.first_hit(np.zeros(3), d)[0][..., None])
+    behind = np.isnan(wanted[..., 0])
+    clear = np.asarray(np.abs((d @ previous.world_from_view)[..., 2]) > 1e-3)
+    nowhere = motion.max(-1) == NOWHERE
+    np.testing.assert_array_equal(np.asarray(nowhere)[clear], behind[clear])
+    size = max(view.width, view.height)
+    near = ~behind & np.asarray(np.abs(wanted) < 2 * size).all(-1)
+    assert near.any() == (move != "about face" or name not in ("ahead", "tilted", "seam"))
+    error = motion[near] - wanted[near]
+    if view.projection == "equirect":
+        error[:, 0] -= view.width * np.round(error[:, 0] / view.width)
+    assert np.abs(error).max(initial=0.0) < 1e-3
+    # What was not in the picture is not brought in by rounding.
+    assert (np.abs(motion[~near & clear]) > 1.9 * size).any(-1).all()
+
+
+@pytest.mark.parametrize("name", ["ahead", "tilted", "seam", "zenith", "nadir"])
+@pytest.mark.parametrize("columns", [1, 77, 128, 255])
+def test_a_turned_panorama_looks_the_same(device: ComputeDevice, name: str, columns: int) -> None:
+    """Seam, poles and azimuth show in nothing."""
+    frame, view = noisy_frame(), VIEWS[name]
+    rolled, _, yaw_deg = turned(frame, [], columns)
+    still = resampled(device, frame, view)
+    layer = resampled(device, rolled, replace(view, yaw_deg=view.yaw_deg + yaw_deg))
+    np.testing.assert_allclose(layer.color, still.color, atol=5e-3)
+    _, _, clear = texel_of(view.directions())
+    np.testing.assert_allclose(layer.depth[clear], still.depth[clear], rtol=1e-3)
+
+
+def test_replaced_color_is_kept_bit_for_bit(device: ComputeDevice) -> None:
+    layout = PlaneLayout(33, 17)
+    layer = RealLayer(device, layout, equirect=False, name="real")
+    picture = np.random.default_rng(1).random((17, 33, 3)).astype(np.float32)
+    layer.replace_color(picture)
+    np.testing.assert_array_equal(
+        np.moveaxis(layout.interior(device.read(layer.color)), 0, -1), picture
+    )

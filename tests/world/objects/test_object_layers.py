@@ -1,0 +1,350 @@
+"""Virtual objects on the device, from the rasterizer to planes, against analytic solids."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from iprt.bvh.scene import object_bounds
+from iprt.device.compute import ComputeDevice
+from iprt.gbuffer.layout import PlaneLayout
+from iprt.meshes.camera import View
+from iprt.meshes.material import Material, material_table
+from iprt.meshes.mesh import Instance
+from iprt.raster.layers import Layer, ObjectLayers
+from iprt.world.objects.object_layers import EMPTY, TracedLayers, VisibleLayer
+from iprt.world.real.panorama import Panorama
+from tests.oracles.worlds import Box, Solid, Sphere, World
+from tests.raster.shapes import rasterizer
+from tests.worlds import Float, ball, cuboid, room_frame
+
+pytestmark = pytest.mark.gl
+
+SOLIDS: tuple[Solid, ...] = (
+    Sphere((0.35, -0.1, -1.3), 0.4),
+    Box((-0.6, 0.2, -1.6), (0.3, 0.25, 0.2)),
+    Sphere((-0.2, -0.1, 1.5), 0.3),  # behind the camera, across the seam
+)
+MATERIALS = (
+    Material(albedo=(0.8, 0.3, 0.1)),
+    Material("conductor", (0.9, 0.8, 0.7), alpha=0.3),
+    Material("plastic", (0.1, 0.5, 0.2), alpha=0.15),
+)
+VIEWS = [
+    View(96, 72, yaw_deg=-4.0, pitch_deg=3.0, fov_y_deg=70.0),
+    View(128, 64, projection="equirect"),
+]
+views = pytest.mark.parametrize("view", VIEWS, ids=lambda view: view.projection)
+SAGITTA = 2e-3
+"""How far the balls' facets lie below the spheres, of their radius."""
+
+
+def instances(solids: Sequence[Solid] = SOLIDS) -> list[Instance]:
+    return [
+        ball(solid.centre, solid.radius, material)
+        if isinstance(solid, Sphere)
+        else cuboid(solid.centre, solid.half, material)
+        for solid, material in zip(solids, MATERIALS, strict=False)
+    ]
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What rays from the capture centre first meet: distances in and out, normals, which solid."""
+
+    enter: Float
+    leave: Float
+    normal: Float
+    which: NDArray[np.int64]
+
+    @property
+    def any(self) -> NDArray[np.bool_]:
+        return np.isfinite(self.enter)
+
+
+def see(d: Float, solids: Sequence[Solid] = SOLIDS) -> Seen:
+    o = np.zeros_like(d)
+    rays = [solid.interval(o, d) for solid in solids]
+    enter = np.stack([np.where(t0 > 0.0, t0, np.inf) for t0, *_ in rays])
+    which = enter.argmin(0)
+
+    def nearest(index: int) -> Float:
+        values = np.stack([ray[index] for ray in rays])
+        chosen = which[None, ..., None] if values.ndim > enter.ndim else which[None]
+        return np.asarray(np.take_along_axis(values, chosen, 0)[0])
+
+    return Seen(enter.min(0), nearest(1), nearest(2), which)
+
+
+def samples(view: View, count: int) -> Float:
+    """(count², H, W, 3) directions through a grid over each pixel."""
+    x, y = np.meshgrid(np.arange(view.width), np.arange(view.height))
+    steps = (np.arange(count) + 0.5) / count
+    return np.stack(
+        [view.unproject(np.stack([x + dx, y + dy], -1)) for dy in steps for dx in steps]
+    )
+
+
+def steady(view: View) -> tuple[Seen, NDArray[np.bool_]]:
+    """What pixel centres see, and where all of the pixel sees the same face of the same solid."""
+    centre, around = see(view.directions()), see(samples(view, 3))
+    same = (around.any == centre.any).all(0) & (around.which == centre.which).all(0)
+    bend = (around.normal * centre.normal).sum(-1).min(0)
+    return centre, same & (~centre.any | (bend > 0.7))
+
+
+def rasterized(
+    view: View,
+    chosen: list[Instance],
+    *,
+    surface: NDArray[np.float32] | None = None,
+    previous: View | None = None,
+) -> ObjectLayers:
+    with rasterizer(chosen) as opened:
+        if surface is not None:
+            opened.set_surface(surface)
+        return opened.render(view, previous, shade=True)
+
+
+def visible(device: ComputeDevice, layers: ObjectLayers, view: View) -> VisibleLayer:
+    equirect = view.projection == "equirect"
+    layer = VisibleLayer(device, PlaneLayout(view.width, view.height), equirect=equirect)
+    constants = device.upload("view", view.kernel_constants())
+    layer.load(layers, constants, device.upload("materials", material_table(MATERIALS)))
+    return layer
+
+
+def traced(device: ComputeDevice, layers: ObjectLayers, view: View) -> TracedLayers:
+    layer = TracedLayers(device, view, "test layers")
+    layer.load(layers, device.upload("view", view.kernel_constants()))
+    return layer
+
+
+def image(device: ComputeDevice, layer: VisibleLayer, name: str) -> Float:
+    """(H, W) or (H, W, C)."""
+    planes = device.read(getattr(layer, name))
+    layout = PlaneLayout(planes.shape[-1] - 64, planes.shape[-2] - 64)
+    channels = np.moveaxis(layout.interior(planes).astype(np.float64), 0, -1)
+    return channels[..., 0] if channels.shape[-1] == 1 else channels
+
+
+def bounding(mask: NDArray[np.bool_]) -> tuple[int, int, int, int]:
+    rows, columns = np.nonzero(mask)
+    return columns.min(), rows.min(), columns.max() + 1, rows.max() + 1
+
+
+# The visible layer ---------------------------------------------------------------------------
+
+
+@views
+def test_visible_surfaces_are_the_solids(device: ComputeDevice, view: View) -> None:
+    before = replace(view, yaw_deg=view.yaw_deg + 6.0)
+    layer = visible(device, rasterized(view, instances(), previous=before), view)
+    seen, clear = steady(view)
+    depth = image(device, layer, "depth")
+    inner = clear & seen.any
+    assert {*seen.which[inner]} == ({0, 1} if view.projection == "perspective" else {0, 1, 2})
+    d, which = view.directions(), seen.which[inner]
+    facing = -(seen.normal * d).sum(-1)[inner]
+    assert (np.abs(depth[inner] - seen.enter[inner]) * facing).max() < SAGITTA * 0.4
+    normal = image(device, layer, "normal")[inner]
+    assert (normal * seen.normal[inner]).sum(-1).min() > np.cos(0.02)
+    np.testing.assert_allclose(np.linalg.norm(normal, axis=-1), 1.0, atol=1e-5)
+    np.testing.assert_array_equal(image(device, layer, "id")[inner], 1 + which)
+    albedo = np.array([m.albedo for m in MATERIALS])
+    np.testing.assert_allclose(image(device, layer, "albedo")[inner], albedo[which], atol=1e-6)
+    roughness = np.array([1.0, 0.3, 0.15])  # a diffuse surface counts as entirely rough
+    np.testing.assert_allclose(image(device, layer, "roughness")[inner], roughness[which])
+    shift = image(device, layer, "motion")[inner] - before.project(d[inner])
+    shift[:, 0] -= view.width * np.round(shift[:, 0] / view.width)
+    assert np.abs(shift).max() < 1e-2
+    # The position, which all passes compare, lies on the ball.
+    on_ball = inner & (seen.which == 0)
+    assert isinstance(SOLIDS[0], Sphere)
+    away = np.linalg.norm((d * depth[..., None])[on_ball] - SOLIDS[0].centre, axis=-1)
+    np.testing.assert_allclose(away, SOLIDS[0].radius, rtol=2 * SAGITTA)
+
+
+@views
+def test_coverage_is_the_area(device: ComputeDevice, view: View) -> None:
+    layer = visible(device, rasterized(view, instances()), view)
+    coverage = image(device, layer, "coverage")
+    area = see(samples(view, 8)).any.mean(0)
+    edge = (area > 0.0) & (area < 1.0)
+    assert edge.sum() > 60
+    error = coverage - area
+    assert np.abs(error[~edge]).max() == 0.0
+    assert np.sqrt((error[edge] ** 2).mean()) < 0.12
+    assert abs(error[edge].mean()) < 0.03
+    # Every covered pixel has a surface to shade, borrowed where its centre has none.
+    covered = coverage > 0.0
+    assert (covered & ~see(view.directions()).any).sum() > 10
+    for name in ("depth", "id", "roughness"):
+        assert (image(device, layer, name)[covered] > 0.0).all()
+    for name in ("depth", "id", "normal", "albedo"):
+        assert not image(device, layer, name)[~covered].any()
+    assert (image(device, layer, "motion")[~covered] == -1e9).all()
+    assert layer.rect == bounding(covered)
+
+
+@views
+def test_visible_normals_face_the_viewer(device: ComputeDevice, view: View) -> None:
+    """Also those that interpolation turned away, which are mirrored about the silhouette."""
+    layers = rasterized(view, instances())
+    front = layers.front.geometry
+    d = view.directions()
+    covered = front[..., 3] > 0.0
+    tilted = front[..., :3] + 0.8 * d
+    tilted /= np.linalg.norm(tilted, axis=-1, keepdims=True)
+    away = covered & ((tilted * d).sum(-1) > 0.0)
+    assert away.sum() > 60
+    front[covered, :3] = tilted[covered]
+    normal = image(device, visible(device, layers, view), "normal")
+    assert (normal * d).sum(-1)[covered].max() < 1e-6
+    np.testing.assert_allclose(normal[covered & ~away], tilted[covered & ~away], atol=1e-6)
+    mirrored = tilted - 2.0 * (tilted * d).sum(-1, keepdims=True) * d
+    np.testing.assert_allclose(normal[away], mirrored[away], atol=1e-5)
+
+
+@views
+def test_real_surfaces_hide_objects(device: ComputeDevice, view: View) -> None:
+    """A wall stands through the ball: what is behind it is not visible, but is still traced."""
+    world = World(high=(0.35, 1.3, 3.0))
+    frame = room_frame(world, 256, 128, lambda points, normals: np.ones_like(points))
+    panorama = Panorama(device, 256, 128)
+    panorama.load(frame)
+    chosen = instances(SOLIDS[:1])
+    layers = rasterized(view, chosen, surface=device.read(panorama.surface))
+    layer = visible(device, layers, view)
+    rays = samples(view, 5)
+    wall, _, _ = world.first_hit(np.zeros_like(rays), rays)
+    enter = see(rays, SOLIDS[:1]).enter
+    area = (enter < wall).mean(0)
+    coverage = image(device, layer, "coverage")
+    hidden = (np.isfinite(enter) & (enter > wall + 0.03)).all(0)
+    shown = (enter < wall - 0.03).all(0)
+    assert hidden.sum() > 15
+    assert shown.sum() > 60
+    assert not coverage[hidden].any()
+    assert (coverage[shown] == 1.0).all()
+    assert abs((coverage - area).mean()) < 0.002
+    assert (image(device, layer, "depth")[hidden] == 0.0).all()
+    back = traced(device, layers, view)
+    assert (device.read(back.geometry)[:, hidden, 3] > 0.0).all()
+
+
+# Layers that rays march through --------------------------------------------------------------
+
+
+@views
+def test_traced_planes_touch_the_solids(device: ComputeDevice, view: View) -> None:
+    """In front and at the back, all over each texel: the planes are tangent to the surfaces."""
+    layers = rasterized(view, instances())
+    planes = device.read(traced(device, layers, view)._planes)
+    centre, clear = steady(view)
+    clear &= centre.any
+    for d in samples(view, 2):
+        seen = see(d)
+        for side, wanted in enumerate((seen.enter, seen.leave)):
+            g = planes[:, :, side, :3]
+            normal = g / np.maximum(np.linalg.norm(g, axis=-1, keepdims=True), 1e-9)
+            steep = clear & (np.abs((normal * d).sum(-1)) > 0.4)
+            if side == 1:  # a ball ends where the ray leaves it, a texel may see two faces of a box
+                steep &= centre.which != 1
+            radius = 1.0 / (g * d).sum(-1)[steep]
+            assert steep.sum() > 60
+            np.testing.assert_allclose(radius, wanted[steep], rtol=0.015)
+    d = view.directions()
+    solid = planes[..., 3].min(-1) > 0.0
+    for side in (0, 1):
+        at_centre = 1.0 / (planes[:, :, side, :3] * d).sum(-1)[solid]
+        np.testing.assert_allclose(at_centre, planes[:, :, side, 3][solid], rtol=1e-4)
+
+
+@views
+def test_ranges_hold_the_solids(device: ComputeDevice, view: View) -> None:
+    layers = rasterized(view, instances())
+    layer = traced(device, layers, view)
+    ranges = device.read(layer._range)[: layer.width * layer.height]
+    low, high = np.moveaxis(ranges.reshape(layer.height, layer.width, 2), -1, 0)
+    solid = (layers.front.geometry[..., 3] > 0.0) & (layers.back.geometry[..., 3] > 0.0)
+    np.testing.assert_array_equal(np.isfinite(low), solid)
+    np.testing.assert_array_equal(np.isposinf(low) & np.isneginf(high), ~solid)
+    borrowed = (layers.front.geometry[..., 3] > 0.0) & ~solid
+    assert borrowed.sum() > 10
+    assert not device.read(layer._planes)[~solid].any()
+    _, clear = steady(view)
+    for d in samples(view, 3):
+        seen = see(d)
+        inside = clear & seen.any
+        assert (low <= seen.enter * (1.0 + 1e-3))[inside].all()
+        assert (high >= seen.leave * (1.0 - 5e-3))[inside].all()
+    # A plane seen edge-on does not run away within its texel.
+    reach = 6.001 * layer.footprint
+    assert (low >= layers.front.geometry[..., 3] * (1.0 - reach))[solid].all()
+    assert (high <= layers.back.geometry[..., 3] * (1.0 + reach))[solid].all()
+    inside = clear & solid
+    excess = (high - low)[inside] - (seen.leave - seen.enter)[inside]
+    assert np.median(excess) < 2.5 * layer.footprint
+
+
+@views
+def test_pyramid_cells_hold_their_texels(device: ComputeDevice, view: View) -> None:
+    layer = traced(device, rasterized(view, instances()), view)
+    cells, shape = device.read(layer._range), layer.shape
+    assert shape.levels > 3
+    levels = [
+        cells[shape.offsets[i] : shape.offsets[i + 1]].reshape(shape.rows[i], shape.columns[i], 2)
+        for i in range(shape.levels)
+    ]
+    for i in range(1, shape.levels):
+        tall = np.arange(0, layer.height, 1 << i)
+        wide = np.arange(0, layer.width, 1 << i)
+        low = np.minimum.reduceat(np.minimum.reduceat(levels[0][..., 0], tall, 0), wide, 1)
+        high = np.maximum.reduceat(np.maximum.reduceat(levels[0][..., 1], tall, 0), wide, 1)
+        np.testing.assert_array_equal(levels[i], np.stack([low, high], -1))
+
+
+@views
+def test_rectangle_and_boxes_hold_all(device: ComputeDevice, view: View) -> None:
+    chosen = instances()
+    layers = rasterized(view, chosen)
+    layer = traced(device, layers, view)
+    front = layers.front.geometry[..., 3] > 0.0
+    assert layer.rect == bounding(front)
+    assert (see(samples(view, 3)).any.any(0) <= front).mean() > 0.995
+    geometry = device.read(layer.geometry)
+    solid_texels = (geometry[..., 3] > 0.0).all(0)
+    points = (view.directions() * geometry[..., 3:])[:, solid_texels]
+    bounds = object_bounds(chosen, margin=0.02)
+    held = [((points >= b[0, :3]) & (points <= b[1, :3])).all(-1) for b in bounds]
+    assert np.any(held, axis=0).all()
+    for box, solid in zip(bounds, SOLIDS, strict=True):
+        low, high = solid.bounds()
+        reach = np.linalg.norm(high - low)
+        assert (box[0, :3] <= low).all()
+        assert (box[1, :3] >= high).all()
+        np.testing.assert_allclose(box[:, :3], np.stack([low, high]), atol=0.03 * float(reach))
+
+
+@views
+def test_nothing_in_sight(device: ComputeDevice, view: View) -> None:
+    """After a picture with objects, one without leaves nothing of them."""
+    some = rasterized(view, instances())
+    empty = Layer(np.zeros_like(some.front.geometry), np.zeros_like(some.front.material))
+    nowhere = np.full((view.height, view.width, 2), -1e9, np.float32)
+    none = ObjectLayers(empty, empty, np.zeros((view.height, view.width), np.float32), nowhere)
+    seen, back = visible(device, some, view), traced(device, some, view)
+    assert EMPTY not in (seen.rect, back.rect)
+    constants = device.upload("view", view.kernel_constants())
+    seen.load(none, constants, device.upload("materials", material_table(MATERIALS)))
+    back.load(none, constants)
+    assert seen.rect == back.rect == EMPTY
+    for name in ("depth", "id", "normal", "albedo", "coverage"):
+        assert not image(device, seen, name).any()
+    assert not device.read(back._planes).any()
+    assert (device.read(back._range) == (np.inf, -np.inf)).all()

@@ -1,0 +1,176 @@
+"""The two representations of objects that rays meet, in the whole frame."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import moderngl
+import numpy as np
+import pytest
+
+from iprt.device.compute import ComputeDevice
+from iprt.device.plan import PlanDevice
+from iprt.errors import DeviceError
+from iprt.footage.frame import Frame
+from iprt.meshes.camera import View
+from iprt.meshes.material import Material
+from iprt.meshes.mesh import Instance
+from iprt.renderer import RenderedFrame, Renderer
+from iprt.settings.model import Settings
+from tests.oracles.worlds import World
+from tests.worlds import ball, bright_walls, ceiling_lamp, cuboid, room_frame
+
+pytestmark = pytest.mark.gl
+
+ROOM = World()
+CLAY = Material(albedo=(0.6, 0.3, 0.2))
+DOWN = View(96, 72, pitch_deg=-35.0)
+PANORAMA = View(192, 96, projection="equirect")
+MEAN: dict[str, Any] = {"fading": 0.0, "mask": {"sparse": False}}
+
+
+def render(
+    device: ComputeDevice,
+    frame: Frame,
+    objects: Sequence[Instance],
+    view: View,
+    frames: int,
+    *,
+    rays: int = 4,
+    represented: str = "bvh",
+    **settings: Any,
+) -> RenderedFrame:
+    trace = {"objects": represented, "rays": rays}
+    chosen = Settings.model_validate({**MEAN, "trace": trace, **settings})
+    with Renderer(device, frame, objects, view, chosen) as renderer:
+        return renderer.render(frames, ("ratio", "coverage", "normal"))
+
+
+@pytest.mark.parametrize("view", [DOWN, PANORAMA], ids=lambda view: view.projection)
+def test_a_convex_object_is_the_same_in_both(device: ComputeDevice, view: View) -> None:
+    frame = room_frame(ROOM, 256, 128, bright_walls)
+    objects = [ball((0.2, -1.0, -1.4), 0.3, CLAY)]
+    exact, layered = (
+        render(device, frame, objects, view, 16, represented=name) for name in ("bvh", "raster")
+    )
+    np.testing.assert_array_equal(exact.aovs["coverage"], layered.aovs["coverage"])
+    difference = np.abs(exact.color - layered.color).max(-1) / frame.color.mean()
+    assert difference.mean() < 0.004
+    assert np.percentile(difference, 99.5) < 0.12
+    assert exact.aovs["ratio"].min() < 0.95
+
+
+def test_what_an_object_hides_casts_a_shadow(device: ComputeDevice) -> None:
+    """A wall between the camera and a ball: the floor under the ball is dark, beside the wall."""
+    frame = room_frame(ROOM, 256, 128, ceiling_lamp)
+    wall = cuboid((0.0, -0.45, -1.0), (0.5, 0.5, 0.02), CLAY)
+    plate = cuboid((0.2, -0.6, -1.4), (0.5, 0.02, 0.3), CLAY)
+    view = View(96, 72, yaw_deg=10.0, pitch_deg=-35.0, fov_y_deg=80.0)
+    shadows = {}
+    for name in ("bvh", "raster"):
+        with_plate = render(device, frame, [wall, plate], view, 8, represented=name)
+        without = render(device, frame, [wall], view, 8, represented=name)
+        shown = (with_plate.aovs["coverage"] == 0.0) & (without.aovs["coverage"] == 0.0)
+        ratio = with_plate.aovs["ratio"].mean(-1) / without.aovs["ratio"].mean(-1)
+        d = view.directions()
+        t = -1.5 / np.where(d[..., 1] < -0.05, d[..., 1], -1.0)
+        floor = t[..., None] * d
+        under = (d[..., 1] < -0.05) & shown & (np.abs(floor[..., 0] - 0.65) < 0.15)
+        under &= np.abs(floor[..., 2] + 1.4) < 0.25
+        shadows[name] = under, ratio
+    under, ratio = shadows["bvh"]
+    assert under.sum() > 20
+    layered = shadows["raster"][1][under].mean()
+    assert ratio[under].mean() < layered - 0.05
+
+
+def test_a_mirror_shows_what_an_object_hides(device: ComputeDevice) -> None:
+    """A red ball behind a wall, seen in a mirror to the right."""
+    frame = room_frame(ROOM, 256, 128, lambda points, _: np.full(points.shape, 1.0))
+    wall = cuboid((0.0, 0.0, -0.8), (0.3, 0.3, 0.02), Material(albedo=(0.5, 0.5, 0.5)))
+    red = ball((0.0, 0.0, -1.4), 0.25, Material(albedo=(0.9, 0.05, 0.05)))
+    silver = Material("conductor", (1.0, 1.0, 1.0), alpha=0.0)
+    mirror = cuboid((1.02, 0.0, -0.9), (0.02, 0.5, 0.6), silver)
+    view = View(97, 73, yaw_deg=52.0, fov_y_deg=60.0)
+    # The mirror shows a ball as far behind its face, at x = 1, as the ball is before it.
+    d = view.directions()
+    along = d @ np.array([2.0, 0.0, -1.4])
+    shows = (2.0**2 + 1.4**2 - along**2 < 0.2**2) & (along > 0.0)
+    assert shows.sum() > 50
+    reds = {}
+    for name in ("bvh", "raster"):
+        picture = render(device, frame, [wall, red, mirror], view, 8, represented=name)
+        reds[name] = picture.color[..., 0] - picture.color[..., 1] > 0.2
+    assert reds["bvh"][shows].mean() > 0.95
+    assert reds["raster"][shows].mean() < 0.05
+
+
+def test_what_touches_is_dark(device: ComputeDevice) -> None:
+    """The corner of two boxes that touch: rays leave by next to nothing and meet the other."""
+    frame = room_frame(ROOM, 256, 128, lambda points, _: np.full(points.shape, 1.0))
+    white = Material(albedo=(0.8, 0.8, 0.8))
+    floor = cuboid((0.0, -0.6, -1.5), (0.8, 0.1, 0.8), white)
+    step = cuboid((0.0, -0.3, -1.9), (0.8, 0.2, 0.4), white)
+    view = View(24, 96, pitch_deg=-22.0, fov_y_deg=30.0)
+    picture = render(device, frame, [floor, step], view, 32, rays=8, atrous={"levels": 0})
+    column = picture.color[:, 4:20].mean((1, 2))
+    normal = picture.aovs["normal"][:, 4:20].mean(1)
+    corner = int(np.flatnonzero((normal[1:, 1] > 0.7) & (normal[:-1, 2] > 0.7))[0])
+    # Half of what lights each surface is the other one, right up to where they meet.
+    above, below = column[corner - 1 : corner + 1].mean(), column[corner + 1 : corner + 3].mean()
+    away = column[normal[:, 2] > 0.7][:3].mean()
+    assert above < 0.93 * away
+    assert abs(above - below) < 0.1 * away
+
+
+def test_without_opengl_rays_draw(
+    device: ComputeDevice, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    frame = room_frame(ROOM, 256, 128, bright_walls)
+    objects = [ball((0.2, -1.0, -1.4), 0.3, CLAY)]
+    drawn = {
+        method: render(device, frame, objects, DOWN, 2, method=method) for method in ("iprt", "ibl")
+    }
+
+    def fail(**_: object) -> None:
+        raise Exception("libEGL.so not loaded")
+
+    monkeypatch.setattr(moderngl, "create_context", fail)
+    for method, picture in drawn.items():
+        caplog.clear()
+        traced = render(device, frame, objects, DOWN, 2, method=method)
+        (record,) = caplog.records
+        assert "libEGL.so not loaded" in record.getMessage()
+        np.testing.assert_allclose(
+            traced.aovs["coverage"], picture.aovs["coverage"], atol=2.01 / 16.0
+        )
+        assert np.percentile(np.abs(traced.color - picture.color), 99) < 0.05
+        caplog.clear()
+        asked = render(device, frame, objects, DOWN, 2, method=method, gbuffer="cl")
+        assert not caplog.records
+        np.testing.assert_array_equal(asked.color, traced.color)
+    with pytest.raises(DeviceError, match=r"libEGL\.so not loaded"):
+        render(device, frame, objects, DOWN, 1, represented="raster")
+
+
+@pytest.mark.parametrize("view", [DOWN, PANORAMA], ids=lambda view: view.projection)
+def test_the_plan_is_what_is_allocated(device: ComputeDevice, view: View) -> None:
+    """Without building a tree, which the file name of this test's mesh would take seconds for."""
+    frame = room_frame(ROOM, 64, 32, bright_walls)
+    objects = [
+        ball((0.2, -1.0, -1.4), 0.3, CLAY, subdivisions=5),
+        cuboid((0, 0, 2), (1, 1, 1), CLAY),
+    ]
+    settings = Settings(gbuffer="cl")
+    plan = PlanDevice()
+    Renderer(plan, frame, objects, view, settings)
+    own = ComputeDevice(device.device)
+    with Renderer(own, frame, objects, view, settings) as renderer:
+        renderer.render(1)
+    for name, size in plan.buffers.items():
+        assert own.buffers[name] == size, name
+    assert {name for name in plan.buffers if name.startswith("bvh")} == {
+        "bvh nodes", "bvh packets", "bvh instances", "bvh triangles", "bvh normals", "bvh albedos",
+        "bvh motion",
+    }  # fmt: skip

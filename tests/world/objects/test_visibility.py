@@ -1,0 +1,212 @@
+"""What rays show of objects in the view is what OpenGL draws."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from iprt.bvh.scene import object_bounds
+from iprt.device.compute import ComputeDevice
+from iprt.gbuffer.layout import PlaneLayout
+from iprt.meshes.camera import View
+from iprt.meshes.material import Material, material_table
+from iprt.meshes.mesh import Instance
+from iprt.raster.layers import COVERAGE_TOLERANCE
+from iprt.world.objects.object_bvh import ObjectBvh
+from iprt.world.objects.object_layers import VisibleLayer
+from iprt.world.objects.visibility import Visibility
+from tests.kernels.tracing import panorama_of
+from tests.oracles.worlds import Box, World
+from tests.raster.shapes import mesh, placed, quad, rasterizer, sphere
+from tests.world.objects.test_object_layers import bounding, image
+from tests.worlds import Float, bright_walls, room_frame
+
+pytestmark = pytest.mark.gl
+
+VIEWS = [
+    View(97, 71, yaw_deg=-4.0, pitch_deg=3.0, fov_y_deg=70.0),
+    View(160, 80, projection="equirect"),
+]
+views = pytest.mark.parametrize("view", VIEWS, ids=lambda view: view.projection)
+ROOM = World(solids=(Box((0.3, -0.1, -1.0), (0.12, 0.3, 0.05)),))
+"""A post stands in front of the first ball."""
+PLANES = ("normal", "depth", "id", "roughness", "albedo", "coverage", "motion")
+
+
+def pattern() -> Material:
+    """Smooth over a few pixels, so that ways to filter it hardly differ."""
+    y, x = np.mgrid[0:64, 0:64] * (2.0 * np.pi / 64.0)
+    waves = 0.5 + 0.4 * np.stack([np.sin(x), np.cos(y), np.sin(x + y)], axis=-1)
+    return Material(texture=waves.astype(np.float32), albedo=(0.9, 0.8, 0.7))
+
+
+def scene() -> list[Instance]:
+    tilted = np.array([[0.8, 0.0, 0.6], [0.0, 1.0, 0.0], [-0.6, 0.0, 0.8]])
+    return [
+        placed(sphere(4), (0.35, -0.1, -1.3), 0.4, name="ball"),
+        placed(quad((pattern(),)), (-0.5, 0.1, -1.5), (-0.35, 0.3, 0.3), tilted, name="picture"),
+        placed(sphere(2), (-0.2, -0.1, 1.5), (0.3, 0.2, -0.1), name="behind, over the seam"),
+        placed(mesh(np.zeros((0, 3)), np.zeros((0, 3), int)), name="nothing"),
+        placed(sphere(1), (0.05, 0.9, 0.02), 0.1, name="overhead"),
+    ]
+
+
+def moved(instances: list[Instance]) -> list[Instance]:
+    turn = np.eye(4)
+    turn[:3, :3] = View(1, 1, 20.0, 10.0).world_from_view
+    turn[0, 3] = 0.05
+    return [replace(i, to_world=turn @ i.to_world) for i in instances[:1]] + instances[1:]
+
+
+class Both:
+    """The visible layer of the same scene by OpenGL and by rays."""
+
+    def __init__(self, device: ComputeDevice, view: View) -> None:
+        before, instances = moved(scene()), scene()
+        panorama = panorama_of(device, room_frame(ROOM, 250, 125, bright_walls))  # no ties
+        turned = view
+        if view.projection == "perspective":
+            turned = replace(view, yaw_deg=view.yaw_deg + 3.0, fov_y_deg=65.0)
+        now, then = (device.upload("view", v.kernel_constants()) for v in (view, turned))
+        materials = [m for i in instances for m in i.mesh.materials]
+        table = device.upload("materials", material_table(materials))
+        layout = PlaneLayout(view.width, view.height)
+        equirect = view.projection == "equirect"
+        self.drawn = VisibleLayer(device, layout, equirect=equirect)
+        self.traced = VisibleLayer(device, layout, equirect=equirect)
+        with rasterizer(before) as opened:
+            opened.set_surface(device.read(panorama.surface))
+            opened.move(instances)
+            self.layers = opened.render(view, turned, shade=True)
+        self.drawn.load(self.layers, now, table)
+        bvh = ObjectBvh(device, before)
+        visibility = Visibility(device, view, bvh)
+        bvh.load(before)
+        bvh.load(instances)
+        bounds = object_bounds(instances, margin=1e-3)
+        visibility.run(self.traced, view, now, then, panorama, bounds, table)
+        self._device = device
+
+    def images(self, name: str) -> tuple[Float, Float]:
+        return image(self._device, self.drawn, name), image(self._device, self.traced, name)
+
+
+@pytest.fixture(scope="module", params=VIEWS, ids=lambda view: view.projection)
+def both(device: ComputeDevice, request: pytest.FixtureRequest) -> Both:
+    return Both(device, request.param)
+
+
+def inner(ids: NDArray[np.floating]) -> NDArray[np.bool_]:
+    """Pixels whose neighbours all show the same, columns of the whole panorama apart."""
+    same = ids > 0.0
+    for y in (-1, 0, 1):
+        for x in (-1, 0, 1):
+            same &= np.roll(ids, (y, x), (0, 1)) == ids
+    same[[0, -1]] = same[:, [0, -1]] = False
+    return np.asarray(same)
+
+
+def test_ids(both: Both) -> None:
+    drawn, traced = both.images("id")
+    assert {1, 2} <= set(np.unique(drawn))
+    differ = drawn != traced
+    assert not differ[inner(drawn)].any()
+    assert differ.sum() <= 0.01 * (drawn > 0.0).sum()
+
+
+def test_depth_normals_and_roughness(both: Both) -> None:
+    same = inner(both.images("id")[0])
+    assert same.sum() > 300
+    for name, tolerance in (("depth", 1e-5), ("normal", 1e-4), ("roughness", 1e-6)):
+        drawn, traced = both.images(name)
+        error = np.abs(drawn - traced).reshape(*same.shape, -1).max(-1)[same]
+        # Next to an edge between two triangles either may be seen.
+        assert np.percentile(error, 99) < tolerance
+        assert error.max() < 0.2
+
+
+def test_albedo_with_textures(both: Both) -> None:
+    drawn, traced = both.images("albedo")
+    same = inner(both.images("id")[0])
+    assert np.ptp(drawn[..., 0][same]) > 0.3
+    assert np.abs(drawn - traced)[same].max() < 0.06
+    assert np.abs(drawn - traced)[same].mean() < 5e-3
+
+
+def test_coverage(both: Both) -> None:
+    drawn, traced = both.images("coverage")
+    assert ((drawn > 0.0) & (drawn < 1.0)).sum() > 50
+    assert np.abs(drawn - traced).max() <= 2.01 / 16.0
+    assert (drawn != traced).sum() < 0.05 * (drawn > 0.0).sum()
+    assert ((drawn == 0.0) & (both.layers.front.geometry[..., 3] > 0.0)).sum() > 10  # the post
+
+
+def test_borrowed_edges(both: Both) -> None:
+    ids = both.images("id")
+    centre = both.layers.back.geometry[..., 3] > 0.0
+    lent = (ids[0] > 0.0) & ~centre & (ids[0] == ids[1])
+    assert lent.sum() > 20
+    for name in ("depth", "normal", "albedo"):
+        drawn, traced = both.images(name)
+        assert np.percentile(np.abs(drawn - traced)[lent], 95) < 0.02
+
+
+def test_motion(both: Both) -> None:
+    same = inner(both.images("id")[0])
+    drawn, traced = both.images("motion")
+    np.testing.assert_allclose(traced[same], drawn[same], atol=2e-3)
+    pixels = np.indices(same.shape)[::-1].transpose(1, 2, 0) + 0.5
+    assert np.abs(drawn - pixels)[same].max() > 3.0
+
+
+def test_rectangle(both: Both) -> None:
+    covered = both.images("coverage")[1] > 0.0
+    assert both.traced.rect == bounding(covered)
+
+
+@pytest.mark.parametrize("side", [-1, 1])
+def test_an_edge_on_the_seam_borrows_across_it(device: ComputeDevice, side: int) -> None:
+    """A ball reaches a quarter of a pixel over the seam: there only the pixel across can lend."""
+    view = View(160, 80, projection="equirect")
+    radius = 0.2
+    azimuth = side * (np.pi + 0.25 * 2.0 * np.pi / view.width - radius)
+    centre = 1.5 * np.array([np.sin(azimuth), 0.0, -np.cos(azimuth)])
+    ball = placed(sphere(4), tuple(centre), 1.5 * np.sin(radius))
+    panorama = panorama_of(device, room_frame(World(), 64, 32, bright_walls))
+    constants = device.upload("view", view.kernel_constants())
+    table = device.upload("materials", material_table(ball.mesh.materials))
+    layer = VisibleLayer(device, PlaneLayout(view.width, view.height), equirect=True)
+    bvh = ObjectBvh(device, [ball])
+    bvh.load([ball])
+    bounds = object_bounds([ball], margin=1e-3)
+    Visibility(device, view, bvh).run(layer, view, constants, constants, panorama, bounds, table)
+    coverage, depth = image(device, layer, "coverage"), image(device, layer, "depth")
+    beyond, before = (0, -1) if side > 0 else (-1, 0)
+    assert (coverage[39:41, before] > 0.9).all()
+    assert ((coverage[39:41, beyond] > 0.1) & (coverage[39:41, beyond] < 0.5)).all()
+    assert (depth[39:41, beyond] > 1.2).all()
+
+
+@views
+def test_nothing_in_sight(device: ComputeDevice, view: View) -> None:
+    """What was seen before is gone."""
+    seen = [placed(sphere(2), (0.0, 0.0, -2.0), 0.5)]
+    frame = room_frame(World(), 64, 32, bright_walls)
+    panorama = panorama_of(device, frame)
+    constants = device.upload("view", view.kernel_constants())
+    table = device.upload("materials", material_table(seen[0].mesh.materials))
+    equirect = view.projection == "equirect"
+    layer = VisibleLayer(device, PlaneLayout(view.width, view.height), equirect=equirect)
+    bvh = ObjectBvh(device, seen)
+    visibility = Visibility(device, view, bvh)
+    for distance, shown in ((2.0, True), (500.0, False)):  # behind the wall
+        there = [replace(seen[0], to_world=placed(sphere(2), (0, 0, -distance), 0.5).to_world)]
+        bvh.load(there)
+        bounds = object_bounds(there, margin=1e-3)
+        visibility.run(layer, view, constants, constants, panorama, bounds, table)
+        assert (image(device, layer, "coverage") > 0.0).any() == shown
+        assert (image(device, layer, "id") > 0.0).any() == shown
+    assert 0.0 < COVERAGE_TOLERANCE < 0.1

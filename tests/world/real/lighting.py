@@ -1,0 +1,94 @@
+"""Device functions of `cl/lib/world/path.h` that look at real scenes, called from Python."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.device.compute import ComputeDevice
+from iprt.footage.footage import Footage
+from iprt.footage.frame import Frame
+from iprt.meshes.camera import View
+from iprt.meshes.material import Material, material_table
+from iprt.settings.model import Settings
+from iprt.settings.requirements import Requirements
+from iprt.world.real.lights import Lights
+from iprt.world.real.panorama import Panorama
+from iprt.world.world import World
+from tests.kernels.wrap import evaluate
+
+
+class RealWorld:
+    """A frame without objects, as `cl/lib/world/path.h` sees it, and `materials` that scatter."""
+
+    def __init__(
+        self,
+        device: ComputeDevice,
+        frame: Frame,
+        materials: tuple[Material, ...] = (Material(),),
+        *,
+        before: Frame | None = None,
+    ) -> None:
+        """`before` was seen first, and is remembered where `frame` hides it."""
+        self._device = device
+        settings = Settings.model_validate({"trace": {"objects": "raster"}})
+        self._needs = Requirements.of(
+            materials,
+            View(1, 1),
+            settings,
+            Footage.of(frame, static_camera=before is not None),
+        )
+        self.panorama = Panorama(
+            device,
+            frame.width,
+            frame.height,
+            outside=self._needs.opening_environment,
+            background=settings.trace if before is not None else None,
+        )
+        for shown in (frame,) if before is None else (before, frame):
+            self.panorama.load(shown)
+            hidden = self.panorama.remember(forget=False)
+        self.lights = Lights(device, frame.width, frame.height)
+        self.lights.load(frame.color, hidden)
+        self._world = World(
+            self.panorama,
+            None,
+            None,
+            bvh=None,
+            materials=device.upload("materials", material_table(materials)),
+            bounds=device.upload("bounds", np.zeros((1, 2, 4), np.float32)),
+            lights=self.lights,
+        )
+
+    def run(
+        self,
+        body: str,
+        inputs: Mapping[str, NDArray[Any]],
+        outputs: Mapping[str, str],
+        *,
+        light_sampling: bool = True,
+    ) -> dict[str, NDArray[Any]]:
+        """`evaluate` with a variable `world`."""
+        defines = {**self._needs.trace_defines(), "LIGHT_SAMPLING": light_sampling}
+        return evaluate(
+            self._device,
+            ["path.h"],
+            "const World world = WORLD(0);" + body,
+            inputs,
+            outputs,
+            defines=[
+                name if value is True else f"{name}={value}"
+                for name, value in defines.items()
+                if value is not False
+            ],
+            parameters="WORLD_PARAMETERS",
+            arguments=self._world.arguments(self._needs),
+        )
+
+
+def numbers(seed: int, count: int, width: int) -> NDArray[np.float32]:
+    """(count, width) uniform in [0, 1)."""
+    return np.random.default_rng(seed).random((count, width), np.float32)

@@ -1,0 +1,312 @@
+"""What a static camera's video has shown behind moving things: the memory, and rays in it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from iprt.device.compute import ComputeDevice
+from iprt.footage.frame import Frame
+from iprt.meshes.camera import View
+from iprt.settings.trace import TraceSettings
+from iprt.world.real.panorama import Panorama
+from tests.kernels.tracing import panorama_of
+from tests.oracles.remember import Memory, remembered
+from tests.oracles.worlds import Box, Solid, Sphere, World
+from tests.worlds import bright_walls, room_frame
+
+OPENING, HIDDEN, AIMED = 16, 64, 128
+WIDTH, HEIGHT = 128, 64
+AWAY, NEAR = Sphere((-1.0, 0.2, 1.4), 0.4), Sphere((0.6, -0.3, -1.3), 0.4)
+TRACE = TraceSettings()
+
+
+def shown(*solids: Solid, width: int = WIDTH, height: int = HEIGHT) -> Frame:
+    return room_frame(World(solids=solids), width, height, bright_walls)
+
+
+def read(device: ComputeDevice, panorama: Panorama) -> Memory:
+    """What the device remembers."""
+    background = panorama.background
+    assert background is not None
+    marks = device.read(background.marks)
+    color = device.read(background.color)
+    return Memory(
+        device.read(background.depth),
+        device.read(background.normal),
+        color[..., :3],
+        (marks & OPENING) != 0,
+        np.abs(color[..., 3]),
+        color[..., 3] < 0.0,
+        (marks & HIDDEN) != 0,
+        device.read(background.hidden_light),
+    )
+
+
+def after(device: ComputeDevice, frames: Sequence[Frame]) -> Memory:
+    return read(device, panorama_of(device, frames[-1], *frames[:-1]))
+
+
+def noisy(frame: Frame, seed: int, sigma: float) -> Frame:
+    rng = np.random.default_rng(seed)
+    depth = frame.depth * (1.0 + sigma * rng.standard_normal(frame.depth.shape))
+    return replace(frame, depth=depth.astype(np.float32))
+
+
+def rolling(count: int) -> list[Frame]:
+    """A ball crosses the room."""
+    places = np.linspace(AWAY.centre, NEAR.centre, count)
+    return [shown(Sphere(tuple(place), 0.4)) for place in places]
+
+
+def random_film(seed: int, count: int) -> list[Frame]:
+    """Any depth, normal, colour, window and sky at any texel; surfaces stay for a while."""
+    rng = np.random.default_rng(seed)
+    height, width = 24, 48
+    frames, depth = [], rng.uniform(0.5, 5.0, (height, width))
+    normal = rng.normal(size=(height, width, 3))
+    for _ in range(count):
+        new = rng.random((height, width)) < 0.3
+        other = rng.uniform(0.5, 5.0, (height, width))
+        other[rng.random((height, width)) < 0.1] = np.inf
+        depth = np.where(new, other, depth * rng.uniform(0.96, 1.04, (height, width)))
+        normal = np.where(new[..., None], rng.normal(size=(height, width, 3)), normal)
+        unit = normal / np.linalg.norm(normal, axis=-1, keepdims=True)
+        window = (rng.random((height, width)) < 0.2) & np.isfinite(depth)
+        frames.append(
+            Frame(
+                rng.random((height, width, 3), np.float32),
+                depth.astype(np.float32),
+                window,
+                np.where(np.isfinite(depth)[..., None], unit, 0.0).astype(np.float32),
+            )
+        )
+    return frames
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_equals_its_twin(device: ComputeDevice, seed: int) -> None:
+    frames = random_film(seed, 9)
+    panorama = Panorama(device, frames[0].width, frames[0].height, background=TRACE)
+    # The unit of length is that of each frame; here that of all.
+    for frame in frames:
+        panorama.load(frame)
+        panorama.median_depth = 2.0
+        panorama.remember(forget=False)
+    mine, twin = read(device, panorama), remembered(frames, 0.05, 0.05)
+    # float32 may decide otherwise where depths differ by the margin exactly.
+    same = (mine.hidden == twin.hidden) & (mine.mixed == twin.mixed)
+    assert (~same).sum() <= 2
+    assert 0.2 < twin.hidden.mean() < 0.9
+    assert (mine.opening == twin.opening)[same].all()
+    for mine_of, twin_of in (
+        (mine.depth, twin.depth),
+        (mine.normal, twin.normal),
+        (mine.color, twin.color),
+        (mine.around, twin.around),
+        (mine.light, twin.light),
+    ):
+        np.testing.assert_allclose(mine_of[same], twin_of[same], rtol=2e-6)
+
+
+def test_only_what_was_seen_is_remembered(device: ComputeDevice) -> None:
+    frames = random_film(7, 12)
+    memory = after(device, frames)
+    depths = np.stack([frame.depth for frame in frames])
+    colors = np.stack([frame.color for frame in frames])
+    assert (memory.depth == depths).any(0).all()
+    assert (memory.color == colors).all(-1).any(0).all()
+    # Nothing is nearer than what the frame shows, but for windows, whose depth is a guess.
+    plain = ~(memory.opening & frames[-1].opening)
+    assert (memory.depth >= frames[-1].depth * 0.95 - 0.05 * 2.0)[plain].all()
+
+
+def test_what_a_ball_hides_is_the_wall(device: ComputeDevice) -> None:
+    before, now = shown(AWAY), shown(NEAR)
+    memory = after(device, [before, now])
+    wall = shown()
+    hides = now.depth < wall.depth
+    gap = wall.depth - now.depth > 0.2
+    assert gap.sum() > 50
+    assert memory.hidden[gap].all()
+    assert not memory.hidden[~hides].any()
+    np.testing.assert_array_equal(memory.depth[gap], wall.depth[gap])
+    np.testing.assert_array_equal(memory.normal[gap], wall.normal[gap])
+    np.testing.assert_array_equal(memory.color[gap], wall.color[gap])
+    # What stood before the rest at first is not remembered: the wall is farther.
+    uncovered = before.depth < wall.depth
+    assert uncovered.sum() > 50
+    np.testing.assert_array_equal(memory.depth[uncovered], wall.depth[uncovered])
+
+
+def test_noise_makes_no_layers(device: ComputeDevice) -> None:
+    still = shown(NEAR)
+    memory = after(device, [noisy(still, seed, 0.01) for seed in range(12)])
+    last = noisy(still, 11, 0.01)
+    edge = np.abs(still.depth - np.roll(still.depth, 1, 1)) > 0.1
+    assert not memory.hidden[~edge].any()
+    np.testing.assert_array_equal(memory.depth[~edge], last.depth[~edge])
+
+
+def test_what_stays_for_ever_hides_for_ever(device: ComputeDevice) -> None:
+    """A door that was closed once: what was behind it is remembered as it was."""
+    door = Box((0.6, -0.2, -2.0), (0.5, 0.8, 0.03))
+    opened, closed = shown(), shown(door)
+    memory = after(device, [opened, *[noisy(closed, seed, 0.005) for seed in range(30)]])
+    inside = opened.depth - closed.depth > 0.25
+    assert inside.sum() > 50
+    assert memory.hidden[inside].all()
+    np.testing.assert_array_equal(memory.depth[inside], opened.depth[inside])
+    np.testing.assert_array_equal(memory.color[inside], opened.color[inside])
+
+
+def test_what_nears_slowly_does_not_draw_the_wall_along(device: ComputeDevice) -> None:
+    """A panel that leaves the wall by a centimetre a frame."""
+    first = shown()
+    frames = [
+        shown(Box((0.0, 0.0, -2.5 + 0.01 * step), (1.0, 0.8, 0.005))) for step in range(1, 41)
+    ]
+    memory = after(device, [first, *frames])
+    inside = first.depth - frames[-1].depth > 0.3
+    assert inside.sum() > 100
+    assert memory.hidden[inside].all()
+    assert np.abs(memory.depth - first.depth)[inside].max() < 0.05 * first.depth.max() + 1e-3
+
+
+def test_what_the_foot_of_a_thing_hides_is_the_floor(device: ComputeDevice) -> None:
+    """It is hardly nearer than the floor, but faces elsewhere."""
+    empty, now = shown(), shown(Box((0.1, -1.2, -1.2), (0.3, 0.2, 0.2)))
+    memory = after(device, [empty, now])
+    face = (now.depth < empty.depth) & (now.normal[..., 2] > 0.9)
+    foot = face & (empty.depth - now.depth < 0.1)
+    assert foot.sum() > 2
+    assert memory.hidden[foot].all()
+    np.testing.assert_array_equal(memory.color[foot], empty.color[foot])
+
+
+def test_mixed_colours_at_rims_are_not_remembered(device: ComputeDevice) -> None:
+    """Frames blurred by a texel, as lenses and codecs do; the ball comes, and goes."""
+
+    def blurred(frame: Frame) -> Frame:
+        color = sum(
+            np.roll(frame.color, (dy, dx), (0, 1)) for dy in (-1, 0, 1) for dx in (-1, 0, 1)
+        )
+        return replace(frame, color=(np.asarray(color) / 9.0).astype(np.float32))
+
+    def scene(*solids: Solid) -> Frame:
+        frame = shown(*solids)
+        red = np.where((frame.depth < shown().depth)[..., None], [9.0, 0.0, 0.0], [0.0, 1.0, 1.0])
+        return blurred(replace(frame, color=red.astype(np.float32)))
+
+    film = [scene(Sphere(tuple(place), 0.4)) for place in np.linspace(AWAY.centre, NEAR.centre, 8)]
+    memory = after(device, film)
+    assert memory.hidden.any()
+    # The ball's red is seen only where it still is, and beside it.
+    far = np.abs(np.linalg.norm(film[-1].color - [0.0, 1.0, 1.0], axis=-1)) < 1e-5
+    clean = memory.hidden | far
+    assert memory.color[clean][:, 0].max() < 1e-5
+
+
+def test_windows_and_sky(device: ComputeDevice) -> None:
+    room = shown()
+    rows, columns = np.indices(room.depth.shape)
+    window = (np.abs(rows - 30) < 6) & (np.abs(columns - 64) < 10)
+    empty = replace(room, opening=window)
+    nearer = np.where(np.abs(columns - 66) < 4, np.float32(1.0), room.depth)
+    person = replace(room, depth=nearer.astype(np.float32), opening=window & (nearer == room.depth))
+    memory = after(device, [empty, person])
+    hides = nearer < room.depth
+    assert memory.hidden[hides].all()
+    assert (memory.opening == window).all()
+    # A shutter in the window's plane closes it.
+    memory = after(device, [empty, room])
+    assert not memory.opening.any()
+    # Open sky is behind all.
+    sky = replace(
+        room,
+        depth=np.where(window, np.inf, room.depth).astype(np.float32),
+        normal=np.where(window[..., None], 0.0, room.normal).astype(np.float32),
+    )
+    memory = after(device, [sky, room, room])
+    assert np.isinf(memory.depth[window]).all()
+    assert memory.hidden[window].all()
+    memory = after(device, [room, sky, person])
+    assert np.isinf(memory.depth[window & hides]).all()
+
+
+def test_brighter_lights_are_remembered_as_such(device: ComputeDevice) -> None:
+    before, now = shown(AWAY), shown(NEAR)
+    now = replace(now, color=np.where((now.depth < shown().depth)[..., None], 0.5, now.color))
+    memory = after(device, [before, now])
+    luminance = before.color @ np.array([0.2126, 0.7152, 0.0722], np.float32)
+    brighter = memory.hidden & (luminance > 0.51)
+    dimmer = memory.hidden & (luminance < 0.49)
+    assert brighter.sum() > 10
+    assert dimmer.sum() > 10
+    np.testing.assert_allclose(memory.light[brighter], luminance[brighter], rtol=1e-5)
+    assert (memory.light[~brighter & (dimmer | ~memory.hidden)] == 0.0).all()
+
+
+def test_is_forgotten(device: ComputeDevice) -> None:
+    panorama = panorama_of(device, shown(NEAR), shown(AWAY))
+    assert read(device, panorama).hidden.any()
+    panorama.load(shown(NEAR))
+    assert panorama.remember(forget=True) is None
+    assert not read(device, panorama).hidden.any()
+    # And is built up anew.
+    for solid in (AWAY, NEAR):
+        panorama.load(shown(solid))
+        panorama.remember(forget=False)
+    assert read(device, panorama).hidden.any()
+
+
+def layers(device: ComputeDevice, panorama: Panorama) -> NDArray[np.float32]:
+    background = panorama.background
+    assert background is not None
+    return np.concatenate(
+        [
+            device.read(panorama.surface) - device.read(background.surface),
+            (device.read(background.marks) & HIDDEN)[..., None].astype(np.float32),
+        ],
+        axis=-1,
+    )
+
+
+def test_where_nothing_is_hidden_both_layers_are_one(device: ComputeDevice) -> None:
+    """To the last bit: planes, joints, ranges and their pyramid."""
+    frame = shown(NEAR)
+    panorama = panorama_of(device, frame, frame)
+    background = panorama.background
+    assert background is not None
+    for mine, first in ((background.surface, panorama.surface), (background.range, panorama.range)):
+        np.testing.assert_array_equal(device.read(mine), device.read(first))
+    # Nor do they differ beside what is hidden, but in what is joined.
+    panorama = panorama_of(device, frame, shown(AWAY))
+    apart = layers(device, panorama)
+    plain = apart[..., 4] == 0.0
+    assert not apart[plain][:, :3].any()
+    assert apart[plain][:, 3].any()
+
+
+def test_directions_that_look_alike(device: ComputeDevice) -> None:
+    """A panorama that is turned is remembered turned, also across the seam."""
+    frames = rolling(4)
+    memory = after(device, frames)
+    turn = View(1, 1, 90.0).world_from_view
+    rolled = [
+        replace(
+            frame,
+            color=np.roll(frame.color, WIDTH // 4, 1),
+            depth=np.roll(frame.depth, WIDTH // 4, 1),
+            opening=np.roll(frame.opening, WIDTH // 4, 1),
+            normal=(np.roll(frame.normal, WIDTH // 4, 1) @ turn.T).astype(np.float32),
+        )
+        for frame in frames
+    ]
+    turned = after(device, rolled)
+    np.testing.assert_array_equal(turned.depth, np.roll(memory.depth, WIDTH // 4, 1))
+    np.testing.assert_array_equal(turned.color, np.roll(memory.color, WIDTH // 4, 1))

@@ -1,0 +1,271 @@
+"""What glossy real surfaces reflect towards the capture centre, taken off the panorama."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from iprt.device.compute import ComputeDevice
+from iprt.footage.footage import Footage
+from iprt.footage.frame import Frame
+from iprt.meshes.camera import View
+from iprt.meshes.material import Material
+from iprt.settings.model import Settings
+from iprt.settings.requirements import Requirements
+from iprt.world.real.highlight import Highlight
+from iprt.world.real.highlight_gain import highlight_gain
+from iprt.world.real.panorama import Panorama
+from tests.oracles.brdf import fresnel, specular_albedo
+from tests.oracles.worlds import World
+from tests.worlds import Float, bright_walls, room_frame
+
+ROOM = World()
+WIDTH, HEIGHT = 128, 64
+COAT = Material("plastic", alpha=0.2, ior=1.5)
+SMOOTH = Material("plastic", alpha=0.0, ior=1.5)
+
+
+@dataclass(frozen=True)
+class Split:
+    """(H, W, 3) highlight and what is radiated; (rows, columns, 3) gain."""
+
+    highlight: NDArray[np.float32]
+    radiated: NDArray[np.float32]
+    gain: NDArray[np.float32]
+
+
+def split(device: ComputeDevice, frame: Frame, rays: int = 256) -> Split:
+    settings = Settings.model_validate({"gloss": {"rays": rays}})
+    view = View(8, 8)
+    needs = Requirements.of(
+        [Material()], view, settings, Footage(real_materials=frame.real_materials)
+    )
+    panorama = Panorama(device, frame.width, frame.height, gloss=True)
+    panorama.load(frame)
+    highlight = Highlight(device, panorama, needs)
+    highlight.run()
+    assert np.array_equal(device.read(panorama.color)[..., :3], frame.color)
+    buffers = (panorama.highlight, panorama.radiated, highlight.gain)
+    return Split(*(device.read(buffer)[..., :3] for buffer in buffers))
+
+
+def glossy(frame: Frame, material: Material, where: NDArray[np.bool_] | None = None) -> Frame:
+    """The frame with a glossy floor."""
+    floor = frame.normal[..., 1] > 0.5 if where is None else where
+    return replace(frame, gloss=floor.astype(np.uint8), real_materials=(material,))
+
+
+def even(radiance: float = 2.0) -> Frame:
+    frame = ROOM.frame(WIDTH, HEIGHT)
+    return replace(frame, color=np.full((HEIGHT, WIDTH, 3), radiance, np.float32))
+
+
+def cosines(frame: Frame) -> Float:
+    """(H, W) between the normals and the directions to the capture centre."""
+    directions = View(frame.width, frame.height, projection="equirect").directions()
+    return np.asarray(-(frame.normal * directions).sum(-1))
+
+
+@pytest.mark.parametrize("alpha", [0.05, 0.2, 0.5])
+def test_even_light_is_reflected_by_the_albedo_of_the_coat(
+    device: ComputeDevice, alpha: float
+) -> None:
+    """The floor adds it to what it reflects diffusely."""
+    material = replace(COAT, alpha=alpha)
+    frame = glossy(even(), material)
+    cosine, floor = cosines(frame), frame.gloss == 1
+    nodes = np.linspace(0.05, 1.0, 20)
+    albedos = [
+        specular_albedo(material, np.array([np.sqrt(1.0 - c * c), 0.0, c]), nodes=100)[0]
+        for c in nodes
+    ]
+    shine = 2.0 * np.interp(cosine, nodes, albedos)
+    color = np.where(floor, 0.6 + shine, 2.0)[..., None] * np.ones(3)
+    found = split(device, replace(frame, color=color.astype(np.float32)))
+    for low, high in ((0.5, 0.6), (0.7, 0.8), (0.9, 1.0)):
+        ring = floor & (cosine > low) & (cosine < high)
+        np.testing.assert_allclose(found.highlight[ring].mean(0), shine[ring].mean(), rtol=0.03)
+    np.testing.assert_allclose(found.gain, 1.0, atol=0.05)
+    total = found.radiated + found.highlight
+    np.testing.assert_allclose(total[floor], color[floor], rtol=1e-6)
+
+
+def test_what_is_diffuse_keeps_its_bits(device: ComputeDevice) -> None:
+    frame = glossy(room_frame(ROOM, WIDTH, HEIGHT, bright_walls), COAT)
+    found = split(device, frame, rays=4)
+    diffuse = frame.gloss == 0
+    np.testing.assert_array_equal(found.radiated[diffuse], frame.color[diffuse])
+    assert not found.highlight[diffuse].any()
+
+
+def test_no_more_is_taken_than_there_is(device: ComputeDevice) -> None:
+    """A black floor in a bright room; 1 / 4 of it is missing from the region."""
+    frame = room_frame(ROOM, WIDTH, HEIGHT, bright_walls)
+    floor = frame.normal[..., 1] > 0.5
+    color = np.where(floor[..., None], np.float32(1e-3), frame.color)
+    color[:, ::3] = np.where(floor[:, ::3, None], 0.0, color[:, ::3])
+    found = split(device, glossy(replace(frame, color=color), COAT), rays=16)
+    assert (found.radiated >= 0.0).all()
+    assert (found.highlight >= 0.0).all()
+    assert (found.radiated <= color).all()
+
+
+def test_a_smooth_coat_mirrors_the_room(device: ComputeDevice) -> None:
+    """Fresnel's reflectance times what is seen in the mirror's direction, in every texel."""
+    frame = mirrored_room(SMOOTH)
+    found = split(device, frame, rays=1)
+    wanted = mirror_image(frame)
+    floor = frame.gloss == 1
+    error = np.abs(found.highlight - wanted)[floor].max(-1) / wanted[floor].max(-1)
+    # Beside the walls, rays start a texel above the floor; the gain holds some to 0.85.
+    assert np.median(error) < 0.05
+    assert (error < 0.2).mean() > 0.85
+
+
+def test_the_seam_does_not_show(device: ComputeDevice) -> None:
+    """A panorama turned by whole cells has the highlights turned; nothing is random here."""
+    frame = mirrored_room(SMOOTH)
+    still = split(device, frame, rays=1).highlight
+    for columns in (8, 64, 120):
+        turned = roll(frame, columns)
+        found = split(device, turned, rays=1).highlight
+        error = np.abs(np.roll(still, columns, 1) - found).max(-1)
+        assert error.mean() < 2e-3
+        assert error.max() < 0.05
+
+
+def test_few_rays_are_filtered_to_what_many_find(device: ComputeDevice) -> None:
+    frame = mirrored_room(COAT)
+    floor = frame.gloss == 1
+    many = split(device, frame, rays=1024).highlight[floor]
+    error = split(device, frame, rays=4).highlight[floor] / many - 1.0
+    assert np.abs(error.mean()) < 0.03
+    assert np.sqrt((error**2).mean()) < 0.12
+
+
+def test_each_place_is_held_to_the_highlight_that_was_seen_there(device: ComputeDevice) -> None:
+    """In a fifth of the azimuths the camera saw none, although the walls there are as bright."""
+    unseen = np.arange(104, 152)
+    frame, wanted = partly_seen_floor(unseen)
+    found = split(device, frame, rays=1).highlight.mean(-1)
+    slant = (frame.gloss == 1) & (np.abs(cosines(frame) - 0.6) < 0.1)
+    columns = np.arange(frame.width)
+    middle = np.abs(columns - unseen.mean()) < 4
+    far = np.abs(columns - unseen.mean()) > unseen.size
+    assert np.median(found[slant & middle] / wanted[slant & middle]) < 0.4
+    assert 0.7 < np.median(found[slant & far] / wanted[slant & far]) < 1.05
+
+
+def test_a_conductor_reflects_all_that_is_seen(device: ComputeDevice) -> None:
+    frame = glossy(room_frame(ROOM, WIDTH, HEIGHT, bright_walls), Material("conductor"))
+    found = split(device, frame, rays=1)
+    floor = frame.gloss == 1
+    np.testing.assert_array_equal(found.highlight[floor], frame.color[floor])
+    np.testing.assert_array_equal(found.radiated, frame.color)
+
+
+@pytest.mark.parametrize(("width", "height"), [(1, 1), (2, 1), (12, 6), (130, 67)])
+def test_any_size(device: ComputeDevice, width: int, height: int) -> None:
+    frame = room_frame(ROOM, width, height, bright_walls)
+    frame = glossy(frame, COAT, np.ones((height, width), bool))
+    settings = Settings()
+    needs = Requirements.of([Material()], View(4, 4), settings, Footage(real_materials=(COAT,)))
+    panorama = Panorama(device, width, height, gloss=True)
+    panorama.load(frame)
+    Highlight(device, panorama, needs).run()
+    assert np.isfinite(device.read(panorama.radiated)).all()
+
+
+def mirrored_room(material: Material) -> Frame:
+    """A room whose floor is grey and reflects the bright walls as the material's coat does."""
+    frame = glossy(room_frame(ROOM, WIDTH, HEIGHT, bright_walls), material)
+    floor = (frame.gloss == 1)[..., None]
+    color = np.where(floor, 0.5 + mirror_image(frame), frame.color)
+    return replace(frame, color=color.astype(np.float32))
+
+
+def partly_seen_floor(unseen: NDArray[np.int64]) -> tuple[Frame, Float]:
+    """Among very bright walls a floor that mirrors them, but not in these columns of its picture;
+    and what a smooth coat would reflect, (H, W).
+    """
+    frame = glossy(room_frame(ROOM, 256, 128, bright_walls), SMOOTH)
+    floor = (frame.gloss == 1)[..., None]
+    shine = 30.0 * mirror_image(frame)
+    color = np.where(floor, 3.0 + shine, 30.0 * frame.color)
+    color[:, unseen] = np.where(floor[:, unseen], 3.0, color[:, unseen])
+    return replace(frame, color=color.astype(np.float32)), shine.mean(-1)
+
+
+def mirror_image(frame: Frame) -> Float:
+    """(H, W, 3): what the floor, if smooth, reflects towards the capture centre; 0 elsewhere."""
+    directions = View(frame.width, frame.height, projection="equirect").directions()
+    floor = (frame.gloss == 1)[..., None]
+    points = directions * frame.depth[..., None]
+    mirrored = directions * (1.0, -1.0, 1.0)
+    mirrored = np.where(floor, mirrored, (0.0, 1.0, 0.0))
+    start = np.where(floor, points, 0.0)
+    t, normal, _ = ROOM.first_hit(start, mirrored)
+    light = bright_walls(start + t[..., None] * mirrored, normal)
+    return np.where(floor, fresnel(cosines(frame), 1.5)[..., None] * light, 0.0)
+
+
+def roll(frame: Frame, columns: int) -> Frame:
+    yaw = View(1, 1, columns * 360.0 / frame.width).world_from_view
+    parts: dict[str, Any] = {
+        name: np.roll(getattr(frame, name), columns, 1)
+        for name in ("color", "depth", "opening", "gloss")
+    }
+    normal = (np.roll(frame.normal, columns, 1) @ yaw.T).astype(np.float32)
+    return replace(frame, normal=normal, **parts)
+
+
+# The gain -------------------------------------------------------------------------------------
+
+
+def cells(shine: Float, diffuse: float = 0.2) -> tuple[Float, Float, Float, NDArray[np.int64]]:
+    """Seen, computed, irradiance and gloss of a floor in even light, in the lower half."""
+    gloss = np.zeros(shine.shape[:2], np.int64)
+    gloss[8:] = 1
+    irradiance = np.where(gloss[..., None] > 0, 1.5, 0.0) * np.ones(3)
+    seen = np.where(gloss[..., None] > 0, diffuse * irradiance + shine, 0.0)
+    return seen, np.where(gloss[..., None] > 0, shine, 0.0), irradiance, gloss
+
+
+def glow(peak: tuple[float, float, float]) -> Float:
+    """(16, 32, 3): a highlight about the cell (12, 10)."""
+    y, x = np.mgrid[:16, :32]
+    return np.asarray(np.exp(-((y - 12) ** 2 + (x - 10) ** 2) / 8.0)[..., None] * peak)
+
+
+def test_a_highlight_that_was_seen_stays() -> None:
+    seen, shine, irradiance, gloss = cells(glow((3.0, 2.0, 1.0)))
+    gain, _ = highlight_gain(seen, shine, irradiance, gloss)
+    bright = shine.min(-1) > 0.05
+    np.testing.assert_allclose(gain[bright][:, :3], 1.0, atol=0.05)
+
+
+def test_a_highlight_is_held_to_what_was_seen_of_it() -> None:
+    """The sky in the window's reflection was guessed four times too red, and twice too green."""
+    seen, shine, irradiance, gloss = cells(glow((3.0, 2.0, 1.0)))
+    guessed = shine * (4.0, 2.0, 1.0)
+    gain, least = highlight_gain(seen, guessed, irradiance, gloss)
+    np.testing.assert_allclose(gain[12, 10, :3], (0.25, 0.5, 1.0), atol=0.05)
+    np.testing.assert_allclose(least[12, 10, :3], 0.5 * 0.2 * 1.5, rtol=0.05)
+
+
+def test_textures_do_not_pass_for_highlights() -> None:
+    """Dark and light boards: the gain stays what it is on an even floor."""
+    seen, shine, irradiance, gloss = cells(glow((1.0, 1.0, 1.0)))
+    boards = 1.0 + 0.3 * np.sign(np.sin(np.arange(32) * 2.0))[None, :, None]
+    gain, _ = highlight_gain((seen - shine) * boards + shine, shine, irradiance, gloss)
+    assert gain[10:15, 8:13, :3].min() > 0.9
+
+
+def test_nothing_glossy_has_gain_one() -> None:
+    nothing = np.zeros((4, 8, 3))
+    gain, _ = highlight_gain(nothing, nothing, nothing, np.zeros((4, 8), np.int64))
+    np.testing.assert_array_equal(gain[..., :3], 1.0)

@@ -1,0 +1,96 @@
+"""The irradiance cache is looked up between its cells, and never across edges."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.device.compute import ComputeDevice
+from iprt.meshes.camera import View, equirect_pixel
+from tests.kernels.wrap import evaluate
+from tests.oracles.worlds import World
+from tests.worlds import Float
+
+ROOM = World()
+ROWS = 32
+
+
+LOOKUP = """
+const IrradianceCache cache = {cache_plane, cache_value, 64, 32, 0.0f};
+e = cached_irradiance(cache, p, n);
+"""
+
+
+def corner_tables(floor: float, wall: float) -> dict[str, NDArray[np.float32]]:
+    """A room of which the cache knows all cells; the floor's value, and that of all else."""
+    d = View(2 * ROWS, ROWS, projection="equirect").directions().reshape(-1, 3)
+    t, normal, _ = ROOM.first_hit(np.zeros(3), d)
+    g = normal / (t[:, None] * d * normal).sum(-1, keepdims=True)
+    plane = np.concatenate([g, np.ones((len(d), 1))], axis=1)
+    value = np.where(normal[:, 1] > 0.5, floor, wall)[:, None] * np.ones(3)
+    known = np.concatenate([value, np.full((len(d), 1), 8.0)], axis=1)
+    return {"cache_plane": plane.astype(np.float32), "cache_value": known.astype(np.float32)}
+
+
+def looked_up(
+    device: ComputeDevice, tables: dict[str, NDArray[np.float32]], points: Float, normals: Float
+) -> NDArray[np.float32]:
+    inputs = {"p": points.astype(np.float32), "n": normals.astype(np.float32)}
+    found = evaluate(device, ["irradiance.h"], LOOKUP, inputs, {"e": "float3"}, tables)["e"]
+    return np.asarray(found[:, 0])
+
+
+def surface_points(count: int, seed: int = 0) -> tuple[Float, Float]:
+    d = np.random.default_rng(seed).normal(size=(count, 3))
+    d /= np.linalg.norm(d, axis=1, keepdims=True)
+    t, normal, _ = ROOM.first_hit(np.zeros(3), d)
+    return t[:, None] * d, normal
+
+
+def test_floor_and_wall_do_not_mix(device: ComputeDevice) -> None:
+    """Up to the edge between them, wherever one of the four cells around is of the surface."""
+    points, normals = surface_points(20_000)
+    found = looked_up(device, corner_tables(1.0, 5.0), points, normals)
+    on_floor = normals[:, 1] > 0.5
+    column, row = (equirect_pixel(points, 64, 32) - 0.5).T
+    of_floor = corner_tables(1.0, 5.0)["cache_value"][:, 0].reshape(32, 64) == 1.0
+    x, y = np.floor(column).astype(int), np.floor(row).astype(int)
+    around = np.stack(
+        [of_floor[np.clip(y + j, 0, 31), (x + i) % 64] for i in (0, 1) for j in (0, 1)]
+    )
+    mixed = around.any(0) & ~around.all(0)
+    assert (mixed & on_floor).sum() > 300
+    assert (mixed & ~on_floor).sum() > 300
+    np.testing.assert_allclose(found[on_floor & around.any(0)], 1.0, rtol=1e-5)
+    np.testing.assert_allclose(found[~on_floor & ~around.all(0)], 5.0, rtol=1e-5)
+
+
+def test_it_is_bilinear_on_a_surface(device: ComputeDevice) -> None:
+    """Also across the seam and at the poles, but for a thousandth that all known cells have."""
+    tables = corner_tables(1.0, 1.0)
+    column, row = np.meshgrid(np.arange(64), np.arange(32))
+    value = 2.0 + np.sin(2.0 * np.pi * column / 64) + 0.05 * row
+    tables["cache_value"][:, :3] = value.reshape(-1, 1)
+    points, normals = surface_points(20_000)
+    found = looked_up(device, tables, points, normals)
+    x, y = (equirect_pixel(points, 64, 32) - 0.5).T
+    at = (x * 2.0 * np.pi / 64, np.clip(y, 0.0, 31.0))
+    wanted = 2.0 + np.sin(at[0]) + 0.05 * at[1]
+    gaps = np.minimum(points - ROOM.low, np.asarray(ROOM.high) - points)
+    inner = np.sort(gaps, axis=-1)[:, 1] > 0.5
+    assert inner.sum() > 5000
+    np.testing.assert_allclose(found[inner], wanted[inner], atol=0.02)
+
+
+def test_unknown_cells_do_not_count(device: ComputeDevice) -> None:
+    tables = corner_tables(2.0, 2.0)
+    unknown = np.random.default_rng(4).random(32 * 64) < 0.6
+    tables["cache_value"][unknown] = 0.0
+    points, normals = surface_points(5000)
+    found = looked_up(device, tables, points, normals)
+    x, y = np.floor(equirect_pixel(points, 64, 32) - 0.5).astype(int).T
+    known = ~unknown.reshape(32, 64)
+    around = np.stack([known[np.clip(y + j, 0, 31), (x + i) % 64] for i in (0, 1) for j in (0, 1)])
+    np.testing.assert_allclose(found[around.any(0)], 2.0, rtol=1e-5)
+    assert (found[~around.any(0)] == 0.0).all()
+    assert (~around.any(0)).sum() > 200

@@ -1,0 +1,281 @@
+"""Light sampling: the table, directions with the density that is stated, MIS without bias."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.stats import chi2, norm
+
+from iprt.device.compute import ComputeDevice
+from iprt.footage.frame import LUMINANCE, Frame
+from iprt.meshes.camera import View, equirect_pixel
+from iprt.meshes.material import Material
+from iprt.world.real.lights import Lights, light_table
+from tests.frame.test_windows import sun, windowed
+from tests.kernels.wrap import evaluate
+from tests.oracles.worlds import Box, World, frame_of
+from tests.world.real.lighting import RealWorld, numbers
+from tests.world.real.sphere import agreement
+from tests.worlds import Float, bright_walls, ceiling_lamp, landscape_frame, room_frame
+
+PILLAR = Box((-0.8, -0.4, -1.5), (0.25, 1.0, 0.2))
+ROOM = World(solids=(PILLAR,))
+
+
+# The table -----------------------------------------------------------------------------------
+
+
+def random_panorama(width: int, height: int) -> NDArray[np.float32]:
+    rng = np.random.default_rng(width)
+    return rng.gamma(0.3, 2.0, (height, width, 3)).astype(np.float32)
+
+
+@pytest.mark.parametrize(
+    ("width", "height", "columns", "rows"), [(32, 16, 32, 16), (40, 30, 16, 9), (512, 20, 64, 16)]
+)
+def test_table_equals_a_plain_one(width: int, height: int, columns: int, rows: int) -> None:
+    color = random_panorama(width, height)
+    excess, solid_angle = np.zeros((rows, columns)), np.zeros((rows, columns))
+    luminances: dict[tuple[int, int], list[float]] = {}
+    for y in range(height):
+        for x in range(width):
+            cell = (y * rows // height, x * columns // width)
+            luminances.setdefault(cell, []).append(float(color[y, x].astype(float) @ LUMINANCE))
+    for row, column in np.ndindex(rows, columns):
+        top, bottom = np.cos(np.pi * row / rows), np.cos(np.pi * (row + 1) / rows)
+        solid_angle[row, column] = 2.0 * np.pi / columns * (top - bottom)
+        excess[row, column] = np.mean(luminances[row, column])
+    assert solid_angle.sum() == pytest.approx(4.0 * np.pi)
+    excess -= (excess * solid_angle).sum() / (4.0 * np.pi)
+    excess = np.where(excess > 0.0, excess, 0.0)
+    density, cells, cumulative = light_table(color, rows, columns)
+    wanted = excess / (excess * solid_angle).sum()
+    np.testing.assert_allclose(density.reshape(rows, columns), wanted, rtol=1e-9, atol=1e-12)
+    np.testing.assert_array_equal(cells, np.flatnonzero(wanted))
+    probabilities = (wanted * solid_angle).ravel()[cells]
+    np.testing.assert_allclose(np.diff(cumulative), probabilities, rtol=1e-6, atol=1e-12)
+    assert cumulative[0] == 0.0
+    assert cumulative[-1] == 1.0
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-5])
+def test_nothing_is_aimed_at_in_even_light(device: ComputeDevice, noise: float) -> None:
+    rng = np.random.default_rng(0)
+    color = (3.0 * (1.0 + noise * rng.random((16, 32, 3)))).astype(np.float32)
+    assert light_table(color, 8, 16)[0].max() == 0.0
+    lights = Lights(device, 32, 16)
+    lights.load(color)
+    assert lights.count == 0
+    lights.load(np.zeros_like(color))
+    assert lights.count == 0
+    lights.load(random_panorama(32, 16))
+    assert lights.count > 0
+
+
+def test_directions_follow_the_table(device: ComputeDevice) -> None:
+    """Also within cells: each is cut into four."""
+    color = random_panorama(32, 16)
+    lights = Lights(device, 32, 16)
+    lights.load(color)
+    count = 1 << 18
+    v = evaluate(
+        device,
+        ["lights.h"],
+        "const Lights lights = LIGHTS; v = sample_light(lights, u);",
+        {"u": numbers(1, count, 2)},
+        {"v": "float3"},
+        parameters="LIGHT_PARAMETERS",
+        arguments=lights.arguments(),
+    )["v"].astype(np.float64)
+    np.testing.assert_allclose(np.linalg.norm(v, axis=1), 1.0, atol=1e-6)
+    column, row = np.floor(equirect_pixel(v, 64, 32)).astype(int).T
+    counts = np.zeros((32, 64))
+    np.add.at(counts, (np.clip(row, 0, 31), column % 64), 1.0)
+    edges = np.cos(np.arange(33) / 32.0 * np.pi)
+    solid_angle = (edges[:-1] - edges[1:])[:, None] * (2.0 * np.pi / 64)
+    density = light_table(color, 16, 32)[0].reshape(16, 32).repeat(2, 0).repeat(2, 1)
+    expected = density * solid_angle * count
+    assert counts[expected == 0.0].sum() <= 1e-4 * count  # rounded over an edge
+    kept = expected > 10.0
+    assert kept.sum() > 300
+    statistic = ((counts - expected) ** 2 / np.maximum(expected, 1e-9))[kept].sum()
+    assert chi2.sf(statistic, kept.sum() - 1) > 0.01
+
+
+# Seen from elsewhere -------------------------------------------------------------------------
+
+
+def shining_plain() -> Frame:
+    """Light is far away on the ground, so that the capture centre sees it at a grazing angle."""
+    frame = landscape_frame(256, 128)
+    d = View(256, 128, projection="equirect").directions()
+    point = d * np.where(np.isfinite(frame.depth), frame.depth, 0.0)[..., None]
+    far = (np.hypot(point[..., 0], point[..., 2]) > 32.0) & (point[..., 1] < 0.0)
+    color = np.where(far, 9.0, 0.1)[..., None] * np.ones(3)
+    return replace(frame, color=color.astype(np.float32))
+
+
+def sunny_landscape() -> Frame:
+    frame = landscape_frame(256, 128)
+    d = View(256, 128, projection="equirect").directions()
+    disc = d @ (np.array([0.5, 0.6, -0.4]) / np.linalg.norm([0.5, 0.6, -0.4])) > 0.97
+    return replace(frame, color=np.where(disc[..., None], 30.0, frame.color).astype(np.float32))
+
+
+def shining_pillar(points: Float, normals: Float) -> Float:
+    """Light comes from a pillar, which hides some of it from most places."""
+    near = (np.abs(points - PILLAR.centre) < np.array(PILLAR.half) + 1e-3).all(-1)
+    return np.asarray(np.where(near, 5.0, 0.5)[..., None] * np.ones(3))
+
+
+def sky_alone() -> Frame:
+    frame = frame_of(np.full((64, 128), np.inf))
+    return replace(frame, color=random_panorama(128, 64))
+
+
+BLIND = Box((0.04, 0.25, -0.27), (0.14, 0.01, 0.14))
+"""It comes between the capture centre and most of the ceiling's lamp."""
+
+
+def lamp_behind_a_blind() -> Frame:
+    frame = room_frame(World(solids=(PILLAR, BLIND)), 256, 128, ceiling_lamp)
+    hides = frame.depth < room_frame(ROOM, 256, 128, ceiling_lamp).depth
+    return replace(frame, color=np.where(hides[..., None], 0.4, frame.color).astype(np.float32))
+
+
+FRAMES: dict[str, Callable[[], Frame]] = {
+    "lamp": lambda: room_frame(ROOM, 256, 128, ceiling_lamp),
+    "bright walls": lambda: room_frame(ROOM, 256, 128, bright_walls),
+    "pillar": lambda: room_frame(ROOM, 256, 128, shining_pillar),
+    "window": lambda: windowed(sun),
+    "sun": sunny_landscape,
+    "plain": shining_plain,
+    "sky": sky_alone,
+    "remembered lamp": lamp_behind_a_blind,
+}
+BEFORE = {"remembered lamp": lambda: room_frame(ROOM, 256, 128, ceiling_lamp)}
+"""What was seen before the frame and is remembered behind it."""
+PLACES = [(0.2, -1.2, -0.9), (-1.6, 0.2, -0.6)]
+CASES = [(name, place) for name in FRAMES if name != "plain" for place in PLACES]
+ŠIDÁK = 1.0 - (1.0 - 0.01) ** (1.0 / len(CASES))
+"""Right samplers are rejected once in 100 sets of samples, over all cases together."""
+
+DRAW = """
+const float3 v = sample_light(world.lights, u);
+d = towards_light(world.real, v, x);
+const RealHit hit = trace_real_layer(world.real, x, d, INFINITY);
+counts = reaches_light(world.real, hit, v)
+    && light_density(world.lights, world.real, hit, x, d) > 0.0f;
+"""
+STATE = """
+const RealHit hit = trace_real_layer(world.real, x, d, INFINITY);
+density = light_density(world.lights, world.real, hit, x, d);
+"""
+
+
+@pytest.fixture(scope="module")
+def worlds(device: ComputeDevice) -> Callable[[str], RealWorld]:
+    made: dict[str, RealWorld] = {}
+
+    def world(name: str) -> RealWorld:
+        if name not in made:
+            before = BEFORE[name]() if name in BEFORE else None
+            made[name] = RealWorld(device, FRAMES[name](), SHINY, before=before)
+        return made[name]
+
+    return world
+
+
+def repeated(place: Sequence[float], count: int) -> NDArray[np.float32]:
+    return np.tile(np.asarray(place, np.float32), (count, 1))
+
+
+@pytest.mark.parametrize(("name", "place"), CASES)
+def test_directions_to_lights_have_their_density(
+    worlds: Callable[[str], RealWorld], name: str, place: tuple[float, float, float]
+) -> None:
+    """What reaches its light, and what does not is one bin more: the share of what is hidden."""
+    world, count = worlds(name), 1 << 16
+    u = numbers(CASES.index((name, place)), count, 2)
+    drawn = world.run(DRAW, {"x": repeated(place, count), "u": u}, {"d": "float3", "counts": "int"})
+    reached = drawn["d"][drawn["counts"] > 0]
+
+    def stated(d: NDArray[np.float32]) -> NDArray[np.float32]:
+        inputs = {"x": repeated(place, len(d)), "d": d}
+        return np.asarray(world.run(STATE, inputs, {"density": "float"})["density"])
+
+    assert agreement(reached, count, stated) > ŠIDÁK
+    if name in ("sun", "sky", "remembered lamp"):  # nothing is in the way
+        assert len(reached) > 0.999 * count
+    else:
+        assert len(reached) > 0.1 * count
+
+
+def test_at_the_capture_centre_the_density_is_the_tables(
+    worlds: Callable[[str], RealWorld],
+) -> None:
+    world, count = worlds("bright walls"), 4096
+    d = np.random.default_rng(2).normal(size=(count, 3))
+    d = (d / np.linalg.norm(d, axis=1, keepdims=True)).astype(np.float32)
+    x = np.full((count, 3), 1e-7, np.float32)
+    density = world.run(STATE, {"x": x, "d": d}, {"density": "float"})["density"]
+    table = light_table(FRAMES["bright walls"]().color, world.lights.rows, world.lights.columns)[0]
+    pixel = equirect_pixel(d.astype(np.float64), world.lights.columns, world.lights.rows)
+    inner = (np.abs(pixel % 1.0 - 0.5) < 0.49).all(-1)
+    column, row = np.floor(pixel).astype(int).T
+    wanted = table.reshape(world.lights.rows, -1)[row, column]
+    np.testing.assert_allclose(density[inner], wanted[inner], rtol=1e-4)
+
+
+# Mixed with other ways to choose a direction -------------------------------------------------
+
+SHINY = (
+    Material(albedo=(0.8, 0.8, 0.8)),
+    Material("plastic", (0.5, 0.5, 0.5), alpha=0.25),
+    Material("plastic", (0.5, 0.5, 0.5), alpha=0.0),
+    Material("conductor", (0.9, 0.9, 0.9), alpha=0.4),
+    Material("conductor", (0.9, 0.9, 0.9), alpha=0.01),
+)
+REFLECT = """
+const Material m = load_material(world.materials, material);
+const Scatter s = scatter(world, m, (float3)(0.5f), x, n, wo, u);
+const RealHit hit = trace_real_layer(world.real, x, s.wi, INFINITY);
+const float3 weight = (float3)(0.5f) * s.diffuse + s.specular;
+const float share = weight.y > 0.0f ? inverse_density(world, s, x, hit) : 0.0f;
+light = share > 0.0f ? weight.y * share * captured_radiance(world, hit, s.wi).y : 0.0f;
+"""
+MIXED = [(name, index) for name in FRAMES for index in range(len(SHINY))]
+
+
+@pytest.mark.parametrize(("name", "material"), MIXED)
+def test_aiming_at_lights_does_not_change_what_is_reflected(
+    worlds: Callable[[str], RealWorld], name: str, material: int
+) -> None:
+    """Only how surely it is known: the same mean, within the errors of both."""
+    world, count = worlds(name), 1 << 17
+    n = np.array([0.3, 0.9, -0.3]) / np.linalg.norm([0.3, 0.9, -0.3])
+    wo = np.array([-0.5, 0.6, -0.2]) / np.linalg.norm([-0.5, 0.6, -0.2])
+    inputs = {
+        "x": repeated(PLACES[0], count), "n": repeated(n.tolist(), count),
+        "wo": repeated(wo.tolist(), count), "u": numbers(material, count, 4),
+        "material": np.full(count, material, np.int32),  # not a kernel for each
+    }  # fmt: skip
+    aimed, plain = (
+        world.run(REFLECT, inputs, {"light": "float"}, light_sampling=on)["light"].astype(
+            np.float64
+        )
+        for on in (True, False)
+    )
+    error = np.sqrt((aimed.var() + plain.var()) / count)
+    threshold = norm.isf(0.5 * (1.0 - (1.0 - 0.01) ** (1.0 / len(MIXED))))
+    assert plain.mean() > 0.0
+    assert abs(aimed.mean() - plain.mean()) < threshold * error + 1e-6 * plain.mean()
+    assert error < 0.03 * plain.mean()
+    if name in ("lamp", "sun") and material in (0, 1):
+        assert aimed.var() < 0.5 * plain.var()
+    if material == 4:  # narrow lobes find lights themselves
+        assert np.isclose(aimed, plain, rtol=1e-3).mean() > 0.99
