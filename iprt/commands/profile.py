@@ -173,7 +173,8 @@ def _print(
     if csv:
         print(csv_text(report), end="")
     elif json:
-        print(json_text(report, found))
+        since = None if found is None else [change.record() for change in found]
+        print(json_text(report, since))
     elif old is not None and found is not None:
         print_grid(change_grid(found, changed_settings(old, report), str(file)))
     else:

@@ -14,7 +14,7 @@ from iprt.files.termination import at_termination
 
 if TYPE_CHECKING:
     from iprt.viewer.engine import Engine
-    from iprt.viewer.web import Address
+    from iprt.viewer.web.gate import Address
 
 WINDOW = (1280, 800)
 FPS = 10.0

@@ -5,9 +5,9 @@ from __future__ import annotations
 import csv
 import io
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 from pydantic import BaseModel, Field, ValidationError
 
@@ -15,15 +15,12 @@ from iprt.errors import FormatError
 from iprt.files.atomic import replacing
 from iprt.measure.cost_report import SCHEMA, CostReport
 
-if TYPE_CHECKING:
-    from iprt.measure.changes import Change
 
-
-def json_text(report: CostReport, changes: Sequence[Change] | None = None) -> str:
-    """`CostReport.record`, and the `changes` since another, if any."""
+def json_text(report: CostReport, changes: Sequence[Mapping[str, Any]] | None = None) -> str:
+    """`CostReport.record`, and the `changes` since another, if any, as `Change.record`s."""
     record = report.record()
     if changes is not None:
-        record["changes"] = [change.record() for change in changes]
+        record["changes"] = list(changes)
     return json.dumps(record, indent=2)
 
 

@@ -2,24 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 from iprt.errors import FormatError
 from iprt.files.path_safety import require_inside
 from iprt.files.untrusted import is_file
 from iprt.footage.video.sequence import frame_path
-from iprt.scene.manifest import MANIFEST_NAME
-
-if TYPE_CHECKING:
-    from iprt.scene.scene import Scene
+from iprt.footage.video.source import FrameSource
+from iprt.scene.manifest import MANIFEST_NAME, Manifest
 
 MAX_TRIES = 10_000
 """Names of truths that are looked for in a scene without all its frames."""
 
 
-def missing_files(scene: Scene, *, strict: bool = False) -> list[str]:
+class NamesFiles(Protocol):
+    """What files are found from: a `Scene`."""
+
+    root: Path
+    manifest: Manifest
+    within: Path
+    source: FrameSource
+
+    @property
+    def frame_indices(self) -> Sequence[int]: ...
+
+
+def missing_files(scene: NamesFiles, *, strict: bool = False) -> list[str]:
     """Files that are not there, or not inside; one line each.
 
     Only the first of a video's frames must be there, or all if `strict`.
@@ -43,7 +53,7 @@ def missing_files(scene: Scene, *, strict: bool = False) -> list[str]:
     return problems
 
 
-def made_of(scene: Scene) -> set[Path]:
+def made_of(scene: NamesFiles) -> set[Path]:
     """The manifest and all files that it names, but truths; some frames may be missing."""
     files = {scene.root / MANIFEST_NAME, *(scene.root / name for _, name in _files(scene))}
     if scene.manifest.video.poses is not None:
@@ -53,7 +63,7 @@ def made_of(scene: Scene) -> set[Path]:
     return files
 
 
-def _files(scene: Scene) -> Iterator[tuple[str, str]]:
+def _files(scene: NamesFiles) -> Iterator[tuple[str, str]]:
     """Key and name of each file besides frames and truths."""
     for table in scene.manifest.objects:
         yield f"objects.{table.name}.mesh", table.mesh
@@ -65,7 +75,7 @@ def _files(scene: Scene) -> Iterator[tuple[str, str]]:
             yield f"real_materials.{entry.name}.mask", entry.mask
 
 
-def _wrong(scene: Scene, key: str, name: str) -> list[str]:
+def _wrong(scene: NamesFiles, key: str, name: str) -> list[str]:
     """What is wrong with a file that must be there: at most one line."""
     if not is_file(scene.root / name):
         return [f"{key}: there is no file {name}"]
@@ -76,7 +86,7 @@ def _wrong(scene: Scene, key: str, name: str) -> list[str]:
     return []
 
 
-def _wrong_truth(scene: Scene, key: str, pattern: str) -> list[str]:
+def _wrong_truth(scene: NamesFiles, key: str, pattern: str) -> list[str]:
     """As `_wrong`; of a video, some frames may have no truth."""
     files = dict.fromkeys(frame_path(scene.root, pattern, i) for i in scene.frame_indices)
     there = [str(file.relative_to(scene.root)) for file in files if is_file(file)]

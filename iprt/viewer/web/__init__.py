@@ -9,7 +9,7 @@ from __future__ import annotations
 import contextlib
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from iprt.viewer.needs import require_browser
@@ -17,28 +17,11 @@ from iprt.viewer.needs import require_browser
 if TYPE_CHECKING:
     from iprt.meshes.camera import View
     from iprt.viewer.engine import Engine
+    from iprt.viewer.web.gate import Address
 
 PORT = 8080
 FOV_DEG = 70.0
 """Vertical field of view at first, where the view that was asked for is a whole panorama."""
-
-
-@dataclass(frozen=True)
-class Address:
-    """Where a viewer can be reached.
-
-    Attributes
-    ----------
-    url : str
-        With the token, if there is one.
-    port : int
-    local : bool
-        From this machine alone.
-    """
-
-    url: str
-    port: int
-    local: bool
 
 
 def serve(

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import tempfile
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from iprt.viewer.labels import PARTS
 from iprt.viewer.web.binding import on_click, on_trigger, show
-
-if TYPE_CHECKING:
-    from iprt.viewer.web.browser import Browser
+from iprt.viewer.web.browser_api import BrowserApi
 
 QUIET = (60, 66, 74)
 """Button colour (RGB)."""
@@ -19,7 +17,7 @@ QUIET = (60, 66, 74)
 class FilesPanel:
     """Edits are those of all browsers. The window's thread uses the panel."""
 
-    def __init__(self, browser: Browser) -> None:
+    def __init__(self, browser: BrowserApi) -> None:
         self._browser, engine = browser, browser.engine
         gui, post = browser.client.gui, browser.post
         buttons = (

@@ -33,6 +33,24 @@ _HEADERS = {
 }
 
 
+@dataclass(frozen=True)
+class Address:
+    """Where a viewer can be reached.
+
+    Attributes
+    ----------
+    url : str
+        With the token, if there is one.
+    port : int
+    local : bool
+        From this machine alone.
+    """
+
+    url: str
+    port: int
+    local: bool
+
+
 def new_token() -> str:
     """One that cannot be guessed."""
     return secrets.token_urlsafe(24)

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from iprt.viewer.objects import ObjectState
+from iprt.viewer.web.browser_api import BrowserApi
 from iprt.viewer.web.camera import quaternion, rotation
-
-if TYPE_CHECKING:
-    from iprt.viewer.web.browser import Browser
 
 Float = NDArray[np.float64]
 
@@ -24,7 +22,7 @@ LEAST_MOVE = 1e-9
 class Gizmo:
     """Moves and turns the selected object. The window's thread uses it."""
 
-    def __init__(self, browser: Browser) -> None:
+    def __init__(self, browser: BrowserApi) -> None:
         self._browser = browser
         self._handle: Any = None
         self._name: str | None = None

@@ -12,10 +12,10 @@ import numpy as np
 
 from iprt.files.termination import at_termination
 from iprt.viewer.engine import Engine
-from iprt.viewer.web import Address, server
+from iprt.viewer.web import server
 from iprt.viewer.web.browser import Browser, Start
 from iprt.viewer.web.camera import position_of
-from iprt.viewer.web.gate import Gate, is_loopback, new_token, require_token
+from iprt.viewer.web.gate import Address, Gate, is_loopback, new_token, require_token
 
 LEAVING_S = 2.0
 """Longest wait for browsers' threads to end."""

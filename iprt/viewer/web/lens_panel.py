@@ -4,19 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from iprt.viewer.labels import AGAINST, BUFFERS, CURVES, NOTHING, PARTS, PICTURE, Label
 from iprt.viewer.web.binding import Binding, Choice, show
-
-if TYPE_CHECKING:
-    from iprt.viewer.web.browser import Browser
+from iprt.viewer.web.browser_api import BrowserApi
 
 
 class LensPanel:
     """This window's own; its thread uses it."""
 
-    def __init__(self, browser: Browser) -> None:
+    def __init__(self, browser: BrowserApi) -> None:
         self._browser = browser
         gui = browser.client.gui
         self._bindings: list[Binding] = []

@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -19,10 +19,8 @@ from iprt.scene.edit import free_name
 from iprt.viewer.labels import MATERIALS, PARTS
 from iprt.viewer.objects import ObjectState
 from iprt.viewer.web.binding import Binding, Choice, on_click, on_trigger, show
+from iprt.viewer.web.browser_api import BrowserApi
 from iprt.viewer.web.files_panel import QUIET
-
-if TYPE_CHECKING:
-    from iprt.viewer.web.browser import Browser
 
 NONE = "none"
 LONGEST = 60
@@ -34,7 +32,7 @@ SRGB = "The numbers here are sRGB, from 0 to 255; scene.toml has linear ones, fr
 class ObjectPanel:
     """One browser's panel; edits are those of all. The window's thread uses it."""
 
-    def __init__(self, browser: Browser) -> None:
+    def __init__(self, browser: BrowserApi) -> None:
         self._browser = browser
         gui, post = browser.client.gui, browser.post
         self._bindings: list[Binding] = []

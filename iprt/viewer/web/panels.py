@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from html import escape
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 from iprt.viewer.labels import PICTURE
 from iprt.viewer.sight import Sight
 from iprt.viewer.web.binding import show
+from iprt.viewer.web.browser_api import BrowserApi
 from iprt.viewer.web.files_panel import FilesPanel
 from iprt.viewer.web.lens_panel import LensPanel
 from iprt.viewer.web.object_panel import ObjectPanel
@@ -15,9 +16,6 @@ from iprt.viewer.web.profile_panel import ProfilePanel
 from iprt.viewer.web.scene_panel import ScenePanel
 from iprt.viewer.web.settings_panel import SettingsPanel
 from iprt.viewer.web.visible_panel import VisiblePanel
-
-if TYPE_CHECKING:
-    from iprt.viewer.web.browser import Browser
 
 WIDTH_PX = 340
 LINES, LINE_EM = 8, 1.5
@@ -34,7 +32,7 @@ class Panel(Protocol):
 class Panels:
     """All panels of one browser. The window's thread uses it."""
 
-    def __init__(self, browser: Browser) -> None:
+    def __init__(self, browser: BrowserApi) -> None:
         gui = browser.client.gui
         gui.set_panel_label(f"iprt  ·  {browser.engine.scene.name}")
         gui.main_panel.dock_right()
@@ -65,7 +63,7 @@ class Status:
     scrolled to.
     """
 
-    def __init__(self, browser: Browser) -> None:
+    def __init__(self, browser: BrowserApi) -> None:
         self._browser = browser
         self._html = browser.client.gui.add_html("")
 

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import time
 from html import escape
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from iprt.viewer.timeline import WHOLE, Timeline, TimelineRow
-
-if TYPE_CHECKING:
-    from iprt.viewer.web.browser import Browser
+from iprt.viewer.web.browser_api import BrowserApi
 
 HEIGHT_PX = 170
 COLORS = ("#868e96", "#4dabf7", "#ffa94d", "#69db7c", "#f783ac", "#ffd43b")
@@ -24,7 +21,7 @@ MOST_PASSES = len(COLORS) - 2
 class ProfilePanel:
     """Time per pass, as lines and as a table. The window's thread uses it."""
 
-    def __init__(self, browser: Browser) -> None:
+    def __init__(self, browser: BrowserApi) -> None:
         self._browser, self._gui = browser, browser.client.gui
         self._timeline = Timeline()
         self._lines: list[str] = []

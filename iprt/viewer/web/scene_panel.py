@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from html import escape
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from iprt.viewer.labels import PARTS, PLAYBACK, TURNED
 from iprt.viewer.state import PlaybackMode
 from iprt.viewer.web.binding import Binding, on_trigger, show
-
-if TYPE_CHECKING:
-    from iprt.viewer.web.browser import Browser
+from iprt.viewer.web.browser_api import BrowserApi
 
 EVERY: PlaybackMode = "every frame"
 REAL_TIME: PlaybackMode = "real time"
@@ -19,7 +17,7 @@ REAL_TIME: PlaybackMode = "real time"
 class ScenePanel:
     """Views and playback. The window's thread uses it."""
 
-    def __init__(self, browser: Browser) -> None:
+    def __init__(self, browser: BrowserApi) -> None:
         self._browser = browser
         gui, scene = browser.client.gui, browser.engine.scene
         self._bindings: list[Binding] = []

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from html import escape
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from iprt.settings.presets import PRESETS
 from iprt.viewer.controls import (
@@ -17,9 +17,7 @@ from iprt.viewer.controls import (
 )
 from iprt.viewer.labels import PARTS
 from iprt.viewer.web.binding import Binding, show
-
-if TYPE_CHECKING:
-    from iprt.viewer.web.browser import Browser
+from iprt.viewer.web.browser_api import BrowserApi
 
 OWN = "own"
 MOST_FPS = 240
@@ -30,7 +28,7 @@ STEPS = 200
 class SettingsPanel:
     """Settings are those of all browsers. The window's thread uses the panel."""
 
-    def __init__(self, browser: Browser) -> None:
+    def __init__(self, browser: BrowserApi) -> None:
         self._browser, self._engine = browser, browser.engine
         self._gui = browser.client.gui
         self._bindings: list[Binding] = []

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from iprt.viewer.labels import PARTS
 from iprt.viewer.objects import ObjectState
 from iprt.viewer.web.binding import Binding
-
-if TYPE_CHECKING:
-    from iprt.viewer.web.browser import Browser
+from iprt.viewer.web.browser_api import BrowserApi
 
 HINT = "Show or hide it in this window."
 
@@ -17,7 +15,7 @@ HINT = "Show or hide it in this window."
 class VisiblePanel:
     """A box for each object, which the window shows or hides. The window's thread uses it."""
 
-    def __init__(self, browser: Browser) -> None:
+    def __init__(self, browser: BrowserApi) -> None:
         self._browser = browser
         self._folder = browser.client.gui.add_folder(PARTS["objects"].name, visible=False)
         self._boxes: dict[tuple[str, bool], Binding] = {}

@@ -3,8 +3,9 @@
 What a glossy floor reflects towards the capture centre, the capture centre need not see: the sky
 above the window's upper edge, above all, which is extrapolated
 (`iprt.footage.window_environment`) and may be several times too bright, or of another hue. The
-camera's own picture of the highlight tells. A surface of one material is taken to have, in each place, at least the diffuse reflectance of its
-darker parts: what the camera saw beyond that is all that the highlight can have been.
+camera's own picture of the highlight tells. A surface of one material is taken to have, in each
+place, at least the diffuse reflectance of its darker parts: what the camera saw beyond that is all
+that the highlight can have been.
 """
 
 from __future__ import annotations
