@@ -9,7 +9,7 @@ TYPE_CHECKING = False  # `typing` takes long to import
 if TYPE_CHECKING:
     from iprt.device.choose import choose_device
     from iprt.device.compute import ComputeDevice
-    from iprt.meshes.camera import View
+    from iprt.geometry.camera import View
     from iprt.renderer import Renderer
     from iprt.scene.scene import Scene
     from iprt.settings.model import Settings
@@ -30,7 +30,7 @@ _HOMES = {
     "Renderer": "iprt.renderer",
     "Scene": "iprt.scene.scene",
     "Settings": "iprt.settings.model",
-    "View": "iprt.meshes.camera",
+    "View": "iprt.geometry.camera",
     "choose_device": "iprt.device.choose",
 }
 

@@ -14,7 +14,7 @@ from iprt.device.compute import ComputeDevice
 from iprt.filter.temporal import Accumulated, Kind
 from iprt.gbuffer.guide import Guide
 from iprt.gbuffer.layout import PlaneLayout
-from iprt.meshes.camera import View
+from iprt.geometry.camera import View
 from iprt.methods.gloss_pixels import GlossPixels
 from iprt.methods.pixels import RealPixels, VirtualPixels
 from iprt.view.real_layer import RealLayer

@@ -11,9 +11,9 @@ from iprt.device.recovery import wait
 from iprt.errors import DeviceError
 from iprt.footage.footage import Footage
 from iprt.footage.frame import Frame
+from iprt.geometry.camera import View
+from iprt.geometry.mesh import Instance
 from iprt.memory import RenderPlan, require_memory
-from iprt.meshes.camera import View
-from iprt.meshes.mesh import Instance
 from iprt.renderer import RenderedFrame, Renderer
 from iprt.scene.scene import Scene, SceneView
 from iprt.settings.model import Settings

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from iprt.device.plan import PlannedKernel
     from iprt.footage.footage import Footage
     from iprt.footage.frame import Frame
-    from iprt.meshes.camera import View
-    from iprt.meshes.mesh import Instance
+    from iprt.geometry.camera import View
+    from iprt.geometry.mesh import Instance
     from iprt.settings.model import Settings
     from iprt.settings.requirements import Requirements
 

@@ -23,9 +23,9 @@ from iprt.footage.frame import Frame
 from iprt.gbuffer.context import FrameContext
 from iprt.gbuffer.guide import Guide
 from iprt.gbuffer.layout import PlaneLayout
-from iprt.meshes.camera import View
-from iprt.meshes.mesh import Instance, require_same_objects
-from iprt.meshes.pose import seen_from, view_from
+from iprt.geometry.camera import View
+from iprt.geometry.mesh import Instance, require_same_objects
+from iprt.geometry.pose import seen_from, view_from
 from iprt.methods.gloss_pixels import GlossPixels
 from iprt.methods.pixels import RatioMap, RealPixels, VirtualPixels
 from iprt.settings.model import Settings

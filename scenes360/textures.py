@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.meshes.camera import View
+from iprt.geometry.camera import View
 
 Image = NDArray[np.float32]
 Colour = tuple[float, float, float]

@@ -10,9 +10,9 @@ import trimesh
 from numpy.typing import NDArray
 
 from iprt.footage.frame import Frame
-from iprt.meshes.camera import View, equirect_pixel
-from iprt.meshes.material import Material
-from iprt.meshes.mesh import Instance, Mesh
+from iprt.geometry.camera import View, equirect_pixel
+from iprt.geometry.material import Material
+from iprt.geometry.mesh import Instance, Mesh
 from tests.oracles.worlds import World, frame_of
 
 Float = NDArray[np.float64]

@@ -21,7 +21,7 @@ from iprt.bvh.wide import (
 )
 from iprt.errors import SceneError
 from iprt.files.untrusted import MAX_OBJECTS
-from iprt.meshes.mesh import Instance, Mesh
+from iprt.geometry.mesh import Instance, Mesh
 
 Floats = NDArray[np.float32]
 Float = NDArray[np.float64]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from iprt.device.compute import ComputeDevice
 from iprt.device.profile import SAMPLED_S
 from iprt.film import Film, view_at
-from iprt.meshes.camera import View
+from iprt.geometry.camera import View
 from iprt.output.metadata import picture_metadata
 from iprt.scene.scene import Scene, SceneView
 from iprt.settings.model import Settings

@@ -14,10 +14,10 @@ from iprt.errors import IprtError
 
 if TYPE_CHECKING:
     from iprt.device.compute import ComputeDevice
+    from iprt.geometry.camera import View
     from iprt.measure.cost_report import CostReport
     from iprt.measure.profile_file import OldReport
     from iprt.measure.reel import Reel
-    from iprt.meshes.camera import View
     from iprt.scene.scene import Scene, SceneView
     from iprt.settings.model import Settings
 
@@ -127,8 +127,8 @@ def _reel(
     scene: Scene, view: SceneView | View, objects: tuple[str, ...] | None, settings: Settings
 ) -> Reel:
     """The video, if there is one; else a turn around the panorama."""
+    from iprt.geometry.camera import View
     from iprt.measure.reel import Playback, Turn
-    from iprt.meshes.camera import View
 
     if len(scene.frame_indices) > 1:
         return Playback(scene, view, objects, settings)

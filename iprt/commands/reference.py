@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from iprt.meshes.camera import View
-    from iprt.meshes.mesh import Instance
+    from iprt.geometry.camera import View
+    from iprt.geometry.mesh import Instance
 
     Layers = tuple[NDArray[np.float32], dict[str, NDArray[np.float32]]]
 

@@ -105,7 +105,7 @@ def view(
     from iprt.device.choose import choose_device
     from iprt.device.compute import ComputeDevice
     from iprt.device.profile import SAMPLED_S
-    from iprt.meshes.camera import View
+    from iprt.geometry.camera import View
     from iprt.scene.edits import SAVED_VIEW
     from iprt.scene.scene import Scene
     from iprt.viewer.engine import Engine

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from iprt.errors import IprtError
 
 if TYPE_CHECKING:
-    from iprt.meshes.camera import View
+    from iprt.geometry.camera import View
     from iprt.scene.scene import Scene, SceneView
 
 MAX_SIZE = 16384
@@ -19,7 +19,7 @@ def choose_view(
     scene: Scene, name: str | None, *, size: tuple[int, int] | None = None
 ) -> tuple[View, tuple[str, ...] | None]:
     """As `moving_view`, where it looks at first."""
-    from iprt.meshes.camera import View
+    from iprt.geometry.camera import View
 
     view, objects = moving_view(scene, name, size=size)
     return (view if isinstance(view, View) else view.view), objects
@@ -43,7 +43,7 @@ def moving_view(
     IprtError
         Unknown view, contradicting flags, or a value out of range.
     """
-    from iprt.meshes.camera import View
+    from iprt.geometry.camera import View
 
     own = yaw is not None or pitch is not None or fov is not None
     if own and name is not None:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.footage.normals import estimate_normals, over_poles
-from iprt.meshes.camera import equirect_direction
+from iprt.geometry.camera import equirect_direction
 
 Plane = NDArray[np.float32]
 Index = slice | NDArray[np.intp]

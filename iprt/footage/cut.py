@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.footage.frame import LUMINANCE, Frame
-from iprt.meshes.camera import View, equirect_pixel
-from iprt.meshes.pose import camera_motion
+from iprt.geometry.camera import View, equirect_pixel
+from iprt.geometry.pose import camera_motion
 
 Float = NDArray[np.float64]
 

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from iprt.footage.color_fit import Pairs
 from iprt.footage.frame import Frame
-from iprt.meshes.camera import View, equirect_pixel
-from iprt.meshes.pose import camera_motion
+from iprt.geometry.camera import View, equirect_pixel
+from iprt.geometry.pose import camera_motion
 
 Picture = NDArray[np.float32]
 Matrix = NDArray[np.float64]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Self
 
 from iprt.footage.frame import Frame
-from iprt.meshes.material import Material
+from iprt.geometry.material import Material
 
 
 @dataclass(frozen=True)

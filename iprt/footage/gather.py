@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from iprt.footage.frame import Frame
 from iprt.footage.openings import solid_angles
 from iprt.footage.window_environment import OUTSIDE_ROWS, outside_radiance
-from iprt.meshes.camera import View
+from iprt.geometry.camera import View
 
 Float = NDArray[np.float64]
 

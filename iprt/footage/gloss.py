@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.footage.frame import Frame
-from iprt.meshes.camera import View
-from iprt.meshes.material import Material
+from iprt.geometry.camera import View
+from iprt.geometry.material import Material
 
 Mask = NDArray[np.bool_]
 Triple = tuple[float, float, float]

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from iprt.footage.coarse_depth import usable
 from iprt.footage.normals import estimate_normals
 from iprt.footage.openings import solid_angles
-from iprt.meshes.camera import equirect_direction
+from iprt.geometry.camera import equirect_direction
 
 Float = NDArray[np.float64]
 

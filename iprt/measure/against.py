@@ -13,7 +13,7 @@ from iprt.measure.target import Radiance, Target
 
 if TYPE_CHECKING:
     from iprt.footage.frame import Frame
-    from iprt.meshes.mesh import Instance
+    from iprt.geometry.mesh import Instance
     from iprt.scene.scene import Scene
 
 QUICK_S = 4.0

@@ -7,16 +7,16 @@ from collections.abc import Callable, Sequence
 from statistics import median
 from typing import TYPE_CHECKING
 
+from iprt.geometry.camera import View
 from iprt.measure.cost import Counted, WorkRow
 from iprt.measure.cost_report import CostReport
 from iprt.measure.reel import Reel, Turn
-from iprt.meshes.camera import View
 from iprt.settings.model import Settings
 
 if TYPE_CHECKING:
     from iprt.device.compute import ComputeDevice
     from iprt.footage.frame import Frame
-    from iprt.meshes.mesh import Instance
+    from iprt.geometry.mesh import Instance
     from iprt.renderer import Renderer
 
 WARM_UP = 16

@@ -8,10 +8,10 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from iprt.errors import IprtError
+from iprt.geometry.camera import View
 from iprt.measure.cost import BLOCKS
 from iprt.measure.cost_report import CostReport
 from iprt.measure.profile_file import OldReport
-from iprt.meshes.camera import View
 
 FALSE_ALARMS = 0.05
 """Probability that any row at all is marked where nothing has changed."""

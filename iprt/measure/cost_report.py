@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from iprt import __version__
+from iprt.geometry.camera import View
 from iprt.measure.cost import (
     Counted,
     PassRow,
@@ -14,7 +15,6 @@ from iprt.measure.cost import (
     frame_timing,
     pass_rows,
 )
-from iprt.meshes.camera import View
 from iprt.settings.model import Settings
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Protocol
 
-from iprt.meshes.camera import View
+from iprt.geometry.camera import View
 from iprt.settings.model import Settings
 
 if TYPE_CHECKING:
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from iprt.device.compute import ComputeDevice
     from iprt.footage.frame import Frame
-    from iprt.meshes.mesh import Instance
+    from iprt.geometry.mesh import Instance
     from iprt.renderer import Renderer
     from iprt.scene.scene import Scene, SceneView
 

@@ -19,7 +19,7 @@ from iprt.measure import metrics
 from iprt.output.display import display
 
 if TYPE_CHECKING:
-    from iprt.meshes.camera import View
+    from iprt.geometry.camera import View
     from iprt.scene.scene import Scene
 
 LOG = logging.getLogger("iprt.measure")

@@ -15,7 +15,7 @@ from iprt.filter.temporal import Accumulated, Kind, Temporal, signal_planes
 from iprt.gbuffer.context import FrameContext
 from iprt.gbuffer.guide import Guide
 from iprt.gbuffer.layout import PlaneLayout
-from iprt.meshes.camera import View
+from iprt.geometry.camera import View
 from iprt.methods.reflection_motion import ReflectionMotion
 from iprt.methods.relight import Relight
 from iprt.methods.trace import TraceReal, TraceVirtual

@@ -8,7 +8,7 @@ from dataclasses import asdict
 from typing import Any
 
 from iprt import __version__
-from iprt.meshes.camera import View
+from iprt.geometry.camera import View
 
 NAMES = {
     "files": "the scene's files",

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import SceneError
-from iprt.meshes.mesh import Instance, Mesh, motion_between
+from iprt.geometry.mesh import Instance, Mesh, motion_between
 from iprt.raster.region import box_corners
 from iprt.raster.targets import texture_bytes
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import moderngl
 
-from iprt.meshes.camera import Projection
+from iprt.geometry.camera import Projection
 from iprt.raster.context import load_program
 from iprt.raster.layers import SAMPLES
 

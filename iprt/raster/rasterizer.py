@@ -10,9 +10,9 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.meshes.camera import Projection, View
-from iprt.meshes.material import Material
-from iprt.meshes.mesh import Instance
+from iprt.geometry.camera import Projection, View
+from iprt.geometry.material import Material
+from iprt.geometry.mesh import Instance
 from iprt.raster.context import bind_textures, create_context, set_uniforms
 from iprt.raster.geometry import Part, WorldGeometry
 from iprt.raster.layers import COVERAGE_TOLERANCE, NO_MOTION, SAMPLES, Layer, ObjectLayers

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.meshes.camera import View
+from iprt.geometry.camera import View
 
 Float = NDArray[np.float64]
 

@@ -15,11 +15,11 @@ from iprt.files.atomic import replacing
 from iprt.files.path_safety import anywhere, require_inside
 from iprt.files.toml_text import parse_toml
 from iprt.files.untrusted import MAX_OBJECTS
-from iprt.meshes.animated_mesh import load_animated_mesh
-from iprt.meshes.gltf_clip import animation_names
-from iprt.meshes.mesh import Instance, Mesh
-from iprt.meshes.mesh_files import MeshFile
-from iprt.meshes.meshes import load_mesh
+from iprt.geometry.animated_mesh import load_animated_mesh
+from iprt.geometry.gltf_clip import animation_names
+from iprt.geometry.mesh import Instance, Mesh
+from iprt.geometry.mesh_files import MeshFile
+from iprt.geometry.meshes import load_mesh
 from iprt.scene.edit import (
     VIEW_SIZE,
     changing,

@@ -27,7 +27,7 @@ from iprt.footage.video.depth_code import DepthCode
 from iprt.footage.video.sequence import frame_path
 from iprt.footage.video.source import FrameSource
 from iprt.footage.video.table import VideoTable
-from iprt.meshes.mesh_files import MeshFile
+from iprt.geometry.mesh_files import MeshFile
 from iprt.scene.manifest import MANIFEST_NAME, parse_manifest
 from iprt.scene.sources import require_frames, require_sources
 

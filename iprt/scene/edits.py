@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 from iprt.errors import SceneError
 from iprt.files.atomic import replacing
 from iprt.files.path_safety import require_inside
-from iprt.meshes.animated_mesh import AnimatedMesh
-from iprt.meshes.camera import View
-from iprt.meshes.keyframes import ObjectMotion
-from iprt.meshes.material import Material
-from iprt.meshes.mesh import Mesh
-from iprt.meshes.mesh_files import MeshFile
+from iprt.geometry.animated_mesh import AnimatedMesh
+from iprt.geometry.camera import View
+from iprt.geometry.keyframes import ObjectMotion
+from iprt.geometry.material import Material
+from iprt.geometry.mesh import Mesh
+from iprt.geometry.mesh_files import MeshFile
 from iprt.scene.edit import (
     changing,
     copied,

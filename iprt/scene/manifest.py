@@ -46,9 +46,15 @@ from iprt.files.toml_text import parse_toml, read_text
 from iprt.files.untrusted import MAX_OBJECTS
 from iprt.footage.gloss import MAX_REAL_MATERIALS, Plane, RealMaterial
 from iprt.footage.video.table import VideoTable
-from iprt.meshes.camera import View
-from iprt.meshes.keyframes import Clip, ObjectKeyframe, ObjectKeyframes, ViewKeyframe, ViewKeyframes
-from iprt.meshes.material import Material
+from iprt.geometry.camera import View
+from iprt.geometry.keyframes import (
+    Clip,
+    ObjectKeyframe,
+    ObjectKeyframes,
+    ViewKeyframe,
+    ViewKeyframes,
+)
+from iprt.geometry.material import Material
 
 MANIFEST_NAME = "scene.toml"
 MAX_VIEWS = 4096

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from iprt.errors import FormatError
 from iprt.files.images import read_color
 from iprt.files.untrusted import MAX_PIXELS, MAX_TRIANGLES
-from iprt.meshes.animated_mesh import AnimatedMesh, load_animated_mesh
-from iprt.meshes.keyframes import ObjectMotion
-from iprt.meshes.material import Material
-from iprt.meshes.mesh import Instance, Mesh
-from iprt.meshes.meshes import load_mesh
+from iprt.geometry.animated_mesh import AnimatedMesh, load_animated_mesh
+from iprt.geometry.keyframes import ObjectMotion
+from iprt.geometry.material import Material
+from iprt.geometry.mesh import Instance, Mesh
+from iprt.geometry.meshes import load_mesh
 from iprt.scene.manifest import DiffuseTable, Manifest, ObjectTable
 
 AnyMesh = Mesh | AnimatedMesh

@@ -12,8 +12,8 @@ from scipy import ndimage
 from iprt.errors import SceneError
 from iprt.footage.frame import Frame
 from iprt.footage.openings import solid_angles
-from iprt.meshes.camera import View, equirect_direction, equirect_pixel
-from iprt.meshes.mesh import Instance, Mesh
+from iprt.geometry.camera import View, equirect_direction, equirect_pixel
+from iprt.geometry.mesh import Instance, Mesh
 from iprt.scene.stance import Stance
 
 Array = NDArray[np.float64]

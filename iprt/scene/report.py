@@ -21,7 +21,7 @@ from iprt.footage.video.incidents import bad_frames
 from iprt.footage.video.sequence import frame_path
 from iprt.footage.video.source import RawFrame
 from iprt.footage.video.tracks import depth_code
-from iprt.meshes.mesh import Instance
+from iprt.geometry.mesh import Instance
 from iprt.scene.manifest import MANIFEST_NAME
 from iprt.scene.objects import SceneObject
 from iprt.scene.placement import RealSurfaces

@@ -23,9 +23,9 @@ from iprt.footage.gloss import RealMaterial, with_gloss
 from iprt.footage.video.incidents import Stage, steady_frames
 from iprt.footage.video.source import FrameSource, RawFrame
 from iprt.footage.video.stream import Ahead
-from iprt.meshes.camera import View
-from iprt.meshes.keyframes import ViewMotion
-from iprt.meshes.mesh import Instance
+from iprt.geometry.camera import View
+from iprt.geometry.keyframes import ViewMotion
+from iprt.geometry.mesh import Instance
 from iprt.scene.manifest import (
     MANIFEST_NAME,
     Manifest,

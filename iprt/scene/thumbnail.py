@@ -11,7 +11,7 @@ from PIL import Image, ImageDraw
 
 from iprt.files.atomic import replacing
 from iprt.footage.frame import Frame
-from iprt.meshes.camera import View, equirect_pixel
+from iprt.geometry.camera import View, equirect_pixel
 from iprt.scene.scene import Scene
 
 WIDTH, HEIGHT = 1024, 512

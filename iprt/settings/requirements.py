@@ -9,8 +9,8 @@ from iprt.bvh.scene import STACK
 from iprt.device.compute import Define
 from iprt.footage.footage import Footage
 from iprt.footage.window_environment import OUTSIDE_ROWS
-from iprt.meshes.camera import View
-from iprt.meshes.material import Material, material_defines
+from iprt.geometry.camera import View
+from iprt.geometry.material import Material, material_defines
 from iprt.settings.model import Settings
 
 CELL = 8

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.footage.frame import Frame
-from iprt.meshes.camera import View
+from iprt.geometry.camera import View
 
 STEP = 0.03
 """A step in depth beyond what the tangent plane predicts, in units of the depth, that is a gap."""

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import IprtError
-from iprt.meshes.camera import View
+from iprt.geometry.camera import View
 from iprt.truth.backend import SCALAR, mitsuba
 from iprt.truth.denoise import denoise
 from iprt.truth.sensor import sensor

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.footage.frame import Frame
-from iprt.meshes.camera import View
-from iprt.meshes.mesh import Instance
+from iprt.geometry.camera import View
+from iprt.geometry.mesh import Instance
 from iprt.truth.denoise import denoise
 from iprt.truth.shapes import instance_shapes
 

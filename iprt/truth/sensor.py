@@ -1,4 +1,4 @@
-"""A Mitsuba sensor with exactly the projections of `iprt.meshes.camera.View`.
+"""A Mitsuba sensor with exactly the projections of `iprt.geometry.camera.View`.
 
 Mitsuba has no spherical sensor, and its perspective sensor has conventions of its own.
 """
@@ -8,7 +8,7 @@ from __future__ import annotations
 from functools import cache
 from typing import Any
 
-from iprt.meshes.camera import View
+from iprt.geometry.camera import View
 from iprt.truth.backend import mitsuba
 
 PLUGIN = "iprt_view"

@@ -9,8 +9,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.meshes.material import MIRROR_ALPHA, Material
-from iprt.meshes.mesh import Instance
+from iprt.geometry.material import MIRROR_ALPHA, Material
+from iprt.geometry.mesh import Instance
 from iprt.truth.backend import mitsuba
 
 

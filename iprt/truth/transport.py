@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from iprt.footage.frame import LUMINANCE, Frame
 from iprt.footage.openings import solid_angles
-from iprt.meshes.camera import View
+from iprt.geometry.camera import View
 from iprt.truth.backend import vector_mitsuba
 from iprt.truth.depth_mesh import depth_mesh
 

@@ -9,9 +9,9 @@ from iprt.device.compute import ComputeDevice
 from iprt.errors import SceneError
 from iprt.footage.footage import Footage
 from iprt.footage.frame import Frame
+from iprt.geometry.camera import View
+from iprt.geometry.mesh import Instance, require_same_objects, same_places
 from iprt.memory import require_memory
-from iprt.meshes.camera import View
-from iprt.meshes.mesh import Instance, require_same_objects, same_places
 from iprt.renderer import RenderedFrame, Renderer
 from iprt.scene.objects import SceneObject
 from iprt.settings.model import Settings

@@ -13,7 +13,7 @@ from iprt.errors import DeviceHangError, DeviceLostError, IprtError, SceneError
 from iprt.film import footage_of
 from iprt.footage.footage import Footage
 from iprt.footage.frame import Frame
-from iprt.meshes.meshes import load_mesh
+from iprt.geometry.meshes import load_mesh
 from iprt.scene.edits import Look, ObjectEdit, edited_objects, flat
 from iprt.scene.objects import SceneObject, objects_at
 from iprt.scene.placement import RealSurfaces, set_down

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from iprt.aovs import AOVS
 from iprt.device.compute import ComputeDevice
-from iprt.meshes.material import Material
+from iprt.geometry.material import Material
 from iprt.scene.edit import free_name
 from iprt.scene.edits import Look, ObjectEdit, flat, require_place
 from iprt.scene.scene import Scene

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.meshes.camera import View
-from iprt.meshes.mesh import Instance
-from iprt.meshes.pose import view_from
+from iprt.geometry.camera import View
+from iprt.geometry.mesh import Instance
+from iprt.geometry.pose import view_from
 from iprt.renderer import Renderer
 
 Float = NDArray[np.float64]

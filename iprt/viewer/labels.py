@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from iprt.meshes.material import MaterialKind
+from iprt.geometry.material import MaterialKind
 from iprt.output.tone import Curve
 from iprt.viewer.lens import Against
 from iprt.viewer.state import PlaybackMode

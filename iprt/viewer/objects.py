@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.meshes.keyframes import ObjectMotion
-from iprt.meshes.material import Material
-from iprt.meshes.mesh import Instance, Mesh
+from iprt.geometry.keyframes import ObjectMotion
+from iprt.geometry.material import Material
+from iprt.geometry.mesh import Instance, Mesh
 from iprt.scene.edits import ObjectEdit
 from iprt.scene.objects import SceneObject
 from iprt.scene.placement import bounds

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
 from iprt.footage.frame import Frame
-from iprt.meshes.camera import View, equirect_pixel
-from iprt.meshes.pose import view_from
+from iprt.geometry.camera import View, equirect_pixel
+from iprt.geometry.pose import view_from
 from iprt.renderer import RenderedFrame
 from iprt.viewer.session import Shown
 from iprt.viewer.state import Request

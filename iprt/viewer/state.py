@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from iprt.meshes.camera import View
+from iprt.geometry.camera import View
 from iprt.scene.edits import ObjectEdit
 from iprt.settings.model import Settings
 

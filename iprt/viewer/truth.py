@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import IprtError
+from iprt.geometry.camera import View
 from iprt.measure.target import Target, read_target, truth_indices
-from iprt.meshes.camera import View
 from iprt.scene.scene import Scene
 from iprt.viewer.session import Shown
 

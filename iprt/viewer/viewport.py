@@ -12,8 +12,8 @@ import numpy as np
 
 from iprt.errors import IprtError
 from iprt.files.atomic import require_writable
-from iprt.meshes.camera import View
-from iprt.meshes.pose import view_from
+from iprt.geometry.camera import View
+from iprt.geometry.pose import view_from
 from iprt.output.metadata import picture_metadata
 from iprt.output.picture import check_output, write_picture
 from iprt.output.png import write_pixels

@@ -6,7 +6,7 @@ from typing import Any
 
 import pyopencl.array as cla
 
-from iprt.meshes.camera import View
+from iprt.geometry.camera import View
 from iprt.settings.requirements import Requirements
 from iprt.world.objects.object_bvh import ObjectBvh
 from iprt.world.objects.object_layers import EMPTY, NO_LAYERS, TracedLayers, int4

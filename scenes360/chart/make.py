@@ -14,7 +14,7 @@ import imageio.v3 as imageio
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.meshes.camera import View
+from iprt.geometry.camera import View
 from iprt.output.exr import write_exr
 from scenes360.chart.letters import text_mask
 from scenes360.modelling import sphere, write_ply

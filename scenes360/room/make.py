@@ -14,8 +14,8 @@ from typing import Protocol
 
 import numpy as np
 
-from iprt.meshes.camera import View
-from iprt.meshes.material import Material
+from iprt.geometry.camera import View
+from iprt.geometry.material import Material
 from iprt.output.exr import write_exr
 from iprt.truth.model import Parts, render_color, render_geometry, render_mask
 from iprt.truth.shapes import bsdf_of, mitsuba_mesh

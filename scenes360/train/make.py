@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 
 from iprt.files.images import read_color, read_depth
-from iprt.meshes.camera import View
-from iprt.meshes.keyframes import ObjectKeyframe, ObjectMotion
-from iprt.meshes.material import Material
+from iprt.geometry.camera import View
+from iprt.geometry.keyframes import ObjectKeyframe, ObjectMotion
+from iprt.geometry.material import Material
 from iprt.output.exr import write_exr
 from iprt.truth.model import render_color, render_geometry
 from iprt.truth.shapes import bsdf_of, mitsuba_mesh

@@ -10,7 +10,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.meshes.keyframes import ObjectKeyframe
+from iprt.geometry.keyframes import ObjectKeyframe
 from scenes360.room.plan import RUG
 
 FRAMES, FPS = 24, 10.0

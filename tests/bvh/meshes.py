@@ -8,8 +8,8 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from iprt.meshes.material import Material
-from iprt.meshes.mesh import Instance, Mesh
+from iprt.geometry.material import Material
+from iprt.geometry.mesh import Instance, Mesh
 
 Float = NDArray[np.float64]
 CLAY = (Material(),)

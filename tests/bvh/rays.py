@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from iprt.meshes.mesh import Instance
+from iprt.geometry.mesh import Instance
 from tests.bvh.meshes import placed, turned
 from tests.kernels.tracing import random_directions
 

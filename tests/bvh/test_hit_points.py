@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
-from iprt.meshes.material import Material
-from iprt.meshes.mesh import Mesh
+from iprt.geometry.material import Material
+from iprt.geometry.mesh import Mesh
 from tests.bvh.meshes import instance_of, mesh_of, placed, sphere
 from tests.bvh.rays import TRANSFORMS, Float, rays_at, transforms, world_triangles
 from tests.bvh.tracing import BvhTracer, Met

@@ -9,8 +9,8 @@ import pytest
 
 from iprt.bvh.scene import SceneBuilder, scene_sizes, shapes_of
 from iprt.device.compute import ComputeDevice
-from iprt.meshes.material import Material
-from iprt.meshes.mesh import Instance, Mesh
+from iprt.geometry.material import Material
+from iprt.geometry.mesh import Instance, Mesh
 from tests.bvh.meshes import bumpy, fan, growing, instance_of, mesh_of, placed, same_centres, sphere
 from tests.bvh.rays import TURN, Float, brute_force, rays_at, transforms, world_triangles
 from tests.bvh.tracing import BvhTracer

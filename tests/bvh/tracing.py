@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from iprt.bvh.scene import SceneBuilder
 from iprt.device.compute import ComputeDevice
-from iprt.meshes.mesh import Instance
+from iprt.geometry.mesh import Instance
 from iprt.world.objects.object_bvh import ObjectBvh
 from tests.kernels.tracing import build, four
 

@@ -13,7 +13,7 @@ import pytest
 from iprt.commands.knobs import KnobFlags
 from iprt.commands.views import choose_view, moving_view
 from iprt.errors import FormatError, IprtError
-from iprt.meshes.camera import View
+from iprt.geometry.camera import View
 from iprt.scene.scene import Scene
 from iprt.settings.model import Settings
 from iprt.settings.trace import TraceSettings

@@ -10,7 +10,7 @@ import pytest
 
 from iprt.device.bands import Bands
 from iprt.device.compute import ComputeDevice
-from iprt.meshes.camera import View
+from iprt.geometry.camera import View
 from iprt.renderer import Renderer
 from iprt.scene.scene import Scene
 from tests.clips import write_clip

@@ -7,8 +7,8 @@ import pytest
 
 from iprt.device.compute import ComputeDevice
 from iprt.device.counting import CountingDevice, Rays, Work
-from iprt.meshes.material import Material
-from iprt.meshes.mesh import Instance, Mesh
+from iprt.geometry.material import Material
+from iprt.geometry.mesh import Instance, Mesh
 from iprt.raster.layers import SAMPLES as COVERAGE_SAMPLES
 from iprt.renderer import Renderer
 from tests.bvh.tracing import BvhTracer

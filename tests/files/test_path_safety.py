@@ -14,7 +14,7 @@ import iprt
 from iprt import cli
 from iprt.errors import FormatError, IprtError
 from iprt.files.path_safety import stays_inside
-from iprt.meshes.meshes import load_mesh
+from iprt.geometry.meshes import load_mesh
 from iprt.scene.scene import Scene
 from tests.scene.files import CUBE, MANIFEST, OBJECT, VIEW, snapshot, write_channels, write_scene
 from tests.scene.nasty_meshes import DATA, gltf

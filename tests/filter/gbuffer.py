@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from iprt.device.compute import ComputeDevice
 from iprt.gbuffer.guide import Guide
 from iprt.gbuffer.layout import PlaneLayout
-from iprt.meshes.camera import View
+from iprt.geometry.camera import View
 
 Array = NDArray[np.float64]
 

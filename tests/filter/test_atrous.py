@@ -10,7 +10,7 @@ import pytest
 from iprt.device.compute import ComputeDevice
 from iprt.filter.atrous import Atrous, Rect
 from iprt.filter.temporal import Kind, signal_planes
-from iprt.meshes.camera import View
+from iprt.geometry.camera import View
 from iprt.settings.filter import AtrousSettings
 from tests.filter.gbuffer import SIZES, GBuffer, flat_gbuffer, random_gbuffer, read, upload
 from tests.oracles import atrous as oracle

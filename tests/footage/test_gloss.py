@@ -13,7 +13,7 @@ from PIL import Image
 from iprt import cli
 from iprt.errors import FormatError, SceneError
 from iprt.footage.gloss import Plane, RealMaterial, chromaticity, with_gloss
-from iprt.meshes.material import Material
+from iprt.geometry.material import Material
 from iprt.scene.manifest import parse_manifest
 from iprt.scene.scene import Scene
 from tests.oracles.worlds import World

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from iprt.footage.frame import Frame
-from iprt.meshes.camera import View
+from iprt.geometry.camera import View
 from tests.oracles.worlds import World
 from tests.worlds import Float
 

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from iprt.aovs import read_aov
 from iprt.device.compute import ComputeDevice
 from iprt.footage.frame import LUMINANCE
-from iprt.meshes.camera import View
-from iprt.meshes.material import Material
+from iprt.geometry.camera import View
+from iprt.geometry.material import Material
 from iprt.renderer import Renderer
 from iprt.settings.model import Settings
 from tests.frame.whole_frame import CLAY, ROOM, SILVER

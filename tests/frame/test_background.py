@@ -10,8 +10,8 @@ import pytest
 from iprt.device.compute import ComputeDevice
 from iprt.footage.footage import Footage
 from iprt.footage.frame import Frame
-from iprt.meshes.camera import View
-from iprt.meshes.material import Material
+from iprt.geometry.camera import View
+from iprt.geometry.material import Material
 from iprt.renderer import RenderedFrame, Renderer
 from iprt.settings.model import Settings
 from tests.oracles.worlds import Box, Sphere, World

@@ -12,10 +12,10 @@ from iprt.aovs import AOVS
 from iprt.device.compute import ComputeDevice
 from iprt.errors import SceneError
 from iprt.footage.frame import Frame
+from iprt.geometry.camera import View
+from iprt.geometry.material import Material
+from iprt.geometry.mesh import Instance, Mesh
 from iprt.memory import RenderPlan
-from iprt.meshes.camera import View
-from iprt.meshes.material import Material
-from iprt.meshes.mesh import Instance, Mesh
 from iprt.renderer import Renderer
 from tests.frame.whole_frame import (
     METHOD,

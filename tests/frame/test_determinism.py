@@ -22,9 +22,9 @@ from iprt.aovs import AOVS
 from iprt.device.choose import choose_device
 from iprt.device.compute import ComputeDevice
 from iprt.footage.frame import Frame
-from iprt.meshes.camera import View
-from iprt.meshes.material import Material
-from iprt.meshes.mesh import Instance
+from iprt.geometry.camera import View
+from iprt.geometry.material import Material
+from iprt.geometry.mesh import Instance
 from iprt.renderer import RenderedFrame, Renderer
 from iprt.scene.scene import Scene
 from tests.frame.whole_frame import METHOD, METHODS, chosen

@@ -11,7 +11,7 @@ import pytest
 from iprt.device.choose import choose_device
 from iprt.device.compute import ComputeDevice
 from iprt.errors import DeviceError
-from iprt.meshes.camera import View
+from iprt.geometry.camera import View
 from iprt.output.display import display
 from tests.frame.test_determinism import walk
 from tests.frame.whole_frame import METHOD

@@ -15,9 +15,9 @@ from iprt.device.plan import PlanDevice
 from iprt.footage.drift import Drift
 from iprt.footage.footage import Footage
 from iprt.footage.frame import Frame
-from iprt.meshes.camera import View
-from iprt.meshes.material import Material
-from iprt.meshes.mesh import Instance
+from iprt.geometry.camera import View
+from iprt.geometry.material import Material
+from iprt.geometry.mesh import Instance
 from iprt.renderer import Renderer
 from iprt.settings.model import Settings
 from tests.films import FEW

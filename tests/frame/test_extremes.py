@@ -14,9 +14,9 @@ from iprt.aovs import AOVS
 from iprt.device.compute import ComputeDevice
 from iprt.footage.frame import Frame
 from iprt.footage.video.source import RawFrame
-from iprt.meshes.camera import View
-from iprt.meshes.material import Material
-from iprt.meshes.mesh import Instance, Mesh
+from iprt.geometry.camera import View
+from iprt.geometry.material import Material
+from iprt.geometry.mesh import Instance, Mesh
 from iprt.renderer import RenderedFrame, Renderer
 from tests.frame.whole_frame import (
     CLAY,

@@ -16,7 +16,7 @@ from iprt.device.compute import ComputeDevice
 from iprt.errors import SceneError
 from iprt.film import Film, memory_indices, warm_up_indices
 from iprt.footage.frame import Frame
-from iprt.meshes.camera import View
+from iprt.geometry.camera import View
 from iprt.renderer import RenderedFrame, Renderer
 from iprt.scene.scene import Scene
 from iprt.settings.model import Settings

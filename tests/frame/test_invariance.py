@@ -11,8 +11,8 @@ import pytest
 
 from iprt.device.compute import ComputeDevice
 from iprt.footage.frame import Frame
-from iprt.meshes.camera import View
-from iprt.meshes.mesh import Instance
+from iprt.geometry.camera import View
+from iprt.geometry.mesh import Instance
 from iprt.renderer import RenderedFrame
 from tests.frame.whole_frame import (
     CLAY,

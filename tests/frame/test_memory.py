@@ -15,10 +15,10 @@ from iprt.device.budget import PICTURE, REMEDIES, remedy, what_to_lower
 from iprt.device.compute import ComputeDevice
 from iprt.footage.footage import Footage
 from iprt.footage.frame import Frame
+from iprt.geometry.camera import View
+from iprt.geometry.material import Material
+from iprt.geometry.mesh import Instance
 from iprt.memory import RenderPlan
-from iprt.meshes.camera import View
-from iprt.meshes.material import Material
-from iprt.meshes.mesh import Instance
 from iprt.renderer import Renderer
 from iprt.settings.model import Settings
 from tests.oracles.worlds import World

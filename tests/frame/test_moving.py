@@ -14,10 +14,10 @@ from iprt.device.compute import ComputeDevice
 from iprt.device.plan import PlanDevice
 from iprt.errors import SceneError
 from iprt.footage.frame import Frame
+from iprt.geometry.camera import View
+from iprt.geometry.material import Material
+from iprt.geometry.mesh import Instance
 from iprt.memory import RenderPlan
-from iprt.meshes.camera import View
-from iprt.meshes.material import Material
-from iprt.meshes.mesh import Instance
 from iprt.renderer import RenderedFrame, Renderer
 from tests.frame.whole_frame import (
     CLAY,

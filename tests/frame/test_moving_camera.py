@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
 from iprt.footage.frame import Frame
-from iprt.meshes.camera import View
-from iprt.meshes.mesh import Instance
-from iprt.meshes.pose import view_from
+from iprt.geometry.camera import View
+from iprt.geometry.mesh import Instance
+from iprt.geometry.pose import view_from
 from iprt.renderer import RenderedFrame, Renderer
 from iprt.settings.model import Settings
 from tests.frame.whole_frame import BRASS, CLAY, METHOD, METHODS, SATIN, SILVER, chosen, rms

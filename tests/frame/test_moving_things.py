@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
 from iprt.footage.frame import Frame
-from iprt.meshes.camera import View, equirect_pixel
-from iprt.meshes.mesh import Instance
+from iprt.geometry.camera import View, equirect_pixel
+from iprt.geometry.mesh import Instance
 from iprt.renderer import Renderer
 from tests.frame.whole_frame import CLAY, METHODS, chosen, rms
 from tests.oracles.worlds import Sphere, World

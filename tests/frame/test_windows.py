@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from iprt.device.compute import ComputeDevice
 from iprt.footage.frame import Frame
 from iprt.footage.window_environment import outside_radiance
-from iprt.meshes.camera import View, equirect_pixel
-from iprt.meshes.material import Material
-from iprt.meshes.mesh import Instance
+from iprt.geometry.camera import View, equirect_pixel
+from iprt.geometry.material import Material
+from iprt.geometry.mesh import Instance
 from iprt.renderer import RenderedFrame, Renderer
 from iprt.settings.model import Settings
 from tests.oracles.worlds import Sphere, World

@@ -14,10 +14,10 @@ from iprt.aovs import AOVS
 from iprt.device.compute import ComputeDevice
 from iprt.filter.temporal import Temporal
 from iprt.footage.frame import Frame
+from iprt.geometry.camera import View
+from iprt.geometry.material import Material
+from iprt.geometry.mesh import Instance
 from iprt.measure.metrics import ssim
-from iprt.meshes.camera import View
-from iprt.meshes.material import Material
-from iprt.meshes.mesh import Instance
 from iprt.output.display import display
 from iprt.renderer import RenderedFrame, Renderer
 from iprt.settings.model import Settings

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
-from iprt.meshes.material import Material, material_defines, material_table
+from iprt.geometry.material import Material, material_defines, material_table
 from tests.kernels.wrap import evaluate
 
 Array = NDArray[np.float32]

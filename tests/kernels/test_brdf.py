@@ -4,8 +4,8 @@ import numpy as np
 import pyopencl as cl
 import pytest
 
-from iprt.meshes.coat import rough_transmittance
-from iprt.meshes.material import Material, material_defines
+from iprt.geometry.coat import rough_transmittance
+from iprt.geometry.material import Material, material_defines
 from tests.kernels.brdf import call, grid, needed_defines
 from tests.kernels.wrap import evaluate
 from tests.oracles import brdf as oracle

@@ -11,7 +11,7 @@ import sys
 import numpy as np
 import pytest
 
-from iprt.meshes.material import Material
+from iprt.geometry.material import Material
 from tests.kernels.brdf import call
 from tests.oracles import brdf as oracle
 

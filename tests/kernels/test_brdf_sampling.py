@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from iprt.meshes.material import Material
+from iprt.geometry.material import Material
 from tests.kernels.brdf import call
 from tests.oracles import brdf as oracle
 

@@ -13,7 +13,7 @@ from iprt.device.compute import ComputeDevice, Kernel
 from iprt.device.counting import CountingDevice, CountingKernel
 from iprt.device.resources import CL
 from iprt.footage.frame import Frame
-from iprt.meshes.camera import View
+from iprt.geometry.camera import View
 from iprt.raster.layers import Layer, ObjectLayers
 from iprt.settings.trace import TraceSettings
 from iprt.world.objects.object_layers import EMPTY, NO_LAYERS, TracedLayers, int4

@@ -11,6 +11,7 @@ import pytest
 
 from iprt.device.profile import Profile
 from iprt.errors import FormatError, IprtError
+from iprt.geometry.camera import View
 from iprt.measure.changes import (
     FRAME,
     WALL,
@@ -20,7 +21,6 @@ from iprt.measure.changes import (
 )
 from iprt.measure.cost_report import CostReport
 from iprt.measure.profile_file import OldReport, json_text, read_profile
-from iprt.meshes.camera import View
 from iprt.settings.model import Settings
 from tests.measure.test_cost import device_with
 from tests.profiles import frame

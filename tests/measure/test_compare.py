@@ -20,10 +20,10 @@ from rich.console import Console
 from iprt.commands.compare import compare, score_grid
 from iprt.device.profile import PassTime, Profile
 from iprt.errors import FormatError, IprtError, SceneError
+from iprt.geometry.camera import View
 from iprt.measure import metrics
 from iprt.measure.compare import Compared, Comparison, compare_views
 from iprt.measure.target import Scores, views_with_truth
-from iprt.meshes.camera import View
 from iprt.output.display import display
 from iprt.output.exr import write_exr
 from iprt.settings.model import Settings

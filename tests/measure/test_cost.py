@@ -14,10 +14,10 @@ import pytest
 
 from iprt.device.counting import Rays, Work
 from iprt.device.profile import Kind, Profile
+from iprt.geometry.camera import View
 from iprt.measure.cost import BLOCKS, FEWEST_FRAMES, Timing, WorkRow, pass_rows
 from iprt.measure.cost_report import CostReport
 from iprt.measure.profile_file import csv_text, json_text
-from iprt.meshes.camera import View
 from iprt.settings.model import Settings
 from tests.profiles import frame, launch
 

@@ -17,11 +17,11 @@ from PIL import Image
 from iprt import cli
 from iprt.commands.compare_video import VideoFlags, stability_grid
 from iprt.errors import IprtError
+from iprt.geometry.camera import View
 from iprt.measure.stability import CAUSES
 from iprt.measure.strip import COLUMNS, Strip
 from iprt.measure.sweep import Combination, combinations
 from iprt.measure.video import Player, over_background, resized
-from iprt.meshes.camera import View
 from iprt.output.display import display
 from iprt.output.exr import write_exr
 from iprt.scene.scene import SceneView

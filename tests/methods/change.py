@@ -10,9 +10,9 @@ from scipy.stats import t
 
 from iprt.device.compute import ComputeDevice
 from iprt.footage.frame import Frame
-from iprt.meshes.camera import View
-from iprt.meshes.material import Material
-from iprt.meshes.mesh import Instance
+from iprt.geometry.camera import View
+from iprt.geometry.material import Material
+from iprt.geometry.mesh import Instance
 from iprt.renderer import Renderer
 from iprt.settings.model import Settings
 from tests.oracles.worlds import Box, Solid, Sphere, World

@@ -20,8 +20,8 @@ from iprt.device.compute import ComputeDevice
 from iprt.filter.mask import Mask
 from iprt.footage.frame import Frame
 from iprt.gbuffer.guide import Guide
-from iprt.meshes.camera import View
-from iprt.meshes.mesh import Instance
+from iprt.geometry.camera import View
+from iprt.geometry.mesh import Instance
 from iprt.methods.trace import TraceReal, TraceVirtual
 from iprt.renderer import Renderer
 from iprt.settings.filter import MaskSettings

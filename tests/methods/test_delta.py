@@ -8,8 +8,8 @@ from scipy.stats import norm
 
 from iprt.device.compute import ComputeDevice
 from iprt.footage.frame import Frame
-from iprt.meshes.camera import View
-from iprt.meshes.material import Material
+from iprt.geometry.camera import View
+from iprt.geometry.material import Material
 from tests.methods.change import DOWN, RED, ROOM, SCENES, SURE, absolute, agree, blocks, change_of
 from tests.oracles.worlds import Box, Solid, Sphere, World, cosine_about
 from tests.worlds import Float, ball, ceiling_lamp, panorama_at, room_frame, sphere_frame

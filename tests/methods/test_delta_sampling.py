@@ -16,8 +16,8 @@ from iprt.device import compute
 from iprt.device.choose import choose_device
 from iprt.device.compute import ComputeDevice
 from iprt.device.resources import CL
-from iprt.meshes.camera import View
-from iprt.meshes.material import Material
+from iprt.geometry.camera import View
+from iprt.geometry.material import Material
 from iprt.renderer import Renderer
 from iprt.settings.model import Settings
 from tests.methods.change import DOWN, ROOM, SCENES, SURE, absolute, agree, change_of

@@ -13,9 +13,9 @@ import pytest
 from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
-from iprt.meshes.camera import View
-from iprt.meshes.material import Material
-from iprt.meshes.mesh import Instance
+from iprt.geometry.camera import View
+from iprt.geometry.material import Material
+from iprt.geometry.mesh import Instance
 from tests.methods.estimators import (
     ESTIMATORS,
     PLAIN,

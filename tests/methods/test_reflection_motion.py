@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from iprt.device.compute import ComputeDevice
-from iprt.meshes.camera import View
+from iprt.geometry.camera import View
 from iprt.methods.reflection_motion import ReflectionMotion
 from tests.filter.gbuffer import Array, GBuffer, read, upload
 

@@ -7,8 +7,8 @@ import pytest
 from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
-from iprt.meshes.camera import View
-from iprt.meshes.material import Material
+from iprt.geometry.camera import View
+from iprt.geometry.material import Material
 from iprt.renderer import RenderedFrame
 from tests.methods.traced import BLACK, ESTIMATORS, MIRROR, mirror_rays, render, settings
 from tests.oracles.brdf import diffuse_albedo, specular_albedo

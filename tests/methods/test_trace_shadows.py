@@ -9,8 +9,8 @@ import pytest
 from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
-from iprt.meshes.camera import View
-from iprt.meshes.material import Material
+from iprt.geometry.camera import View
+from iprt.geometry.material import Material
 from tests.methods.traced import BLACK, ESTIMATORS, FLOOR, ROOM, render, settings
 from tests.oracles.worlds import Sphere, cosine_about
 from tests.worlds import Float, ball, ceiling_lamp, room_frame

@@ -22,7 +22,7 @@ GUARDED = {
     "iprt/footage/window_environment.py": (4, ("tests/footage/test_window_environment.py",)),
     "iprt/footage/normals.py": (8, ("tests/footage/test_normals.py",)),
     "iprt/footage/depth.py": (7, ("tests/footage/test_depth.py", "tests/scene/test_scene.py")),
-    "iprt/meshes/camera.py": (6, ("tests/meshes/test_camera.py",)),
+    "iprt/geometry/camera.py": (6, ("tests/geometry/test_camera.py",)),
     "iprt/bvh/build.py": (3, ("tests/bvh/test_tree.py", "tests/bvh/test_traversal.py")),
     "iprt/bvh/cache.py": (2, ("tests/bvh/test_cache.py",)),
     "iprt/bvh/scene.py": (

@@ -11,7 +11,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.meshes.material import MIN_ALPHA, MIRROR_ALPHA, Material, material_table
+from iprt.geometry.material import MIN_ALPHA, MIRROR_ALPHA, Material, material_table
 
 Array = NDArray[np.float64]
 MIN_LOBE = 0.25

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.footage.frame import Frame
-from iprt.meshes.camera import View
+from iprt.geometry.camera import View
 
 Float = NDArray[np.float64]
 

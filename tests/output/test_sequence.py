@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from iprt.errors import FormatError
-from iprt.meshes.camera import View
+from iprt.geometry.camera import View
 from iprt.output.metadata import difference, picture_metadata
 from iprt.output.picture import write_picture
 from iprt.output.sequence import PictureSequence, is_pattern, is_video, numbered, read_metadata

@@ -10,8 +10,8 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from iprt.meshes.material import Material
-from iprt.meshes.mesh import Instance, Mesh
+from iprt.geometry.material import Material
+from iprt.geometry.mesh import Instance, Mesh
 from iprt.raster.rasterizer import Rasterizer
 
 Float = NDArray[np.float64]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from iprt.meshes.camera import View
-from iprt.meshes.mesh import Instance
+from iprt.geometry.camera import View
+from iprt.geometry.mesh import Instance
 from iprt.raster.layers import COVERAGE_TOLERANCE, NO_MOTION, SAMPLES
 from tests.raster.shapes import Float, direction, mesh, placed, quad, rasterizer, sphere
 

@@ -9,9 +9,9 @@ import moderngl
 import numpy as np
 import pytest
 
-from iprt.meshes.camera import View
-from iprt.meshes.material import Material
-from iprt.meshes.mesh import Instance, Mesh
+from iprt.geometry.camera import View
+from iprt.geometry.material import Material
+from iprt.geometry.mesh import Instance, Mesh
 from iprt.raster.layers import ObjectLayers
 from tests.oracles.raster import Hits, Soup, cast_view, gather
 from tests.raster.shapes import direction, mesh, placed, quad, rasterizer, sphere

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from iprt.errors import DeviceError, SceneError
-from iprt.meshes.camera import View
-from iprt.meshes.material import Material
-from iprt.meshes.mesh import Instance
+from iprt.geometry.camera import View
+from iprt.geometry.material import Material
+from iprt.geometry.mesh import Instance
 from iprt.raster.rasterizer import Rasterizer
 from tests.oracles.raster import cast, gather
 from tests.raster.shapes import mesh, placed, quad, rasterizer, sphere

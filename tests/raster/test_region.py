@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from iprt.meshes.camera import View
+from iprt.geometry.camera import View
 from iprt.raster.region import Rect, box_corners, box_rects, merge
 
 VIEWS = [

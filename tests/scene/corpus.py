@@ -20,8 +20,8 @@ from iprt.files.images import read_color, read_depth
 from iprt.footage.video.color import linear_color
 from iprt.footage.video.container import video_streams
 from iprt.footage.video.reader import OpenStreams
-from iprt.meshes.mesh import Mesh
-from iprt.meshes.meshes import load_mesh
+from iprt.geometry.mesh import Mesh
+from iprt.geometry.meshes import load_mesh
 from iprt.scene.scene import Scene
 from iprt.settings.overrides import read_settings, resolved
 from tests.scene import nasty_meshes, nasty_text, nasty_video  # noqa: F401  (they add to the corpus)

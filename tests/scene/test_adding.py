@@ -20,7 +20,7 @@ from iprt.scene.adding import add_object
 from iprt.scene.manifest import MANIFEST_NAME, parse_manifest
 from iprt.scene.scene import Scene
 from iprt.scene.stance import UP_AXES, Stance
-from tests.meshes.gltf_files import bar
+from tests.geometry.gltf_files import bar
 from tests.scene.files import (
     CUBE,
     IDENTITY,

@@ -11,8 +11,8 @@ import pytest
 from PIL import Image
 
 from iprt.errors import FormatError, SceneError
-from iprt.meshes.material import Material
-from iprt.meshes.meshes import load_mesh
+from iprt.geometry.material import Material
+from iprt.geometry.meshes import load_mesh
 from iprt.scene.edit import free_name
 from iprt.scene.edits import ObjectEdit, edited_objects, flat, require_place, save_edits
 from iprt.scene.objects import AnyMesh, objects_at

@@ -12,8 +12,8 @@ from iprt.errors import FormatError
 from iprt.files import untrusted
 from iprt.files.images import read_color
 from iprt.footage.video import source
-from iprt.meshes import mesh_files, mesh_materials, meshes
-from iprt.meshes.meshes import load_mesh
+from iprt.geometry import mesh_files, mesh_materials, meshes
+from iprt.geometry.meshes import load_mesh
 from iprt.scene import objects as objects_module
 from iprt.scene import scene as scene_module
 from iprt.scene.scene import Scene

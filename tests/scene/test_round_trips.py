@@ -15,7 +15,7 @@ from hypothesis.extra.numpy import array_shapes, arrays
 
 from iprt.files.images import read_color, read_depth
 from iprt.footage.video.depth_code import DepthCode
-from iprt.meshes.meshes import load_mesh
+from iprt.geometry.meshes import load_mesh
 from iprt.output.exr import write_exr
 from iprt.scene.edit import _manifest_text, object_text
 from iprt.scene.manifest import parse_manifest

@@ -11,8 +11,8 @@ import pytest
 from iprt.device.plan import PlanDevice, PlannedBuffer
 from iprt.footage.footage import Footage
 from iprt.footage.frame import Frame
-from iprt.meshes.camera import View
-from iprt.meshes.material import Material
+from iprt.geometry.camera import View
+from iprt.geometry.material import Material
 from iprt.renderer import Renderer
 from iprt.settings.model import Settings
 from iprt.settings.requirements import Requirements

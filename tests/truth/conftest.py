@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from iprt.footage.frame import Frame
-from iprt.meshes.camera import View
+from iprt.geometry.camera import View
 
 
 @pytest.fixture(scope="session")

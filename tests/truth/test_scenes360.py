@@ -9,8 +9,8 @@ import pytest
 
 from iprt.files.images import picture_size, read_color
 from iprt.footage.video.sequence import frame_path
+from iprt.geometry.camera import View
 from iprt.measure.target import truth_indices
-from iprt.meshes.camera import View
 from iprt.scene.scene import Scene
 from scenes360.chart import make as chart
 from scenes360.train import plan as train

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from iprt.meshes.camera import View
-from iprt.meshes.material import Material
+from iprt.geometry.camera import View
+from iprt.geometry.material import Material
 from scenes360.modelling import sphere
 
 pytestmark = pytest.mark.mitsuba
@@ -87,7 +87,7 @@ def test_mask_is_the_share_of_the_pixel_in_front(mi: Any) -> None:
 
 def test_textures_stand_upright(mi: Any) -> None:
     """Row 0 of a texture is at v = 1, as the material has it."""
-    from iprt.meshes.mesh import Instance, Mesh
+    from iprt.geometry.mesh import Instance, Mesh
     from iprt.truth.sensor import sensor
     from iprt.truth.shapes import instance_shapes
 

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from iprt.meshes.camera import View
-from iprt.meshes.mesh import Instance
-from iprt.meshes.meshes import load_mesh
-from tests.meshes.test_creases import exported
+from iprt.geometry.camera import View
+from iprt.geometry.mesh import Instance
+from iprt.geometry.meshes import load_mesh
+from tests.geometry.test_creases import exported
 
 pytestmark = pytest.mark.mitsuba
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from iprt.device.compute import ComputeDevice
 from iprt.footage.frame import Frame
 from iprt.gbuffer.layout import PlaneLayout
-from iprt.meshes.camera import View, equirect_pixel
+from iprt.geometry.camera import View, equirect_pixel
 from iprt.view.real_layer import RealLayer
 from iprt.world.real.panorama import Panorama
 from tests.oracles.worlds import Box, World

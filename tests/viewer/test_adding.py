@@ -12,7 +12,7 @@ from iprt.scene.adding import add_object
 from iprt.scene.edits import ObjectEdit
 from iprt.scene.scene import Scene
 from iprt.scene.stance import Stance
-from tests.meshes.test_stl import solid
+from tests.geometry.test_stl import solid
 from tests.scene.files import MANIFEST, write_scene
 from tests.viewer.turns import SETTINGS, Turns
 

@@ -13,7 +13,7 @@ from iprt.device.compute import ComputeDevice
 from iprt.film import footage_of
 from iprt.footage.frame import Frame
 from iprt.footage.video.stream import Ahead
-from iprt.meshes.material import Material
+from iprt.geometry.material import Material
 from iprt.renderer import Renderer
 from iprt.scene.edits import ObjectEdit, flat
 from iprt.scene.scene import Scene

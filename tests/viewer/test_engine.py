@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from iprt.device.compute import ComputeDevice
-from iprt.meshes.camera import View
-from iprt.meshes.material import Material
+from iprt.geometry.camera import View
+from iprt.geometry.material import Material
 from iprt.renderer import Renderer
 from iprt.scene.edits import ObjectEdit, flat
 from iprt.scene.placement import bounds, set_on

@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 
 from iprt.device.compute import ComputeDevice
-from iprt.meshes.material import Material
+from iprt.geometry.material import Material
 from iprt.scene.edits import ObjectEdit
 from iprt.scene.scene import Scene
 from iprt.scene.stance import Stance

@@ -7,8 +7,8 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from iprt.meshes.material import MaterialKind
-from iprt.meshes.mesh_files import MESH_SUFFIXES
+from iprt.geometry.material import MaterialKind
+from iprt.geometry.mesh_files import MESH_SUFFIXES
 from iprt.output.tone import Curve
 from iprt.viewer import labels
 from iprt.viewer.lens import BUFFERS, Against

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from iprt.device.compute import ComputeDevice
-from iprt.meshes.camera import View
-from iprt.meshes.material import Material
+from iprt.geometry.camera import View
+from iprt.geometry.material import Material
 from iprt.scene.edits import SAVED_VIEW, Look, ObjectEdit, flat
 from iprt.scene.scene import Scene
 from iprt.scene.stance import Stance

@@ -16,7 +16,7 @@ import pytest
 from iprt.aovs import AOVS
 from iprt.device.compute import ComputeDevice
 from iprt.errors import IprtError
-from iprt.meshes.camera import View
+from iprt.geometry.camera import View
 from iprt.output.display import display
 from iprt.renderer import Renderer
 from iprt.scene.scene import Scene

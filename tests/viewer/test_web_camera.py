@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from iprt.meshes.camera import View
+from iprt.geometry.camera import View
 from iprt.viewer.web.camera import ORBIT_M, camera_of, look_of, position_of, quaternion, rotation
 from iprt.viewer.web.gizmo import polar
 

@@ -13,7 +13,7 @@ import pytest
 
 from iprt.device import compute as module
 from iprt.device.compute import ComputeDevice
-from iprt.meshes.material import Material
+from iprt.geometry.material import Material
 from iprt.renderer import Renderer
 from iprt.scene.edits import ObjectEdit
 from iprt.scene.scene import Scene

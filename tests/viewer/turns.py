@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import Any
 
 from iprt.device.compute import ComputeDevice
-from iprt.meshes.camera import View
+from iprt.geometry.camera import View
 from iprt.scene.scene import Scene
 from iprt.settings.model import Settings
 from iprt.viewer.core import Core

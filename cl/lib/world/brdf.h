@@ -1,4 +1,4 @@
-// Reflectance of the materials in iprt/meshes/material.py: evaluate, sample, density.
+// Reflectance of the materials in iprt/geometry/material.py: evaluate, sample, density.
 //
 // -D MATERIAL_DIFFUSE, MATERIAL_CONDUCTOR, MATERIAL_MIRROR, MATERIAL_PLASTIC name the kinds that
 // the scene holds (material_defines()); nothing else is compiled in.

@@ -10,7 +10,7 @@ from iprt.viewer.state import REST_FRAMES
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from iprt.meshes.camera import View
+    from iprt.geometry.camera import View
     from iprt.viewer.engine import Engine
 
 

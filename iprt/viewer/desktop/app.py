@@ -7,7 +7,7 @@ from pathlib import Path
 
 from imgui_bundle import imgui
 
-from iprt.meshes.camera import View
+from iprt.geometry.camera import View
 from iprt.viewer.desktop import bars, picture_panel, profile_panel, scene_panel, settings_panel
 from iprt.viewer.desktop.dialogs import MeshBrowser, draw_help, draw_leaving
 from iprt.viewer.desktop.picture_view import PictureView

@@ -7,7 +7,7 @@ from pathlib import Path
 from imgui_bundle import icons_fontawesome_6 as icons
 from imgui_bundle import imgui
 
-from iprt.meshes.mesh_files import MESH_SUFFIXES
+from iprt.geometry.mesh_files import MESH_SUFFIXES
 from iprt.viewer.desktop.shortcuts import ELSEWHERE, SHORTCUTS
 from iprt.viewer.desktop.style import ACCENT, BAD, QUIET
 from iprt.viewer.desktop.ui_state import UiState

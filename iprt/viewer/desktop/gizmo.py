@@ -8,7 +8,7 @@ import numpy as np
 from imgui_bundle import imguizmo
 from numpy.typing import NDArray
 
-from iprt.meshes.camera import View
+from iprt.geometry.camera import View
 
 GIZMO = imguizmo.im_guizmo
 Matrix = NDArray[np.float64]

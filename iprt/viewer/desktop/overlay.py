@@ -10,7 +10,7 @@ import numpy as np
 from imgui_bundle import icons_fontawesome_6 as icons
 from imgui_bundle import imgui
 
-from iprt.meshes.camera import View
+from iprt.geometry.camera import View
 from iprt.viewer.desktop.gizmo import Matrix, Mode, Rectangle, camera_matrix
 from iprt.viewer.desktop.style import ACCENT, BAD, QUIET, TEXT, packed
 from iprt.viewer.desktop.ui_state import UiState

@@ -8,8 +8,8 @@ from typing import Literal
 import numpy as np
 from imgui_bundle import imgui
 
-from iprt.meshes.camera import View
-from iprt.meshes.pose import view_from
+from iprt.geometry.camera import View
+from iprt.geometry.pose import view_from
 from iprt.viewer.desktop import gizmo, overlay
 from iprt.viewer.desktop.gizmo import GIZMO, Matrix, Rectangle
 from iprt.viewer.desktop.turning import BESIDE, turned, turned_place

@@ -8,7 +8,7 @@ from typing import get_args
 from imgui_bundle import icons_fontawesome_6 as icons
 from imgui_bundle import imgui
 
-from iprt.meshes.material import Material, MaterialKind
+from iprt.geometry.material import Material, MaterialKind
 from iprt.viewer import labels
 from iprt.viewer.desktop.style import ACCENT, TEXT
 from iprt.viewer.desktop.ui_state import UiState

@@ -6,7 +6,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.meshes.camera import View
+from iprt.geometry.camera import View
 
 Matrix = NDArray[np.float64]
 

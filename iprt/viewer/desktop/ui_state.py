@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import IprtError
-from iprt.meshes.mesh_files import MESH_SUFFIXES
+from iprt.geometry.mesh_files import MESH_SUFFIXES
 from iprt.settings.model import Settings
 from iprt.viewer.desktop.gizmo import Mode
 from iprt.viewer.engine import Engine

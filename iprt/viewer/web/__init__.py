@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from iprt.viewer.needs import require_browser
 
 if TYPE_CHECKING:
-    from iprt.meshes.camera import View
+    from iprt.geometry.camera import View
     from iprt.viewer.engine import Engine
     from iprt.viewer.web.gate import Address
 

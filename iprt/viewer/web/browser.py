@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import IprtError
-from iprt.meshes.camera import View
+from iprt.geometry.camera import View
 from iprt.viewer.engine import Engine
 from iprt.viewer.objects import ObjectState
 from iprt.viewer.sight import Readout, Sight

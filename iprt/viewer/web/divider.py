@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.meshes.camera import View
+from iprt.geometry.camera import View
 from iprt.output.tone import Bytes
 from iprt.viewer.web.binding import show
 from iprt.viewer.web.camera import camera_of, quaternion

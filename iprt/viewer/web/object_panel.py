@@ -12,8 +12,8 @@ import numpy as np
 from iprt.errors import IprtError
 from iprt.files.images import decode_srgb
 from iprt.files.toml_text import printable
-from iprt.meshes.material import Material
-from iprt.meshes.mesh_files import MESH_SUFFIXES
+from iprt.geometry.material import Material
+from iprt.geometry.mesh_files import MESH_SUFFIXES
 from iprt.output.display import srgb_encode
 from iprt.scene.edit import free_name
 from iprt.viewer.labels import MATERIALS, PARTS

@@ -12,8 +12,8 @@ from numpy.typing import DTypeLike, NDArray
 from iprt.bvh.scene import INSTANCE_ROWS, SceneBuilder, scene_sizes, shapes_of
 from iprt.bvh.wide import NODE_ROWS
 from iprt.device.compute import ComputeDevice, Define
-from iprt.meshes.material import Material
-from iprt.meshes.mesh import Instance, motion_between
+from iprt.geometry.material import Material
+from iprt.geometry.mesh import Instance, motion_between
 from iprt.settings.requirements import bvh_defines
 
 

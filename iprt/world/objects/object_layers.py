@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from iprt.device.compute import ComputeDevice
 from iprt.gbuffer.guide import plane_defines
 from iprt.gbuffer.layout import PlaneLayout
-from iprt.meshes.camera import View
+from iprt.geometry.camera import View
 from iprt.raster.layers import ObjectLayers
 from iprt.world.real.pyramid import Pyramid, PyramidShape, equirect_edges
 

@@ -13,9 +13,9 @@ from iprt.bvh.scene import object_bounds
 from iprt.device.compute import ComputeDevice
 from iprt.errors import DeviceError
 from iprt.gbuffer.context import FrameContext
-from iprt.meshes.camera import View
-from iprt.meshes.material import material_table
-from iprt.meshes.mesh import Instance, same_places
+from iprt.geometry.camera import View
+from iprt.geometry.material import material_table
+from iprt.geometry.mesh import Instance, same_places
 from iprt.settings.requirements import Requirements
 from iprt.world.objects.object_bvh import ObjectBvh
 from iprt.world.objects.object_layers import TracedLayers, VisibleLayer

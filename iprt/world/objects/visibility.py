@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
 from iprt.gbuffer.guide import plane_defines
-from iprt.meshes.camera import View
+from iprt.geometry.camera import View
 from iprt.raster.layers import COVERAGE_TOLERANCE, SAMPLES
 from iprt.raster.region import box_corners, box_rects, merge
 from iprt.world.objects.object_bvh import ObjectBvh

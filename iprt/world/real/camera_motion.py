@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
-from iprt.meshes.pose import camera_motion
+from iprt.geometry.pose import camera_motion
 
 STILL = np.eye(4)[:3]
 """(3, 4) motion of a camera that stays."""

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from iprt.device.compute import ComputeDevice
-from iprt.meshes.material import material_table
+from iprt.geometry.material import material_table
 from iprt.settings.requirements import CELL, Requirements
 from iprt.world.real.highlight_gain import highlight_gain
 from iprt.world.real.panorama import Panorama

@@ -8,7 +8,7 @@ import pyopencl.array as cla
 from iprt.device.compute import ComputeDevice
 from iprt.footage.cut import SWITCHED, is_cut
 from iprt.footage.frame import Frame
-from iprt.meshes.pose import camera_motion
+from iprt.geometry.pose import camera_motion
 from iprt.settings.requirements import Requirements
 from iprt.world.real.background import OTHER_LIGHT
 from iprt.world.real.camera_motion import STILL

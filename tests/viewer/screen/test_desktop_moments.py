@@ -237,7 +237,7 @@ def test_what_is_missing_is_told() -> None:
     """Without a display, without the extra: in a process in which no window was ever open."""
     script = (
         "import sys, types, pathlib\n"
-        "from iprt.meshes.camera import View\n"
+        "from iprt.geometry.camera import View\n"
         "from iprt.errors import IprtError\n"
         "from iprt.viewer import desktop\n"
         "if 'extra' in sys.argv: sys.modules['imgui_bundle'] = None\n"

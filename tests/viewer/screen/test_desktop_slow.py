@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from iprt.meshes.camera import View
+from iprt.geometry.camera import View
 from iprt.viewer.session import Session
 
 pytest.importorskip("imgui_bundle", reason="needs the extra `view`: ./run screen")

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from iprt.device.compute import ComputeDevice
-from iprt.meshes.camera import View
+from iprt.geometry.camera import View
 from iprt.scene.scene import Scene
 from iprt.viewer.engine import Engine
 from iprt.viewer.viewport import Viewport

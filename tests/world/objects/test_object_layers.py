@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from iprt.bvh.scene import object_bounds
 from iprt.device.compute import ComputeDevice
 from iprt.gbuffer.layout import PlaneLayout
-from iprt.meshes.camera import View
-from iprt.meshes.material import Material, material_table
-from iprt.meshes.mesh import Instance
+from iprt.geometry.camera import View
+from iprt.geometry.material import Material, material_table
+from iprt.geometry.mesh import Instance
 from iprt.raster.layers import Layer, ObjectLayers
 from iprt.world.objects.object_layers import EMPTY, TracedLayers, VisibleLayer
 from iprt.world.real.panorama import Panorama

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
-from iprt.meshes.camera import View
+from iprt.geometry.camera import View
 from tests.kernels.tracing import ObjectTracer, layers_of, random_directions
 from tests.oracles.worlds import Box, Solid, Sphere
 

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from iprt.device.compute import ComputeDevice
 from iprt.footage.footage import Footage
 from iprt.footage.frame import Frame
-from iprt.meshes.camera import View
-from iprt.meshes.material import Material, material_table
+from iprt.geometry.camera import View
+from iprt.geometry.material import Material, material_table
 from iprt.settings.model import Settings
 from iprt.settings.requirements import Requirements
 from iprt.world.real.lights import Lights

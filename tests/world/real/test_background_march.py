@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
 from iprt.footage.frame import Frame
-from iprt.meshes.camera import View, equirect_pixel
+from iprt.geometry.camera import View, equirect_pixel
 from iprt.world.real.panorama import Panorama
 from iprt.world.real.pyramid import PyramidShape
 from tests.kernels.tracing import (

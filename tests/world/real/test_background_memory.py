@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
 from iprt.footage.frame import Frame
-from iprt.meshes.camera import View
+from iprt.geometry.camera import View
 from iprt.settings.trace import TraceSettings
 from iprt.world.real.panorama import Panorama
 from tests.kernels.tracing import panorama_of

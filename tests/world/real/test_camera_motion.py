@@ -11,8 +11,8 @@ from iprt.device.compute import ComputeDevice
 from iprt.filter.temporal import Temporal
 from iprt.gbuffer.guide import Guide
 from iprt.gbuffer.layout import PlaneLayout
-from iprt.meshes.camera import View
-from iprt.meshes.pose import camera_motion, view_from
+from iprt.geometry.camera import View
+from iprt.geometry.pose import camera_motion, view_from
 from iprt.methods.reflection_motion import ReflectionMotion
 from iprt.settings.filter import TemporalSettings
 from iprt.view.real_layer import RealLayer

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from iprt.device.compute import ComputeDevice
 from iprt.footage.footage import Footage
 from iprt.footage.frame import Frame
-from iprt.meshes.camera import View
-from iprt.meshes.material import Material
+from iprt.geometry.camera import View
+from iprt.geometry.material import Material
 from iprt.settings.model import Settings
 from iprt.settings.requirements import Requirements
 from iprt.world.real.highlight import Highlight

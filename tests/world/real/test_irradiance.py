@@ -12,9 +12,9 @@ from scipy.stats import norm
 
 from iprt.device.compute import ComputeDevice
 from iprt.footage.frame import Frame
-from iprt.meshes.camera import View, equirect_pixel
-from iprt.meshes.material import Material
-from iprt.meshes.mesh import Instance
+from iprt.geometry.camera import View, equirect_pixel
+from iprt.geometry.material import Material
+from iprt.geometry.mesh import Instance
 from iprt.renderer import Renderer
 from iprt.settings.model import Settings
 from iprt.world.real.cell_light import light_change

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
-from iprt.meshes.camera import View, equirect_pixel
+from iprt.geometry.camera import View, equirect_pixel
 from tests.kernels.wrap import evaluate
 from tests.oracles.worlds import World
 from tests.worlds import Float

@@ -7,7 +7,7 @@ import pytest
 
 from iprt.device.compute import ComputeDevice
 from iprt.footage.frame import Frame
-from iprt.meshes.camera import View, equirect_pixel
+from iprt.geometry.camera import View, equirect_pixel
 from tests.kernels.tracing import (
     SIDE,
     SKY,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from iprt.device.compute import ComputeDevice
-from iprt.meshes.camera import View, equirect_direction
+from iprt.geometry.camera import View, equirect_direction
 from iprt.world.real.panorama import Panorama
 from iprt.world.real.pyramid import PyramidShape, equirect_edges
 from tests.kernels.tracing import panorama_of

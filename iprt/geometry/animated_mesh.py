@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 
 from iprt.errors import FormatError
 from iprt.files.untrusted import decoding
-from iprt.meshes.animation import Skin, moved
-from iprt.meshes.creases import face_normals, have_normals, with_normals
-from iprt.meshes.gltf_clip import Bones, Clip, read_clip
-from iprt.meshes.gltf_numbers import JOINT_KEYS, WEIGHT_KEYS, part_node
-from iprt.meshes.material import Material
-from iprt.meshes.mesh import Mesh
-from iprt.meshes.mesh_files import MeshFile
-from iprt.meshes.meshes import Part, joined, part_of, placed_geometries
+from iprt.geometry.animation import Skin, moved
+from iprt.geometry.creases import face_normals, have_normals, with_normals
+from iprt.geometry.gltf_clip import Bones, Clip, read_clip
+from iprt.geometry.gltf_numbers import JOINT_KEYS, WEIGHT_KEYS, part_node
+from iprt.geometry.material import Material
+from iprt.geometry.mesh import Mesh
+from iprt.geometry.mesh_files import MeshFile
+from iprt.geometry.meshes import Part, joined, part_of, placed_geometries
 
 LOG = logging.getLogger("iprt.scene")
 

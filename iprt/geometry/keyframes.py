@@ -11,8 +11,8 @@ import numpy as np
 from pydantic import AfterValidator, Field, PlainValidator, model_validator
 
 from iprt.files.table import Degrees, FieldOfView, Pitch, Point, Table
-from iprt.meshes.animation import NO_ROTATION, Float, Track, transform
-from iprt.meshes.camera import View
+from iprt.geometry.animation import NO_ROTATION, Float, Track, transform
+from iprt.geometry.camera import View
 
 MAX_KEYFRAMES = 2**16
 """An object or a view has no more."""

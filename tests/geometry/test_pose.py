@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from iprt.meshes.camera import View
-from iprt.meshes.material import Material
-from iprt.meshes.pose import camera_motion, inverse_pose, seen_from, view_from
+from iprt.geometry.camera import View
+from iprt.geometry.material import Material
+from iprt.geometry.pose import camera_motion, inverse_pose, seen_from, view_from
 from tests.worlds import ball, pose_at
 
 HERE = pose_at((0.3, -0.2, 1.1), 40.0, -15.0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from iprt.meshes.camera import View
+from iprt.geometry.camera import View
 
 SCREEN = View(96, 64, yaw_deg=30.0, pitch_deg=20.0, fov_y_deg=50.0)
 AROUND = View(96, 48, yaw_deg=30.0, projection="equirect")

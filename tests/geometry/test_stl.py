@@ -10,8 +10,8 @@ import pytest
 import trimesh
 
 from iprt.errors import FormatError
-from iprt.meshes.meshes import load_mesh
-from iprt.meshes.stl_check import MAX_SOLIDS
+from iprt.geometry.meshes import load_mesh
+from iprt.geometry.stl_check import MAX_SOLIDS
 
 FACET = """facet normal 0 0 0
  outer loop

@@ -16,10 +16,10 @@ from pydantic import Field, ValidationError
 
 from iprt.errors import FormatError
 from iprt.files.toml_text import printable
-from iprt.meshes.animation import Float, Node, Skeleton, Track
-from iprt.meshes.gltf_check import MAX_NODES, MAX_PARTS, Gltf, Index, Part, Primitive, first_fault
-from iprt.meshes.gltf_numbers import INFLUENCES
-from iprt.meshes.mesh_files import MeshFile
+from iprt.geometry.animation import Float, Node, Skeleton, Track
+from iprt.geometry.gltf_check import MAX_NODES, MAX_PARTS, Gltf, Index, Part, Primitive, first_fault
+from iprt.geometry.gltf_numbers import INFLUENCES
+from iprt.geometry.mesh_files import MeshFile
 
 Model = TypeVar("Model", bound=Part)
 

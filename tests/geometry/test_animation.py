@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from iprt.meshes.animation import Node, Skeleton, Skin, Track, moved, transform
+from iprt.geometry.animation import Node, Skeleton, Skin, Track, moved, transform
 
 SETTINGS = settings(max_examples=100, derandomize=True)
 Float = NDArray[np.float64]

@@ -21,11 +21,11 @@ from iprt.files.images import open_picture
 from iprt.files.path_safety import require_inside
 from iprt.files.toml_text import printable
 from iprt.files.untrusted import MAX_BYTES, decoding, is_file, read_bytes
-from iprt.meshes.gltf_check import Gltf, parsed_gltf
-from iprt.meshes.gltf_numbers import numbered
-from iprt.meshes.mesh_unread import unread_gltf, unread_obj, unread_ply
-from iprt.meshes.ply_check import check_ply
-from iprt.meshes.stl_check import check_stl, checked_stl_text, has_colors
+from iprt.geometry.gltf_check import Gltf, parsed_gltf
+from iprt.geometry.gltf_numbers import numbered
+from iprt.geometry.mesh_unread import unread_gltf, unread_obj, unread_ply
+from iprt.geometry.ply_check import check_ply
+from iprt.geometry.stl_check import check_stl, checked_stl_text, has_colors
 
 MESH_SUFFIXES = (".ply", ".obj", ".stl", ".gltf", ".glb")
 MAX_MATERIALS = 4096

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from iprt.errors import FormatError
-from iprt.meshes.animated_mesh import load_animated_mesh
-from tests.meshes.gltf_files import STILL, GltfFile, bar
+from iprt.geometry.animated_mesh import load_animated_mesh
+from tests.geometry.gltf_files import STILL, GltfFile, bar
 
 
 def sampler(file: GltfFile) -> dict[str, Any]:

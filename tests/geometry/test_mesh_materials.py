@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from iprt.meshes.material import Material
-from iprt.meshes.mesh import Mesh
-from iprt.meshes.meshes import load_mesh
-from tests.meshes.gltf_files import GltfFile
-from tests.meshes.test_meshes import gltf
+from iprt.geometry.material import Material
+from iprt.geometry.mesh import Mesh
+from iprt.geometry.meshes import load_mesh
+from tests.geometry.gltf_files import GltfFile
+from tests.geometry.test_meshes import gltf
 from tests.scene.files import CUBE
 
 

@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 
 from iprt.errors import FormatError
 from iprt.files.untrusted import MAX_TRIANGLES, MAX_VERTICES, decoding
-from iprt.meshes.creases import same_position, with_normals
-from iprt.meshes.gltf_check import Gltf
-from iprt.meshes.material import Material
-from iprt.meshes.mesh import Mesh
-from iprt.meshes.mesh_files import MeshFile
-from iprt.meshes.mesh_materials import Textures, convert_material, mean_color, tinted
+from iprt.geometry.creases import same_position, with_normals
+from iprt.geometry.gltf_check import Gltf
+from iprt.geometry.material import Material
+from iprt.geometry.mesh import Mesh
+from iprt.geometry.mesh_files import MeshFile
+from iprt.geometry.mesh_materials import Textures, convert_material, mean_color, tinted
 
 
 @dataclass

@@ -16,8 +16,8 @@ from iprt.errors import FormatError
 from iprt.files.images import decode_srgb, texture_pixels
 from iprt.files.toml_text import printable
 from iprt.files.untrusted import MAX_PIXELS
-from iprt.meshes.gltf_numbers import COLOR_KEY
-from iprt.meshes.material import Material
+from iprt.geometry.gltf_numbers import COLOR_KEY
+from iprt.geometry.material import Material
 
 DEFAULT_MATERIAL = Material("diffuse", (0.5, 0.5, 0.5))
 MATTE_ROUGHNESS = 0.9

@@ -13,8 +13,8 @@ from PIL import Image
 from trimesh.visual.material import PBRMaterial
 
 from iprt.errors import FormatError
-from iprt.meshes.material import Material
-from iprt.meshes.meshes import load_mesh
+from iprt.geometry.material import Material
+from iprt.geometry.meshes import load_mesh
 from tests.scene.files import CUBE
 
 

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from iprt.errors import FormatError
-from iprt.meshes.animated_mesh import load_animated_mesh
-from iprt.meshes.mesh import Mesh
-from iprt.meshes.meshes import load_mesh
+from iprt.geometry.animated_mesh import load_animated_mesh
+from iprt.geometry.mesh import Mesh
+from iprt.geometry.meshes import load_mesh
 from iprt.scene.scene import Scene
-from tests.meshes.gltf_files import STILL, TURN, GltfFile, bar, bar_vertices, bar_weights
+from tests.geometry.gltf_files import STILL, TURN, GltfFile, bar, bar_vertices, bar_weights
 from tests.scene.files import IDENTITY, MANIFEST, VIEW, write_scene
 
 Float = NDArray[np.float64]

@@ -10,13 +10,13 @@ import pytest
 import trimesh
 from numpy.typing import NDArray
 
-from iprt.meshes.animated_mesh import load_animated_mesh
-from iprt.meshes.creases import CREASE_DEG, with_normals
-from iprt.meshes.mesh import Mesh
-from iprt.meshes.meshes import load_mesh
+from iprt.geometry.animated_mesh import load_animated_mesh
+from iprt.geometry.creases import CREASE_DEG, with_normals
+from iprt.geometry.mesh import Mesh
+from iprt.geometry.meshes import load_mesh
 from iprt.scene.fingerprint import fingerprint
 from iprt.scene.scene import Scene
-from tests.meshes.gltf_files import STILL, GltfFile, bar_vertices, bar_weights
+from tests.geometry.gltf_files import STILL, GltfFile, bar_vertices, bar_weights
 from tests.scene.files import CUBE, write_scene
 
 Float = NDArray[np.float64]

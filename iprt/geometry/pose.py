@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.meshes.camera import View
-from iprt.meshes.mesh import Instance
+from iprt.geometry.camera import View
+from iprt.geometry.mesh import Instance
 
 Float = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.meshes.coat import internal_reflectance, rough_transmittance
+from iprt.geometry.coat import internal_reflectance, rough_transmittance
 
 MaterialKind = Literal["diffuse", "conductor", "plastic"]
 MIRROR_ALPHA = 1e-4

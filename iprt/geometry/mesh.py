@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import SceneError
-from iprt.meshes.material import Material
+from iprt.geometry.material import Material
 
 
 @dataclass(frozen=True)
