@@ -17,7 +17,7 @@ import numpy as np
 
 from iprt.aovs import AOVS
 from iprt.device.compute import ComputeDevice, Kernel
-from iprt.device.resources import CL
+from iprt.files.resources import CL
 from iprt.footage.footage import Footage
 from iprt.footage.frame import Frame
 from iprt.geometry.camera import View

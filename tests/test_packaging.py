@@ -22,13 +22,13 @@ INCLUDED = PROJECT["tool"]["hatch"]["build"]["targets"]["wheel"]["force-include"
 
 
 def test_kernels_and_shaders_are_found_as_the_wheel_lays_them_out(tmp_path: Path) -> None:
-    """`iprt.device.resources` in a folder made by the wheel's rules, far from the checkout."""
-    (tmp_path / "iprt").mkdir()
-    for name in ("__init__.py", "resources.py"):
-        shutil.copy(ROOT / "iprt" / name, tmp_path / "iprt")
+    """`iprt.files.resources` in a folder made by the wheel's rules, far from the checkout."""
+    (tmp_path / "iprt" / "files").mkdir(parents=True)
+    for name in ("__init__.py", "files/__init__.py", "files/resources.py"):
+        shutil.copy(ROOT / "iprt" / name, tmp_path / "iprt" / name)
     for source, target in INCLUDED.items():
         shutil.copytree(ROOT / source, tmp_path / target)
-    code = "from iprt.device.resources import CL, GLSL; print(CL, GLSL, sep='\\n')"
+    code = "from iprt.files.resources import CL, GLSL; print(CL, GLSL, sep='\\n')"
     found = subprocess.run(
         [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True
     ).stdout.splitlines()

@@ -21,8 +21,8 @@ from iprt.device.bands import Bands
 from iprt.device.budget import amount, what_to_lower
 from iprt.device.profile import Kind, Profile
 from iprt.device.recovery import reported, wait
-from iprt.device.resources import CL
 from iprt.errors import DeviceError, KernelError
+from iprt.files.resources import CL
 
 Define = int | float | bool | str
 

@@ -16,7 +16,7 @@ import pyopencl.array as cla
 
 from iprt.device.compute import ComputeDevice, Define, Kernel
 from iprt.device.profile import Profile
-from iprt.device.resources import CL
+from iprt.files.resources import CL
 
 COUNTERS = 9
 """Counters of one launch, see `cl/lib/maths/work.h`."""

@@ -43,7 +43,7 @@ class TraceReal:
         equirect = guide.equirect and requirements.traced_layers
         defines = plane_defines(equirect=equirect, **requirements.trace_defines())
         kernel = "trace_delta" if requirements.delta else "trace_real"
-        self._kernel = device.kernel(f"{kernel}.cl", kernel, defines)
+        self._kernel = device.kernel(f"methods/{kernel}.cl", kernel, defines)
         layout = guide.layout
         self.signal = device.zeros(f"{name} signal", layout.shape(6))
         self._samples = device.zeros(f"{name} samples", layout.shape(1), np.uint32)

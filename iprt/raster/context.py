@@ -8,8 +8,8 @@ from typing import Any
 import moderngl
 
 from iprt.device.install import GL_PACKAGES, apt_command
-from iprt.device.resources import GLSL
 from iprt.errors import DeviceError
+from iprt.files.resources import GLSL
 
 _REQUIRED_GL = 330
 _INCLUDES = ("view.glsl", "mesh.glsl", "triangle.glsl", "depth.glsl")

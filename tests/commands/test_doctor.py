@@ -215,7 +215,7 @@ def test_a_cache_of_no_use_is_told(capsys: pytest.CaptureFixture[str]) -> None:
 def without(module: str, viewer: str) -> dict[str, Any]:
     """What the probe of a viewer says where a module cannot be imported and there is no display."""
     code = (
-        f"import sys; sys.modules[{module!r}] = None; from iprt.device import probe; probe.main()"
+        f"import sys; sys.modules[{module!r}] = None; from iprt.commands import probe; probe.main()"
     )
     result = subprocess.run(
         [sys.executable, "-c", code, viewer],

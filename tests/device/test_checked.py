@@ -14,8 +14,8 @@ from iprt.device import compute
 from iprt.device.checked import INFINITE, CheckedDevice
 from iprt.device.compute import ComputeDevice
 from iprt.device.plan import PlanDevice
-from iprt.device.resources import CL
 from iprt.errors import DefectError
+from iprt.files.resources import CL
 from iprt.footage.footage import Footage
 from iprt.renderer import Renderer
 from tests.films import entry_points, films, play

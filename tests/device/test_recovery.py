@@ -19,8 +19,8 @@ from iprt.device import compute as module
 from iprt.device import recovery
 from iprt.device.compute import ComputeDevice
 from iprt.device.recovery import with_second_try
-from iprt.device.resources import CL
 from iprt.errors import DeviceError, DeviceHangError, DeviceLostError, KernelError
+from iprt.files.resources import CL
 
 DEVICE = os.environ.get("IPRT_TEST_DEVICE", "pocl")
 EXHAUSTED = (cl.status_code.MEM_OBJECT_ALLOCATION_FAILURE, cl.status_code.OUT_OF_HOST_MEMORY)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from iprt.device.compute import ComputeDevice
-from iprt.device.resources import CL
+from iprt.files.resources import CL
 from tests.bvh.meshes import instance_of, sphere
 from tests.bvh.tracing import BvhTracer
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice, Kernel
 from iprt.device.counting import CountingDevice, CountingKernel
-from iprt.device.resources import CL
+from iprt.files.resources import CL
 from iprt.footage.frame import Frame
 from iprt.geometry.camera import View
 from iprt.raster.layers import Layer, ObjectLayers

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
 from iprt.device.compute import _argument as kernel_argument
-from iprt.device.resources import CL
+from iprt.files.resources import CL
 
 _SCALARS = {"float": np.float32, "int": np.int32, "uint": np.uint32}
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from iprt.device import compute
 from iprt.device.choose import choose_device
 from iprt.device.compute import ComputeDevice
-from iprt.device.resources import CL
+from iprt.files.resources import CL
 from iprt.geometry.camera import View
 from iprt.geometry.material import Material
 from iprt.renderer import Renderer

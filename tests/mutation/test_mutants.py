@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from iprt.device.resources import CL
+from iprt.files.resources import CL
 from tests.mutation import kernels, sampled
 from tests.mutation.mutant import Mutant, read
 

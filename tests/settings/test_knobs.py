@@ -187,10 +187,10 @@ class Model(BaseModel):
 def other_model(monkeypatch: pytest.MonkeyPatch) -> Any:
     monkeypatch.setattr(overrides, "Settings", Model)
     monkeypatch.setattr(overrides, "PRESETS", {quality: {} for quality in QUALITIES})
-    overrides.overrides.cache_clear()
+    overrides.knobs.cache_clear()
     overrides.groups.cache_clear()
     yield
-    overrides.overrides.cache_clear()
+    overrides.knobs.cache_clear()
     overrides.groups.cache_clear()
 
 
