@@ -117,12 +117,13 @@ def test_every_kernel_is_in_the_table() -> None:
 SIZE = ("--size", "64", "64")
 SMALLER: dict[str, tuple[str, ...]] = {
     "render": (*SIZE, "--accumulate", "1"),
-    "render equirect": ("--size", "128", "64", "--accumulate", "1"),
+    "render scenes360/train": (*SIZE, "--accumulate", "1", "--frames", "0:1"),
+    "render equirect": ("--size", "128", "64", "--accumulate", "1", "--frames", "0:1"),
     "compare": ("--frames", "1"),
     "compare --trails": ("--size", "56", "42", "--frames", "4", "--play", "0", "11"),
     "bench": (*SIZE, "--frames", "1"),
     "bench --sweep": (*SIZE, "--view", "table", "--frames", "1", "--seeds", "1"),
-    "bench --convergence": SIZE,
+    "bench --convergence": (*SIZE, "--convergence", "1,2", "--seeds", "1"),
     "profile": (*SIZE, "--frames", "1"),
     "reference": (*SIZE, "--spp", "1"),
 }
@@ -138,6 +139,16 @@ NOT_HERE = {
 }
 
 
+PARTS = [
+    *(pytest.param([block], id=block[0][0][1]) for block in command_blocks(PAGES[0])),
+    *(
+        pytest.param(command_blocks(ROOT / "docs" / name), id=name)
+        for name in ("footage.md", "meshes.md")
+    ),
+]
+"""What runs by itself: a block of the README, and other pages as a whole."""
+
+
 def is_here(command: str) -> bool:
     if command.startswith("iprt reference"):
         return find_spec("mitsuba") is not None
@@ -146,15 +157,18 @@ def is_here(command: str) -> bool:
 
 @pytest.mark.gl
 @pytest.mark.slow
-@pytest.mark.parametrize("page", ["README.md", "docs/footage.md", "docs/meshes.md"])
+@pytest.mark.parametrize("blocks", PARTS)
 def test_commands_run_as_they_are_written(
-    page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    blocks: list[list[tuple[list[str], list[str]]]],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     """In their order, in a folder that holds what a clone holds of scenes."""
     shutil.copytree(ROOT / "scenes360", tmp_path / "scenes360")
     (tmp_path / "out").mkdir()  # by ./run demo
     monkeypatch.chdir(tmp_path)
-    for block in command_blocks(ROOT / page):
+    for block in blocks:
         for words, output in block:
             command = " ".join(words)
             if words[0] == "ffmpeg" and shutil.which("ffmpeg") is None:
