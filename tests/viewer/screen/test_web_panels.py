@@ -34,6 +34,7 @@ from tests.viewer.screen.web import (
     button,
     choose,
     cube_middle,
+    grey,
     screen,
 )
 
@@ -156,8 +157,12 @@ def test_a_comparison_says_what_is_on_which_side(place: Place) -> None:
     at_rest(visitor, browser)
     plain = visitor.texture()
     visitor.tab("Picture")
+    error = box(visitor, "Error map")
+    assert grey(visitor, "Divide at")
+    assert error.is_disabled(), "nothing is compared yet"
     choose(visitor, "Compare with", "Input")
     until(lambda: browser.sight.sides is not None, "nothing is compared")
+    until(lambda: error.is_enabled() and not grey(visitor, "Divide at"), "they stay grey")
     view = at_rest(visitor, browser)
     assert browser.sight.sides == ("Picture", "Input")
     middle = 0.5 * view.width
@@ -172,9 +177,11 @@ def test_a_comparison_says_what_is_on_which_side(place: Place) -> None:
     column = round(browser.viewport.lens.split * view.width)
     assert np.array_equal(visitor.texture()[:, :column], plain[:, :column])
 
-    box(visitor, "Error map").click()
+    error.click()
     until(lambda: browser.sight.sides is None, "it is divided still")
     until(lambda: bar(visitor) is None, "the bar stays")
+    until(lambda: grey(visitor, "Divide at"), "what is not divided can be divided elsewhere")
+    assert error.is_enabled()
     assert named(visitor, column) == (False, False)
     visitor.errors = [error for error in visitor.errors if PASSIVE not in error]
 
@@ -285,6 +292,21 @@ def test_materials_and_buffers_are_explained(place: Place) -> None:
     until(lambda: "metres" in hint(visitor, "Show"), "it is not explained")
     shown = visitor.page.locator(".status .shows")
     until(lambda: shown.count() and "Depth" in shown.inner_text(), "the status does not name it")
+
+
+def test_what_a_material_does_not_have_is_grey(place: Place) -> None:
+    visitor, browser = place.visit()
+    at_rest(visitor, browser)
+    choose(visitor, "Selected", "cube")
+    until(lambda: visitor.input("Material").input_value() == "Plastic", "it is not selected")
+    parts = "Roughness", "Index of refraction"
+    for kind, lacks in ((None, ()), ("Metal", parts[1:]), ("Matte", parts)):
+        if kind is not None:
+            choose(visitor, "Material", kind)
+        expected = [part in lacks for part in parts]
+        until(lambda now=expected: [grey(visitor, part) for part in parts] == now, str(kind))
+    while place.engine.can_undo:
+        place.engine.undo()
 
 
 def hint(visitor: Visitor, label: str) -> str:
