@@ -34,7 +34,7 @@ from tests.viewer.screen.web import (
     button,
     choose,
     cube_middle,
-    grey,
+    is_grey,
     screen,
 )
 
@@ -158,11 +158,11 @@ def test_a_comparison_says_what_is_on_which_side(place: Place) -> None:
     plain = visitor.texture()
     visitor.tab("Picture")
     error = box(visitor, "Error map")
-    assert grey(visitor, "Divide at")
+    assert is_grey(visitor, "Divide at")
     assert error.is_disabled(), "nothing is compared yet"
     choose(visitor, "Compare with", "Input")
     until(lambda: browser.sight.sides is not None, "nothing is compared")
-    until(lambda: error.is_enabled() and not grey(visitor, "Divide at"), "they stay grey")
+    until(lambda: error.is_enabled() and not is_grey(visitor, "Divide at"), "they stay grey")
     view = at_rest(visitor, browser)
     assert browser.sight.sides == ("Picture", "Input")
     middle = 0.5 * view.width
@@ -180,7 +180,7 @@ def test_a_comparison_says_what_is_on_which_side(place: Place) -> None:
     error.click()
     until(lambda: browser.sight.sides is None, "it is divided still")
     until(lambda: bar(visitor) is None, "the bar stays")
-    until(lambda: grey(visitor, "Divide at"), "what is not divided can be divided elsewhere")
+    until(lambda: is_grey(visitor, "Divide at"), "what is not divided can be divided elsewhere")
     assert error.is_enabled()
     assert named(visitor, column) == (False, False)
     visitor.errors = [error for error in visitor.errors if PASSIVE not in error]
@@ -304,7 +304,7 @@ def test_what_a_material_does_not_have_is_grey(place: Place) -> None:
         if kind is not None:
             choose(visitor, "Material", kind)
         expected = [part in lacks for part in parts]
-        until(lambda now=expected: [grey(visitor, part) for part in parts] == now, str(kind))
+        until(lambda now=expected: [is_grey(visitor, part) for part in parts] == now, str(kind))
     while place.engine.can_undo:
         place.engine.undo()
 
