@@ -284,7 +284,15 @@ def test_materials_and_buffers_are_explained(place: Place) -> None:
     at_rest(visitor, browser)
     choose(visitor, "Selected", "cube")
     until(lambda: browser.selected == "cube", "it is not selected")
-    until(lambda: visitor.page.get_by_text("Colour (sRGB)").is_visible(), "of which kind?")
+    color = visitor.input("Colour (sRGB)")
+    until(lambda: color.is_visible(), "of which kind?")
+    until(lambda: color.input_value() == "rgb(188, 149, 124)", color.input_value)
+    assert "scene.toml has linear ones" in hint(visitor, "Colour (sRGB)")
+    color.fill("rgb(188, 149, 54)")
+    color.press("Enter")
+    blue = (54 / 255 + 0.055) / 1.055
+    until(lambda: albedo(place)[2] == pytest.approx(blue**2.4, abs=1e-4), "it is not linear")
+    place.engine.undo()
     assert "coat" in hint(visitor, "Material")
     visitor.tab("Picture")
     choose(visitor, "Show", "Depth")
@@ -307,6 +315,11 @@ def test_what_a_material_does_not_have_is_grey(place: Place) -> None:
         until(lambda now=expected: [is_grey(visitor, part) for part in parts] == now, str(kind))
     while place.engine.can_undo:
         place.engine.undo()
+
+
+def albedo(place: Place) -> tuple[float, float, float]:
+    """Of the cube, as it is wanted."""
+    return tuple(place.engine.wanted("cube").materials[0].albedo)
 
 
 def hint(visitor: Visitor, label: str) -> str:
