@@ -212,6 +212,7 @@ def test_files_that_are_dropped(user: User) -> None:
     user.until(lambda: len(user.engine.objects) == 2)
     state = user.engine.objects[1]
     view = user.at_rest().request.view
+    assert user.problems() == (), "what came of the file before holds no more"
     low, high = state.corners
     foot = state.to_world[:3, :3] @ (0.5 * (low + high) * (1, 0, 1) + low * (0, 1, 0))
     pixel = view.project(foot + state.to_world[:3, 3])

@@ -153,6 +153,7 @@ def test_nobody_can_share_it_with_the_world(monkeypatch: pytest.MonkeyPatch) -> 
     server.stop(started)
 
 
+@pytest.mark.filterwarnings("ignore:Queued a .* on a closed connection")
 def test_inputs_outlast_the_server() -> None:
     """A window's thread may show something while the viewer ends: nobody waits for that then."""
     listening = server.listen("127.0.0.1", 0)

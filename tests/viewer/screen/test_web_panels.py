@@ -129,7 +129,9 @@ def test_what_is_given_up_in_motion_is_told_in_plain_words(place: Place) -> None
         words = preview.inner_text()
         told = preview.locator("..").get_attribute("title")
     assert words.endswith("% resolution")
-    assert told.startswith("1") or "×" in told
+    assert re.match(r"\d+ × \d+, ", told)
+    assert words.removeprefix("Preview at ") in told
+    assert "full quality as soon as nothing moves" in told
     assert "->" not in words
     at_rest(visitor, browser)
     wait_for(visitor, "!document.querySelector('.status .speed')")
