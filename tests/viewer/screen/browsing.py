@@ -66,6 +66,7 @@ class Visitor:
 
     def __init__(self, page: Any, url: str) -> None:
         self.page, self.url = page, url
+        page.set_default_timeout(1000 * DEADLINE_S)
         self.errors: list[str] = []
         self.elsewhere: list[str] = []
         page.on("console", lambda m: m.type == "error" and self.errors.append(m.text))
@@ -80,7 +81,7 @@ class Visitor:
     def load(self) -> None:
         self.page.goto(self.url)
         self.page.add_style_tag(content=".mantine-Notifications-root { display: none }")
-        self.page.wait_for_function("window.iprt?.picture()", timeout=1000 * DEADLINE_S)
+        self.page.wait_for_function("window.iprt?.picture()")
 
     def texture(self) -> NDArray[np.uint8]:
         """(H, W, 3): the picture as the browser has decoded it."""

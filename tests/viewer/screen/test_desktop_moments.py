@@ -190,18 +190,29 @@ def test_a_scene_file_that_breaks_and_is_mended(user: User) -> None:
 
 
 def test_files_that_are_dropped(user: User) -> None:
-    """A mesh is added at the cursor; one that cannot be read is told of, and all goes on."""
+    """A mesh is added at the cursor; one that cannot be read is told of, and all goes on.
+
+    What becomes of a file is told in a line, which has no room for its folder.
+    """
     user.at_rest()
     good, bad = user.folder / "box of mine.obj", user.folder / "broken.obj"
+    other = user.folder / "notes.txt"
     good.write_text(CUBE)
     bad.write_text("v 1 2\nf 1 2 3\n")
+    other.touch()
     x, y = (round(value) for value in user.point(60.0, 150.0))
+    user.screen.drop(str(other), x, y, user.app.step)
+    user.until(lambda: user.reads("notes.txt: not a mesh"))
+    assert not user.reads(f"{other}: not")
     user.screen.drop(str(bad), x, y, user.app.step)
     user.until(lambda: any("broken.obj" in problem for problem in user.problems()))
     user.screen.drop(str(good).replace(" ", "%20"), x, y, user.app.step)
+    user.until(lambda: user.reads("box of mine.obj is read"))
+    assert not user.reads(f"{good} is read")
     user.until(lambda: len(user.engine.objects) == 2)
     state = user.engine.objects[1]
     view = user.at_rest().request.view
+    assert user.problems() == (), "what came of the file before holds no more"
     low, high = state.corners
     foot = state.to_world[:3, :3] @ (0.5 * (low + high) * (1, 0, 1) + low * (0, 1, 0))
     pixel = view.project(foot + state.to_world[:3, 3])

@@ -130,16 +130,22 @@ def test_undo_and_redo_are_grey_when_there_is_nothing_to_do(user: User) -> None:
 
 
 def test_values_at_the_mouse_hide_nothing_of_interest(wide: User) -> None:
-    """Neither the object that is edited nor the place at the mouse."""
+    """Neither the object that is edited nor the place at the mouse, wherever these are."""
     wide.press("Scene")
     wide.click(*wide.cube())
+    assert_values_beside(wide)
+    wide.drag((20.0, 150.0), (240.0, 62.0))  # the object goes to where values usually are
+    assert_values_beside(wide)
+
+
+def assert_values_beside(wide: User) -> None:
     state = wide.ui.state
     assert state is not None
     view = wide.at_rest().request.view
     ends = np.reshape(edges(state.to_world, state.corners, view, None), (-1, 2))
     low, high = ends.min(axis=0), ends.max(axis=0)
     right, bottom = wide.app.picture_view.rectangle[2:]
-    for x, y in (wide.cube(), (right - 12.0, bottom - 12.0), (20.0, 100.0)):
+    for x, y in (wide.cube(), (right - 12.0, bottom - 12.0), (300.0, 100.0)):
         wide.move(x, y)
         wide.wait(6)
         seen = wide.picture().astype(int)

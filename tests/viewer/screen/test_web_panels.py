@@ -34,6 +34,7 @@ from tests.viewer.screen.web import (
     button,
     choose,
     cube_middle,
+    is_grey,
     screen,
 )
 
@@ -128,7 +129,9 @@ def test_what_is_given_up_in_motion_is_told_in_plain_words(place: Place) -> None
         words = preview.inner_text()
         told = preview.locator("..").get_attribute("title")
     assert words.endswith("% resolution")
-    assert told.startswith("1") or "×" in told
+    assert re.match(r"\d+ × \d+, ", told)
+    assert words.removeprefix("Preview at ") in told
+    assert "full quality as soon as nothing moves" in told
     assert "->" not in words
     at_rest(visitor, browser)
     wait_for(visitor, "!document.querySelector('.status .speed')")
@@ -156,8 +159,12 @@ def test_a_comparison_says_what_is_on_which_side(place: Place) -> None:
     at_rest(visitor, browser)
     plain = visitor.texture()
     visitor.tab("Picture")
+    error = box(visitor, "Error map")
+    assert is_grey(visitor, "Divide at")
+    assert error.is_disabled(), "nothing is compared yet"
     choose(visitor, "Compare with", "Input")
     until(lambda: browser.sight.sides is not None, "nothing is compared")
+    until(lambda: error.is_enabled() and not is_grey(visitor, "Divide at"), "they stay grey")
     view = at_rest(visitor, browser)
     assert browser.sight.sides == ("Picture", "Input")
     middle = 0.5 * view.width
@@ -172,9 +179,11 @@ def test_a_comparison_says_what_is_on_which_side(place: Place) -> None:
     column = round(browser.viewport.lens.split * view.width)
     assert np.array_equal(visitor.texture()[:, :column], plain[:, :column])
 
-    box(visitor, "Error map").click()
+    error.click()
     until(lambda: browser.sight.sides is None, "it is divided still")
     until(lambda: bar(visitor) is None, "the bar stays")
+    until(lambda: is_grey(visitor, "Divide at"), "what is not divided can be divided elsewhere")
+    assert error.is_enabled()
     assert named(visitor, column) == (False, False)
     visitor.errors = [error for error in visitor.errors if PASSIVE not in error]
 
@@ -277,7 +286,15 @@ def test_materials_and_buffers_are_explained(place: Place) -> None:
     at_rest(visitor, browser)
     choose(visitor, "Selected", "cube")
     until(lambda: browser.selected == "cube", "it is not selected")
-    until(lambda: visitor.page.get_by_text("Colour (sRGB)").is_visible(), "of which kind?")
+    color = visitor.input("Colour (sRGB)")
+    until(lambda: color.is_visible(), "of which kind?")
+    until(lambda: color.input_value() == "rgb(188, 149, 124)", color.input_value)
+    assert "scene.toml has linear ones" in hint(visitor, "Colour (sRGB)")
+    color.fill("rgb(188, 149, 54)")
+    color.press("Enter")
+    blue = (54 / 255 + 0.055) / 1.055
+    until(lambda: albedo(place)[2] == pytest.approx(blue**2.4, abs=1e-4), "it is not linear")
+    place.engine.undo()
     assert "coat" in hint(visitor, "Material")
     visitor.tab("Picture")
     choose(visitor, "Show", "Depth")
@@ -285,6 +302,26 @@ def test_materials_and_buffers_are_explained(place: Place) -> None:
     until(lambda: "metres" in hint(visitor, "Show"), "it is not explained")
     shown = visitor.page.locator(".status .shows")
     until(lambda: shown.count() and "Depth" in shown.inner_text(), "the status does not name it")
+
+
+def test_what_a_material_does_not_have_is_grey(place: Place) -> None:
+    visitor, browser = place.visit()
+    at_rest(visitor, browser)
+    choose(visitor, "Selected", "cube")
+    until(lambda: visitor.input("Material").input_value() == "Plastic", "it is not selected")
+    parts = "Roughness", "Index of refraction"
+    for kind, lacks in ((None, ()), ("Metal", parts[1:]), ("Matte", parts)):
+        if kind is not None:
+            choose(visitor, "Material", kind)
+        expected = [part in lacks for part in parts]
+        until(lambda now=expected: [is_grey(visitor, part) for part in parts] == now, str(kind))
+    while place.engine.can_undo:
+        place.engine.undo()
+
+
+def albedo(place: Place) -> tuple[float, float, float]:
+    """Of the cube, as it is wanted."""
+    return tuple(place.engine.wanted("cube").materials[0].albedo)
 
 
 def hint(visitor: Visitor, label: str) -> str:

@@ -117,6 +117,12 @@ def box(visitor: Visitor, name: str) -> Any:
     return visitor.page.get_by_label(name, exact=True)
 
 
+def is_grey(visitor: Visitor, label: str) -> bool:
+    """Whether a labelled slider cannot be moved."""
+    path = f"//label[normalize-space()='{label}']/following::*[@role='slider'][1]"
+    return bool(visitor.page.locator(f"xpath={path}").get_attribute("aria-disabled") == "true")
+
+
 def choose(visitor: Visitor, label: str, option: str) -> None:
     """Choose an option of a dropdown."""
     visitor.input(label).click()
