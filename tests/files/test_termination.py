@@ -60,7 +60,7 @@ def test_actions_run_last_first_and_their_notes_are_told(tmp_path: Path) -> None
         "with at_termination(lambda: 'over'): pass\n"
         "first = lambda: 'first \\udc80'\n"
         "with at_termination(note), at_termination(fail), at_termination(first):\n"
-        "    sys.stdout.write('ready\\n'); sys.stdout.flush(); sys.stdout.write('buffered')\n"
+        "    sys.stdout.write('buffered'); os.write(1, b'ready\\n')\n"
         "    time.sleep(1000)"
     )
     result = ended(code, signal.SIGINT)
