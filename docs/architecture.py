@@ -1,0 +1,59 @@
+"""Draws which packages import which into docs/architecture.md: python docs/architecture.py
+
+Fails where the page was not up to date, which `./run lint` notices. An arrow that others imply is left out: if A uses B and B uses C, A may use C as well.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+
+import grimp
+import networkx as nx
+
+PAGE = Path(__file__).with_name("architecture.md")
+START, END = "<!-- drawn by docs/architecture.py -->", "<!-- end -->"
+
+
+def packages() -> nx.DiGraph[str]:
+    """What imports what, by the names below `iprt`; `world` is shown by its parts."""
+    modules = grimp.build_graph("iprt", cache_dir=None)
+    found: nx.DiGraph[str] = nx.DiGraph()
+    for importer in modules.modules:
+        for imported in modules.find_modules_directly_imported_by(importer):
+            ends = _package(importer), _package(imported)
+            if ends[0] != ends[1] and all(ends):
+                found.add_edge(*ends)
+    return found
+
+
+def _package(module: str) -> str:
+    parts = module.split(".")[1:]
+    if parts[:1] == ["world"]:
+        return "/".join(parts[: 2 if parts[1:2] in (["real"], ["objects"]) else 1])
+    return "" if not parts or parts[0] == "errors" else parts[0]
+
+
+def drawing() -> str:
+    """A Mermaid flowchart."""
+    arrows = sorted(nx.transitive_reduction(packages()).edges)
+    lines = [f"    {_node(a)} --> {_node(b)}" for a, b in arrows]
+    return "\n".join(["```mermaid", "flowchart TD", *lines, "```"])
+
+
+def _node(name: str) -> str:
+    return f"{name.replace('/', '_')}[{name}]"
+
+
+def main() -> int:
+    """The command."""
+    text = PAGE.read_text(encoding="utf-8")
+    pattern = f"{re.escape(START)}.*?{re.escape(END)}"
+    drawn = re.sub(pattern, f"{START}\n{drawing()}\n{END}", text, flags=re.DOTALL)
+    PAGE.write_text(drawn, encoding="utf-8")
+    return int(drawn != text)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
