@@ -1,6 +1,7 @@
 """Draws which packages import which into docs/architecture.md: python docs/architecture.py
 
-Fails where the page was not up to date, which `./run lint` notices. An arrow that others imply is left out: if A uses B and B uses C, A may use C as well.
+Fails where the page was not up to date, which `./run lint` notices. An arrow that others imply is
+left out: if A uses B and B uses C, A may use C as well.
 """
 
 from __future__ import annotations
