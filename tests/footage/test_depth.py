@@ -97,17 +97,18 @@ def test_all_holes_is_open_sky() -> None:
         assert not clean.opening.any()
 
 
-def test_sensor_dropouts_are_surface_unless_they_are_bright() -> None:
+@pytest.mark.parametrize("white", [1e-4, 1.0])
+def test_sensor_dropouts_are_surface_unless_they_are_bright(white: float) -> None:
     width, height = 1024, 512
     depth, _ = box_room(width, height)
     mask = np.zeros((height, width), bool)
     mask[250:252, 700] = True
     holed_depth = np.where(mask, np.nan, depth).astype(np.float32)
-    color = np.ones((height, width, 3), np.float32)
+    color = np.full((height, width, 3), white, np.float32)
     clean = sanitise_depth(holed_depth, color)
     assert not clean.opening.any()
     assert np.abs(clean.depth[mask] / depth[mask] - 1).max() < 1e-4
-    color[mask] = 30.0
+    color[mask] = 30.0 * white
     assert np.array_equal(sanitise_depth(holed_depth, color).opening, mask)
 
 

@@ -49,7 +49,7 @@ def call(
     }
     return evaluate(
         device,
-        ["brdf.h"],
+        ["world/brdf.h"],
         BODY[function],
         inputs,
         OUTPUTS[function],

@@ -59,7 +59,7 @@ def run(
 ) -> dict[str, NDArray[Any]]:
     statements = (SEEN + body).replace("count_", str(len(boxes)))
     return evaluate(
-        device, ["boxes.h"], statements, inputs, outputs, {"boxes": table(boxes, scale)}
+        device, ["world/boxes.h"], statements, inputs, outputs, {"boxes": table(boxes, scale)}
     )
 
 

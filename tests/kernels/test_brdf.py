@@ -201,7 +201,13 @@ def test_a_build_holds_no_code_of_other_kinds(device, define, absent, present):
     def build(expression):
         body = f"const float3 v = (float3)(x); Material m; m.kind = 0; y = {expression};"
         evaluate(
-            device, ["brdf.h"], body, {"x": np.ones(1, np.float32)}, {"y": "float"}, {}, [define]
+            device,
+            ["world/brdf.h"],
+            body,
+            {"x": np.ones(1, np.float32)},
+            {"y": "float"},
+            {},
+            [define],
         )
 
     build(present)

@@ -6,7 +6,7 @@ from tests.kernels.wrap import evaluate
 
 
 def exp2(device, x):
-    return evaluate(device, ["maths.h"], "y = fast_exp2(x);", {"x": x}, {"y": "float"})["y"]
+    return evaluate(device, ["maths/maths.h"], "y = fast_exp2(x);", {"x": x}, {"y": "float"})["y"]
 
 
 def test_exp2_keeps_its_stated_error(device):
@@ -34,14 +34,14 @@ def test_exp2_of_anything_is_finite(device):
 
 def test_the_unit_circle_keeps_its_stated_error(device):
     u = np.linspace(0, 1, 100_001, dtype=np.float32)
-    p = evaluate(device, ["maths.h"], "p = unit_circle(u);", {"u": u}, {"p": "float2"})["p"]
+    p = evaluate(device, ["maths/maths.h"], "p = unit_circle(u);", {"u": u}, {"p": "float2"})["p"]
     turn = 2 * np.pi * u.astype(np.float64)
     assert np.abs(p - np.stack([np.cos(turn), np.sin(turn)], 1)).max() < 3e-7
 
 
 def test_luminance_is_that_of_linear_rec709(device):
     rgb = np.float32([[1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1]])
-    y = evaluate(device, ["maths.h"], "y = luminance(c);", {"c": rgb}, {"y": "float"})["y"]
+    y = evaluate(device, ["maths/maths.h"], "y = luminance(c);", {"c": rgb}, {"y": "float"})["y"]
     np.testing.assert_allclose(y, [0.2126, 0.7152, 0.0722, 1], rtol=1e-6)
 
 
@@ -50,7 +50,7 @@ def test_normalize_survives_any_length(device):
     lengths = [1e-25, 1e-15, 1, 1e15, 1e30, 0, np.nan, np.inf]
     v = np.float32([direction * s for s in lengths])
     body = "n = safe_normalize(v, (float3)(0.0f, 1.0f, 0.0f));"
-    n = evaluate(device, ["maths.h"], body, {"v": v}, {"n": "float3"})["n"]
+    n = evaluate(device, ["maths/maths.h"], body, {"v": v}, {"n": "float3"})["n"]
     np.testing.assert_allclose(n[:5], np.tile(direction, (5, 1)), atol=3e-7)
     np.testing.assert_array_equal(n[5:], np.tile([0, 1, 0], (3, 1)))
 
@@ -58,14 +58,14 @@ def test_normalize_survives_any_length(device):
 def test_finite_checks(device):
     x = np.float32([0, -1e38, 1e-40, np.inf, -np.inf, np.nan])
     body = "y = is_finite(x); z = is_finite3((float3)(0.0f, x, 1.0f));"
-    out = evaluate(device, ["maths.h"], body, {"x": x}, {"y": "int", "z": "int"})
+    out = evaluate(device, ["maths/maths.h"], body, {"x": x}, {"y": "int", "z": "int"})
     np.testing.assert_array_equal(out["y"] != 0, np.isfinite(x))
     np.testing.assert_array_equal(out["z"] != 0, np.isfinite(x))
 
 
 def test_the_falloff_is_its_power_and_ends_at_eight(device):
     x = np.concatenate([np.linspace(0, 20, 2001), [8, np.inf, np.nan]]).astype(np.float32)
-    y = evaluate(device, ["maths.h"], "y = falloff(x);", {"x": x}, {"y": "float"})["y"]
+    y = evaluate(device, ["maths/maths.h"], "y = falloff(x);", {"x": x}, {"y": "float"})["y"]
     truth = np.nan_to_num(np.clip(1 - x.astype(np.float64) / 8, 0, 1) ** 8, nan=0.0)
     np.testing.assert_allclose(y, truth, rtol=1e-5, atol=1e-30)
     assert np.all(y[~(x < 8)] == 0)

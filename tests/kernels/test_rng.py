@@ -10,7 +10,7 @@ COUNTER = np.arange(COUNT, dtype=np.uint32)
 
 
 def hashed(device, body, **inputs):
-    return evaluate(device, ["rng.h"], body, inputs, {"h": "uint"})["h"]
+    return evaluate(device, ["maths/rng.h"], body, inputs, {"h": "uint"})["h"]
 
 
 def assert_uniform(values, bins, p=1e-4):
@@ -42,7 +42,7 @@ def test_combine_is_ordered_and_injective_in_each_argument(device):
 
 def test_counters_become_equidistributed_numbers(device):
     body = "u = u01(hash_combine(7u, x));"
-    u = evaluate(device, ["rng.h"], body, {"x": COUNTER}, {"u": "float"})["u"]
+    u = evaluate(device, ["maths/rng.h"], body, {"x": COUNTER}, {"u": "float"})["u"]
     assert u.min() >= 0
     assert u.max() < 1
     assert_uniform(u.astype(float), 256)
@@ -52,5 +52,5 @@ def test_counters_become_equidistributed_numbers(device):
 
 def test_u01_never_rounds_to_one(device):
     x = np.array([0, 255, 256, 2**32 - 1], np.uint32)
-    u = evaluate(device, ["rng.h"], "u = u01(x);", {"x": x}, {"u": "float"})["u"]
+    u = evaluate(device, ["maths/rng.h"], "u = u01(x);", {"x": x}, {"u": "float"})["u"]
     np.testing.assert_array_equal(u, np.float32([0, 0, 2**-24, 1 - 2**-24]))

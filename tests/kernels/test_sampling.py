@@ -11,7 +11,7 @@ def sobol(device, index, seed):
     seed = np.broadcast_to(np.uint32(seed), index.shape).copy()
     body = "p = sobol_2d(index, seed);"
     inputs = {"index": index, "seed": seed}
-    return evaluate(device, ["sampling.h"], body, inputs, {"p": "float2"})["p"]
+    return evaluate(device, ["maths/sampling.h"], body, inputs, {"p": "float2"})["p"]
 
 
 def sobol_by_direction_numbers(index):
@@ -39,7 +39,7 @@ def test_second_dimension_equals_the_direction_numbers(device):
     rng = np.random.default_rng(1)
     index = np.concatenate([np.arange(64), rng.integers(0, 2**32, 1000)]).astype(np.uint32)
     body = "y = u01(reverse_bits(sobol_1_reversed(index)));"
-    y = evaluate(device, ["sampling.h"], body, {"index": index}, {"y": "float"})["y"]
+    y = evaluate(device, ["maths/sampling.h"], body, {"index": index}, {"y": "float"})["y"]
     expected = sobol_by_direction_numbers(index.astype(np.uint64))[:, 1]
     np.testing.assert_allclose(y, expected, atol=2**-24)
 
@@ -57,7 +57,7 @@ def test_every_power_of_two_is_a_net(device, seed, start):
 def test_one_dimensional_points_are_stratified(device):
     index = np.arange(64, dtype=np.uint32)
     body = "x = sobol_1d(index, 99u);"
-    x = evaluate(device, ["sampling.h"], body, {"index": index}, {"x": "float"})["x"]
+    x = evaluate(device, ["maths/sampling.h"], body, {"index": index}, {"x": "float"})["x"]
     for k in range(7):
         assert len(np.unique((x[: 2**k] * 2**k).astype(int))) == 2**k
 
@@ -113,7 +113,7 @@ def test_frames_are_orthonormal_and_right_handed(device):
     n = unit_vectors(100_000)
     body = "const Frame f = build_frame(n); x = f.x; y = f.y; z = f.z;"
     outputs = dict.fromkeys("xyz", "float3")
-    out = evaluate(device, ["sampling.h"], body, {"n": n}, outputs)
+    out = evaluate(device, ["maths/sampling.h"], body, {"n": n}, outputs)
     basis = np.stack([out["x"], out["y"], out["z"]], axis=1).astype(float)
     gram = basis @ basis.transpose(0, 2, 1)
     assert np.abs(gram - np.eye(3)).max() < 2e-6
@@ -125,7 +125,7 @@ def test_frames_invert(device):
     n = unit_vectors(1000)
     v = n[::-1].copy()
     body = "const Frame f = build_frame(n); w = frame_to_world(f, frame_to_local(f, v));"
-    out = evaluate(device, ["sampling.h"], body, {"n": n, "v": v}, {"w": "float3"})
+    out = evaluate(device, ["maths/sampling.h"], body, {"n": n, "v": v}, {"w": "float3"})
     np.testing.assert_allclose(out["w"], v, atol=2e-6)
 
 
@@ -133,7 +133,9 @@ def test_cosine_directions_follow_their_density(device):
     rng = np.random.default_rng(4)
     u = rng.random((1 << 17, 2), dtype=np.float32)
     u[:4] = [[0, 0], [0, 1 - 2**-24], [1 - 2**-24, 0], [1 - 2**-24, 1 - 2**-24]]
-    d = evaluate(device, ["sampling.h"], "d = sample_cosine(u);", {"u": u}, {"d": "float3"})["d"]
+    d = evaluate(device, ["maths/sampling.h"], "d = sample_cosine(u);", {"u": u}, {"d": "float3"})[
+        "d"
+    ]
     np.testing.assert_allclose(np.linalg.norm(d, axis=1), 1, atol=1e-6)
     assert d[:, 2].min() > 0
     # Under cos/pi, cos² is uniform and independent of the uniform azimuth.

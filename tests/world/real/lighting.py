@@ -75,7 +75,7 @@ class RealWorld:
         defines = {**self._needs.trace_defines(), "LIGHT_SAMPLING": light_sampling}
         return evaluate(
             self._device,
-            ["path.h"],
+            ["world/path.h"],
             "const World world = WORLD(0);" + body,
             inputs,
             outputs,

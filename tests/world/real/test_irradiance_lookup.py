@@ -36,7 +36,9 @@ def looked_up(
     device: ComputeDevice, tables: dict[str, NDArray[np.float32]], points: Float, normals: Float
 ) -> NDArray[np.float32]:
     inputs = {"p": points.astype(np.float32), "n": normals.astype(np.float32)}
-    found = evaluate(device, ["irradiance.h"], LOOKUP, inputs, {"e": "float3"}, tables)["e"]
+    found = evaluate(device, ["world/real/irradiance.h"], LOOKUP, inputs, {"e": "float3"}, tables)[
+        "e"
+    ]
     return np.asarray(found[:, 0])
 
 

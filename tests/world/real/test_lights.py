@@ -84,7 +84,7 @@ def test_directions_follow_the_table(device: ComputeDevice) -> None:
     count = 1 << 18
     v = evaluate(
         device,
-        ["lights.h"],
+        ["world/real/lights.h"],
         "const Lights lights = LIGHTS; v = sample_light(lights, u);",
         {"u": numbers(1, count, 2)},
         {"v": "float3"},
