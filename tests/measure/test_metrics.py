@@ -174,7 +174,13 @@ def test_cut_smaller_than_the_window_is_refused(
     assert len(metrics.ssim_cuts(*pair, [(x0, y0, max(x1, 11), max(y1, 11))])) == 1
 
 
-@pytest.mark.parametrize("cut", [(-1, 0, 20, 20), (0, 0, 61, 20), (30, 0, 10, 20), (0, 0, 20, 41)])
+@pytest.mark.parametrize(
+    "cut",
+    [
+        *((-1, 0, 20, 20), (0, 0, 61, 20), (0, 0, 20, 41)),
+        *((30, 0, 10, 20), (30, 0, 30, 20), (0, 10, 20, 10)),
+    ],
+)
 def test_cut_outside_the_image_is_refused(cut: metrics.Cut, pair: tuple[Image, Image]) -> None:
     with pytest.raises(FormatError, match="not inside the 60x40 image"):
         metrics.ssim_cuts(*pair, [cut])
