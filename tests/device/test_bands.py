@@ -105,7 +105,6 @@ def test_a_picture_in_parts_has_the_same_bits(
     own.bands = Bands(own.wait, lambda: launched.append(()))
     with Renderer(own, scene.frame(), scene.instances, view, SETTINGS) as renderer:
         parts = renderer.render(2, ["depth", "variance"])
-    print("LAUNCHED", len(launched))
     assert len(launched) > 500
     np.testing.assert_array_equal(parts.color, whole.color)
     for name in whole.aovs:
