@@ -14,9 +14,10 @@ from tests.clips import write_clip
 from tests.commands.test_faults import DEVICE, child_of
 from tests.waiting import DEADLINE_S, until
 
-FRAMES = 16
-KILLED_AT = 9
+FRAMES = 10
+KILLED_AT = 6
 FLAGS = ["--accumulate", "1", "--device", DEVICE, "--set", "trace.ratio_rows=16"]
+FLAGS += ["--set", "irradiance.rows=32"]
 
 
 def words(scene: Path, output: Path) -> list[str]:
@@ -29,7 +30,7 @@ def pictures(folder: Path) -> NDArray[np.float32]:
 
 @pytest.fixture(scope="module")
 def clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return write_clip(tmp_path_factory.mktemp("resume") / "clip", FRAMES, size=(48, 32))
+    return write_clip(tmp_path_factory.mktemp("resume") / "clip", FRAMES, size=(32, 24))
 
 
 @pytest.fixture(scope="module")

@@ -55,7 +55,10 @@ def test_flat_things_are_no_larger_than_others(scene: Path, tmp_path: Path) -> N
 
 @pytest.mark.parametrize(
     "words",
-    [["scene", "info", "SCENE"], ["bench", "SCENE", "--size", "24", "16", "--frames", "1"]],
+    [
+        ["scene", "info", "SCENE"],
+        ["bench", "SCENE", "--size", "24", "16", "--frames", "1", "--set", "irradiance.rows=32"],
+    ],
     ids=["info", "bench"],
 )
 def test_json_is_all_that_is_printed(

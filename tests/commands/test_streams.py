@@ -21,7 +21,7 @@ IPRT = f"'{sys.executable}' -m iprt"
 ARGUMENTS = {
     "doctor": "",
     "settings": "",
-    "render": "SCENE -o OUT/a.png --size 32 32 --accumulate 1",
+    "render": "SCENE -o OUT/a.png --method ibl --size 32 32 --accumulate 1",
     "reference": "SCENE -o OUT/a.exr",
     "scene new": "OUT/new --color SCENE/color.exr --depth SCENE/depth.exr",
     "scene add": "SCENE OUT/m.obj --look 0,-40",
@@ -211,7 +211,7 @@ def test_quiet_leaves_results_and_errors(folder: Path) -> None:
     plain = shell(f"render {given}", folder, **without)
     path = f"{folder}/a.png\n".encode()
     assert (plain.returncode, plain.stdout) == (0, path)
-    for words in (f"--quiet render {given}", f"render --quiet {given}", f"render {given} --quiet"):
+    for words in (f"--quiet render {given}", f"render {given} --quiet"):
         result = shell(words, folder, **without)
         assert (result.returncode, result.stdout, result.stderr) == (0, path, b"")
     told = shell("--quiet render nowhere -o OUT/a.png", folder)

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyopencl as cl
 import pytest
 
-from iprt.device import compute
 from iprt.device.checked import INFINITE, CheckedDevice
 from iprt.device.compute import ComputeDevice
 from iprt.device.plan import PlanDevice
@@ -150,13 +149,17 @@ def test_the_command_line_says_it_in_one_line(
     monkeypatch: pytest.MonkeyPatch,
     device: ComputeDevice,
 ) -> None:
-    kernels = tmp_path / "cl"
-    shutil.copytree(CL, kernels)
-    file = kernels / "view/composite.cl"
     right, wrong = "picture[i] = a >", "picture[i + 1] = a >"
-    assert right in file.read_text()
-    file.write_text(file.read_text().replace(right, wrong))
-    monkeypatch.setattr(compute, "CL", kernels)
+    source = (CL / "view/composite.cl").read_text()
+    assert right in source
+    file = tmp_path / "composite.cl"
+    file.write_text(source.replace(right, wrong))
+    build = ComputeDevice._build
+
+    def built(self: ComputeDevice, name: str, *rest: Any) -> Any:
+        return build(self, str(file) if name == "view/composite.cl" else name, *rest)
+
+    monkeypatch.setattr(ComputeDevice, "_build", built)
     output = tmp_path / "picture.png"
     words = ("render", scene, "-o", output, "--size", 16, 9, "--accumulate", 1)
     words += ("--device", device.device.platform.name, "--set", "check_kernels=true")

@@ -87,7 +87,9 @@ def test_equals_twin(
     device: ComputeDevice, width: int, height: int, equirect: bool, kind: Kind
 ) -> None:
     gbuffer, signal, variance, roughness = random_case(kind, width, height, equirect)
-    for guided in (True, False):
+    # Each kind and each projection in both ways.
+    unguided = equirect == (kind in ("delta", "diffuse"))
+    for guided in (True, False) if unguided else (True,):
         result = run(device, gbuffer, kind, signal, variance, roughness=roughness, guided=guided)
         expected = twin(gbuffer, kind, signal, variance, roughness=roughness, guided=guided)
         np.testing.assert_allclose(result, expected, rtol=5e-3, atol=1e-4)

@@ -71,7 +71,7 @@ def test_a_camera_that_stops_down_clips_less_of_a_lamp() -> None:
 def test_a_lamp_that_is_switched_on_fades_in(estimates: list[Frame]) -> None:
     one = Lamp(-1.2, -1.4, 0.4, (8.0,) * 3)
     other = Lamp(1.4, 1.5, 0.4, (24.0,) * 3)
-    before, after = (lamp_room("grey", *lamps) for lamps in ((one,), (one, other)))
+    before, after = (lamp_room("grey", *lamps, rows=32) for lamps in ((one,), (one, other)))
     lit = np.abs(after.color - 24.0).max(axis=-1) < 1.0
     stage = ClippedLights(1.0)
     stage(clip(before))
@@ -87,7 +87,7 @@ def test_a_lamp_that_is_switched_on_fades_in(estimates: list[Frame]) -> None:
 def test_after_a_cut_other_lights_hold_at_once() -> None:
     one = Lamp(-1.2, -1.4, 0.4, (8.0,) * 3)
     other = Lamp(1.4, 1.5, 0.4, (24.0,) * 3)
-    before, after = (lamp_room("grey", light) for light in (one, other))
+    before, after = (lamp_room("grey", light, rows=32) for light in (one, other))
     stage = ClippedLights(1.0)
     stage(clip(before))
     alone = ClippedLights(1.0)(clip(after))

@@ -11,7 +11,7 @@ import gc
 import hashlib
 import sys
 import tempfile
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 from unittest import mock
@@ -33,17 +33,18 @@ from tests.waiting import until
 
 pytestmark = pytest.mark.gl
 
-FRAMES, AGAIN = 400, 48
+FRAMES, AGAIN = 240, 24
 """Frames of the tests' film, and of those that are played a second time."""
-WARM_UP = 120
+WARM_UP = 96
 """Frames until the interpreter, the driver and FFmpeg have the memory that they keep."""
 EVERY = 2 * CLIP
 """Frames from one look at the memory to the next: what is decoded ahead is the same every time."""
 SLOPE = 500.0
 """Bytes per frame by which memory in use may seem to grow: less than the smallest object for which
 Python asks the allocator."""
+SIZE = (48, 24)
 SETTINGS: dict[str, Any] = {"trace": {"object_rays": 1}, "atrous": {"levels": 3}}
-"""Few rays: it is not the accuracy that lasts or does not."""
+"""Few pixels and rays: it is not the accuracy that lasts or does not."""
 
 
 class CountingDevice(ComputeDevice):
@@ -129,6 +130,7 @@ def play(scene: Scene, compute: ComputeDevice, frames: int, method: tuple[str, s
     """Loop the clip for so many frames; no picture holds NaN."""
     device = CountingDevice(compute.device)
     settings = chosen(method, seed=5, **SETTINGS)
+    ahead = scene.views["ahead"]
     run, digest = Run(), hashlib.sha256()
     streams: list[Ahead[Any]] = []
 
@@ -138,7 +140,7 @@ def play(scene: Scene, compute: ComputeDevice, frames: int, method: tuple[str, s
 
     with (
         mock.patch.object(scene, "stream", stream),
-        Film(scene, device, settings, view=scene.views["ahead"]) as film,
+        Film(scene, device, settings, view=replace(ahead, view=ahead.view.resized(*SIZE))) as film,
     ):
         for number, (_, picture) in enumerate(film.frames([i % CLIP for i in range(frames)])):
             assert np.isfinite(picture.color).all(), number

@@ -18,7 +18,7 @@ from iprt.scene.stance import Stance
 from iprt.viewer.core import POLL_S
 from iprt.viewer.state import Status
 from tests.clips import write_clip
-from tests.viewer.turns import SETTINGS, VIEW, Turns, turns
+from tests.viewer.turns import FEWEST, SETTINGS, VIEW, Turns, turns
 
 
 @pytest.fixture
@@ -204,7 +204,7 @@ def test_a_lost_device_is_made_anew_once(
         return made[-1]
 
     fails = Fails(monkeypatch)
-    with turns(scene, make) as driver:
+    with turns(scene, make, FEWEST) as driver:
         client = driver.join()
         first = driver.answer(client)
         fails.times = 1
@@ -234,7 +234,7 @@ def test_a_device_that_hangs_is_left_alone(
         return made[-1]
 
     fails = Fails(monkeypatch)
-    with turns(scene, make) as driver:
+    with turns(scene, make, FEWEST) as driver:
         client = driver.join()
         first = driver.answer(client)
         fails.error, fails.times = DeviceHangError("has not answered for 60 s"), 1

@@ -17,7 +17,7 @@ from iprt.scene.stance import Stance
 from iprt.viewer.core import POLL_S
 from tests.clips import write_clip
 from tests.scene.files import write_rgb
-from tests.viewer.turns import VIEW, Turns, turns
+from tests.viewer.turns import FEWEST, VIEW, Turns, turns
 
 PLASTIC = Material("plastic", (0.4, 0.2, 0.1), alpha=0.2)
 
@@ -41,7 +41,7 @@ def test_undo_goes_on_across_saves(scene: Scene, device: ComputeDevice, tmp_path
     path.write_text(first)
     mesh = tmp_path / "other.obj"
     mesh.write_bytes((scene.root / "cube.obj").read_bytes())
-    with turns(Scene.open(scene.root), device) as driver:
+    with turns(Scene.open(scene.root), device, FEWEST) as driver:
         driver.answer(driver.join())
         exchange = driver.exchange
         moved = flat(np.diag([0.2, 0.2, 0.2, 1.0]))
@@ -74,7 +74,7 @@ def test_undo_goes_on_across_saves(scene: Scene, device: ComputeDevice, tmp_path
 def test_what_others_write_is_kept(scene: Scene, device: ComputeDevice) -> None:
     """What was saved before cannot be undone then: the file may have it otherwise by now."""
     path = scene.root / "scene.toml"
-    with turns(scene, device) as driver:
+    with turns(scene, device, FEWEST) as driver:
         driver.answer(driver.join())
         exchange = driver.exchange
         exchange.edit("cube", lambda edit: replace(edit, material=PLASTIC))
@@ -105,7 +105,7 @@ def test_saved_edits_outdate_the_truth(judged: Scene, device: ComputeDevice) -> 
     """Until they are undone and the scene is saved again."""
     path = judged.root / "scene.toml"
     first = path.read_text()
-    with turns(judged, device) as driver:
+    with turns(judged, device, FEWEST) as driver:
         driver.answer(driver.join())
         driver.exchange.edit("cube", lambda edit: replace(edit, material=PLASTIC))
         save(driver)
@@ -122,7 +122,7 @@ def test_what_was_added_is_seen_when_the_scene_is_opened_again(
     """In a view of its own, where the user looked; `iprt view` opens that one."""
     look = Look(View(640, 480, 12.0, -34.0, 50.0))
     mesh = judged.root / "cube.obj"
-    with turns(judged, device) as driver:
+    with turns(judged, device, FEWEST) as driver:
         driver.answer(driver.join())
         driver.core.add(ObjectEdit("other", path=mesh), (20.0, -40.0), Stance(height_m=0.3))
         driver.settle()
@@ -134,7 +134,7 @@ def test_what_was_added_is_seen_when_the_scene_is_opened_again(
     saved = reopened.views[SAVED_VIEW]
     assert saved.view == replace(look.view, yaw_deg=15.0)
     assert saved.objects == ("cube", "other")
-    with turns(reopened, device) as driver:
+    with turns(reopened, device, FEWEST) as driver:
         shown = driver.answer(driver.join(view=VIEW, objects=saved.objects))
         assert shown.geometry is not None
         assert shown.geometry.names == ("cube", "other")
@@ -145,7 +145,7 @@ def test_what_was_added_is_seen_when_the_scene_is_opened_again(
 
 
 def test_no_view_is_made_where_all_is_seen(scene: Scene, device: ComputeDevice) -> None:
-    with turns(scene, device) as driver:
+    with turns(scene, device, FEWEST) as driver:
         driver.answer(driver.join())
         driver.core.add(
             ObjectEdit("other", path=scene.root / "cube.obj"), (20.0, -40.0), Stance(height_m=0.3)

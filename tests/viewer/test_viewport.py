@@ -159,16 +159,19 @@ def test_comparisons_are_of_the_same_view(
         assert (np.abs(sight.pixels.astype(int) - video)[on] > 4).any(), "no object"
 
 
-def test_truth_is_scored_as_iprt_compare_does(engine: Engine, device: ComputeDevice) -> None:
+def test_truth_is_scored_as_iprt_compare_does(judged: Scene, device: ComputeDevice) -> None:
     """SSIM of the shared scene format's own score function, and only in the view that it shows."""
-    from iprt.files.images import read_color
     from iprt.measure.target import read_target
 
-    scene = Scene.open(Path(__file__).parents[2] / "scenes360" / "room")
-    name = next(name for name, entry in scene.views.items() if entry.truth is not None)
-    own = scene.views[name].view
-    with Engine(scene, lambda: device, SETTINGS) as room:
-        viewport = Viewport(room, own.resized(own.width // 8 + 3, own.height // 8 + 5), frames=1)
+    name, own = "ahead", VIEW.resized(8 * VIEW.width, 8 * VIEW.height)
+    manifest = judged.root / "scene.toml"
+    manifest.write_text(manifest.read_text().replace("size = [32, 16]", "size = [256, 128]"))
+    ramp = np.linspace(0.2, 0.8, own.height, dtype=np.float32)[:, None, None]
+    write_rgb(judged.root / "truth.exr", np.tile(ramp, (1, own.width, 3)))
+    scene = Scene.open(judged.root)
+    assert scene.views[name].view.width == own.width
+    with Engine(scene, lambda: device, SETTINGS) as engine:
+        viewport = Viewport(engine, own.resized(own.width // 8 + 3, own.height // 8 + 5), frames=1)
         viewport.go_to(name)
         viewport.lens = Lens(against="truth")
         sight = until(viewport, lambda s: "SSIM" in s.caption)
@@ -183,7 +186,6 @@ def test_truth_is_scored_as_iprt_compare_does(engine: Engine, device: ComputeDev
         turned = until(viewport, lambda s: "truth" in s.caption and "|" not in s.caption)
         assert turned.shown is not None
         viewport.close()
-    assert read_color(scene.views[name].truth).shape == (own.height, own.width, 3)
 
 
 def test_readout_is_what_files_hold(viewport: Viewport, tmp_path: Path) -> None:

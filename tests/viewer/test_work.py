@@ -21,7 +21,7 @@ from iprt.scene.stance import Stance
 from iprt.viewer.plain import resampled
 from iprt.viewer.state import Status
 from tests.clips import write_clip
-from tests.viewer.turns import SETTINGS, VIEW, Turns, turns
+from tests.viewer.turns import FEWEST, SETTINGS, VIEW, Turns, turns
 
 HEAVY = SETTINGS.model_copy(
     update={"trace": SETTINGS.trace.model_copy(update={"rays": SETTINGS.trace.rays + 1})}
@@ -105,7 +105,7 @@ def test_who_drags_a_slider_sees_pictures(
 ) -> None:
     """Each picture that is abandoned leaves more time to the next."""
     now = [0.0]
-    with turns(scene, device) as driver:
+    with turns(scene, device, FEWEST) as driver:
         client = driver.join()
         driver.answer(client)
         meanwhile = Meanwhile(driver, monkeypatch)
@@ -206,9 +206,9 @@ def test_renderers_and_programs_do_not_pile_up(
     with turns(scene, own) as driver:
         client = driver.join()
         driver.answer(client)
-        for number in range(12):
+        for number in range(5):
             driver.change(settings=(SETTINGS, HEAVY)[number % 2])
-            driver.ask(client, view=VIEW.resized(16 + 4 * (number % 5), 8))
+            driver.ask(client, view=VIEW.resized(16 + 4 * number, 8))
             driver.settle()
             driver.ask(client, settings=SETTINGS.model_copy(update={"method": "ibl"}))
             driver.settle()
@@ -222,4 +222,4 @@ def test_renderers_and_programs_do_not_pile_up(
         assert not [ref for ref in renderers if ref() is not None]
         own.kernel("view/composite.cl", "composite", {"PLANE_PAD": 5})
         assert len(own.built_programs) <= 8 < in_use
-    assert len(renderers) > 12
+    assert len(renderers) > 5

@@ -20,6 +20,8 @@ from tests.films import FEW
 from tests.waiting import DEADLINE_S
 
 SETTINGS = Settings.model_validate(FEW)
+FEWEST = SETTINGS.model_copy(update={"method": "ibl"})
+"""Fewer kernels, for what does not depend on them."""
 VIEW = View(32, 16, pitch_deg=-30.0)
 
 

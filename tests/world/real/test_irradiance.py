@@ -124,8 +124,8 @@ def test_more_samples_are_surer(device: ComputeDevice) -> None:
     """Means of the same cells after many frames lie closer together than after two, and about what
     as many samples at once find.
     """
-    spread = []
-    with renderer(device, lamp_frame(), first_rays=4096, samples=4096) as made:
+    spread, frame = [], lamp_frame()
+    with renderer(device, frame, first_rays=4096, samples=4096) as made:
         made.render(1)
         at_once = cells(made)[1]
     for samples in (16, 256):
@@ -138,8 +138,8 @@ def test_more_samples_are_surer(device: ComputeDevice) -> None:
             )  # fmt: skip
             black = Material(albedo=(0.0, 0.0, 0.0))
             objects = [ball(BALL.centre, BALL.radius, black)]
-            with Renderer(device, lamp_frame(), objects, DOWN, settings) as made:
-                made.render(36)
+            with Renderer(device, frame, objects, DOWN, settings) as made:
+                made.render(samples // 8 + 4)
                 found.append(cells(made)[1])
         samples_taken = np.array(found)[..., 3].min(0)
         kept = samples_taken >= samples
