@@ -67,8 +67,8 @@ def film(
             if index:
                 renderer.load(frame)
             rendered = renderer.render(1, ["coverage", "ratio"])
-            require_finite(renderer, [rendered])
             pictures.append(rendered.color)
+        require_finite(renderer, [rendered])
     return pictures
 
 
