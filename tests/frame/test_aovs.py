@@ -16,7 +16,7 @@ from iprt.geometry.camera import View
 from iprt.geometry.material import Material
 from iprt.renderer import Renderer
 from iprt.settings.model import Settings
-from tests.frame.whole_frame import CLAY, ROOM, SILVER
+from tests.frame.whole_frame import BRASS, CLAY, ROOM, SATIN, SILVER
 from tests.oracles.worlds import Sphere, World
 from tests.worlds import ball, bright_walls, ceiling_lamp, cuboid, landscape_frame, room_frame
 
@@ -71,7 +71,9 @@ def test_hit_distance_of_the_sky_and_of_what_does_not_reflect(device: ComputeDev
     """Under the open sky, upwards: it is as far as anything is."""
     frame = landscape_frame(64, 32)
     above, clay = ball((0.0, 0.9, -2.0), 0.4, SILVER), ball((1.2, 0.9, -2.0), 0.4, CLAY)
-    with Renderer(device, frame, [above, clay], View(32, 16), settings()) as renderer:
+    # Behind the view; with them, kernels are those of other tests.
+    others = [ball((x, 0.9, 2.0), 0.2, other) for x, other in ((-0.5, SATIN), (0.5, BRASS))]
+    with Renderer(device, frame, [above, clay, *others], View(32, 16), settings()) as renderer:
         renderer.render(1)
         found = read_aov(renderer, "hit_distance")
         specular = read_aov(renderer, "specular")

@@ -68,8 +68,8 @@ def test_moved_is_as_if_always_there(
     with Renderer(device, frame, still_life(), VIEW, chosen(method)) as renderer:
         before = renderer.render(3, AOVS)
         renderer.move(there)
-        moved = renderer.render(24, AOVS)
-    still, again = (render(device, frame, there, VIEW, chosen(method, seed=s), 24) for s in (0, 1))
+        moved = renderer.render(16, AOVS)
+    still, again = (render(device, frame, there, VIEW, chosen(method, seed=s), 16) for s in (0, 1))
     for name in ("coverage", "normal", "depth", "albedo"):
         np.testing.assert_array_equal(moved.aovs[name], still.aovs[name])
     assert (before.aovs["coverage"] != still.aovs["coverage"]).mean() > 0.05

@@ -159,7 +159,7 @@ def truth(device: ComputeDevice) -> RenderedFrame:
     """The last frame of the walk, converged."""
     sure = settings(fading=0.0, seed=5, trace={"rays": 16, "object_rays": 16})
     with Renderer(device, frame_at(walk(1)[0]), objects(), VIEW, sure) as renderer:
-        return renderer.render(16, AOVS)
+        return renderer.render(8, AOVS)
 
 
 def walked(
