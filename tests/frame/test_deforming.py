@@ -134,10 +134,6 @@ def test_bent_is_as_if_always_so(
 ) -> None:
     """After the histories have forgotten."""
     path = states(textured=True)
-    # With a window, kernels are those of other tests.
-    opening = np.zeros(frame.depth.shape, bool)
-    opening[40:60, 150:180] = True
-    frame = replace(frame, opening=opening)
     with Renderer(device, frame, path[0], VIEW, chosen(method)) as renderer:
         before = renderer.render(2, AOVS)
         for state in path[1:]:
