@@ -75,10 +75,10 @@ def walk(
     """Pictures of a head that turns, over a video that changes; grids as coarse as the pictures."""
     first, second = video()
     with Renderer(device, first, objects(), view, chosen(method)) as renderer:
-        for step in range(8):
-            if step == 5:
+        for step in range(5):
+            if step == 3:
                 renderer.load(second)
-            if 2 <= step < 7:
+            if 1 <= step < 4:
                 renderer.look(replace(view, yaw_deg=view.yaw_deg + 0.7 * step))
             yield renderer.render(1, AOVS)
 

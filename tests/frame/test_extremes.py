@@ -363,9 +363,8 @@ def test_a_jump_of_the_head_leaves_nothing_behind(
     assert shadow > 0.6 * (1.0 - fresh.aovs["ratio"][dark].mean())
 
 
-@pytest.mark.slow
 @METHOD
-def test_thousands_of_frames_of_random_motion(
+def test_hundreds_of_frames_of_random_motion(
     device: ComputeDevice, method: tuple[str, str]
 ) -> None:
     """Turns, jumps, zooms and changes of the video; NaN would stay in a history until seen."""
@@ -373,10 +372,9 @@ def test_thousands_of_frames_of_random_motion(
     frames = [room_frame(ROOM, 64, 32, radiance) for radiance in (bright_walls, ceiling_lamp)]
     frames[1].color[3, 30] = 1e6
     settings, view = chosen(method), View(16, 12)
-    steps = 1_000 // len(METHODS)
     with Renderer(device, frames[0], still_life(), view, settings) as renderer:
-        for step in range(steps):
-            jump = rng.random() < 0.05
+        for step in range(200):
+            jump = rng.random() < 0.1
             yaw, pitch, fov = rng.normal(size=3) * (90.0 if jump else 2.0)
             view = replace(
                 view,
@@ -385,9 +383,9 @@ def test_thousands_of_frames_of_random_motion(
                 fov_y_deg=float(np.clip(view.fov_y_deg + fov, 2.0, 170.0)),
             )
             renderer.look(view)
-            if step % 97 == 96:
-                renderer.load(frames[(step // 97) % 2])
+            if step % 39 == 38:
+                renderer.load(frames[(step // 39) % 2])
             renderer.step()
-            if step % 100 == 99:
+            if step % 50 == 49:
                 require_finite(renderer, [renderer.render(0, AOVS)], str(step))
         assert any(values.any() for _, values in remembered(renderer))

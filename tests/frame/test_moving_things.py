@@ -22,7 +22,7 @@ pytestmark = pytest.mark.gl
 VIEW = View(64, 48, yaw_deg=5.0, pitch_deg=-35.0)
 TRAIL = 8
 """Frames after which nothing of what has gone may be seen."""
-SURE: dict[str, Any] = {"fading": 0.0, "seed": 5, "trace": {"rays": 16, "object_rays": 16}}
+SURE: dict[str, Any] = {"fading": 0.0, "seed": 5, "trace": {"rays": 32, "object_rays": 1}}
 
 
 def inserted(x: float = 0.2) -> Instance:
@@ -42,7 +42,7 @@ def truths(
     found = []
     for frame, thing in scenes:
         with Renderer(device, frame, [thing], VIEW, chosen(METHODS[0], **SURE)) as renderer:
-            renderer.render(6)
+            renderer.render(2)
             found.append(shown(renderer))
     return found
 

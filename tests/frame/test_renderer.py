@@ -167,10 +167,11 @@ def test_the_seam_does_not_show(device: ComputeDevice) -> None:
     """A ball across the seam, one over the nadir: turned to elsewhere, they look the same."""
     frame, _ = lit_room(bright_walls)
     objects = [ball((0.1, -1.1, 0.15), 0.2, CLAY), ball((-0.1, -1.0, 1.6), 0.3, CLAY)]
-    still = render(device, frame, objects, HALF, 8, trace={"rays": 16}, **MEAN)
+    sure: dict[str, Any] = {"trace": {"rays": 32}, "irradiance": {"rows": 32}, **MEAN}
+    still = render(device, frame, objects, HALF, 4, **sure)
     assert (still.aovs["coverage"][:, [0, -1]] == 1.0).sum() > 5
     rolled, moved, _ = turned(frame, objects, 128)
-    picture = render(device, rolled, moved, HALF, 8, trace={"rays": 16}, **MEAN)
+    picture = render(device, rolled, moved, HALF, 4, **sure)
 
     def difference(name: str) -> Float:
         return np.asarray(np.roll(picture.aovs[name], -64, 1) - still.aovs[name], np.float64)
@@ -207,12 +208,12 @@ def test_frames_average_out_the_noise(
 ) -> None:
     """Four times the frames, about half the error, where E_R is known."""
     frame, objects = lit_room()
-    many = {"rays": 8, "object_rays": 8, "estimator": estimator}
-    sure: dict[str, Any] = {"rows": 32, "first_rays": 2048, "samples": 2048}
-    truth = render(device, frame, objects, SMALL, 64, seed=1, trace=many, irradiance=sure, **RAW)
+    many = {"rays": 32, "object_rays": 32, "estimator": estimator, "ratio_rows": 16}
+    sure: dict[str, Any] = {"rows": 16, "first_rays": 1024, "samples": 1024}
+    truth = render(device, frame, objects, SMALL, 16, seed=1, trace=many, irradiance=sure, **RAW)
     # One ray of objects in every frame: by default there are more in the first ones.
     few: dict[str, Any] = {
-        "trace": {"estimator": estimator, "object_rays": 1}, "irradiance": sure,
+        "trace": {"estimator": estimator, "object_rays": 1, "ratio_rows": 16}, "irradiance": sure,
     }  # fmt: skip
     pictures = {}
     chosen = Settings.model_validate({**few, **RAW})
@@ -242,8 +243,10 @@ def test_frames_average_out_the_noise(
 def test_turning_leaves_no_trails(device: ComputeDevice) -> None:
     """After a turn the picture is as good as one that was always there, in no place worse."""
     frame, objects = lit_room()
-    truth = render(device, frame, objects, DOWN, 16, seed=1, trace={"rays": 8}, **MEAN)
-    fresh = render(device, frame, objects, DOWN, 24)
+    coarse: dict[str, Any] = {"trace": {"ratio_rows": 16}, "irradiance": {"rows": 32}}
+    sure = {"trace": {"rays": 16, "ratio_rows": 16}, "irradiance": {"rows": 32}}
+    truth = render(device, frame, objects, DOWN, 8, seed=1, **sure, **MEAN)
+    fresh = render(device, frame, objects, DOWN, 24, **coarse)
     ground, solid = real(truth), truth.aovs["coverage"] == 1.0
     lit = truth.aovs["ratio"].min(-1)[ground] > 0.995
     assert lit.mean() > 0.3
@@ -252,8 +255,8 @@ def test_turning_leaves_no_trails(device: ComputeDevice) -> None:
         assert np.isfinite(picture.color).all()
         return np.asarray(np.abs(picture.aovs["ratio"] - truth.aovs["ratio"])[ground], np.float64)
 
-    for deg in (0.3, 1.0, -2.5):
-        picture, rested = turned_to(device, frame, objects, deg)
+    for deg in (0.3, -2.5):
+        picture, rested = turned_to(device, frame, objects, deg, Settings.model_validate(coarse))
         assert rms(error(picture)) < 1.4 * rms(error(fresh))
         assert rms(error(rested)) < 1.25 * rms(error(fresh))
         assert np.percentile(error(picture), 99.0) < 0.15
@@ -264,11 +267,16 @@ def test_turning_leaves_no_trails(device: ComputeDevice) -> None:
 
 
 def turned_to(
-    device: ComputeDevice, frame: Frame, objects: list[Instance], deg: float, steps: int = 16
+    device: ComputeDevice,
+    frame: Frame,
+    objects: list[Instance],
+    deg: float,
+    settings: Settings,
+    steps: int = 16,
 ) -> tuple[RenderedFrame, RenderedFrame]:
     """The view `DOWN` after a turn by so many degrees a frame, and some frames later."""
     start = replace(DOWN, yaw_deg=-deg * steps, pitch_deg=DOWN.pitch_deg + 0.2 * steps)
-    with Renderer(device, frame, objects, start) as renderer:
+    with Renderer(device, frame, objects, start, settings) as renderer:
         renderer.render(6)
         for i in range(1, steps + 1):
             pitch_deg = start.pitch_deg - 0.2 * i

@@ -31,7 +31,7 @@ SCENES: dict[str, tuple[Solid, list[Instance], Material]] = {
 }
 STILL = {"rows": 16, "first_rays": 64, "samples": 64}
 """E_R is the same in all frames, so that the signal times E_R is irradiance, whatever E_R is."""
-SURE = {"rows": 32, "first_rays": 1024, "samples": 1024}
+SURE = {"rows": 16, "first_rays": 1024, "samples": 1024}
 """E_R is well known at once."""
 
 

@@ -93,6 +93,13 @@ class Kernels:
         first, second, scale = self._real(seed, rays)
         return np.stack([first * scale, second * scale], axis=-2)
 
+    def ratio(self, seed: int, rays: int) -> Float:
+        """(H, W, 3) irradiance with objects over that without."""
+        first, second, _ = self._real(seed, rays)
+        if self.renderer.real_world.irradiance is None:
+            return np.asarray(second / first)
+        return 1.0 + second - first
+
     def _real(self, seed: int, rays: int) -> tuple[Float, Float, Float]:
         renderer = self.renderer
         assert renderer.real_pixels is not None

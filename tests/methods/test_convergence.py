@@ -21,8 +21,8 @@ from tests.methods.test_estimators import (
 )
 from tests.worlds import Float, ball
 
-MOST = 256
-COUNTS = [1, 4, 16, 64, MOST]
+MOST = 64
+COUNTS = [1, 4, 16, MOST]
 
 
 def slope(errors: list[float]) -> float:

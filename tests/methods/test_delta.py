@@ -117,7 +117,7 @@ def test_both_estimators_find_the_same(device: ComputeDevice) -> None:
         name: np.array(
             [
                 blocks(change_of(device, frame, objects, DOWN, seed=seed, irradiance=SURE, rays=16,
-                                 frames=8, estimator=name)[3][..., 0])
+                                 frames=4, estimator=name)[3][..., 0])
                 for seed in range(5)
             ]
         )

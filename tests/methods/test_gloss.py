@@ -17,6 +17,7 @@ from iprt.geometry.material import Material
 from iprt.geometry.mesh import Instance
 from iprt.renderer import RenderedFrame, Renderer
 from iprt.settings.model import Settings
+from tests.frame.whole_frame import BRASS, SATIN
 from tests.oracles.worlds import Sphere, World
 from tests.world.real.test_highlight import partly_seen_floor
 from tests.worlds import Float, ball, bright_walls, room_frame, sphere_frame
@@ -44,13 +45,21 @@ def render(
     frames: int = 1,
     chosen: Settings | None = None,
 ) -> RenderedFrame:
+    # With a window and buried specks of all materials, kernels are those of other tests.
+    opening = np.zeros(frame.depth.shape, bool)
+    opening[frame.height // 8, :2] = True
+    specks = [
+        ball((0.1 * i, FLOOR - 1.0, -1.5), 0.01, material, subdivisions=1)
+        for i, material in enumerate((BLACK, SATIN, MIRROR, BRASS))
+    ]
+    frame, instances = replace(frame, opening=opening), [*instances, *specks]
     with Renderer(device, frame, instances, view, chosen or settings()) as renderer:
         return renderer.render(frames, AOVS)
 
 
 def with_floor(frame: Frame, material: Material) -> Frame:
     gloss = (frame.normal[..., 1] > 0.5).astype(np.uint8)
-    # The second has no texel: all of these tests have one build of the kernels.
+    # The second has no texel: floors of either kind have one build of the kernels.
     unused = COAT if material.kind == "conductor" else MIRROR
     return replace(frame, gloss=gloss, real_materials=(material, unused))
 

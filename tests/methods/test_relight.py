@@ -30,8 +30,8 @@ class EvenCache:
         self._plane = device.upload("plane", np.zeros_like(cells))
         self._irradiance = device.upload("irradiance", cells)
 
-    def arguments(self, world: Any) -> tuple[Any, ...]:
-        black = float(BLACK_SHARE * world.panorama.mean_radiance)
+    def arguments(self, panorama: Any) -> tuple[Any, ...]:
+        black = float(BLACK_SHARE * panorama.mean_radiance)
         return (self._plane, self._irradiance, 32, 16, black)
 
 

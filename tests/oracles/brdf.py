@@ -17,6 +17,13 @@ Array = NDArray[np.float64]
 MIN_LOBE = 0.25
 
 
+@lru_cache
+def nodes_and_weights(count: int) -> tuple[Array, Array]:
+    """Gauss-Legendre quadrature on -1..1."""
+    x, weight = np.polynomial.legendre.leggauss(count)
+    return x, weight
+
+
 def roughness(material: Material) -> float:
     return 0.0 if material.alpha < MIRROR_ALPHA else max(material.alpha, MIN_ALPHA)
 
@@ -128,7 +135,7 @@ def specular_albedo(
     alpha = roughness(material)
     o = np.array([np.hypot(o[0], o[1]), 0, o[2]])  # so that half a turn of azimuth suffices
     # Normals by tan(theta_h) = alpha tan(w): the lobe's width is divided out. dw_h carries D.
-    x, weight = np.polynomial.legendre.leggauss(nodes)
+    x, weight = nodes_and_weights(nodes)
     w = (x + 1) * np.pi / 4
     phi = (np.arange(nodes) + 0.5) * np.pi / nodes
     theta = np.arctan(alpha * np.tan(w))
@@ -153,7 +160,7 @@ def specular_albedo(
 
 def diffuse_albedo(material: Material, o: Array) -> float:
     """Share of light from o that the diffuse lobe reflects at albedo 1."""
-    x, weight = np.polynomial.legendre.leggauss(256)
+    x, weight = nodes_and_weights(256)
     cosine = (x + 1) / 2
     i = np.stack([np.sqrt(1 - cosine**2), 0 * cosine, cosine], -1)
     f = evaluate_diffuse(material, np.broadcast_to(o, i.shape), i)
