@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
 """Measure what the viewers' target frame rate gives up: `python docs/ladder.py [DEVICE]`.
 
-Writes `iprt/viewer/ladder.json`. Every knob is turned down by itself, from the best preset, on the
-views of `scenes360/room`; then all of them, one notch after another, those first that save most
+Writes `iprt/viewer/ladder.json`. Every setting is turned down by itself, from the best preset, on
+the views of `scenes360/room`; then all of them, one notch after another, those first that save most
 time for the SSIM that they cost. The rungs that are both slower and worse than another are left
-out, and so are knobs that compile kernels when they are turned. SSIM is the mean of the views'
+out, and so are settings that compile kernels when they are turned. SSIM is the mean of the views'
 cuts, after as many frames as a quarter of a second holds; of a small picture, when it is shown as
 large as the others. It takes some five minutes on two cores; let nothing else run meanwhile.
 """
@@ -28,8 +28,8 @@ from iprt.device.compute import ComputeDevice
 from iprt.files.atomic import replacing
 from iprt.footage.frame import Frame
 from iprt.measure import metrics
+from iprt.measure.camera_motion import Turn
 from iprt.measure.pareto import pareto_front
-from iprt.measure.reel import Turn
 from iprt.measure.sweep import still_settings
 from iprt.measure.target import Target, read_target, views_with_truth
 from iprt.output.display import display
@@ -37,7 +37,7 @@ from iprt.renderer import Renderer
 from iprt.scene.scene import Scene
 from iprt.settings.model import Settings
 from iprt.settings.overrides import changed, resolved
-from iprt.viewer.ladder import FILE, SCALE, Ladder, MeasuredKnob, MeasuredRung, order_of_notches
+from iprt.viewer.ladder import FILE, SCALE, Ladder, MeasuredRung, MeasuredSetting, order_of_notches
 
 ROOT = Path(__file__).resolve().parents[1]
 TOP = "accurate"
@@ -139,12 +139,12 @@ def measure(bench: Bench) -> Ladder:
     bench.measure({})  # drivers finish kernels when these first run
     top = bench.measure({})
     say(f"top: {top[0]:.1f} ms, SSIM {top[1]:.4f}")
-    notches: dict[str, list[MeasuredKnob]] = {}
+    notches: dict[str, list[MeasuredSetting]] = {}
     for key, values in NOTCHES.items():
         for value in values if key not in compiling else ():
             share, cost = measured(bench, {key: value}, top)
-            knob = MeasuredKnob(key=key, value=value, ms_share=share, ssim_cost=cost)
-            notches.setdefault(key, []).append(knob)
+            setting = MeasuredSetting(key=key, value=value, ms_share=share, ssim_cost=cost)
+            notches.setdefault(key, []).append(setting)
     changes: dict[str, Any] = {}
     rungs = []
     for notch in order_of_notches(notches):
@@ -163,7 +163,7 @@ def measure(bench: Bench) -> Ladder:
         ms=round(top[0], 1),
         ssim=round(top[1], 4),
         compiling=compiling,
-        knobs=tuple(knob for found in notches.values() for knob in found),
+        settings=tuple(setting for found in notches.values() for setting in found),
         rungs=tuple(rung for rung, mark in zip(rungs, marks, strict=True) if mark),
     )
 

@@ -41,10 +41,10 @@ def main() -> None:
         app.ui.selected = "pot"
         screen = Screen(display)
         screen.move(SIZE[0] - 20, SIZE[1] - 20)
-        while app.ui.sight is None or app.ui.sight.shown.compiled:
+        while app.ui.displayed is None or app.ui.displayed.shown.compiled:
             app.step()
         app.ui.viewport.look(view)
-        while not app.ui.sight.shown.refined:
+        while not app.ui.displayed.shown.refined:
             app.step()
         picture = Image.fromarray(screen.picture(0, 0, *SIZE))
         app.close()

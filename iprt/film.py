@@ -187,7 +187,7 @@ def footage_of(scene: Scene, frame: Frame, settings: Settings) -> Footage:
     """What the frames of a scene's video may have, of which `frame` is one."""
     return Footage.of(
         frame,
-        own_radiance=scene.clips,
+        separate_radiance=scene.clips,
         drifts=settings.drift,
         static_camera=scene.source.static_camera,
     )

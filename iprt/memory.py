@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from iprt.footage.frame import Frame
     from iprt.geometry.camera import View
     from iprt.geometry.mesh import Instance
+    from iprt.settings.features import Features
     from iprt.settings.model import Settings
-    from iprt.settings.requirements import Requirements
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class RenderPlan:
     Attributes
     ----------
     view : View
-    requirements : Requirements
+    features : Features
     buffers : dict of str to int
         Bytes by name.
     kernels : tuple of (file, kernel, defines)
@@ -35,7 +35,7 @@ class RenderPlan:
     """
 
     view: View
-    requirements: Requirements
+    features: Features
     buffers: dict[str, int]
     kernels: tuple[PlannedKernel, ...]
 
@@ -54,7 +54,7 @@ class RenderPlan:
 
         device = PlanDevice()
         renderer = Renderer(device, frame, instances, view, settings, footage=footage)
-        return cls(view, renderer.requirements, device.buffers, tuple(device.kernels))
+        return cls(view, renderer.features, device.buffers, tuple(device.kernels))
 
     @property
     def bytes(self) -> int:

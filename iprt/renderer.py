@@ -2,7 +2,7 @@
 
 Three clocks: the video (`RealWorld`: the panorama and what rays need of it), the objects
 (`Objects`: what rays meet of them), and the view (everything after). A view compares the versions
-of both worlds with those of its last frame. `Requirements` says which passes exist for a scene.
+of both worlds with those of its last frame. `Features` says which passes exist for a scene.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ from iprt.geometry.mesh import Instance, require_same_objects
 from iprt.geometry.pose import seen_from, view_from
 from iprt.methods.gloss_pixels import GlossPixels
 from iprt.methods.pixels import RatioMap, RealPixels, VirtualPixels
+from iprt.settings.features import Features
 from iprt.settings.model import Settings
-from iprt.settings.requirements import Requirements
 from iprt.view.composite import Composite
 from iprt.view.real_layer import RealLayer
 from iprt.world.objects.objects import Objects
@@ -124,7 +124,7 @@ class Renderer:
         self.view = view
         self.background = background
         materials = [m for instance in self.instances for m in instance.mesh.materials]
-        self.requirements = needs = Requirements.of(
+        self.features = features = Features.of(
             materials,
             view,
             self.settings,
@@ -137,57 +137,57 @@ class Renderer:
         self._placed = self.instances, frame.pose  # what the objects follow
 
         self._camera: CameraMotion | None = None
-        if needs.moving_camera and frame.pose is not None:
+        if features.moving_camera and frame.pose is not None:
             self._camera = CameraMotion(device, frame.pose)
         camera = None if self._camera is None else self._camera.rows
 
         self.layout = PlaneLayout(view.width, view.height)
-        self.real_world = RealWorld(device, frame, needs)
+        self.real_world = RealWorld(device, frame, features)
         self._view_constants = [device.zeros(f"view {i}", (16,)) for i in range(2)]
         self.real = RealLayer(
             device,
             self.layout,
             equirect=self._equirect,
             name="real",
-            gloss=needs.gloss,
+            gloss=features.gloss,
             camera=camera,
-            color_map=needs.color_map and needs.tracing,
+            color_map=features.color_map and features.tracing,
         )
         self.composite = Composite(
             device,
             self.layout,
-            relit=needs.tracing,
-            diffuse=needs.diffuse_signal,
-            specular=needs.specular_signal,
-            gloss=needs.gloss,
-            color_map=needs.color_map,
+            relit=features.tracing,
+            diffuse=features.diffuse_signal,
+            specular=features.specular_signal,
+            gloss=features.gloss,
+            color_map=features.color_map,
         )
         self._objects: Objects | None = None
         self.real_pixels: RealPixels | None = None
         self.gloss_pixels: GlossPixels | None = None
         self.virtual_pixels: VirtualPixels | None = None
         self.ratio_map: RatioMap | None = None
-        if needs.objects:
+        if features.objects:
             self._build_object_passes(camera)
 
     def _build_object_passes(self, camera: cla.Array | None) -> None:
-        device, needs, real = self.device, self.requirements, self.real_world
-        if needs.ratio_map:
-            self.ratio_map = RatioMap(device, needs, camera)
+        device, features, real = self.device, self.features, self.real_world
+        if features.ratio_map:
+            self.ratio_map = RatioMap(device, features, camera)
         self.virtual_pixels = VirtualPixels(
-            device, self.layout, needs, equirect=self._equirect, camera=camera
+            device, self.layout, features, equirect=self._equirect, camera=camera
         )
-        if needs.tracing:
+        if features.tracing:
             self.real_guide = Guide(
                 device, self.layout, equirect=self._equirect, name="real", camera=camera
             )
-            self.real_pixels = RealPixels(device, self.real, self.real_guide, needs, name="real")
-        if needs.gloss:
+            self.real_pixels = RealPixels(device, self.real, self.real_guide, features, name="real")
+        if features.gloss:
             self.gloss_pixels = GlossPixels(
-                device, self.layout, needs, equirect=self._equirect, camera=camera
+                device, self.layout, features, equirect=self._equirect, camera=camera
             )
         placed = seen_from(self.instances, real.frame.pose)
-        objects = Objects(device, placed, self.view, real.panorama, needs)
+        objects = Objects(device, placed, self.view, real.panorama, features)
         self._objects = objects
         self.world = World(
             real.panorama,
@@ -281,7 +281,7 @@ class Renderer:
             )
             if self.background is not None:
                 self.real.replace_color(self.background, real.color_map)
-        if self.requirements.tracing:
+        if self.features.tracing:
             self.real_guide.run(context.view, self.real.normal, self.real.depth, self.real.id)
 
     def _relight(self, context: FrameContext) -> cla.Array | None:
@@ -291,7 +291,7 @@ class Renderer:
         ratio = self.real_pixels.run(self.world, irradiance, context)
         if self.ratio_map is not None:
             self.ratio_map.run(self.world, irradiance, context)
-        if self.requirements.relit_reflections:
+        if self.features.relit_reflections:
             ratio_map = self.ratio_map
             around = None if ratio_map is None else (ratio_map.ratio, ratio_map.rows)
             self.world.relight(ratio, self.view, context.view, around)

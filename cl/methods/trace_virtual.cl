@@ -24,7 +24,7 @@
 #define LONELY_RAYS 4.0f
 
 // How many times as many rays a pixel deserves as one whose eight neighbours are like it.
-static inline float loneliness(__global const float *restrict guide, int size, int pixel, int stride,
+static inline float isolation(__global const float *restrict guide, int size, int pixel, int stride,
                                float3 n)
 {
     int alike = 1;
@@ -68,7 +68,7 @@ TRACING_KERNEL void trace_virtual(
     int met = 0;
     const uint first = samples[pixel];
     const float steady = rays * share_of_rays(history[pixel], rays);
-    const int more = (int)(steady * loneliness(guide, size, pixel, plane_stride(width), n));
+    const int more = (int)(steady * isolation(guide, size, pixel, plane_stride(width), n));
     for (int ray = 0; ray < more; ray++) {
         const uint index = first + ray;
         const float2 u = sobol_2d(index, seed), v = sobol_2d(index, hash_combine(seed, 1));

@@ -8,8 +8,8 @@ from typing import Literal
 
 import tyro
 
-from iprt.commands.knobs import BALANCED, KnobFlags, Knobs
 from iprt.commands.pairs import Size
+from iprt.commands.setting_flags import BALANCED, ChosenSettings, SettingFlags
 from iprt.errors import IprtError
 
 MAX_FRAMES = 100_000
@@ -26,7 +26,7 @@ def bench(
     size: Size = None,
     frames: int | None = None,
     method: Literal["iprt", "ibl"] | None = None,
-    knobs: Knobs = BALANCED,
+    setting_flags: ChosenSettings = BALANCED,
     sweep: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
     one_at_a_time: bool = False,
     convergence: str | None = None,
@@ -65,7 +65,7 @@ def bench(
     method
         How virtual objects are lit; `ibl` is the baseline: a distant environment without real
         geometry. Short for --set method=.
-    knobs
+    setting_flags
         Quality preset and single settings. Later ones win: preset, file, flags.
     sweep
         Values of a setting to measure, such as trace.rays=1,2 or quality=draft,balanced; may be
@@ -128,14 +128,14 @@ def bench(
         raise IprtError(f"--frames {frames}: has no effect; --convergence says how many frames")
     frames = frames or FRAMES
     if not against_truth:
-        return _time(scene, view, size, frames, method, knobs, device, json, allow_outside)
+        return _time(scene, view, size, frames, method, setting_flags, device, json, allow_outside)
 
     from iprt.commands.bench_truth import Output, Plan, measure_convergence, measure_sweep
     from iprt.measure.sweep import combinations
     from iprt.scene.scene import Scene
 
-    assignments = knobs.assignments(method=method)
-    chosen = combinations(knobs.quality, assignments, sweep, one_at_a_time=one_at_a_time)
+    assignments = setting_flags.assignments(method=method)
+    chosen = combinations(setting_flags.quality, assignments, sweep, one_at_a_time=one_at_a_time)
     opened = Scene.open(scene, allow_outside=allow_outside)
     plan = Plan.of(opened, view, size, background or "truth", device, chosen, seeds or SEEDS)
     output = Output(json=json, markdown=markdown, html=html)
@@ -157,7 +157,7 @@ def _time(
     size: tuple[int, int] | None,
     frames: int,
     method: str | None,
-    knobs: KnobFlags,
+    setting_flags: SettingFlags,
     device: str | None,
     json: bool,
     allow_outside: bool,
@@ -177,7 +177,7 @@ def _time(
         raise IprtError(
             f"--view {views[1]}: only one view is timed, unless --sweep or --convergence is given"
         )
-    settings = knobs.resolved(method=method)
+    settings = setting_flags.resolved(method=method)
     opened = Scene.open(scene, allow_outside=allow_outside)
     chosen, objects = choose_view(opened, views[0] if views else None, size=size)
     instances = opened.instances if objects is None else opened.instances_named(objects)

@@ -220,7 +220,7 @@ def _mitsuba(
     plan: Plan, counts: Sequence[int], model: str | None
 ) -> Callable[[Callable[[int], None]], Iterator[Curve]]:
     """The rival, ready to run; what it lacks is said before anything is measured."""
-    from iprt.measure.against import run_mitsuba
+    from iprt.measure.mitsuba_curve import run_mitsuba
     from iprt.truth.backend import mitsuba
     from iprt.truth.model import load_parts
 

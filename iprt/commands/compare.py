@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Literal
 import tyro
 
 from iprt.commands.compare_video import NO_VIDEO, Video, combinations_of, compare_video
-from iprt.commands.knobs import BALANCED, Knobs
+from iprt.commands.setting_flags import BALANCED, ChosenSettings
 from iprt.errors import IprtError
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ def compare(
     background: Literal["panorama", "truth"] = "panorama",
     frames: int | None = None,
     seed: int | None = None,
-    knobs: Knobs = BALANCED,
+    setting_flags: ChosenSettings = BALANCED,
     device: str | None = None,
     json: bool = False,
     fail_under_ssim: float | None = None,
@@ -68,7 +68,7 @@ def compare(
     seed
         Seed of the random numbers; the same seed gives the same picture on the same device.
         Short for --set seed=.
-    knobs
+    setting_flags
         Quality preset and single settings. Later ones win: preset, file, flags.
     device
         gpu, cpu, a place such as 0:0 (see `iprt doctor`), or part of a device's name. Default: the
@@ -108,13 +108,13 @@ def compare(
 
     asked: list[str | None] = [name for name in METHODS if name in method or "all" in method]
     for name in asked or [None]:
-        knobs.resolved(seed=seed, method=name)  # faults in flags are told first
+        setting_flags.resolved(seed=seed, method=name)  # faults in flags are told first
     opened = Scene.open(scene, allow_outside=allow_outside)
     moving = len(opened.frame_indices) > 1
     if moving and frames is not None and not video.trails:
         raise IprtError(f"--frames {frames}: has no effect on a video without --trails")
     variants = [
-        knobs.resolved(still=not moving, seed=seed, method=name) for name in asked or [None]
+        setting_flags.resolved(still=not moving, seed=seed, method=name) for name in asked or [None]
     ]
     views = views_with_truth(opened, view)
     for path in (html, None if save is None else save / "x.png"):
@@ -124,7 +124,7 @@ def compare(
     if moving:
         if html is not None:
             raise IprtError(f"--html {html}: is for still pictures; --save shows frames of a video")
-        chosen = combinations_of(knobs, seed, asked, video)
+        chosen = combinations_of(setting_flags, seed, asked, video)
         compute = ComputeDevice(choose_device(device))
         played = compare_video(
             opened,

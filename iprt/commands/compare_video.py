@@ -18,7 +18,7 @@ from iprt.commands.pairs import FrameSpan, Size
 from iprt.errors import IprtError
 
 if TYPE_CHECKING:
-    from iprt.commands.knobs import KnobFlags
+    from iprt.commands.setting_flags import SettingFlags
     from iprt.device.compute import ComputeDevice
     from iprt.measure.stability import Flicker
     from iprt.measure.sweep import Combination
@@ -99,7 +99,7 @@ NO_VIDEO = VideoFlags()
 
 
 def combinations_of(
-    knobs: KnobFlags, seed: int | None, methods: Sequence[str | None], flags: VideoFlags
+    setting_flags: SettingFlags, seed: int | None, methods: Sequence[str | None], flags: VideoFlags
 ) -> list[Combination]:
     """The settings to play with: each of the methods, and what is swept.
 
@@ -112,8 +112,8 @@ def combinations_of(
 
     several = [f"method={','.join(map(str, methods))}"] if len(methods) > 1 else []
     return combinations(
-        knobs.quality,
-        knobs.assignments(seed=seed, method=methods[0] if len(methods) == 1 else None),
+        setting_flags.quality,
+        setting_flags.assignments(seed=seed, method=methods[0] if len(methods) == 1 else None),
         [*several, *flags.sweep],
         one_at_a_time=flags.one_at_a_time,
         still=False,
@@ -174,7 +174,7 @@ def compare_video(
 
 
 def _file_name(result: Stability) -> str:
-    """Knobs hold dots, values at times slashes."""
+    """Settings hold dots, values at times slashes."""
     return f"{result.view}-{result.label}".replace("/", "_").replace(", ", "+")
 
 

@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING, Literal
 import tyro
 
 from iprt.commands.bench import MAX_FRAMES
-from iprt.commands.knobs import BALANCED, Knobs
 from iprt.commands.pairs import Size
+from iprt.commands.setting_flags import BALANCED, ChosenSettings
 from iprt.errors import IprtError
 
 if TYPE_CHECKING:
     from iprt.device.compute import ComputeDevice
     from iprt.geometry.camera import View
+    from iprt.measure.camera_motion import Reel
     from iprt.measure.cost_report import CostReport
     from iprt.measure.profile_file import OldReport
-    from iprt.measure.reel import Reel
     from iprt.scene.scene import Scene, SceneView
     from iprt.settings.model import Settings
 
@@ -30,7 +30,7 @@ def profile(
     size: Size = None,
     frames: int = 48,
     method: Literal["iprt", "ibl"] | None = None,
-    knobs: Knobs = BALANCED,
+    setting_flags: ChosenSettings = BALANCED,
     device: str | None = None,
     compare: Path | None = None,
     trace: Path | None = None,
@@ -63,7 +63,7 @@ def profile(
     method
         How virtual objects are lit; `ibl` is the baseline: a distant environment without real
         geometry. Short for --set method=.
-    knobs
+    setting_flags
         Quality preset and single settings. Later ones win: preset, file, flags.
     device
         gpu, cpu, a place such as 0:0 (see `iprt doctor`), or part of a device's name. Default: the
@@ -99,7 +99,7 @@ def profile(
     from iprt.measure.profile_file import read_profile
     from iprt.scene.scene import Scene
 
-    settings = knobs.resolved(method=method)
+    settings = setting_flags.resolved(method=method)
     old = None if compare is None else read_profile(compare)
     opened = Scene.open(scene, allow_outside=allow_outside)
     if trace is not None:
@@ -128,7 +128,7 @@ def _reel(
 ) -> Reel:
     """The video, if there is one; else a turn around the panorama."""
     from iprt.geometry.camera import View
-    from iprt.measure.reel import Playback, Turn
+    from iprt.measure.camera_motion import Playback, Turn
 
     if len(scene.frame_indices) > 1:
         return Playback(scene, view, objects, settings)

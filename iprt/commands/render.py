@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from iprt.commands.knobs import BALANCED, Knobs
 from iprt.commands.pairs import Size
+from iprt.commands.setting_flags import BALANCED, ChosenSettings
 from iprt.errors import IprtError
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ def render(
     codec: Literal["h264", "hevc"] | None = None,
     seed: int | None = None,
     method: Literal["iprt", "ibl"] | None = None,
-    knobs: Knobs = BALANCED,
+    setting_flags: ChosenSettings = BALANCED,
     device: str | None = None,
     aov: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
     strict: bool = False,
@@ -91,7 +91,7 @@ def render(
     method
         How virtual objects are lit; `ibl` is the baseline: a distant environment without real
         geometry. Short for --set method=.
-    knobs
+    setting_flags
         Quality preset and single settings. Later ones win: preset, file, flags.
     device
         gpu, cpu, a place such as 0:0 (see `iprt doctor`), or part of a device's name. Default: the
@@ -133,7 +133,7 @@ def render(
     from iprt.commands.views import moving_view
     from iprt.scene.scene import Scene
 
-    settings = knobs.resolved(still=not video, seed=seed, method=method)
+    settings = setting_flags.resolved(still=not video, seed=seed, method=method)
     opened = Scene.open(scene, allow_outside=allow_outside, strict=strict)
     indices = frame_range(frames, opened.frame_indices)
     for path in (output, profile):

@@ -62,7 +62,7 @@ def render_plan(scene: Scene, frame: Frame) -> dict[str, dict[str, object]]:
     for name, entry in scene.views.items():
         built = film_plan(scene, frame, scene.instances_of(name), entry.view)
         memory = built.bytes / 2**20
-        plan[name] = {"parts": built.requirements.describe(), "device_memory_mib": memory}
+        plan[name] = {"parts": built.features.describe(), "device_memory_mib": memory}
     return plan
 
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from iprt.commands.knobs import BALANCED, Knobs
+from iprt.commands.setting_flags import BALANCED, ChosenSettings
 
 
-def settings(*, knobs: Knobs = BALANCED) -> int:
+def settings(*, setting_flags: ChosenSettings = BALANCED) -> int:
     """Print all settings as a TOML file for --settings, each with its meaning, bounds and default.
 
     Settings at their default are commented out: they leave the choice to --quality.
@@ -17,6 +17,7 @@ def settings(*, knobs: Knobs = BALANCED) -> int:
     """
     from iprt.settings.overrides import settings_toml
 
-    title = f"Settings of iprt, from quality {knobs.quality}. Remove the # before a knob to set it."
-    print(settings_toml(knobs.resolved(), title), end="")
+    quality = setting_flags.quality
+    title = f"Settings of iprt, from quality {quality}. Remove the # before a setting to set it."
+    print(settings_toml(setting_flags.resolved(), title), end="")
     return 0

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Literal
 
 import tyro
 
-from iprt.commands.knobs import BALANCED, Knobs
 from iprt.commands.pairs import Size
+from iprt.commands.setting_flags import BALANCED, ChosenSettings
 from iprt.errors import IprtError
 from iprt.files.termination import at_termination
 
@@ -35,7 +35,7 @@ def view(
     size: Size = None,
     fps: float = FPS,
     method: Literal["iprt", "ibl"] | None = None,
-    knobs: Knobs = BALANCED,
+    setting_flags: ChosenSettings = BALANCED,
     device: str | None = None,
     web: bool = False,
     host: str = LOCAL,
@@ -69,7 +69,7 @@ def view(
     method
         How virtual objects are lit; `ibl` is the baseline: a distant environment without real
         geometry. Short for --set method=.
-    knobs
+    setting_flags
         Quality preset and single settings to begin with. Later ones win: preset, file, flags.
     device
         gpu, cpu, a place such as 0:0 (see `iprt doctor`), or part of a device's name. Default: the
@@ -111,7 +111,7 @@ def view(
     from iprt.viewer.engine import Engine
 
     require_size(size)
-    settings = knobs.resolved(method=method)
+    settings = setting_flags.resolved(method=method)
     opened = Scene.open(scene, allow_outside=allow_outside)
     if SAVED_VIEW in opened.views and all(flag is None for flag in (view, yaw, pitch, fov)):
         view = SAVED_VIEW

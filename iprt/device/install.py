@@ -18,9 +18,9 @@ def apt_command(*packages: str) -> str:
     return f"{'' if root else 'sudo '}apt-get install -y {' '.join(packages)}"
 
 
-def pip_command(*requirements: str) -> str:
+def pip_command(*features: str) -> str:
     """For the Python environment that runs now."""
-    return shlex.join([sys.executable, "-m", "pip", "install", *requirements])
+    return shlex.join([sys.executable, "-m", "pip", "install", *features])
 
 
 def requirements(extra: str) -> list[str]:

@@ -7,8 +7,8 @@ import pyopencl.array as cla
 
 from iprt.device.compute import ComputeDevice
 from iprt.gbuffer.guide import Guide, plane_defines
+from iprt.settings.features import TOUCHED_FRAMES
 from iprt.settings.filter import MaskSettings
-from iprt.settings.requirements import TOUCHED_FRAMES
 
 LEVEL_NONE = 255
 """Level of a pixel where there is nothing to trace."""

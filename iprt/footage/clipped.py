@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.files.wording import counted
+from iprt.footage.clip_gains import lost_light
 from iprt.footage.frame import Frame
 from iprt.footage.gather import Float
 from iprt.footage.light_groups import GROUP_ROWS, Clipped, groups_of, lights_of, ties_of
 from iprt.footage.light_shading import shading_of
-from iprt.footage.lost_light import lost_light
 from iprt.footage.openings import solid_angles
 
 CHANGED = 0.3

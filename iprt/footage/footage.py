@@ -19,7 +19,7 @@ class Footage:
         There are windows.
     real_materials : tuple of Material
         Materials of glossy real surfaces.
-    own_radiance : bool
+    separate_radiance : bool
         Some frames may have a radiance that is not their colour (`Frame.radiance`).
     drifts : bool
         Some may have a `color_map`.
@@ -32,7 +32,7 @@ class Footage:
 
     openings: bool = False
     real_materials: tuple[Material, ...] = ()
-    own_radiance: bool = False
+    separate_radiance: bool = False
     drifts: bool = False
     poses: bool = False
     static_camera: bool = False
@@ -42,7 +42,7 @@ class Footage:
         cls,
         frame: Frame,
         *,
-        own_radiance: bool = False,
+        separate_radiance: bool = False,
         drifts: bool = False,
         static_camera: bool = False,
     ) -> Self:
@@ -50,7 +50,7 @@ class Footage:
         return cls(
             openings=bool(frame.opening.any()),
             real_materials=frame.real_materials,
-            own_radiance=own_radiance or frame.own_radiance,
+            separate_radiance=separate_radiance or frame.separate_radiance,
             drifts=drifts or frame.color_map is not None,
             poses=frame.pose is not None,
             static_camera=static_camera,

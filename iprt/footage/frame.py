@@ -66,7 +66,7 @@ class Frame:
         return np.maximum(mapped, np.float32(0.0))
 
     @property
-    def own_radiance(self) -> bool:
+    def separate_radiance(self) -> bool:
         """`radiance` may differ from `color`."""
         return self.light is not None or self.color_map is not None
 

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from iprt.footage.clip_gains import Tie
 from iprt.footage.frame import Frame
 from iprt.footage.gather import Float
-from iprt.footage.lost_light import Tie
 from iprt.footage.openings import components, solid_angles
 
 NEARLY, FULLY = 0.95, 0.98

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from iprt.footage.clip_gains import Shading
 from iprt.footage.frame import Frame
 from iprt.footage.gather import (
     Cells,
@@ -18,7 +19,6 @@ from iprt.footage.gather import (
     irradiance_of_rest,
 )
 from iprt.footage.light_groups import Clipped, Light, grid_cells
-from iprt.footage.lost_light import Shading
 from iprt.footage.segments import lifted, points_of_segments, segments, spread_cells, well_seen
 
 FINE_ROWS, LIGHT_ROWS, REST_ROWS = 128, 64, 32

@@ -8,9 +8,9 @@ from statistics import median
 from typing import TYPE_CHECKING
 
 from iprt.geometry.camera import View
+from iprt.measure.camera_motion import Reel, Turn
 from iprt.measure.cost import Counted, WorkRow
 from iprt.measure.cost_report import CostReport
-from iprt.measure.reel import Reel, Turn
 from iprt.settings.model import Settings
 
 if TYPE_CHECKING:

@@ -150,7 +150,7 @@ def _new_rows(new: CostReport) -> Iterator[tuple[tuple[str, str], Median]]:
 
 
 def _flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Knobs by dotted key."""
+    """Settings by dotted key."""
     flat: dict[str, Any] = {}
     for key, value in values.items():
         if isinstance(value, Mapping):

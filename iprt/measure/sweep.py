@@ -25,13 +25,13 @@ if TYPE_CHECKING:
     from iprt.scene.scene import Scene
 
 QUALITY = "quality"
-"""What may be swept besides knobs: the preset that the others start from."""
+"""What may be swept besides settings: the preset that the others start from."""
 MAX_COMBINATIONS = 1000
 
 
 @dataclass(frozen=True)
 class Combination:
-    """Settings to measure, and the swept values in them by knob."""
+    """Settings to measure, and the swept values in them by setting."""
 
     values: Mapping[str, Any]
     settings: Settings
@@ -102,14 +102,14 @@ def combinations(
     quality, given
         What is the same in all, unless it is swept.
     one_at_a_time : bool
-        Change one knob at a time, after a combination that changes none; else the product.
+        Change one setting at a time, after a combination that changes none; else the product.
     still : bool
         They are for pictures in which nothing moves.
 
     Raises
     ------
     IprtError
-        A value is not allowed, a knob is swept twice, or there are too many combinations.
+        A value is not allowed, a setting is swept twice, or there are too many combinations.
     """
     axes = [_axis(text, still=still) for text in sweeps]
     keys = [axis[0].key for axis in axes]

@@ -18,7 +18,7 @@ def sweep_grid(outcomes: Sequence[Outcome]) -> Grid:
     """A row per outcome; at least one."""
     first = outcomes[0]
     swept = list(dict.fromkeys(key for outcome in outcomes for key in outcome.combination.values))
-    # With one knob changed at a time most cells would say nothing.
+    # With one setting changed at a time most cells would say nothing.
     labelled = any(outcome.combination.values.keys() != set(swept) for outcome in outcomes)
     names = ["settings"] if labelled else swept
     several = len({outcome.target.name for outcome in outcomes}) > 1

@@ -9,7 +9,7 @@ from iprt.device.compute import ComputeDevice
 from iprt.filter.mask import Mask
 from iprt.gbuffer.guide import Guide, plane_defines
 from iprt.methods.trace import traced_arguments
-from iprt.settings.requirements import Requirements
+from iprt.settings.features import Features
 from iprt.world.world import World
 
 
@@ -26,16 +26,16 @@ class TraceGloss:
         self,
         device: ComputeDevice,
         guide: Guide,
-        requirements: Requirements,
+        features: Features,
     ) -> None:
         """Ids of `guide` are indices of the real materials + 1."""
         self._device = device
         self._guide = guide
-        self._requirements = requirements
+        self._features = features
         defines = plane_defines(
             equirect=guide.equirect,
-            RELIT=requirements.relit_reflections,
-            **requirements.gloss_defines(),
+            RELIT=features.relit_reflections,
+            **features.gloss_defines(),
         )
         self._kernel = device.kernel("methods/trace_gloss.cl", "trace_gloss", defines)
         layout = guide.layout
@@ -43,12 +43,12 @@ class TraceGloss:
         self._samples = device.zeros("gloss samples", layout.shape(1), np.uint32)
 
     def run(self, world: World, mask: Mask, view: cla.Array) -> None:
-        guide, settings = self._guide, self._requirements.settings
+        guide, settings = self._guide, self._features.settings
         with self._device.profile.section("trace gloss"):
             self._kernel(
                 (guide.layout.width * guide.layout.height,),
                 *traced_arguments(guide, mask, view, settings.trace.rays, settings.seed),
-                *world.arguments(self._requirements),
+                *world.arguments(self._features),
                 self._samples,
                 self.change,
                 mask.touched,

@@ -11,7 +11,7 @@ from iprt.gbuffer.guide import Guide
 from iprt.gbuffer.layout import PlaneLayout
 from iprt.methods.gloss import TraceGloss
 from iprt.methods.pixels import SignalFilter
-from iprt.settings.requirements import Requirements
+from iprt.settings.features import Features
 from iprt.view.real_layer import RealLayer
 from iprt.world.world import World
 
@@ -30,16 +30,16 @@ class GlossPixels:
         self,
         device: ComputeDevice,
         layout: PlaneLayout,
-        requirements: Requirements,
+        features: Features,
         *,
         equirect: bool,
         camera: cla.Array | None = None,
     ) -> None:
         """`camera`: `CameraMotion.rows`, where the camera moves."""
-        settings = requirements.settings
+        settings = features.settings
         self._guide = Guide(device, layout, equirect=equirect, name="gloss", camera=camera)
         self.mask = Mask(device, self._guide, settings.mask, name="gloss")
-        self._trace = TraceGloss(device, self._guide, requirements)
+        self._trace = TraceGloss(device, self._guide, features)
         self._filter = SignalFilter(device, self._guide, "specular", settings, name="gloss")
         self.change: cla.Array | None = None
 

@@ -19,8 +19,8 @@ from iprt.geometry.camera import View
 from iprt.methods.reflection_motion import ReflectionMotion
 from iprt.methods.relight import Relight
 from iprt.methods.trace import TraceReal, TraceVirtual
+from iprt.settings.features import Features
 from iprt.settings.model import Settings
-from iprt.settings.requirements import Requirements
 from iprt.view.real_layer import RealLayer
 from iprt.world.objects.object_layers import VisibleLayer
 from iprt.world.real.irradiance import IrradianceCache
@@ -118,22 +118,22 @@ class RealPixels:
         device: ComputeDevice,
         layer: RealLayer,
         guide: Guide,
-        requirements: Requirements,
+        features: Features,
         *,
         name: str,
         least: float = 0.0,
     ) -> None:
         """Objects that span less than `least` sr from a surface need not be taken into account."""
-        settings = requirements.settings
-        self._requirements = requirements
+        settings = features.settings
+        self._features = features
         self.layer = layer
         self._least = least
         self._guide = guide
-        self.mask = Mask(device, guide, settings.mask, name=name, graded=requirements.delta)
-        self._trace = TraceReal(device, guide, requirements, name=name)
-        kind: Kind = "delta" if requirements.delta else "ratio"
+        self.mask = Mask(device, guide, settings.mask, name=name, graded=features.delta)
+        self._trace = TraceReal(device, guide, features, name=name)
+        kind: Kind = "delta" if features.delta else "ratio"
         self._filter = SignalFilter(device, guide, kind, settings, name=name)
-        self.relight = Relight(device, guide, delta=requirements.delta, name=name)
+        self.relight = Relight(device, guide, delta=features.delta, name=name)
         self.change: cla.Array | None = None
 
     @property
@@ -150,7 +150,7 @@ class RealPixels:
         mask.run(grid_offset(context.index), motion=layer.motion, metre=world.panorama.scale)
         if cache is not None:
             cache.run(
-                world.arguments(self._requirements),
+                world.arguments(self._features),
                 world.bounds,
                 self._guide,
                 mask,
@@ -176,10 +176,10 @@ class RatioMap:
     """
 
     def __init__(
-        self, device: ComputeDevice, requirements: Requirements, camera: cla.Array | None = None
+        self, device: ComputeDevice, features: Features, camera: cla.Array | None = None
     ) -> None:
         """`camera`: `CameraMotion.rows`, where the camera moves."""
-        self.rows = requirements.settings.trace.ratio_rows
+        self.rows = features.settings.trace.ratio_rows
         self._device = device
         self._view = View(2 * self.rows, self.rows, projection="equirect")
         layout = PlaneLayout(self._view.width, self._view.height)
@@ -189,7 +189,7 @@ class RatioMap:
         )
         self._guide = Guide(device, layout, equirect=True, name="ratio map", camera=camera)
         self._pixels = RealPixels(
-            device, layer, self._guide, requirements, name="ratio map", least=MAP_LEAST
+            device, layer, self._guide, features, name="ratio map", least=MAP_LEAST
         )
         self.ratio = self._pixels.relight.ratio
         self._updates = 0
@@ -230,28 +230,28 @@ class VirtualPixels:
         self,
         device: ComputeDevice,
         layout: PlaneLayout,
-        requirements: Requirements,
+        features: Features,
         *,
         equirect: bool,
         camera: cla.Array | None = None,
     ) -> None:
         """`camera`: `CameraMotion.rows`, where the camera moves."""
-        settings = requirements.settings
+        settings = features.settings
         self.visible = VisibleLayer(device, layout, equirect=equirect)
         self._guide = Guide(device, layout, equirect=equirect, name="object", camera=camera)
         # Eq. 3 measures how alike diffuse pixels are; reflections differ from pixel to pixel.
-        sparse = settings.mask.sparse and not requirements.specular_signal
+        sparse = settings.mask.sparse and not features.specular_signal
         mask_settings = settings.mask.model_copy(update={"sparse": sparse})
         self._mask = Mask(device, self._guide, mask_settings, name="object")
-        self._trace = TraceVirtual(device, self._guide, requirements)
-        kinds: list[Kind] = ["diffuse"] if requirements.diffuse_signal else []
-        kinds += ["specular"] if requirements.specular_signal else []
+        self._trace = TraceVirtual(device, self._guide, features)
+        kinds: list[Kind] = ["diffuse"] if features.diffuse_signal else []
+        kinds += ["specular"] if features.specular_signal else []
         self._filters = {
             kind: SignalFilter(device, self._guide, kind, settings, name=kind) for kind in kinds
         }
         self._reflections = (
             ReflectionMotion(device, self._guide)
-            if requirements.specular_signal and settings.temporal.history == "fast-slow"
+            if features.specular_signal and settings.temporal.history == "fast-slow"
             else None
         )
         self.reflected: dict[Kind, cla.Array] = {}

@@ -7,7 +7,7 @@ import pyopencl.array as cla
 from iprt.device.compute import ComputeDevice
 from iprt.filter.mask import STRONG_FRAMES
 from iprt.gbuffer.guide import Guide, plane_defines
-from iprt.settings.requirements import TOUCHED_FRAMES
+from iprt.settings.features import TOUCHED_FRAMES
 from iprt.world.real.irradiance import BLACK, IrradianceCache
 from iprt.world.world import World
 

@@ -10,7 +10,7 @@ import pyopencl.array as cla
 from iprt.device.compute import ComputeDevice
 from iprt.filter.mask import Mask
 from iprt.gbuffer.guide import Guide, plane_defines
-from iprt.settings.requirements import Requirements
+from iprt.settings.features import Features
 from iprt.world.real.irradiance import IrradianceCache
 from iprt.world.world import World
 
@@ -34,15 +34,15 @@ class TraceReal:
     """
 
     def __init__(
-        self, device: ComputeDevice, guide: Guide, requirements: Requirements, *, name: str
+        self, device: ComputeDevice, guide: Guide, features: Features, *, name: str
     ) -> None:
         self._device = device
         self._guide = guide
-        self._requirements = requirements
+        self._features = features
         # Its rays look into the view only where this holds layers of the objects.
-        equirect = guide.equirect and requirements.traced_layers
-        defines = plane_defines(equirect=equirect, **requirements.trace_defines())
-        kernel = "trace_delta" if requirements.delta else "trace_real"
+        equirect = guide.equirect and features.traced_layers
+        defines = plane_defines(equirect=equirect, **features.trace_defines())
+        kernel = "trace_delta" if features.delta else "trace_real"
         self._kernel = device.kernel(f"methods/{kernel}.cl", kernel, defines)
         layout = guide.layout
         self.signal = device.zeros(f"{name} signal", layout.shape(6))
@@ -60,12 +60,12 @@ class TraceReal:
         """`cache` holds E_R for the estimator "delta", which ignores objects that span less than
         `least` sr.
         """
-        guide, settings = self._guide, self._requirements.settings
+        guide, settings = self._guide, self._features.settings
         with self._device.profile.section("trace real"):
             self._kernel(
                 (guide.layout.width * guide.layout.height,),
                 *traced_arguments(guide, mask, view, settings.trace.rays, settings.seed),
-                *world.arguments(self._requirements),
+                *world.arguments(self._features),
                 *((*cache.arguments(world.panorama), least) if cache else ()),
                 self._samples,
                 self.signal,
@@ -86,22 +86,22 @@ class TraceVirtual:
         Metres to what the specular lobe reflects, 1e6: the sky, 0: nothing; None as `specular`.
     """
 
-    def __init__(self, device: ComputeDevice, guide: Guide, requirements: Requirements) -> None:
+    def __init__(self, device: ComputeDevice, guide: Guide, features: Features) -> None:
         self._device = device
         self._guide = guide
-        self._requirements = requirements
+        self._features = features
         defines = plane_defines(
             equirect=guide.equirect,
-            RELIT=requirements.relit_reflections,
-            JITTER=requirements.jitter,
-            **requirements.gloss_defines(),
+            RELIT=features.relit_reflections,
+            JITTER=features.jitter,
+            **features.gloss_defines(),
         )
         self._kernel = device.kernel("methods/trace_virtual.cl", "trace_virtual", defines)
         layout = guide.layout
         self.diffuse = self.specular = self.hit = None
-        if requirements.diffuse_signal:
+        if features.diffuse_signal:
             self.diffuse = device.zeros("diffuse signal", layout.shape(3))
-        if requirements.specular_signal:
+        if features.specular_signal:
             self.specular = device.zeros("specular signal", layout.shape(3))
             self.hit = device.zeros("specular hit distance", layout.shape(1))
         self._samples = device.zeros("object samples", layout.shape(1), np.uint32)
@@ -115,14 +115,14 @@ class TraceVirtual:
         history: cla.Array,
     ) -> None:
         """`history` is the `Temporal.length` of the signals."""
-        guide, settings = self._guide, self._requirements.settings
+        guide, settings = self._guide, self._features.settings
         with self._device.profile.section("trace virtual"):
             self._kernel(
                 (guide.layout.width * guide.layout.height,),
                 *traced_arguments(guide, mask, view, settings.trace.object_rays, settings.seed),
                 albedo,
                 history,
-                *world.arguments(self._requirements),
+                *world.arguments(self._features),
                 self._samples,
                 self.diffuse,
                 self.specular,

@@ -1,4 +1,4 @@
-"""Every knob of the renderer, in one model: what TOML, flags and sliders set."""
+"""Every setting of the renderer, in one model: what TOML, flags and sliders set."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""Knobs: every field of `Settings` by its dotted name, as files and flags set it.
+"""Settings: every field of `Settings` by its dotted name, as files and flags set it.
 
-Everything here is read from the model, so that a new field is a knob without further ado.
+Everything here is read from the model, so that a new field is a setting without further ado.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ WIDTH = 96
 
 
 @dataclass(frozen=True)
-class Knob:
+class Setting:
     """One setting.
 
     Attributes
@@ -57,7 +57,7 @@ class Knob:
 
 @dataclass(frozen=True)
 class Assignment:
-    """A value that a file or flag gives to a knob; `source` is how an error names it."""
+    """A value that a file or flag gives to a setting; `source` is how an error names it."""
 
     key: str
     value: Any
@@ -65,15 +65,15 @@ class Assignment:
 
 
 @cache
-def knobs() -> dict[str, Knob]:
-    """All knobs by key, in the order of the model, those of the top before the groups."""
-    return {knob.key: knob for knob, _ in _walk()}
+def all_settings() -> dict[str, Setting]:
+    """All settings by key, in the order of the model, those of the top before the groups."""
+    return {setting.key: setting for setting, _ in _walk()}
 
 
 @cache
 def groups() -> dict[str, str]:
-    """What each group of knobs is about, by name."""
-    return {knob.group: about for knob, about in _walk() if knob.group}
+    """What each group of settings is about, by name."""
+    return {setting.group: about for setting, about in _walk() if setting.group}
 
 
 def resolved(quality: Quality, assignments: Iterable[Assignment] = ()) -> Settings:
@@ -82,7 +82,7 @@ def resolved(quality: Quality, assignments: Iterable[Assignment] = ()) -> Settin
     Raises
     ------
     IprtError
-        A key is no knob, or a value is of the wrong type or out of its bounds.
+        A key is no setting, or a value is of the wrong type or out of its bounds.
     """
     preset = [Assignment(k, v, f"preset {quality}: {k}") for k, v in PRESETS[quality].items()]
     return assigned(Settings(), (*preset, *assignments))
@@ -116,7 +116,7 @@ def changed(settings: Settings, values: Mapping[str, Any]) -> Settings:
 
 
 def plain_values(settings: Settings) -> dict[str, Any]:
-    """The value of every knob, as plain data."""
+    """The value of every setting, as plain data."""
     return dict(_flat(settings.model_dump(mode="json")))
 
 
@@ -126,7 +126,7 @@ def read_settings(path: Path) -> list[Assignment]:
     Raises
     ------
     IprtError
-        The file cannot be read, is no TOML, or names what is no knob.
+        The file cannot be read, is no TOML, or names what is no setting.
     """
     try:
         tables = parse_toml(read_text(path))
@@ -149,7 +149,7 @@ def parse_assignment(flag: str, text: str) -> Assignment:
     Raises
     ------
     IprtError
-        There is no `=`, or the key is no knob.
+        There is no `=`, or the key is no setting.
     """
     text = " ".join(text.split())
     key, equals, value = (part.strip() for part in text.partition("="))
@@ -169,28 +169,33 @@ def plain_value(text: str) -> Any:
 
 
 def settings_toml(settings: Settings, title: str) -> str:
-    """A file of all knobs that sets those whose value in `settings` is not the default.
+    """A file of all settings that sets those whose value in `settings` is not the default.
 
     The others are commented out, so that a preset may still choose them.
     """
     values = plain_values(settings)
     lines, group = [f"# {title}", ""], ""
-    for knob in knobs().values():
-        if knob.group != group:
-            group = knob.group
+    for setting in all_settings().values():
+        if setting.group != group:
+            group = setting.group
             lines += [f"[{group}]", *_comment(groups()[group]), ""]
-        default = "" if knob.default is None else f"; default {_toml_value(knob.default)}"
-        name = knob.key.rpartition(".")[2]
-        value = values[knob.key]
+        default = "" if setting.default is None else f"; default {_toml_value(setting.default)}"
+        name = setting.key.rpartition(".")[2]
+        value = values[setting.key]
         # TOML has no word for nothing.
         line = f"{name} =" if value is None else f"{name} = {_toml_value(value)}"
-        left_out = "#" if value == knob.default else ""
-        lines += [*_comment(knob.help), *_comment(knob.allowed + default), left_out + line, ""]
+        left_out = "#" if value == setting.default else ""
+        lines += [
+            *_comment(setting.help),
+            *_comment(setting.allowed + default),
+            left_out + line,
+            "",
+        ]
     return "\n".join(lines)
 
 
 def _require_knob(item: Assignment) -> None:
-    if item.key in knobs():
+    if item.key in all_settings():
         return
     if item.key in groups():
         members = _members(item.key)
@@ -205,17 +210,17 @@ def _require_knob(item: Assignment) -> None:
 
 
 def _members(group: str) -> str:
-    return ", ".join(key for key, knob in knobs().items() if knob.group == group)
+    return ", ".join(key for key, setting in all_settings().items() if setting.group == group)
 
 
 def _nearest(key: str) -> str | None:
-    """The knob that was probably meant: of the same or a similar name, in whatever group."""
+    """The setting that was probably meant: of the same or a similar name, in whatever group."""
     name = key.rpartition(".")[2]
     by_name: dict[str, list[str]] = {}
-    for known in knobs():
+    for known in all_settings():
         by_name.setdefault(known.rpartition(".")[2], []).append(known)
     similar = [name] if name in by_name else get_close_matches(name, by_name, n=1, cutoff=0.8)
-    candidates = [known for match in similar for known in by_name[match]] or list(knobs())
+    candidates = [known for match in similar for known in by_name[match]] or list(all_settings())
     close = get_close_matches(key, candidates, n=1, cutoff=0.0 if similar else 0.8)
     return close[0] if close else None
 
@@ -225,10 +230,10 @@ def _complaint(error: ValidationError, sources: Mapping[str, str]) -> str:
     fault = error.errors()[0]
     parts = [str(part) for part in fault["loc"]]
     keys = [".".join(parts[:count]) for count in range(len(parts), 0, -1)]
-    knob = next((knobs()[key] for key in keys if key in knobs()), None)
-    if knob is not None:
-        return f"{sources.get(knob.key, knob.key)}: expected {knob.allowed}"
-    # Knobs that do not go together: the last one given is named.
+    setting = next((all_settings()[key] for key in keys if key in all_settings()), None)
+    if setting is not None:
+        return f"{sources.get(setting.key, setting.key)}: expected {setting.allowed}"
+    # Settings that do not go together: the last one given is named.
     inside = [source for key, source in sources.items() if not keys or key.startswith(keys[-1])]
     reason = fault["msg"].removeprefix("Value error, ")
     return f"{inside[-1] if inside else 'settings'}: {reason}"
@@ -255,8 +260,8 @@ def _flat(tables: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, An
             yield key, value
 
 
-def _walk() -> Iterator[tuple[Knob, str]]:
-    """Every knob, with what its group is about."""
+def _walk() -> Iterator[tuple[Setting, str]]:
+    """Every setting, with what its group is about."""
     schema = Settings.model_json_schema()
     defaults = Settings().model_dump(mode="json")
     yield from _walk_group(schema, schema.get("$defs", {}), defaults, "", "")
@@ -264,7 +269,7 @@ def _walk() -> Iterator[tuple[Knob, str]]:
 
 def _walk_group(
     group: Schema, definitions: Schema, defaults: Mapping[str, Any], name: str, about: str
-) -> Iterator[tuple[Knob, str]]:
+) -> Iterator[tuple[Setting, str]]:
     inner = []
     for field, given in group["properties"].items():
         key = f"{name}.{field}" if name else field
@@ -275,7 +280,7 @@ def _walk_group(
             inner.append((schema, definitions, defaults[field], key, summary))
         else:
             help_text = schema.get("description", "")
-            yield Knob(key, name, defaults[field], help_text, allowed(schema), schema), about
+            yield Setting(key, name, defaults[field], help_text, allowed(schema), schema), about
     for arguments in inner:
         yield from _walk_group(*arguments)
 

@@ -30,7 +30,7 @@ PRESETS: Mapping[Quality, Mapping[str, object]] = MappingProxyType(
         },
     }
 )
-"""Knobs (see `iprt settings`) that a preset sets; all others keep their defaults."""
+"""Settings (see `iprt settings`) that a preset sets; all others keep their defaults."""
 
 STILL: Mapping[str, object] = MappingProxyType({"fading": 0.0})
-"""Knobs of pictures in which nothing moves: the mean of all frames is the best picture."""
+"""Settings of pictures in which nothing moves: the mean of all frames is the best picture."""

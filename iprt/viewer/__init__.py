@@ -11,5 +11,5 @@ Nobody waits for the device:
     with Engine(scene, lambda: ComputeDevice(choose_device(), limit_s=60.0)) as engine:
         viewport = Viewport(engine, view)
         viewport.turn(10.0, 0.0)
-        sight = viewport.poll()  # once per frame of the window: pixels, and what they are worth
+        displayed = viewport.poll()  # once per frame of the window: pixels, and what they are worth
 """

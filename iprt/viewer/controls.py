@@ -1,4 +1,4 @@
-"""Every knob as a control of an interface, made from its model: sliders, switches, choices.
+"""Every setting as a control of an interface, made from its model: sliders, switches, choices.
 
 Nothing here draws. Both viewers walk `control_groups()`, show each control at
 `value_of(settings, key)` and go on with `with_value(settings, key, value)`.
@@ -17,12 +17,12 @@ from iprt.files.toml_text import printable
 from iprt.settings.model import Settings
 from iprt.settings.overrides import (
     Assignment,
-    Knob,
     Schema,
+    Setting,
+    all_settings,
     assigned,
     changed,
     groups,
-    knobs,
     plain_values,
 )
 from iprt.settings.presets import PRESETS, Quality
@@ -44,7 +44,7 @@ class Slider:
     Attributes
     ----------
     low, high : float
-        Both are allowed values. A knob may allow others beyond: a box for text takes them.
+        Both are allowed values. A setting may allow others beyond: a box for text takes them.
     whole : bool
         Numbers are whole ones.
     bend : float
@@ -86,12 +86,12 @@ class Slider:
 
 @dataclass(frozen=True)
 class Control:
-    """A knob, as an interface shows it.
+    """A setting, as an interface shows it.
 
     Attributes
     ----------
     key : str
-        Key of the knob, `trace.object_rays`.
+        Key of the setting, `trace.object_rays`.
     label : str
         `object rays`.
     kind : {"switch", "choice", "integer", "number", "numbers"}
@@ -126,7 +126,7 @@ class Control:
 
 @dataclass(frozen=True)
 class ControlGroup:
-    """The controls of a group of knobs.
+    """The controls of a group of settings.
 
     Attributes
     ----------
@@ -145,10 +145,10 @@ class ControlGroup:
 
 @cache
 def control_groups() -> tuple[ControlGroup, ...]:
-    """All knobs, in the order of the model."""
+    """All settings, in the order of the model."""
     by_group: dict[str, list[Control]] = {}
-    for knob in knobs().values():
-        by_group.setdefault(knob.group, []).append(control_of(knob))
+    for setting in all_settings().values():
+        by_group.setdefault(setting.group, []).append(control_of(setting))
     abouts = {"": "What concerns all passes.", **groups()}
     return tuple(ControlGroup(g, abouts[g], tuple(c)) for g, c in by_group.items())
 
@@ -159,45 +159,45 @@ def controls() -> Mapping[str, Control]:
     return {control.key: control for group in control_groups() for control in group.controls}
 
 
-def control_of(knob: Knob) -> Control:
-    """The control of a knob.
+def control_of(setting: Setting) -> Control:
+    """The control of a setting.
 
     Raises
     ------
     TypeError
         No control shows values of its type.
     """
-    options = knob.schema.get("anyOf", [knob.schema])
+    options = setting.schema.get("anyOf", [setting.schema])
     schemas = [option for option in options if option.get("type") != "null"]
     if len(schemas) != 1:
-        raise TypeError(f"{knob.key}: no control takes {knob.allowed}")
+        raise TypeError(f"{setting.key}: no control takes {setting.allowed}")
     schema = schemas[0]
     choices = tuple(schema.get("enum", ()))
     kind = "choice" if choices else _KINDS.get(str(schema.get("type")))
     sliders: tuple[Slider, ...] = ()
     if kind in ("integer", "number"):
-        sliders = (slider_of(schema, knob.default),)
+        sliders = (slider_of(schema, setting.default),)
     elif kind == "numbers":
         items = schema.get("prefixItems", ())
-        defaults = knob.default if knob.default is not None else [None] * len(items)
+        defaults = setting.default if setting.default is not None else [None] * len(items)
         sliders = tuple(map(slider_of, items, defaults))
     if kind is None or (kind == "numbers" and not sliders):
-        raise TypeError(f"{knob.key}: no control takes {knob.allowed}")
-    start = knob.default
+        raise TypeError(f"{setting.key}: no control takes {setting.allowed}")
+    start = setting.default
     if start is None:
         middle = [slider.value(0.5) for slider in sliders]
         start = choices[0] if choices else middle if kind == "numbers" else (*middle, False)[0]
     return Control(
-        key=knob.key,
-        label=knob.key.rpartition(".")[2].replace("_", " "),
+        key=setting.key,
+        label=setting.key.rpartition(".")[2].replace("_", " "),
         kind=kind,
         choices=choices,
         sliders=sliders,
         nullable=len(options) > 1,
         start=start,
-        unit=str(knob.schema.get("unit", schema.get("unit", ""))),
-        help=knob.help,
-        allowed=knob.allowed,
+        unit=str(setting.schema.get("unit", schema.get("unit", ""))),
+        help=setting.help,
+        allowed=setting.allowed,
     )
 
 
@@ -234,12 +234,12 @@ def slider_of(schema: Schema, default: float | None) -> Slider:
 
 
 def value_of(settings: Settings, key: str) -> Any:
-    """What a knob is set to, as plain data."""
+    """What a setting is set to, as plain data."""
     return plain_values(settings)[key]
 
 
 def with_value(settings: Settings, key: str, value: Any) -> Settings:
-    """The settings with another value of one knob.
+    """The settings with another value of one setting.
 
     Parameters
     ----------
@@ -249,7 +249,7 @@ def with_value(settings: Settings, key: str, value: Any) -> Settings:
     Raises
     ------
     IprtError
-        It is not allowed, or there is no such knob; in one line that says what is.
+        It is not allowed, or there is no such setting; in one line that says what is.
     """
     shown = printable(_word(value), 100)
     return assigned(settings, [Assignment(key, value, f"{printable(key)} = {shown}")])
@@ -257,7 +257,7 @@ def with_value(settings: Settings, key: str, value: Any) -> Settings:
 
 @dataclass(frozen=True)
 class Preset:
-    """The preset that settings are, or the one from which the fewest knobs differ.
+    """The preset that settings are, or the one from which the fewest settings differ.
 
     Attributes
     ----------
@@ -288,7 +288,7 @@ def preset_of(settings: Settings) -> Preset:
 
 def with_preset(settings: Settings, quality: Quality) -> Settings:
     """The settings with all that presets set as this one has it, and everything else as it is."""
-    shared = {key: knobs()[key].default for preset in PRESETS.values() for key in preset}
+    shared = {key: all_settings()[key].default for preset in PRESETS.values() for key in preset}
     return changed(settings, {**shared, **PRESETS[quality]})
 
 

@@ -22,9 +22,9 @@ from iprt.scene.stance import Stance
 from iprt.settings.model import Settings
 from iprt.viewer.canvas import Stage
 from iprt.viewer.compiling import Compiling
-from iprt.viewer.exchange import Asked, Exchange, Wanted
 from iprt.viewer.files import POLL_S, Loaded, SceneFiles
 from iprt.viewer.loading import Loader
+from iprt.viewer.mailbox import Asked, Mailbox, Wanted
 from iprt.viewer.objects import ObjectState, object_states
 from iprt.viewer.plain import plain
 from iprt.viewer.session import AbandonedError, Session
@@ -42,11 +42,11 @@ MOST_PROGRAMS = 96
 
 
 class Core:
-    """Renders what an `Exchange` is asked for. All methods are called by one thread.
+    """Renders what an `Mailbox` is asked for. All methods are called by one thread.
 
     Parameters
     ----------
-    exchange : Exchange
+    mailbox : Mailbox
     scene : Scene
     device : callable
         Makes the device; called again when its driver lost it.
@@ -63,14 +63,14 @@ class Core:
 
     def __init__(
         self,
-        exchange: Exchange,
+        mailbox: Mailbox,
         scene: Scene,
         device: Callable[[], ComputeDevice],
         *,
         clock: Callable[[], float],
         allow_outside: bool = False,
     ) -> None:
-        self._exchange, self._make_device, self._clock = exchange, device, clock
+        self._mailbox, self._make_device, self._clock = mailbox, device, clock
         self._device: ComputeDevice | None = None
         self._lost = False  # the device, since the last picture
         self._compiling = Compiling(self._tell_of_compiler)
@@ -79,16 +79,16 @@ class Core:
         self._told_s = 0.0  # when something was told of the last mesh
         self._under_way: Work | None = None
         self._abandoned = 0  # one after the other
-        self.loader = Loader(exchange.stir)
+        self.loader = Loader(mailbox.stir)
         self._files = SceneFiles(
             scene,
-            exchange,
+            mailbox,
             self.loader,
             self._problems,
             clock=clock,
             allow_outside=allow_outside,
         )
-        self._video = Video(exchange, self._problems, clock)
+        self._video = Video(mailbox, self._problems, clock)
         self._settled = 0  # number of the last change of which all that it asks for is there
         self._objects: tuple[Objects, tuple[ObjectEdit, ...], Objects] | None = None
         self._footage: tuple[Loaded, Settings, Footage] | None = None
@@ -117,7 +117,7 @@ class Core:
             self._problems.pop("mesh", None)
             self._notes.clear()
         self._files.poll()
-        wanted = self._exchange.take()
+        wanted = self._mailbox.take()
         for client in self._sessions.keys() - wanted.requests.keys():
             self._sessions.pop(client).close()
             self._problems.pop(f"client {client}", None)
@@ -188,7 +188,7 @@ class Core:
             self._lost, self._abandoned = False, 0
             self._problems.pop(problem, None)
             self._failed.pop(client, None)
-            self._exchange.publish(client, shown)
+            self._mailbox.publish(client, shown)
             self._tell("rendering")
         finally:
             self._under_way = None
@@ -238,7 +238,7 @@ class Core:
         work = self._under_way
         if work is None:
             return
-        if self._exchange.closed or work.unwanted(self._exchange.wanted, self._abandoned):
+        if self._mailbox.closed or work.unwanted(self._mailbox.wanted, self._abandoned):
             raise AbandonedError
 
     def _show_plain(self) -> None:
@@ -246,13 +246,13 @@ class Core:
         work, device = self._under_way, self._device
         if work is None or device is None:
             return
-        asked = self._exchange.wanted.requests.get(work.client)
-        shown = self._exchange.shown(work.client)
+        asked = self._mailbox.wanted.requests.get(work.client)
+        shown = self._mailbox.shown(work.client)
         if asked is None or (shown is not None and not shown.plain):
             return
         if shown is None or shown.request.view != asked.request.view:
             picture = plain(work.stage.frame, asked.request, device.name)
-            self._exchange.publish(work.client, picture)
+            self._mailbox.publish(work.client, picture)
 
     def _tell_of_compiler(self) -> None:
         self._tell("rendering" if self._compiling.file is None else "compiling")
@@ -265,7 +265,7 @@ class Core:
             what = ", ".join(self.loader.running)
         counts = (compiling.built, compiling.to_build) if doing == "compiling" else (0, 0)
         told = tuple(self._problems.values()), tuple(self._notes.values())
-        self._exchange.tell(Status(doing, what, *told, *counts))
+        self._mailbox.tell(Status(doing, what, *told, *counts))
 
     # The world --------------------------------------------------------------------------------
 
@@ -337,7 +337,7 @@ class Core:
         """Those of the scene's objects, and of those that were added."""
         loaded = self._files.loaded
         objects = () if loaded is None else loaded.objects
-        edits = self._exchange.world.edits
+        edits = self._mailbox.world.edits
         return {entry.name for entry in objects} | {edit.name for edit in edits}
 
     def add(self, edit: ObjectEdit, direction: tuple[float, float], stance: Stance) -> None:
@@ -359,7 +359,7 @@ class Core:
                 if dropped := mesh.dropped:
                     self._notes[path.name] = f"{path.name}: not read: {', '.join(dropped)}"
                     self._told_s = self._clock()
-                self._exchange.edit(added.name, lambda _: added)
+                self._mailbox.edit(added.name, lambda _: added)
 
             return finish
 

@@ -21,7 +21,7 @@ from iprt.scene.scene import Scene
 from iprt.scene.stance import Stance
 from iprt.settings.model import Settings
 from iprt.viewer.core import Core
-from iprt.viewer.exchange import Exchange
+from iprt.viewer.mailbox import Mailbox
 from iprt.viewer.objects import ObjectState
 from iprt.viewer.session import Shown
 from iprt.viewer.state import Playback, PlaybackMode, Request, Status, World
@@ -33,10 +33,10 @@ LEAVING_S = 5.0
 class Client:
     """One who looks at the scene, with a view of its own. Any thread may call any method."""
 
-    def __init__(self, exchange: Exchange, request: Request) -> None:
+    def __init__(self, mailbox: Mailbox, request: Request) -> None:
         _require_renderable(request)
-        self._exchange = exchange
-        self._number = exchange.join(request)
+        self._mailbox = mailbox
+        self._number = mailbox.join(request)
 
     def ask(self, request: Request) -> int:
         """Want this in place of what was asked for before.
@@ -52,24 +52,24 @@ class Client:
             A picture without pixels, or an auxiliary picture that there is not.
         """
         _require_renderable(request)
-        return self._exchange.ask(self._number, request)
+        return self._mailbox.ask(self._number, request)
 
     @property
     def shown(self) -> Shown | None:
         """The newest picture; None: there is none yet."""
-        return self._exchange.shown(self._number)
+        return self._mailbox.shown(self._number)
 
     def wait(self, number: int, timeout_s: float) -> Shown | None:
         """The first picture from now on that answers `number`; None: there was none in time."""
-        return self._exchange.wait(self._number, lambda s: s.number >= number, timeout_s)
+        return self._mailbox.wait(self._number, lambda s: s.number >= number, timeout_s)
 
     def wait_for_newer(self, step: int, timeout_s: float) -> Shown | None:
         """The first picture after view frame `step`; None: there was none in time."""
-        return self._exchange.wait(self._number, lambda s: s.step > step, timeout_s)
+        return self._mailbox.wait(self._number, lambda s: s.step > step, timeout_s)
 
     def close(self) -> None:
         """Look no more."""
-        self._exchange.leave(self._number)
+        self._mailbox.leave(self._number)
 
 
 class Engine:
@@ -102,8 +102,8 @@ class Engine:
         self._clock, self._scene = clock, scene
         self._names: set[str] = set()  # of objects that were added; some are not there yet
         playback = Playback(scene.frame_indices[0], loop=scene.manifest.video.loop)
-        self._exchange = Exchange(World(settings or Settings(), playback), clock)
-        self._core = Core(self._exchange, scene, device, clock=clock, allow_outside=allow_outside)
+        self._mailbox = Mailbox(World(settings or Settings(), playback), clock)
+        self._core = Core(self._mailbox, scene, device, clock=clock, allow_outside=allow_outside)
         self._thread = threading.Thread(target=self._run, name="iprt viewer", daemon=True)
         self._thread.start()
 
@@ -116,14 +116,14 @@ class Engine:
     def close(self) -> None:
         """End the thread: after the view frame that it renders, or left alone after `LEAVING_S`."""
         until_s = time.monotonic() + LEAVING_S
-        self._exchange.close()
+        self._mailbox.close()
         self._thread.join(LEAVING_S)
         self._core.loader.close(until_s)
 
     def _run(self) -> None:
-        core, exchange = self._core, self._exchange
+        core, mailbox = self._core, self._mailbox
         try:
-            while not exchange.closed:
+            while not mailbox.closed:
                 try:
                     busy = core.turn()
                 except Exception as error:
@@ -131,7 +131,7 @@ class Engine:
                     core.report_defect(error)
                     busy = False
                 if not busy:
-                    exchange.rest(core.idle_s)
+                    mailbox.rest(core.idle_s)
         finally:
             core.close()
 
@@ -145,12 +145,12 @@ class Engine:
         ValueError
             As `Client.ask`.
         """
-        return Client(self._exchange, request)
+        return Client(self._mailbox, request)
 
     @property
     def world(self) -> World:
         """What all clients share, as it was asked for."""
-        return self._exchange.world
+        return self._mailbox.world
 
     @property
     def scene(self) -> Scene:
@@ -172,7 +172,7 @@ class Engine:
 
     @property
     def status(self) -> Status:
-        return self._exchange.status
+        return self._mailbox.status
 
     # The video --------------------------------------------------------------------------------
 
@@ -223,7 +223,7 @@ class Engine:
         return self._change_playback(lambda playback: replace(self._now(playback), loop=loop))
 
     def _change_playback(self, change: Callable[[Playback], Playback]) -> int:
-        return self._exchange.change(lambda world: replace(world, playback=change(world.playback)))
+        return self._mailbox.change(lambda world: replace(world, playback=change(world.playback)))
 
     def _position(self, playback: Playback) -> int:
         """Number of the frame that it has come to."""
@@ -244,7 +244,7 @@ class Engine:
 
     def set_settings(self, settings: Settings) -> int:
         """Render with other settings, which may make kernels compile."""
-        return self._exchange.change(lambda world: replace(world, settings=settings))
+        return self._mailbox.change(lambda world: replace(world, settings=settings))
 
     def place(self, name: str, to_world: NDArray[np.float64]) -> int:
         """Put an object elsewhere; (4, 4), its keyframes move it from there.
@@ -256,36 +256,36 @@ class Engine:
         """
         require_place(name, to_world)
         placed = flat(to_world)
-        return self._exchange.edit(name, lambda edit: replace(edit, to_world=placed))
+        return self._mailbox.edit(name, lambda edit: replace(edit, to_world=placed))
 
     def paint(self, name: str, material: Material) -> int:
         """Make an object of another material, all of it."""
-        return self._exchange.edit(name, lambda edit: replace(edit, material=material))
+        return self._mailbox.edit(name, lambda edit: replace(edit, material=material))
 
     def remove(self, name: str) -> int:
         """Take an object away."""
-        return self._exchange.edit(name, lambda edit: replace(edit, removed=True))
+        return self._mailbox.edit(name, lambda edit: replace(edit, removed=True))
 
     def undo(self) -> int:
         """Take the last edit back: a whole gesture, if there was one.
 
         Edits are undone by who asks, whoever made them, and also those that were saved.
         """
-        return self._exchange.undo()
+        return self._mailbox.undo()
 
     def redo(self) -> int:
         """Make the edit again that was undone last, if none was made since."""
-        return self._exchange.redo()
+        return self._mailbox.redo()
 
     @property
     def can_undo(self) -> bool:
         """There is an edit to take back."""
-        return self._exchange.can_undo
+        return self._mailbox.can_undo
 
     @property
     def can_redo(self) -> bool:
         """There is an edit to make again."""
-        return self._exchange.can_redo
+        return self._mailbox.can_redo
 
     @property
     def unsaved(self) -> tuple[str, ...]:

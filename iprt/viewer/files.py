@@ -11,8 +11,8 @@ from iprt.scene.edits import Look, save_edits
 from iprt.scene.manifest import MANIFEST_NAME, manifest_text
 from iprt.scene.objects import SceneObject
 from iprt.scene.scene import Scene
-from iprt.viewer.exchange import Exchange
 from iprt.viewer.loading import Loader
+from iprt.viewer.mailbox import Mailbox
 from iprt.viewer.watch import Stamp, Watch
 
 POLL_S = 0.5
@@ -61,7 +61,7 @@ class SceneFiles:
     Parameters
     ----------
     scene : Scene
-    exchange : Exchange
+    mailbox : Mailbox
     loader : Loader
     problems : dict of str to str
         Messages by what they are about, here "scene" and "save".
@@ -79,14 +79,14 @@ class SceneFiles:
     def __init__(
         self,
         scene: Scene,
-        exchange: Exchange,
+        mailbox: Mailbox,
         loader: Loader,
         problems: dict[str, str],
         *,
         clock: Callable[[], float],
         allow_outside: bool,
     ) -> None:
-        self._first, self._exchange, self._loader = scene, exchange, loader
+        self._first, self._mailbox, self._loader = scene, mailbox, loader
         self._problems, self._clock = problems, clock
         self._allow_outside = allow_outside
         self._watch = Watch(scene.root)
@@ -123,7 +123,7 @@ class SceneFiles:
         look : Look or None
             What the user sees (`save_edits`).
         """
-        world, loaded, exchange = self._exchange.world, self.loaded, self._exchange
+        world, loaded, mailbox = self._mailbox.world, self.loaded, self._mailbox
         if loaded is None or not world.unsaved:
             return
         ours = True
@@ -143,9 +143,9 @@ class SceneFiles:
             return replace(now, objects=loaded.objects, origin=loaded.origin, text=loaded.text)
 
         def saved() -> None:
-            exchange.saved(world.edits)
+            mailbox.saved(world.edits)
             if not ours:
-                exchange.reread()
+                mailbox.reread()
             done(None)
 
         self._read(f"saving {loaded.scene.name}", "save", write, saved, done)
@@ -154,7 +154,7 @@ class SceneFiles:
         """Another program has written files of the scene."""
 
         def then() -> None:
-            self._exchange.reread()
+            self._mailbox.reread()
             self._meshes.clear()
             assert self.loaded is not None
             self._text = self.loaded.text

@@ -21,13 +21,13 @@ FILE = "ladder.json"
 NO_SLOWER = 0.99
 """Least that a rung is taken to save."""
 SCALE = "scale"
-"""Name of the picture's resolution among the knobs of a ladder: sides relative to the window's."""
+"""Name of the picture's resolution in a ladder: sides relative to the window's."""
 
 Value = bool | int | float
 
 
-class MeasuredKnob(BaseModel):
-    """One knob changed by itself, from the settings at the top."""
+class MeasuredSetting(BaseModel):
+    """One setting changed by itself, from the settings at the top."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -61,19 +61,19 @@ class Ladder(BaseModel):
     ms: float = Field(description="Of a frame at the top, mean of the views.")
     ssim: float = Field(description="Of a picture at the top, mean of the views' cuts.")
     compiling: dict[str, int] = Field(
-        description="Programs that are compiled when a knob is turned; other knobs compile none."
+        description="Programs that are compiled when a setting changes; others compile none."
     )
-    knobs: tuple[MeasuredKnob, ...]
+    settings: tuple[MeasuredSetting, ...]
     rungs: tuple[MeasuredRung, ...]
 
     def cost_of(self, key: str, value: Value) -> float:
-        """SSIM that a knob costs by itself at this value; 0 where that was not measured."""
-        costs = (k.ssim_cost for k in self.knobs if (k.key, k.value) == (key, value))
+        """SSIM that a setting costs by itself at this value; 0 where that was not measured."""
+        costs = (k.ssim_cost for k in self.settings if (k.key, k.value) == (key, value))
         return next(costs, 0.0)
 
     def share_of(self, key: str, value: Value) -> float:
-        """Share of the time with only that knob turned; 1 where that was not measured."""
-        shares = (k.ms_share for k in self.knobs if (k.key, k.value) == (key, value))
+        """Share of the time with only that setting turned; 1 where that was not measured."""
+        shares = (k.ms_share for k in self.settings if (k.key, k.value) == (key, value))
         return next(shares, 1.0)
 
 
@@ -130,7 +130,7 @@ class Rung:
 def rungs_below(base: Settings, ladder: Ladder) -> tuple[Rung, ...]:
     """The rungs that are left below settings, of which the first are these themselves.
 
-    A rung sets no knob to more than `base` has; those that give up nothing more are left out.
+    A rung sets no setting to more than `base` has; those that give up nothing more are left out.
     """
     found = [Rung(0, base, 1.0, 1.0, 0.0, None)]
     own, before = plain_values(base), (1.0, 0.0)
@@ -185,16 +185,16 @@ def _word(value: Value) -> str:
     return ("off", "on")[value] if isinstance(value, bool) else f"{value:g}"
 
 
-def order_of_notches(notches: Mapping[str, Sequence[MeasuredKnob]]) -> list[MeasuredKnob]:
-    """In which order to turn knobs down, notch by notch: what saves most for its SSIM first.
+def order_of_notches(notches: Mapping[str, Sequence[MeasuredSetting]]) -> list[MeasuredSetting]:
+    """In which order to turn settings down, notch by notch: what saves most for its SSIM first.
 
     Parameters
     ----------
-    notches : mapping of str to sequence of MeasuredKnob
-        By knob, from the top down.
+    notches : mapping of str to sequence of MeasuredSetting
+        By setting, from the top down.
     """
     left = {key: list(found) for key, found in notches.items() if found}
-    at = dict.fromkeys(left, (1.0, 0.0))  # share and cost of the knob as it is now
+    at = dict.fromkeys(left, (1.0, 0.0))  # share and cost of the setting as it is now
     order = []
     while left:
 

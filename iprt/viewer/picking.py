@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from iprt.viewer.displayed import Readout
 from iprt.viewer.geometry import Geometry, Surface
 from iprt.viewer.lens import BUFFERS
 from iprt.viewer.session import Shown
-from iprt.viewer.sight import Readout
 
 
 class Picking:

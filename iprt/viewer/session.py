@@ -80,7 +80,7 @@ class AbandonedError(Exception):
 
 KEPT = 2
 """Renderers that a session keeps: of the picture in motion and of that at rest, which may differ in
-size and knobs."""
+size and settings."""
 
 
 class Session:
@@ -185,7 +185,7 @@ class Session:
                 self._changing = canvas
                 canvas.follow(wanted)
                 return canvas
-        # Only what differs in size and knobs may be wanted again.
+        # Only what differs in size and settings may be wanted again.
         for canvas in self._canvases[KEPT - 1 :]:
             canvas.close()
         del self._canvases[KEPT - 1 :]

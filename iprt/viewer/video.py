@@ -7,9 +7,9 @@ from collections.abc import Callable
 from iprt.errors import IprtError
 from iprt.footage.frame import Frame
 from iprt.scene.scene import Scene
-from iprt.viewer.exchange import Exchange
 from iprt.viewer.feed import Feed
 from iprt.viewer.files import Loaded
+from iprt.viewer.mailbox import Mailbox
 from iprt.viewer.state import Playback, World
 
 
@@ -18,7 +18,7 @@ class Video:
 
     Parameters
     ----------
-    exchange : Exchange
+    mailbox : Mailbox
     problems : dict of str to str
         Messages by what they are about, here "video".
     clock : callable
@@ -31,9 +31,9 @@ class Video:
     """
 
     def __init__(
-        self, exchange: Exchange, problems: dict[str, str], clock: Callable[[], float]
+        self, mailbox: Mailbox, problems: dict[str, str], clock: Callable[[], float]
     ) -> None:
-        self._exchange, self._problems, self._clock = exchange, problems, clock
+        self._mailbox, self._problems, self._clock = mailbox, problems, clock
         self._feed: Feed | None = None
         self._fed: Loaded | None = None  # whose video that is
         self._unreadable: Playback | None = None  # its frame cannot be read
@@ -94,7 +94,7 @@ class Video:
         if feed is None or fed is None or feed.drift != drift or not fed.same_video(loaded):
             if feed is not None:
                 feed.close()
-            wake = self._exchange.stir
+            wake = self._mailbox.stir
             feed = Feed(scene, world.playback, drift=drift, clock=self._clock, wake=wake)
             self._feed, self._fed, self._unreadable = feed, loaded, None
         return feed
@@ -108,4 +108,4 @@ class Video:
         if playback.mode == "every frame":
             due = self.position(playback) if shown else frames[0]
         if due == self.frame.index == frames[-1]:
-            self._exchange.play_as(playback, Playback(frames[-1], None, playback.mode))
+            self._mailbox.play_as(playback, Playback(frames[-1], None, playback.mode))

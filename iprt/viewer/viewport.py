@@ -20,6 +20,7 @@ from iprt.output.png import write_pixels
 from iprt.scene.edits import Look
 from iprt.scene.placement import set_on
 from iprt.viewer.developer import Developer
+from iprt.viewer.displayed import DisplayedFrame, Readout
 from iprt.viewer.engine import Client, Engine
 from iprt.viewer.lens import Lens
 from iprt.viewer.motion import Motion
@@ -27,7 +28,6 @@ from iprt.viewer.picking import Picking
 from iprt.viewer.rate import FrameCounter, FrameRate
 from iprt.viewer.screenshots import free_path
 from iprt.viewer.session import Shown
-from iprt.viewer.sight import Readout, Sight
 from iprt.viewer.state import REST_FRAMES, Request
 from iprt.viewer.truth import truth_problem
 
@@ -79,7 +79,7 @@ class Viewport:
         self._lens, self._motion = Lens(), Motion(target_fps, clock)
         self._edits = engine.world.edits
         self._developer = Developer()
-        self._sight: Sight | None = None
+        self._displayed: DisplayedFrame | None = None
         self._made_of: tuple[object, ...] = ()
         self._latency: tuple[float, int] | None = None
         # Each input: its number, when it came, and at which view frame.
@@ -164,7 +164,7 @@ class Viewport:
 
     @property
     def target_fps(self) -> float | None:
-        """Frames per second to hold in motion, with less resolution and cheaper knobs if need be;
+        """Frames per second to hold in motion, with less resolution and cheaper settings if needed;
         None: nothing is given up. At rest nothing is ever."""
         return self._motion.target_fps
 
@@ -238,10 +238,10 @@ class Viewport:
 
     # What it shows ----------------------------------------------------------------------------
 
-    def poll(self) -> Sight | None:
+    def poll(self) -> DisplayedFrame | None:
         """The newest picture, the same object as before if nothing is new; None: none yet."""
         shown = self._client.shown
-        if shown is not None and (self._sight is None or shown is not self._sight.shown):
+        if shown is not None and (self._displayed is None or shown is not self._displayed.shown):
             self._motion.observe(shown)
             self._picking.follow(shown)
             self._frame_rate.follow(self._engine.world.playback.since_s, shown.frame)
@@ -251,14 +251,14 @@ class Viewport:
         other = None if self._baseline is None else self._baseline.shown
         edits, lively = self._engine.world.edits, self._motion.lively
         made_of = (shown, other, self._lens, self.name, self._developer.scores, edits, lively)
-        if self._sight is None or made_of != self._made_of:
+        if self._displayed is None or made_of != self._made_of:
             self._clock(shown)
             found = self._developer.develop(
                 self._engine.scene, self.name, self._lens, shown, other, edits
             )
             self._made_of = made_of
             latency_s, frames = (self._latency if lively else None) or (None, None)
-            self._sight = Sight(
+            self._displayed = DisplayedFrame(
                 found.pixels,
                 shown,
                 found.buffer,
@@ -270,7 +270,7 @@ class Viewport:
                 frames,
                 self._motion.fps,
             )
-        return self._sight
+        return self._displayed
 
     @property
     def counter(self) -> FrameCounter | None:
@@ -299,7 +299,9 @@ class Viewport:
 
     def readout(self, x: float, y: float) -> Readout | None:
         """What the last picture holds at a place; None: there is none, or it is outside."""
-        return self._picking.readout(x, y, None if self._sight is None else self._sight.buffer)
+        return self._picking.readout(
+            x, y, None if self._displayed is None else self._displayed.buffer
+        )
 
     def object_at(self, x: float, y: float) -> str | None:
         """Name of the object that is seen at a place."""
@@ -359,11 +361,11 @@ class Viewport:
         IprtError
             There is no picture yet, or the file cannot be written.
         """
-        sight = self.poll()
-        if sight is None:
+        displayed = self.poll()
+        if displayed is None:
             raise IprtError("there is no picture yet")
         path = free_path(self._engine.scene.name, self.name, suffix, folder)
-        shown = sight.shown
+        shown = displayed.shown
         settings = self._engine.world.settings
         metadata = picture_metadata(
             scene=self._engine.scene.name,
@@ -377,7 +379,7 @@ class Viewport:
         check_output(path)
         require_writable(path)
         if path.suffix.lower() == ".png":
-            write_pixels(path, sight.pixels, metadata=metadata)
+            write_pixels(path, displayed.pixels, metadata=metadata)
         else:
             write_picture(path, shown.picture.color, aovs=shown.picture.aovs, metadata=metadata)
         return path

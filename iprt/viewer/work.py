@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from iprt.viewer.canvas import Stage
-from iprt.viewer.exchange import Asked, Wanted
+from iprt.viewer.mailbox import Asked, Wanted
 from iprt.viewer.state import Request, World
 
 ABANDON_S = 0.25

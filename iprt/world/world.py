@@ -7,7 +7,7 @@ from typing import Any
 import pyopencl.array as cla
 
 from iprt.geometry.camera import View
-from iprt.settings.requirements import Requirements
+from iprt.settings.features import Features
 from iprt.world.objects.object_bvh import ObjectBvh
 from iprt.world.objects.object_layers import EMPTY, NO_LAYERS, TracedLayers, int4
 from iprt.world.real.highlight import Highlight
@@ -73,9 +73,9 @@ class World:
         there = around or (None, 0)
         self.relit = (screen, constants, view.width, view.height, *there)
 
-    def arguments(self, requirements: Requirements) -> tuple[Any, ...]:
+    def arguments(self, features: Features) -> tuple[Any, ...]:
         """What `WORLD_PARAMETERS` of `cl/lib/world/world.h` declares, in order."""
-        trace = requirements.settings.trace
+        trace = features.settings.trace
         return (
             *self.panorama.layer_arguments(trace.thickness, trace.thickness_ratio),
             self.panorama.radiated,

@@ -10,7 +10,7 @@ from typing import Any
 import OpenEXR
 import pytest
 
-from iprt.commands.knobs import KnobFlags
+from iprt.commands.setting_flags import SettingFlags
 from iprt.commands.views import choose_view, moving_view
 from iprt.errors import FormatError, IprtError
 from iprt.geometry.camera import View
@@ -83,7 +83,7 @@ def test_picture_says_how_it_was_made(
     output, profile = tmp_path / "a.exr", tmp_path / "profile.json"
     status = command(
         output=output,
-        knobs=KnobFlags(set=("trace.rays=2",)),
+        setting_flags=SettingFlags(set=("trace.rays=2",)),
         accumulate=3,
         seed=7,
         method="ibl",
@@ -116,7 +116,10 @@ def test_picture_says_how_it_was_made(
         ({"output": "a.jpg"}, r"supported: \.exr, \.png, and for video \.mp4, \.mov, \.mkv"),
         ({"output": "a.png", "aov": ("depth",)}, r"write an \.exr"),
         ({"output": "a.exr", "accumulate": 0}, "--accumulate 0"),
-        ({"output": "a.exr", "knobs": KnobFlags(set=("trace.rays=0",))}, "--set trace.rays=0"),
+        (
+            {"output": "a.exr", "setting_flags": SettingFlags(set=("trace.rays=0",))},
+            "--set trace.rays=0",
+        ),
         ({"output": "a.exr", "seed": -1}, "--seed -1"),
         ({"output": "a.exr", "view": "nowhere"}, "--view nowhere"),
         ({"output": "a.exr", "aov": ("wrmth",)}, "--aov wrmth: no such layer.*normal"),

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from iprt.commands.knobs import KnobFlags
+from iprt.commands.setting_flags import SettingFlags
 from iprt.commands.video import WARM_UP, runs, warm_up
 from iprt.errors import DeviceLostError, FormatError, IprtError
 from iprt.files.lock import locked
@@ -152,7 +152,7 @@ def test_other_settings_or_scenes_are_not_mixed_in(
         with pytest.raises(KeyboardInterrupt):
             command(output=tmp_path / name)
         with pytest.raises(FormatError, match=r"settings\.trace\.rays was 1 then and is 2 now"):
-            command(output=tmp_path / name, knobs=KnobFlags(set=("trace.rays=2",)))
+            command(output=tmp_path / name, setting_flags=SettingFlags(set=("trace.rays=2",)))
         with pytest.raises(FormatError, match="--accumulate was 4 then and is 5 now"):
             command(output=tmp_path / name, accumulate=5)
     (folder / "cube.obj").touch()

@@ -7,8 +7,8 @@ import pytest
 
 from iprt.device.compute import ComputeDevice
 from iprt.filter.mask import LEVEL_NONE, STRONG_FRAMES, Mask, grid_offset
+from iprt.settings.features import TOUCHED_FRAMES
 from iprt.settings.filter import MaskSettings
-from iprt.settings.requirements import TOUCHED_FRAMES
 from tests.filter.gbuffer import SIZES, GBuffer, flat_gbuffer, random_gbuffer, read, upload
 from tests.oracles import mask as oracle
 

@@ -9,10 +9,10 @@ import pytest
 from numpy.typing import NDArray
 
 from iprt.files.images import decode_srgb
+from iprt.footage.clip_gains import MAX_GAIN
 from iprt.footage.clipped import ClippedLights, Recovered
 from iprt.footage.frame import Frame
 from iprt.footage.light_groups import Clipped, groups_of
-from iprt.footage.lost_light import MAX_GAIN
 from iprt.footage.openings import solid_angles
 from tests.footage.lamp_rooms import WARM, bright, clip, grey, lamp, lamp_room, srgb
 from tests.frame.radiosity import Lamp, Window, room

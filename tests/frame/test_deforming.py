@@ -95,7 +95,7 @@ def test_motion_is_that_of_vertices(
     own = np.indices((view.height, view.width))[::-1].transpose(1, 2, 0) + 0.5
     settings = chosen(METHODS[0], gbuffer=gbuffer)
     with Renderer(device, frame, path[0], view, settings) as renderer:
-        assert renderer.requirements.deforming
+        assert renderer.features.deforming
         last = 0
         for step, looked in ((0, view), (1, turned), (2, view), (2, view), (2, view)):
             previous = renderer.view
@@ -163,8 +163,8 @@ def test_only_what_deforms_needs_memory_for_it(
     plan, without = (RenderPlan.of(frame, those, VIEW, settings) for those in (path[0], stiff))
     more = {"bvh displacements", "traced displacement"} if gbuffer == "cl" else set()
     assert set(plan.buffers) - set(without.buffers) == more
-    assert plan.requirements.describe()["motion of every vertex"]
-    assert not without.requirements.describe()["motion of every vertex"]
+    assert plan.features.describe()["motion of every vertex"]
+    assert not without.features.describe()["motion of every vertex"]
     own = ComputeDevice(device.device)
     with Renderer(own, frame, path[0], VIEW, settings) as renderer:
         renderer.render(1)

@@ -97,7 +97,7 @@ def test_a_buffer_of_its_own_changes_no_bit(device: ComputeDevice, kind: dict[st
     frame = lit(**kind)
     plain = pictures(device, frame, LOOK)
     for others in (
-        pictures(device, frame, LOOK, footage=Footage.of(frame, own_radiance=True)),
+        pictures(device, frame, LOOK, footage=Footage.of(frame, separate_radiance=True)),
         pictures(device, replace(frame, light=frame.color), LOOK),
     ):
         for a, b in zip(plain, others, strict=True):
@@ -140,7 +140,7 @@ def test_only_frames_that_need_it_get_the_buffer(gloss: bool) -> None:
     plain, needed = planned(frame, [BALL]), planned(clipped(frame), [BALL])
     assert needed.kernels == plain.kernels
     assert needed.buffers == {**plain.buffers, "panorama.radiance": 64 * 32 * 16}
-    clips = Footage.of(frame, own_radiance=True)
+    clips = Footage.of(frame, separate_radiance=True)
     assert planned(frame, [BALL], footage=clips).buffers == needed.buffers
     assert RenderPlan.of(frame, [BALL], LOOK, SETTINGS, clips).bytes == sum(needed.buffers.values())
     assert planned(clipped(frame), []).buffers == planned(frame, []).buffers

@@ -18,7 +18,7 @@ from iprt.errors import IprtError
 from iprt.geometry.camera import View
 from iprt.measure import bench as bench_module
 from iprt.measure.bench import WARM_UP, benchmark
-from iprt.measure.reel import TURN_DEG, to_and_fro, turned
+from iprt.measure.camera_motion import TURN_DEG, to_and_fro, turned
 from iprt.scene.scene import Scene
 from iprt.settings.model import Settings
 from tests.profiles import frame, launch

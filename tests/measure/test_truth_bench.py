@@ -122,7 +122,7 @@ BAD: dict[str, tuple[list[str], str]] = {
     "no values": (["--sweep", "trace.rays"], "--sweep trace.rays: expected KEY=VALUE,VALUE"),
     "a gap": (["--sweep", "trace.rays=1,,2"], "--sweep trace.rays=: expected KEY=VALUE"),
     "bound": (["--sweep", "trace.rays=1,0"], "--sweep trace.rays=0: expected a whole number"),
-    "knob": (["--sweep", "trace.rais=1"], "did you mean trace.rays?"),
+    "setting": (["--sweep", "trace.rais=1"], "did you mean trace.rays?"),
     "quality": (["--sweep", "quality=best"], "--sweep quality=best: expected some of draft"),
     "fading": (["--sweep", "fading=0.1,0.5"], "has no effect on a still picture"),
     "twice": (["--sweep", "seed=1", "--sweep", "seed=2"], "--sweep seed: is swept twice"),

@@ -24,9 +24,9 @@ from iprt.geometry.camera import View
 from iprt.geometry.mesh import Instance
 from iprt.methods.trace import TraceReal, TraceVirtual
 from iprt.renderer import Renderer
+from iprt.settings.features import Features
 from iprt.settings.filter import MaskSettings
 from iprt.settings.model import Settings
-from iprt.settings.requirements import Requirements
 from iprt.world.real.camera_motion import STILL
 from iprt.world.real.irradiance import IrradianceCache
 from iprt.world.real.panorama import START_BIAS
@@ -66,8 +66,8 @@ class Kernels:
     renderer: Renderer
     view: cla.Array
 
-    def _requirements(self, seed: int, rays: int) -> Requirements:
-        needs = self.renderer.requirements
+    def _features(self, seed: int, rays: int) -> Features:
+        needs = self.renderer.features
         trace = needs.settings.trace.model_copy(update={"rays": rays, "object_rays": rays})
         irradiance = needs.settings.irradiance.model_copy(update={"first_rays": rays})
         update = {"seed": seed, "trace": trace, "irradiance": irradiance}
@@ -103,9 +103,7 @@ class Kernels:
     def _real(self, seed: int, rays: int) -> tuple[Float, Float, Float]:
         renderer = self.renderer
         assert renderer.real_pixels is not None
-        trace = TraceReal(
-            self.device, renderer.real_guide, self._requirements(seed, rays), name="run"
-        )
+        trace = TraceReal(self.device, renderer.real_guide, self._features(seed, rays), name="run")
         trace.run(
             renderer.world,
             renderer.real_pixels.mask,
@@ -125,11 +123,11 @@ class Kernels:
         """(N, 3) E_R / π of the cells of a cache that knew nothing."""
         renderer = self.renderer
         assert renderer.real_pixels is not None
-        cache = IrradianceCache(self.device, self._requirements(seed, rays))
+        cache = IrradianceCache(self.device, self._features(seed, rays))
         frame = renderer.frame
         cache.place(renderer.real_world.panorama, frame, frame, STILL, changed=0.0, cut=False)
         cache.run(
-            renderer.world.arguments(self._requirements(seed, rays)),
+            renderer.world.arguments(self._features(seed, rays)),
             renderer.world.bounds,
             renderer.real_guide,
             renderer.real_pixels.mask,
@@ -150,7 +148,7 @@ class Kernels:
         guide.run(self.view, seen.normal, seen.depth, seen.id)
         mask = Mask(device, guide, MaskSettings(sparse=False), name="run")
         mask.run((0, 0))
-        trace = TraceVirtual(device, guide, self._requirements(seed, rays))
+        trace = TraceVirtual(device, guide, self._features(seed, rays))
         nothing = device.zeros("run history", layout.shape(1))
         trace.run(renderer.world, mask, self.view, seen.albedo, nothing)
         planes = {"diffuse": trace.diffuse, "specular": trace.specular}

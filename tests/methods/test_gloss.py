@@ -235,7 +235,7 @@ def test_highlights_take_no_shadow(device: ComputeDevice) -> None:
     np.testing.assert_array_equal(picture.color[shadowed], picture.aovs["background"][shadowed])
 
 
-# Requirements ---------------------------------------------------------------------------------
+# Features ---------------------------------------------------------------------------------
 
 
 def plan(frame: Frame, chosen: Settings | None = None) -> PlanDevice:

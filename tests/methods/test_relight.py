@@ -11,7 +11,7 @@ import pytest
 from iprt.device.compute import ComputeDevice
 from iprt.filter.mask import STRONG_FRAMES
 from iprt.methods.relight import Relight
-from iprt.settings.requirements import TOUCHED_FRAMES
+from iprt.settings.features import TOUCHED_FRAMES
 from iprt.world.real.irradiance import BLACK as BLACK_SHARE
 from tests.filter.gbuffer import SIZES, GBuffer, flat_gbuffer, random_gbuffer, read, upload
 

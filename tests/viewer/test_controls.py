@@ -1,4 +1,4 @@
-"""Controls: every knob has one, whatever the model says of it, and none gives what is forbidden."""
+"""Controls: every setting has one, whatever the model says of it, and none gives a bad value."""
 
 from __future__ import annotations
 
@@ -12,7 +12,14 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, create_model
 
 from iprt.errors import IprtError
 from iprt.settings.model import Settings
-from iprt.settings.overrides import Knob, changed, knobs, plain_values, resolved, settings_toml
+from iprt.settings.overrides import (
+    Setting,
+    all_settings,
+    changed,
+    plain_values,
+    resolved,
+    settings_toml,
+)
 from iprt.settings.presets import PRESETS, Quality
 from iprt.viewer.controls import (
     Control,
@@ -43,13 +50,13 @@ def values(control: Control) -> st.SearchStrategy[Any]:
 
 def test_every_knob_has_a_control_in_its_group() -> None:
     groups = control_groups()
-    assert [c.key for group in groups for c in group.controls] == list(knobs())
+    assert [c.key for group in groups for c in group.controls] == list(all_settings())
     for group in groups:
         assert group.about.endswith(".")
         assert all(c.key.rpartition(".")[0] == group.name for c in group.controls)
     for key, control in controls().items():
-        assert control.start == knobs()[key].default
-        assert control.help == knobs()[key].help
+        assert control.start == all_settings()[key].default
+        assert control.help == all_settings()[key].help
 
 
 @pytest.mark.parametrize("control", SLIDERS, ids=lambda control: control.key)
@@ -166,7 +173,7 @@ class Other(BaseModel):
 def other(name: str) -> Control:
     schema = Other.model_json_schema()["properties"][name]
     default = Other().model_dump(mode="json")[name]
-    return control_of(Knob(name, "", default, schema["description"], "such", schema))
+    return control_of(Setting(name, "", default, schema["description"], "such", schema))
 
 
 def test_lists_and_what_may_be_nothing() -> None:

@@ -195,7 +195,7 @@ def test_edits_are_saved_with_all_else_as_it_was(scene: Scene, device: ComputeDe
 
 def _until_saved(engine: Engine) -> int:
     """Number of the change that takes the saved edits off."""
-    exchange = engine._exchange
-    with exchange._condition:
-        assert exchange._condition.wait_for(lambda: exchange._world.unsaved == (), DEADLINE_S)
-        return exchange._world_number
+    mailbox = engine._mailbox
+    with mailbox._condition:
+        assert mailbox._condition.wait_for(lambda: mailbox._world.unsaved == (), DEADLINE_S)
+        return mailbox._world_number

@@ -16,9 +16,9 @@ from iprt.scene.edits import ObjectEdit
 from iprt.scene.scene import Scene
 from iprt.scene.stance import Stance
 from iprt.settings.model import Settings
-from iprt.viewer.exchange import Exchange
 from iprt.viewer.files import POLL_S
 from iprt.viewer.history import GESTURE_S
+from iprt.viewer.mailbox import Mailbox
 from iprt.viewer.state import Playback, World
 from iprt.viewer.watch import MOST_FRAMES, Watch
 from tests.clips import clip_color, write_clip
@@ -42,7 +42,7 @@ def look_again(driver: Turns) -> None:
 
 
 def problems(driver: Turns) -> tuple[str, ...]:
-    return driver.exchange.status.problems
+    return driver.mailbox.status.problems
 
 
 def replaced(path: Path, content: bytes) -> None:
@@ -146,18 +146,18 @@ def test_a_saved_scene_is_what_was_shown(
     with turns(scene, device) as driver:
         client = driver.join()
         driver.answer(client)
-        core, exchange = driver.core, driver.exchange
+        core, mailbox = driver.core, driver.mailbox
         core.add(
             ObjectEdit("wedge", material=PLASTIC, path=path), (20.0, -40.0), Stance(height_m=0.3)
         )
         driver.settle()
-        exchange.edit("cube", lambda edit: replace(edit, removed=True))
+        mailbox.edit("cube", lambda edit: replace(edit, removed=True))
         driver.settle()
         (shown,) = core.objects
         core.save()
         driver.settle()
         assert problems(driver) == ()
-        assert exchange.world.unsaved == ()
+        assert mailbox.world.unsaved == ()
         (saved,) = core.objects
         loaded = core.scene
         look_again(driver)
@@ -176,13 +176,13 @@ def test_who_saves_is_told_what_came_of_it(scene: Scene, device: ComputeDevice) 
     text = path.read_text()
     with turns(scene, device) as driver:
         driver.answer(driver.join())
-        driver.exchange.edit("cube", lambda edit: replace(edit, removed=True))
+        driver.mailbox.edit("cube", lambda edit: replace(edit, removed=True))
         path.write_text(text.replace("format = 1", "format = "))
         driver.core.save(told.append)
         driver.settle()
         assert told == list(problems(driver))
         assert "scene.toml: not valid TOML" in str(told[0])
-        assert [edit.name for edit in driver.exchange.world.edits] == ["cube"]
+        assert [edit.name for edit in driver.mailbox.world.edits] == ["cube"]
         path.write_text("# mine\n" + text)
         driver.core.save(told.append)
         driver.settle()
@@ -194,49 +194,49 @@ def test_who_saves_is_told_what_came_of_it(scene: Scene, device: ComputeDevice) 
 
 def test_edits_are_undone_and_made_again() -> None:
     clock = Clock()
-    exchange = Exchange(World(Settings(), Playback(0)), clock)
+    mailbox = Mailbox(World(Settings(), Playback(0)), clock)
 
     def place(name: str, x: float) -> None:
         clock.now += 0.1
-        exchange.edit(name, lambda edit: replace(edit, to_world=(x,) * 16))
+        mailbox.edit(name, lambda edit: replace(edit, to_world=(x,) * 16))
 
     def now() -> dict[str, tuple[float | None, bool, bool]]:
         return {
             edit.name: (edit.to_world and edit.to_world[0], edit.removed, edit.material is not None)
-            for edit in exchange.world.edits
+            for edit in mailbox.world.edits
         }
 
     states = [now()]
     for x in range(20):  # a drag
         place("a", float(x))
     states.append(now())
-    exchange.edit("a", lambda edit: replace(edit, material=Material()))
+    mailbox.edit("a", lambda edit: replace(edit, material=Material()))
     states.append(now())
     place("b", 1.0)
     states.append(now())
     clock.now += 2 * GESTURE_S
     place("b", 2.0)
     states.append(now())
-    exchange.edit("a", lambda edit: replace(edit, removed=True))
+    mailbox.edit("a", lambda edit: replace(edit, removed=True))
     states.append(now())
     assert len({str(state) for state in states}) == len(states)
     for state in reversed(states[:-1]):
-        exchange.undo()
+        mailbox.undo()
         assert now() == state
-    last = exchange.undo()
-    assert exchange.undo() == last, "nothing is left to undo"
+    last = mailbox.undo()
+    assert mailbox.undo() == last, "nothing is left to undo"
     for state in states[1:]:
-        exchange.redo()
+        mailbox.redo()
         assert now() == state
-    assert exchange.redo() == exchange.redo()
-    exchange.undo()
+    assert mailbox.redo() == mailbox.redo()
+    mailbox.undo()
     place("b", 3.0)
-    assert exchange.redo() == exchange.redo(), "another edit was made since"
-    exchange.undo()
+    assert mailbox.redo() == mailbox.redo(), "another edit was made since"
+    mailbox.undo()
     assert now() == states[-2]
-    exchange.saved(exchange.world.edits)
-    assert exchange.world.unsaved == ()
-    exchange.undo()
-    assert exchange.world.unsaved != ()
-    exchange.redo()
-    assert exchange.world.unsaved == ()
+    mailbox.saved(mailbox.world.edits)
+    assert mailbox.world.unsaved == ()
+    mailbox.undo()
+    assert mailbox.world.unsaved != ()
+    mailbox.redo()
+    assert mailbox.world.unsaved == ()

@@ -11,9 +11,9 @@ from iprt.geometry.material import MaterialKind
 from iprt.geometry.mesh_files import MESH_SUFFIXES
 from iprt.output.tone import Curve
 from iprt.viewer import labels
+from iprt.viewer.displayed import Readout
 from iprt.viewer.lens import BUFFERS, Against
 from iprt.viewer.screenshots import default_folder, free_path
-from iprt.viewer.sight import Readout
 from iprt.viewer.state import PlaybackMode, Status
 
 

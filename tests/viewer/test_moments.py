@@ -44,7 +44,7 @@ def look_again(driver: Turns) -> None:
 
 
 def problems(driver: Turns) -> tuple[str, ...]:
-    return driver.exchange.status.problems
+    return driver.mailbox.status.problems
 
 
 def test_a_scene_is_followed_while_it_is_edited(scene: Scene, device: ComputeDevice) -> None:
@@ -75,7 +75,7 @@ def test_edits_stay_when_the_scene_is_read_again(scene: Scene, device: ComputeDe
     with turns(scene, device) as driver:
         client = driver.join()
         driver.answer(client)
-        driver.exchange.change(lambda world: world.edited(ObjectEdit("cube", removed=True)))
+        driver.mailbox.change(lambda world: world.edited(ObjectEdit("cube", removed=True)))
         driver.settle()
         rewrite(scene, "0.3, 0, 0, 0.1", "0.3, 0, 0, 0.3")
         look_again(driver)
@@ -126,7 +126,7 @@ def test_a_video_that_cannot_be_read_is_told(scene: Scene, device: ComputeDevice
         client = driver.join()
         driver.until(lambda: bool(problems(driver)))
         assert "color.0000.exr" in problems(driver)[0]
-        assert driver.exchange.status.doing == "waiting"
+        assert driver.mailbox.status.doing == "waiting"
         first.write_bytes(good)
         rewrite(scene, "fps = 24.0", "fps = 25.0")
         driver.clock.now += POLL_S
@@ -143,17 +143,17 @@ def test_a_compiler_at_work_is_told(
     with turns(scene, own) as driver:
         client = driver.join()
         driver.answer(client)
-        tell = driver.exchange.tell
-        monkeypatch.setattr(driver.exchange, "tell", lambda s: (told.append(s), tell(s)))
+        tell = driver.mailbox.tell
+        monkeypatch.setattr(driver.mailbox, "tell", lambda s: (told.append(s), tell(s)))
         driver.answer(client, driver.ask(client, view=replace(VIEW, yaw_deg=1.0)))
         assert "compiling" not in {status.doing for status in told}
         settings = SETTINGS.model_copy(update={"method": "ibl"})
         driver.answer(client, driver.change(settings=settings))
         files = [status.what for status in told if status.doing == "compiling"]
         assert "methods/trace_virtual.cl" in files
-        assert driver.exchange.status.doing == "rendering"
+        assert driver.mailbox.status.doing == "rendering"
         driver.settle()
-        assert driver.exchange.status == Status("waiting")
+        assert driver.mailbox.status == Status("waiting")
 
 
 def test_it_is_told_that_a_picture_is_rendered(
@@ -164,12 +164,12 @@ def test_it_is_told_that_a_picture_is_rendered(
         client = driver.join()
         driver.answer(client)
         driver.settle()
-        assert driver.exchange.status.doing == "waiting"
+        assert driver.mailbox.status.doing == "waiting"
         told: list[Status] = []
         launch = module.Kernel.__call__
 
         def noting(kernel: module.Kernel, *args: Any) -> None:
-            told.append(driver.exchange.status)
+            told.append(driver.mailbox.status)
             launch(kernel, *args)
 
         monkeypatch.setattr(module.Kernel, "__call__", noting)
@@ -241,7 +241,7 @@ def test_a_device_that_hangs_is_left_alone(
         driver.ask(client, view=replace(VIEW, yaw_deg=1.0))
         driver.settle()
         assert problems(driver) == ("has not answered for 60 s",)
-        assert driver.exchange.status.doing == "waiting"
+        assert driver.mailbox.status.doing == "waiting"
         assert (fails.times, len(made)) == (0, 1)
         assert driver.shown(client) is first
         again = driver.answer(client, driver.ask(client))

@@ -22,8 +22,8 @@ from iprt.viewer.engine import Engine
 from iprt.viewer.ladder import (
     SCALE,
     Ladder,
-    MeasuredKnob,
     MeasuredRung,
+    MeasuredSetting,
     measured_ladder,
     order_of_notches,
     rungs_below,
@@ -58,7 +58,7 @@ def ladder(shares: Sequence[float] = SHARES) -> Ladder:
         ms=1.0,
         ssim=1.0,
         compiling={},
-        knobs=(),
+        settings=(),
         rungs=tuple(rungs),
     )
 
@@ -254,15 +254,15 @@ def test_rungs_start_from_what_was_asked_for_and_never_exceed_it(quality: Qualit
 
 
 def test_what_was_not_there_is_not_given_up() -> None:
-    """A rung has two knobs: if the user has turned down one already, the other is left."""
-    knobs = tuple(
-        MeasuredKnob(key=key, value=1, ms_share=0.5, ssim_cost=cost)
+    """A rung has two settings: if the user has turned down one already, the other is left."""
+    settings = tuple(
+        MeasuredSetting(key=key, value=1, ms_share=0.5, ssim_cost=cost)
         for key, cost in (("trace.rays", 0.1), ("trace.object_rays", 0.2))
     )
     both = MeasuredRung(
         changes={"trace.rays": 1, "trace.object_rays": 1}, ms_share=0.25, ssim_cost=0.3
     )
-    measured = ladder().model_copy(update={"knobs": knobs, "rungs": (both,)})
+    measured = ladder().model_copy(update={"settings": settings, "rungs": (both,)})
     for rays, share, cost in ((2, 0.25, 0.3), (1, 0.5, 0.2)):
         base = changed(BASE, {"trace.rays": rays})
         _, rung = rungs_below(base, measured)
@@ -286,18 +286,18 @@ def test_the_ladder_of_the_package_gives_up_more_and_more() -> None:
         assert isinstance(settings_there, Settings)
         before = rung
     assert found.rungs[-1].changes[SCALE] <= 0.5
-    assert {knob.key for knob in found.knobs} >= found.rungs[-1].changes.keys()
+    assert {setting.key for setting in found.settings} >= found.rungs[-1].changes.keys()
 
 
 def test_what_saves_most_for_its_error_is_given_up_first() -> None:
-    def knob(key: str, value: int, share: float, cost: float) -> MeasuredKnob:
-        return MeasuredKnob(key=key, value=value, ms_share=share, ssim_cost=cost)
+    def setting(key: str, value: int, share: float, cost: float) -> MeasuredSetting:
+        return MeasuredSetting(key=key, value=value, ms_share=share, ssim_cost=cost)
 
     notches = {
-        "dear": [knob("dear", 1, 0.9, 0.1)],
-        "cheap": [knob("cheap", 2, 0.5, 0.01), knob("cheap", 1, 0.4, 0.5)],
-        "free": [knob("free", 1, 0.99, -0.01)],
-        "useless": [knob("useless", 1, 1.01, 0.0)],
+        "dear": [setting("dear", 1, 0.9, 0.1)],
+        "cheap": [setting("cheap", 2, 0.5, 0.01), setting("cheap", 1, 0.4, 0.5)],
+        "free": [setting("free", 1, 0.99, -0.01)],
+        "useless": [setting("useless", 1, 1.01, 0.0)],
     }
     order = [(notch.key, notch.value) for notch in order_of_notches(notches)]
     assert order == [("free", 1), ("cheap", 2), ("dear", 1), ("cheap", 1), ("useless", 1)]

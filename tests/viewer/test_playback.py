@@ -39,11 +39,11 @@ def test_every_frame_is_shown_however_slow_the_device_is(
                     # Nobody is a frame ahead of who has not seen the one before.
                     frames.append(shown)
                     assert len({len(other) for other in seen} - {len(frames)}) <= 1
-            return not driver.exchange.world.playback.playing
+            return not driver.mailbox.world.playback.playing
 
         driver.until(look)
         assert seen == [[0, 1, 2, 3, 4, 5]] * 2
-        assert driver.exchange.world.playback == Playback(5, None, "every frame")
+        assert driver.mailbox.world.playback == Playback(5, None, "every frame")
 
 
 def test_every_frame_comes_no_faster_than_in_the_video(scene: Scene, device: ComputeDevice) -> None:

@@ -30,8 +30,8 @@ def scene(tmp_path: Path) -> Scene:
 def save(driver: Turns, look: Look | None = None) -> None:
     driver.core.save(look=look)
     driver.settle()
-    assert driver.exchange.status.problems == ()
-    assert driver.exchange.world.unsaved == ()
+    assert driver.mailbox.status.problems == ()
+    assert driver.mailbox.world.unsaved == ()
 
 
 def test_undo_goes_on_across_saves(scene: Scene, device: ComputeDevice, tmp_path: Path) -> None:
@@ -43,29 +43,29 @@ def test_undo_goes_on_across_saves(scene: Scene, device: ComputeDevice, tmp_path
     mesh.write_bytes((scene.root / "cube.obj").read_bytes())
     with turns(Scene.open(scene.root), device, FEWEST) as driver:
         driver.answer(driver.join())
-        exchange = driver.exchange
+        mailbox = driver.mailbox
         moved = flat(np.diag([0.2, 0.2, 0.2, 1.0]))
-        exchange.edit("cube", lambda edit: replace(edit, to_world=moved))
+        mailbox.edit("cube", lambda edit: replace(edit, to_world=moved))
         save(driver)
-        exchange.edit("cube", lambda edit: replace(edit, material=PLASTIC))
+        mailbox.edit("cube", lambda edit: replace(edit, material=PLASTIC))
         save(driver)
         assert 'kind = "plastic"' in path.read_text()
-        exchange.edit("cube", lambda edit: replace(edit, removed=True))
+        mailbox.edit("cube", lambda edit: replace(edit, removed=True))
         driver.core.add(ObjectEdit("other", path=mesh), (20.0, -40.0), Stance(height_m=0.3))
         driver.settle()
         save(driver)
         assert [entry.name for entry in Scene.open(scene.root).objects] == ["other"]
         texts = [path.read_text()]
-        while exchange.can_undo:
-            exchange.undo()
+        while mailbox.can_undo:
+            mailbox.undo()
             driver.settle()
-            assert exchange.world.unsaved
+            assert mailbox.world.unsaved
             save(driver)
             texts.append(path.read_text())
         assert texts[-1] == first
         assert [state.name for state in driver.core.objects] == ["cube"]
-        while exchange.can_redo:
-            exchange.redo()
+        while mailbox.can_redo:
+            mailbox.redo()
         driver.settle()
         save(driver)
         assert path.read_text() == texts[0]
@@ -76,16 +76,16 @@ def test_what_others_write_is_kept(scene: Scene, device: ComputeDevice) -> None:
     path = scene.root / "scene.toml"
     with turns(scene, device, FEWEST) as driver:
         driver.answer(driver.join())
-        exchange = driver.exchange
-        exchange.edit("cube", lambda edit: replace(edit, material=PLASTIC))
+        mailbox = driver.mailbox
+        mailbox.edit("cube", lambda edit: replace(edit, material=PLASTIC))
         save(driver)
         path.write_text(path.read_text().replace("yaw_deg = 0.0", "yaw_deg = 7.0") + "# mine\n")
         driver.clock.now += POLL_S
         driver.core.turn()
         driver.settle()
-        assert not exchange.can_undo
+        assert not mailbox.can_undo
         assert driver.core.objects[0].materials == (PLASTIC,)
-        exchange.edit("cube", lambda edit: replace(edit, removed=True))
+        mailbox.edit("cube", lambda edit: replace(edit, removed=True))
         path.write_text(path.read_text() + "# too\n")  # not seen before it is saved
         save(driver)
         assert path.read_text().endswith("# mine\n# too\n")
@@ -107,10 +107,10 @@ def test_saved_edits_outdate_the_truth(judged: Scene, device: ComputeDevice) -> 
     first = path.read_text()
     with turns(judged, device, FEWEST) as driver:
         driver.answer(driver.join())
-        driver.exchange.edit("cube", lambda edit: replace(edit, material=PLASTIC))
+        driver.mailbox.edit("cube", lambda edit: replace(edit, material=PLASTIC))
         save(driver)
         assert Scene.open(judged.root).views["ahead"].truth_outdated
-        driver.exchange.undo()
+        driver.mailbox.undo()
         driver.settle()
         save(driver)
     assert path.read_text() == first
@@ -127,7 +127,7 @@ def test_what_was_added_is_seen_when_the_scene_is_opened_again(
         driver.core.add(ObjectEdit("other", path=mesh), (20.0, -40.0), Stance(height_m=0.3))
         driver.settle()
         save(driver, look)
-        driver.exchange.edit("other", lambda edit: replace(edit, material=PLASTIC))
+        driver.mailbox.edit("other", lambda edit: replace(edit, material=PLASTIC))
         save(driver, replace(look, view=replace(look.view, yaw_deg=15.0)))
     reopened = Scene.open(judged.root)
     assert list(reopened.views) == [*judged.views, SAVED_VIEW]
@@ -139,7 +139,7 @@ def test_what_was_added_is_seen_when_the_scene_is_opened_again(
         assert shown.geometry is not None
         assert shown.geometry.names == ("cube", "other")
         # Later saves keep it up to date, with what is shown then.
-        driver.exchange.edit("cube", lambda edit: replace(edit, material=PLASTIC))
+        driver.mailbox.edit("cube", lambda edit: replace(edit, material=PLASTIC))
         save(driver, Look(look.view, ("other",)))
     assert Scene.open(judged.root).views[SAVED_VIEW].objects == ("other",)
 

@@ -22,9 +22,9 @@ from iprt.renderer import Renderer
 from iprt.scene.scene import Scene
 from iprt.scene.stance import Stance
 from iprt.viewer.developer import OUTDATED
+from iprt.viewer.displayed import DisplayedFrame
 from iprt.viewer.engine import Engine
 from iprt.viewer.lens import Lens
-from iprt.viewer.sight import Sight
 from iprt.viewer.viewport import Viewport
 from tests.clips import write_clip
 from tests.scene.files import write_rgb
@@ -58,29 +58,29 @@ def judged(tmp_path: Path) -> Scene:
     return Scene.open(folder)
 
 
-def until(viewport: Viewport, ready: Callable[[Sight], bool]) -> Sight:
+def until(viewport: Viewport, ready: Callable[[DisplayedFrame], bool]) -> DisplayedFrame:
     end = time.monotonic() + DEADLINE_S
     while time.monotonic() < end:
-        sight = viewport.poll()
-        if sight is not None and ready(sight):
-            return sight
+        displayed = viewport.poll()
+        if displayed is not None and ready(displayed):
+            return displayed
         time.sleep(0.005)
     raise AssertionError("no such picture in time")
 
 
-def at_rest(viewport: Viewport) -> Sight:
+def at_rest(viewport: Viewport) -> DisplayedFrame:
     return until(viewport, lambda s: s.shown.refined and s.shown.request == viewport._wanted)
 
 
 def test_shows_what_iprt_renders(viewport: Viewport, engine: Engine, device: ComputeDevice) -> None:
-    sight = at_rest(viewport)
+    displayed = at_rest(viewport)
     scene = engine.scene
     settings = SETTINGS.model_copy(update={"fading": 0.0})
     with Renderer(device, scene.frame(0), scene.instances, LOOK, settings) as renderer:
         picture = renderer.render(2).color
     expected = np.rint(255.0 * display(picture, scene.exposure))
-    np.testing.assert_array_equal(sight.pixels, expected)
-    assert viewport.poll() is sight, "nothing new"
+    np.testing.assert_array_equal(displayed.pixels, expected)
+    assert viewport.poll() is displayed, "nothing new"
 
 
 def test_dragging_keeps_the_scene_under_the_cursor(viewport: Viewport) -> None:
@@ -104,8 +104,8 @@ def test_dragging_keeps_the_scene_under_the_cursor(viewport: Viewport) -> None:
 def test_any_size_of_a_window(viewport: Viewport) -> None:
     for width, height in ((0, 0), (1, 1), (40, 7), (48, 32)):
         viewport.resize(width, height)
-        sight = until(viewport, lambda s: s.shown.request.view == viewport.view)
-        assert sight.pixels.shape == (max(height, 1), max(width, 1), 3)
+        displayed = until(viewport, lambda s: s.shown.request.view == viewport.view)
+        assert displayed.pixels.shape == (max(height, 1), max(width, 1), 3)
 
 
 def test_a_panorama_keeps_its_sides(engine: Engine) -> None:
@@ -137,7 +137,7 @@ def test_comparisons_are_of_the_same_view(
     """Beside the object, input and baseline are the video as it is; ours has shadows there."""
     viewport.lens = Lens(against=against, split=0.0)
     viewport.turn(1.0, 0.0)
-    sight = until(
+    displayed = until(
         viewport,
         lambda s: (
             "|" in s.caption
@@ -147,16 +147,16 @@ def test_comparisons_are_of_the_same_view(
     )
     with Renderer(device, engine.scene.frame(0), (), viewport.view, SETTINGS) as renderer:
         video = Lens().develop(renderer.render().color, engine.scene.exposure)
-    geometry = sight.shown.geometry
+    geometry = displayed.shown.geometry
     beside, on = geometry.coverage == 0.0, geometry.coverage == 1.0
     assert on.any()
-    ours = Lens().develop(sight.shown.picture.color, engine.scene.exposure)
+    ours = Lens().develop(displayed.shown.picture.color, engine.scene.exposure)
     assert (np.abs(ours.astype(int) - video)[beside] > 4).any(), "no shadow"
-    np.testing.assert_array_equal(sight.pixels[beside], video[beside])
+    np.testing.assert_array_equal(displayed.pixels[beside], video[beside])
     if against == "input":
-        np.testing.assert_array_equal(sight.pixels, video)
+        np.testing.assert_array_equal(displayed.pixels, video)
     else:
-        assert (np.abs(sight.pixels.astype(int) - video)[on] > 4).any(), "no object"
+        assert (np.abs(displayed.pixels.astype(int) - video)[on] > 4).any(), "no object"
 
 
 def test_truth_is_scored_as_iprt_compare_does(judged: Scene, device: ComputeDevice) -> None:
@@ -174,14 +174,14 @@ def test_truth_is_scored_as_iprt_compare_does(judged: Scene, device: ComputeDevi
         viewport = Viewport(engine, own.resized(own.width // 8 + 3, own.height // 8 + 5), frames=1)
         viewport.go_to(name)
         viewport.lens = Lens(against="truth")
-        sight = until(viewport, lambda s: "SSIM" in s.caption)
-        size = (sight.pixels.shape[1], sight.pixels.shape[0])
+        displayed = until(viewport, lambda s: "SSIM" in s.caption)
+        size = (displayed.pixels.shape[1], displayed.pixels.shape[0])
         assert size == (own.width // 8, own.height // 8)
-        target = read_target(scene, name, "panorama", size, sight.shown.frame)
-        score = target.score(sight.shown.picture.color).ssim
-        assert f"SSIM {score:.3f}" in sight.caption
+        target = read_target(scene, name, "panorama", size, displayed.shown.frame)
+        score = target.score(displayed.shown.picture.color).ssim
+        assert f"SSIM {score:.3f}" in displayed.caption
         right = np.rint(255.0 * target.shown)[:, size[0] // 2 :]
-        np.testing.assert_array_equal(sight.pixels[:, size[0] // 2 :], right)
+        np.testing.assert_array_equal(displayed.pixels[:, size[0] // 2 :], right)
         viewport.turn(3.0, 0.0)
         turned = until(viewport, lambda s: "truth" in s.caption and "|" not in s.caption)
         assert turned.shown is not None
@@ -190,7 +190,7 @@ def test_truth_is_scored_as_iprt_compare_does(judged: Scene, device: ComputeDevi
 
 def test_readout_is_what_files_hold(viewport: Viewport, tmp_path: Path) -> None:
     viewport.lens = Lens(buffer="depth")
-    sight = at_rest(viewport)
+    displayed = at_rest(viewport)
     path = viewport.screenshot(".exr", tmp_path)
     import OpenEXR
 
@@ -208,7 +208,7 @@ def test_readout_is_what_files_hold(viewport: Viewport, tmp_path: Path) -> None:
         assert read.depth_m == pytest.approx(depth[read.y, read.x], rel=1e-3)
     assert viewport.readout(1.0, 0.5) is None
     png = viewport.screenshot(".png", tmp_path)
-    np.testing.assert_array_equal(imageio.v3.imread(png), sight.pixels)
+    np.testing.assert_array_equal(imageio.v3.imread(png), displayed.pixels)
     with pytest.raises(IprtError, match=r"0001\.tga"):
         viewport.screenshot(".tga", tmp_path)
 
@@ -231,18 +231,18 @@ def test_dropped_objects_stand_where_the_cursor_is(viewport: Viewport, engine: E
 def test_latency_is_told(viewport: Viewport) -> None:
     at_rest(viewport)
     viewport.turn(2.0, 0.0)
-    sight = until(viewport, lambda s: s.shown.request.view == viewport.view)
-    assert sight.latency_frames is not None
-    assert 1 <= sight.latency_frames <= 2
-    assert sight.latency_s is not None
-    assert sight.latency_s > 0.0
+    displayed = until(viewport, lambda s: s.shown.request.view == viewport.view)
+    assert displayed.latency_frames is not None
+    assert 1 <= displayed.latency_frames <= 2
+    assert displayed.latency_s is not None
+    assert displayed.latency_s > 0.0
 
 
 def test_all_buffers_can_be_seen(viewport: Viewport) -> None:
     for name in AOVS:
         viewport.lens = Lens(buffer=name)
-        sight = until(viewport, lambda s, name=name: name in s.shown.picture.aovs)
-        assert sight.pixels.shape == (32, 48, 3)
+        displayed = until(viewport, lambda s, name=name: name in s.shown.picture.aovs)
+        assert displayed.pixels.shape == (32, 48, 3)
 
 
 def test_views_of_the_scene_are_known_by_name(viewport: Viewport, engine: Engine) -> None:
@@ -283,19 +283,21 @@ def test_motion_gives_up_what_rest_gives_back(device: ComputeDevice, tmp_path: P
         viewport = Viewport(engine, LOOK, target_fps=1e4, frames=2)
         assert at_rest(viewport).preview is None
         end = time.monotonic() + DEADLINE_S
-        sight = viewport.poll()
-        while sight is None or sight.pixels.shape[0] == LOOK.height:
+        displayed = viewport.poll()
+        while displayed is None or displayed.pixels.shape[0] == LOOK.height:
             viewport.turn(1.0, 0.0)
-            sight = viewport.poll()
+            displayed = viewport.poll()
             assert time.monotonic() < end
             time.sleep(0.005)
-        assert sight.preview is not None
-        share = sight.pixels.shape[0] / LOOK.height
-        assert re.fullmatch(r"Preview at (\d+)% resolution", sight.preview.short)
-        assert int(re.findall(r"\d+", sight.preview.short)[0]) == pytest.approx(100 * share, abs=3)
-        assert "SSIM" in sight.preview.details
+        assert displayed.preview is not None
+        share = displayed.pixels.shape[0] / LOOK.height
+        assert re.fullmatch(r"Preview at (\d+)% resolution", displayed.preview.short)
+        assert int(re.findall(r"\d+", displayed.preview.short)[0]) == pytest.approx(
+            100 * share, abs=3
+        )
+        assert "SSIM" in displayed.preview.details
         # The same places are the same directions.
-        small, large = sight.shown.request.view, viewport.view
+        small, large = displayed.shown.request.view, viewport.view
         corner = np.array([0.25, 0.75])
         np.testing.assert_allclose(
             small.unproject(corner * (small.width, small.height)),
@@ -333,20 +335,20 @@ def test_captions_tell_what_is_displayed(viewport: Viewport) -> None:
     # The picture that is there does not have the buffer yet.
     assert shown is not None
     assert "hit_distance" not in shown.picture.aovs
-    sight = viewport.poll()
-    assert sight is not None
-    assert (sight.caption != "") == ("hit_distance" in sight.shown.picture.aovs)
-    sight = until(viewport, lambda s: "hit_distance" in s.shown.picture.aovs)
-    assert (sight.caption, sight.buffer) == ("Reflection distance", "hit_distance")
+    displayed = viewport.poll()
+    assert displayed is not None
+    assert (displayed.caption != "") == ("hit_distance" in displayed.shown.picture.aovs)
+    displayed = until(viewport, lambda s: "hit_distance" in s.shown.picture.aovs)
+    assert (displayed.caption, displayed.buffer) == ("Reflection distance", "hit_distance")
     read = viewport.readout(0.5, 0.5)
     assert read is not None
     assert read.text.count("reflection distance") == 1
     viewport.lens = Lens(buffer="hit_distance", against="input")
-    sight = until(viewport, lambda s: "|" in s.caption)
-    assert sight.caption.startswith("Reflection distance | Input")
+    displayed = until(viewport, lambda s: "|" in s.caption)
+    assert displayed.caption.startswith("Reflection distance | Input")
     viewport.lens = Lens(against="input", error=True)
-    sight = until(viewport, lambda s: s.caption.startswith("Difference"))
-    assert sight.caption.startswith("Difference from input, white is 25%")
+    displayed = until(viewport, lambda s: s.caption.startswith("Difference"))
+    assert displayed.caption.startswith("Difference from input, white is 25%")
     assert client is viewport._client
 
 

@@ -75,7 +75,7 @@ def test_what_is_not_wanted_any_more_is_abandoned(
             assert meanwhile.finished == 0
             assert driver.shown(client) is not None
             shown = driver.answer(client, numbers[0])
-            assert driver.exchange.status.problems == ()
+            assert driver.mailbox.status.problems == ()
             monkeypatch.undo()
             driver.change(settings=SETTINGS, edits=())
             driver.answer(client, driver.ask(client))
@@ -130,10 +130,10 @@ def test_the_first_picture_is_the_video(scene: Scene, device: ComputeDevice) -> 
     told: list[Status] = []
     pictures: list[object] = []
     with turns(scene, own) as driver:
-        exchange = driver.exchange
-        tell, publish = exchange.tell, exchange.publish
-        exchange.tell = lambda s: (told.append(s), tell(s))[1]  # type: ignore[method-assign]
-        exchange.publish = (  # type: ignore[method-assign]
+        mailbox = driver.mailbox
+        tell, publish = mailbox.tell, mailbox.publish
+        mailbox.tell = lambda s: (told.append(s), tell(s))[1]  # type: ignore[method-assign]
+        mailbox.publish = (  # type: ignore[method-assign]
             lambda client, shown: (pictures.append(shown), publish(client, shown))[1]
         )
         client = driver.join(frames=2)
@@ -180,13 +180,13 @@ def test_what_a_mesh_file_lost_is_told(scene: Scene, device: ComputeDevice, tmp_
         driver.answer(driver.join())
         driver.core.add(ObjectEdit("painted", path=path), (20.0, -40.0), Stance(height_m=0.3))
         driver.settle()
-        (note,) = driver.exchange.status.notes
+        (note,) = driver.mailbox.status.notes
         assert note.startswith("painted.ply: not read: ")
         assert "colours" in note
-        assert driver.exchange.status.problems == ()
+        assert driver.mailbox.status.problems == ()
         driver.clock.now += 100.0
         driver.settle()
-        assert driver.exchange.status.notes == ()
+        assert driver.mailbox.status.notes == ()
 
 
 def test_renderers_and_programs_do_not_pile_up(
@@ -216,7 +216,7 @@ def test_renderers_and_programs_do_not_pile_up(
             alive = [ref for ref in renderers if ref() is not None]
             assert len(alive) <= 2
         in_use = len(own.built_programs)
-        driver.exchange.leave(client)
+        driver.mailbox.leave(client)
         driver.settle()
         gc.collect()
         assert not [ref for ref in renderers if ref() is not None]

@@ -13,7 +13,7 @@ from iprt.geometry.camera import View
 from iprt.scene.scene import Scene
 from iprt.settings.model import Settings
 from iprt.viewer.core import Core
-from iprt.viewer.exchange import Exchange
+from iprt.viewer.mailbox import Mailbox
 from iprt.viewer.session import Shown
 from iprt.viewer.state import Playback, Request, World
 from tests.films import FEW
@@ -40,20 +40,20 @@ class Turns:
 
     def __init__(self, scene: Scene, make: Callable[[], ComputeDevice], settings: Settings) -> None:
         self.clock = Clock()
-        self.exchange = Exchange(World(settings, Playback(scene.frame_indices[0])))
-        self.core = Core(self.exchange, scene, make, clock=self.clock)
+        self.mailbox = Mailbox(World(settings, Playback(scene.frame_indices[0])))
+        self.core = Core(self.mailbox, scene, make, clock=self.clock)
 
     def join(self, **request: Any) -> int:
-        return self.exchange.join(Request(**{"view": VIEW, "frames": 1, **request}))
+        return self.mailbox.join(Request(**{"view": VIEW, "frames": 1, **request}))
 
     def ask(self, client: int, **request: Any) -> int:
-        return self.exchange.ask(client, Request(**{"view": VIEW, "frames": 1, **request}))
+        return self.mailbox.ask(client, Request(**{"view": VIEW, "frames": 1, **request}))
 
     def change(self, **parts: Any) -> int:
-        return self.exchange.change(lambda world: replace(world, **parts))
+        return self.mailbox.change(lambda world: replace(world, **parts))
 
     def shown(self, client: int) -> Shown:
-        shown = self.exchange.shown(client)
+        shown = self.mailbox.shown(client)
         assert shown is not None
         return shown
 
@@ -61,7 +61,7 @@ class Turns:
         """Turns until something is so; how many of them did something."""
         count, end = 0, time.monotonic() + DEADLINE_S
         while not done():
-            assert time.monotonic() < end, self.exchange.status
+            assert time.monotonic() < end, self.mailbox.status
             count += self.core.turn() or self._pause()
         return count
 
@@ -69,7 +69,7 @@ class Turns:
         """The first picture that answers a number."""
 
         def answered() -> bool:
-            shown = self.exchange.shown(client)
+            shown = self.mailbox.shown(client)
             return shown is not None and shown.number >= number
 
         self.until(answered)

@@ -92,7 +92,7 @@ static inline int visible_samples(const Objects world, __global const float *res
 }
 
 // A neighbour with a surface, -1: none.
-static inline int lender(__global const float4 *restrict front, int x, int y, int width, int height)
+static inline int nearest_covered_neighbour(__global const float4 *restrict front, int x, int y, int width, int height)
 {
     const int2 steps[8] = {{-1, 0}, {1, 0}, {0, -1}, {0, 1}, {-1, -1}, {1, -1}, {-1, 1}, {1, 1}};
     for (int i = 0; i < 8; i++) {
@@ -140,7 +140,7 @@ TRACING_KERNEL void show_objects(
     const int visible = visible_samples(world, view, x, y, (int)its_material.w, surface,
                                         surface_width, surface_height, &albedo);
     its_material.xyz = albedo;
-    const int from = visible > 0 && !(seen.w > 0.0f) ? lender(front, x, y, width, height) : -1;
+    const int from = visible > 0 && !(seen.w > 0.0f) ? nearest_covered_neighbour(front, x, y, width, height) : -1;
     if (from >= 0) {
         const float4 lent = front[from];
         const float2 at = (float2)(from % width + 0.5f, from / width + 0.5f);

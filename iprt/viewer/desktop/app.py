@@ -105,16 +105,16 @@ class App:
         ui, status = self.ui, self._engine.status
         busy = status.doing != "waiting" or ui.playing
         stirred = self.window.wait(BUSY_S if busy else IDLE_S)
-        sight, status = ui.viewport.poll(), self._engine.status
-        if sight is not ui.sight and sight is not None:
-            self.window.upload(sight.pixels)
-            ui.timeline.add(sight.shown)
-        ui.sight = sight
+        displayed, status = ui.viewport.poll(), self._engine.status
+        if displayed is not ui.displayed and displayed is not None:
+            self.window.upload(displayed.pixels)
+            ui.timeline.add(displayed.shown)
+        ui.displayed = displayed
         ui.tell_saved()
         if ui.closing and not ui.unsaved:
             self.window.closing, ui.closing = True, False
         # The view too: drags change it while the window is drawn, too late for what is below.
-        new = (sight, status, ui.notice, ui.leaving, ui.viewport.view)
+        new = (displayed, status, ui.notice, ui.leaving, ui.viewport.view)
         if new != self._drawn:
             self._drawn, self._unsettled = new, SETTLING
         typing = imgui.get_io().want_text_input  # its cursor blinks

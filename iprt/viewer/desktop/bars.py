@@ -90,24 +90,24 @@ def status(ui: UiState) -> None:
 
 
 def _activity(ui: UiState) -> tuple[str, Color]:
-    engine, sight = ui.engine.status, ui.sight
+    engine, displayed = ui.engine.status, ui.displayed
     if engine.problems:
         return f"{icons.ICON_FA_TRIANGLE_EXCLAMATION}  {engine.problems[0]}", BAD
-    if engine.doing in ("compiling", "loading") or sight is None:
+    if engine.doing in ("compiling", "loading") or displayed is None:
         return engine.text, ACCENT
-    done = engine.doing == "waiting" and sight.shown.refined
+    done = engine.doing == "waiting" and displayed.shown.refined
     return ("ready", GOOD) if done else ("rendering", ACCENT)
 
 
 def _figures(ui: UiState) -> list[tuple[float, str, str]]:
     """What is to be told of the picture: the width of its place in em, words, and their meaning."""
-    sight = ui.sight
-    if sight is None or sight.shown.plain:
+    displayed = ui.displayed
+    if displayed is None or displayed.shown.plain:
         return []
-    shown, view = sight.shown, sight.shown.request.view
+    shown, view = displayed.shown, displayed.shown.request.view
     noise = "" if shown.noise is None else f"noise {100.0 * shown.noise:.2g}%"
-    speed = "" if sight.fps is None else f"{sight.fps:.1f} fps"
-    latency = "" if sight.latency_s is None else f"latency {1e3 * sight.latency_s:.0f} ms"
+    speed = "" if displayed.fps is None else f"{displayed.fps:.1f} fps"
+    latency = "" if displayed.latency_s is None else f"latency {1e3 * displayed.latency_s:.0f} ms"
     unsaved = f"unsaved: {', '.join(ui.engine.unsaved)}" if ui.unsaved else ""
     return [
         (6.5, f"{view.width} × {view.height}", "Pixels that are rendered"),

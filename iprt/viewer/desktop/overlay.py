@@ -92,8 +92,8 @@ def split_bar(ui: UiState, rectangle: Rectangle, *, lit: bool) -> None:
 
 def caption(ui: UiState, rectangle: Rectangle) -> None:
     """In the upper right corner: what is shown if not the picture, and what misleads in it."""
-    sight = ui.sight
-    words = [] if sight is None else [(sight.caption, TEXT), (sight.warning, ACCENT)]
+    displayed = ui.displayed
+    words = [] if displayed is None else [(displayed.caption, TEXT), (displayed.warning, ACCENT)]
     words = [(text, color) for text, color in words if text]
     if not words:
         return
@@ -120,8 +120,8 @@ def activity(ui: UiState, rectangle: Rectangle) -> None:
         lines.append((notice[0], BAD if notice[1] else TEXT))
     if status.doing in ("compiling", "loading"):
         lines.append((status.text, ACCENT))
-    if ui.sight is not None and ui.sight.preview is not None:
-        preview = ui.sight.preview
+    if ui.displayed is not None and ui.displayed.preview is not None:
+        preview = ui.displayed.preview
         lines.append((preview.short, TEXT))
     if not lines:
         return

@@ -83,18 +83,18 @@ class PictureView:
 
     def _turned(self) -> Matrix | None:
         """How the last picture is turned to be that of the view; None: it is as it was rendered."""
-        sight = self._ui.sight
-        if sight is None:
+        displayed = self._ui.displayed
+        if displayed is None:
             return None
-        return turned(self._ui.viewport.view, sight.shown.request.view)
+        return turned(self._ui.viewport.view, displayed.shown.request.view)
 
     def _fitted(self, area: Rectangle) -> Rectangle:
         """Where the picture is; with margins if it has other sides."""
-        sight = self._ui.sight
-        if sight is None:
+        displayed = self._ui.displayed
+        if displayed is None:
             return area
         left, top, width, height = area
-        rows, columns = sight.pixels.shape[:2]
+        rows, columns = displayed.pixels.shape[:2]
         aspect = columns / rows
         if abs(aspect * height / width - 1.0) <= max(MISFIT, 1.0 / min(rows, columns)):
             return area
@@ -173,11 +173,11 @@ class PictureView:
 
     def _camera(self) -> tuple[View, Matrix | None] | None:
         """The view that is seen, and the capture centre's pose; None: nothing is."""
-        sight = self._ui.sight
-        if sight is None or sight.shown.request.view.projection != "perspective":
+        displayed = self._ui.displayed
+        if displayed is None or displayed.shown.request.view.projection != "perspective":
             return None
-        view = sight.shown.request.view if self._turn is None else self._ui.viewport.view
-        return view, sight.shown.pose
+        view = displayed.shown.request.view if self._turn is None else self._ui.viewport.view
+        return view, displayed.shown.pose
 
     def _foot(self, state: ObjectState) -> Matrix:
         """The middle of an object's lower side, before its transform."""

@@ -101,7 +101,7 @@ _CLAMPED = imgui.SliderFlags_.always_clamp
 
 def _objects(ui: UiState) -> None:
     states, shown = ui.engine.objects, ui.viewport.objects
-    if not states and ui.sight is not None:  # before that they are only not read yet
+    if not states and ui.displayed is not None:  # before that they are only not read yet
         quiet("None yet: drop a .glb, .gltf, .obj, .ply or .stl file on the picture.")
     for state in states:
         visible = shown is None or state.name in shown

@@ -14,9 +14,9 @@ from iprt.errors import IprtError
 from iprt.geometry.mesh_files import MESH_SUFFIXES
 from iprt.settings.model import Settings
 from iprt.viewer.desktop.gizmo import Mode
+from iprt.viewer.displayed import DisplayedFrame
 from iprt.viewer.engine import Engine
 from iprt.viewer.objects import ObjectState
-from iprt.viewer.sight import Sight
 from iprt.viewer.timeline import Timeline
 from iprt.viewer.viewport import Viewport
 
@@ -51,7 +51,7 @@ class UiState:
         The window is to close as soon as all is saved.
     cursor : (x, y) or None
         Place in the last picture that the mouse is at, as shares of its width and height.
-    sight : Sight or None
+    displayed : DisplayedFrame or None
         What is shown.
     timeline : Timeline
         What the last view frames took.
@@ -64,7 +64,7 @@ class UiState:
         self.align, self.readout, self.panels = False, True, True
         self.help = self.browsing = self.leaving = self.closing = False
         self.cursor: tuple[float, float] | None = None
-        self.sight: Sight | None = None
+        self.displayed: DisplayedFrame | None = None
         self.timeline = Timeline()
         self._notice: tuple[str, bool, float] | None = None
         self._saved: SimpleQueue[str | None] = SimpleQueue()  # what came of it
@@ -168,7 +168,7 @@ class UiState:
     def frame(self) -> int:
         """The video frame that is wanted, or the one that is shown while the video plays."""
         playback = self.engine.world.playback
-        shown = self.sight
+        shown = self.displayed
         return playback.frame if not playback.playing or shown is None else shown.shown.frame
 
     @property

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from iprt.errors import IprtError
 from iprt.geometry.camera import View
+from iprt.viewer.displayed import DisplayedFrame, Readout
 from iprt.viewer.engine import Engine
 from iprt.viewer.objects import ObjectState
-from iprt.viewer.sight import Readout, Sight
 from iprt.viewer.viewport import Viewport
 from iprt.viewer.web.camera import look_of, position_of
 from iprt.viewer.web.divider import Divider
@@ -80,7 +80,7 @@ class Browser:
     ----------
     viewport : Viewport
         Used by this window's thread only.
-    sight : Sight or None
+    displayed : DisplayedFrame or None
         The picture that the browser has.
     selected : str or None
         Name of the object that is edited.
@@ -92,7 +92,7 @@ class Browser:
 
     def __init__(self, engine: Engine, client: Any, start: Start, uploads: Path) -> None:
         self.engine, self.client, self.uploads = engine, client, uploads
-        self.sight: Sight | None = None
+        self.displayed: DisplayedFrame | None = None
         self.selected: str | None = None
         self.snapping = self.aligned = False
         self.read: Readout | None = None
@@ -185,7 +185,7 @@ class Browser:
     @property
     def centre(self) -> NDArray[np.float64]:
         """The capture centre in the world, which is the origin of what the browser draws."""
-        pose = None if self.sight is None else self.sight.shown.pose
+        pose = None if self.displayed is None else self.displayed.shown.pose
         return np.zeros(3) if pose is None else pose[:3, 3]
 
     @property
@@ -207,9 +207,9 @@ class Browser:
 
         Both are as high: see `Truth.view`.
         """
-        if self.sight is None:
+        if self.displayed is None:
             return x, y
-        window, picture = self.viewport.view, self.sight.shown.request.view
+        window, picture = self.viewport.view, self.displayed.shown.request.view
         wider = (picture.width * window.height) / (picture.height * window.width)
         return 0.5 + (x - 0.5) / wider, y
 
@@ -307,12 +307,12 @@ class Browser:
 
     def _show(self) -> bool:
         """Send the newest picture, if there is one; whether there was."""
-        sight = self.viewport.poll()
-        if sight is None or self._closed:
+        displayed = self.viewport.poll()
+        if displayed is None or self._closed:
             return False
         viewport = self.viewport
-        sent = self._sender.follow(sight, viewport.view.height, viewport.lens.split)
-        self.sight = sight
+        sent = self._sender.follow(displayed, viewport.view.height, viewport.lens.split)
+        self.displayed = displayed
         return sent
 
 

@@ -9,9 +9,9 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from iprt.viewer.displayed import DisplayedFrame, Readout
 from iprt.viewer.engine import Engine
 from iprt.viewer.objects import ObjectState
-from iprt.viewer.sight import Readout, Sight
 from iprt.viewer.viewport import Viewport
 
 
@@ -22,7 +22,7 @@ class BrowserApi(Protocol):
     client: Any
     uploads: Path
     viewport: Viewport
-    sight: Sight | None
+    displayed: DisplayedFrame | None
     selected: str | None
     snapping: bool
     aligned: bool

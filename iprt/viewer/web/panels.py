@@ -5,8 +5,8 @@ from __future__ import annotations
 from html import escape
 from typing import Protocol
 
+from iprt.viewer.displayed import DisplayedFrame
 from iprt.viewer.labels import PICTURE
-from iprt.viewer.sight import Sight
 from iprt.viewer.web.binding import show
 from iprt.viewer.web.browser_api import BrowserApi
 from iprt.viewer.web.files_panel import FilesPanel
@@ -72,14 +72,14 @@ class Status:
 
     def _content(self) -> str:
         browser = self._browser
-        status, sight = browser.engine.status, browser.sight
+        status, displayed = browser.engine.status, browser.displayed
         lines = [_line("state", status.text)]
         lines += [_news("problem", "#ff8787", problem) for problem in status.problems]
-        if sight is not None and sight.warning:
-            lines.append(_news("warning", "#ffc078", sight.warning))
+        if displayed is not None and displayed.warning:
+            lines.append(_news("warning", "#ffc078", displayed.warning))
         lines += [_news("note", "#74c0fc", note) for note in status.notes]
-        if sight is not None:
-            lines += self._picture(sight)
+        if displayed is not None:
+            lines += self._picture(displayed)
         if browser.read is not None:
             (_, place), *values = browser.read.rows()
             told = "; ".join([place, *(f"{name} {value}" for name, value in values)])
@@ -90,30 +90,30 @@ class Status:
         )
         return f"<div class='status' style='{style}'>{''.join(lines)}</div>"
 
-    def _picture(self, sight: Sight) -> list[str]:
-        browser, shown = self._browser, sight.shown
+    def _picture(self, displayed: DisplayedFrame) -> list[str]:
+        browser, shown = self._browser, displayed.shown
         view = shown.request.view
         sent = "lossless" if browser.lossless else "JPEG"
         lines = []
-        if sight.preview is None:
+        if displayed.preview is None:
             lines.append(_line("picture", f"{view.width} × {view.height}, {sent}"))
         else:
-            about = f"{view.width} × {view.height}, {sent}. {sight.preview.details}"
-            lines.append(_line("picture", sight.preview.short, about))
+            about = f"{view.width} × {view.height}, {sent}. {displayed.preview.details}"
+            lines.append(_line("picture", displayed.preview.short, about))
         if shown.plain:
             lines.append(_line("shows", "the video; objects follow"))
         else:
             noise = "" if shown.noise is None else f", noise {100 * shown.noise:.2g} %"
             lines.append(_line("frames", f"{shown.frames} of {shown.request.frames}{noise}"))
         speed = []
-        if sight.fps is not None:
-            speed.append(f"{sight.fps:.1f} per second")
-        if sight.latency_s is not None:
-            speed.append(f"{1000 * sight.latency_s:.0f} ms from input to picture")
+        if displayed.fps is not None:
+            speed.append(f"{displayed.fps:.1f} per second")
+        if displayed.latency_s is not None:
+            speed.append(f"{1000 * displayed.latency_s:.0f} ms from input to picture")
         if speed:
             lines.append(_line("speed", ", ".join(speed)))
-        if sight.caption:
-            lines.append(_line("shows", sight.caption))
+        if displayed.caption:
+            lines.append(_line("shows", displayed.caption))
         return lines
 
 

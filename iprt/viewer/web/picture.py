@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.viewer.sight import Sight
+from iprt.viewer.displayed import DisplayedFrame
 from iprt.viewer.web.camera import camera_of, quaternion
 from iprt.viewer.web.divider import Divider
 
@@ -43,44 +43,46 @@ class PictureSender:
     def __init__(self, client: Any, divider: Divider) -> None:
         self._client, self._divider = client, divider
         self._pose = client.scene.add_frame(PICTURE, show_axes=False)
-        self._sent: Sight | None = None
+        self._sent: DisplayedFrame | None = None
         self._sent_s = 0.0
         self.lossless = False
 
-    def follow(self, sight: Sight, height_px: int, split: float) -> bool:
+    def follow(self, displayed: DisplayedFrame, height_px: int, split: float) -> bool:
         """Send a picture if the browser does not have it as well as it should; whether it was.
 
         Parameters
         ----------
-        sight : Sight
+        displayed : DisplayedFrame
         height_px : int
             Height of the window.
         split : float
             Where the picture is divided, if it is: share of the width, from the left.
         """
-        if sight is not self._sent:
-            lossless = sight.shown.refined
+        if displayed is not self._sent:
+            lossless = displayed.shown.refined
         elif not self.lossless and time.monotonic() - self._sent_s > REST_S:
             lossless = True
         else:
             return False
-        self._send(sight, height_px, split, lossless=lossless)
+        self._send(displayed, height_px, split, lossless=lossless)
         return True
 
-    def _send(self, sight: Sight, height_px: int, split: float, *, lossless: bool) -> None:
-        view = sight.shown.request.view
+    def _send(
+        self, displayed: DisplayedFrame, height_px: int, split: float, *, lossless: bool
+    ) -> None:
+        view = displayed.shown.request.view
         high = float(np.tan(0.5 * np.deg2rad(view.fov_y_deg)))
         extent: NDArray[np.float64] = np.array([high * view.width / view.height, high, 1.0])
         with self._client.atomic():
             self._pose.wxyz = quaternion(camera_of(view))
             self._pose.position = extent
-            self._divider.follow(view, height_px, split, sight.sides)
+            self._divider.follow(view, height_px, split, displayed.sides)
             self._client.scene.set_background_image(
-                sight.pixels, format="png" if lossless else "jpeg", jpeg_quality=QUALITY
+                displayed.pixels, format="png" if lossless else "jpeg", jpeg_quality=QUALITY
             )
         self._client.flush()
         # Answered after the picture, as all messages are in order.
         # Never from a tab that its browser has put to sleep, or that is gone.
         with contextlib.suppress(TimeoutError, RuntimeError):
             self._client.local_storage.get_item("iprt", timeout=ANSWER_S)
-        self._sent, self._sent_s, self.lossless = sight, time.monotonic(), lossless
+        self._sent, self._sent_s, self.lossless = displayed, time.monotonic(), lossless

@@ -37,8 +37,12 @@ class ProfilePanel:
         self._due_s = 0.0
 
     def sync(self) -> None:
-        sight = self._browser.sight
-        if sight is None or not self._timeline.add(sight.shown) or time.monotonic() < self._due_s:
+        displayed = self._browser.displayed
+        if (
+            displayed is None
+            or not self._timeline.add(displayed.shown)
+            or time.monotonic() < self._due_s
+        ):
             return
         self._due_s = time.monotonic() + EVERY_S
         rows, series = self._timeline.table(), self._timeline.series()

@@ -70,9 +70,9 @@ class ScenePanel:
 
     def _frame(self) -> int:
         """That is asked for, or in a video that plays, the one that is seen."""
-        engine, sight = self._browser.engine, self._browser.sight
-        if engine.playing and sight is not None:
-            return sight.shown.frame
+        engine, displayed = self._browser.engine, self._browser.displayed
+        if engine.playing and displayed is not None:
+            return displayed.shown.frame
         return engine.world.playback.frame
 
     def _go_to(self, name: str) -> None:

@@ -34,7 +34,7 @@ class SettingsPanel:
         self._bindings: list[Binding] = []
         self._shown: object = None
         preset = self._gui.add_dropdown(
-            "Quality", (*PRESETS, OWN), hint="Knobs that no preset sets stay as they are"
+            "Quality", (*PRESETS, OWN), hint="Settings that no preset sets stay as they are"
         )
         self._bind(preset, self._quality, self._go_to)
         self._about = self._gui.add_html("")
@@ -86,7 +86,7 @@ class SettingsPanel:
         self._engine.set_settings(with_value(self._engine.world.settings, key, value))
 
     def _add(self, control: Control) -> None:
-        """The input of a knob, and where it may have no value, a box that says so."""
+        """The input of a setting, and where it may have no value, a box that says so."""
         key, start = control.key, control.start
 
         def read() -> Any:

@@ -14,7 +14,7 @@ from iprt.bvh.wide import NODE_ROWS
 from iprt.device.compute import ComputeDevice, Define
 from iprt.geometry.material import Material
 from iprt.geometry.mesh import Instance, motion_between
-from iprt.settings.requirements import bvh_defines
+from iprt.settings.features import bvh_defines
 
 
 class ObjectBvh:

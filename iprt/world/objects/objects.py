@@ -16,7 +16,7 @@ from iprt.gbuffer.context import FrameContext
 from iprt.geometry.camera import View
 from iprt.geometry.material import material_table
 from iprt.geometry.mesh import Instance, same_places
-from iprt.settings.requirements import Requirements
+from iprt.settings.features import Features
 from iprt.world.objects.object_bvh import ObjectBvh
 from iprt.world.objects.object_layers import TracedLayers, VisibleLayer
 from iprt.world.objects.visibility import Visibility
@@ -56,25 +56,27 @@ class Objects:
         instances: Sequence[Instance],
         view: View,
         panorama: Panorama,
-        needs: Requirements,
+        features: Features,
     ) -> None:
-        self._device, self._instances, self._needs = device, instances, needs
+        self._device, self._instances, self._features = device, instances, features
         self.version = 1
         self._panorama = panorama
         self._equirect_view = view.projection == "equirect"
         self._rasterizer: Rasterizer | None = None
         self.screen: TracedLayers | None = None
         self.equirect: TracedLayers | None = None
-        if needs.traced_layers:
+        if features.traced_layers:
             traced = TracedLayers(device, view, "screen layers")
             self.screen, self.equirect = (None, traced) if self._equirect_view else (traced, None)
-        if needs.equirect_layers:
+        if features.equirect_layers:
             self._place_layers_around(min(panorama.height, MAX_LAYER_ROWS))
         # Primary rays need the hierarchy too, where other rays meet layers.
-        self._triangles = ObjectBvh(device, instances) if needs.bvh or needs.primary_rays else None
-        self.bvh = self._triangles if needs.bvh else None
+        self._triangles = (
+            ObjectBvh(device, instances) if features.bvh or features.primary_rays else None
+        )
+        self.bvh = self._triangles if features.bvh else None
         self._visibility: Visibility | None = None
-        if needs.primary_rays:
+        if features.primary_rays:
             self._see_by_rays(view)
         self.bounds = self._bounds()
         self.device_bounds = device.upload("object bounds", self.bounds)
@@ -105,7 +107,7 @@ class Objects:
         self._device.write(self.device_bounds, self.bounds)
 
     def _bounds(self) -> NDArray[np.float32]:
-        margin = LAYER_MARGIN if self._needs.traced_layers else BOX_MARGIN
+        margin = LAYER_MARGIN if self._features.traced_layers else BOX_MARGIN
         return object_bounds(self._instances, margin=margin)
 
     def close(self) -> None:
@@ -135,7 +137,7 @@ class Objects:
             self._triangles.load(self._instances)
         if self._rasterizer is not None and context.objects_changed:
             self._rasterizer.move(self._instances)
-        if self._visibility is None or self._needs.traced_layers:
+        if self._visibility is None or self._features.traced_layers:
             self._open_rasterizer(view)
         shown_anew = context.view_changed or context.video_changed or context.objects_changed
         if self._rasterizer is not None:
@@ -173,7 +175,7 @@ class Objects:
             traced = self.equirect if self._equirect_view else self.screen
             if traced is not None:
                 traced.load(layers, context.view)
-        if self._needs.equirect_layers and context.objects_changed:
+        if self._features.equirect_layers and context.objects_changed:
             assert self.equirect is not None
             with profile.host("rasterize panorama"):
                 layers = rasterizer.render(self._layer_view, shade=False)
@@ -190,7 +192,7 @@ class Objects:
                 self._rasterizer = Rasterizer(self._instances)
             self._device.opengl = self._rasterizer.memory
         except DeviceError as error:
-            if self._needs.traced_layers:
+            if self._features.traced_layers:
                 raise
             LOG.warning("objects are drawn by rays in OpenCL: %s", error)
             self._see_by_rays(view)

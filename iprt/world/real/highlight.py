@@ -8,7 +8,7 @@ import numpy as np
 
 from iprt.device.compute import ComputeDevice
 from iprt.geometry.material import material_table
-from iprt.settings.requirements import CELL, Requirements
+from iprt.settings.features import CELL, Features
 from iprt.world.real.highlight_gain import highlight_gain
 from iprt.world.real.panorama import Panorama
 
@@ -35,14 +35,14 @@ class Highlight:
         self,
         device: ComputeDevice,
         panorama: Panorama,
-        requirements: Requirements,
+        features: Features,
     ) -> None:
         """`panorama` was built with gloss."""
-        materials = requirements.real_materials
+        materials = features.real_materials
         self._device = device
         self._panorama = panorama
-        self._settings = requirements.settings
-        defines = requirements.highlight_defines()
+        self._settings = features.settings
+        defines = features.highlight_defines()
         self._sample = device.kernel("world/real/highlight.cl", "sample_highlight", defines)
         self._filter = device.kernel("world/real/highlight.cl", "filter_highlight", defines)
         self._measure = device.kernel("world/real/highlight.cl", "measure_cells", defines)

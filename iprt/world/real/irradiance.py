@@ -16,7 +16,7 @@ from iprt.world.real.camera_motion import STILL
 from iprt.world.real.cell_light import light_change
 
 if TYPE_CHECKING:
-    from iprt.settings.requirements import Requirements
+    from iprt.settings.features import Features
     from iprt.world.real.panorama import Panorama
 
 
@@ -47,12 +47,12 @@ class IrradianceCache:
         E_R / π as sampled, and after smoothing; number of samples.
     """
 
-    def __init__(self, device: ComputeDevice, requirements: Requirements) -> None:
+    def __init__(self, device: ComputeDevice, features: Features) -> None:
         self._device = device
-        self._requirements = requirements
-        self.settings = requirements.settings.irradiance
+        self._features = features
+        self.settings = features.settings.irradiance
         self.rows, self.columns = self.settings.rows, 2 * self.settings.rows
-        defines = plane_defines() | requirements.real_defines()
+        defines = plane_defines() | features.real_defines()
 
         def kernel(name: str) -> Any:
             return device.kernel("world/real/irradiance.cl", name, defines)
@@ -65,7 +65,7 @@ class IrradianceCache:
         self._show = kernel("show_cells")
         cells = self.rows * self.columns
         self.plane, self.mean, self.irradiance = self._grids("")
-        if requirements.moving_camera:
+        if features.moving_camera:
             self._move = kernel("move_cells")
             self._before = self._grids(" before")
             self._camera = device.zeros("irradiance camera motion", (12,))
@@ -187,7 +187,7 @@ class IrradianceCache:
                 (cells,),
                 settings.rays,
                 settings.first_rays,
-                self._requirements.settings.seed,
+                self._features.settings.seed,
                 self._cells,
                 self._count,
                 self.columns,

@@ -64,10 +64,10 @@ class Panorama:
         *,
         outside: bool = False,
         gloss: bool = False,
-        own_radiance: bool = False,
+        separate_radiance: bool = False,
         background: TraceSettings | None = None,
     ) -> None:
-        """`own_radiance`: frames may come whose radiance is not their colour; `background`: what
+        """`separate_radiance`: frames may have a radiance besides colour; `background`: what
         they hide is remembered, by the thickness that surfaces are assumed to have.
         """
         # Tiny panoramas are repeated texel by texel until the coarsest cells are narrow enough.
@@ -83,7 +83,7 @@ class Panorama:
         if outside:
             self.outside = device.empty("panorama.outside", (OUTSIDE_ROWS, 2 * OUTSIDE_ROWS, 4))
         self.radiance = self.color
-        if own_radiance:
+        if separate_radiance:
             self.radiance = device.empty("panorama.radiance", (*texels, 4))
         self.gloss = self.highlight = None
         self.radiated = self.radiance

@@ -9,7 +9,7 @@ from iprt.device.compute import ComputeDevice
 from iprt.footage.cut import SWITCHED, is_cut
 from iprt.footage.frame import Frame
 from iprt.geometry.pose import camera_motion
-from iprt.settings.requirements import Requirements
+from iprt.settings.features import Features
 from iprt.world.real.background import OTHER_LIGHT
 from iprt.world.real.camera_motion import STILL
 from iprt.world.real.color_map import ColorMap
@@ -27,7 +27,7 @@ class RealWorld:
     device : ComputeDevice
     frame : Frame
         The first frame.
-    needs : Requirements
+    features : Features
 
     Attributes
     ----------
@@ -43,23 +43,23 @@ class RealWorld:
     highlight : Highlight or None
     """
 
-    def __init__(self, device: ComputeDevice, frame: Frame, needs: Requirements) -> None:
-        self._needs = needs
+    def __init__(self, device: ComputeDevice, frame: Frame, features: Features) -> None:
+        self._features = features
         self.frame = frame
         self.version = self.cut_version = self._split_version = 0
         self.panorama = Panorama(
             device,
             frame.width,
             frame.height,
-            outside=needs.opening_environment,
-            gloss=needs.gloss,
-            own_radiance=needs.own_radiance,
-            background=needs.settings.trace if needs.background else None,
+            outside=features.opening_environment,
+            gloss=features.gloss,
+            separate_radiance=features.separate_radiance,
+            background=features.settings.trace if features.background else None,
         )
-        self._color_map = ColorMap(device) if needs.color_map else None
-        self.lights = Lights(device, frame.width, frame.height) if needs.light_sampling else None
-        self.irradiance = IrradianceCache(device, needs) if needs.delta else None
-        self.highlight = Highlight(device, self.panorama, needs) if needs.gloss else None
+        self._color_map = ColorMap(device) if features.color_map else None
+        self.lights = Lights(device, frame.width, frame.height) if features.light_sampling else None
+        self.irradiance = IrradianceCache(device, features) if features.delta else None
+        self.highlight = Highlight(device, self.panorama, features) if features.gloss else None
         self._load(frame)
 
     @property
@@ -81,16 +81,18 @@ class RealWorld:
             self._load(frame)
 
     def _load(self, frame: Frame) -> None:
-        needs, before = self._needs, self.frame
-        assert needs.own_radiance or not (needs.objects and frame.own_radiance), "no buffer for it"
+        features, before = self._features, self.frame
+        assert features.separate_radiance or not (features.objects and frame.separate_radiance), (
+            "no buffer for it"
+        )
         motion = camera_motion(before.pose, frame.pose)
-        mapped = needs.objects and frame.color_map is not None
-        assert needs.color_map or not mapped, "no kernel for it"
+        mapped = features.objects and frame.color_map is not None
+        assert features.color_map or not mapped, "no kernel for it"
         self.panorama.load(frame)
         if self._color_map is not None:
             self._color_map.load(frame.color_map)
         self.version += 1
-        if needs.objects:
+        if features.objects:
             changed = flux_change(before.radiance, frame.radiance)
             cut = is_cut(before, frame, changed)
             if cut or changed > SWITCHED:

@@ -26,11 +26,13 @@ pytestmark = pytest.mark.screen
 
 def rendered(user: User, path: Path, *flags: object, frame: int = 0) -> NDArray[np.uint8]:
     """What `iprt render` writes of the viewer's scene."""
-    knobs = [f"{group}.{name}={value}" for group, few in FEW.items() for name, value in few.items()]
+    settings = [
+        f"{group}.{name}={value}" for group, few in FEW.items() for name, value in few.items()
+    ]
     words: list[object] = ["render", user.folder / "clip", "-o", path, "--frames", frame]
     words += ["--size", *SIZE, "--accumulate", FRAMES, "--device", "pocl", *flags]
-    for knob in knobs:
-        words += ["--set", knob]
+    for setting in settings:
+        words += ["--set", setting]
     assert cli.main([str(word) for word in words]) == 0
     pixels: NDArray[np.uint8] = imageio.v3.imread(path)
     return pixels

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from iprt.viewer.displayed import DisplayedFrame
 from iprt.viewer.ladder import Preview
-from iprt.viewer.sight import Sight
 
 pytest.importorskip("imgui_bundle", reason="needs the extra `view`: ./run screen")
 pytest.importorskip("Xlib", reason="needs the extra `screen`: ./run screen")
@@ -164,9 +164,9 @@ def showing(user: User, patch: pytest.MonkeyPatch, **parts: object) -> None:
     """Let the window show a picture that is as the one at rest but for these parts."""
     user.at_rest()
     user.away()
-    sight = user.ui.sight
-    assert isinstance(sight, Sight)
-    other = replace(sight, **parts)  # type: ignore[arg-type]
+    displayed = user.ui.displayed
+    assert isinstance(displayed, DisplayedFrame)
+    other = replace(displayed, **parts)  # type: ignore[arg-type]
     patch.setattr(user.ui.viewport, "poll", lambda: other)
     user.wait(6)
 
@@ -208,10 +208,10 @@ def test_how_the_video_plays(wide: User) -> None:
     wide.key("space")
     while wide.ui.playing:
         wide.app.step()
-        sight = wide.ui.sight
-        assert sight is not None
-        if not seen or seen[-1] != sight.shown.frame:
-            seen.append(sight.shown.frame)
+        displayed = wide.ui.displayed
+        assert displayed is not None
+        if not seen or seen[-1] != displayed.shown.frame:
+            seen.append(displayed.shown.frame)
     assert seen[-3:] == [1, 2, 3]
     wide.until(lambda: wide.reads("4 of 4"))
     wide.key("Left")
@@ -222,8 +222,8 @@ def test_news_of_an_added_mesh_are_told(user: User) -> None:
     user.at_rest()
     user.away()
     before = texts(user.picture())
-    exchange = user.engine._exchange
-    exchange.tell(replace(exchange.status, notes=("box.glb: its vertex colours are not shown",)))
+    mailbox = user.engine._mailbox
+    mailbox.tell(replace(mailbox.status, notes=("box.glb: its vertex colours are not shown",)))
     user.wait(6)
     assert texts(user.picture()) > before + 100
-    exchange.tell(replace(exchange.status, notes=()))
+    mailbox.tell(replace(mailbox.status, notes=()))

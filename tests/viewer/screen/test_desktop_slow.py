@@ -60,16 +60,18 @@ def reprojected(pixels: NDArray[np.uint8], picture: View, view: View) -> NDArray
 
 
 def assert_shows_the_last_picture_turned(user: User, least: float) -> None:
-    sight = user.ui.sight
-    assert sight is not None
-    expected = reprojected(sight.pixels, sight.shown.request.view, user.ui.viewport.view)
+    displayed = user.ui.displayed
+    assert displayed is not None
+    expected = reprojected(displayed.pixels, displayed.shown.request.view, user.ui.viewport.view)
     seen, known = user.picture(), np.isfinite(expected)
     assert known.mean() > least
     assert not known.all()
     difference = np.abs(seen - np.where(known, expected, 255.0 * np.array(BESIDE)))
     assert np.quantile(difference, 0.99) <= 2.0, "filters have 8 bits for places between texels"
     assert difference.mean() < 0.5
-    assert np.abs(seen.astype(int) - sight.pixels).mean() > 3.0, "it was turned far enough to tell"
+    assert np.abs(seen.astype(int) - displayed.pixels).mean() > 3.0, (
+        "it was turned far enough to tell"
+    )
 
 
 def test_the_last_picture_turns_with_the_view(held: User) -> None:
@@ -84,17 +86,17 @@ def test_the_last_picture_turns_with_the_view(held: User) -> None:
     held.screen.button(1, down=False)
     held.away()
     assert_shows_the_last_picture_turned(held, 0.4)
-    sight = held.ui.sight
-    assert sight is not None
+    displayed = held.ui.displayed
+    assert displayed is not None
     held.screen.move(*held.point(128, 96))
     held.screen.wheel(-2)
     held.away()
     assert_shows_the_last_picture_turned(held, 0.3)
-    direction = sight.shown.request.view.unproject(np.array(cube))
+    direction = displayed.shown.request.view.unproject(np.array(cube))
     x, y = held.ui.viewport.view.project(direction)
     held.click(float(x), float(y))
-    assert held.ui.sight is not None
-    assert held.ui.sight.shown is sight.shown, "no other picture has come"
+    assert held.ui.displayed is not None
+    assert held.ui.displayed.shown is displayed.shown, "no other picture has come"
     assert held.ui.selected == "cube"
 
 
@@ -110,12 +112,12 @@ def test_the_box_of_an_object_is_where_it_was_dragged_to(held: User) -> None:
     for share in (0.5, 1.0):
         held.screen.move(*held.point(x + 40.0 * share, y - 8.0 + 12.0 * share))
         held.wait()
-    sight, dragged = held.ui.sight, held.engine.world.edit_of("cube").to_world
-    assert sight is not None
+    displayed, dragged = held.ui.displayed, held.engine.world.edit_of("cube").to_world
+    assert displayed is not None
     assert dragged is not None
-    view, to_world = sight.shown.request.view, np.reshape(dragged, (4, 4))
+    view, to_world = displayed.shown.request.view, np.reshape(dragged, (4, 4))
     assert np.linalg.norm(to_world[:3, 3] - state.to_world[:3, 3]) > 0.1
-    change = np.abs(held.picture().astype(int) - sight.pixels).max(axis=2)
+    change = np.abs(held.picture().astype(int) - displayed.pixels).max(axis=2)
     held.screen.button(1, down=False)
     held.wait()
     lines = [

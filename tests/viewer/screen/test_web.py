@@ -104,7 +104,7 @@ def test_two_at_once(place: Place) -> None:
     one.page.get_by_label("Play").click()
     until(lambda: place.engine.world.playback.since_s is not None, "it does not play")
     two.page.wait_for_function("document.querySelector('input[type=checkbox]:checked')")
-    until(lambda: yours.sight.shown.frame > 0, "the video stands")
+    until(lambda: yours.displayed.shown.frame > 0, "the video stands")
     two.page.get_by_label("Play").click()
     until(lambda: place.engine.world.playback.since_s is None, "it does not pause")
     place.engine.seek(0)
@@ -115,7 +115,7 @@ def test_two_at_once(place: Place) -> None:
     levels = one.input("levels")
     levels.fill("1")
     levels.press("Enter")
-    until(lambda: place.engine.world.settings.atrous.levels == 1, "the knob does not turn")
+    until(lambda: place.engine.world.settings.atrous.levels == 1, "the setting does not turn")
     until(lambda: two.input("levels").input_value() == "1", "the other does not see it")
     place.engine.set_settings(SETTINGS)
 

@@ -163,10 +163,10 @@ def test_a_comparison_says_what_is_on_which_side(place: Place) -> None:
     assert is_grey(visitor, "Divide at")
     assert error.is_disabled(), "nothing is compared yet"
     choose(visitor, "Compare with", "Input")
-    until(lambda: browser.sight.sides is not None, "nothing is compared")
+    until(lambda: browser.displayed.sides is not None, "nothing is compared")
     until(lambda: error.is_enabled() and not is_grey(visitor, "Divide at"), "they stay grey")
     view = at_rest(visitor, browser)
-    assert browser.sight.sides == ("Picture", "Input")
+    assert browser.displayed.sides == ("Picture", "Input")
     middle = 0.5 * view.width
     until(lambda: bar(visitor) == pytest.approx(middle, abs=1.5), "there is no bar")
     until(lambda: named(visitor, middle) == (True, True), "the sides are not named")
@@ -180,7 +180,7 @@ def test_a_comparison_says_what_is_on_which_side(place: Place) -> None:
     assert np.array_equal(visitor.texture()[:, :column], plain[:, :column])
 
     error.click()
-    until(lambda: browser.sight.sides is None, "it is divided still")
+    until(lambda: browser.displayed.sides is None, "it is divided still")
     until(lambda: bar(visitor) is None, "the bar stays")
     until(lambda: is_grey(visitor, "Divide at"), "what is not divided can be divided elsewhere")
     assert error.is_enabled()
@@ -219,7 +219,7 @@ def test_undo_and_redo(place: Place) -> None:
     engine = place.engine
     while engine.can_undo:  # edits of other tests
         engine.undo()
-    engine._exchange._history.clear()
+    engine._mailbox._history.clear()
     visitor, browser = place.visit()
     at_rest(visitor, browser)
     undo, redo, save = (button(visitor, name) for name in ("Undo", "Redo", "Save"))
@@ -261,7 +261,7 @@ def test_playing(place: Place) -> None:
     seen: list[int] = []
 
     def note() -> bool:
-        frame = browser.sight.shown.frame
+        frame = browser.displayed.shown.frame
         if not seen or seen[-1] != frame:
             seen.append(frame)
         return len(seen) >= 7
@@ -357,13 +357,13 @@ def test_the_video_is_seen_while_kernels_compile(
             visitor.page.get_by_text("the video; objects follow").wait_for()
             state = visitor.page.locator(".status .state").inner_text()
             assert re.fullmatch(r"compiling \d+ of \d+", state)
-            shown = browser.sight.shown
+            shown = browser.displayed.shown
             with Renderer(device, scene.frame(0), (), shown.request.view, SETTINGS) as renderer:
                 expected = developed(renderer.render().color, scene.exposure)
-            assert np.abs(browser.sight.pixels.astype(int) - expected).mean() < 3.0
+            assert np.abs(browser.displayed.pixels.astype(int) - expected).mean() < 3.0
         finally:
             free.set()
-        until(lambda: not browser.sight.shown.plain, "objects do not follow")
+        until(lambda: not browser.displayed.shown.plain, "objects do not follow")
         visitor.page.get_by_text("the video; objects follow").wait_for(state="detached")
         visitor.page.close()
 

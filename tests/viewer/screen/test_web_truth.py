@@ -144,7 +144,7 @@ def test_places_in_a_picture_of_another_shape_than_the_window(place: Place) -> N
     compare(visitor)
     until(lambda: "SSIM" in told(visitor, "shows"), "it is not scored")
     width, height = visitor.canvas()
-    shown = browser.sight.shown.request.view
+    shown = browser.displayed.shown.request.view
     assert abs(shown.width / shown.height - width / height) > 0.2
     visitor.drag((0.5 * width, 0.9 * height), (-0.2 * width, 0.0), steps=10)
     at_mouse = pytest.approx(0.3 * width, abs=3.0)
@@ -158,8 +158,8 @@ def test_places_in_a_picture_of_another_shape_than_the_window(place: Place) -> N
 
 def names(browser: Browser) -> tuple[str, ...]:
     """Names of the objects in the picture, once it rests."""
-    assert browser.sight is not None
-    geometry = browser.sight.shown.geometry
+    assert browser.displayed is not None
+    geometry = browser.displayed.shown.geometry
     return () if geometry is None else geometry.names
 
 

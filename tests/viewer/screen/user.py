@@ -73,20 +73,20 @@ class User:
         """The picture of what was asked for last, refined and drawn."""
 
         def done() -> bool:
-            sight, viewport = self.ui.sight, self.ui.viewport
+            displayed, viewport = self.ui.displayed, self.ui.viewport
             return (
-                sight is not None
-                and sight.shown.refined
-                and sight.shown.request == viewport._wanted
+                displayed is not None
+                and displayed.shown.refined
+                and displayed.shown.request == viewport._wanted
                 and not viewport._asked  # the same was asked for before, and others meanwhile
-                and sight.shown.frame == self.ui.frame
-                and sight.shown.number >= self.engine._exchange._world_number
+                and displayed.shown.frame == self.ui.frame
+                and displayed.shown.number >= self.engine._mailbox._world_number
             )
 
         self.until(done)
         self.wait(2)
-        assert self.ui.sight is not None
-        return self.ui.sight.shown
+        assert self.ui.displayed is not None
+        return self.ui.displayed.shown
 
     def point(self, x: float, y: float) -> tuple[float, float]:
         """On the screen, of a pixel of the picture."""
@@ -163,8 +163,8 @@ class User:
 
     def shows(self, name: str) -> bool:
         """An object is seen in the last picture."""
-        sight = self.ui.sight
-        geometry = None if sight is None else sight.shown.geometry
+        displayed = self.ui.displayed
+        geometry = None if displayed is None else displayed.shown.geometry
         return geometry is not None and name in geometry.names
 
     def cube(self) -> tuple[float, float]:

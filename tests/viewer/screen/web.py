@@ -81,14 +81,14 @@ def at_rest(visitor: Visitor, browser: Browser) -> View:
     """Wait until the picture is what the browser looks at, refined; the view."""
 
     def differences() -> dict[str, object]:
-        sight, view = browser.sight, browser.viewport.view
-        if sight is None:
+        displayed, view = browser.displayed, browser.viewport.view
+        if displayed is None:
             return {"picture": None}
         looks = [*view.world_from_view @ (0.0, 0.0, -1.0), view.fov_y_deg]
         pairs = {
             "lossless": (browser.lossless, True),
-            "refined": (sight.shown.refined, True),
-            "view": (sight.shown.request.view, view),
+            "refined": (displayed.shown.refined, True),
+            "view": (displayed.shown.request.view, view),
             "canvas": (visitor.canvas(), (view.width, view.height)),
             "looks": (tuple(visitor.looks().round(4)), tuple(np.round(looks, 4))),
         }

@@ -13,8 +13,8 @@ from iprt.footage.footage import Footage
 from iprt.footage.frame import Frame
 from iprt.geometry.camera import View
 from iprt.geometry.material import Material, material_table
+from iprt.settings.features import Features
 from iprt.settings.model import Settings
-from iprt.settings.requirements import Requirements
 from iprt.world.real.lights import Lights
 from iprt.world.real.panorama import Panorama
 from iprt.world.world import World
@@ -35,7 +35,7 @@ class RealWorld:
         """`before` was seen first, and is remembered where `frame` hides it."""
         self._device = device
         settings = Settings.model_validate({"trace": {"objects": "raster"}})
-        self._needs = Requirements.of(
+        self._features = Features.of(
             materials,
             View(1, 1),
             settings,
@@ -45,7 +45,7 @@ class RealWorld:
             device,
             frame.width,
             frame.height,
-            outside=self._needs.opening_environment,
+            outside=self._features.opening_environment,
             background=settings.trace if before is not None else None,
         )
         for shown in (frame,) if before is None else (before, frame):
@@ -72,7 +72,7 @@ class RealWorld:
         light_sampling: bool = True,
     ) -> dict[str, NDArray[Any]]:
         """`evaluate` with a variable `world`."""
-        defines = {**self._needs.trace_defines(), "LIGHT_SAMPLING": light_sampling}
+        defines = {**self._features.trace_defines(), "LIGHT_SAMPLING": light_sampling}
         return evaluate(
             self._device,
             ["world/path.h"],
@@ -85,7 +85,7 @@ class RealWorld:
                 if value is not False
             ],
             parameters="WORLD_PARAMETERS",
-            arguments=self._world.arguments(self._needs),
+            arguments=self._world.arguments(self._features),
         )
 
 

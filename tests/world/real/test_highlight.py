@@ -14,8 +14,8 @@ from iprt.footage.footage import Footage
 from iprt.footage.frame import Frame
 from iprt.geometry.camera import View
 from iprt.geometry.material import Material
+from iprt.settings.features import Features
 from iprt.settings.model import Settings
-from iprt.settings.requirements import Requirements
 from iprt.world.real.highlight import Highlight
 from iprt.world.real.highlight_gain import highlight_gain
 from iprt.world.real.panorama import Panorama
@@ -41,9 +41,7 @@ class Split:
 def split(device: ComputeDevice, frame: Frame, rays: int = 256) -> Split:
     settings = Settings.model_validate({"gloss": {"rays": rays}})
     view = View(8, 8)
-    needs = Requirements.of(
-        [Material()], view, settings, Footage(real_materials=frame.real_materials)
-    )
+    needs = Features.of([Material()], view, settings, Footage(real_materials=frame.real_materials))
     panorama = Panorama(device, frame.width, frame.height, gloss=True)
     panorama.load(frame)
     highlight = Highlight(device, panorama, needs)
@@ -173,7 +171,7 @@ def test_any_size(device: ComputeDevice, width: int, height: int) -> None:
     frame = room_frame(ROOM, width, height, bright_walls)
     frame = glossy(frame, COAT, np.ones((height, width), bool))
     settings = Settings()
-    needs = Requirements.of([Material()], View(4, 4), settings, Footage(real_materials=(COAT,)))
+    needs = Features.of([Material()], View(4, 4), settings, Footage(real_materials=(COAT,)))
     panorama = Panorama(device, width, height, gloss=True)
     panorama.load(frame)
     Highlight(device, panorama, needs).run()

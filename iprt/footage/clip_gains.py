@@ -119,7 +119,7 @@ def lost_light(shading: Shading, ties: Sequence[Tie], clipped: NDArray[np.bool_]
     """
     problem = _Problem(shading, ties, clipped)
     ends = [_descent(problem, np.where(clipped, np.log(g), 0.0).ravel()) for g in STARTS]
-    gains = min(ends, key=problem.unlikeliness)
+    gains = min(ends, key=problem.neg_log_likelihood)
     problem.reweight(gains)
     return LostLight(np.exp(gains).reshape(-1, 3), np.exp(problem.reflectance(gains)))
 
@@ -160,7 +160,7 @@ class _Problem:
         self.lights = shading.lights.shape[2]
         self.segments = int(shading.segment.max()) + 1
         self.count = np.bincount(shading.segment, minlength=self.segments).astype(float)
-        self.belief = np.minimum(self.count / self.count.mean(), 2.0)[:, None] / 3.0
+        self.prior_weight = np.minimum(self.count / self.count.mean(), 2.0)[:, None] / 3.0
         self.rows, self.values = _expectations(self.lights, ties, clipped)
         self.observed = np.log(shading.radiance * np.pi)
         self.weight = np.ones_like(self.observed)
@@ -230,10 +230,10 @@ class _Problem:
         apart = residual - reflectance[self.shading.segment]
         total = (self.weight * apart**2).sum()
         total += ((self.rows @ gains - self.values) ** 2).sum()
-        total += (self.belief * self._unlikely(reflectance)[0]).sum()
+        total += (self.prior_weight * self._neg_log_prior(reflectance)[0]).sum()
         return float(total + (self.reflects * self._shine(gains)[0] ** 2).sum())
 
-    def unlikeliness(self, gains: Float) -> float:
+    def neg_log_likelihood(self, gains: Float) -> float:
         """Twice the negative log-likelihood, but for a constant, to tell which optimum is best."""
         self.reweight(gains)
         residual = self.residual(gains)
@@ -244,11 +244,11 @@ class _Problem:
         shine = self._shine(gains)[0] ** 2
         total = ((huber + 2.0 * np.log(spread)) / ALIKE).sum()
         total += ((self.rows @ gains - self.values) ** 2).sum()
-        total += (self.belief * self._unlikely(reflectance)[0]).sum()
+        total += (self.prior_weight * self._neg_log_prior(reflectance)[0]).sum()
         return float(total + (self.share * shine / (1.0 + shine)).sum() / CLIPPED_SPREAD**2)
 
     @staticmethod
-    def _unlikely(reflectance: Float) -> tuple[Float, Float, Float]:
+    def _neg_log_prior(reflectance: Float) -> tuple[Float, Float, Float]:
         """How unlikely log-reflectances are, and half of its first and second derivative."""
         apart = reflectance - np.log(EXPECTED_REFLECTANCE)
         over = np.maximum(reflectance - np.log(MOST_REFLECTANCE), 0.0)
@@ -262,7 +262,7 @@ class _Problem:
         gradient = self.rows.T @ (self.rows @ gains - self.values)
         residual = self.residual(gains)
         reflectance = self.of_segments(residual)
-        _, slope, bend = self._unlikely(reflectance)
+        _, slope, bend = self._neg_log_prior(reflectance)
         linear, received = np.exp(gains).reshape(-1, 3), self._received(gains)
         shine, shine_derivative = self._shine(gains)
         for c in range(3):
@@ -285,9 +285,9 @@ class _Problem:
             for slopes, weights, values in parts:
                 curvature[np.ix_(own, own)] += (slopes * weights[:, None]).T @ slopes
                 gradient[own] += (slopes * weights[:, None]).T @ values
-            belief = self.belief[:, 0]
-            curvature[np.ix_(own, own)] += (mean * (belief * bend[:, c])[:, None]).T @ mean
-            gradient[own] += mean.T @ (belief * slope[:, c])
+            prior_weight = self.prior_weight[:, 0]
+            curvature[np.ix_(own, own)] += (mean * (prior_weight * bend[:, c])[:, None]).T @ mean
+            gradient[own] += mean.T @ (prior_weight * slope[:, c])
         return self.cost(gains), gradient, curvature
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from iprt.footage.clip_gains import MAX_GAIN, MOST_REFLECTANCE, Shading, lost_light
 from iprt.footage.gather import Cells, form_factors, visible
-from iprt.footage.lost_light import MAX_GAIN, MOST_REFLECTANCE, Shading, lost_light
 from tests.oracles.worlds import Box, World
 from tests.worlds import Float, sphere_frame
 

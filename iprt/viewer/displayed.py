@@ -14,7 +14,7 @@ from iprt.viewer.session import Shown
 
 
 @dataclass(frozen=True, eq=False)
-class Sight:
+class DisplayedFrame:
     """What a window shows.
 
     Attributes

@@ -26,7 +26,7 @@ def bvh_defines(*, textured: bool) -> dict[str, Define]:
 
 
 @dataclass(frozen=True)
-class Requirements:
+class Features:
     """The parts of the method that a picture needs; everything else is neither built nor stored.
 
     Attributes
@@ -47,7 +47,7 @@ class Requirements:
         There are windows, and what lies behind them is assembled as a distant environment.
     color_map : bool
         Frames of the video may be exposed or balanced otherwise than its first.
-    own_radiance : bool
+    separate_radiance : bool
         Rays find another radiance than the picture shows: lights that were clipped, or another
         exposure.
     background : bool
@@ -69,7 +69,7 @@ class Requirements:
     deforming: bool
     equirect_view: bool
     opening_environment: bool
-    own_radiance: bool
+    separate_radiance: bool
     color_map: bool
     background: bool
     real_materials: tuple[Material, ...]
@@ -85,7 +85,7 @@ class Requirements:
         footage: Footage,
         *,
         deforming: bool = False,
-    ) -> Requirements:
+    ) -> Features:
         """`materials`: those of the objects; `deforming`: their vertices move."""
         kinds = list(materials)
         tracing = bool(kinds) and settings.method == "iprt"
@@ -102,7 +102,7 @@ class Requirements:
             opening_environment=tracing
             and settings.trace.openings == "environment"
             and footage.openings,
-            own_radiance=bool(kinds) and (footage.own_radiance or footage.drifts),
+            separate_radiance=bool(kinds) and (footage.separate_radiance or footage.drifts),
             color_map=bool(kinds) and footage.drifts,
             background=tracing and settings.trace.background and footage.static_camera,
             real_materials=footage.real_materials if tracing else (),
@@ -219,7 +219,7 @@ class Requirements:
             "mirror reflection": self.mirror,
             "reflections in glossy real surfaces": self.gloss,
             "distant environment behind windows": self.opening_environment,
-            "radiance apart from the displayed colour": self.own_radiance,
+            "radiance apart from the displayed colour": self.separate_radiance,
             "drift of the video's exposure and white balance": self.color_map,
             "memory of what moving things hide": self.background,
             "irradiance cache of the panorama": self.delta,

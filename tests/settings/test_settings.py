@@ -1,4 +1,4 @@
-"""Knobs: whatever the model holds can be set by file and flag, and what it forbids is named."""
+"""Settings: whatever the model holds can be set by file and flag, and what it forbids is named."""
 
 from __future__ import annotations
 
@@ -43,10 +43,10 @@ def leaves(model: BaseModel, prefix: str = "") -> dict[str, Any]:
 
 
 def test_every_field_of_the_model_is_a_knob_that_says_what_it_does() -> None:
-    assert overrides.knobs().keys() == leaves(Settings()).keys()
-    for knob in overrides.knobs().values():
-        assert knob.help.endswith("."), knob.key
-        assert knob.allowed, knob.key
+    assert overrides.all_settings().keys() == leaves(Settings()).keys()
+    for setting in overrides.all_settings().values():
+        assert setting.help.endswith("."), setting.key
+        assert setting.allowed, setting.key
     assert all(about.endswith(".") for about in overrides.groups().values())
 
 
@@ -69,8 +69,8 @@ def test_the_printed_file_is_the_preset(quality: Quality, tmp_path: Path) -> Non
     assert resolved("balanced", read_settings(file)) == resolved(quality)
     assert all(len(line) <= 100 for line in text.splitlines())
     comments = "".join(line for line in text.splitlines() if line.startswith("#"))
-    for knob in overrides.knobs().values():
-        assert knob.help[:20] in comments
+    for setting in overrides.all_settings().values():
+        assert setting.help[:20] in comments
 
 
 def test_a_printed_file_that_nobody_edited_leaves_presets_alone(tmp_path: Path) -> None:
@@ -187,25 +187,25 @@ class Model(BaseModel):
 def other_model(monkeypatch: pytest.MonkeyPatch) -> Any:
     monkeypatch.setattr(overrides, "Settings", Model)
     monkeypatch.setattr(overrides, "PRESETS", {quality: {} for quality in QUALITIES})
-    overrides.knobs.cache_clear()
+    overrides.all_settings.cache_clear()
     overrides.groups.cache_clear()
     yield
-    overrides.knobs.cache_clear()
+    overrides.all_settings.cache_clear()
     overrides.groups.cache_clear()
 
 
 @pytest.mark.usefixtures("other_model")
 def test_any_model_will_do(tmp_path: Path) -> None:
     """Groups in groups, lists, unions: nothing is known of the fields but what the model says."""
-    assert list(overrides.knobs()) == [
+    assert list(overrides.all_settings()) == [
         "seed",
         "outer.name",
         "outer.inner.pair",
         "outer.inner.count",
         "outer.inner.least",
     ]
-    assert overrides.knobs()["outer.inner.least"].default == 5
-    assert overrides.knobs()["outer.inner.count"].allowed == '"auto" or a whole number'
+    assert overrides.all_settings()["outer.inner.least"].default == 5
+    assert overrides.all_settings()["outer.inner.count"].allowed == '"auto" or a whole number'
     result: Any = resolved("balanced", flags("outer.inner.pair=[3, 4]", "outer.inner.count=9"))
     assert result == Model(outer=Outer(inner=Inner(pair=(3.0, 4), count=9, least=5)))
     file = tmp_path / "overrides.toml"

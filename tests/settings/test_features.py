@@ -14,8 +14,8 @@ from iprt.footage.frame import Frame
 from iprt.geometry.camera import View
 from iprt.geometry.material import Material
 from iprt.renderer import Renderer
+from iprt.settings.features import Features
 from iprt.settings.model import Settings
-from iprt.settings.requirements import Requirements
 from tests.worlds import ball, sphere_frame
 
 FRAME = sphere_frame(2.0, 32, 16, 1.0)
@@ -286,10 +286,8 @@ def test_a_plan_tells_the_memory(view: View) -> None:
 
 
 def test_described_parts_are_those_that_are_built() -> None:
-    described = Requirements.of([DIFFUSE], VIEW, Settings(), Footage()).describe()
+    described = Features.of([DIFFUSE], VIEW, Settings(), Footage()).describe()
     assert described["diffuse reflection"]
     assert not described["glossy reflection"]
     assert not described["mirror reflection"]
-    assert not any(
-        Requirements.of([], VIEW, Settings(), Footage(openings=True)).describe().values()
-    )
+    assert not any(Features.of([], VIEW, Settings(), Footage(openings=True)).describe().values())

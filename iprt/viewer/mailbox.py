@@ -42,7 +42,7 @@ class Wanted:
     requests: dict[int, Asked]
 
 
-class Exchange:
+class Mailbox:
     """What is wanted, and what is shown. Any thread may call any method."""
 
     def __init__(self, world: World, clock: Callable[[], float] = time.monotonic) -> None:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class KnobFlags:
+class SettingFlags:
     """`iprt settings` prints all settings. Later ones win: preset, file, flags."""
 
     quality: Quality = "balanced"
@@ -37,12 +37,12 @@ class KnobFlags:
         still : bool
             For pictures in which nothing moves.
         short
-            Values of the verb's own flags for knobs, by the knob's name; None: not given.
+            Values of the verb's own flags for settings, by the setting's name; None: not given.
 
         Raises
         ------
         IprtError
-            A key is no knob, a value is not allowed, or a knob is given twice.
+            A key is no setting, a value is not allowed, or a setting is given twice.
         """
         from iprt.settings.overrides import resolved
 
@@ -82,7 +82,7 @@ def fixed_when_still(given: Sequence[Assignment]) -> list[Assignment]:
     return [Assignment(key, value, key) for key, value in STILL.items()]
 
 
-Knobs = Annotated[KnobFlags, tyro.conf.OmitArgPrefixes, tyro.conf.arg(name="settings")]
+ChosenSettings = Annotated[SettingFlags, tyro.conf.OmitArgPrefixes, tyro.conf.arg(name="settings")]
 """The same as a parameter of a verb: `--quality`, `--settings` and `--set`."""
 
-BALANCED = KnobFlags()
+BALANCED = SettingFlags()
