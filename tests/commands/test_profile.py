@@ -90,7 +90,8 @@ def test_a_still_scene_is_profiled_and_compared(
 @pytest.mark.gl
 def test_a_video_plays(tmp_path: Path, printed: Callable[..., str]) -> None:
     clip = write_clip(tmp_path / "clip", 3)
-    rows = list(csv.DictReader(io.StringIO(printed(clip, "--method", "ibl", "--frames", 2, "--csv"))))
+    text = printed(clip, "--method", "ibl", "--frames", 2, "--csv")
+    rows = list(csv.DictReader(io.StringIO(text)))
     launches = {row["pass"]: float(row["launches"]) for row in rows if row["kind"] == "pass"}
     # Frames are read, become surfaces and pyramids, and are looked at.
     assert launches["surface"] >= 1.0
