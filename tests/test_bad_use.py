@@ -134,7 +134,7 @@ def test_a_full_disk_leaves_nothing_behind(
 
 def render_without_egl(scene: Path, picture: Path, *words: str) -> subprocess.CompletedProcess[str]:
     """A child whose EGL knows no vendor; a driver without GLVND does not read the variable."""
-    words = ("--accumulate", "1", "--size", "32", "32", "--set", "irradiance.rows=32", *words)
+    words = ("--accumulate", "1", "--size", "32", "32", *words)
     return subprocess.run(
         [sys.executable, "-m", "iprt", "render", scene, "-o", picture, *words],
         cwd=ROOT,

@@ -164,19 +164,18 @@ def test_truth_is_scored_as_iprt_compare_does(judged: Scene, device: ComputeDevi
     from iprt.measure.target import read_target
 
     name, own = "ahead", VIEW.resized(8 * VIEW.width, 8 * VIEW.height)
-    manifest = judged.root / "scene.toml"
-    manifest.write_text(manifest.read_text().replace("size = [32, 16]", "size = [256, 128]"))
+    file = judged.root / "scene.toml"
+    file.write_text(file.read_text().replace("size = [32, 16]", "size = [256, 128]"))
     ramp = np.linspace(0.2, 0.8, own.height, dtype=np.float32)[:, None, None]
     write_rgb(judged.root / "truth.exr", np.tile(ramp, (1, own.width, 3)))
     scene = Scene.open(judged.root)
-    assert scene.views[name].view.width == own.width
     with Engine(scene, lambda: device, SETTINGS) as engine:
         viewport = Viewport(engine, own.resized(own.width // 8 + 3, own.height // 8 + 5), frames=1)
         viewport.go_to(name)
         viewport.lens = Lens(against="truth")
         displayed = until(viewport, lambda s: "SSIM" in s.caption)
         size = (displayed.pixels.shape[1], displayed.pixels.shape[0])
-        assert size == (own.width // 8, own.height // 8)
+        assert scene.views[name].view.width == own.width == 8 * size[0]
         target = read_target(scene, name, "panorama", size, displayed.shown.frame)
         score = target.score(displayed.shown.picture.color).ssim
         assert f"SSIM {score:.3f}" in displayed.caption
