@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
@@ -139,8 +140,9 @@ class Kernels:
         assert (mean[known, 3] == rays).all()
         return np.asarray(mean[known, :3])
 
-    def reflected(self, seed: int, rays: int) -> dict[str, Float]:
-        """(H, W, 3) "diffuse" (without albedo) and "specular" radiance of virtual surfaces."""
+    @cached_property
+    def _virtual(self) -> tuple[Guide, Mask, cla.Array]:
+        """Pixels of virtual surfaces, all of which are traced, and a history without anything."""
         device, renderer = self.device, self.renderer
         assert renderer.virtual_pixels is not None
         seen, layout = renderer.virtual_pixels.visible, renderer.layout
@@ -148,9 +150,16 @@ class Kernels:
         guide.run(self.view, seen.normal, seen.depth, seen.id)
         mask = Mask(device, guide, MaskSettings(sparse=False), name="run")
         mask.run((0, 0))
-        trace = TraceVirtual(device, guide, self._features(seed, rays))
-        nothing = device.zeros("run history", layout.shape(1))
-        trace.run(renderer.world, mask, self.view, seen.albedo, nothing)
+        return guide, mask, device.zeros("run history", layout.shape(1))
+
+    def reflected(self, seed: int, rays: int) -> dict[str, Float]:
+        """(H, W, 3) "diffuse" (without albedo) and "specular" radiance of virtual surfaces."""
+        renderer = self.renderer
+        assert renderer.virtual_pixels is not None
+        guide, mask, nothing = self._virtual
+        trace = TraceVirtual(self.device, guide, self._features(seed, rays))
+        albedo = renderer.virtual_pixels.visible.albedo
+        trace.run(renderer.world, mask, self.view, albedo, nothing)
         planes = {"diffuse": trace.diffuse, "specular": trace.specular}
         return {kind: self._planes(p) for kind, p in planes.items() if p is not None}
 

@@ -21,8 +21,8 @@ from tests.methods.test_estimators import (
 )
 from tests.worlds import Float, ball
 
-MOST = 64
-COUNTS = [1, 4, 16, MOST]
+MOST = 256
+COUNTS = [1, 4, 16, 64, MOST]
 
 
 def slope(errors: list[float]) -> float:
