@@ -44,8 +44,8 @@ class Binding:
         self._seen = read()
         self._show(self._seen)
 
-        # No coroutine: what is set here calls it too, also when no loop is left to run one.
-        def changed(event: Any) -> None:
+        # A coroutine: viser would call a plain function on another thread, later than `show`.
+        async def changed(event: Any) -> None:
             if event.client_id is not None:  # else it was ourselves
                 self._touched_s = time.monotonic()
                 post(self, self._written)

@@ -25,7 +25,6 @@ from websockets.exceptions import InvalidStatus  # noqa: E402
 from websockets.sync.client import connect  # noqa: E402
 
 from iprt.viewer.web import server  # noqa: E402
-from iprt.viewer.web.binding import Binding  # noqa: E402
 from iprt.viewer.web.gate import Gate, is_loopback, new_token, require_token  # noqa: E402
 
 pytestmark = pytest.mark.screen
@@ -151,25 +150,6 @@ def test_nobody_can_share_it_with_the_world(monkeypatch: pytest.MonkeyPatch) -> 
     assert started.request_share_url() is None
     assert asked == []
     server.stop(started)
-
-
-@pytest.mark.filterwarnings("ignore:Queued a .* on a closed connection")
-def test_inputs_outlast_the_server() -> None:
-    """A window's thread may show something while the viewer ends: nobody waits for that then."""
-    listening = server.listen("127.0.0.1", 0)
-    started = server.start(listening, Gate(PAGE, listening.getsockname()[1], None), "test")
-    values = [0.0, 1.0]
-    binding = Binding(
-        started.gui.add_slider("a", 0.0, 1.0, 0.1, 0.0),
-        lambda: values[0],
-        lambda value: None,
-        lambda key, do: None,
-        lambda text: None,
-    )
-    server.stop(started)
-    values.pop(0)
-    binding.sync()
-    assert binding.handle.value == 1.0
 
 
 def test_another_viser_is_not_trusted(monkeypatch: pytest.MonkeyPatch) -> None:
