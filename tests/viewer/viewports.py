@@ -1,0 +1,27 @@
+"""A small window's viewport, and waiting for what it shows."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from iprt.viewer.displayed import DisplayedFrame
+from iprt.viewer.viewport import Viewport
+from tests.viewer.turns import VIEW
+from tests.waiting import DEADLINE_S
+
+LOOK = VIEW.resized(48, 32)
+
+
+def until(viewport: Viewport, ready: Callable[[DisplayedFrame], bool]) -> DisplayedFrame:
+    end = time.monotonic() + DEADLINE_S
+    while time.monotonic() < end:
+        displayed = viewport.poll()
+        if displayed is not None and ready(displayed):
+            return displayed
+        time.sleep(0.005)
+    raise AssertionError("no such picture in time")
+
+
+def at_rest(viewport: Viewport) -> DisplayedFrame:
+    return until(viewport, lambda s: s.shown.refined and s.shown.request == viewport._wanted)
