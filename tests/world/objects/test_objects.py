@@ -26,7 +26,7 @@ pytestmark = pytest.mark.gl
 ROOM = World()
 CLAY = Material(albedo=(0.6, 0.3, 0.2))
 DOWN = View(80, 60, pitch_deg=-35.0)
-PANORAMA = View(96, 48, projection="equirect")
+PANORAMA = View(192, 96, projection="equirect")
 MEAN: dict[str, Any] = {"fading": 0.0, "mask": {"sparse": False}, "irradiance": {"rows": 32}}
 
 
