@@ -93,7 +93,7 @@ class Tie:
 
 
 @dataclass(frozen=True)
-class LostLight:
+class ClipGains:
     """Attributes
     ----------
     gain : (K, 3) float64
@@ -106,7 +106,7 @@ class LostLight:
     reflectance: Float
 
 
-def lost_light(shading: Shading, ties: Sequence[Tie], clipped: NDArray[np.bool_]) -> LostLight:
+def clip_gains(shading: Shading, ties: Sequence[Tie], clipped: NDArray[np.bool_]) -> ClipGains:
     """The most probable gains, by Gauss-Newton steps on their logarithms.
 
     Parameters
@@ -121,7 +121,7 @@ def lost_light(shading: Shading, ties: Sequence[Tie], clipped: NDArray[np.bool_]
     ends = [_descent(problem, np.where(clipped, np.log(g), 0.0).ravel()) for g in STARTS]
     gains = min(ends, key=problem.neg_log_likelihood)
     problem.reweight(gains)
-    return LostLight(np.exp(gains).reshape(-1, 3), np.exp(problem.reflectance(gains)))
+    return ClipGains(np.exp(gains).reshape(-1, 3), np.exp(problem.reflectance(gains)))
 
 
 def _descent(problem: _Problem, gains: Float) -> Float:

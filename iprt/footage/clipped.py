@@ -2,7 +2,7 @@
 
 A picture with a white level shows a window, a lamp or the sun as white. Shadows and objects need
 to know how bright they are. `ClippedLights` joins what is clipped to lights (`light_groups`), and
-finds by what factor each is brighter (`lost_light`) from how it shades the surfaces around
+finds by what factor each is brighter (`clip_gains`) from how it shades the surfaces around
 (`light_shading`). The picture stays as it is: what is recovered goes to `Frame.light`.
 """
 
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.files.wording import counted
-from iprt.footage.clip_gains import lost_light
+from iprt.footage.clip_gains import clip_gains
 from iprt.footage.frame import Frame
 from iprt.footage.gather import Float
 from iprt.footage.light_groups import GROUP_ROWS, Clipped, groups_of, lights_of, ties_of
@@ -98,7 +98,7 @@ def recover(frame: Frame, clipped: Clipped, white: float) -> Gains:
     if shading is not None:
         shares = np.stack([light.share(frame.height) for light in lights], axis=-1)
         present = np.stack([channels[light.group] for light in lights])
-        gain = lost_light(shading, ties_of(lights), present).gain
+        gain = clip_gains(shading, ties_of(lights), present).gain
         for index, light in enumerate(lights):
             more = shares[:, index, None] * (gain[index] - 1.0)
             factor[light.group] += more.astype(np.float32)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from iprt.footage.clip_gains import MAX_GAIN, MOST_REFLECTANCE, Shading, lost_light
+from iprt.footage.clip_gains import MAX_GAIN, MOST_REFLECTANCE, Shading, clip_gains
 from iprt.footage.gather import Cells, form_factors, visible
 from tests.oracles.worlds import Box, World
 from tests.worlds import Float, sphere_frame
@@ -39,7 +39,7 @@ def test_gains_of_several_lights_and_colours(outliers: int) -> None:
     rng = np.random.default_rng(1)
     spoilt = rng.permutation(300)[:outliers]
     seen.radiance[spoilt] *= rng.uniform(5.0, 10.0, (outliers, 1))
-    found = lost_light(seen, [], np.ones((3, 3), bool))
+    found = clip_gains(seen, [], np.ones((3, 3), bool))
     np.testing.assert_allclose(found.gain[:2], gains[:2], rtol=0.35 if outliers else 0.1)
     assert (found.gain[2] < 2.0).all()
     assert (found.gain >= 1.0).all()
@@ -47,7 +47,7 @@ def test_gains_of_several_lights_and_colours(outliers: int) -> None:
 
 def test_channels_that_are_not_clipped_keep_their_light() -> None:
     gains = np.array([[6.0, 1.0, 1.0]])
-    found = lost_light(lit(gains, 0.02), [], np.array([[True, False, False]]))
+    found = clip_gains(lit(gains, 0.02), [], np.array([[True, False, False]]))
     assert found.gain[0, 0] == pytest.approx(6.0, rel=0.2)
     assert (found.gain[0, 1:] == 1.0).all()
 
@@ -59,7 +59,7 @@ def test_no_surface_reflects_more_than_it_receives(shine: float) -> None:
     rng = np.random.default_rng(2)
     level = shine * 10.0 ** rng.uniform(-2.0, 0.0, (n, 1)) * np.ones((1, 3))
     rest, lights = np.full((n, 3), 0.05), np.full((n, 3, 1), 0.1)
-    found = lost_light(shading(level, np.arange(n), rest, lights), [], np.ones((1, 3), bool))
+    found = clip_gains(shading(level, np.arange(n), rest, lights), [], np.ones((1, 3), bool))
     reflectance = np.pi * level / (rest + lights[..., 0] * found.gain[0])
     assert reflectance.max() <= 1.4 * MOST_REFLECTANCE
     assert np.median(reflectance) >= 0.02
@@ -70,7 +70,7 @@ def test_no_surface_reflects_more_than_it_receives(shine: float) -> None:
 def test_what_no_light_explains_stays_bounded() -> None:
     """A point that the light does not reach shines a million times as strong as it can."""
     seen = shading(np.full((5, 3), 1e6), np.arange(5), np.full((5, 3), 1e-3), np.zeros((5, 3, 1)))
-    found = lost_light(seen, [], np.ones((1, 3), bool))
+    found = clip_gains(seen, [], np.ones((1, 3), bool))
     assert np.isfinite(found.gain).all()
     assert (found.gain >= 1.0).all()
     assert (found.gain <= MAX_GAIN).all()
