@@ -83,9 +83,14 @@ class Temporal:
         *,
         name: str,
         rays: int = 1,
+        published: bool = False,
     ) -> None:
-        """`rays` are those of a sample, of which pixels with a long history send fewer."""
+        """`rays` are those of a sample, of which pixels with a long history send fewer.
+
+        `published`: the mean is IPRT's, a fixed share of each frame, the rest clamped.
+        """
         self.settings = settings
+        self._published = published
         self._rays = rays
         self.kind = kind
         self._device = device
@@ -126,7 +131,7 @@ class Temporal:
         self._scalar = planes("scalar")
         self._variance = planes("variance")
         self._now, self._before = histories("history")
-        if settings.history == "fast-slow":
+        if not published:
             self._fast, self._fast_before = histories("fast history")
 
     @property
@@ -137,7 +142,7 @@ class Temporal:
     def reset(self) -> None:
         """Forget everything, as after a cut."""
         self._device.fill_zero(self._now[1])
-        if self.settings.history == "fast-slow":
+        if not self._published:
             self._device.fill_zero(self._fast[1])
 
     def run(
@@ -168,7 +173,7 @@ class Temporal:
         self._now, self._before = self._before, self._now
         with self._device.profile.section("temporal"):
             self._fetch(self._before, self._now, motion, loose=changed)
-            if self.settings.history == "iprt":
+            if self._published:
                 fading = IPRT_FADING
                 # Lengths are not to change: they are lowered in a plane that is written next.
                 self._clamp_to(signal, self._scalar)
