@@ -13,14 +13,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict
 
 from iprt.errors import IprtError
-
-if TYPE_CHECKING:
-    from iprt.settings.model import Settings
 
 ENTRY_POINTS = "iprt.methods"
 """Group of the entry points, whose names are those of the methods."""
@@ -89,7 +86,8 @@ class MethodInfo:
     settings : subclass of MethodSettings or None
         Its own settings.
     needs : callable
-        What it needs of the worlds with given settings.
+        What it needs of the worlds, by `Settings`, of which it may read its own
+        (`Settings.own`).
     defaults : mapping of str to object
         General settings, by dotted key, whose defaults differ with this method.
     """
@@ -100,7 +98,7 @@ class MethodInfo:
     paper: str = ""
     doi: str = ""
     settings: type[MethodSettings] | None = None
-    needs: Callable[[Settings], Needs] = lambda settings: Needs()
+    needs: Callable[[Any], Needs] = lambda settings: Needs()
     defaults: Mapping[str, object] = field(default_factory=dict)
 
     def load(self) -> Any:

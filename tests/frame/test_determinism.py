@@ -154,7 +154,7 @@ def test_scenes_are_read_alike(tmp_path: Path, elsewhere: dict[str, list[dict[st
 def test_the_order_of_listed_pixels_does_not_matter(device: ComputeDevice) -> None:
     frame, floating = furnace("plain"), [ball((0.2, -1.0, -1.3), 0.3, Material())]
     with kernels(device, frame, floating, aim_at=lamps(frame)) as run:
-        pixels = run.renderer.real_pixels
+        pixels = run.renderer.method.real_pixels
         assert pixels is not None
         found = run.parts(3, 4), run.irradiance(3, 4)
         listed = device.read(pixels.mask.traced)

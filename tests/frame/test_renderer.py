@@ -20,6 +20,7 @@ from iprt.renderer import RenderedFrame, Renderer
 from iprt.settings.model import Settings
 from tests.frame.whole_frame import still_life
 from tests.oracles.worlds import Box, Sphere, World
+from tests.variants import variant
 from tests.worlds import (
     Float,
     Radiance,
@@ -145,7 +146,7 @@ def test_both_projections_agree(device: ComputeDevice, view: View) -> None:
     frame, objects = lit_room(bright_walls)
     objects.append(ball((-0.2, -1.0, 1.5), 0.3, CLAY))
     # Only what the view shows is relit in reflections, which is another part in each projection.
-    trace = {"rays": 8, "relight_reflections": False}
+    trace = {"rays": 8}
     whole = render(device, frame, objects, PANORAMA, 4, trace=trace, **MEAN)
     part = render(device, frame, objects, view, 8, trace=trace, **MEAN)
     d = view.directions()
@@ -208,15 +209,20 @@ def test_frames_average_out_the_noise(
 ) -> None:
     """Four times the frames, about half the error, where E_R is known."""
     frame, objects = lit_room()
-    many = {"rays": 32, "object_rays": 32, "estimator": estimator, "ratio_rows": 16}
+
+    def accumulated(frames: int, **others: Any) -> RenderedFrame:
+        chosen = variant(estimator, **others)
+        with Renderer(device, frame, objects, SMALL, chosen) as renderer:
+            return renderer.render(frames, AOVS)
+
+    coarse = {"iprt": {"ratio_rows": 16}}
+    many = {"rays": 32, "object_rays": 32}
     sure: dict[str, Any] = {"rows": 16, "first_rays": 1024, "samples": 1024}
-    truth = render(device, frame, objects, SMALL, 16, seed=1, trace=many, irradiance=sure, **RAW)
+    truth = accumulated(16, seed=1, trace=many, irradiance=sure, **coarse, **RAW)
     # One ray of objects in every frame: by default there are more in the first ones.
-    few: dict[str, Any] = {
-        "trace": {"estimator": estimator, "object_rays": 1, "ratio_rows": 16}, "irradiance": sure,
-    }  # fmt: skip
+    few: dict[str, Any] = {"trace": {"object_rays": 1}, "irradiance": sure, **coarse}
     pictures = {}
-    chosen = Settings.model_validate({**few, **RAW})
+    chosen = variant(estimator, **few, **RAW)
     with Renderer(device, frame, objects, SMALL, chosen) as renderer:
         for more, frames in ((1, 1), (3, 4), (12, 16), (48, 64)):
             pictures[frames] = renderer.render(more, AOVS)
@@ -233,7 +239,7 @@ def test_frames_average_out_the_noise(
     # The filter pays where there is noise: after a frame, and less where there is less of it.
     raw = pictures[1].aovs["ratio"]
     plain = {**MEAN, "mask": {"sparse": False}}
-    filtered = render(device, frame, objects, SMALL, 1, **few, **plain).aovs["ratio"]
+    filtered = accumulated(1, **few, **plain).aovs["ratio"]
     assert rms(filtered - truth.aovs["ratio"]) < filtered_to * rms(raw - truth.aovs["ratio"])
 
 
@@ -243,8 +249,8 @@ def test_frames_average_out_the_noise(
 def test_turning_leaves_no_trails(device: ComputeDevice) -> None:
     """After a turn the picture is as good as one that was always there, in no place worse."""
     frame, objects = lit_room()
-    coarse: dict[str, Any] = {"trace": {"ratio_rows": 16}, "irradiance": {"rows": 32}}
-    sure = {"trace": {"rays": 16, "ratio_rows": 16}, "irradiance": {"rows": 32}}
+    coarse: dict[str, Any] = {"iprt": {"ratio_rows": 16}, "irradiance": {"rows": 32}}
+    sure = {"trace": {"rays": 16}, **coarse}
     truth = render(device, frame, objects, DOWN, 8, seed=1, **sure, **MEAN)
     fresh = render(device, frame, objects, DOWN, 24, **coarse)
     ground, solid = real(truth), truth.aovs["coverage"] == 1.0
@@ -329,8 +335,7 @@ def test_rays_are_spared(device: ComputeDevice, view: View, sigma: float) -> Non
             Settings.model_validate(settings),
         ) as renderer:  # fmt: skip
             renderer.render(12)
-            assert renderer.real_pixels is not None
-            traced[sparse] = int(device.read(renderer.real_pixels.mask.count)[0])
+            traced[sparse] = int(device.read(renderer.method.real_pixels.mask.count)[0])
             surfaces = int(renderer.layout.interior(device.read(renderer.real.id)).sum())
     assert traced[False] == surfaces
     assert 0 < traced[True] < 0.5 * surfaces

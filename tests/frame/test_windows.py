@@ -76,7 +76,7 @@ def render(
     device: ComputeDevice, frame: Frame, solid: Sphere, view: View, openings: str, frames: int,
     rays: int = 1,
 ) -> RenderedFrame:  # fmt: skip
-    trace = {"rays": rays, "openings": openings, "relight_reflections": False, "jitter": False}
+    trace = {"rays": rays, "openings": openings, "jitter": False}
     raw = {"fading": 0.0, "atrous": {"levels": 0}, "mask": {"sparse": False}}
     sure = {"rows": 64, "first_rays": 512, "samples": 512}
     settings = Settings.model_validate({"trace": trace, "irradiance": sure, **raw})

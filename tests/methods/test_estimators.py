@@ -186,7 +186,7 @@ def box_truth(run: Kernels, material: Material) -> tuple[NDArray[np.bool_], dict
     """(H, W) pixels of the box, and (N,) what each lobe reflects there in a furnace, in red:
     its albedo by the viewing angle, by quadrature of the BRDF.
     """
-    pixels = run.renderer.virtual_pixels
+    pixels = run.renderer.method.virtual_pixels
     assert pixels is not None
     normal, inside = (
         np.moveaxis(run.renderer.layout.interior(run.device.read(planes)), 0, -1)

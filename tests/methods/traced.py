@@ -14,23 +14,23 @@ from iprt.geometry.mesh import Instance
 from iprt.renderer import RenderedFrame, Renderer
 from iprt.settings.model import Settings
 from tests.oracles.worlds import Sphere, World
+from tests.variants import variant
 from tests.worlds import Float
 
 ROOM = World()
 FLOOR = ROOM.low[1]
 BLACK = Material(albedo=(0.0, 0.0, 0.0))
 MIRROR = Material("conductor", (0.9, 0.8, 0.7), alpha=0.0)
-ESTIMATORS = ["delta", "ratio"]
 
 
 def settings(
     rays: int = 1, relit: bool = False, estimator: str = "delta", **others: Any
 ) -> Settings:
     """Rays of objects start at the pixels' centres, which is where truth is known."""
-    trace = {
-        "rays": rays, "relight_reflections": relit, "estimator": estimator, "jitter": False
-    }  # fmt: skip
-    return Settings.model_validate({"fading": 0.0, "trace": trace, **others})
+    return variant(
+        estimator, fading=0.0, trace={"rays": rays, "jitter": False},
+        iprt={"relight_reflections": relit}, **others,
+    )  # fmt: skip
 
 
 def render(

@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from iprt import cli
 from iprt.errors import IprtError
 from iprt.settings import overrides
+from iprt.settings.methods import methods
 from iprt.settings.model import Settings
 from iprt.settings.overrides import (
     Assignment,
@@ -35,7 +36,12 @@ def flags(*texts: str) -> list[Assignment]:
 def leaves(model: BaseModel, prefix: str = "") -> dict[str, Any]:
     """Dotted names and values, by walking the model itself."""
     found: dict[str, Any] = {}
-    for name in type(model).model_fields:
+    if isinstance(model, Settings):
+        own = {type(group): group for group in model.of_methods}
+        for name, info in methods().items():
+            if info.settings is not None:
+                found.update(leaves(own[info.settings], f"{name}."))
+    for name in type(model).model_fields.keys() - {"of_methods"}:
         value = getattr(model, name)
         inside = isinstance(value, BaseModel)
         found.update(leaves(value, f"{prefix}{name}.") if inside else {prefix + name: value})
