@@ -27,10 +27,11 @@ def settings(
     rays: int = 1, relit: bool = False, estimator: str = "delta", **others: Any
 ) -> Settings:
     """Rays of objects start at the pixels' centres, which is where truth is known."""
-    return variant(
-        estimator, fading=0.0, trace={"rays": rays, "jitter": False},
-        iprt={"relight_reflections": relit}, **others,
-    )  # fmt: skip
+    chosen = {
+        "fading": 0.0, "trace": {"rays": rays, "jitter": False},
+        "iprt": {"relight_reflections": relit},
+    }  # fmt: skip
+    return variant(estimator, **{**chosen, **others})
 
 
 def render(
