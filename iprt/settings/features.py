@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Hashable, Iterable
 from dataclasses import dataclass
 
 from iprt.bvh.scene import STACK
@@ -180,6 +180,24 @@ class Features:
     def equirect_layers(self) -> bool:
         """Objects are rasterized in equirect space besides the screen, for rays off screen."""
         return self.traced_layers and not self.equirect_view
+
+    @property
+    def of_real_world(self) -> tuple[Hashable, ...]:
+        """All that the real world on a device depends on: views with equal ones can share it."""
+        settings, trace = self.settings, self.settings.trace
+        return (
+            self.objects,
+            self.opening_environment,
+            self.separate_radiance,
+            self.color_map,
+            self.background,
+            self.real_materials,
+            self.moving_camera,
+            self.delta,
+            tuple(self.real_defines().items()),
+            (trace.thickness, trace.thickness_ratio),
+            (settings.gloss, settings.irradiance, settings.seed, settings.check_kernels),
+        )
 
     def real_defines(self) -> dict[str, Define]:
         """`-D` variants of kernels whose rays meet real surfaces only: they are built alike,
