@@ -104,9 +104,8 @@ def compare(
     from iprt.files.atomic import require_writable
     from iprt.measure.target import views_with_truth
     from iprt.scene.scene import Scene
-    from iprt.settings.methods import methods
 
-    asked: list[str | None] = list(dict.fromkeys(methods() if "all" in method else method))
+    asked: list[str | None] = _asked(method)
     for name in asked or [None]:
         setting_flags.resolved(seed=seed, method=name)  # faults in flags are told first
     opened = Scene.open(scene, allow_outside=allow_outside)
@@ -223,6 +222,14 @@ def score_grid(results: Sequence[Comparison]) -> Grid:
 
 def _any_below(values: Sequence[float], limit: float | None) -> bool:
     return limit is not None and any(value < limit for value in values)
+
+
+def _asked(names: Sequence[str]) -> list[str | None]:
+    """Names of methods, each once, in the order in which `iprt methods` lists them."""
+    from iprt.settings.methods import methods
+
+    known = [name for name in methods() if name in names or "all" in names]
+    return [*known, *(name for name in names if name != "all" and name not in known)]
 
 
 def _check_limit(fail_under_ssim: float | None) -> None:

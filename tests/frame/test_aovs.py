@@ -43,8 +43,8 @@ WIDE = VIEW.resized(96, 72)
 
 
 def test_hit_distance_of_a_mirror_ball_is_that_of_a_box_room(device: ComputeDevice) -> None:
-    plain = {"jitter": False, "relight_reflections": False}
-    world, chosen = World(), settings(trace={**COUNTED["trace"], **plain})
+    plain = {**COUNTED["trace"], "jitter": False}
+    world, chosen = World(), settings(trace=plain, iprt={"relight_reflections": False})
     frame = room_frame(world, 256, 128, bright_walls)
     mirror = ball(BALL.centre, BALL.radius, SILVER)
     with Renderer(device, frame, [mirror], WIDE, chosen) as renderer:

@@ -210,9 +210,7 @@ def test_objects_keep_their_place_in_the_world(device: ComputeDevice) -> None:
             renderer.step()
             renderer.load(frame_at(now))
             renderer.step()
-            pixels = renderer.method.virtual_pixels
-            assert pixels is not None
-            seen = pixels.visible
+            seen = renderer.visible
             image = {
                 name: renderer.layout.interior(device.read(getattr(seen, name)))
                 for name in ("motion", "depth", "coverage")
