@@ -29,9 +29,6 @@ class Film:
 
     Parameters
     ----------
-    scene : Scene
-    device : ComputeDevice
-    settings : Settings
     view : SceneView or View
         A view of the scene moves as the scene says; a plain one stands.
     objects : tuple of str or None

@@ -26,8 +26,6 @@ class RenderPlan:
 
     Attributes
     ----------
-    view : View
-    features : Features
     buffers : dict of str to int
         Bytes by name.
     kernels : tuple of (file, kernel, defines)

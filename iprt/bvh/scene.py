@@ -42,7 +42,6 @@ class Shape:
 
     Attributes
     ----------
-    mesh : Mesh
     baked : (4, 4) float64 or None
         Transform of the vertices, for instances whose transform has no good inverse.
     """

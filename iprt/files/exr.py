@@ -48,7 +48,6 @@ def read_exr(path: Path, choices: Sequence[tuple[str, ...]]) -> list[NDArray[np.
 
     Parameters
     ----------
-    path : Path
     choices : sequence of tuple of str
         Sets of channel names in order of preference. A set may lie in a layer
         (`beauty.R, beauty.G, beauty.B`); channels without a layer go first. The set `("*",)`

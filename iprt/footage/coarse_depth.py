@@ -156,7 +156,6 @@ def enlarged(coarse: Plane, width: int, height: int, *, holes: bool = True) -> P
     ----------
     coarse : (h, w) float32
         Depth; 0, negative, NaN or inf where there is no surface.
-    width, height : int
     holes : bool
         Whether coarse texels without a surface are seen. If not, surfaces go on over them as far
         as a coarse texel with a depth is next to it.

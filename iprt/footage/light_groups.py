@@ -92,7 +92,6 @@ class Light:
         Knots of all lights of the group, ascending; one for surfaces.
     knot : int
         The light's own: it fades out towards the neighbouring ones.
-    far : bool
     """
 
     group: int

@@ -37,7 +37,6 @@ class Piece:
     ----------
     vertices : slice
         Where they are among the mesh's.
-    node : int
     skin : Skin or None
         None: they follow the node.
     """
@@ -57,8 +56,6 @@ class AnimatedMesh:
         The file it was read from.
     bound : Mesh
         Vertices as the file has them, before nodes and joints place them.
-    clip : Clip
-    pieces : tuple of Piece
     flat : (K,) int64
         Vertices whose normals are those of their faces, which the file has none for.
     faces : (K, 3) int64

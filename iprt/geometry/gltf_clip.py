@@ -77,7 +77,6 @@ class Clip:
 
     Attributes
     ----------
-    name : str
     duration : float
         Seconds from 0 to the last key; then it starts anew.
     skeleton : Skeleton

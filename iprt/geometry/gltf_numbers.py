@@ -22,7 +22,6 @@ def numbered(document: dict[str, Any], chunk: bytes | None) -> bytes:
 
     Parameters
     ----------
-    document : dict
     chunk : bytes or None
         Binary data: of a .glb file; None: a .gltf file.
     """

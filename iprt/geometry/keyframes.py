@@ -110,7 +110,6 @@ class ObjectMotion:
     to_world : (4, 4) float64
     translation : Track or None
         Metres; None: nowhere.
-    rotation, scale : Track or None
     """
 
     to_world: Float

@@ -75,8 +75,6 @@ def convert_material(
         PBRMaterial (glTF) or SimpleMaterial (MTL).
     factors : dict of str to list of float
         Base colours of a glTF file by the material's name: trimesh keeps only 8 bits of them.
-    textures : Textures
-    dropped : list of str
     """
     if source is None:
         return DEFAULT_MATERIAL

@@ -35,7 +35,6 @@ class Reel(Protocol):
     ----------
     view : View
         That of the first frame.
-    settings : Settings
     """
 
     @property

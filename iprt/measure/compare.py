@@ -33,7 +33,6 @@ class Comparison:
     ----------
     view, method, background : str
         What was rendered, and over what.
-    scores : Scores
     ms : dict of str to float
         Milliseconds per frame of each pass; the panorama's own, once per video frame, apart.
     """

@@ -35,8 +35,6 @@ class Point:
     seconds : Estimate
         From what is in memory to the picture: preparation and all frames so far, without
         compiling kernels.
-    ssim : Estimate
-    ssim_cuts : tuple of Estimate
     """
 
     count: int

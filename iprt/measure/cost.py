@@ -62,7 +62,6 @@ class WorkRow:
 
     Attributes
     ----------
-    items, active, groups, active_groups : float
     rays, object_rays : float
         Through the panorama, and towards objects.
     steps, object_steps : float
@@ -106,9 +105,6 @@ class PartRow:
 
     Attributes
     ----------
-    name : str
-    kind : Kind
-    timing : Timing
     share : float
         Fraction of the mean time of a frame, in [0, 1].
     launches, bytes : float
@@ -136,7 +132,6 @@ class PassRow:
 
     Attributes
     ----------
-    name : str
     timing : Timing
         Device and host together.
     share, launches : float
@@ -145,7 +140,6 @@ class PassRow:
         Medians of what the device did, and of host work.
     enqueue_ms : float
         Median of the time that the host spent on it while the device may have run.
-    parts : tuple of PartRow
     """
 
     name: str

@@ -35,8 +35,6 @@ class CostReport:
         Names.
     view : View
         View of the first frame.
-    settings : Settings
-    frames : int
     wall : Timing or None
         From asking for a frame until the device has finished it, as one clock shows it: passes,
         Python, and waiting. The picture stays on the device. None where pictures were read.
@@ -49,7 +47,6 @@ class CostReport:
         Time of passes before the first frame.
     compiled, first_launches : mapping of str to float
         Milliseconds by program; see `Profile`.
-    passes : tuple of PassRow
     buffers : mapping of str to int
         Bytes by name, those of OpenGL included.
     memory : int

@@ -50,7 +50,6 @@ class Report:
 
     Attributes
     ----------
-    title : str
     lines : list of str
         How the figures were made.
     """

@@ -220,7 +220,6 @@ class Age:
 
     Attributes
     ----------
-    pixels : int
     error : float
         RMS difference from the converged picture: noise, and what is left of before.
     ghost : float

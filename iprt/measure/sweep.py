@@ -48,13 +48,10 @@ class Outcome:
 
     Attributes
     ----------
-    combination : Combination
-    target : Target
     bench : CostReport
         Times of a head that turns.
     ssim, rmse : Estimate
         Over seeds, of the still picture; see `Scores`.
-    ssim_cuts : tuple of Estimate
     flip : Estimate or None
         None where FLIP is not installed.
     """

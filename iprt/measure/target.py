@@ -41,7 +41,6 @@ class Scores:
         SSIM of the view's cuts, in the order of the manifest.
     psnr : float
         Decibel; inf for equal images.
-    mse : float
     rmse : float
         Root of the mean squared error of linear radiance.
     flip : float or None
@@ -67,13 +66,10 @@ class Target:
 
     Attributes
     ----------
-    scene, name : str
     index : int
         The video frame that the truth shows.
-    view : View
     objects : tuple of str
         Names of the objects that it shows.
-    exposure : float
     radiance : (H, W, 3) float32
         The truth, linear.
     background : (H, W, 3) float32 or None

@@ -46,7 +46,6 @@ class Stability:
 
     Attributes
     ----------
-    view : str
     label : str
         The settings, as far as they were swept.
     scores : dict of int to Scores
@@ -103,7 +102,6 @@ class Moment:
 
     Attributes
     ----------
-    index : int
     shown : tuple of image
         With each of the settings.
     converged : image or None
@@ -120,12 +118,10 @@ class Player:
 
     Parameters
     ----------
-    scene : Scene
     view : SceneView
         The view, in the size that is rendered.
     chosen : sequence of Combination
         Settings to play with.
-    device : ComputeDevice
     background : {"panorama", "truth"}
         Which background scores are taken over; flicker is that over the panorama.
     converge : int

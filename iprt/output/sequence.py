@@ -53,7 +53,6 @@ class PictureSequence(FrameOutput):
 
     Parameters
     ----------
-    pattern : Path
     frames : range
         Numbers of the frames.
     describe : callable

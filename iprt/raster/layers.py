@@ -46,7 +46,6 @@ class ObjectLayers:
 
     Attributes
     ----------
-    front, back : Layer
     coverage : (H, W) float32 or None
         Fraction of the pixel in which an object is in front of the real surface (1 - M of IPRT
         Eq. 2). Where it is positive, `front` holds a surface, borrowed from a neighbour if the

@@ -30,8 +30,6 @@ class _Frame:
 
     Attributes
     ----------
-    programs : Programs
-    targets : Targets
     visible : list of (Part, list of Rect)
         Instances that the view may show, and where.
     regions : list of Rect

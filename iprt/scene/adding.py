@@ -83,7 +83,6 @@ def add_object(
 
     Parameters
     ----------
-    scene_path, mesh_path : Path
     yaw_deg, pitch_deg : float
         Where to look from the capture centre: right and up.
     stance : Stance or None

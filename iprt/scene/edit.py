@@ -48,7 +48,6 @@ def new_scene(
         the file of `color` holds it.
     code : DepthCode
         What stored depth stands for; needed where it is stored as integers.
-    normal : Path or None
 
     Returns
     -------
@@ -289,7 +288,6 @@ def mesh_copies(
     ----------
     root : Path
         The scene's folder.
-    file : MeshFile
     name : str
         The object's name.
     others : mapping of Path to Path or None

@@ -53,7 +53,6 @@ class ObjectEdit:
 
     Attributes
     ----------
-    name : str
     to_world : tuple of 16 float or None
         In place of its own; keyframes move it from there.
     material : Material or None
@@ -145,7 +144,6 @@ class Look:
 
     Attributes
     ----------
-    view : View
     objects : tuple of str or None
         Names of those that are shown. None: all.
     """
@@ -169,11 +167,8 @@ def save_edits(
 
     Parameters
     ----------
-    scene : Scene
-    edits : iterable of ObjectEdit
     base : str or None
         The text that the edits are made to. None: what the file says now.
-    look : Look or None
 
     Returns
     -------

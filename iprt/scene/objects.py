@@ -24,14 +24,7 @@ AnyMesh = Mesh | AnimatedMesh
 
 @dataclass(frozen=True)
 class SceneObject:
-    """An object over time.
-
-    Attributes
-    ----------
-    name : str
-    mesh : Mesh or AnimatedMesh
-    motion : ObjectMotion
-    """
+    """An object over time."""
 
     name: str
     mesh: AnyMesh
@@ -72,7 +65,6 @@ def load_objects(root: Path, manifest: Manifest, within: Path) -> tuple[SceneObj
     ----------
     root : Path
         The scene's folder.
-    manifest : Manifest
     within : Path
         Folder that all files must lie in, links followed.
 

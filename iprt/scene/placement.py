@@ -231,13 +231,6 @@ def set_down(
     A floor or table is taken as it is; at a wall, the object goes to the surface at its foot, and
     away from the wall until it does not cut it.
 
-    Parameters
-    ----------
-    surfaces : RealSurfaces
-    mesh : Mesh
-    yaw_deg, pitch_deg : float
-    stance : Stance
-
     Returns
     -------
     (4, 4) float64

@@ -110,7 +110,6 @@ def describe_scene(scene: Scene, frame: Frame, raw: RawFrame) -> SceneReport:
 
     Parameters
     ----------
-    scene : Scene
     frame, raw : Frame, RawFrame
         The first frame, sanitised and as read.
     """

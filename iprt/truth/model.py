@@ -58,7 +58,6 @@ def render_color(parts: Parts, view: View, *, spp: int, seed: int, clean: bool =
     Parameters
     ----------
     parts : mapping of name to Mitsuba dict or object
-    view : View
     spp : int
         Paths per pixel.
     seed : int

@@ -56,13 +56,7 @@ class RealHit:
 
 
 class World:
-    """A frame and virtual objects, ready for rays.
-
-    Parameters
-    ----------
-    frame : Frame
-    shapes : dict of str to Mitsuba shape
-    """
+    """A frame and virtual objects, Mitsuba shapes by name, ready for rays."""
 
     def __init__(self, frame: Frame, shapes: dict[str, Any]) -> None:
         self.scale = frame.median_depth

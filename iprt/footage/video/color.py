@@ -76,8 +76,6 @@ class Encoding:
 
     Attributes
     ----------
-    layout : Layout
-    matrix, transfer, primaries : int
     full : bool
         Whether codes go from 0 to the largest, and not as BT.709 has them.
     """

@@ -39,10 +39,8 @@ class StreamInfo:
 
     Attributes
     ----------
-    path : Path
     number : int
         The stream's index in the file.
-    width, height : int
     pixels : str
         FFmpeg's name of the pixel format.
     transfer : int

@@ -60,7 +60,6 @@ class SteadyReader:
 
     Parameters
     ----------
-    reader : FrameReader
     first : int
         The video's first frame: what comes before the frames asked for is searched down to it.
     strict : bool

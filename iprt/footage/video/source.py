@@ -82,7 +82,6 @@ class FrameSource:
     ----------
     root : Path
         The scene's folder.
-    video : VideoTable
     within : Path
         Folder that the pictures must lie in, links followed.
     """

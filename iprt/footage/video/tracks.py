@@ -60,11 +60,8 @@ class StreamTrack:
 
     Parameters
     ----------
-    info : StreamInfo
     zero : Fraction
         Second on the file's clock at which the video's clock starts.
-    clock : Clock
-    rows : slice
     decode : callable
         Makes a picture of a frame's rows; gets frame, rows, and the file to name in errors.
     """
@@ -116,10 +113,8 @@ class Tracks:
 
     Attributes
     ----------
-    by_key : dict of str to Track
     indices : range
         Numbers of the frames.
-    fps : float
     disagreements : list of str
         What the streams do not agree on, a line each.
     """
