@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from iprt.footage.color_fit import Pairs
 from iprt.footage.frame import Frame
-from iprt.geometry.camera import View, equirect_pixel
+from iprt.footage.openings import solid_angles
+from iprt.geometry.camera import View, equirect_texel
 from iprt.geometry.pose import camera_motion
 
 Picture = NDArray[np.float32]
@@ -118,8 +119,7 @@ class Sample:
         d = View(width, height, projection="equirect").directions()
         points = np.where(sky, 1.0, other.depth)[..., None] * d @ motion[:, :3].T
         points += np.where(sky[..., None], 0.0, motion[:, 3])
-        column, row = np.moveaxis(equirect_pixel(points, width, height).astype(np.intp), -1, 0)
-        at = np.minimum(row, height - 1), np.minimum(column, width - 1)
+        at = equirect_texel(points, width, height)
         sample = replace(self, color=self.color[at], depth=self.depth[at], usable=self.usable[at])
         return sample, np.where(sky, np.inf, np.linalg.norm(points, axis=-1)).astype(np.float32)
 
@@ -201,7 +201,7 @@ def compare(sample: Sample, reference: Sample) -> Comparison:
     """Colours of `sample` and `reference`, of the same surfaces."""
     there, expected = reference.seen_from(sample)
     same = _same_depth(there.depth, expected)
-    same_place = float(np.average(same.mean(axis=1), weights=_solid_angles(len(same))))
+    same_place = float(np.average(same.mean(axis=1), weights=solid_angles(*same.shape[::-1])))
     if same_place < SAME_PLACE:
         return Comparison(None, same_place)
     side = max(1, len(same) // CELL_ROWS)
@@ -213,7 +213,7 @@ def compare(sample: Sample, reference: Sample) -> Comparison:
     # texels would be too dark in the one that is exposed more.
     used = (count > WHOLE * side * side) & (clipped == 0.0)
     used &= (seen.mean(-1) > sample.dark) & (wanted.mean(-1) > there.dark)
-    weight = np.broadcast_to(_solid_angles(len(used))[:, None], used.shape)
+    weight = np.broadcast_to(solid_angles(*used.shape[::-1])[:, None], used.shape)
     if weight[used].sum() < LEAST_SHARE * weight.sum():
         return Comparison(None, same_place)
     row, column = np.indices(used.shape) // REGION
@@ -247,11 +247,6 @@ def _cells(picture: NDArray[Any], side: int) -> Matrix:
     return np.asarray(
         lines.reshape(rows, columns, side, *picture.shape[2:]).sum(axis=2), np.float64
     )
-
-
-def _solid_angles(rows: int) -> Matrix:
-    """Solid angles of equirect texels, by row, relative to one another."""
-    return np.sin((np.arange(rows) + 0.5) / rows * np.pi)
 
 
 def _same_depth(found: Picture, expected: Picture) -> NDArray[np.bool_]:

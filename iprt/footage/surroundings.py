@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.footage.coarse_depth import usable
+from iprt.footage.color_fit import weighted_quantile
 from iprt.footage.normals import estimate_normals
 from iprt.footage.openings import solid_angles
 from iprt.geometry.camera import equirect_direction
@@ -73,7 +74,10 @@ class Surroundings:
         distance = depth[row, column][there].astype(np.float64)
         weight = solid_angles(width, height)[row[there]]
         points = direction * distance[:, None]
-        x, y, z = (_extent(points[:, axis], weight) for axis in range(3))
+        x, y, z = (
+            weighted_quantile(along, weight, 0.99) - weighted_quantile(along, weight, 0.01)
+            for along in points.T
+        )
         level, share = _level(points[:, 1], direction[:, 1], weight)
         return cls(
             float(np.median(distance)),
@@ -135,13 +139,6 @@ def normal_warnings(normal: NDArray[np.float32], depth: NDArray[np.float32]) -> 
         "space (+X right of the picture's middle, +Y up, -Z ahead); leave them out to have them "
         "fitted to depth"
     ]
-
-
-def _extent(values: Float, weight: Float) -> float:
-    order = np.argsort(values)
-    share = np.cumsum(weight[order])
-    low, high = np.searchsorted(share, np.array([0.01, 0.99]) * share[-1])
-    return float(values[order[high]] - values[order[low]])
 
 
 def _level(height: Float, up: Float, weight: Float) -> tuple[float, float]:
