@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 from iprt.errors import IprtError
 from iprt.measure.compare import scored
 from iprt.measure.intervals import Estimate
-from iprt.measure.sweep import Combination, cut_estimates, still_settings, with_frames
-from iprt.measure.target import Radiance, Scores, Target
+from iprt.measure.sweep import Combination, cut_estimates, still_settings
+from iprt.measure.target import Radiance, Scores, Target, with_frames
 
 if TYPE_CHECKING:
     from iprt.device.compute import ComputeDevice

@@ -175,28 +175,16 @@ class CostReport:
 
 
 def _pass_record(row: PassRow) -> dict[str, Any]:
-    return {
-        "name": row.name,
-        **_timing(row.timing),
-        "share": row.share,
-        "launches": row.launches,
-        "device_ms": row.device_ms,
-        "host_ms": row.host_ms,
-        "enqueue_ms": row.enqueue_ms,
-        "parts": [
-            {
-                "name": part.name,
-                "kind": part.kind.value,
-                **_timing(part.timing),
-                "share": part.share,
-                "launches": part.launches,
-                "bytes": part.bytes,
-                "gb_per_s": part.gb_per_s,
-                "work": None if part.work is None else asdict(part.work),
-            }
-            for part in row.parts
-        ],
-    }
+    record = asdict(row)
+    return _plain({**record, "parts": [_plain(part) for part in record["parts"]]})
+
+
+def _plain(record: dict[str, Any]) -> dict[str, Any]:
+    """The fields of a row, with those of its timing behind its name and kind."""
+    named = {"name": record.pop("name")}
+    if "kind" in record:
+        named["kind"] = record.pop("kind").value
+    return {**named, **record.pop("timing"), **record}
 
 
 def _timing(timing: Timing | None, prefix: str = "") -> dict[str, float | None]:

@@ -14,14 +14,13 @@ from iprt.measure.compare import render_target, scored
 from iprt.measure.cost_report import CostReport
 from iprt.measure.intervals import Estimate
 from iprt.measure.pareto import pareto_front
-from iprt.measure.target import Radiance, Scores, Target
+from iprt.measure.target import Radiance, Scores, Target, with_frames
 from iprt.settings.model import Settings
 from iprt.settings.overrides import Assignment, changed, parse_assignment, resolved
 from iprt.settings.presets import STILL, Quality
 
 if TYPE_CHECKING:
     from iprt.device.compute import ComputeDevice
-    from iprt.footage.frame import Frame
     from iprt.scene.scene import Scene
 
 QUALITY = "quality"
@@ -219,15 +218,6 @@ def run_sweep(
             )
             done += WARM_UP + frames
             yield _outcome(combination, target, bench, scores), first
-
-
-def with_frames(scene: Scene, targets: Sequence[Target]) -> Iterator[tuple[Target, Frame]]:
-    """Each target with its video frame; the frame is read once for targets that share it."""
-    index, frame = None, None
-    for target in targets:
-        if frame is None or target.index != index:
-            index, frame = target.index, scene.frame(target.index)
-        yield target, frame
 
 
 def still_settings(settings: Settings, seed: int) -> Settings:

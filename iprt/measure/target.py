@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
@@ -19,6 +19,7 @@ from iprt.measure import metrics
 from iprt.output.display import display
 
 if TYPE_CHECKING:
+    from iprt.footage.frame import Frame
     from iprt.geometry.camera import View
     from iprt.scene.scene import Scene
 
@@ -199,6 +200,15 @@ def read_target(
         background=behind,
         cuts=cuts,
     )
+
+
+def with_frames(scene: Scene, targets: Sequence[Target]) -> Iterator[tuple[Target, Frame]]:
+    """Each target with its video frame; the frame is read once for targets that share it."""
+    index, frame = None, None
+    for target in targets:
+        if frame is None or target.index != index:
+            index, frame = target.index, scene.frame(target.index)
+        yield target, frame
 
 
 def _reduction(view: View, name: str, size: tuple[int, int] | None) -> int:
