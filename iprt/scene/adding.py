@@ -28,7 +28,7 @@ from iprt.scene.edit import (
     mesh_copies,
     object_text,
     outdate_truths,
-    quoted,
+    table_text,
 )
 from iprt.scene.manifest import MANIFEST_NAME, manifest_text, parse_manifest
 from iprt.scene.placement import RealSurfaces, bounds, metres, set_down
@@ -219,15 +219,12 @@ def _view_text(name: str, object_name: str, corners: Corners, to_world: NDArray[
     fov = np.clip(2.5 * 2.0 * np.rad2deg(np.arctan2(radius, distance)), 15.0, 100.0)
     yaw = np.rad2deg(np.arctan2(center[0], -center[2]))
     pitch = np.rad2deg(np.arcsin(np.clip(center[1] / distance, -1.0, 1.0)))
-    return "\n".join(
-        [
-            "[[views]]",
-            f"name = {quoted(name)}",
-            f"yaw_deg = {yaw:.2f}",
-            f"pitch_deg = {pitch:.2f}",
-            f"fov_y_deg = {fov:.2f}",
-            f"size = [{VIEW_SIZE[0]}, {VIEW_SIZE[1]}]",
-            f"objects = [{quoted(object_name)}]",
-            "",
-        ]
+    return table_text(
+        "views",
+        name=name,
+        yaw_deg=round(float(yaw), 2),
+        pitch_deg=round(float(pitch), 2),
+        fov_y_deg=round(float(fov), 2),
+        size=VIEW_SIZE,
+        objects=[object_name],
     )
