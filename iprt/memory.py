@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class RenderPlan:
-    """What a renderer would build.
+    """Buffers and kernels of a renderer before it is built.
 
     Attributes
     ----------
@@ -46,7 +46,7 @@ class RenderPlan:
         settings: Settings | None = None,
         footage: Footage | None = None,
     ) -> RenderPlan:
-        """By the renderer's own code, on a device that allocates nothing; see `Renderer`."""
+        """The plan by the renderer's own code, on a device that allocates nothing."""
         from iprt.device.plan import PlanDevice
         from iprt.renderer import Renderer
 

@@ -100,7 +100,7 @@ class SceneSizes:
 
 @dataclass(frozen=True)
 class SceneBvh:
-    """What `cl/lib/world/objects/objects_bvh.h` reads.
+    """The buffers that `cl/lib/world/objects/objects_bvh.h` reads.
 
     Attributes
     ----------

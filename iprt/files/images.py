@@ -1,4 +1,4 @@
-"""Pictures on disk to arrays: EXR, PNG, JPEG and PFM, told apart by their first bytes."""
+"""Pictures on disk to arrays: EXR, PNG, JPEG and PFM, recognised by their first bytes."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _SIGNATURES = {
     b"PF": "pfm",
 }
 FLOAT_KINDS = ("exr", "pfm")
-"""Whose values have no upper end."""
+"""Kinds of files whose values have no upper end."""
 TEXTURE_FORMATS = ("PNG", "JPEG", "WEBP", "BMP", "TGA", "TIFF")
 """Names that Pillow has for what textures of meshes may be stored as."""
 NO_DEPTH = "depth needs one channel, as EXR, PFM or 16-bit grey PNG"

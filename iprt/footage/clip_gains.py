@@ -1,4 +1,4 @@
-"""How much brighter clipped lights are than they look: reflectance and lost energy.
+"""Gains of clipped lights: reflectance and lost energy.
 
 After *Online Illumination Learning*, section V-A, which finds one reflectance and one lost energy
 by minimising the difference between observed and re-rendered radiance. Here there are many
@@ -7,11 +7,11 @@ reflectances, one per segment of like surface, and many lights. A diffuse point 
     L_i = ρ_s / π (E_i + Σ_k g_k B_ik)
 
 with E_i the irradiance by all that is not clipped, and B_ik that of light k as it looks. In
-logarithms the reflectance is an offset per segment, so that shading within a segment tells the
+logarithms the reflectance is an offset per segment, so that shading within a segment gives the
 gains g; the differences of log-radiance, which textures and highlights spoil in places, are
 weighted robustly (Huber), by the spread of their segment.
 
-Where shading does not tell, expectations do, far weaker than a well-lit wall: gains are a few, and
+Where shading does not say, expectations do, far weaker than a well-lit wall: gains are a few, and
 alike in the colours of a light and in parts of it that touch; reflectances are those of rooms, and
 at most 0.9: a surface that shines more than that shows that light is missing (energy balance). A
 clipped surface that may well reflect what it receives is expected to do so.
@@ -38,7 +38,7 @@ COLOR_SPREAD, HALF_CLIPPED_SPREAD = 1.5, 0.4
 TINT_SPREAD = 0.2
 """Green differs so from red and blue: lights are warm or cold, as glowing bodies and skies are."""
 EXPECTED_REFLECTANCE, REFLECTANCE_SPREAD = 0.4, 1.0
-MOST_REFLECTANCE, OVER_SPREAD = 0.9, 0.1
+MAX_REFLECTANCE, OVER_SPREAD = 0.9, 0.1
 CLIPPED_REFLECTANCE, CLIPPED_SPREAD = 0.6, 0.2
 """Clipped surfaces that reflect are bright ones."""
 HUBER = 1.5
@@ -55,7 +55,7 @@ STARTS = (2.0, 30.0)
 
 @dataclass(frozen=True)
 class Shading:
-    """What is observed at n points in S segments, and what K lights do to them.
+    """Observed radiance at n points in S segments, and irradiance by K lights.
 
     Attributes
     ----------
@@ -225,7 +225,7 @@ class _Problem:
         """Residuals (..., 3) of points, of clipped surfaces, and of reflectances; their weights."""
         found = self._point_reflectance(gains)
         mean = self._means(found)
-        over = np.maximum(mean - np.log(MOST_REFLECTANCE), 0.0)
+        over = np.maximum(mean - np.log(MAX_REFLECTANCE), 0.0)
         weight = np.repeat(self._prior_weight, 3, axis=1)
         return [
             (found - mean[self._shading.segment], self._weight),
@@ -240,7 +240,7 @@ class _Problem:
         found = -_shares(shading.rest, shading.lights, gains)
         mean = self._means(found)
         own = np.eye(found.shape[2])[shading.shining][:, None]
-        over = self.reflectance(gains) > np.log(MOST_REFLECTANCE)
+        over = self.reflectance(gains) > np.log(MAX_REFLECTANCE)
         return [
             found - mean[shading.segment],
             own - _shares(shading.shine_rest, shading.shine_lights, gains),

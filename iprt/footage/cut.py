@@ -1,6 +1,6 @@
 """Whether two frames of a video belong together, or the video was cut between them.
 
-Light alone does not tell: a lamp that is switched on changes more of it than many a cut. What
+Light alone does not show it: a lamp that is switched on changes more of it than many a cut. What
 surfaces there are does, and where their edges and textures are.
 """
 
@@ -83,7 +83,7 @@ def _details(color: NDArray[np.float32], rows: int) -> Float:
 
 
 def _correlation(a: Float, b: Float, weights: Float) -> float:
-    """How two images correlate: single large values do not decide; 1 where one has no details."""
+    """Correlation of two images: single large values do not decide; 1 where one has no details."""
     a, b = np.clip(a, -0.5, 0.5), np.clip(b, -0.5, 0.5)
     power = (weights * a * a).sum() * (weights * b * b).sum()
     return float((weights * a * b).sum() / np.sqrt(power)) if power > 1e-6 else 1.0

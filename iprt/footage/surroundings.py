@@ -1,4 +1,4 @@
-"""What depth says of the place: how large it is, how high the camera stands, and what is unlikely.
+"""Facts about the place by its depth: size, height of the camera, and unlikely values.
 
 All follows from depth alone, so that a wrong unit, a wrong encoding or a wrong file shows before
 anything is rendered.
@@ -27,10 +27,10 @@ camera on a table sees farther."""
 FLAT = 0.03
 """Half the thickness of what counts as one level, over its distance from the camera's height."""
 FLOOR_SHARE = 0.2
-"""So many of the directions that look down must meet one level to call it a floor."""
+"""Share of the downward directions that must hit one level to call it a floor."""
 INVERTED_SHARE, INVERTED_FACTOR = 0.25, 2.0
 """Share that meets a level, and how many times as many these are, where depth is inverted."""
-MOST_DISAGREEMENT_DEG = 30.0
+MAX_DISAGREEMENT_DEG = 30.0
 """Median angle between given normals and those of the depth."""
 _DOWN = 0.5
 """Sine of the angle below the horizon from which on a direction looks down."""
@@ -95,15 +95,15 @@ class Surroundings:
         return text
 
     def warnings(self) -> list[str]:
-        """What is unlikely, one phrase each."""
+        """Unlikely facts, one phrase each."""
         found = []
-        least, most = LIKELY_MEDIAN_M
+        lowest, highest = LIKELY_MEDIAN_M
         unit = (
             "check depth_scale, the metres of one stored unit: 0.001 for millimetres, 1 for metres"
         )
-        if self.median_m > most:
+        if self.median_m > highest:
             found.append(f"half of the depth is beyond {_length(self.median_m)}; {unit}")
-        elif self.median_m < least:
+        elif self.median_m < lowest:
             found.append(f"half of the depth is nearer than {_length(self.median_m)}; {unit}")
         elif (
             self.floor_m is not None
@@ -121,7 +121,7 @@ class Surroundings:
 
 
 def normal_warnings(normal: NDArray[np.float32], depth: NDArray[np.float32]) -> list[str]:
-    """What is unlikely of the normals (H, W, 3) given with depth (H, W), one phrase each."""
+    """Unlikely facts about normals (H, W, 3) given with depth (H, W), one phrase each."""
     there = usable(depth)
     solid = np.where(there, depth, np.float32(np.inf))
     fitted = estimate_normals(solid, np.zeros(depth.shape, np.uint8))
@@ -132,7 +132,7 @@ def normal_warnings(normal: NDArray[np.float32], depth: NDArray[np.float32]) -> 
     if not cosine.size:
         return ["are nowhere where depth is; leave them out to have them fitted to depth"]
     angle = float(np.degrees(np.arccos(np.clip(np.median(cosine), 0.0, 1.0))))
-    if angle <= MOST_DISAGREEMENT_DEG:
+    if angle <= MAX_DISAGREEMENT_DEG:
         return []
     return [
         f"differ from the surfaces that depth shows, by {angle:.0f}° in the median; expected world "

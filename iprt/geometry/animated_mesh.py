@@ -26,7 +26,7 @@ LOG = logging.getLogger("iprt.scene")
 MAX_ANIMATED_VERTICES = 2**21
 """Each takes some hundred bytes while it is bent, in every frame."""
 FARTHEST_VERTEX = 1e18
-"""As of meshes at rest."""
+"""The limit of meshes at rest, too."""
 
 
 @dataclass(frozen=True)
@@ -184,7 +184,7 @@ def _flattened(part: Part) -> tuple[Part, NDArray[np.int64], NDArray[np.int64]]:
 
 
 def _skin(file: MeshFile, clip: Clip, node: int, geometry: Any) -> Skin | None:
-    """What the vertices of a node's geometry follow besides it."""
+    """The skin of a node's geometry, if it has one."""
     assert file.gltf is not None
     number = file.gltf.nodes[node].skin
     if number is None:

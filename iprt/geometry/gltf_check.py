@@ -1,4 +1,4 @@
-"""What a glTF document claims to hold, checked before anything is read by it.
+"""Checks of a glTF document before anything is read by it.
 
 Specification: Khronos glTF 2.0, sections 3.5 (scenes), 3.6 (binary data), 3.7 (meshes), 3.9
 (materials). Only what is read is checked.
@@ -151,7 +151,7 @@ class Gltf(Part):
     extensions_used: list[str] = Field(default=[])
 
     def uris(self) -> list[str]:
-        """Where the buffers and images are that do not lie in the binary chunk."""
+        """Addresses of buffers and images outside the binary chunk."""
         named = [*(buffer.uri for buffer in self.buffers), *(image.uri for image in self.images)]
         return [uri for uri in named if uri is not None]
 

@@ -1,4 +1,4 @@
-"""A glTF document rewritten so that what trimesh makes of it can be told apart by number."""
+"""A glTF document rewritten so that the parts that trimesh makes of it carry numbers."""
 
 from __future__ import annotations
 

@@ -15,8 +15,8 @@ from iprt.output.metadata import dotted
 
 FALSE_ALARMS = 0.05
 """Probability that any row at all is marked where nothing has changed."""
-LEAST_ERROR_MS = 1e-3
-"""Clocks of devices tell no finer."""
+MIN_ERROR_MS = 1e-3
+"""Resolution of device clocks."""
 WALL, FRAME = "wall", "all passes"
 """Rows of the frame as a whole."""
 
@@ -31,7 +31,7 @@ class Median:
 
 @dataclass(frozen=True)
 class Change:
-    """How a time differs.
+    """The difference of a time.
 
     Attributes
     ----------
@@ -55,7 +55,7 @@ class Change:
 
     @property
     def beyond_noise(self) -> bool:
-        """Whether it has changed, as far as can be told."""
+        """Whether it has changed, beyond the known noise."""
         if self.before_ms is None or self.after_ms is None:
             return True
         return self.noise_ms is not None and abs(self.difference_ms) > self.noise_ms
@@ -70,7 +70,7 @@ class Change:
 
 
 def require_comparable(old: OldReport, *, scene: str, device: str, view: View) -> None:
-    """Times of other pictures, or of other devices, tell nothing.
+    """Times of other pictures, or of other devices, cannot be compared.
 
     Raises
     ------
@@ -126,7 +126,7 @@ def _error(before: Median | None, after: Median | None) -> float | None:
     """Standard error of the difference, where it is known."""
     if before is None or after is None or before.error_ms is None or after.error_ms is None:
         return None
-    return max(math.hypot(before.error_ms, after.error_ms), LEAST_ERROR_MS)
+    return max(math.hypot(before.error_ms, after.error_ms), MIN_ERROR_MS)
 
 
 def _rows(report: OldReport) -> Iterator[tuple[tuple[str, str], Median]]:

@@ -58,7 +58,7 @@ def _median_error(values: NDArray[np.float64]) -> float:
 
 @dataclass(frozen=True)
 class WorkRow:
-    """What a kernel had to do, per frame; see `iprt.device.counting`.
+    """The work of a kernel per frame; see `iprt.device.counting`.
 
     Attributes
     ----------
@@ -111,7 +111,7 @@ class PartRow:
         Per frame, on average; see `Cost`.
     gb_per_s : float or None
         Bytes by time, in 10^9 a second. None of host work, and of kernels that read where rays or
-        lists lead them: the buffers' sizes tell nothing of what these move.
+        lists lead them: the buffers' sizes do not say what these move.
     work : WorkRow or None
         What a kernel that counts had to do, where it was counted.
     """
@@ -157,7 +157,7 @@ class PassRow:
 
 
 Counted = Mapping[tuple[str, str], WorkRow]
-"""By pass and kernel."""
+"""Work by pass and kernel."""
 
 
 def frame_timing(frames: Sequence[FrameCosts]) -> Timing:
@@ -219,7 +219,7 @@ def _part_row(key: Key, frames: Sequence[FrameCosts], total: float, counted: Cou
 
 
 PASS_KINDS = frozenset({Kind.KERNEL, Kind.TRANSFER, Kind.HOST})
-"""What the time of a pass is made of."""
+"""The kinds of cost that add up to the time of a pass."""
 
 
 def _ms(costs: Iterable[tuple[Key, Cost]], kinds: Iterable[Kind] = PASS_KINDS) -> float:

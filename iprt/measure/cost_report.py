@@ -1,4 +1,4 @@
-"""What a run of frames cost, as a whole and by pass, and its one form as plain data."""
+"""Costs of a run of frames, as a whole and by pass, also as plain data."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ SCHEMA = 1
 
 @dataclass(frozen=True)
 class CostReport:
-    """What frames cost.
+    """Costs of frames.
 
     Attributes
     ----------

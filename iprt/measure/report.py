@@ -46,7 +46,7 @@ class Figures:
 
 @dataclass
 class Report:
-    """What a page shows, from top to bottom.
+    """The contents of a page, from top to bottom.
 
     Attributes
     ----------

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from iprt.scene.scene import Scene
 
 QUALITY = "quality"
-"""What may be swept besides settings: the preset that the others start from."""
+"""The key of the preset in sweeps; all others are settings."""
 MAX_COMBINATIONS = 1000
 
 
@@ -65,7 +65,7 @@ class Outcome:
 
     @property
     def error(self) -> float:
-        """What is traded for time: 1 - SSIM, the mean over the cuts, or of a view without any."""
+        """The error traded for time: 1 - SSIM, the mean over the cuts, or of a view without any."""
         cuts = [cut.mean for cut in self.ssim_cuts] or [self.ssim.mean]
         return 1.0 - sum(cuts) / len(cuts)
 
@@ -91,7 +91,7 @@ def combinations(
     one_at_a_time: bool = False,
     still: bool = True,
 ) -> list[Combination]:
-    """What `sweeps`, texts such as `trace.rays=1,2,4`, ask for; all are checked.
+    """The combinations of `sweeps`, texts such as `trace.rays=1,2,4`; all are checked.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Where the time and the memory went, as tables for people."""
+"""Time and memory as tables for people."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def compile_grid(report: CostReport) -> Grid:
 
 
 def change_grid(changes: Sequence[Change], settings: Sequence[str], before: str) -> Grid:
-    """What changed since a report that was called `before`; `settings` in words."""
+    """Changes since a report that was called `before`; `settings` in words."""
     rows = []
     for change in changes:
         indented = f"  {change.part}" if change.part else change.name

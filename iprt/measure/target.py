@@ -1,4 +1,4 @@
-"""What a view's picture is scored against: its path-traced truth."""
+"""The path-traced truth that a view's picture is scored against."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 LOG = logging.getLogger("iprt.measure")
 Radiance = NDArray[np.float32]
 Background = Literal["panorama", "truth"]
-"""What the camera sees behind the objects: the resampled panorama, or the truth's own, which
+"""The background behind the objects: the resampled panorama, or the truth's own, which
 leaves relighting as the only difference."""
 
 
@@ -212,7 +212,7 @@ def with_frames(scene: Scene, targets: Sequence[Target]) -> Iterator[tuple[Targe
 
 
 def _reduction(view: View, name: str, size: tuple[int, int] | None) -> int:
-    """How many pixels of the truth's side make one of a picture of `size`."""
+    """Pixels of the truth per pixel of a picture of `size`, along a side."""
     if size is None:
         return 1
     width, height = size

@@ -1,4 +1,4 @@
-"""Play a scene's video with its objects, and tell how true and how steady it is."""
+"""Play a scene's video with its objects, and measure accuracy and stability."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ CONVERGED = ("coverage", "depth", "ratio")
 
 @dataclass(frozen=True)
 class Stability:
-    """How true and how steady one view of a played video is.
+    """Accuracy and stability of one view of a played video.
 
     Attributes
     ----------
@@ -125,7 +125,7 @@ class Player:
     background : {"panorama", "truth"}
         Which background scores are taken over; flicker is that over the panorama.
     converge : int
-        Frames accumulated into each converged picture, which tell trails; 0: none.
+        Frames accumulated into each converged picture, which show trails; 0: none.
     """
 
     def __init__(

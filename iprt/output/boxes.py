@@ -27,7 +27,7 @@ _COPY_BYTES = 2**22
 
 @dataclass(frozen=True)
 class Box:
-    """Where a box lies.
+    """A box and its place.
 
     Attributes
     ----------

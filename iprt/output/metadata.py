@@ -1,4 +1,4 @@
-"""What a picture says about its own making, so that it can be made again."""
+"""Metadata of a picture, from which it can be made again."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ NAMES = {
     "span": "--frames",
     "codec": "--codec",
 }
-"""What messages call values whose own name says little; other names are as in the metadata."""
+"""Names of values in messages, where they differ from the metadata's."""
 PLACES = frozenset({"iprt:device", "iprt:frame"})
-"""What pictures of one video may differ in."""
+"""Keys in which pictures of one video may differ."""
 
 
 def picture_metadata(

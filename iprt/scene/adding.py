@@ -40,7 +40,7 @@ Corners = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 @dataclass(frozen=True)
 class Added:
-    """What `add_object` wrote.
+    """The result of `add_object`.
 
     Attributes
     ----------
@@ -175,7 +175,7 @@ def _name(scene: Scene, mesh_path: Path, name: str | None) -> str:
 
 
 def _mesh(file: MeshFile, animation: str | int | None, *, allow_outside: bool) -> Mesh:
-    """As it is at first."""
+    """The mesh at time 0."""
     within = anywhere(file.path.parent) if allow_outside else None
     if animation is None:
         return load_mesh(file.path, within=within)

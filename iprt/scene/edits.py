@@ -48,7 +48,7 @@ Matrix = tuple[float, ...]
 
 @dataclass(frozen=True)
 class ObjectEdit:
-    """How an object differs from what the scene's files say.
+    """An object's differences from the scene's files.
 
     Attributes
     ----------
@@ -63,7 +63,7 @@ class ObjectEdit:
     removed : bool
         It is not shown.
     textured : bool
-        Whether `material` has a texture, of which materials do not tell when they are compared.
+        Whether `material` has a texture, which comparing materials does not show.
     """
 
     name: str
@@ -127,7 +127,7 @@ def _edited(entry: SceneObject, edit: ObjectEdit | None) -> SceneObject | None:
 
 @dataclass(frozen=True)
 class Look:
-    """What the user sees when the edits are saved.
+    """The user's view when the edits are saved.
 
     Attributes
     ----------
@@ -278,7 +278,7 @@ def _edit_table(table: Any, edit: ObjectEdit, scene: Scene) -> None:
 
 
 def _material_table(edit: ObjectEdit, scene: Scene) -> dict[str, Any]:
-    """What `material` says now."""
+    """The new `material` table."""
     material = edit.material
     assert material is not None
     color = "reflectance" if material.kind == "conductor" else "albedo"

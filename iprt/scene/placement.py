@@ -28,14 +28,14 @@ _SMOOTHING_TEXELS = 9
 """Normals are averaged over so many texels: depth of real captures is noisy."""
 _MAX_ROWS = 512
 _SETTLE = 0.01
-"""How far from its support an object counts as floating or sunk, over the median depth."""
+"""Gap from which on an object counts as floating or sunk, over the median depth."""
 _VISIBLE = 1e-3
 """Size over distance of what can be seen: a third of a pixel at 60 degrees and 1024 pixels."""
 
 
 @dataclass(frozen=True)
 class Standing:
-    """How an object stands in the room.
+    """An object's place in the room.
 
     Attributes
     ----------
@@ -62,7 +62,7 @@ class Standing:
     around: bool
 
     def warnings(self) -> list[str]:
-        """What looks wrong, one phrase each."""
+        """Faults, one phrase each."""
         found = []
         if self.size_m.max() < _VISIBLE * self.distance_m:
             found.append(
@@ -166,7 +166,7 @@ class RealSurfaces:
         return shift
 
     def standing(self, instance: Instance) -> Standing:
-        """How an object stands."""
+        """The place of an object."""
         matrix = instance.to_world
         vertices = instance.mesh.positions.astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
         row, column = equirect_texel(vertices, self._frame.width, self._frame.height)

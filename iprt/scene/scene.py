@@ -220,8 +220,8 @@ class Scene:
         return Ahead(frames, ahead)
 
     def _stages(self, drift: bool) -> list[Stage]:
-        """What a stream does to its sanitised frames, in order; made anew for each stream."""
-        # Materials are told by their hue, in the colours of the reference frame.
+        """The stages of a stream after sanitising, in order; made anew for each stream."""
+        # Materials are known by their hue, in the colours of the reference frame.
         return [
             *([Drift(self.source.white)] if drift else []),
             lambda frame: with_gloss(frame, self.real_materials),

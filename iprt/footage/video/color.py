@@ -73,7 +73,7 @@ _BRADFORD = np.array(
 
 @dataclass(frozen=True)
 class Encoding:
-    """How the samples of a frame stand for colours; codes of ITU-T H.273.
+    """The colour encoding of a frame; codes of ITU-T H.273.
 
     Attributes
     ----------

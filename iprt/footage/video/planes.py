@@ -57,7 +57,7 @@ _SORTED = {
 
 @dataclass(frozen=True)
 class Layout:
-    """How a pixel format stores a picture.
+    """The layout of a pixel format.
 
     Attributes
     ----------

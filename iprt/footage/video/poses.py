@@ -19,7 +19,7 @@ from iprt.files.untrusted import read_bytes
 from iprt.files.wording import counted
 
 RIGID = 2e-3
-"""By which products of a rotation's columns may be wrong, as numbers are rounded."""
+"""Tolerance of products of a rotation's columns, whose numbers are rounded."""
 LONGEST_LINE = 1024
 """Bytes of a line, comments in it included."""
 HEADER_BYTES = 2**16
