@@ -26,7 +26,7 @@ COUNTED_FRAMES = 4
 """Frames, after as many warm-ups, whose rays and steps are counted: these vary little."""
 
 Progress = Callable[[int], None]
-"""Is told the number of frames done so far, those of the warm-up included."""
+"""Called with the number of frames done so far, those of the warm-up included."""
 
 
 def benchmark(
