@@ -24,6 +24,7 @@ from iprt.viewer.web.divider import Divider
 from iprt.viewer.web.gizmo import Gizmo
 from iprt.viewer.web.panels import Panels
 from iprt.viewer.web.picture import PictureSender
+from iprt.viewer.web.server import RUN
 
 LOG = logging.getLogger("iprt.viewer")
 POLL_S, REST_POLL_S = 0.008, 0.05
@@ -75,6 +76,8 @@ class Browser:
     start : Start
     uploads : Path
         Folder for files that its user adds.
+    run : str
+        A page that does not know it has not passed the gate, and is shown nothing.
 
     Attributes
     ----------
@@ -90,13 +93,13 @@ class Browser:
         What the pixel holds that was clicked last.
     """
 
-    def __init__(self, engine: Engine, client: Any, start: Start, uploads: Path) -> None:
+    def __init__(self, engine: Engine, client: Any, start: Start, uploads: Path, run: str) -> None:
         self.engine, self.client, self.uploads = engine, client, uploads
         self.displayed: DisplayedFrame | None = None
         self.selected: str | None = None
         self.snapping = self.aligned = False
         self.read: Readout | None = None
-        self._start = start
+        self._start, self._key = start, run
         self._closed, self._wake = False, threading.Event()
         self._todo: dict[object, Callable[[], object]] = {}
         self._camera: Camera | None = None
@@ -227,6 +230,11 @@ class Browser:
             self.tell("there is no surface: the video shows open sky there")
 
     def _run(self) -> None:
+        try:
+            if self.client.local_storage.get_item(RUN) != self._key:
+                return
+        except RuntimeError:  # it is gone
+            return
         start, camera = self._start, self._camera
         assert camera is not None
         view = start.view.resized(max(camera.width, 1), max(camera.height, 1))
