@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from iprt.viewer.displayed import DisplayedFrame
-from iprt.viewer.ladder import Preview
+from iprt.viewer.pace import Preview
 
 pytest.importorskip("imgui_bundle", reason="needs the extra `view`: ./run screen")
 pytest.importorskip("Xlib", reason="needs the extra `screen`: ./run screen")
