@@ -13,7 +13,7 @@ from iprt.viewer.desktop.dialogs import MeshBrowser, draw_help, draw_leaving
 from iprt.viewer.desktop.picture_view import PictureView
 from iprt.viewer.desktop.shortcuts import act_on_keys
 from iprt.viewer.desktop.ui_state import UiState
-from iprt.viewer.desktop.window import Window
+from iprt.viewer.desktop.window import KeyPress, Window
 from iprt.viewer.engine import Engine
 from iprt.viewer.screenshots import default_folder
 from iprt.viewer.viewport import Viewport
@@ -129,7 +129,10 @@ class App:
     def _draw(self) -> None:
         ui = self.ui
         self.window.rename(f"{ui.engine.scene.name}{' *' if ui.unsaved else ''} - iprt")
-        act_on_keys(ui, self.window.take_keys())
+        presses = self.window.take_keys()
+        if KeyPress("F11", repeated=False) in presses:
+            self.window.switch_full_screen()
+        act_on_keys(ui, presses)
         width, height = imgui.get_io().display_size
         panel = round(PANEL_WIDTH * self.window.scale)
         panel = panel if ui.panels and width > 1.5 * panel else 0

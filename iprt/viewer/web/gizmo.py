@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import linalg
 
 from iprt.viewer.objects import ObjectState
 from iprt.viewer.web.browser_api import BrowserApi
@@ -89,11 +90,9 @@ class Gizmo:
 
 def polar(linear: Float) -> tuple[Float, Float]:
     """A rotation and a stretch, (3, 3) both, whose product is an invertible `linear`."""
-    left, _, right = np.linalg.svd(linear)
-    turn: Float = left @ right
-    if np.linalg.det(turn) < 0.0:
-        turn = -turn
-    return turn, turn.T @ linear
+    turn, stretch = linalg.polar(linear)
+    sign = np.sign(np.linalg.det(turn))
+    return sign * turn, sign * stretch
 
 
 def _relative(state: ObjectState, centre: Float) -> Float:

@@ -27,7 +27,7 @@ pytestmark = pytest.mark.screen
 def drag_slider(user: User, label: str, *, look: Callable[[], None]) -> None:
     """From one end to the other; `look` is called on the way."""
     left, top, right, bottom = user.places[label]
-    x, y = user.app.window._window.position
+    x, y = user.app.window.position
     user.screen.move(x + left + 8, y + 0.5 * (top + bottom))
     user.wait()
     user.screen.button(1, down=True)
