@@ -147,7 +147,7 @@ class RealPixels:
         """
         layer, mask = self.layer, self.mask
         self._filter.start(context)
-        mask.run(grid_offset(context.index), motion=layer.motion, metre=world.panorama.scale)
+        mask.run(grid_offset(context.index), layer.motion, metre=world.panorama.scale)
         if cache is not None:
             cache.run(
                 world.arguments(self._features),
@@ -272,7 +272,7 @@ class VirtualPixels:
         for signal_filter in self._filters.values():
             signal_filter.start(context)
         self._guide.run(context.view, seen.normal, seen.depth, seen.id)
-        self._mask.run(grid_offset(context.index), motion=seen.motion, metre=world.panorama.scale)
+        self._mask.run(grid_offset(context.index), seen.motion, metre=world.panorama.scale)
         history = next(iter(self._filters.values())).history
         trace.run(world, self._mask, context.view, seen.albedo, history)
         signals = {"diffuse": trace.diffuse, "specular": trace.specular}
