@@ -232,9 +232,11 @@ class Renderer:
         real, before = self.real_world, self._seen
         turned = before is None or (now.view, now.previous) != (before.view, before.previous)
         if turned:
-            views = (now.view, now.previous)
-            for rows, view in zip(self._view_constants, views, strict=True):
-                self.device.write(rows, view.kernel_constants())
+            # What was the view in the frame before is on the device.
+            self._view_constants.reverse()
+            self.device.write(self._view_constants[0], now.view.kernel_constants())
+            if before is None:
+                self.device.write(self._view_constants[1], now.previous.kernel_constants())
         carried = False
         if self._camera is not None and real.frame.pose is not None:
             carried = self._camera.step(real.frame.pose)

@@ -69,7 +69,7 @@ class RealPixels:
         """Relight the frame's real pixels and return the ratio per pixel."""
         layer, mask, cache = self.layer, self.mask, world.irradiance
         self._filter.start(context)
-        mask.run(grid_offset(context.index), motion=layer.motion, metre=world.panorama.scale)
+        mask.run(grid_offset(context.index), layer.motion, metre=world.panorama.scale)
         if cache is not None:
             cache.run(
                 world.arguments(self._features),
@@ -144,7 +144,7 @@ class VirtualPixels:
         for signal_filter in self._filters.values():
             signal_filter.start(context)
         self._guide.run(context.view, seen.normal, seen.depth, seen.id)
-        self._mask.run(grid_offset(context.index), motion=seen.motion, metre=world.panorama.scale)
+        self._mask.run(grid_offset(context.index), seen.motion, metre=world.panorama.scale)
         history = next(iter(self._filters.values())).history
         trace.run(world, self._mask, context.view, seen.albedo, history)
         signals = {"diffuse": trace.diffuse, "specular": trace.specular}

@@ -148,7 +148,7 @@ class Kernels:
         guide = Guide(device, layout, equirect=False, name="run")
         guide.run(self.view, seen.normal, seen.depth, seen.id)
         mask = Mask(device, guide, MaskSettings(sparse=False), name="run")
-        mask.run((0, 0))
+        mask.run((0, 0), seen.motion)
         return guide, mask, device.zeros("run history", layout.shape(1))
 
     def reflected(self, seed: int, rays: int) -> dict[str, Float]:

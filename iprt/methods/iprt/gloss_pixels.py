@@ -50,7 +50,7 @@ class GlossPixels:
         assert layer.gloss is not None
         self._filter.start(context)
         self._guide.run(context.view, layer.normal, layer.depth, layer.gloss)
-        self.mask.run(grid_offset(context.index), motion=layer.motion, metre=world.panorama.scale)
+        self.mask.run(grid_offset(context.index), layer.motion, metre=world.panorama.scale)
         self._trace.run(world, self.mask, context.view)
         self.change = self._filter.run(
             self._trace.change, self.mask, layer.motion, context, roughness=layer.roughness
