@@ -22,11 +22,11 @@ from tests.frame.whole_frame import (
     METHODS,
     VIEW,
     chosen,
-    render,
     require_only_noise,
     still_life,
     two_frames,
 )
+from tests.rendering import render
 from tests.worlds import Float, ball
 
 pytestmark = pytest.mark.gl

@@ -29,12 +29,12 @@ from tests.frame.whole_frame import (
     film,
     likeness,
     remembered,
-    render,
     require_finite,
     rms,
     still_life,
     two_frames,
 )
+from tests.rendering import render
 from tests.worlds import (
     Float,
     ball,

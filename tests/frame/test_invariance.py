@@ -25,13 +25,13 @@ from tests.frame.whole_frame import (
     chosen,
     film,
     likeness,
-    render,
     require_only_noise,
     rms,
     still_life,
     two_frames,
 )
 from tests.oracles.worlds import World
+from tests.rendering import render
 from tests.worlds import (
     Float,
     ball,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -20,6 +19,7 @@ from iprt.renderer import RenderedFrame, Renderer
 from iprt.settings.model import Settings
 from tests.frame.whole_frame import still_life
 from tests.oracles.worlds import Box, Sphere, World
+from tests.rendering import render
 from tests.variants import variant
 from tests.worlds import (
     Float,
@@ -53,18 +53,8 @@ def lit_room(radiance: Radiance = ceiling_lamp) -> tuple[Frame, list[Instance]]:
     return room_frame(ROOM, 256, 128, radiance), [ball(BALL.centre, BALL.radius, CLAY)]
 
 
-def render(
-    device: ComputeDevice,
-    frame: Frame,
-    objects: Sequence[Instance],
-    view: View,
-    frames: int = 1,
-    background: NDArray[np.float32] | None = None,
-    **settings: Any,
-) -> RenderedFrame:
-    chosen = Settings.model_validate(settings)
-    with Renderer(device, frame, objects, view, chosen, background=background) as renderer:
-        return renderer.render(frames, AOVS)
+def settings(**chosen: Any) -> Settings:
+    return Settings.model_validate(chosen)
 
 
 def rms(difference: NDArray[np.floating]) -> float:
@@ -88,13 +78,13 @@ ASIDE = View(96, 72, yaw_deg=25.0, pitch_deg=-4.0)
 def test_without_objects_the_input_is_the_output(device: ComputeDevice, view: View) -> None:
     color = np.random.default_rng(4).uniform(0.0, 9.0, (128, 256, 3)).astype(np.float32)
     frame = replace(ROOM.frame(256, 128), color=color)
-    picture = render(device, frame, [], view, frames=2)
+    picture = render(device, frame, [], view, settings(), 2)
     np.testing.assert_array_equal(picture.color, picture.aovs["background"])
     np.testing.assert_allclose(picture.color, panorama_at(color, view.directions()), atol=5e-3)
     if view is PANORAMA:
         np.testing.assert_array_equal(picture.color, color)
     own = np.random.default_rng(5).random((view.height, view.width, 3)).astype(np.float32)
-    over = render(device, frame, [], view, background=own)
+    over = render(device, frame, [], view, settings(), background=own)
     np.testing.assert_array_equal(over.color, own)
 
 
@@ -109,8 +99,8 @@ def test_what_objects_do_not_touch_keeps_its_bits(
     background = None
     if own:
         background = np.random.default_rng(1).random((view.height, view.width, 3), np.float32)
-    before = render(device, frame, [], view, background=background).color
-    picture = render(device, frame, objects, view, 6, background=background)
+    before = render(device, frame, [], view, settings(), background=background).color
+    picture = render(device, frame, objects, view, settings(), 6, background=background)
     ratio, untouched = picture.aovs["ratio"], real(picture)
     untouched &= (ratio == 1.0).all(-1)
     np.testing.assert_array_equal(picture.color[untouched], before[untouched])
@@ -129,7 +119,7 @@ def test_what_objects_do_not_touch_keeps_its_bits(
 def test_the_sky_keeps_its_bits(device: ComputeDevice) -> None:
     frame, view = landscape_frame(256, 128), View(96, 72)
     objects = [ball((0.1, 0.0, -2.0), 0.5, CLAY)]
-    picture = render(device, frame, objects, view, 4)
+    picture = render(device, frame, objects, view, settings(), 4)
     sky = real(picture) & (view.directions()[..., 1] > 0.02)
     assert sky.sum() > 2000
     np.testing.assert_array_equal(picture.color[sky], picture.aovs["background"][sky])
@@ -147,8 +137,8 @@ def test_both_projections_agree(device: ComputeDevice, view: View) -> None:
     objects.append(ball((-0.2, -1.0, 1.5), 0.3, CLAY))
     # Only what the view shows is relit in reflections, which is another part in each projection.
     trace = {"rays": 8}
-    whole = render(device, frame, objects, PANORAMA, 4, trace=trace, **MEAN)
-    part = render(device, frame, objects, view, 8, trace=trace, **MEAN)
+    whole = render(device, frame, objects, PANORAMA, settings(trace=trace, **MEAN), 4)
+    part = render(device, frame, objects, view, settings(trace=trace, **MEAN), 8)
     d = view.directions()
     covered = panorama_at(whole.aovs["coverage"][..., None], d)[..., 0]
     ground = (covered == 0.0) & real(part)
@@ -169,10 +159,10 @@ def test_the_seam_does_not_show(device: ComputeDevice) -> None:
     frame, _ = lit_room(bright_walls)
     objects = [ball((0.1, -1.1, 0.15), 0.2, CLAY), ball((-0.1, -1.0, 1.6), 0.3, CLAY)]
     sure: dict[str, Any] = {"trace": {"rays": 32}, "irradiance": {"rows": 32}, **MEAN}
-    still = render(device, frame, objects, HALF, 4, **sure)
+    still = render(device, frame, objects, HALF, settings(**sure), 4)
     assert (still.aovs["coverage"][:, [0, -1]] == 1.0).sum() > 5
     rolled, moved, _ = turned(frame, objects, 128)
-    picture = render(device, rolled, moved, HALF, 4, **sure)
+    picture = render(device, rolled, moved, HALF, settings(**sure), 4)
 
     def difference(name: str) -> Float:
         return np.asarray(np.roll(picture.aovs[name], -64, 1) - still.aovs[name], np.float64)
@@ -194,7 +184,9 @@ def test_the_seam_does_not_show(device: ComputeDevice) -> None:
 @pytest.mark.parametrize("view", [SMALL, HALF], ids=lambda v: v.projection)
 def test_the_seed_makes_the_picture(device: ComputeDevice, view: View) -> None:
     frame, objects = lit_room(bright_walls)[0], still_life()
-    first, again, other = (render(device, frame, objects, view, 4, seed=seed) for seed in (7, 7, 8))
+    first, again, other = (
+        render(device, frame, objects, view, settings(seed=seed), 4) for seed in (7, 7, 8)
+    )
     np.testing.assert_array_equal(first.color, again.color)
     for name in AOVS:
         np.testing.assert_array_equal(first.aovs[name], again.aovs[name])
@@ -251,8 +243,8 @@ def test_turning_leaves_no_trails(device: ComputeDevice) -> None:
     frame, objects = lit_room()
     coarse: dict[str, Any] = {"iprt": {"ratio_rows": 16}, "irradiance": {"rows": 32}}
     sure = {"trace": {"rays": 16}, **coarse}
-    truth = render(device, frame, objects, DOWN, 8, seed=1, **sure, **MEAN)
-    fresh = render(device, frame, objects, DOWN, 24, **coarse)
+    truth = render(device, frame, objects, DOWN, settings(seed=1, **sure, **MEAN), 8)
+    fresh = render(device, frame, objects, DOWN, settings(**coarse), 24)
     ground, solid = real(truth), truth.aovs["coverage"] == 1.0
     lit = truth.aovs["ratio"].min(-1)[ground] > 0.995
     assert lit.mean() > 0.3
@@ -298,10 +290,8 @@ def test_distant_environment_is_the_cosine_convolution(device: ComputeDevice) ->
     """And it changes no real pixel."""
     frame = room_frame(ROOM, 64, 32, bright_walls)
     view = View(64, 48)
-    picture = render(
-        device, frame, [ball((0.2, 0.0, -1.2), 0.4, CLAY)], view, 8,
-        method="ibl", trace={"rays": 64}, **MEAN,
-    )  # fmt: skip
+    chosen = settings(method="ibl", trace={"rays": 64}, **MEAN)
+    picture = render(device, frame, [ball((0.2, 0.0, -1.2), 0.4, CLAY)], view, chosen, 8)
     d = View(64, 32, projection="equirect").directions().reshape(-1, 3)
     sr = np.broadcast_to(solid_angles(64, 32)[:, None], (32, 64)).reshape(-1)
     solid = picture.aovs["coverage"] == 1.0

@@ -65,18 +65,6 @@ def chosen(method: tuple[str, str], **others: Any) -> Settings:
     return variant(estimator, objects=objects, iprt=own, **{"irradiance": {"rows": 32}, **others})
 
 
-def render(
-    device: ComputeDevice,
-    frame: Frame,
-    objects: Sequence[Instance],
-    view: View,
-    settings: Settings,
-    frames: int = 1,
-) -> RenderedFrame:
-    with Renderer(device, frame, objects, view, settings) as renderer:
-        return renderer.render(frames, AOVS)
-
-
 def film(
     device: ComputeDevice,
     frames: Sequence[Frame],

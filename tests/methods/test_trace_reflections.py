@@ -14,10 +14,10 @@ from tests.methods.traced import (
     MIRROR,
     ROOM,
     mirror_rays,
-    render,
     settings,
 )
 from tests.oracles.worlds import Sphere
+from tests.rendering import render
 from tests.worlds import Float, ball, bright_walls, ceiling_lamp, cuboid, room_frame
 
 PANORAMA = View(256, 128, projection="equirect")

@@ -6,12 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from iprt.device.compute import ComputeDevice
-from iprt.footage.frame import Frame
 from iprt.geometry.camera import View
 from iprt.geometry.material import Material
-from iprt.geometry.mesh import Instance
-from iprt.renderer import RenderedFrame, Renderer
 from iprt.settings.model import Settings
 from tests.oracles.worlds import Sphere, World
 from tests.variants import variant
@@ -32,19 +28,6 @@ def settings(
         "iprt": {"relight_reflections": relit},
     }  # fmt: skip
     return variant(estimator, **{**chosen, **others})
-
-
-def render(
-    device: ComputeDevice,
-    frame: Frame,
-    instances: list[Instance],
-    view: View,
-    chosen: Settings,
-    frames: int = 1,
-) -> RenderedFrame:
-    aovs = ("coverage", "ratio", "normal", "irradiance_real", "irradiance_mixed", "specular")
-    with Renderer(device, frame, instances, view, chosen) as renderer:
-        return renderer.render(frames, aovs)
 
 
 def mirror_rays(view: View, solid: Sphere) -> tuple[Float, Float, Float]:
