@@ -21,6 +21,10 @@ MATERIAL_ROWS = 9
 _NODES = 4 * (MATERIAL_ROWS - 1)
 _KINDS: tuple[MaterialKind, ...] = ("diffuse", "conductor", "plastic")
 
+DIFFUSE_KINDS = ("MATERIAL_DIFFUSE", "MATERIAL_PLASTIC")
+SPECULAR_KINDS = ("MATERIAL_CONDUCTOR", "MATERIAL_MIRROR", "MATERIAL_PLASTIC")
+"""Kinds of reflectance, by their `material_defines`, that have a diffuse or a specular lobe."""
+
 
 @dataclass(frozen=True)
 class Material:
