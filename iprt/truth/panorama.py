@@ -13,6 +13,7 @@ from iprt.footage.frame import Frame
 from iprt.geometry.camera import View
 from iprt.geometry.mesh import Instance
 from iprt.truth.denoise import denoise
+from iprt.truth.sensor import sensor
 from iprt.truth.shapes import instance_shapes
 
 Image = NDArray[np.float32]
@@ -134,13 +135,15 @@ def _launch(
     world: Any, view: View, count: int, seed: int, ratio_only: bool
 ) -> dict[str, NDArray[np.float32]]:
     """`count` samples of every pixel: arrays (pixels * count, channels)."""
-    from iprt.truth.transport import dr, mi, view_directions
+    from iprt.truth.transport import dr, mi
 
     samples = view.width * view.height * count
     sampler = mi.load_dict({"type": "independent"})
     sampler.seed(seed % 2**32, samples)
-    directions = view_directions(view, sampler, dr.arange(mi.UInt32, samples) // count)
-    ray = mi.Ray3f(mi.Point3f(0.0), directions)
+    pixel, jitter = dr.arange(mi.UInt32, samples) // count, sampler.next_2d()
+    x, y = mi.Float(pixel % view.width) + jitter.x, mi.Float(pixel // view.width) + jitter.y
+    place = mi.Point2f(x / view.width, y / view.height)
+    ray, _ = sensor(view).sample_ray(0.0, 0.0, place, mi.Point2f(0.0))
     everywhere = dr.full(mi.Bool, True, samples)
     real = world.hit_real(ray.o, ray.d, everywhere)
     si = world.objects.ray_intersect(ray, everywhere)
