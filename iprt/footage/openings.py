@@ -86,10 +86,8 @@ def components(hole: Mask) -> tuple[NDArray[np.intp], int]:
     height = hole.shape[0]
     label, count = ndimage.label(hole, structure=np.ones((3, 3)))
     pairs = [
-        (label[max(0, -shift) : height - max(0, shift), -1], label[max(0, shift) :, 0])
-        if shift >= 0
-        else (label[-shift:, -1], label[: height + shift, 0])
-        for shift in (-1, 0, 1)
+        (label[up : height - down, -1], label[down : height - up, 0])
+        for up, down in ((1, 0), (0, 0), (0, 1))
     ]
     # The texels of a polar row surround the pole: they all touch there.
     for row in (0, height - 1):

@@ -63,17 +63,14 @@ def load_mesh(path: Path, material: Material | None = None, within: Path | None 
     file = MeshFile(path, within)
     dropped = file.unread_parts()
     with decoding(path, "cut off or damaged mesh file"), np.errstate(all="ignore"):
-        parts = _load_parts(file, dropped)
+        placed = placed_geometries(file, dropped).values()
+        parts = [part_of(geometry, transform, dropped) for transform, geometry in placed]
+        if file.suffix == ".stl":
+            parts = [_welded(part) for part in parts]
         mesh = joined(file, parts, material, dropped)
     if mesh.triangles.shape[0] == 0:
         raise FormatError(f"{path}: holds no triangles")
     return mesh
-
-
-def _load_parts(file: MeshFile, dropped: list[str]) -> list[Part]:
-    placed = placed_geometries(file, dropped).values()
-    parts = [part_of(geometry, transform, dropped) for transform, geometry in placed]
-    return [_welded(part) for part in parts] if file.suffix == ".stl" else parts
 
 
 def _welded(part: Part) -> Part:

@@ -37,7 +37,9 @@ def write_thumbnail(path: Path, scene: Scene, frame: Frame) -> None:
         _label(draw, (x + 4, HEIGHT // 2 + 4), label, _AXIS_COLOR)
     for entry in scene.views.values():
         pixels = equirect_pixel(_border(entry.view), WIDTH, HEIGHT)
-        _polyline(draw, pixels)
+        for start, end in pairwise(pixels):
+            if abs(start[0] - end[0]) < WIDTH / 2:  # does not jump across the seam
+                draw.line([tuple(start), tuple(end)], fill=_VIEW_COLOR, width=2)
         _label(draw, tuple(pixels[0] + (4, 2)), entry.name, _VIEW_COLOR)
     for instance in scene.instances:
         matrix = instance.to_world
@@ -56,13 +58,6 @@ def _border(view: View) -> NDArray[np.float64]:
     pixels = np.concatenate([np.stack(side, axis=-1) for side in square])
     directions: NDArray[np.float64] = view.unproject(pixels * (view.width, view.height))
     return directions
-
-
-def _polyline(draw: ImageDraw.ImageDraw, pixels: NDArray[np.float64]) -> None:
-    """Lines between points, except where they jump across the seam."""
-    for start, end in pairwise(pixels):
-        if abs(start[0] - end[0]) < WIDTH / 2:
-            draw.line([tuple(start), tuple(end)], fill=_VIEW_COLOR, width=2)
 
 
 def _label(

@@ -126,14 +126,10 @@ def planes(frame: av.VideoFrame, rows: slice) -> list[Samples]:
     found = []
     for number in range(count):
         down = how.down if how.kind == "yuv" and number else 1
-        found.append(_plane(frame, number, how)[_every(rows, down)])
+        found.append(_plane(frame, number, how)[rows.start // down : -(-rows.stop // down)])
     if how.kind == "rgb":
         found = [found[2], found[0], found[1]]
     return found
-
-
-def _every(rows: slice, down: int) -> slice:
-    return slice(rows.start // down, -(-rows.stop // down))
 
 
 def _plane(frame: av.VideoFrame, number: int, how: Layout) -> Samples:

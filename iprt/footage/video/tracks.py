@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -194,19 +193,12 @@ def _indices(video: VideoTable, fps: Fraction, color: StreamInfo | None) -> rang
     return range(count)
 
 
-@contextmanager
-def _named(key: str) -> Iterator[None]:
-    """Put the key of `[video]` before what is wrong."""
-    try:
-        yield
-    except FormatError as error:
-        raise FormatError(f"video.{key}: {error}") from error
-
-
 def _streams(key: str, root: Path, name: str, within: Path) -> list[StreamInfo]:
-    with _named(key):
+    try:
         require_inside(root / name, within)
         return video_streams(root / name)
+    except FormatError as error:
+        raise FormatError(f"video.{key}: {error}") from error
 
 
 def _color_stream(
