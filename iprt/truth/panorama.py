@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -86,33 +87,18 @@ def render_reference(
     return _render(world, view, spp, seed, clean)
 
 
-@dataclass
-class _Sums:
-    """Sums over samples: (pixels, channels) float64 each."""
-
-    background: Any = 0.0
-    objects: Any = 0.0
-    without: Any = 0.0
-    both: Any = 0.0
-    covered: Any = 0.0
-    hit_object: Any = 0.0
-    albedo: Any = 0.0
-    normal: Any = 0.0
-
-
 def _render(
     world: Any, view: View, spp: int, seed: int, clean: bool, *, ratio_only: bool = False
 ) -> Reference:
     pixels = view.width * view.height
     per_launch = max(1, min(spp, SAMPLES_AT_ONCE // pixels))
-    sums = _Sums()
+    sums: dict[str, Any] = defaultdict(float)
     for start in range(0, spp, per_launch):
         count = min(per_launch, spp - start)
         for name, values in _launch(world, view, count, seed * 65537 + start, ratio_only).items():
-            image = values.reshape(pixels, count, -1).sum(axis=1, dtype=np.float64)
-            setattr(sums, name, getattr(sums, name) + image)
+            sums[name] += values.reshape(pixels, count, -1).sum(axis=1, dtype=np.float64)
     shape = (view.height, view.width, -1)
-    mean = {name: (value / spp).reshape(shape) for name, value in vars(sums).items()}
+    mean = {name: (value / spp).reshape(shape) for name, value in sums.items()}
     coverage = mean["covered"].astype(np.float32)
     real = np.maximum(1.0 - mean["covered"], 1.0 / spp)
     background = (mean["background"] / real).astype(np.float32)

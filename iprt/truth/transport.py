@@ -64,7 +64,6 @@ class World:
         self.real = mi.load_dict(
             {"type": "scene", "surface": _shape(mesh.positions, mesh.triangles)}
         )
-        self.has_objects = bool(shapes)
         self.objects = mi.load_dict({"type": "scene", **shapes})
         self._color = _texture(frame.radiance)
         self._normal = _texture(frame.normal)
