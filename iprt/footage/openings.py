@@ -69,7 +69,7 @@ def classify_holes(hole: Mask, color: NDArray[np.float32]) -> Holes:
         np.isin(np.arange(count), of_texel[rows == row]) for row in (0, height - 1)
     )
     is_open = (sr > OPEN_SKY_SR) | (at_zenith & (elevation_deg < OPEN_SKY_ELEVATION_DEG))
-    brightness = _brightness_over_rim(hole, color, rows, columns, of_texel, count)
+    brightness = _brightness_over_rim(hole, color @ LUMINANCE, label, count)
     small = (sr < DROPOUT_SR) & (brightness < DROPOUT_BRIGHTNESS)
     is_dropout = ~is_open & (small | at_nadir)
 
@@ -103,16 +103,12 @@ def components(hole: Mask) -> tuple[NDArray[np.intp], int]:
 
 
 def _brightness_over_rim(
-    hole: Mask,
-    color: NDArray[np.float32],
-    rows: NDArray[np.intp],
-    columns: NDArray[np.intp],
-    of_texel: NDArray[np.intp],
-    count: int,
+    hole: Mask, luminance: NDArray[np.float32], label: NDArray[np.intp], count: int
 ) -> NDArray[np.float64]:
     """(count,) mean luminance of each hole over that of the texels around it; 0 without a rim."""
     height, width = hole.shape
-    luminance = color @ LUMINANCE
+    rows, columns = np.nonzero(hole)
+    of_texel = label[rows, columns]
     total = np.bincount(of_texel, luminance[rows, columns], minlength=count)
     inside = total / np.maximum(np.bincount(of_texel, minlength=count), 1)
     rim_sum, rim_count = np.zeros(count), np.zeros(count)

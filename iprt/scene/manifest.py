@@ -193,13 +193,8 @@ class _RealMaterialTable(Table, ABC):
         """The reflectance that the kind stands for."""
 
 
-class RealConductorTable(_RealMaterialTable):
-    kind: Literal["conductor"]
-    reflectance: Color
-    alpha: Unit = 0.1
-
-    def material(self) -> Material:
-        return Material("conductor", _triple(self.reflectance), alpha=self.alpha)
+class RealConductorTable(ConductorTable, _RealMaterialTable):
+    """A metal, as objects have them."""
 
 
 class RealPlasticTable(_RealMaterialTable):
