@@ -103,7 +103,7 @@ def placed_geometries(
         warnings.simplefilter("ignore")
         scene = trimesh.load_scene(
             BytesIO(file.readable_data()),
-            file_type=file.suffix[1:],
+            file_type=file.suffix[1:] if file.gltf is None else "gltf",
             resolver=file,
             process=False,
         )
