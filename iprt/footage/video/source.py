@@ -19,7 +19,7 @@ from iprt.footage.depth import sanitise_color, sanitise_depth
 from iprt.footage.frame import Frame
 from iprt.footage.normals import estimate_normals, sanitise_normals
 from iprt.footage.video.poses import read_poses
-from iprt.footage.video.reader import OpenStreams
+from iprt.footage.video.reader import open_streams
 from iprt.footage.video.table import VideoTable
 from iprt.footage.video.tracks import Tracks, open_tracks
 
@@ -195,7 +195,7 @@ class FrameSource:
     def stored_depth(self) -> StoredDepth | None:
         """How depth is stored, by the first frame wherever reading begins; None: it has none."""
         try:
-            with OpenStreams() as streams:
+            with open_streams() as streams:
                 depth = self._tracks.by_key["depth"].reader(streams)(self.indices[0])
         except FormatError:
             return None
@@ -209,7 +209,7 @@ class FrameSource:
     @contextmanager
     def reading(self) -> Iterator[FrameReader]:
         """A reader of frames, quickest in order. Not for several threads at a time."""
-        with OpenStreams() as streams:
+        with open_streams() as streams:
             readers = {key: track.reader(streams) for key, track in self._tracks.by_key.items()}
             yield FrameReader(self, readers, self._video.yaw_offset_deg)
 

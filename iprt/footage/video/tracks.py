@@ -21,7 +21,7 @@ from iprt.footage.video.clock import Clock, disagreements, frame_count
 from iprt.footage.video.color import has_highlights, linear_color, luma
 from iprt.footage.video.container import StreamInfo, is_container, video_streams
 from iprt.footage.video.depth_code import DepthCode, unit_problem
-from iprt.footage.video.reader import OpenStreams
+from iprt.footage.video.reader import Streams
 from iprt.footage.video.sequence import DepthPictures, PictureTrack
 from iprt.footage.video.table import VideoTable
 
@@ -50,7 +50,7 @@ class Track(Protocol):
     def white(self) -> float:
         """Radiance at which its colours end, by its kind; infinite where they do not."""
 
-    def reader(self, streams: OpenStreams) -> Callable[[int], Picture]:
+    def reader(self, streams: Streams) -> Callable[[int], Picture]:
         """A function that reads the picture of a frame; quickest in order."""
 
 
@@ -91,8 +91,8 @@ class StreamTrack:
     def white(self) -> float:
         return math.inf if has_highlights(self._info.pixels, self._info.transfer) else 1.0
 
-    def reader(self, streams: OpenStreams) -> Callable[[int], Picture]:
-        info, stream = self._info, streams.reader(self._info)
+    def reader(self, streams: Streams) -> Callable[[int], Picture]:
+        info, stream = self._info, streams(self._info)
 
         def read(index: int) -> Picture:
             frame = stream.at(self._zero + self._clock.time(index))
