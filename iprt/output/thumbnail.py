@@ -12,6 +12,7 @@ from PIL import Image, ImageDraw
 from iprt.files.atomic import replacing
 from iprt.footage.frame import Frame
 from iprt.geometry.camera import View, equirect_pixel
+from iprt.geometry.mesh import transformed
 from iprt.output.tone import developed
 from iprt.scene.scene import Scene
 
@@ -42,8 +43,7 @@ def write_thumbnail(path: Path, scene: Scene, frame: Frame) -> None:
                 draw.line([tuple(start), tuple(end)], fill=_VIEW_COLOR, width=2)
         _label(draw, tuple(pixels[0] + (4, 2)), entry.name, _VIEW_COLOR)
     for instance in scene.instances:
-        matrix = instance.to_world
-        center = matrix[:3, :3] @ instance.mesh.positions.mean(axis=0) + matrix[:3, 3]
+        center = transformed(instance.to_world, instance.mesh.positions.mean(axis=0))
         x, y = equirect_pixel(center, WIDTH, HEIGHT)
         draw.ellipse([x - 4, y - 4, x + 4, y + 4], outline=_OBJECT_COLOR, width=2)
         _label(draw, (x + 6, y - 6), instance.name, _OBJECT_COLOR)

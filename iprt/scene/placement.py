@@ -15,7 +15,7 @@ from iprt.footage.color_fit import weighted_quantile
 from iprt.footage.frame import Frame
 from iprt.footage.openings import solid_angles
 from iprt.geometry.camera import View, equirect_direction, equirect_texel
-from iprt.geometry.mesh import Instance, Mesh
+from iprt.geometry.mesh import Instance, Mesh, transformed
 from iprt.scene.stance import Stance
 
 Array = NDArray[np.float64]
@@ -167,8 +167,7 @@ class RealSurfaces:
 
     def standing(self, instance: Instance) -> Standing:
         """The place of an object."""
-        matrix = instance.to_world
-        vertices = instance.mesh.positions.astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
+        vertices = transformed(instance.to_world, instance.mesh.positions.astype(np.float64))
         row, column = equirect_texel(vertices, self._frame.width, self._frame.height)
         distance = np.linalg.norm(vertices, axis=1)
         hidden = float(np.mean(distance > 1.02 * self._frame.depth[row, column]))

@@ -40,9 +40,11 @@ class Track(Protocol):
 
     def missing(self) -> Iterator[Path]:
         """Files that are not there, by frame."""
+        return iter(())
 
     def problems(self) -> list[str]:
         """Reasons why existing files cannot be read; a line with its key each."""
+        return []
 
     def size(self) -> tuple[int, int]:
         """Width and height of the first picture, from its header."""
@@ -54,7 +56,7 @@ class Track(Protocol):
         """A function that reads the picture of a frame; quickest in order."""
 
 
-class StreamTrack:
+class StreamTrack(Track):
     """Pictures in some rows of a video stream.
 
     Parameters
@@ -78,12 +80,6 @@ class StreamTrack:
 
     def file(self, _: int) -> Path:
         return self._info.path
-
-    def missing(self) -> Iterator[Path]:
-        return iter(())
-
-    def problems(self) -> list[str]:
-        return []
 
     def size(self) -> tuple[int, int]:
         return self._info.width, self._rows.stop - self._rows.start
