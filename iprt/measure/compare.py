@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from iprt.scene.scene import Scene
     from iprt.settings.model import Settings
 
-METHODS = ("iprt", "ibl")
-
 DIFFERENCE_GAIN = 4.0
 """Factor that makes small differences visible in `difference`."""
 

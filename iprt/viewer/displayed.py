@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from iprt.output.tone import Bytes
 from iprt.viewer.labels import BUFFERS
-from iprt.viewer.ladder import Preview
+from iprt.viewer.pace import Preview
 from iprt.viewer.session import Shown
 
 

@@ -94,7 +94,11 @@ PLAYBACK: Mapping[PlaybackMode, Label] = {
 
 PARTS: Mapping[str, Label] = {
     "view": Label("View", "The views of scene.toml, each with the objects that it shows."),
+    "selected": Label("Selected", "Or click one in the picture."),
     "objects": Label("Objects", "Click one to select it, here or in the picture."),
+    "preset": Label(
+        "Preset", "Sets what differs most in cost; all other settings stay as they are."
+    ),
     "fps": Label(
         "Frame rate",
         "Frames per second to hold while something moves, at a lower resolution if need be.",
@@ -125,6 +129,7 @@ PARTS: Mapping[str, Label] = {
     "redo": Label("Redo", "Makes the change again that was undone last."),
     "save": Label("Save", "Writes the objects to scene.toml. Comments stay."),
     "play": Label("Play", "Plays the video, or pauses it."),
+    "frame": Label("Frame", "As scene.toml counts."),
     "loop": Label("Loop", "Starts again at the end."),
     "screenshot": Label(
         "Screenshot",

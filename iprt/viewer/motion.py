@@ -7,8 +7,7 @@ import time
 from collections.abc import Callable
 
 from iprt.settings.model import Settings
-from iprt.viewer.ladder import Preview, Rung
-from iprt.viewer.pace import Pace
+from iprt.viewer.pace import Level, Pace, Preview
 from iprt.viewer.rate import Rate
 from iprt.viewer.session import Shown
 
@@ -63,7 +62,7 @@ class Motion:
         """Pictures per second while something moves; None: nothing does."""
         return self._rate.value if self.lively else None
 
-    def rung(self, base: Settings, *, playing: bool) -> Rung | None:
+    def level(self, base: Settings, *, playing: bool) -> Level | None:
         """What to render now in place of `base`; None: that, at full resolution.
 
         Parameters
@@ -76,8 +75,8 @@ class Motion:
             return None
         if self._pace is None or self._pace.base != base:
             self._pace = Pace(self._target_fps, base, usual_s=self._usual_s)
-        rung = self._pace.rung
-        return rung if rung.number > 0 else None
+        level = self._pace.level
+        return None if level.preview is None else level
 
     def observe(self, shown: Shown) -> None:
         """Take note of a new picture."""
@@ -86,18 +85,18 @@ class Motion:
                 self._rate.clear()
             self._moved_s = self._clock()
             self._rate.add()
-        rung = self._rung_of(shown)
-        if rung is None and not shown.compiled:
+        level = self._level_of(shown)
+        if (level is None or level.preview is None) and not shown.compiled:
             self._usual_s = shown.seconds
-        if self._pace is not None and self._pace.rung.number == (rung.number if rung else 0):
+        if self._pace is not None and (level or self._pace.levels[0]) is self._pace.level:
             self._pace.observe(shown.seconds, shown.compiled)
 
     def preview(self, shown: Shown) -> Preview | None:
         """What a picture lacks to hold the frame rate; None: nothing."""
-        rung = self._rung_of(shown)
-        return None if rung is None else rung.preview
+        level = self._level_of(shown)
+        return None if level is None else level.preview
 
-    def _rung_of(self, shown: Shown) -> Rung | None:
-        """That a picture was asked for on; each has settings of its own, even if they are equal."""
-        rungs = () if self._pace is None else self._pace.rungs
-        return next((rung for rung in rungs if rung.settings is shown.request.settings), None)
+    def _level_of(self, shown: Shown) -> Level | None:
+        """That a picture was asked for on."""
+        levels = () if self._pace is None else self._pace.levels
+        return next((n for n in levels if n.settings is shown.request.settings), None)

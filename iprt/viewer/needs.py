@@ -10,7 +10,7 @@ from typing import Any
 from iprt.device.install import pip_command, requirements
 from iprt.errors import DeviceError, IprtError
 
-WINDOW = ("imgui_bundle", "moderngl_window", "glfw")
+WINDOW = ("imgui_bundle", "glfw")
 """Modules of the viewer in a window. imgui comes first, so that both use its library of GLFW."""
 BROWSER = ("viser",)
 ELSEWHERE = "open it from a desktop session, or view the scene in a browser: iprt view --web"

@@ -223,17 +223,17 @@ class Viewport:
         lens, world = self._lens, self._engine.world
         # Who wants to see every frame wants to see all of it.
         playing = world.playback.playing and world.playback.mode == "real time"
-        rung = self._motion.rung(world.settings, playing=playing)
+        level = self._motion.level(world.settings, playing=playing)
         view = self.view
         if lens.against == "truth" and self.name is not None:
             view = self._developer.truth.view(self._engine.scene, self.name, view)
-        elif rung is not None:
-            sides = (max(round(side * rung.scale), 1) for side in (view.width, view.height))
+        elif level is not None:
+            sides = (max(round(side * level.scale), 1) for side in (view.width, view.height))
             view = view.resized(*sides)
         aovs = [] if lens.buffer is None else [lens.buffer]
         if lens.against == "input" and "background" not in aovs:
             aovs.append("background")
-        settings = None if rung is None else rung.settings
+        settings = None if level is None else level.settings
         return Request(view, self.objects, settings, tuple(aovs), frames=self._frames)
 
     # What it shows ----------------------------------------------------------------------------

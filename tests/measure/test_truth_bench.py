@@ -302,7 +302,9 @@ def test_page_of_convergence_and_of_a_comparison(
         "--view",
         "near",
         "--method",
-        "all",
+        "iprt",
+        "--method",
+        "ibl",
         *QUICK[2:],
     ]
     assert cli.main([*words, "--html", str(tmp_path / "b.html")]) == 0

@@ -12,8 +12,8 @@ from iprt.viewer.desktop import bars, picture_panel, profile_panel, scene_panel,
 from iprt.viewer.desktop.dialogs import MeshBrowser, draw_help, draw_leaving
 from iprt.viewer.desktop.picture_view import PictureView
 from iprt.viewer.desktop.shortcuts import act_on_keys
-from iprt.viewer.desktop.ui_state import UiState
-from iprt.viewer.desktop.window import Window
+from iprt.viewer.desktop.ui_state import DesktopState
+from iprt.viewer.desktop.window import KeyPress, Window
 from iprt.viewer.engine import Engine
 from iprt.viewer.screenshots import default_folder
 from iprt.viewer.viewport import Viewport
@@ -32,7 +32,7 @@ _PANEL = (
     | imgui.WindowFlags_.no_bring_to_front_on_focus
     | imgui.WindowFlags_.no_nav
 )
-_TABS: tuple[tuple[str, Callable[[UiState], None]], ...] = (
+_TABS: tuple[tuple[str, Callable[[DesktopState], None]], ...] = (
     ("Scene", scene_panel.draw),
     ("Picture", picture_panel.draw),
     ("Settings", settings_panel.draw),
@@ -74,7 +74,7 @@ class App:
         self._engine = engine
         self.window = Window(engine.scene.name, (view.width, view.height), self._drop)
         viewport = Viewport(engine, view, objects=objects, frames=frames)
-        self.ui = UiState(engine, viewport, folder or default_folder())
+        self.ui = DesktopState(engine, viewport, folder or default_folder())
         self.picture_view = PictureView(self.ui, self.window)
         self._browser = MeshBrowser(folder or Path.cwd())
         self._dropped: list[Path] = []
@@ -129,7 +129,10 @@ class App:
     def _draw(self) -> None:
         ui = self.ui
         self.window.rename(f"{ui.engine.scene.name}{' *' if ui.unsaved else ''} - iprt")
-        act_on_keys(ui, self.window.take_keys())
+        presses = self.window.take_keys()
+        if KeyPress("F11", repeated=False) in presses:
+            self.window.switch_full_screen()
+        act_on_keys(ui, presses)
         width, height = imgui.get_io().display_size
         panel = round(PANEL_WIDTH * self.window.scale)
         panel = panel if ui.panels and width > 1.5 * panel else 0

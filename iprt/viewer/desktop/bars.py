@@ -6,7 +6,7 @@ from imgui_bundle import icons_fontawesome_6 as icons
 from imgui_bundle import imgui
 
 from iprt.viewer.desktop.style import ACCENT, BAD, GOOD, QUIET, Color
-from iprt.viewer.desktop.ui_state import UiState
+from iprt.viewer.desktop.ui_state import DesktopState
 from iprt.viewer.desktop.widgets import button, choice, hint, toggle
 from iprt.viewer.labels import PARTS, PLAYBACK
 
@@ -23,7 +23,7 @@ STATE_EM = 10.0
 """Least width of what the engine does."""
 
 
-def playback(ui: UiState) -> None:
+def playback(ui: DesktopState) -> None:
     """Play, pause, step, scrub; how to play."""
     engine, frames, counter = ui.engine, ui.frames, ui.viewport.counter
     em = imgui.get_font_size()
@@ -54,7 +54,7 @@ def playback(ui: UiState) -> None:
         imgui.text_colored(imgui.ImVec4(*QUIET), counter.text)
 
 
-def _playback_mode(ui: UiState) -> None:
+def _playback_mode(ui: DesktopState) -> None:
     engine = ui.engine
     if toggle(f"{icons.ICON_FA_REPEAT}##loop", engine.loop, PARTS["loop"].about):
         engine.set_loop(not engine.loop)
@@ -66,7 +66,7 @@ def _playback_mode(ui: UiState) -> None:
     imgui.same_line()
 
 
-def status(ui: UiState) -> None:
+def status(ui: DesktopState) -> None:
     """One line: what the engine does, how fast, how large and how good the picture is.
 
     What there is no room for is left out. Each has its place, so that none moves as others change.
@@ -89,7 +89,7 @@ def status(ui: UiState) -> None:
         imgui.text_colored(imgui.ImVec4(*QUIET), HELP)
 
 
-def _activity(ui: UiState) -> tuple[str, Color]:
+def _activity(ui: DesktopState) -> tuple[str, Color]:
     engine, displayed = ui.engine.status, ui.displayed
     if engine.problems:
         return f"{icons.ICON_FA_TRIANGLE_EXCLAMATION}  {engine.problems[0]}", BAD
@@ -99,7 +99,7 @@ def _activity(ui: UiState) -> tuple[str, Color]:
     return ("ready", GOOD) if done else ("rendering", ACCENT)
 
 
-def _figures(ui: UiState) -> list[tuple[float, str, str]]:
+def _figures(ui: DesktopState) -> list[tuple[float, str, str]]:
     """What is to be told of the picture: the width of its place in em, words, and their meaning."""
     displayed = ui.displayed
     if displayed is None or displayed.shown.plain:

@@ -10,7 +10,7 @@ from imgui_bundle import imgui
 from iprt.geometry.mesh_files import MESH_SUFFIXES
 from iprt.viewer.desktop.shortcuts import ELSEWHERE, SHORTCUTS
 from iprt.viewer.desktop.style import ACCENT, BAD, QUIET
-from iprt.viewer.desktop.ui_state import UiState
+from iprt.viewer.desktop.ui_state import DesktopState
 from iprt.viewer.desktop.widgets import button, quiet
 
 _FIXED = (
@@ -21,7 +21,7 @@ _FIXED = (
 )
 
 
-def draw_help(ui: UiState) -> None:
+def draw_help(ui: DesktopState) -> None:
     """What keys and the mouse do."""
     if not ui.help:
         return
@@ -39,7 +39,7 @@ def draw_help(ui: UiState) -> None:
     imgui.end()
 
 
-def draw_leaving(ui: UiState) -> bool:
+def draw_leaving(ui: DesktopState) -> bool:
     """Ask whether to save before the window closes; whether it may close now."""
     if not ui.leaving:
         return False
@@ -82,7 +82,7 @@ class MeshBrowser:
         self._text = str(self._folder)
         self._open = False
 
-    def draw(self, ui: UiState) -> None:
+    def draw(self, ui: DesktopState) -> None:
         """While `ui.browsing`."""
         if not ui.browsing:
             self._open = False

@@ -13,7 +13,7 @@ from imgui_bundle import imgui
 from iprt.geometry.camera import View
 from iprt.viewer.desktop.gizmo import Matrix, Mode, Rectangle, camera_matrix
 from iprt.viewer.desktop.style import ACCENT, BAD, QUIET, TEXT, packed
-from iprt.viewer.desktop.ui_state import UiState
+from iprt.viewer.desktop.ui_state import DesktopState
 from iprt.viewer.desktop.widgets import toggle, tooltip
 from iprt.viewer.labels import PARTS
 
@@ -54,7 +54,7 @@ def floating(
     imgui.pop_style_var(2)
 
 
-def toolbar(ui: UiState, rectangle: Rectangle) -> None:
+def toolbar(ui: DesktopState, rectangle: Rectangle) -> None:
     """How the gizmo works, while an object is selected."""
     if ui.state is None:
         return
@@ -74,7 +74,7 @@ def toolbar_width() -> float:
     return 4.0 * (2.0 * imgui.get_frame_height() + imgui.get_style().item_spacing.x) + 2.0 * MARGIN
 
 
-def split_bar(ui: UiState, rectangle: Rectangle, *, lit: bool) -> None:
+def split_bar(ui: DesktopState, rectangle: Rectangle, *, lit: bool) -> None:
     """The line between the picture and what it is compared with."""
     lens = ui.viewport.lens
     if lens.against is None or lens.error:
@@ -90,7 +90,7 @@ def split_bar(ui: UiState, rectangle: Rectangle, *, lit: bool) -> None:
         imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
 
 
-def caption(ui: UiState, rectangle: Rectangle) -> None:
+def caption(ui: DesktopState, rectangle: Rectangle) -> None:
     """In the upper right corner: what is shown if not the picture, and what misleads in it."""
     displayed = ui.displayed
     words = [] if displayed is None else [(displayed.caption, TEXT), (displayed.warning, ACCENT)]
@@ -112,7 +112,7 @@ def caption(ui: UiState, rectangle: Rectangle) -> None:
         imgui.pop_text_wrap_pos()
 
 
-def activity(ui: UiState, rectangle: Rectangle) -> None:
+def activity(ui: DesktopState, rectangle: Rectangle) -> None:
     """At the bottom: what is compiled or loaded, what went wrong, what was just done."""
     status, notice, preview = ui.engine.status, ui.notice, None
     lines = [(text, BAD) for text in status.problems] + [(text, TEXT) for text in status.notes]
@@ -139,12 +139,12 @@ def activity(ui: UiState, rectangle: Rectangle) -> None:
         tooltip(preview.details)
 
 
-def readout(ui: UiState, rectangle: Rectangle, object_box: Box | None) -> None:
+def readout(ui: DesktopState, rectangle: Rectangle, object_box: Box | None) -> None:
     """The values of the pixel at the mouse, in a corner where they hide nothing of interest.
 
     Parameters
     ----------
-    ui : UiState
+    ui : DesktopState
     rectangle : (left, top, width, height)
         Where the picture is on the screen.
     object_box : (left, top, right, bottom) or None

@@ -13,7 +13,7 @@ from iprt.geometry.pose import view_from
 from iprt.viewer.desktop import gizmo, overlay
 from iprt.viewer.desktop.gizmo import GIZMO, Matrix, Rectangle
 from iprt.viewer.desktop.turning import BESIDE, turned, turned_place
-from iprt.viewer.desktop.ui_state import UiState
+from iprt.viewer.desktop.ui_state import DesktopState
 from iprt.viewer.desktop.window import Window
 from iprt.viewer.objects import ObjectState
 
@@ -44,7 +44,7 @@ class PictureView:
         What the mouse is doing in it.
     """
 
-    def __init__(self, ui: UiState, window: Window) -> None:
+    def __init__(self, ui: DesktopState, window: Window) -> None:
         self._ui, self._window = ui, window
         self.rectangle: Rectangle = (0.0, 0.0, 0.0, 0.0)
         self.gesture: Gesture | None = None

@@ -6,7 +6,7 @@ import numpy as np
 from imgui_bundle import imgui, implot
 
 from iprt.viewer.desktop.style import packed
-from iprt.viewer.desktop.ui_state import UiState
+from iprt.viewer.desktop.ui_state import DesktopState
 from iprt.viewer.desktop.widgets import heading, quiet
 from iprt.viewer.timeline import WHOLE, Timeline
 
@@ -15,7 +15,7 @@ PLOT_EM = 13.0
 OPACITY = 0.85
 
 
-def draw(ui: UiState) -> None:
+def draw(ui: DesktopState) -> None:
     """The whole panel."""
     heading("Passes of the last view frames")
     if not ui.timeline.steps.size:

@@ -3,37 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import get_args
 
 from imgui_bundle import icons_fontawesome_6 as icons
 from imgui_bundle import imgui
 
-from iprt.geometry.material import Material, MaterialKind
-from iprt.viewer import labels
 from iprt.viewer.desktop.style import ACCENT, TEXT
-from iprt.viewer.desktop.ui_state import UiState
-from iprt.viewer.desktop.widgets import (
-    button,
-    choice,
-    disabled,
-    heading,
-    hint,
-    label,
-    linear_color,
-    part,
-    quiet,
-    slider,
-)
-from iprt.viewer.labels import PARTS, TURNED, Label
+from iprt.viewer.desktop.ui_state import DesktopState
+from iprt.viewer.desktop.widgets import button, draw_field, heading, label, quiet, slider
+from iprt.viewer.fields import material_fields, place_fields, view_field
+from iprt.viewer.labels import PARTS
 from iprt.viewer.objects import ObjectState
 from iprt.viewer.viewport import MAX_FOV_DEG, MIN_FOV_DEG
 
-KINDS: tuple[MaterialKind, ...] = get_args(MaterialKind)
-MIN_IOR, MAX_IOR = 1.01, 3.0
-"""Ends of the slider."""
 
-
-def draw(ui: UiState) -> None:
+def draw(ui: DesktopState) -> None:
     """The whole panel."""
     _files(ui)
     heading("View")
@@ -43,19 +26,18 @@ def draw(ui: UiState) -> None:
     state = ui.state
     if state is not None:
         heading(state.name)
-        _placement(ui, state)
-        _material(ui, state)
+        _selected(ui, state)
 
 
-def _files(ui: UiState) -> None:
+def _files(ui: DesktopState) -> None:
     engine, gap = ui.engine, imgui.get_style().item_spacing.x
     third = (imgui.get_content_region_avail().x - 2.0 * gap) / 3.0
     half = 0.5 * (third - gap)
     for name, icon, key, wide, enabled, act in (
         ("add", f"{icons.ICON_FA_PLUS}  Add mesh", "A", third, True, ui.browse),
         ("save", f"{icons.ICON_FA_FLOPPY_DISK}  Save", "Ctrl+S", third, ui.unsaved, ui.save),
-        ("undo", icons.ICON_FA_ROTATE_LEFT, "Ctrl+Z", half, engine.can_undo, ui.undo),
-        ("redo", icons.ICON_FA_ROTATE_RIGHT, "Ctrl+Y", half, engine.can_redo, ui.redo),
+        ("undo", icons.ICON_FA_ROTATE_LEFT, "Ctrl+Z", half, engine.can_undo, engine.undo),
+        ("redo", icons.ICON_FA_ROTATE_RIGHT, "Ctrl+Y", half, engine.can_redo, engine.redo),
     ):
         words = PARTS[name]
         about = f"{words.name} ({key}). {words.about}"
@@ -65,21 +47,10 @@ def _files(ui: UiState) -> None:
     imgui.new_line()
 
 
-def _view(ui: UiState) -> None:
+def _view(ui: DesktopState) -> None:
     viewport = ui.viewport
-    names = list(ui.engine.scene.views)
-    if names:
-        part("view")
-        # Another scene.toml may lack the view by now.
-        known = viewport.name is not None and viewport.name in names
-        panorama = viewport.view.projection == "equirect"
-        shown = names if known else [*names, "(panorama)" if panorama else TURNED]
-        options = [Label(name, "") for name in shown]
-        chosen = choice(
-            "##view", options, shown.index(viewport.name or "") if known else len(names)
-        )
-        if chosen is not None and chosen < len(names):
-            viewport.go_to(names[chosen])
+    if ui.engine.scene.views:
+        draw_field(ui, view_field(ui))
     view = viewport.view
     if view.projection == "equirect":
         quiet("The whole panorama: choose a view to look around.")
@@ -99,19 +70,17 @@ def _view(ui: UiState) -> None:
 _CLAMPED = imgui.SliderFlags_.always_clamp
 
 
-def _objects(ui: UiState) -> None:
-    states, shown = ui.engine.objects, ui.viewport.objects
+def _objects(ui: DesktopState) -> None:
+    states = ui.engine.objects
     if not states and ui.displayed is not None:  # before that they are only not read yet
         quiet("None yet: drop a .glb, .gltf, .obj, .ply or .stl file on the picture.")
     for state in states:
-        visible = shown is None or state.name in shown
+        visible = ui.visible(state.name)
         imgui.push_id(state.name)
         icon = icons.ICON_FA_EYE if visible else icons.ICON_FA_EYE_SLASH
         imgui.push_style_color(imgui.Col_.button, imgui.ImVec4(0, 0, 0, 0))
         if button(icon, "Show or hide it here", width=2.0 * imgui.get_font_size()):
-            names = {s.name for s in states} if shown is None else set(shown)
-            names ^= {state.name}
-            ui.viewport.show_objects(tuple(s.name for s in states if s.name in names))
+            ui.show(state.name, not visible)
         imgui.pop_style_color()
         imgui.same_line()
         words = state.name + ("  (keyframes move it)" if state.keyframed else "")
@@ -124,59 +93,19 @@ def _objects(ui: UiState) -> None:
         imgui.pop_id()
 
 
-def _placement(ui: UiState, state: ObjectState) -> None:
-    matrix = state.to_world.copy()
-    part("position")
-    changed, moved = imgui.drag_float3(
-        "##position", [float(value) for value in matrix[:3, 3]], 0.005, format="%.3f m"
-    )
-    if changed:
-        matrix[:3, 3] = moved
-        ui.place(state, matrix)
+def _selected(ui: DesktopState, state: ObjectState) -> None:
+    for field in place_fields(ui):
+        draw_field(ui, field)
     label("")
     words = PARTS["remove"]
     if button(f"{icons.ICON_FA_TRASH}  {words.name}", f"{words.about} (Delete)", width=-1.0):
         ui.remove()
-
-
-def _material(ui: UiState, state: ObjectState) -> None:
-    material = state.materials[0]
     if len(state.materials) > 1:
         quiet(f"It has {len(state.materials)} materials; a change here makes them one.")
-    edited = _edited(material)
-    if edited != material:
-        ui.engine.paint(state.name, edited)
-    if material.texture is not None:
+    for field in material_fields(ui):
+        draw_field(ui, field)
+    if state.materials[0].texture is not None:
         label("")
         words = PARTS["texture"]
         if button(words.name, words.about, width=-1.0):
-            ui.engine.paint(state.name, replace(edited, texture=None))
-
-
-def _edited(material: Material) -> Material:
-    part("material")
-    kind = choice("##kind", [labels.MATERIALS[kind] for kind in KINDS], KINDS.index(material.kind))
-    if kind is not None:
-        material = replace(material, kind=KINDS[kind])
-    words = PARTS["reflectance" if material.kind == "conductor" else "albedo"]
-    texture = " It multiplies the texture." if material.texture is not None else ""
-    linear = ", ".join(f"{value:.3g}" for value in material.albedo)
-    label(
-        f"{words.name} (sRGB)",
-        f"{words.about}{texture} Shown here as sRGB; scene.toml stores linear values: {linear}.",
-    )
-    color = linear_color("##color", material.albedo)
-    hint(f"sRGB. scene.toml stores linear values: {linear}.")
-    if color is not None:
-        material = replace(material, albedo=color)
-    with disabled(material.kind == "diffuse"):
-        part("alpha")
-        alpha = slider("##alpha", material.alpha, (0.0, 1.0), "{:.3f}".format)
-        if alpha is not None:
-            material = replace(material, alpha=round(alpha, 3))
-    with disabled(material.kind != "plastic"):
-        part("ior")
-        ior = slider("##ior", material.ior, (MIN_IOR, MAX_IOR), "{:.2f}".format)
-        if ior is not None:
-            material = replace(material, ior=round(ior, 2))
-    return material
+            ui.paint(texture=None)

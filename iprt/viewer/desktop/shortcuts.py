@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from imgui_bundle import imgui
 
 from iprt.viewer.desktop.gizmo import Mode
-from iprt.viewer.desktop.ui_state import UiState
+from iprt.viewer.desktop.ui_state import DesktopState
 from iprt.viewer.desktop.window import KeyPress
 
 
@@ -28,15 +28,15 @@ class Shortcut:
 
     keys: str
     about: str
-    act: Callable[[UiState], object]
+    act: Callable[[DesktopState], object]
     repeats: bool = False
 
 
-def _mode(mode: Mode) -> Callable[[UiState], None]:
+def _mode(mode: Mode) -> Callable[[DesktopState], None]:
     return lambda ui: setattr(ui, "mode", mode)
 
 
-def _toggle(name: str) -> Callable[[UiState], None]:
+def _toggle(name: str) -> Callable[[DesktopState], None]:
     return lambda ui: setattr(ui, name, not getattr(ui, name))
 
 
@@ -45,12 +45,12 @@ SHORTCUTS = (
     Shortcut("R", "gizmo: turn", _mode("turn")),
     Shortcut("S", "gizmo: scale", _mode("scale")),
     Shortcut("N", "slide: turn to the surface's normal, or stay upright", _toggle("align")),
-    Shortcut("Delete", "remove the selected object", UiState.remove),
-    Shortcut("A", "add a mesh", UiState.browse),
-    Shortcut("Ctrl+Z", "undo", UiState.undo, repeats=True),
-    Shortcut("Ctrl+Y, Ctrl+Shift+Z", "redo", UiState.redo, repeats=True),
-    Shortcut("Ctrl+S", "save the scene", UiState.save),
-    Shortcut("Space", "play or pause", UiState.toggle_playing),
+    Shortcut("Delete", "remove the selected object", DesktopState.remove),
+    Shortcut("A", "add a mesh", DesktopState.browse),
+    Shortcut("Ctrl+Z", "undo", lambda ui: ui.engine.undo(), repeats=True),
+    Shortcut("Ctrl+Y, Ctrl+Shift+Z", "redo", lambda ui: ui.engine.redo(), repeats=True),
+    Shortcut("Ctrl+S", "save the scene", DesktopState.save),
+    Shortcut("Space", "play or pause", DesktopState.toggle_playing),
     Shortcut("←", "a frame back", lambda ui: ui.step(-1), repeats=True),
     Shortcut("→", "a frame on", lambda ui: ui.step(1), repeats=True),
     Shortcut("I", "values at the cursor", _toggle("readout")),
@@ -71,7 +71,7 @@ ELSEWHERE = (
 """What does not go through this table."""
 
 
-def act_on_keys(ui: UiState, presses: Sequence[KeyPress]) -> None:
+def act_on_keys(ui: DesktopState, presses: Sequence[KeyPress]) -> None:
     """Do what the keys that were pressed stand for, unless text is being typed."""
     if imgui.get_io().want_text_input:
         return
@@ -81,7 +81,7 @@ def act_on_keys(ui: UiState, presses: Sequence[KeyPress]) -> None:
                 shortcut.act(ui)
 
 
-def _escape(ui: UiState) -> None:
+def _escape(ui: DesktopState) -> None:
     """Close the list or the colour picker that is open, or else what else is open."""
     flags = imgui.PopupFlags_.any_popup_id | imgui.PopupFlags_.any_popup_level
     if imgui.is_popup_open("", flags):

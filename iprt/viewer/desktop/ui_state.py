@@ -1,4 +1,4 @@
-"""What the window's parts share: the selection, and all that keys and buttons do."""
+"""What the window's parts share, and all that keys and buttons do."""
 
 from __future__ import annotations
 
@@ -12,20 +12,19 @@ from numpy.typing import NDArray
 
 from iprt.errors import IprtError
 from iprt.geometry.mesh_files import MESH_SUFFIXES
-from iprt.settings.model import Settings
 from iprt.viewer.desktop.gizmo import Mode
-from iprt.viewer.displayed import DisplayedFrame
 from iprt.viewer.engine import Engine
 from iprt.viewer.objects import ObjectState
 from iprt.viewer.timeline import Timeline
+from iprt.viewer.ui_state import UiState
 from iprt.viewer.viewport import Viewport
 
 NOTICE_S = 6.0
 """A notice is shown so long."""
 
 
-class UiState:
-    """A viewport on an engine, what is selected and what is open. For the interface's thread.
+class DesktopState(UiState):
+    """The state of a window, and what is open in it.
 
     Parameters
     ----------
@@ -36,12 +35,8 @@ class UiState:
 
     Attributes
     ----------
-    selected : str or None
-        Name of an object, which may not be there yet.
     mode : {"move", "turn", "scale"}
         What the gizmo does.
-    align : bool
-        Objects that slide over surfaces turn their +Y to the normal.
     readout : bool
         The values at the cursor are shown beside it.
     panels, help, browsing, leaving : bool
@@ -51,20 +46,17 @@ class UiState:
         The window is to close as soon as all is saved.
     cursor : (x, y) or None
         Place in the last picture that the mouse is at, as shares of its width and height.
-    displayed : DisplayedFrame or None
-        What is shown.
     timeline : Timeline
         What the last view frames took.
     """
 
     def __init__(self, engine: Engine, viewport: Viewport, folder: Path) -> None:
-        self.engine, self.viewport, self.folder = engine, viewport, folder
-        self.selected: str | None = None
+        super().__init__(engine)
+        self.viewport, self.folder = viewport, folder
         self.mode: Mode = "move"
-        self.align, self.readout, self.panels = False, True, True
+        self.readout = self.panels = True
         self.help = self.browsing = self.leaving = self.closing = False
         self.cursor: tuple[float, float] | None = None
-        self.displayed: DisplayedFrame | None = None
         self.timeline = Timeline()
         self._notice: tuple[str, bool, float] | None = None
         self._saved: SimpleQueue[str | None] = SimpleQueue()  # what came of it
@@ -72,7 +64,6 @@ class UiState:
     # Notices ----------------------------------------------------------------------------------
 
     def say(self, text: str, *, bad: bool = False) -> None:
-        """Tell something for a while."""
         self._notice = text, bad, time.monotonic() + NOTICE_S
 
     @property
@@ -85,24 +76,12 @@ class UiState:
 
     # Objects ----------------------------------------------------------------------------------
 
-    @property
-    def state(self) -> ObjectState | None:
-        """The selected object, as it is wanted."""
-        return self.engine.wanted(self.selected)
-
     def place(self, state: ObjectState, to_world: NDArray[np.float64]) -> None:
         """Want an object there in the frame that is shown."""
         try:
             self.engine.place(state.name, state.placed(to_world))
         except IprtError as error:
             self.say(str(error), bad=True)
-
-    def remove(self) -> None:
-        """Take the selected object away."""
-        if self.state is not None:
-            self.engine.remove(self.state.name)
-            self.say(f"{self.selected} removed; Ctrl+Z brings it back")
-            self.selected = None
 
     def add(self, paths: Sequence[Path]) -> None:
         """Set meshes down on the surface at the cursor, or in the middle of the picture."""
@@ -118,14 +97,6 @@ class UiState:
     def browse(self) -> None:
         """Open the browser of mesh files, or close it."""
         self.browsing = not self.browsing
-
-    def undo(self) -> None:
-        """Take the last edit back."""
-        self.engine.undo()
-
-    def redo(self) -> None:
-        """Do again what was taken back."""
-        self.engine.redo()
 
     @property
     def unsaved(self) -> bool:
@@ -146,39 +117,6 @@ class UiState:
                 self.say(f"saved to {self.engine.scene.root / 'scene.toml'}")
             else:
                 self.closing = False
-
-    # Settings ---------------------------------------------------------------------------------
-
-    @property
-    def settings(self) -> Settings:
-        """As the user set them."""
-        return self.engine.world.settings
-
-    @settings.setter
-    def settings(self, settings: Settings) -> None:
-        self.engine.set_settings(settings)
-
-    # The video --------------------------------------------------------------------------------
-
-    @property
-    def frames(self) -> range:
-        return self.engine.scene.frame_indices
-
-    @property
-    def frame(self) -> int:
-        """The video frame that is wanted, or the one that is shown while the video plays."""
-        playback = self.engine.world.playback
-        shown = self.displayed
-        return playback.frame if not playback.playing or shown is None else shown.shown.frame
-
-    @property
-    def playing(self) -> bool:
-        return self.engine.playing
-
-    def toggle_playing(self) -> None:
-        """Play or pause."""
-        if len(self.frames) > 1:
-            (self.engine.pause if self.playing else self.engine.play)()
 
     def step(self, frames: int) -> None:
         """Pause, so many frames later."""

@@ -4,19 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from typing import Any
 
 import numpy as np
+from imgui_bundle import icons_fontawesome_6 as icons
 from imgui_bundle import imgui
 
+from iprt.errors import IprtError
 from iprt.files.images import decode_srgb
 from iprt.output.display import srgb_encode
+from iprt.viewer.controls import DIGITS, Slider
 from iprt.viewer.desktop.style import ACCENT, QUIET
+from iprt.viewer.fields import REQUIRED, Field
 from iprt.viewer.labels import PARTS, Label
+from iprt.viewer.ui_state import UiState
 
 LABEL_SHARE = 0.38
 """Share of a panel's width that labels have."""
 VALUE_EM = 5.2
 """Room beside a slider: the same for all values, so that it keeps its length in a drag."""
+_UNSET = "automatic"
 RESET_EM = 2.4
 """Room for the button that goes back to a default."""
 
@@ -175,7 +182,87 @@ def choice(
     return picked
 
 
-def linear_color(name: str, color: tuple[float, float, float]) -> tuple[float, float, float] | None:
+def draw_field(ui: UiState, field: Field) -> None:
+    """A row with an input, which is read and written."""
+    words, now = field.label(), field.read()
+    label(words.name, words.about)
+    resettable = field.default is not REQUIRED
+    if resettable:
+        imgui.set_next_item_width(-RESET_EM * imgui.get_font_size())
+    with disabled(not field.enabled()):
+        value = _drawn(field, now)
+    if resettable and now != field.default:
+        imgui.same_line(imgui.get_window_width() - RESET_EM * imgui.get_font_size())
+        if button(f"{icons.ICON_FA_ROTATE_LEFT}##{field.key}", "Back to the default"):
+            value = field.default
+    if value != now:
+        try:
+            field.write(value)
+        except IprtError as error:
+            ui.say(str(error), bad=True)
+
+
+def _drawn(field: Field, now: Any) -> Any:
+    """The input, drawn; its value, changed or not."""
+    name = f"##{field.key}"
+    if now is None and field.start is not REQUIRED:
+        pressed = imgui.button(f"{_UNSET}{name}", imgui.ImVec2(imgui.calc_item_width(), 0.0))
+        return field.start if pressed else None
+    if field.kind == "switch":
+        return imgui.checkbox(name, now)[1]
+    if field.kind == "choice":
+        options, missing = field.options(), field.missing()
+        values = list(options)
+        reasons = {values.index(value): reason for value, reason in missing.items()}
+        index = choice(name, list(options.values()), values.index(now), missing=reasons)
+        return now if index is None else values[index]
+    if field.kind == "color":
+        color = _linear_color(name, now)
+        hint(field.label().about)
+        return now if color is None else color
+    if field.kind == "vector":
+        changed, moved = imgui.drag_float3(name, list(now), 0.005, format="%.3f m")
+        return tuple(moved) if changed else now
+    if field.kind == "numbers":
+        return _numbers(field, list(now))
+    return _number(name, field.sliders[0], now, field)
+
+
+def _numbers(field: Field, now: list[float]) -> list[float]:
+    spacing = imgui.get_style().item_inner_spacing.x
+    width = (imgui.calc_item_width() - spacing * (len(now) - 1)) / len(now)
+    for index, one in enumerate(field.sliders):
+        if index:
+            imgui.same_line(0.0, spacing)
+        imgui.set_next_item_width(width)
+        now[index] = _number(f"##{field.key}.{index}", one, now[index], field)
+    return now
+
+
+def _number(name: str, of: Slider, now: float, field: Field) -> float:
+    """A slider, which takes numbers by Ctrl and a click."""
+    unit = field.unit if len(field.sliders) == 1 else ""
+
+    def words(value: float) -> str:
+        digits = f"{value:.0f}" if of.whole or value >= 10**DIGITS else f"{value:.{DIGITS}g}"
+        return f"{digits} {unit}".rstrip()
+
+    chosen = slider(
+        name,
+        int(now) if of.whole else float(now),
+        (of.low, of.high),
+        words,
+        logarithmic=of.logarithmic,
+        clamped=not field.beyond,
+    )
+    if chosen is None:
+        return now
+    return int(chosen) if of.whole else float(f"{chosen:.{DIGITS}g}")
+
+
+def _linear_color(
+    name: str, color: tuple[float, float, float]
+) -> tuple[float, float, float] | None:
     """A colour picker of linear Rec.709 in [0, 1], shown as it looks; what was chosen just now."""
     shown = [float(value) for value in srgb_encode(np.clip(color, 0.0, 1.0))]
     changed, picked = imgui.color_edit3(name, shown, imgui.ColorEditFlags_.float)

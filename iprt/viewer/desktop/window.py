@@ -1,4 +1,4 @@
-"""The window: moderngl-window opens it, imgui's own GLFW and OpenGL backends draw into it."""
+"""The window: GLFW opens it, imgui's own GLFW and OpenGL backends draw into it."""
 
 from __future__ import annotations
 
@@ -18,8 +18,6 @@ import glfw
 import moderngl
 import numpy as np
 from imgui_bundle.imgui import backends
-from moderngl_window.context.base import KeyModifiers
-from moderngl_window.context.glfw.window import Window as GlfwWindow
 from numpy.typing import NDArray
 
 from iprt.errors import DeviceError
@@ -36,8 +34,10 @@ _NAMED_KEYS = {
     glfw.KEY_RIGHT: "→",
     glfw.KEY_DELETE: "Delete",
     glfw.KEY_ESCAPE: "Esc",
+    glfw.KEY_F11: "F11",
     glfw.KEY_F12: "F12",
 }
+_MODIFIERS = {"Ctrl": glfw.MOD_CONTROL, "Shift": glfw.MOD_SHIFT, "Alt": glfw.MOD_ALT}
 
 
 @dataclass(frozen=True)
@@ -76,27 +76,29 @@ class Window:
     def __init__(
         self, title: str, size: tuple[int, int], dropped: Callable[[list[Path]], None]
     ) -> None:
-        self._window = _opened(title, size)
-        self._window.exit_key = None  # Escape closes what is open, not all
-        handle: Any = self._window._window
-        self._dropped = dropped
-        drop: Any = self._drop  # glfw's stubs have the types of C, not those that it hands over
-        glfw.set_drop_callback(handle, drop)
-        glfw.set_window_refresh_callback(handle, self._stir)
+        self._handle = handle = _opened(title, size)
+        self._title, self._dropped = title, dropped
+        self._framed: tuple[int, int, int, int] | None = None  # place and size before full screen
+        self._context = moderngl.create_context()
+        glfw.swap_interval(1)
         glfw.set_window_size_limits(handle, 1, 1, glfw.DONT_CARE, glfw.DONT_CARE)
-        for event in (
-            "resize",
-            "iconify",
-            "mouse_position_event",
-            "mouse_drag_event",
-            "mouse_press_event",
-            "mouse_release_event",
-            "mouse_scroll_event",
-            "unicode_char_entered",
+        # glfw's stubs have the types of C, not those that it hands over.
+        drop: Any = self._drop
+        stir: Any = self._stir
+        glfw.set_drop_callback(handle, drop)
+        for listen in (
+            glfw.set_window_refresh_callback,
+            glfw.set_framebuffer_size_callback,
+            glfw.set_window_iconify_callback,
+            glfw.set_cursor_pos_callback,
+            glfw.set_mouse_button_callback,
+            glfw.set_scroll_callback,
+            glfw.set_char_callback,
         ):
-            setattr(self._window, f"{event}_func", self._stir)
+            listen(handle, stir)
+        press: Any = self._press
+        glfw.set_key_callback(handle, press)
         self._presses: list[KeyPress] = []
-        self._window.key_event_func = self._press
         self._stirred_s = time.monotonic()
         self._texture: moderngl.Texture | None = None
         self._turner: Turner | None = None
@@ -117,35 +119,54 @@ class Window:
         backends.glfw_shutdown()
         implot.destroy_context()
         imgui.destroy_context()
-        self._window.destroy()
+        self._context.release()
+        glfw.terminate()  # and the window with it
 
     @property
     def size(self) -> tuple[int, int]:
         """In screen units."""
-        size: tuple[int, int] = self._window.size
-        return size
+        width, height = glfw.get_window_size(self._handle)
+        return width, height
 
     @size.setter
     def size(self, size: tuple[int, int]) -> None:
-        self._window.size = size
+        glfw.set_window_size(self._handle, *size)
+
+    @property
+    def position(self) -> tuple[int, int]:
+        """Its upper left corner on the screen, in screen units."""
+        x, y = glfw.get_window_pos(self._handle)
+        return x, y
 
     @property
     def closing(self) -> bool:
         """Somebody wants it closed."""
-        return bool(self._window.is_closing)
+        return bool(glfw.window_should_close(self._handle))
 
     @closing.setter
     def closing(self, closing: bool) -> None:
-        self._window.is_closing = closing
+        glfw.set_window_should_close(self._handle, closing)
 
     @property
     def pixels_per_unit(self) -> float:
         """Scale of the screen. High-resolution displays of some systems have more than 1."""
-        return float(self._window.buffer_width / max(self._window.width, 1))
+        return float(glfw.get_framebuffer_size(self._handle)[0] / max(self.size[0], 1))
 
     def rename(self, title: str) -> None:
-        if title != self._window.title:
-            self._window.title = title
+        if title != self._title:
+            self._title = title
+            glfw.set_window_title(self._handle, title)
+
+    def switch_full_screen(self) -> None:
+        """Fill the screen, or go back to the size from before."""
+        if self._framed is not None:
+            windowed: Any = None
+            glfw.set_window_monitor(self._handle, windowed, *self._framed, glfw.DONT_CARE)
+            self._framed = None
+        elif monitor := glfw.get_primary_monitor():
+            self._framed = (*self.position, *self.size)
+            mode = glfw.get_video_mode(monitor)
+            glfw.set_window_monitor(self._handle, monitor, 0, 0, *mode.size, mode.refresh_rate)
 
     # Events -----------------------------------------------------------------------------------
 
@@ -166,17 +187,16 @@ class Window:
         presses, self._presses = self._presses, []
         return presses
 
-    def _press(self, key: int, action: int, modifiers: KeyModifiers) -> None:
+    def _press(self, _: Any, key: int, _code: int, action: int, modifiers: int) -> None:
         self._stir()
         if action == glfw.RELEASE:
             return
-        held = [name for name in ("ctrl", "shift", "alt") if getattr(modifiers, name)]
-        words = [*(name.capitalize() for name in held), _written(key)]
-        self._presses.append(KeyPress("+".join(words), action == glfw.REPEAT))
+        held = [name for name, bit in _MODIFIERS.items() if modifiers & bit]
+        self._presses.append(KeyPress("+".join([*held, _written(key)]), action == glfw.REPEAT))
 
     def _drop(self, _: Any, files: Any) -> None:
         self._stir()
-        x, y = glfw.get_cursor_pos(self._window._window)
+        x, y = glfw.get_cursor_pos(self._handle)
         imgui.get_io().add_mouse_pos_event(x, y)  # no motion is reported while things are dragged
         self._dropped([Path(os.fsdecode(file)) for file in files])
 
@@ -191,10 +211,10 @@ class Window:
         imguizmo.im_guizmo.begin_frame()
         yield
         imgui.render()
-        self._window.ctx.screen.use()
-        self._window.ctx.clear(*BESIDE)
+        self._context.screen.use()
+        self._context.clear(*BESIDE)
         backends.opengl3_render_draw_data(imgui.get_draw_data())
-        glfw.swap_buffers(self._window._window)
+        glfw.swap_buffers(self._handle)
 
     def upload(self, pixels: NDArray[np.uint8]) -> None:
         """Take a picture (H, W, 3) for `picture`."""
@@ -202,7 +222,7 @@ class Window:
         if self._texture is None or self._texture.size != (width, height):
             if self._texture is not None:
                 self._texture.release()
-            self._texture = self._window.ctx.texture((width, height), 3, alignment=1)
+            self._texture = self._context.texture((width, height), 3, alignment=1)
         self._texture.write(np.ascontiguousarray(pixels), alignment=1)
 
     def picture(self, width_px: int, height_px: int, turn: Matrix | None) -> Any:
@@ -214,7 +234,7 @@ class Window:
         if texture is None:
             return None
         if turn is not None:
-            self._turner = self._turner or Turner(self._window.ctx)
+            self._turner = self._turner or Turner(self._context)
             return imgui.ImTextureRef(self._turner.draw(texture, turn, (width_px, height_px)).glo)
         kind = moderngl.NEAREST if texture.size == (width_px, height_px) else moderngl.LINEAR
         texture.filter = kind, kind
@@ -231,14 +251,21 @@ def _written(key: int) -> str:
     return chr(key) if glfw.KEY_A <= key <= glfw.KEY_Z else ""
 
 
-def _opened(title: str, size: tuple[int, int]) -> GlfwWindow:
-    advice = "open it from a desktop session, or view the scene in a browser by --web"
-    with warnings.catch_warnings(record=True) as said:
-        warnings.simplefilter("always")
-        try:
-            return GlfwWindow(
-                title=title, size=size, gl_version=(3, 3), vsync=True, samples=0, resizable=True
-            )
-        except Exception as error:  # moderngl's are plain Exceptions
-            reasons = [str(warning.message).rstrip(".") for warning in said] or [str(error)]
-            raise DeviceError(f"no window can be opened ({reasons[-1]}); {advice}") from error
+def _opened(title: str, size: tuple[int, int]) -> Any:
+    """GLFW's handle of a window whose context is current."""
+    handle = None
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", glfw.GLFWError)
+        if glfw.init():
+            glfw.window_hint(glfw.CONTEXT_VERSION_MAJOR, 3)
+            glfw.window_hint(glfw.CONTEXT_VERSION_MINOR, 3)
+            glfw.window_hint(glfw.OPENGL_PROFILE, glfw.OPENGL_CORE_PROFILE)
+            glfw.window_hint(glfw.OPENGL_FORWARD_COMPAT, True)
+            glfw.window_hint(glfw.SCALE_TO_MONITOR, True)
+            handle = glfw.create_window(*size, title, None, None)
+    if not handle:
+        reason: Any = glfw.get_error()[1] or b"no reason given"
+        advice = "open it from a desktop session, or view the scene in a browser by --web"
+        raise DeviceError(f"no window can be opened ({reason.decode()}); {advice}")
+    glfw.make_context_current(handle)
+    return handle

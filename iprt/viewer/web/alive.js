@@ -8,7 +8,6 @@
   const LOCKED =
     "The server was started again, with another token: open the address that it has printed.";
 
-  let run = null; // of the server that this page belongs to
   let notice = null;
 
   function tell(text) {
@@ -32,10 +31,7 @@
       if (answer.status === 401) {
         tell(LOCKED);
       } else if (answer.ok) {
-        const found = await answer.text();
-        const other = run === null ? notice !== null : found !== run;
-        run = found;
-        if (other) return location.reload();
+        if ((await answer.text()).trim() !== IPRT_RUN) return location.reload();
         notice?.remove();
         notice = null;
       }

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any
 
 from iprt.errors import IprtError
-from iprt.viewer.labels import Label
 
 Post = Callable[[object, Callable[[], object]], None]
 """Have something done by the window's thread; of what has the same key, only the newest."""
@@ -77,49 +76,6 @@ class Binding:
 
     def _show(self, value: Any) -> None:
         show(self.handle, "value", value)
-
-
-class Choice(Binding):
-    """A dropdown of values by their names; its tooltip tells what the chosen one is.
-
-    Parameters
-    ----------
-    gui : viser.GuiApi
-    part : Label
-        What is chosen.
-    options : mapping of value to Label
-    read, write : callable
-        Give and take one of the values.
-    post : Post
-    tell : callable
-        Takes a line for the user.
-    """
-
-    def __init__(
-        self,
-        gui: Any,
-        part: Label,
-        options: Mapping[Any, Label],
-        read: Callable[[], Any],
-        write: Callable[[Any], object],
-        post: Post,
-        tell: Callable[[str], None],
-    ) -> None:
-        values = {label.name: value for value, label in options.items()}
-        self._part = part
-        self._abouts = {label.name: label.about for label in options.values()}
-        super().__init__(
-            gui.add_dropdown(part.name, tuple(values), hint=part.about),
-            lambda: options[read()].name,
-            lambda name: write(values[name]),
-            post,
-            tell,
-        )
-
-    def sync(self) -> None:
-        super().sync()
-        chosen = self.handle.value
-        show(self.handle, "hint", f"{self._part.about} {chosen}: {self._abouts[chosen]}")
 
 
 def show(handle: Any, name: str, value: Any) -> None:

@@ -5,25 +5,23 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from iprt.errors import IprtError
 from iprt.geometry.camera import View
-from iprt.viewer.displayed import DisplayedFrame, Readout
 from iprt.viewer.engine import Engine
-from iprt.viewer.objects import ObjectState
 from iprt.viewer.viewport import Viewport
+from iprt.viewer.web.browser_state import BrowserState
 from iprt.viewer.web.camera import look_of, position_of
 from iprt.viewer.web.divider import Divider
 from iprt.viewer.web.gizmo import Gizmo
 from iprt.viewer.web.panels import Panels
 from iprt.viewer.web.picture import PictureSender
+from iprt.viewer.web.server import RUN
 
 LOG = logging.getLogger("iprt.viewer")
 POLL_S, REST_POLL_S = 0.008, 0.05
@@ -65,7 +63,7 @@ class Camera:
     height: int
 
 
-class Browser:
+class Browser(BrowserState):
     """What one browser sees, from when it connects until it is gone.
 
     Parameters
@@ -75,30 +73,19 @@ class Browser:
     start : Start
     uploads : Path
         Folder for files that its user adds.
+    run : str
+        A page that does not know it has not passed the gate, and is shown nothing.
 
     Attributes
     ----------
     viewport : Viewport
         Used by this window's thread only.
-    displayed : DisplayedFrame or None
-        The picture that the browser has.
-    selected : str or None
-        Name of the object that is edited.
-    snapping, aligned : bool
-        It stays on surfaces while it is dragged; its +Y is turned to their normals.
-    read : Readout or None
-        What the pixel holds that was clicked last.
     """
 
-    def __init__(self, engine: Engine, client: Any, start: Start, uploads: Path) -> None:
-        self.engine, self.client, self.uploads = engine, client, uploads
-        self.displayed: DisplayedFrame | None = None
-        self.selected: str | None = None
-        self.snapping = self.aligned = False
-        self.read: Readout | None = None
-        self._start = start
-        self._closed, self._wake = False, threading.Event()
-        self._todo: dict[object, Callable[[], object]] = {}
+    def __init__(self, engine: Engine, client: Any, start: Start, uploads: Path, run: str) -> None:
+        super().__init__(engine, client, uploads)
+        self._start, self._key = start, run
+        self._closed = False
         self._camera: Camera | None = None
         self._followed: Camera | None = None
         self._defects: set[str] = set()
@@ -120,16 +107,11 @@ class Browser:
 
     # Any thread may call these ----------------------------------------------------------------
 
-    def post(self, key: object, do: Callable[[], object]) -> None:
-        """Have something done by this window's thread; of what has the same key, the newest."""
-        self._todo[key] = do
-        self._wake.set()
-
     def _divide(self, split: float) -> None:
         """Divide the picture at a share of the window's width."""
 
         def divide() -> None:
-            at = min(max(self._in_picture(split, 0.5)[0], 0.0), 1.0)
+            at = min(max(self.in_picture(split, 0.5)[0], 0.0), 1.0)
             self.viewport.lens = replace(self.viewport.lens, split=at)
 
         self.post("divide", divide)
@@ -143,25 +125,17 @@ class Browser:
 
     # The window's thread calls these ----------------------------------------------------------
 
-    def tell(self, text: str) -> None:
-        """Show a line to the user, that something did not work."""
-        self.client.add_notification("", text, color="red", auto_close_seconds=8.0)
-
-    def say(self, text: str) -> None:
-        """Show a line to the user, that something is done."""
-        self.client.add_notification("", text, auto_close_seconds=4.0)
-
     def _tell_defect(self, error: Exception) -> None:
         """Report an error that no input should cause; the window goes on, and it may come again."""
         text = f"a defect of iprt: {type(error).__name__}: {error}"
         if text not in self._defects:
             self._defects.add(text)
             LOG.error("a defect of iprt", exc_info=error)
-            self.tell(text)
+            self.say(text, bad=True)
 
     def go_to(self, name: str) -> None:
         """Look as a view of the scene does."""
-        self.viewport.go_to(name)
+        super().go_to(name)
         self._direct(self.viewport.view)
 
     def _direct(self, view: View) -> None:
@@ -177,56 +151,25 @@ class Browser:
             camera.position = position_of(view)
             camera.look_at = np.zeros(3)
 
-    @property
-    def selected_state(self) -> ObjectState | None:
-        """The selected object, as it is wanted."""
-        return self.engine.wanted(self.selected)
-
-    @property
-    def centre(self) -> NDArray[np.float64]:
-        """The capture centre in the world, which is the origin of what the browser draws."""
-        pose = None if self.displayed is None else self.displayed.shown.pose
-        return np.zeros(3) if pose is None else pose[:3, 3]
-
-    @property
-    def lossless(self) -> bool:
-        """The browser has the picture without loss."""
-        return self._sender.lossless
-
-    def drop_at(self, point: NDArray[np.float64]) -> bool:
-        """Set the selected object on the surface behind a point that the browser draws."""
-        view = self.viewport.view
-        x, y = view.project(point) / (view.width, view.height)
-        if self.selected is None or not np.isfinite(x + y):
-            return False
-        x, y = self._in_picture(x, y)
-        return self.viewport.drop(self.selected, x, y, upright=not self.aligned)
-
-    def _in_picture(self, x: float, y: float) -> tuple[float, float]:
-        """A place in the window as shares of the picture, which may be wider or narrower.
-
-        Both are as high: see `Truth.view`.
-        """
-        if self.displayed is None:
-            return x, y
-        window, picture = self.viewport.view, self.displayed.shown.request.view
-        wider = (picture.width * window.height) / (picture.height * window.width)
-        return 0.5 + (x - 0.5) / wider, y
-
     def _clicked(self, x: float, y: float) -> None:
         """Select what is there in the window, and tell what it holds."""
-        x, y = self._in_picture(x, y)
+        x, y = self.in_picture(x, y)
         self.selected = self.viewport.object_at(x, y)
         self.read = self.viewport.readout(x, y)
 
     def _dropped(self, x: float, y: float) -> None:
-        x, y = self._in_picture(x, y)
+        x, y = self.in_picture(x, y)
         if self.selected is None:
-            self.tell("click the object first that is to go there")
-        elif not self.viewport.drop(self.selected, x, y, upright=not self.aligned):
-            self.tell("there is no surface: the video shows open sky there")
+            self.say("click the object first that is to go there", bad=True)
+        elif not self.viewport.drop(self.selected, x, y, upright=not self.align):
+            self.say("there is no surface: the video shows open sky there", bad=True)
 
     def _run(self) -> None:
+        try:
+            if self.client.local_storage.get_item(RUN) != self._key:
+                return
+        except RuntimeError:  # it is gone
+            return
         start, camera = self._start, self._camera
         assert camera is not None
         view = start.view.resized(max(camera.width, 1), max(camera.height, 1))
@@ -257,7 +200,7 @@ class Browser:
                     self.gizmo.sync()
                     due_s = time.monotonic() + PANELS_S
             except IprtError as error:
-                self.tell(str(error))
+                self.say(str(error), bad=True)
                 busy = False
             except Exception as error:
                 self._tell_defect(error)
@@ -312,7 +255,7 @@ class Browser:
             return False
         viewport = self.viewport
         sent = self._sender.follow(displayed, viewport.view.height, viewport.lens.split)
-        self.displayed = displayed
+        self.displayed, self.lossless = displayed, self._sender.lossless
         return sent
 
 

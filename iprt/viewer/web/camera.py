@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from iprt.geometry.camera import View
 
@@ -20,39 +21,14 @@ ORBIT_M = 1e-4
 
 
 def rotation(wxyz: Float) -> Float:
-    """(3, 3) of a unit quaternion."""
-    w, x, y, z = (float(value) for value in wxyz)
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
+    """(3, 3) of a unit quaternion w, x, y, z."""
+    matrix: Float = Rotation.from_quat(np.roll(wxyz, -1)).as_matrix()
+    return matrix
 
 
 def quaternion(matrix: Float) -> Float:
     """(4,) unit quaternion w, x, y, z of a rotation (3, 3)."""
-    # The largest of the four is found by a root, the others from it: none is divided by zero.
-    m = matrix
-    square = np.array(
-        [
-            1 + m[0, 0] + m[1, 1] + m[2, 2],
-            1 + m[0, 0] - m[1, 1] - m[2, 2],
-            1 - m[0, 0] + m[1, 1] - m[2, 2],
-            1 - m[0, 0] - m[1, 1] + m[2, 2],
-        ]
-    )
-    products = np.array(
-        [
-            [square[0], m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1]],
-            [m[2, 1] - m[1, 2], square[1], m[1, 0] + m[0, 1], m[0, 2] + m[2, 0]],
-            [m[0, 2] - m[2, 0], m[1, 0] + m[0, 1], square[2], m[2, 1] + m[1, 2]],
-            [m[1, 0] - m[0, 1], m[0, 2] + m[2, 0], m[2, 1] + m[1, 2], square[3]],
-        ]
-    )
-    found: Float = products[int(np.argmax(square))]
-    return found / np.linalg.norm(found)
+    return np.roll(Rotation.from_matrix(matrix).as_quat(), 1)
 
 
 def camera_of(view: View) -> Float:

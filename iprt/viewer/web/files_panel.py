@@ -8,7 +8,7 @@ from typing import Any
 
 from iprt.viewer.labels import PARTS
 from iprt.viewer.web.binding import on_click, on_trigger, show
-from iprt.viewer.web.browser_api import BrowserApi
+from iprt.viewer.web.browser_state import BrowserState
 
 QUIET = (60, 66, 74)
 """Button colour (RGB)."""
@@ -17,7 +17,7 @@ QUIET = (60, 66, 74)
 class FilesPanel:
     """Edits are those of all browsers. The window's thread uses the panel."""
 
-    def __init__(self, browser: BrowserApi) -> None:
+    def __init__(self, browser: BrowserState) -> None:
         self._browser, engine = browser, browser.engine
         gui, post = browser.client.gui, browser.post
         buttons = (
@@ -58,7 +58,7 @@ class FilesPanel:
                 path = browser.engine.scene.root / "scene.toml"
                 browser.post("saved", lambda: browser.say(f"saved to {path}"))
             else:
-                browser.post("saved", lambda: browser.tell(problem))
+                browser.post("saved", lambda: browser.say(problem, bad=True))
 
         browser.viewport.save(done)
 

@@ -95,13 +95,14 @@ class Gate:
         What clients must know. None: everybody may come who can reach the port, which is to be
         that of a loopback address then.
     run : str
-        Another one whenever the viewer is started: pages ask for it, at `ALIVE`.
+        Made anew whenever the viewer is started, and known only to pages that passed: they ask for
+        it at `ALIVE`, and viser's clients show by it that they did.
     """
 
     page: bytes = field(repr=False)
     port: int
     token: str | None = field(repr=False)
-    run: str = field(default_factory=lambda: secrets.token_hex(8))
+    run: str = field(repr=False)
 
     def answer(self, _connection: Any, request: Request) -> Response | None:
         """What `websockets` is to send; None: a WebSocket that may be opened."""

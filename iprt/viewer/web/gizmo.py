@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import linalg
 
 from iprt.viewer.objects import ObjectState
-from iprt.viewer.web.browser_api import BrowserApi
+from iprt.viewer.web.browser_state import BrowserState
 from iprt.viewer.web.camera import quaternion, rotation
 
 Float = NDArray[np.float64]
@@ -22,7 +23,7 @@ LEAST_MOVE = 1e-9
 class Gizmo:
     """Moves and turns the selected object. The window's thread uses it."""
 
-    def __init__(self, browser: BrowserApi) -> None:
+    def __init__(self, browser: BrowserState) -> None:
         self._browser = browser
         self._handle: Any = None
         self._name: str | None = None
@@ -31,7 +32,7 @@ class Gizmo:
 
     def sync(self) -> None:
         """Follow the selected object, unless it follows the gizmo."""
-        state = self._browser.selected_state
+        state = self._browser.state
         if state is None or state.name != self._name:
             self._remove()
         if state is None or self._dragged:
@@ -68,7 +69,7 @@ class Gizmo:
 
     def _moved(self, pose: tuple[Float, Float], *, ended: bool) -> None:
         """Bring the object to where the gizmo was dragged."""
-        browser, state = self._browser, self._browser.selected_state
+        browser, state = self._browser, self._browser.state
         if state is None or state.name != self._name:
             return
         if ended:
@@ -89,11 +90,9 @@ class Gizmo:
 
 def polar(linear: Float) -> tuple[Float, Float]:
     """A rotation and a stretch, (3, 3) both, whose product is an invertible `linear`."""
-    left, _, right = np.linalg.svd(linear)
-    turn: Float = left @ right
-    if np.linalg.det(turn) < 0.0:
-        turn = -turn
-    return turn, turn.T @ linear
+    turn, stretch = linalg.polar(linear)
+    sign = np.sign(np.linalg.det(turn))
+    return sign * turn, sign * stretch
 
 
 def _relative(state: ObjectState, centre: Float) -> Float:

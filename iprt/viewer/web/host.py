@@ -50,10 +50,12 @@ class Host:
         local = is_loopback(bound)
         if token is None and not local:
             token = new_token()
-        gate = Gate(server.page(), port, token)
-        self._server = server.start(listening, gate, f"iprt {engine.scene.name}")
-        self.address = Address(_url(bound, port, token), port, local)
+        self._run = new_token()
+        self._viser = server.Viser(f"iprt {engine.scene.name}")
         self._set_up()
+        gate = Gate(server.page(self._run), port, token, self._run)
+        self._relay = server.Relay(listening, gate, self._viser.get_port())
+        self.address = Address(_url(bound, port, token), port, local)
 
     def __enter__(self) -> Self:
         return self
@@ -82,11 +84,12 @@ class Host:
             browser.close()
         for browser in browsers:
             browser.join(LEAVING_S)
-        server.stop(self._server)
+        self._relay.stop()
+        self._viser.stop()
         self._uploads.cleanup()
 
     def _set_up(self) -> None:
-        viser, view = self._server, self._start.view
+        viser, view = self._viser, self._start.view
         viser.scene.set_up_direction("+y")
         viser.scene.world_axes.visible = False
         viser.gui.configure_theme(
@@ -100,7 +103,7 @@ class Host:
             with self._lock:
                 if not self._ended.is_set():
                     self._browsers[client.client_id] = Browser(
-                        self._engine, client, self._start, Path(self._uploads.name)
+                        self._engine, client, self._start, Path(self._uploads.name), self._run
                     )
 
         async def went(client: Any) -> None:

@@ -6,11 +6,12 @@ from html import escape
 from typing import Protocol
 
 from iprt.viewer.displayed import DisplayedFrame
+from iprt.viewer.fields import lens_fields
 from iprt.viewer.labels import PICTURE
 from iprt.viewer.web.binding import show
-from iprt.viewer.web.browser_api import BrowserApi
+from iprt.viewer.web.browser_state import BrowserState
 from iprt.viewer.web.files_panel import FilesPanel
-from iprt.viewer.web.lens_panel import LensPanel
+from iprt.viewer.web.inputs import Inputs
 from iprt.viewer.web.object_panel import ObjectPanel
 from iprt.viewer.web.profile_panel import ProfilePanel
 from iprt.viewer.web.scene_panel import ScenePanel
@@ -32,7 +33,7 @@ class Panel(Protocol):
 class Panels:
     """All panels of one browser. The window's thread uses it."""
 
-    def __init__(self, browser: BrowserApi) -> None:
+    def __init__(self, browser: BrowserState) -> None:
         gui = browser.client.gui
         gui.set_panel_label(f"iprt  ·  {browser.engine.scene.name}")
         gui.main_panel.dock_right()
@@ -44,7 +45,8 @@ class Panels:
             self._panels += [ScenePanel(browser), FilesPanel(browser)]
             self._panels += [VisiblePanel(browser), ObjectPanel(browser)]
         with tabs.add_tab(PICTURE.name):
-            self._panels.append(LensPanel(browser))
+            self._panels.append(Inputs(browser, lens_fields(browser)))
+            gui.add_markdown("Click into the picture to read out a pixel, in linear units.")
         with tabs.add_tab("Settings"):
             self._panels.append(SettingsPanel(browser))
         with tabs.add_tab("Profile"):
@@ -63,7 +65,7 @@ class Status:
     scrolled to.
     """
 
-    def __init__(self, browser: BrowserApi) -> None:
+    def __init__(self, browser: BrowserState) -> None:
         self._browser = browser
         self._html = browser.client.gui.add_html("")
 

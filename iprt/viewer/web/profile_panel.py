@@ -8,7 +8,7 @@ from html import escape
 import numpy as np
 
 from iprt.viewer.timeline import WHOLE, Timeline, TimelineRow
-from iprt.viewer.web.browser_api import BrowserApi
+from iprt.viewer.web.browser_state import BrowserState
 
 HEIGHT_PX = 170
 COLORS = ("#868e96", "#4dabf7", "#ffa94d", "#69db7c", "#f783ac", "#ffd43b")
@@ -21,7 +21,7 @@ MOST_PASSES = len(COLORS) - 2
 class ProfilePanel:
     """Time per pass, as lines and as a table. The window's thread uses it."""
 
-    def __init__(self, browser: BrowserApi) -> None:
+    def __init__(self, browser: BrowserState) -> None:
         self._browser, self._gui = browser, browser.client.gui
         self._timeline = Timeline()
         self._lines: list[str] = []

@@ -1,26 +1,36 @@
-"""viser's server behind our gate: on a socket of ours, silent, and without its way to the net."""
+"""viser on this machine alone, and before it the server that browsers reach, with the gate."""
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import errno
 import io
 import logging
 import socket
+import threading
 from collections.abc import Iterator
 from importlib.resources import files
+from itertools import permutations
 from pathlib import Path
-from typing import Any
-from unittest import mock
 
 import viser
-import websockets.asyncio.server
+from websockets.asyncio.client import connect
+from websockets.asyncio.connection import Connection
+from websockets.asyncio.server import ServerConnection, serve
+from websockets.exceptions import ConnectionClosed
 
 from iprt.errors import IprtError
 from iprt.viewer.web.gate import Gate
 
 ALIVE_S = 10.0
-"""A client is asked so often whether it is still there, and has so long to answer."""
+"""Seconds between two pings of a browser, and until it must have answered one."""
+STOP_S = 5.0
+"""Longest wait for connections to be closed."""
+MAX_BYTES = 50 << 20
+"""Size of a browser's message: as viser has it."""
+RUN = "iprt-run"
+"""Key of the browser's local storage where pages that came through the gate have its `run`."""
 
 
 def listen(host: str, port: int) -> socket.socket:
@@ -59,52 +69,101 @@ def _why(error: OSError | OverflowError) -> str:
     return str(error.strerror)
 
 
-def page() -> bytes:
-    """viser's page with our scripts in it."""
+def page(run: str) -> bytes:
+    """viser's page with our scripts in it, and what `Host` knows its clients by."""
     html = (Path(viser.__file__).parent / "client" / "build" / "index.html").read_text("utf-8")
     own = files("iprt.viewer.web")
     scripts = [own.joinpath(name).read_text("utf-8") for name in ("page.js", "alive.js")]
     head, tag, rest = html.partition("</head>")
     title = head.replace("<title>Viser</title>", "<title>iprt</title>")
-    inserted = "".join(f"<script>\n{script}</script>" for script in scripts)
+    known = f'const IPRT_RUN = "{run}";\nlocalStorage.setItem("viser-user:{RUN}", IPRT_RUN);\n'
+    inserted = "".join(f"<script>\n{script}</script>" for script in (known, *scripts))
     return f"{title}{inserted}{tag}{rest}".encode()
 
 
-def start(listening: socket.socket, gate: Gate, label: str) -> Any:
-    """A `viser.ViserServer` all of whose requests pass the gate.
+class Viser(viser.ViserServer):  # type: ignore[misc]  # viser is not typed here
+    """viser on a loopback port of its own, which only `Relay` is to use."""
 
-    Raises
-    ------
-    IprtError
-        This version of viser serves in another way, which the gate would not guard.
+    def __init__(self, label: str) -> None:
+        with _silent():
+            super().__init__("127.0.0.1", 0, label, verbose=False)
+
+    def request_share_url(self, verbose: bool = True) -> None:
+        """Do nothing: any client can ask for it, and it would show the scene to the world."""
+
+    def stop(self) -> None:
+        """End it, and all connections."""
+        with _silent():
+            super().stop()
+
+
+class Relay:
+    """Serves a gate's answers, and passes the WebSockets that it lets through on to viser.
+
+    Parameters
+    ----------
+    listening : socket.socket
+        Closed in the end.
+    gate : Gate
+    port : int
+        viser's, on this machine.
     """
-    made: list[object] = []
-    serve = websockets.asyncio.server.serve
 
-    def guarded(handler: Any, _host: str, _port: int, **options: Any) -> Any:
-        made.append(handler)
+    def __init__(self, listening: socket.socket, gate: Gate, port: int) -> None:
+        self._listening, self._gate, self._port = listening, gate, port
+        self._loop, self._stopped = asyncio.new_event_loop(), asyncio.Event()
+        self._thread = threading.Thread(target=self._run, name="iprt relay", daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End all connections."""
+        self._loop.call_soon_threadsafe(self._stopped.set)
+        self._thread.join(STOP_S)
+
+    def _run(self) -> None:
+        with asyncio.Runner(loop_factory=lambda: self._loop) as runner:
+            runner.run(self._serve())
+
+    async def _serve(self) -> None:
         quiet = logging.getLogger("iprt.viewer.web.socket")
         quiet.setLevel(logging.CRITICAL)  # ports that are probed are no news
-        options |= {"process_request": gate.answer, "logger": quiet, "sock": listening}
-        options |= {"ping_interval": ALIVE_S, "ping_timeout": ALIVE_S}
-        return serve(handler, **options)
+        async with serve(
+            self._pass_on,
+            sock=self._listening,
+            process_request=self._gate.answer,
+            select_subprotocol=lambda _, offered: offered[0] if offered else None,
+            logger=quiet,
+            compression=None,  # pictures are compressed already
+            max_size=MAX_BYTES,
+            ping_interval=ALIVE_S,
+            ping_timeout=ALIVE_S,
+        ):
+            await self._stopped.wait()
 
-    with _silent(), mock.patch.object(websockets.asyncio.server, "serve", guarded):
-        server = viser.ViserServer("127.0.0.1", gate.port, label, verbose=False)
-    if len(made) != 1 or server.get_port() != gate.port:
-        with _silent():
-            server.stop()
-        listening.close()
-        raise IprtError(f"viser {viser.__version__} is not known here; pip install 'iprt[view]'")
-    # Any client can ask for this, which would show the scene by way of viser's own server.
-    server.request_share_url = lambda *_, **__: None
-    return server
+    async def _pass_on(self, browser: ServerConnection) -> None:
+        offered = None if browser.subprotocol is None else [browser.subprotocol]
+        async with connect(
+            f"ws://127.0.0.1:{self._port}",
+            subprotocols=offered,
+            compression=None,
+            max_size=None,
+            ping_interval=None,
+            proxy=None,
+        ) as server:
+            ways = [asyncio.create_task(_copy(a, b)) for a, b in permutations((browser, server))]
+            await asyncio.wait(ways, return_when=asyncio.FIRST_COMPLETED)
+            for way in ways:
+                way.cancel()
+            # As viser's page says why when its version is not the server's.
+            if server.close_code is not None:
+                await browser.close(server.close_code, server.close_reason or "")
 
 
-def stop(server: Any) -> None:
-    """End it, and all connections."""
-    with _silent():
-        server.stop()
+async def _copy(source: Connection, target: Connection) -> None:
+    """Pass messages on until either end is gone. One that is slow slows the other."""
+    with contextlib.suppress(ConnectionClosed):
+        async for message in source:
+            await target.send(message)
 
 
 @contextlib.contextmanager

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-from iprt.viewer.labels import PARTS
+from iprt.viewer.fields import Field
+from iprt.viewer.labels import PARTS, Label
 from iprt.viewer.objects import ObjectState
-from iprt.viewer.web.binding import Binding
-from iprt.viewer.web.browser_api import BrowserApi
+from iprt.viewer.web.browser_state import BrowserState
+from iprt.viewer.web.inputs import Inputs
 
 HINT = "Show or hide it in this window."
 
@@ -15,43 +14,31 @@ HINT = "Show or hide it in this window."
 class VisiblePanel:
     """A box for each object, which the window shows or hides. The window's thread uses it."""
 
-    def __init__(self, browser: BrowserApi) -> None:
-        self._browser = browser
-        self._folder = browser.client.gui.add_folder(PARTS["objects"].name, visible=False)
-        self._boxes: dict[tuple[str, bool], Binding] = {}
+    def __init__(self, ui: BrowserState) -> None:
+        self._ui = ui
+        self._folder = ui.client.gui.add_folder(PARTS["objects"].name, visible=False)
+        self._known: list[tuple[str, bool]] = []
+        self._boxes = Inputs(ui, ())
         self.sync()
 
     def sync(self) -> None:
-        states = self._browser.engine.objects
+        states = self._ui.engine.objects
         wanted = [(state.name, state.keyframed) for state in states]
-        if wanted != list(self._boxes):
-            for box in self._boxes.values():
-                box.handle.remove()
+        if wanted != self._known:
+            self._known = wanted
+            self._boxes.remove()
             with self._folder:
-                self._boxes = {
-                    key: self._added(state) for key, state in zip(wanted, states, strict=True)
-                }
+                self._boxes = Inputs(self._ui, map(self._box, states))
             self._folder.visible = bool(wanted)
-        for box in self._boxes.values():
-            box.sync()
+        self._boxes.sync()
 
-    def _added(self, state: ObjectState) -> Binding:
-        browser, name = self._browser, state.name
-        moved = " Keyframes move it." if state.keyframed else ""
-        handle: Any = browser.client.gui.add_checkbox(name, self._shown(name), hint=HINT + moved)
-        return Binding(
-            handle,
-            lambda: self._shown(name),
-            lambda on: self._show(name, bool(on)),
-            browser.post,
-            browser.tell,
+    def _box(self, state: ObjectState) -> Field:
+        ui, name = self._ui, state.name
+        label = Label(name, HINT + (" Keyframes move it." if state.keyframed else ""))
+        return Field(
+            name,
+            "switch",
+            lambda: label,
+            lambda: ui.visible(name),
+            lambda on: ui.show(name, bool(on)),
         )
-
-    def _shown(self, name: str) -> bool:
-        shown = self._browser.viewport.objects
-        return shown is None or name in shown
-
-    def _show(self, name: str, on: bool) -> None:
-        names = [state.name for state in self._browser.engine.objects]
-        shown = [other for other in names if (on if other == name else self._shown(other))]
-        self._browser.viewport.show_objects(None if shown == names else tuple(shown))

@@ -11,7 +11,7 @@ from tests.viewer.screen.user import User
 
 def widget(user: User, label: str) -> NDArray[np.uint8]:
     """The pixels of a widget on the screen."""
-    left, top = user.app.window._window.position
+    left, top = user.app.window.position
     low_x, low_y, high_x, high_y = (round(value) for value in user.places[label])
     return user.screen.picture(left + low_x, top + low_y, high_x - low_x, high_y - low_y)
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from iprt.viewer.displayed import DisplayedFrame
-from iprt.viewer.ladder import Preview
+from iprt.viewer.pace import Preview
 
 pytest.importorskip("imgui_bundle", reason="needs the extra `view`: ./run screen")
 pytest.importorskip("Xlib", reason="needs the extra `screen`: ./run screen")
@@ -27,7 +27,7 @@ pytestmark = pytest.mark.screen
 def drag_slider(user: User, label: str, *, look: Callable[[], None]) -> None:
     """From one end to the other; `look` is called on the way."""
     left, top, right, bottom = user.places[label]
-    x, y = user.app.window._window.position
+    x, y = user.app.window.position
     user.screen.move(x + left + 8, y + 0.5 * (top + bottom))
     user.wait()
     user.screen.button(1, down=True)

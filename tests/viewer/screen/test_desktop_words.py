@@ -124,7 +124,7 @@ def test_colours_are_srgb_and_say_so(user: User) -> None:
 @pytest.mark.parametrize(
     ("panel", "list_name", "options"),
     [
-        ("Scene", "##kind", labels.MATERIALS),
+        ("Scene", "##material", labels.MATERIALS),
         ("Picture", "##buffer", labels.BUFFERS),
         ("Picture", "##against", {k: v for k, v in labels.AGAINST.items() if k != "truth"}),
     ],

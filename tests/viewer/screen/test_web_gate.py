@@ -8,23 +8,29 @@ import socket
 import subprocess
 import sys
 import textwrap
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 from urllib.parse import urlsplit
 
 import pytest
 
 from iprt.errors import IprtError
+from iprt.geometry.camera import View
 from tests.clips import write_clip
 from tests.waiting import DEADLINE_S
 
 viser = pytest.importorskip("viser", reason="needs the extra `view`: ./run screen")
 
-from websockets.exceptions import InvalidStatus  # noqa: E402
+from websockets.exceptions import ConnectionClosed, InvalidStatus  # noqa: E402
 from websockets.sync.client import connect  # noqa: E402
+from websockets.sync.server import ServerConnection  # noqa: E402
+from websockets.sync.server import serve as listen_and_echo  # noqa: E402
 
 from iprt.viewer.web import server  # noqa: E402
+from iprt.viewer.web.browser import Browser, Start  # noqa: E402
 from iprt.viewer.web.gate import Gate, is_loopback, new_token, require_token  # noqa: E402
 
 pytestmark = pytest.mark.screen
@@ -49,9 +55,11 @@ def local() -> Iterator[int]:
 def _serving(token: str | None) -> Iterator[int]:
     listening = server.listen("127.0.0.1", 0)
     port = listening.getsockname()[1]
-    started = server.start(listening, Gate(PAGE, port, token), "test")
+    behind = server.Viser("test")
+    relay = server.Relay(listening, Gate(PAGE, port, token, new_token()), behind.get_port())
     yield port
-    server.stop(started)
+    relay.stop()
+    behind.stop()
 
 
 def get(port: int, path: str = "/", **headers: str) -> tuple[int, http.client.HTTPMessage, bytes]:
@@ -145,28 +153,55 @@ def test_addresses_that_cannot_be_had(local: int) -> None:
 def test_nobody_can_share_it_with_the_world(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[object] = []
     monkeypatch.setattr(viser.ViserServer, "request_share_url", lambda *_, **__: asked.append(1))
-    listening = server.listen("127.0.0.1", 0)
-    started = server.start(listening, Gate(PAGE, listening.getsockname()[1], None), "test")
-    assert started.request_share_url() is None
+    behind = server.Viser("test")
+    assert behind.request_share_url() is None
     assert asked == []
-    server.stop(started)
+    behind.stop()
 
 
-def test_another_viser_is_not_trusted(monkeypatch: pytest.MonkeyPatch) -> None:
-    """One that serves by something that the gate does not know of."""
-    import websockets
+@pytest.mark.parametrize("known", [None, "", "another run's"])
+def test_who_reaches_viser_beside_the_gate_is_shown_nothing(known: str | None) -> None:
+    camera = SimpleNamespace(wxyz=(1, 0, 0, 0), fov=1.0, image_width=8, image_height=8)
+    storage = SimpleNamespace(get_item=lambda key: known)
+    # Whatever else it were asked for, it has not.
+    client: Any = SimpleNamespace(client_id=0, camera=camera, local_storage=storage)
+    engine: Any = None
+    view = View(8, 8)
+    browser = Browser(engine, client, Start(view), Path(), "this run's")
+    browser.join(DEADLINE_S)
+    assert not hasattr(browser, "viewport")
 
-    names = {name: getattr(websockets, name) for name in ("datastructures", "exceptions")}
-    serves = SimpleNamespace(
-        serve=websockets.asyncio.server.serve,
-        ServerConnection=websockets.asyncio.server.ServerConnection,
-    )
-    own = SimpleNamespace(asyncio=SimpleNamespace(server=serves), **names)
-    monkeypatch.setattr("viser.infra._infra.websockets", own)
-    listening = server.listen("127.0.0.1", 0)
-    with pytest.raises(IprtError, match="is not known here"):
-        server.start(listening, Gate(PAGE, listening.getsockname()[1], None), "test")
-    assert listening.fileno() == -1
+
+def test_messages_pass_in_both_ways(local: int) -> None:
+    """Whole and in order, however large; and each end learns that the other one is gone."""
+    received: list[bytes] = []
+    large = bytes(range(256)) * (1 << 16)
+
+    def echo(connection: ServerConnection) -> None:
+        for message in connection:
+            received.append(bytes(message))
+            connection.send(bytes(reversed(message)))
+
+    with listen_and_echo(echo, "127.0.0.1", 0, max_size=None) as behind:
+        thread = threading.Thread(target=behind.serve_forever)
+        thread.start()
+        listening = server.listen("127.0.0.1", 0)
+        port = listening.getsockname()[1]
+        gate = Gate(PAGE, port, None, new_token())
+        relay = server.Relay(listening, gate, behind.socket.getsockname()[1])
+        address = f"ws://127.0.0.1:{port}"
+        with connect(address, max_size=None, compression=None) as one, connect(address) as other:
+            for message in (b"1", large, b"", b"2"):
+                one.send(message)
+                other.send(b"another's")
+                assert one.recv(DEADLINE_S) == bytes(reversed(message))
+                assert other.recv(DEADLINE_S) == b"s'rehtona"
+            relay.stop()
+            with pytest.raises(ConnectionClosed):
+                one.recv(DEADLINE_S)
+        behind.shutdown()
+        thread.join()
+    assert [message for message in received if message != b"another's"] == [b"1", large, b"", b"2"]
 
 
 def test_it_says_where_it_is_and_ends_by_ctrl_c(tmp_path: Path) -> None:

@@ -289,7 +289,7 @@ def test_materials_and_buffers_are_explained(place: Place) -> None:
     color = visitor.input("Colour (sRGB)")
     until(lambda: color.is_visible(), "of which kind?")
     until(lambda: color.input_value() == "rgb(188, 149, 124)", color.input_value)
-    assert "scene.toml has linear ones" in hint(visitor, "Colour (sRGB)")
+    assert "scene.toml stores linear values" in hint(visitor, "Colour (sRGB)")
     color.fill("rgb(188, 149, 54)")
     color.press("Enter")
     blue = (54 / 255 + 0.055) / 1.055

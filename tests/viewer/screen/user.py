@@ -90,7 +90,7 @@ class User:
 
     def point(self, x: float, y: float) -> tuple[float, float]:
         """On the screen, of a pixel of the picture."""
-        left, top = self.app.window._window.position
+        left, top = self.app.window.position
         corner = self.app.picture_view.rectangle[:2]
         return left + corner[0] + x, top + corner[1] + y
 

@@ -1,0 +1,106 @@
+"""What the parts of one window share, whatever draws them: the viewport and the selection."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import replace
+from typing import Any
+
+from iprt.settings.model import Settings
+from iprt.viewer.displayed import DisplayedFrame
+from iprt.viewer.engine import Engine
+from iprt.viewer.objects import ObjectState
+from iprt.viewer.viewport import Viewport
+
+
+class UiState(ABC):
+    """A viewport on an engine, and what is selected in it. For the interface's thread.
+
+    Attributes
+    ----------
+    engine : Engine
+    viewport : Viewport
+    selected : str or None
+        Name of an object, which may not be there yet.
+    align : bool
+        Objects that are set on surfaces turn their +Y to the normal.
+    displayed : DisplayedFrame or None
+        What is shown.
+    """
+
+    viewport: Viewport
+
+    def __init__(self, engine: Engine) -> None:
+        self.engine = engine
+        self.selected: str | None = None
+        self.align = False
+        self.displayed: DisplayedFrame | None = None
+
+    @abstractmethod
+    def say(self, text: str, *, bad: bool = False) -> None:
+        """Show a line to the user for a while; `bad`: that something did not work."""
+
+    def go_to(self, name: str) -> None:
+        """Look as a view of the scene does."""
+        self.viewport.go_to(name)
+
+    @property
+    def settings(self) -> Settings:
+        """The renderer's, of all windows."""
+        return self.engine.world.settings
+
+    @settings.setter
+    def settings(self, settings: Settings) -> None:
+        self.engine.set_settings(settings)
+
+    # Objects ----------------------------------------------------------------------------------
+
+    @property
+    def state(self) -> ObjectState | None:
+        """The selected object, as it is wanted."""
+        return self.engine.wanted(self.selected)
+
+    def paint(self, **part: Any) -> None:
+        """Change parts of the selected object's material."""
+        state = self.state
+        if state is not None:
+            self.engine.paint(state.name, replace(state.materials[0], **part))
+
+    def remove(self) -> None:
+        """Take the selected object away."""
+        if self.state is not None:
+            self.engine.remove(self.state.name)
+            self.say(f"{self.selected} removed; Ctrl+Z brings it back")
+            self.selected = None
+
+    def visible(self, name: str) -> bool:
+        """Whether this window shows an object."""
+        shown = self.viewport.objects
+        return shown is None or name in shown
+
+    def show(self, name: str, on: bool) -> None:
+        """Show an object in this window, or hide it."""
+        names = [state.name for state in self.engine.objects]
+        shown = [other for other in names if (on if other == name else self.visible(other))]
+        self.viewport.show_objects(None if shown == names else tuple(shown))
+
+    # The video --------------------------------------------------------------------------------
+
+    @property
+    def frames(self) -> range:
+        return self.engine.scene.frame_indices
+
+    @property
+    def frame(self) -> int:
+        """The video frame that is wanted, or the one that is shown while the video plays."""
+        playback, shown = self.engine.world.playback, self.displayed
+        return playback.frame if not playback.playing or shown is None else shown.shown.frame
+
+    @property
+    def playing(self) -> bool:
+        return self.engine.playing
+
+    def toggle_playing(self) -> None:
+        """Play or pause."""
+        if len(self.frames) > 1:
+            (self.engine.pause if self.playing else self.engine.play)()
