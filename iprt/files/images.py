@@ -132,8 +132,7 @@ def decode_srgb(coded: NDArray[Any]) -> Image2D:
     steps = np.iinfo(coded.dtype).max
     value = np.arange(steps + 1, dtype=np.float64) / steps
     linear = np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
-    decoded: Image2D = linear.astype(np.float32)[coded]
-    return decoded
+    return np.asarray(linear.astype(np.float32)[coded])
 
 
 def _is_16_bit(image: Image.Image) -> bool:

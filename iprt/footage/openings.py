@@ -43,8 +43,7 @@ class Holes:
 def solid_angles(width: int, height: int) -> NDArray[np.float64]:
     """(H,) exact solid angle in sr of a texel of each row of an equirect image."""
     edges = np.cos(np.arange(height + 1) / height * np.pi)
-    rows: NDArray[np.float64] = (edges[:-1] - edges[1:]) * (2.0 * np.pi / width)
-    return rows
+    return (edges[:-1] - edges[1:]) * (2.0 * np.pi / width)
 
 
 def classify_holes(hole: Mask, color: NDArray[np.float32]) -> Holes:

@@ -52,13 +52,13 @@ class Track:
             return self._spline(key, part, duration)
         before, after = self.values[key], self.values[key + 1]
         if self.rotation:
-            turn: Float = Slerp([0.0, 1.0], Rotation.from_quat([before, after]))(part).as_quat()
-            return turn
+            return np.asarray(
+                Slerp([0.0, 1.0], Rotation.from_quat([before, after]))(part).as_quat()
+            )
         return np.asarray(before + part * (after - before))
 
     def _key(self, key: int) -> Float:
-        value: Float = self.values[key] if self.values.ndim == 2 else self.values[key, 1]
-        return value
+        return np.asarray(self.values[key] if self.values.ndim == 2 else self.values[key, 1])
 
     def _spline(self, key: int, s: float, duration: float) -> Float:
         """glTF, Appendix C.5."""

@@ -223,8 +223,7 @@ def _usable_triangles(
     edges = corners - np.roll(corners, 1, axis=1)
     area = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
     longest = np.einsum("fij,fij->fi", edges, edges).max(axis=1, initial=0.0)
-    usable: NDArray[np.int64] = triangles[finite & (area > 1e-9 * longest) & (longest > 0.0)]
-    return usable
+    return np.asarray(triangles[finite & (area > 1e-9 * longest) & (longest > 0.0)])
 
 
 def _note(dropped: list[str], phrase: str) -> None:

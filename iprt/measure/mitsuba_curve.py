@@ -93,5 +93,4 @@ def _render(
     if target.background is None:
         return result.color
     uncovered = 1.0 - result.coverage[..., None]
-    color: Radiance = uncovered * target.background * result.ratio + result.objects
-    return color
+    return uncovered * target.background * result.ratio + result.objects

@@ -56,8 +56,7 @@ def _border(view: View) -> NDArray[np.float64]:
     t = np.linspace(0.0, 1.0, 65)
     square = [(t, 0 * t), (0 * t + 1, t), (t[::-1], 0 * t + 1), (0 * t, t[::-1])]
     pixels = np.concatenate([np.stack(side, axis=-1) for side in square])
-    directions: NDArray[np.float64] = view.unproject(pixels * (view.width, view.height))
-    return directions
+    return view.unproject(pixels * (view.width, view.height))
 
 
 def _label(

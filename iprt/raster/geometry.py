@@ -245,8 +245,7 @@ def _drawing_order(mesh: Mesh) -> NDArray[np.int64]:
     cells = np.minimum((centres - low) / extent * (1 << _CURVE_BITS), (1 << _CURVE_BITS) - 1)
     bits = cells.astype(np.int64)[:, :, None] >> np.arange(_CURVE_BITS) & 1
     code = (bits << (3 * np.arange(_CURVE_BITS) + np.arange(3)[:, None])).sum(axis=(1, 2))
-    order: NDArray[np.int64] = drawable[np.argsort(code, kind="stable")]
-    return order
+    return drawable[np.argsort(code, kind="stable")]
 
 
 def _affine(name: str, matrix: NDArray[np.floating]) -> Float:

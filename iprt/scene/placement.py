@@ -162,8 +162,7 @@ class RealSurfaces:
         out = sideways[wall] / length[wall, None]
         depth = radius - np.einsum("ij,ij->i", offset[wall], out)
         worst = int(depth.argmax())
-        shift: Array = out[worst] * max(float(depth[worst]), 0.0)
-        return shift
+        return np.asarray(out[worst] * max(float(depth[worst]), 0.0))
 
     def standing(self, instance: Instance) -> Standing:
         """The place of an object."""
@@ -316,5 +315,4 @@ def _smoothed(normal: NDArray[np.float32]) -> Array:
     mean = ndimage.uniform_filter(
         normal.astype(np.float64), _SMOOTHING_TEXELS, mode=("nearest", "wrap"), axes=(0, 1)
     )
-    unit: Array = mean / np.maximum(np.linalg.norm(mean, axis=-1, keepdims=True), 1e-12)
-    return unit
+    return np.asarray(mean / np.maximum(np.linalg.norm(mean, axis=-1, keepdims=True), 1e-12))

@@ -275,8 +275,7 @@ def _to_xyz(primaries: int) -> NDArray[np.float64]:
     columns = np.stack(corners, axis=1)
     matrix = columns * np.linalg.solve(columns, white)
     gains = (_BRADFORD @ _xyz(*_D65)) / (_BRADFORD @ white)
-    adapted: NDArray[np.float64] = np.linalg.inv(_BRADFORD) @ np.diag(gains) @ _BRADFORD @ matrix
-    return adapted
+    return np.asarray(np.linalg.inv(_BRADFORD) @ np.diag(gains) @ _BRADFORD @ matrix)
 
 
 def _xyz(x: float, y: float) -> NDArray[np.float64]:
