@@ -62,14 +62,12 @@ class Turn:
     settings: Settings
 
     def renderer(self, device: ComputeDevice) -> Renderer:
-        """See `Reel`."""
         from iprt.renderer import Renderer
 
         return Renderer(device, self.frame, self.instances, self.view, self.settings)
 
     @contextmanager
     def steps(self, device: ComputeDevice, count: int) -> Iterator[Iterator[Step]]:
-        """See `Reel`."""
         del device
         yield (methodcaller("look", turned(self.view, index)) for index in range(count))
 
@@ -85,7 +83,6 @@ class Playback:
 
     @property
     def view(self) -> View:
-        """See `Reel`."""
         return self._view_at(self.scene.frame_indices[0])
 
     def _view_at(self, index: int) -> View:
