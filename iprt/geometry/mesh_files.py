@@ -78,11 +78,11 @@ class MeshFile:
             raise FormatError(f"{path}: no such mesh file")
         if within is not None:
             require_inside(path, within)
-        if self.suffix == ".ply":
-            self._ply_elements = check_ply(path)
-        if self.suffix == ".stl":
-            check_stl(path)
         self.data = read_bytes(path, MAX_JSON_BYTES if self.suffix == ".gltf" else MAX_BYTES)
+        if self.suffix == ".ply":
+            self._ply_elements = check_ply(path, self.data)
+        if self.suffix == ".stl":
+            check_stl(path, self.data)
         kind = "glTF" if self.suffix in _GLTF_SUFFIXES else self.suffix[1:].upper()
         with decoding(path, f"cut off or damaged {kind} file"):
             self._look_inside()
