@@ -23,7 +23,7 @@ uniform float tolerance;             // of the comparison of distances, relative
 
 uniform mat3 previous_world_from_view;
 uniform float previous_focal_px;
-uniform vec2 previous_size;
+uniform vec2 previous_view_size;
 
 layout(location = 0) out vec4 geometry;
 layout(location = 1) out vec4 material;
@@ -94,11 +94,11 @@ vec2 previous_image_point(vec3 point, int index)
     vec3 local = before * previous_world_from_view;
 #ifdef EQUIRECT
     float u = atan(local.x, -local.z) / (2.0 * PI) + 0.5;
-    return vec2(u - floor(u), atan(length(local.xz), local.y) / PI) * previous_size;
+    return vec2(u - floor(u), atan(length(local.xz), local.y) / PI) * previous_view_size;
 #else
     if (local.z >= 0.0)
         return vec2(NOWHERE);
-    return 0.5 * previous_size + previous_focal_px * vec2(local.x, -local.y) / -local.z;
+    return 0.5 * previous_view_size + previous_focal_px * vec2(local.x, -local.y) / -local.z;
 #endif
 }
 

@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from statistics import median
 from typing import TYPE_CHECKING
 
-from iprt.geometry.camera import View
-from iprt.measure.camera_motion import Reel, Turn
+from iprt.measure.camera_motion import Reel
 from iprt.measure.cost import Counted, WorkRow
 from iprt.measure.cost_report import CostReport
-from iprt.settings.model import Settings
 
 if TYPE_CHECKING:
     from iprt.device.compute import ComputeDevice
-    from iprt.footage.frame import Frame
-    from iprt.geometry.mesh import Instance
     from iprt.renderer import Renderer
 
 WARM_UP = 16
@@ -27,30 +23,6 @@ COUNTED_FRAMES = 4
 
 Progress = Callable[[int], None]
 """Called with the number of frames done so far, those of the warm-up included."""
-
-
-def benchmark(
-    device: ComputeDevice,
-    frame: Frame,
-    instances: Sequence[Instance],
-    view: View,
-    settings: Settings,
-    *,
-    scene: str,
-    frames: int,
-    progress: Progress | None = None,
-) -> CostReport:
-    """Time `frames` frames after `WARM_UP` others, the view turning by `TURN_DEG` for each.
-
-    Parameters
-    ----------
-    view : View
-        The middle of the turn; an equirect view does not turn, but is made anew for every frame.
-    scene : str
-        Its name.
-    """
-    reel = Turn(frame, instances, view, settings)
-    return timed(device, reel, scene=scene, frames=frames, progress=progress)
 
 
 def timed(

@@ -178,7 +178,8 @@ class Rasterizer:
             front = Layer(targets.front.read(0, regions), targets.front.read(1, regions))
             return ObjectLayers(front, back)
 
-        set_uniforms(frame.programs.finish, _previous_uniforms(previous))
+        before = {f"previous_{key}": value for key, value in _view_uniforms(previous).items()}
+        set_uniforms(frame.programs.finish, before)
         for region in regions:
             for tile in region.tiles(_TILE):
                 self._finish(frame, tile)
@@ -331,14 +332,6 @@ def _view_uniforms(view: View) -> dict[str, Any]:
         "focal_px": view.focal_px,
         "view_size": (view.width, view.height),
         "tolerance": COVERAGE_TOLERANCE,
-    }
-
-
-def _previous_uniforms(view: View) -> dict[str, Any]:
-    return {
-        "previous_world_from_view": tuple(view.world_from_view.T.ravel()),
-        "previous_focal_px": view.focal_px,
-        "previous_size": (view.width, view.height),
     }
 
 
