@@ -71,7 +71,7 @@ class Geometry:
 
     @classmethod
     def of(cls, renderer: Renderer, instances: Sequence[Instance]) -> Geometry:
-        """That of the last step."""
+        """The surfaces of the last step."""
         layout, read = renderer.layout, renderer.device.read
         real, pixels = renderer.real, renderer.virtual_pixels
         shape = (renderer.view.height, renderer.view.width)

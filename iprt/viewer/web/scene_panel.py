@@ -72,6 +72,6 @@ def _playback(ui: BrowserState) -> list[Field]:
 
 
 def _counted(text: str) -> str:
-    """Beside the column of labels; as high when there is nothing to tell."""
+    """Beside the column of labels; as high when it is empty."""
     style = "font-size:.8em;height:1.8em;padding:0 .8em 0 9em;font-variant-numeric:tabular-nums"
     return f"<div class='counter' style='{style}'>{escape(text)}</div>"

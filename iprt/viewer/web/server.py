@@ -168,6 +168,6 @@ async def _copy(source: Connection, target: Connection) -> None:
 
 @contextlib.contextmanager
 def _silent() -> Iterator[None]:
-    """viser tells of itself on the standard output, in any case."""
+    """viser prints on the standard output in any case."""
     with contextlib.redirect_stdout(io.StringIO()):
         yield
