@@ -152,8 +152,6 @@ class Relay:
         ) as server:
             ways = [asyncio.create_task(_copy(a, b)) for a, b in permutations((browser, server))]
             await asyncio.wait(ways, return_when=asyncio.FIRST_COMPLETED)
-            for way in ways:
-                way.cancel()
             # As viser's page says why when its version is not the server's.
             if server.close_code is not None:
                 await browser.close(server.close_code, server.close_reason or "")
