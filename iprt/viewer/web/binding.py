@@ -84,19 +84,10 @@ def show(handle: Any, name: str, value: Any) -> None:
         setattr(handle, name, value)
 
 
-def on_click(handle: Any, post: Post, do: Callable[[], object]) -> None:
-    """Have a button do something, by the window's thread."""
+def do_on(listen: Callable[[Any], object], post: Post, do: Callable[[], object]) -> None:
+    """Have a button's click or a command's key do something, by the window's thread."""
 
-    async def clicked(_event: Any) -> None:
-        post(object(), do)  # each click counts
+    async def happened(_event: Any) -> None:
+        post(object(), do)  # each one counts
 
-    handle.on_click(clicked)
-
-
-def on_trigger(command: Any, post: Post, do: Callable[[], object]) -> None:
-    """Have a command's key do something, by the window's thread."""
-
-    async def triggered(_event: Any) -> None:
-        post(object(), do)
-
-    command.on_trigger(triggered)
+    listen(happened)
