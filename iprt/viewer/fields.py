@@ -255,7 +255,6 @@ def rate_field(ui: UiState) -> Field:
         lambda: round(ui.viewport.target_fps or 0.0),
         write,
         sliders=(Slider(0, MOST_FPS, True, 1.0),),
-        unit="fps",
     )
 
 

@@ -10,9 +10,9 @@ import logging
 import socket
 import threading
 from collections.abc import Iterator
+from http.client import HTTPConnection
 from importlib.resources import files
 from itertools import permutations
-from pathlib import Path
 
 import viser
 from websockets.asyncio.client import connect
@@ -69,9 +69,12 @@ def _why(error: OSError | OverflowError) -> str:
     return str(error.strerror)
 
 
-def page(run: str) -> bytes:
-    """viser's page with our scripts in it, and what `Host` knows its clients by."""
-    html = (Path(viser.__file__).parent / "client" / "build" / "index.html").read_text("utf-8")
+def page(port: int, run: str) -> bytes:
+    """viser's page, from its port, with our scripts in it and what `Host` knows its clients by."""
+    connection = HTTPConnection("127.0.0.1", port)
+    connection.request("GET", "/")
+    html = connection.getresponse().read().decode()
+    connection.close()
     own = files("iprt.viewer.web")
     scripts = [own.joinpath(name).read_text("utf-8") for name in ("page.js", "alive.js")]
     head, tag, rest = html.partition("</head>")
