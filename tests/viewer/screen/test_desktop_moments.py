@@ -109,7 +109,7 @@ def test_saving_and_closing_after_bad_news(user: User, monkeypatch: pytest.Monke
     user.app.window.closing = False
     path.write_text(text)
     user.until(lambda: user.shows("cube"))
-    monkeypatch.setattr(core_module, "TOLD_S", 0.0)
+    monkeypatch.setattr(core_module, "NOTE_S", 0.0)
     user.until(lambda: user.problems() == ())
 
 
