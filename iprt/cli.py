@@ -40,6 +40,7 @@ VERBS = {
     "profile": "iprt.commands.profile:profile",
     "view": "iprt.commands.view:view",
     "settings": "iprt.commands.settings:settings",
+    "methods": "iprt.commands.methods:methods",
     "reference": "iprt.commands.reference:reference",
     "scene info": "iprt.commands.scene:info",
     "scene check": "iprt.commands.scene:check",

@@ -29,9 +29,6 @@ class Film:
 
     Parameters
     ----------
-    scene : Scene
-    device : ComputeDevice
-    settings : Settings
     view : SceneView or View
         A view of the scene moves as the scene says; a plain one stands.
     objects : tuple of str or None
@@ -162,7 +159,7 @@ class Film:
         return renderer
 
     def view_at(self, index: int) -> View:
-        """How a frame of the video is looked at."""
+        """The view in a frame of the video."""
         return view_at(self.scene, self._view, index)
 
 
@@ -177,14 +174,14 @@ def memory(settings: Settings, accumulate: int) -> Settings:
 
 
 def film_plan(scene: Scene, frame: Frame, instances: Iterable[Instance], view: View) -> RenderPlan:
-    """What a film of all of the scene's frames builds, of which `frame` is one."""
+    """The plan of a film of all frames of the scene, of which `frame` is one."""
     settings = Settings()
     footage = footage_of(scene, frame, settings) if len(scene.frame_indices) > 1 else None
     return RenderPlan.of(frame, instances, view, settings, footage)
 
 
 def footage_of(scene: Scene, frame: Frame, settings: Settings) -> Footage:
-    """What the frames of a scene's video may have, of which `frame` is one."""
+    """The properties of a scene's video, of which `frame` is a frame."""
     return Footage.of(
         frame,
         separate_radiance=scene.clips,

@@ -22,12 +22,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class RenderPlan:
-    """What a renderer would build.
+    """Buffers and kernels of a renderer before it is built.
 
     Attributes
     ----------
-    view : View
-    features : Features
     buffers : dict of str to int
         Bytes by name.
     kernels : tuple of (file, kernel, defines)
@@ -48,7 +46,7 @@ class RenderPlan:
         settings: Settings | None = None,
         footage: Footage | None = None,
     ) -> RenderPlan:
-        """By the renderer's own code, on a device that allocates nothing; see `Renderer`."""
+        """The plan by the renderer's own code, on a device that allocates nothing."""
         from iprt.device.plan import PlanDevice
         from iprt.renderer import Renderer
 

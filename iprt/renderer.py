@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-import pyopencl.array as cla
 from numpy.typing import NDArray
 
 from iprt.aovs import read_aov
@@ -21,20 +20,20 @@ from iprt.device.compute import ComputeDevice
 from iprt.footage.footage import Footage
 from iprt.footage.frame import Frame
 from iprt.gbuffer.context import FrameContext
-from iprt.gbuffer.guide import Guide
 from iprt.gbuffer.layout import PlaneLayout
 from iprt.geometry.camera import View
 from iprt.geometry.mesh import Instance, require_same_objects
 from iprt.geometry.pose import seen_from, view_from
-from iprt.methods.gloss_pixels import GlossPixels
-from iprt.methods.pixels import RatioMap, RealPixels, VirtualPixels
+from iprt.methods.protocol import GBuffer, Method, Setup, Signals
 from iprt.settings.features import Features
+from iprt.settings.methods import method
 from iprt.settings.model import Settings
 from iprt.view.composite import Composite
 from iprt.view.real_layer import RealLayer
+from iprt.world.objects.object_layers import VisibleLayer
 from iprt.world.objects.objects import Objects
 from iprt.world.real.camera_motion import CameraMotion
-from iprt.world.real.real_world import RealWorld
+from iprt.world.real.shared import RealWorlds
 from iprt.world.world import World
 
 
@@ -92,6 +91,8 @@ class Renderer:
         Linear radiance to composite over in place of the resampled panorama.
     footage : Footage or None
         What frames have that are loaded later. None: what `frame` has.
+    worlds : RealWorlds or None
+        Those of the device, where several views of the scene share them.
 
     Attributes
     ----------
@@ -99,6 +100,12 @@ class Renderer:
         Least share of a new frame in the temporal means from the next step on; at first that of
         the settings.
     real_world : RealWorld
+    method : Method or None
+        What lights the objects; None: there are none.
+    visible : VisibleLayer or None
+        Surfaces of the objects in the view.
+    signals : Signals
+        What the picture is composed of, after a frame.
 
     Raises
     ------
@@ -116,6 +123,7 @@ class Renderer:
         *,
         background: NDArray[np.float32] | None = None,
         footage: Footage | None = None,
+        worlds: RealWorlds | None = None,
     ) -> None:
         self.settings = settings or Settings()
         self.fading = self.settings.fading
@@ -131,7 +139,6 @@ class Renderer:
             footage or Footage.of(frame),
             deforming=any(instance.mesh.deforms for instance in self.instances),
         )
-        self._equirect = view.projection == "equirect"
         self._frame_index = 0
         self._seen: _Seen | None = None
         self._placed = self.instances, frame.pose  # what the objects follow
@@ -142,63 +149,39 @@ class Renderer:
         camera = None if self._camera is None else self._camera.rows
 
         self.layout = PlaneLayout(view.width, view.height)
-        self.real_world = RealWorld(device, frame, features)
+        self.real_world = (worlds or RealWorlds()).get(device, frame, features)
         self._view_constants = [device.zeros(f"view {i}", (16,)) for i in range(2)]
         self.real = RealLayer(
             device,
             self.layout,
-            equirect=self._equirect,
+            equirect=view.projection == "equirect",
             name="real",
             gloss=features.gloss,
             camera=camera,
-            color_map=features.color_map and features.tracing,
+            color_map=features.color_map and features.relit,
         )
         self.composite = Composite(
             device,
             self.layout,
-            relit=features.tracing,
+            relit=features.relit,
             diffuse=features.diffuse_signal,
             specular=features.specular_signal,
             gloss=features.gloss,
             color_map=features.color_map,
         )
+        self.visible: VisibleLayer | None = None
+        self.method: Method | None = None
+        self.signals = Signals()
         self._objects: Objects | None = None
-        self.real_pixels: RealPixels | None = None
-        self.gloss_pixels: GlossPixels | None = None
-        self.virtual_pixels: VirtualPixels | None = None
-        self.ratio_map: RatioMap | None = None
         if features.objects:
-            self._build_object_passes(camera)
-
-    def _build_object_passes(self, camera: cla.Array | None) -> None:
-        device, features, real = self.device, self.features, self.real_world
-        if features.ratio_map:
-            self.ratio_map = RatioMap(device, features, camera)
-        self.virtual_pixels = VirtualPixels(
-            device, self.layout, features, equirect=self._equirect, camera=camera
-        )
-        if features.tracing:
-            self.real_guide = Guide(
-                device, self.layout, equirect=self._equirect, name="real", camera=camera
+            self.visible = VisibleLayer(device, self.layout, equirect=view.projection == "equirect")
+            setup = Setup(
+                device, view, self.layout, features, GBuffer(self.real, self.visible), camera
             )
-            self.real_pixels = RealPixels(device, self.real, self.real_guide, features, name="real")
-        if features.gloss:
-            self.gloss_pixels = GlossPixels(
-                device, self.layout, features, equirect=self._equirect, camera=camera
-            )
-        placed = seen_from(self.instances, real.frame.pose)
-        objects = Objects(device, placed, self.view, real.panorama, features)
-        self._objects = objects
-        self.world = World(
-            real.panorama,
-            objects.screen,
-            objects.equirect,
-            bvh=objects.bvh,
-            materials=objects.materials,
-            bounds=objects.device_bounds,
-            lights=real.lights,
-            highlight=real.highlight,
-        )
+            self.method = method(self.settings.method).load()(setup)
+            placed = seen_from(self.instances, frame.pose)
+            self._objects = Objects(device, placed, view, self.real_world.panorama, features)
+            self.world = World(self.real_world, self._objects)
 
     def close(self) -> None:
         """Release the OpenGL context."""
@@ -224,13 +207,11 @@ class Renderer:
         seen = self._look()
         context = self._context(seen)
         self._resample_real_layer(context)
-        if self.virtual_pixels is None or objects is None:
-            self.composite.run(self.real.color)
-        else:
-            objects.place(self.virtual_pixels.visible, seen.view, seen.previous, context)
-            ratio = self._relight(context)
-            self.virtual_pixels.run(self.world, context)
-            self._composite(self.virtual_pixels, ratio)
+        self.signals = Signals()
+        if self.method is not None and self.visible is not None and objects is not None:
+            objects.place(self.visible, seen.view, seen.previous, context)
+            self.signals = self._light(self.method, context)
+        self._composite()
         self._frame_index += 1
         self._seen = seen
         self.device.profile.end_frame()
@@ -251,9 +232,11 @@ class Renderer:
         real, before = self.real_world, self._seen
         turned = before is None or (now.view, now.previous) != (before.view, before.previous)
         if turned:
-            views = (now.view, now.previous)
-            for rows, view in zip(self._view_constants, views, strict=True):
-                self.device.write(rows, view.kernel_constants())
+            # What was the view in the frame before is on the device.
+            self._view_constants.reverse()
+            self.device.write(self._view_constants[0], now.view.kernel_constants())
+            if before is None:
+                self.device.write(self._view_constants[1], now.previous.kernel_constants())
         carried = False
         if self._camera is not None and real.frame.pose is not None:
             carried = self._camera.step(real.frame.pose)
@@ -281,34 +264,25 @@ class Renderer:
             )
             if self.background is not None:
                 self.real.replace_color(self.background, real.color_map)
-        if self.features.tracing:
-            self.real_guide.run(context.view, self.real.normal, self.real.depth, self.real.id)
 
-    def _relight(self, context: FrameContext) -> cla.Array | None:
-        if self.real_pixels is None:
-            return None
-        irradiance = self.real_world.irradiance
-        ratio = self.real_pixels.run(self.world, irradiance, context)
-        if self.ratio_map is not None:
-            self.ratio_map.run(self.world, irradiance, context)
-        if self.features.relit_reflections:
-            ratio_map = self.ratio_map
-            around = None if ratio_map is None else (ratio_map.ratio, ratio_map.rows)
-            self.world.relight(ratio, self.view, context.view, around)
-        if self.gloss_pixels is not None:
-            self.gloss_pixels.run(self.world, self.real, context)
-        return ratio
+    def _light(self, method: Method, context: FrameContext) -> Signals:
+        if context.video_changed:
+            method.prepare_video(self.world)
+        if context.objects_changed:
+            method.prepare_objects(self.world)
+        return method.trace(self.world, context)
 
-    def _composite(self, pixels: VirtualPixels, ratio: cla.Array | None) -> None:
+    def _composite(self) -> None:
+        visible, signals = self.visible, self.signals
         self.composite.run(
             self.real.color,
-            ratio=ratio,
+            ratio=signals.ratio,
             base=self.real.diffuse,
-            change=None if self.gloss_pixels is None else self.gloss_pixels.change,
-            coverage=pixels.visible.coverage,
-            albedo=pixels.visible.albedo,
-            diffuse=pixels.reflected.get("diffuse"),
-            specular=pixels.reflected.get("specular"),
+            change=signals.change,
+            coverage=None if visible is None else visible.coverage,
+            albedo=None if visible is None else visible.albedo,
+            diffuse=signals.diffuse,
+            specular=signals.specular,
             color_map=self.real_world.color_map,
         )
 

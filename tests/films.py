@@ -43,13 +43,19 @@ WALL = Material("conductor", (0.9, 0.7, 0.5), alpha=0.1)
 LOOK = View(13, 7, pitch_deg=-35.0)
 AROUND = View(15, 7, projection="equirect")
 FEW: dict[str, Any] = {
-    "trace": {"object_rays": 1, "ratio_rows": 16},
+    "trace": {"object_rays": 1},
+    "iprt": {"ratio_rows": 16},
     "irradiance": {"rows": 16, "first_rays": 2, "rays": 1},
     "atrous": {"levels": 2},
     "gloss": {"rays": 2},
 }
-SEEN_ONLY: dict[str, Any] = {"trace": {"relight_reflections": False}}
+SEEN_ONLY: dict[str, Any] = {"iprt": {"relight_reflections": False}}
 """Without the map of what objects do off screen, which takes longer than these pictures."""
+LAYERS: dict[str, Any] = {
+    "method": "iprt2023",
+    "iprt2023": {"filter": "fast-slow"},
+    "trace": {"bounces": 4, "light_sampling": True},
+}
 ALL_LEVELS: dict[str, Any] = {"atrous": {"levels": 5}}
 """Taps of the last level reach the edge of the border around the planes."""
 
@@ -72,22 +78,19 @@ def films(**settings: Any) -> dict[str, Film]:
     textured = replace(clay, mesh=replace(clay.mesh, materials=(Material(texture=CHECKS),)))
     own: dict[str, tuple[tuple[Frame, Frame], tuple[Instance, ...], View, dict[str, Any]]] = {
         "triangles": (room, _bending((textured, plastic, mirror, brass)), LOOK, {"gbuffer": "cl"}),
-        "layers": (room, (plastic, brass), LOOK, {"trace": {"objects": "raster"}, **ALL_LEVELS}),
+        "layers": (room, (plastic, brass), LOOK, {**LAYERS, **ALL_LEVELS}),
         "published": (
             room,
             (clay, mirror),
             LOOK,
-            {
-                "trace": {"estimator": "ratio", "relight_reflections": False},
-                "temporal": {"history": "iprt"},
-            },
+            {"method": "iprt2023", "iprt2023": {"objects": "triangles"}},
         ),
         "around": (_drifting(glossy), _objects(), AROUND, {}),
         "layers around": (
             _landscape(),
             (clay,),
             AROUND,
-            {"trace": {"estimator": "ratio", "objects": "raster"}},
+            LAYERS,
         ),
         "gloss": (glossy, (clay,), LOOK, SEEN_ONLY),
         "walk": (_carried(room), (clay, brass), LOOK, {}),

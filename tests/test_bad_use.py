@@ -157,7 +157,7 @@ def test_without_egl_rays_draw_the_objects(scene: Path, tmp_path: Path) -> None:
 
 def test_no_egl_is_one_line_with_the_command_that_installs_it(scene: Path, tmp_path: Path) -> None:
     """Where objects are to be rasterized for the rays to meet."""
-    result = render_without_egl(scene, tmp_path / "a.png", "--set", "trace.objects=raster")
+    result = render_without_egl(scene, tmp_path / "a.png", "--method", "iprt2023")
     if result.returncode == 0:
         pytest.skip("EGL here is not GLVND's")
     assert result.returncode == 3

@@ -101,7 +101,7 @@ __kernel void filter_level(
     __global const int *restrict extent,         // per row first column and end; the rest is 0
 #endif
 #ifdef SPECULAR
-    __global const float *restrict roughness,    // of widen_lobes; below 1e-4 the pixel is copied
+    __global const float *restrict roughness,    // of smooth_variance; below 1e-4 the pixel is copied
     float lobe_fraction,                         // of the lobe's half width that taps may span
 #endif
     int step,                                    // tap distance in pixels: 1, 2, 4, 8, 16
@@ -219,31 +219,18 @@ __kernel void filter_level(
     float scale = 1.0f / weights;
     #pragma unroll
     for (int c = 0; c < SIGNAL_PLANES; c++)
-        signal_out[c * size + p] = alone ? centre[c] : scale * sum[c];
-    variance_out[p] = alone ? variance[p] : scale * scale * variances;
+        store_wrapped(signal_out + c * size, p, x, width, alone ? centre[c] : scale * sum[c]);
+    store_wrapped(variance_out, p, x, width, alone ? variance[p] : scale * scale * variances);
 }
 
 #ifdef SPECULAR
 // GGX alpha of the lobe of a whole pixel: the normals within it turn its reflections too, by twice
 // their angle, as alpha does (Kaplanyan et al. 2016; Tokuyoshi and Kaplanyan 2019, Eq. 1). Where
 // surfaces bend within a pixel, one normal stands for many, and neighbours show what it misses.
-__kernel void widen_lobes(
-    __global const float *restrict guide,     // 7 planes
-    __global const float *restrict roughness, // GGX alpha
-    __global float *restrict widened,         // out: 1 plane; mirrors stay mirrors
-    int x0,                                   // rectangle's first column
-    int y0,                                   // and row
-    int x1,                                   // end column
-    int y1,                                   // and row
-    int width,
-    int height)
+static inline float widened_alpha(
+    __global const float *restrict guide, float alpha, int size, int stride, int p)
 {
-    int x = x0 + (int)get_global_id(0), y = y0 + (int)get_global_id(1);
-    if (x >= x1 || y >= y1)
-        return;
-    int size = plane_size(width, height), stride = plane_stride(width);
-    int p = plane_index(x, y, width);
-    float alpha = roughness[p], turned = 0.0f;
+    float turned = 0.0f;
     #pragma unroll
     for (int i = 0; i < 4; i++) {
         int q = p + (i < 2 ? 2 * i - 1 : (2 * i - 5) * stride);
@@ -252,16 +239,20 @@ __kernel void widen_lobes(
         bool same = guide[GUIDE_ID * size + q] == guide[GUIDE_ID * size + p];
         turned += same ? dx * dx + dy * dy + dz * dz : 0.0f;
     }
-    widened[p] = alpha < MIRROR_ALPHA ? alpha : sqrt(alpha * alpha + NORMAL_SPREAD * turned);
+    return alpha < MIRROR_ALPHA ? alpha : sqrt(alpha * alpha + NORMAL_SPREAD * turned);
 }
 #endif
 
-// 3x3 binomial mean of the variance over pixels of one id: single estimates are too noisy to
-// steer the weights (Schied et al. 2017, section 4.4).
+// What the levels are given. 3x3 binomial mean of the variance over pixels of one id: single
+// estimates are too noisy to steer the weights (Schied et al. 2017, section 4.4).
 __kernel void smooth_variance(
     __global const float *restrict guide,    // 7 planes
     __global const float *restrict variance, // 1 plane
     __global float *restrict smooth,         // out: 1 plane
+#ifdef SPECULAR
+    __global const float *restrict roughness, // GGX alpha
+    __global float *restrict widened,        // out: 1 plane; mirrors stay mirrors
+#endif
     int x0,                                  // rectangle's first column
     int y0,                                  // and row
     int x1,                                  // end column
@@ -286,5 +277,8 @@ __kernel void smooth_variance(
             weights += w;
         }
     }
-    smooth[p] = sum / weights;
+    store_wrapped(smooth, p, x, width, sum / weights);
+#ifdef SPECULAR
+    widened[p] = widened_alpha(guide, roughness[p], plane_size(width, height), stride, p);
+#endif
 }

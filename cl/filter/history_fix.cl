@@ -72,6 +72,6 @@ __kernel void fix_history(
     float scale = fixed ? 1.0f / weights : 0.0f;
     #pragma unroll
     for (int c = 0; c < SIGNAL_PLANES; c++)
-        signal_out[c * size + p] = centre[c] + scale * sum[c];
-    variance_out[p] = fixed ? scale * scale * variances : variance[p];
+        store_wrapped(signal_out + c * size, p, x, width, centre[c] + scale * sum[c]);
+    store_wrapped(variance_out, p, x, width, fixed ? scale * scale * variances : variance[p]);
 }

@@ -5,8 +5,8 @@
 //
 //   in      guide (7 planes, guide.h), level (1 plane of uchar, 255 = nothing here)
 //   in out  signal (SIGNAL_PLANES planes): valid at traced pixels, afterwards at all with a
-//           surface; 0 where there is none. Only untraced pixels are written and only traced ones
-//           read, so it is done in place. All planes share one set of weights.
+//           surface; 0 where there is none. Only untraced pixels change and only traced ones
+//           are read, so it is done in place. All planes share one set of weights.
 //
 // Build with -DSIGNAL_PLANES=n and -DVIEW_EQUIRECT for equirect views.
 #include "gbuffer/guide.h"
@@ -48,8 +48,11 @@ __kernel void interpolate(
     int size = plane_size(width, height), p = plane_index(x, y, width);
     int own = level[p];
     int2 offset = (int2)(offset_x, offset_y);
-    if (is_traced(own, x - offset_x, y - offset_y))
+    if (is_traced(own, x - offset_x, y - offset_y)) {
+        for (int c = 0; c < SIGNAL_PLANES; c++)
+            store_wrapped(signal + c * size, p, x, width, signal[c * size + p]);
         return;
+    }
     float sum[SIGNAL_PLANES];
     for (int c = 0; c < SIGNAL_PLANES; c++)
         sum[c] = 0.0f;
@@ -104,5 +107,5 @@ __kernel void interpolate(
         }
     }
     for (int c = 0; c < SIGNAL_PLANES; c++)
-        signal[c * size + p] = weights > 0.0f ? sum[c] / weights : 0.0f;
+        store_wrapped(signal + c * size, p, x, width, weights > 0.0f ? sum[c] / weights : 0.0f);
 }

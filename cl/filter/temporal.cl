@@ -4,18 +4,19 @@
 // Pixel (x, y) has its centre at (x + 0.5, y + 0.5); row 0 is the top.
 //
 //   kernel             in                                        out
-//   reproject          guide of this and the previous picture,   history at this picture's pixels,
-//                      motion (2 planes, previous position in    0 where there is none: signal,
-//                      pixels; -1e9 = nowhere), history; with    length (how many samples it is
-//                      -DCAMERA_MOTION camera.h, between the     worth), spread (variance of single
-//                      axes of the two guides                    samples of g)
-//   follow             guide, samples, level, fast history       fast history with samples added
-//   measure            guide, signal                             scalar g of the signal
-//   correct            guide, fast history, g, history, spread   history that agrees with the fast
-//                                                                one
-//   clamp_history      guide, nearby signal, history             history near that signal
-//   accumulate         guide, samples, level, history            history with the samples added,
-//                                                                scalar g of it
+//   accumulate         guide of this and the previous picture,   history at this picture's pixels
+//                      motion (2 planes, previous position in    with the samples added: signal,
+//                      pixels; -1e9 = nowhere), history,         length (how many samples it is
+//                      samples, level; with -DCAMERA_MOTION      worth), spread (variance of single
+//                      camera.h, between the axes of the two     samples of g); scalar g of it
+//                      guides; with -DPUBLISHED the history is
+//                      first held near the samples
+//   follow             the same, and a fast history              the same of the fast history alone;
+//                                                                the other without the samples, and
+//                                                                its g
+//   correct            guide, both histories, g, samples, level  history that agrees with the fast
+//                                                                one, and is near to it, with the
+//                                                                samples added; g of it
 //   estimate_variance  guide, g, spread, length                  variance of g's mean
 //
 // g is the scalar that the picture shows: the luminance of the first three planes less the last
@@ -45,13 +46,12 @@ static inline void load_signal(float *s, __global const float *signal, int size,
 
 // What is clamped, plane by plane: with -DCOMMON the last three planes by their differences to the
 // first three, with which they share their noise.
-static inline void load_clamped(float *s, __global const float *signal, int size, int p)
+static inline void without_common(float *s)
 {
-    load_signal(s, signal, size, p);
 #ifdef COMMON
     #pragma unroll
     for (int c = 3; c < SIGNAL_PLANES; c++)
-        s[c] -= signal[(c - 3) * size + p];
+        s[c] -= s[c - 3];
 #endif
 }
 
@@ -85,31 +85,42 @@ static inline float worth_of_biased(float length, float spread, float bias_squar
     return bias_squared > 0.0f ? spread * length / error : length;
 }
 
-__kernel void reproject(
-    __global const float *restrict guide,          // 7 planes
-    __global const float *restrict guide_previous, // 7 planes
-    __global const float *restrict motion,         // 2 planes
-    __global const float *restrict signal_before,  // SIGNAL_PLANES planes
-    __global const float *restrict length_before,  // 1 plane
-    __global const float *restrict spread_before,  // 1 plane
-    __global float *restrict signal,               // out: SIGNAL_PLANES planes
-    __global float *restrict length,               // out: 1 plane
-    __global float *restrict spread,               // out: 1 plane
-    float plane_tolerance,                         // plane distance / depth of one surface
-    float normal_agreement,                        // least cosine between its normals
-    int width,
-    int height
-#ifdef CAMERA_MOTION
-    ,
-    __global const float *restrict camera          // camera.h
-#endif
-)
+typedef struct {
+    float signal[SIGNAL_PLANES];
+    float length;   // how many samples it is worth, 0: there is none
+    float spread;   // variance of single samples of g
+} History;
+
+static inline History load_history(
+    __global const float *signal, __global const float *length, __global const float *spread, int size,
+    int p)
 {
-    int x = get_global_id(0), y = get_global_id(1);
-    if (x >= width || y >= height)
-        return;
+    History history;
+    load_signal(history.signal, signal, size, p);
+    history.length = length[p];
+    history.spread = spread[p];
+    return history;
+}
+
+static inline void store_history(
+    const History *history, __global float *signal, __global float *length, __global float *spread,
+    int size, int p, int x, int width)
+{
+    #pragma unroll
+    for (int c = 0; c < SIGNAL_PLANES; c++)
+        store_wrapped(signal + c * size, p, x, width, history->signal[c]);
+    length[p] = history->length;
+    spread[p] = history->spread;
+}
+
+// The history of what this pixel shows, where the previous picture showed that.
+static inline History fetch_history(
+    __global const float *restrict guide, __global const float *restrict guide_previous,
+    __global const float *restrict motion, __global const float *restrict signal_before,
+    __global const float *restrict length_before, __global const float *restrict spread_before,
+    float plane_tolerance, float normal_agreement, int p, int width, int height CAMERA_PARAMETER)
+{
     int size = plane_size(width, height);
-    int p = plane_index(x, y, width);
     float nx = guide[p], ny = guide[size + p], nz = guide[2 * size + p];
     float px = guide[3 * size + p], py = guide[4 * size + p], pz = guide[5 * size + p];
     float id = guide[6 * size + p];
@@ -152,76 +163,23 @@ __kernel void reproject(
     }
     // A lone tap on the pixel centre has weight 1 and stays exact.
     bool found = weights > 0.01f;
+    History history;
     for (int c = 0; c < SIGNAL_PLANES; c++)
-        signal[c * size + p] = found ? past[c] / weights : 0.0f;
-    length[p] = found ? samples / weights : 0.0f;
-    spread[p] = found ? variation / weights : 0.0f;
-}
-
-// The fast history: a mean that forgets after a few samples.
-__kernel void follow(
-    __global const float *restrict guide,   // 7 planes
-    __global const float *restrict samples, // SIGNAL_PLANES planes
-    __global const uchar *restrict level,   // 1 plane: how densely this picture was traced
-    __global float *restrict signal,        // in, out: SIGNAL_PLANES planes of fast history
-    __global float *restrict length,        // in, out: 1 plane
-    float limit,                            // samples that it is worth at most
-    int width,
-    int height)
-{
-    int x = get_global_id(0), y = get_global_id(1);
-    if (x >= width || y >= height)
-        return;
-    int size = plane_size(width, height), p = plane_index(x, y, width);
-    float sample[SIGNAL_PLANES];
-    float worth = load_sample(sample, samples, guide, level, size, p), before = length[p];
-    bool usable = worth > 0.0f;
-    float share = before > 0.0f ? worth / fmin(before + worth, limit) : 1.0f;
-    #pragma unroll
-    for (int c = 0; c < SIGNAL_PLANES; c++) {
-        float past = signal[c * size + p];
-        float mean = share < 1.0f ? past + share * (sample[c] - past) : sample[c];
-        signal[c * size + p] = usable ? mean : past;
-    }
-    length[p] = usable ? fmin(before + worth, limit) : before;
-}
-
-__kernel void measure(
-    __global const float *restrict guide,  // 7 planes
-    __global const float *restrict signal, // SIGNAL_PLANES planes
-    __global float *restrict scalar,       // out: 1 plane
-    int width,
-    int height)
-{
-    int x = get_global_id(0), y = get_global_id(1);
-    if (x >= width || y >= height)
-        return;
-    int size = plane_size(width, height), p = plane_index(x, y, width);
-    float s[SIGNAL_PLANES];
-    load_signal(s, signal, size, p);
-    scalar[p] = guide_scalar(s);
+        history.signal[c] = found ? past[c] / weights : 0.0f;
+    history.length = found ? samples / weights : 0.0f;
+    history.spread = found ? variation / weights : 0.0f;
+    return history;
 }
 
 // Antilag: where the fast history's mean over a neighbourhood differs from the slow one's by more
 // than noise explains, the slow one is off by the rest, and gives way to the fast one to the degree
-// that this bias makes it the worse estimate.
-__kernel void correct(
-    __global const float *restrict guide,       // 7 planes
-    __global const float *restrict fast,        // SIGNAL_PLANES planes, border wrapped
-    __global const float *restrict fast_length, // 1 plane
-    __global const float *restrict scalar,      // 1 plane, g of the slow history, border wrapped
-    __global float *restrict signal,            // in, out: SIGNAL_PLANES planes of slow history
-    __global float *restrict length,            // in, out: 1 plane
-    __global const float *restrict spread,      // 1 plane
-    float sigma,                                // differences of so many deviations are noise
-    int width,
-    int height)
+// that this bias makes it the worse estimate. `scalar` is g of the slow one.
+static inline void correct_history(
+    History *history, __global const float *restrict guide, __global const float *restrict fast,
+    __global const float *restrict fast_length, __global const float *restrict scalar, float sigma,
+    int size, int p, int width)
 {
-    int x = get_global_id(0), y = get_global_id(1);
-    if (x >= width || y >= height)
-        return;
-    int size = plane_size(width, height), p = plane_index(x, y, width);
-    float id = guide[GUIDE_ID * size + p], before = length[p];
+    float id = guide[GUIDE_ID * size + p], before = history->length;
     float count = 0.0f, sum = 0.0f, square = 0.0f;
     #pragma unroll
     for (int i = 0; i < 9; i++) {
@@ -237,38 +195,29 @@ __kernel void correct(
     float mean = sum / count;
     float variance = fmax(square / count - mean * mean, 0.0f) / fmax(count - 1.0f, 1.0f);
     float bias_squared = fmax(mean * mean - sigma * sigma * variance, 0.0f);
-    float worth = worth_of_biased(before, spread[p], bias_squared);
+    float worth = worth_of_biased(before, history->spread, bias_squared);
     bool stale = id > 0.0f && before > 0.0f && fast_length[p] > 0.0f && worth < before;
     float share = stale ? 1.0f - worth / before : 0.0f;
     #pragma unroll
     for (int c = 0; c < SIGNAL_PLANES; c++) {
-        float past = signal[c * size + p];
-        signal[c * size + p] = past + share * (fast[c * size + p] - past);
+        float past = history->signal[c];
+        history->signal[c] = past + share * (fast[c * size + p] - past);
     }
-    length[p] = before + share * (fmin(fast_length[p], before) - before);
+    history->length = before + share * (fmin(fast_length[p], before) - before);
 }
 
 // Clamps the history to mean +- sigma deviations of a neighbourhood, a box that also holds the
 // pixel's own value (IPRT "Filtering"). Where no object has influence the box of what objects do is
 // a point, so an old shadow goes at once: of E_RV (-DCOMMON) by its difference to E_R, although E_R
-// itself is noisy.
-__kernel void clamp_history(
-    __global const float *restrict guide,  // 7 planes
-    __global const float *restrict nearby, // SIGNAL_PLANES planes, border wrapped
-    __global float *restrict signal,       // in, out: SIGNAL_PLANES planes of history
-    __global float *restrict length,       // in, out: 1 plane, lowered where g moved
-    __global const float *restrict spread, // 1 plane
-    float sigma,                           // half width of the box in deviations
-    int width,
-    int height)
+// itself is noisy. The length is lowered where g moved.
+static inline void clamp_history(
+    History *history, __global const float *restrict guide, __global const float *restrict nearby,
+    float sigma, int size, int p, int width)
 {
-    int x = get_global_id(0), y = get_global_id(1);
-    if (x >= width || y >= height)
-        return;
-    int size = plane_size(width, height), p = plane_index(x, y, width);
     float id = guide[GUIDE_ID * size + p];
     float centre[SIGNAL_PLANES], mean[SIGNAL_PLANES], square[SIGNAL_PLANES];
-    load_clamped(centre, nearby, size, p);
+    load_signal(centre, nearby, size, p);
+    without_common(centre);
     bool usable = id > 0.0f && all_finite(centre);
     #pragma unroll
     for (int c = 0; c < SIGNAL_PLANES; c++)
@@ -278,7 +227,8 @@ __kernel void clamp_history(
     for (int i = 0; i < 9; i++) {
         int q = p + NEAR_STEP * (i % 3 - 1 + (i / 3 - 1) * plane_stride(width));
         float s[SIGNAL_PLANES];
-        load_clamped(s, nearby, size, q);
+        load_signal(s, nearby, size, q);
+        without_common(s);
         bool used = guide[GUIDE_ID * size + q] == id && all_finite(s);
         count += used ? 1.0f : 0.0f;
         #pragma unroll
@@ -289,10 +239,12 @@ __kernel void clamp_history(
             square[c] += d * d;
         }
     }
-    float past[SIGNAL_PLANES], value[SIGNAL_PLANES], clamped[SIGNAL_PLANES];
+    float value[SIGNAL_PLANES], clamped[SIGNAL_PLANES];
     float scale = 1.0f / fmax(count, 1.0f);
-    load_signal(past, signal, size, p);
-    load_clamped(value, signal, size, p);
+    #pragma unroll
+    for (int c = 0; c < SIGNAL_PLANES; c++)
+        value[c] = history->signal[c];
+    without_common(value);
     bool moved = false;
     #pragma unroll
     for (int c = 0; c < SIGNAL_PLANES; c++) {
@@ -307,34 +259,20 @@ __kernel void clamp_history(
 #endif
     }
     moved = moved && usable;
+    float step = guide_scalar(clamped) - guide_scalar(history->signal);
+    float worth = worth_of_biased(history->length, history->spread, step * step);
+    history->length = moved ? worth : history->length;
     #pragma unroll
     for (int c = 0; c < SIGNAL_PLANES; c++)
-        signal[c * size + p] = moved ? clamped[c] : past[c];
-    float step = guide_scalar(clamped) - guide_scalar(past);
-    length[p] = moved ? worth_of_biased(length[p], spread[p], step * step) : length[p];
+        history->signal[c] = moved ? clamped[c] : history->signal[c];
 }
 
-__kernel void accumulate(
-    __global const float *restrict guide,   // 7 planes
-    __global const float *restrict samples, // SIGNAL_PLANES planes
-    __global const uchar *restrict level,   // 1 plane: how densely this picture was traced
-    __global float *restrict signal,        // in: history, out: accumulated, SIGNAL_PLANES planes
-    __global float *restrict length,        // in, out: 1 plane
-    __global float *restrict spread,        // in, out: 1 plane
-    __global float *restrict scalar,        // out: 1 plane, g of the result
-    float fading,                           // least share of the new sample, 0: plain mean
-    int rays,                               // of a sample, before they become fewer (rays.h)
-    int width,
-    int height)
+// Adds the sample of pixel p to the mean.
+static inline void add_sample(
+    History *history, __global const float *samples, __global const float *guide,
+    __global const uchar *level, float fading, int rays, int size, int p)
 {
-    int x = get_global_id(0), y = get_global_id(1);
-    if (x >= width || y >= height)
-        return;
-    int size = plane_size(width, height);
-    int p = plane_index(x, y, width);
-    float past[SIGNAL_PLANES], sample[SIGNAL_PLANES];
-    load_signal(past, signal, size, p);
-    float before = length[p], variation = spread[p];
+    float sample[SIGNAL_PLANES], before = history->length, variation = history->spread;
     // A fading memory is one of so many frames, whatever their rays.
     float sent = fading > 0.0f ? 1.0f : share_of_rays(before, rays);
     float worth = sent * load_sample(sample, samples, guide, level, size, p);
@@ -343,17 +281,157 @@ __kernel void accumulate(
     // Fading makes the mean worth (2 - fading) / fading samples at most: so a later, longer
     // average goes on from the right weight.
     float limit = fading > 0.0f ? fmin(2.0f / fading - 1.0f, MAX_LENGTH) : MAX_LENGTH;
-    float step = guide_scalar(sample) - guide_scalar(past);
+    float step = guide_scalar(sample) - guide_scalar(history->signal);
     float varied = first ? 0.0f : (1.0f - share) * (variation + share * sent * step * step);
     #pragma unroll
     for (int c = 0; c < SIGNAL_PLANES; c++) {
-        float mean = first ? sample[c] : past[c] + share * (sample[c] - past[c]);
-        past[c] = usable ? mean : past[c];
-        signal[c * size + p] = past[c];
+        float past = history->signal[c];
+        float mean = first ? sample[c] : past + share * (sample[c] - past);
+        history->signal[c] = usable ? mean : past;
     }
-    length[p] = usable ? fmin(before + worth, limit) : before;
-    spread[p] = usable ? varied : variation;
-    scalar[p] = guide_scalar(past);
+    history->length = usable ? fmin(before + worth, limit) : before;
+    history->spread = usable ? varied : variation;
+}
+
+// The same for the fast history, which forgets: it is worth `limit` samples at most.
+static inline void add_fast_sample(
+    History *history, __global const float *samples, __global const float *guide,
+    __global const uchar *level, float limit, int size, int p)
+{
+    float sample[SIGNAL_PLANES], before = history->length;
+    float worth = load_sample(sample, samples, guide, level, size, p);
+    bool usable = worth > 0.0f;
+    float share = before > 0.0f ? worth / fmin(before + worth, limit) : 1.0f;
+    #pragma unroll
+    for (int c = 0; c < SIGNAL_PLANES; c++) {
+        float past = history->signal[c];
+        float mean = share < 1.0f ? past + share * (sample[c] - past) : sample[c];
+        history->signal[c] = usable ? mean : past;
+    }
+    history->length = usable ? fmin(before + worth, limit) : before;
+}
+
+__kernel void accumulate(
+    __global const float *restrict guide,          // 7 planes
+    __global const float *restrict guide_previous, // 7 planes
+    __global const float *restrict motion,         // 2 planes
+    __global const float *restrict signal_before,  // SIGNAL_PLANES planes
+    __global const float *restrict length_before,  // 1 plane
+    __global const float *restrict spread_before,  // 1 plane
+    __global const float *restrict samples,        // SIGNAL_PLANES planes; -DPUBLISHED: border wrapped
+    __global const uchar *restrict level,          // 1 plane: how densely this picture was traced
+    __global float *restrict signal,               // out: SIGNAL_PLANES planes
+    __global float *restrict length,               // out: 1 plane
+    __global float *restrict spread,               // out: 1 plane
+    __global float *restrict scalar,               // out: 1 plane
+    float plane_tolerance,                         // plane distance / depth of one surface
+    float normal_agreement,                        // least cosine between its normals
+#ifdef PUBLISHED
+    float clamp_sigma,                             // half width of the box in deviations
+#endif
+    float fading,                                  // least share of the new sample, 0: plain mean
+    int rays,                                      // of a sample, before they become fewer (rays.h)
+    int width,
+    int height CAMERA_PARAMETER)
+{
+    int x = get_global_id(0), y = get_global_id(1);
+    if (x >= width || y >= height)
+        return;
+    int size = plane_size(width, height), p = plane_index(x, y, width);
+    History history = fetch_history(guide, guide_previous, motion, signal_before, length_before,
+                                    spread_before, plane_tolerance, normal_agreement, p, width,
+                                    height CAMERA_ARGUMENT);
+#ifdef PUBLISHED
+    // The published mean is one of frames, whose lengths are not lowered.
+    const float before = history.length;
+    clamp_history(&history, guide, samples, clamp_sigma, size, p, width);
+    history.length = before;
+#endif
+    add_sample(&history, samples, guide, level, fading, rays, size, p);
+    store_history(&history, signal, length, spread, size, p, x, width);
+    store_wrapped(scalar, p, x, width, guide_scalar(history.signal));
+}
+
+__kernel void follow(
+    __global const float *restrict guide,          // 7 planes
+    __global const float *restrict guide_previous, // 7 planes
+    __global const float *restrict motion,         // 2 planes
+    __global const float *restrict signal_before,  // SIGNAL_PLANES planes
+    __global const float *restrict length_before,  // 1 plane
+    __global const float *restrict spread_before,  // 1 plane
+    __global const float *restrict fast_before,    // the same of the fast history
+    __global const float *restrict fast_length_before,
+    __global const float *restrict fast_spread_before,
+    __global const float *restrict samples,        // SIGNAL_PLANES planes
+    __global const uchar *restrict level,          // 1 plane: how densely this picture was traced
+    __global float *restrict signal,               // out: SIGNAL_PLANES planes
+    __global float *restrict length,               // out: 1 plane
+    __global float *restrict spread,               // out: 1 plane
+    __global float *restrict fast,                 // out: SIGNAL_PLANES planes
+    __global float *restrict fast_length,          // out: 1 plane
+    __global float *restrict fast_spread,          // out: 1 plane
+    __global float *restrict scalar,               // out: 1 plane, g of the slow history
+    float plane_tolerance,                         // plane distance / depth of one surface
+    float normal_agreement,                        // least cosine between its normals
+    float limit,                                   // samples that the fast history is worth at most
+    int fresh,                                     // the fast history begins with this picture
+    int width,
+    int height CAMERA_PARAMETER)
+{
+    int x = get_global_id(0), y = get_global_id(1);
+    if (x >= width || y >= height)
+        return;
+    int size = plane_size(width, height), p = plane_index(x, y, width);
+    History slow = fetch_history(guide, guide_previous, motion, signal_before, length_before,
+                                 spread_before, plane_tolerance, normal_agreement, p, width,
+                                 height CAMERA_ARGUMENT);
+    store_history(&slow, signal, length, spread, size, p, x, width);
+    store_wrapped(scalar, p, x, width, guide_scalar(slow.signal));
+
+    History quick = fetch_history(guide, guide_previous, motion, fast_before, fast_length_before,
+                                  fast_spread_before, plane_tolerance, normal_agreement, p, width,
+                                  height CAMERA_ARGUMENT);
+    if (fresh) {
+        for (int c = 0; c < SIGNAL_PLANES; c++)
+            quick.signal[c] = 0.0f;
+        quick.length = quick.spread = 0.0f;
+    }
+    add_fast_sample(&quick, samples, guide, level, limit, size, p);
+    store_history(&quick, fast, fast_length, fast_spread, size, p, x, width);
+}
+
+__kernel void correct(
+    __global const float *restrict guide,       // 7 planes
+    __global const float *restrict fast,        // SIGNAL_PLANES planes, border wrapped
+    __global const float *restrict fast_length, // 1 plane
+    __global const float *restrict past_scalar, // 1 plane, g of the slow history, border wrapped
+    __global const float *restrict samples,     // SIGNAL_PLANES planes
+    __global const uchar *restrict level,       // 1 plane: how densely this picture was traced
+    __global float *restrict signal,            // in, out: SIGNAL_PLANES planes of slow history
+    __global float *restrict length,            // in, out: 1 plane
+    __global float *restrict spread,            // in, out: 1 plane
+    __global float *restrict scalar,            // out: 1 plane
+    float antilag_sigma,                        // differences of so many deviations are noise
+    float clamp_sigma,                          // half width of the box in deviations
+    int trusted,                                // the fast history holds enough to compare with
+    float fading,                               // least share of the new sample, 0: plain mean
+    int rays,                                   // of a sample, before they become fewer (rays.h)
+    int width,
+    int height)
+{
+    int x = get_global_id(0), y = get_global_id(1);
+    if (x >= width || y >= height)
+        return;
+    int size = plane_size(width, height), p = plane_index(x, y, width);
+    History history = load_history(signal, length, spread, size, p);
+    if (trusted) {
+        correct_history(&history, guide, fast, fast_length, past_scalar, antilag_sigma, size, p,
+                        width);
+        clamp_history(&history, guide, fast, clamp_sigma, size, p, width);
+    }
+    add_sample(&history, samples, guide, level, fading, rays, size, p);
+    store_history(&history, signal, length, spread, size, p, x, width);
+    store_wrapped(scalar, p, x, width, guide_scalar(history.signal));
 }
 
 __kernel void estimate_variance(
@@ -387,5 +465,5 @@ __kernel void estimate_variance(
         float boost = (SHORT_HISTORY + UNSURE) / fmax(samples, 1.0f);
         result = boost * fmax(square / count - sum * sum / (count * count), 0.0f);
     }
-    variance[p] = result;
+    store_wrapped(variance, p, x, width, result);
 }

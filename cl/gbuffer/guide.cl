@@ -1,5 +1,4 @@
-// Guide: gathers what the image-space passes compare pixels by into the seven planes of guide.h,
-// and keeps borders wrapped around the seam of equirect views.
+// Guide: gathers what the image-space passes compare pixels by into the seven planes of guide.h.
 //
 // Pixel (x, y) has its centre at (x + 0.5, y + 0.5); row 0 is the top. World: +Y up, metres,
 // origin at the capture centre.
@@ -7,9 +6,8 @@
 //   kernel        in                                           out
 //   build_guide   normal (3), depth (1, m, 0 = nothing),       guide (7); id 0 without depth
 //                 id (1, 0 = nothing to trace)
-//   wrap_border   any stack of planes                          its left and right border
 //
-// No work-group contract. Build with -DVIEW_EQUIRECT for equirect views (wrap_border needs it).
+// No work-group contract. Build with -DVIEW_EQUIRECT for equirect views.
 #include "gbuffer/guide.h"
 #include "gbuffer/view.h"
 
@@ -27,24 +25,13 @@ __kernel void build_guide(
         return;
     int size = plane_size(width, height), p = plane_index(x, y, width);
     float3 position = depth[p] * view_direction(view, (float2)(x + 0.5f, y + 0.5f));
+    float of_guide[GUIDE_PLANES];
     for (int c = 0; c < 3; c++)
-        guide[(GUIDE_NORMAL + c) * size + p] = normal[c * size + p];
-    guide[(GUIDE_POSITION + 0) * size + p] = position.x;
-    guide[(GUIDE_POSITION + 1) * size + p] = position.y;
-    guide[(GUIDE_POSITION + 2) * size + p] = position.z;
-    guide[GUIDE_ID * size + p] = depth[p] > 0.0f ? fmax(id[p], 0.0f) : 0.0f;
-}
-
-__kernel void wrap_border(
-    __global float *restrict planes, // in, out: `channels` planes; work item y = channel, row
-    int channels,
-    int width,
-    int height)
-{
-    int i = get_global_id(0), channel = get_global_id(1) / height, y = get_global_id(1) % height;
-    if (i >= 2 * PLANE_PAD || channel >= channels)
-        return;
-    int x = i < PLANE_PAD ? i - PLANE_PAD : width + i - PLANE_PAD;
-    __global float *plane = planes + channel * plane_size(width, height);
-    plane[plane_index(x, y, width)] = plane[plane_index(wrap_column(x, width), y, width)];
+        of_guide[GUIDE_NORMAL + c] = normal[c * size + p];
+    of_guide[GUIDE_POSITION + 0] = position.x;
+    of_guide[GUIDE_POSITION + 1] = position.y;
+    of_guide[GUIDE_POSITION + 2] = position.z;
+    of_guide[GUIDE_ID] = depth[p] > 0.0f ? fmax(id[p], 0.0f) : 0.0f;
+    for (int c = 0; c < GUIDE_PLANES; c++)
+        store_wrapped(guide + c * size, p, x, width, of_guide[c]);
 }

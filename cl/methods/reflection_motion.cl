@@ -46,12 +46,7 @@ __kernel void move_reflections(
     __global const float *restrict view,           // of the previous picture
     __global float *restrict moved,                // out: 2 planes
     int width,
-    int height
-#ifdef CAMERA_MOTION
-    ,
-    __global const float *restrict camera
-#endif
-)
+    int height CAMERA_PARAMETER)
 {
     int x = get_global_id(0), y = get_global_id(1);
     if (x >= width || y >= height)

@@ -111,7 +111,8 @@ TRACING_KERNEL void trace_virtual(
 #endif
 #ifdef HAS_SPECULAR
     store_planes(specular, size, pixel, specular_sum / (float)more);
-    hit_distance[pixel] = lobe > 0.0f ? fmin(lobe / lobe_nearness, FAR_HIT) : 0.0f;
+    store_wrapped(hit_distance, pixel, at.x, width,
+                  lobe > 0.0f ? fmin(lobe / lobe_nearness, FAR_HIT) : 0.0f);
 #endif
     if (met)
         touched[pixel] = TOUCHED_FRAMES;

@@ -48,11 +48,7 @@ __kernel void resample_panorama(
     __global float *restrict roughness,
     __global float *restrict highlight
 #endif
-#ifdef CAMERA_MOTION
-    ,
-    __global const float *restrict camera
-#endif
-)
+    CAMERA_PARAMETER)
 {
     const int x = get_global_id(0), y = get_global_id(1);
     if (x >= width || y >= height)

@@ -73,7 +73,6 @@ def build_mesh(
 
     Parameters
     ----------
-    mesh : Mesh
     positions : (V, 3) float32
         Positions of the mesh's vertices, as the tree shall hold them.
     tree_of : callable, optional

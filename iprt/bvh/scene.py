@@ -42,7 +42,6 @@ class Shape:
 
     Attributes
     ----------
-    mesh : Mesh
     baked : (4, 4) float64 or None
         Transform of the vertices, for instances whose transform has no good inverse.
     """
@@ -101,7 +100,7 @@ class SceneSizes:
 
 @dataclass(frozen=True)
 class SceneBvh:
-    """What `cl/lib/world/objects/objects_bvh.h` reads.
+    """The buffers that `cl/lib/world/objects/objects_bvh.h` reads.
 
     Attributes
     ----------

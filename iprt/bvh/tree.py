@@ -85,7 +85,6 @@ def build_tree(low: Floats, high: Floats, *, leaf: int, max_depth: int) -> Tree:
     ----------
     low, high : (P, 3) float32
         Boxes, finite; P >= 1.
-    leaf : int
     max_depth : int
         P must be at most `leaf` * 2^max_depth.
     """

@@ -26,7 +26,6 @@ def widen(tree: Tree, lower: Floats, upper: Floats) -> Floats:
 
     Parameters
     ----------
-    tree : Tree
     lower, upper : (N, 2, 3) float32
         Boxes of both children, from `fit`.
 

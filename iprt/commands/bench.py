@@ -25,7 +25,7 @@ def bench(
     view: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
     size: Size = None,
     frames: int | None = None,
-    method: Literal["iprt", "ibl"] | None = None,
+    method: str | None = None,
     setting_flags: ChosenSettings = BALANCED,
     sweep: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
     one_at_a_time: bool = False,
@@ -63,8 +63,7 @@ def bench(
     frames
         Frames to time; with --sweep also the frames accumulated in each picture. Default: 30.
     method
-        How virtual objects are lit; `ibl` is the baseline: a distant environment without real
-        geometry. Short for --set method=.
+        How virtual objects are lit: a name from `iprt methods`. Short for --set method=.
     setting_flags
         Quality preset and single settings. Later ones win: preset, file, flags.
     sweep

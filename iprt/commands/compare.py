@@ -32,7 +32,7 @@ def compare(
     /,
     *,
     view: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
-    method: tyro.conf.UseAppendAction[tuple[Literal["iprt", "ibl", "all"], ...]] = (),
+    method: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
     background: Literal["panorama", "truth"] = "panorama",
     frames: int | None = None,
     seed: int | None = None,
@@ -57,8 +57,8 @@ def compare(
     view
         Name of a view; may be given several times. Default: all views that have a truth.
     method
-        How virtual objects are lit; may be given several times. `ibl` is the baseline: a distant
-        environment without real geometry. Short for --set method=. Default: iprt.
+        How virtual objects are lit: a name from `iprt methods`, or `all`; may be given several
+        times. Short for --set method=. Default: iprt.
     background
         What the camera sees behind the objects: the resampled panorama, or the truth's own
         background, which isolates relighting from the panorama's resolution.
@@ -102,11 +102,10 @@ def compare(
     from iprt.device.choose import choose_device
     from iprt.device.compute import ComputeDevice
     from iprt.files.atomic import require_writable
-    from iprt.measure.compare import METHODS
     from iprt.measure.target import views_with_truth
     from iprt.scene.scene import Scene
 
-    asked: list[str | None] = [name for name in METHODS if name in method or "all" in method]
+    asked: list[str | None] = _asked(method)
     for name in asked or [None]:
         setting_flags.resolved(seed=seed, method=name)  # faults in flags are told first
     opened = Scene.open(scene, allow_outside=allow_outside)
@@ -223,6 +222,14 @@ def score_grid(results: Sequence[Comparison]) -> Grid:
 
 def _any_below(values: Sequence[float], limit: float | None) -> bool:
     return limit is not None and any(value < limit for value in values)
+
+
+def _asked(names: Sequence[str]) -> list[str | None]:
+    """Names of methods, each once, in the order in which `iprt methods` lists them."""
+    from iprt.settings.methods import methods
+
+    known = [name for name in methods() if name in names or "all" in names]
+    return [*known, *(name for name in names if name != "all" and name not in known)]
 
 
 def _check_limit(fail_under_ssim: float | None) -> None:

@@ -224,10 +224,10 @@ def _row(result: Stability, *, trails: bool) -> Iterator[str]:
     if trails:
         from iprt.measure.stability import CAUSES
 
-        told = [result.trails[cause] for cause in CAUSES]
-        yield ", ".join("-" if trail.frames is None else str(trail.frames) for trail in told)
-        ages = [trail.ages[min(GHOST_AGE, len(trail.ages) - 1)] for trail in told]
-        yield ", ".join(f"{round(100.0 * age.ghost)}%" if age.told else "-" for age in ages)
+        found = [result.trails[cause] for cause in CAUSES]
+        yield ", ".join("-" if trail.frames is None else str(trail.frames) for trail in found)
+        ages = [trail.ages[min(GHOST_AGE, len(trail.ages) - 1)] for trail in found]
+        yield ", ".join(f"{round(100.0 * age.ghost)}%" if age.known else "-" for age in ages)
 
 
 def _flicker(flicker: Flicker) -> str:

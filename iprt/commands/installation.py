@@ -82,7 +82,7 @@ def diagnose(records: dict[str, Record], found: dict[str, str | None]) -> Record
     if "error" in opengl and found["moderngl"]:
         lacks(
             "OpenGL through EGL",
-            "objects are found by rays instead, and `trace.objects=raster` does not work",
+            "objects are found by rays instead, and `--method iprt2023` does not work",
             apt_command(*GL_PACKAGES),
         )
     for name in CORE:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import tyro
 
@@ -29,7 +29,7 @@ def profile(
     view: str | None = None,
     size: Size = None,
     frames: int = 48,
-    method: Literal["iprt", "ibl"] | None = None,
+    method: str | None = None,
     setting_flags: ChosenSettings = BALANCED,
     device: str | None = None,
     compare: Path | None = None,
@@ -61,8 +61,7 @@ def profile(
     frames
         Frames to time; with 16 or more, the noise of the times is estimated too.
     method
-        How virtual objects are lit; `ibl` is the baseline: a distant environment without real
-        geometry. Short for --set method=.
+        How virtual objects are lit: a name from `iprt methods`. Short for --set method=.
     setting_flags
         Quality preset and single settings. Later ones win: preset, file, flags.
     device

@@ -42,7 +42,7 @@ def render(
     accumulate: int | None = None,
     codec: Literal["h264", "hevc"] | None = None,
     seed: int | None = None,
-    method: Literal["iprt", "ibl"] | None = None,
+    method: str | None = None,
     setting_flags: ChosenSettings = BALANCED,
     device: str | None = None,
     aov: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
@@ -89,8 +89,7 @@ def render(
         Seed of the random numbers; the same seed gives the same picture on the same device.
         Short for --set seed=.
     method
-        How virtual objects are lit; `ibl` is the baseline: a distant environment without real
-        geometry. Short for --set method=.
+        How virtual objects are lit: a name from `iprt methods`. Short for --set method=.
     setting_flags
         Quality preset and single settings. Later ones win: preset, file, flags.
     device

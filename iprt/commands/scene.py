@@ -45,9 +45,9 @@ def info(
     """
     from iprt.commands.scene_report import plan_lines, render_plan, report_lines
     from iprt.files.atomic import require_writable
+    from iprt.output.thumbnail import write_thumbnail
     from iprt.scene.report import describe_scene
     from iprt.scene.scene import Scene
-    from iprt.scene.thumbnail import write_thumbnail
 
     if thumbnail is not None:
         if thumbnail.suffix.lower() != ".png":

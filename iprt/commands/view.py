@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import tyro
 
@@ -34,7 +34,7 @@ def view(
     fov: float | None = None,
     size: Size = None,
     fps: float = FPS,
-    method: Literal["iprt", "ibl"] | None = None,
+    method: str | None = None,
     setting_flags: ChosenSettings = BALANCED,
     device: str | None = None,
     web: bool = False,
@@ -67,8 +67,7 @@ def view(
         Frames per second to aim for while something moves. Where the device is too slow, the viewer
         lowers the resolution and settings, and shows which; at rest nothing is lowered. 0: never.
     method
-        How virtual objects are lit; `ibl` is the baseline: a distant environment without real
-        geometry. Short for --set method=.
+        How virtual objects are lit: a name from `iprt methods`. Short for --set method=.
     setting_flags
         Quality preset and single settings to begin with. Later ones win: preset, file, flags.
     device

@@ -11,7 +11,7 @@ REMEDIES = {
     "highlight ": "use a smaller panorama",
     "equirect layer": "use a smaller panorama",
     "irradiance": "lower irradiance.rows",
-    "ratio map": "lower trace.ratio_rows",
+    "ratio map": "lower iprt.ratio_rows",
     "bvh ": "use simpler meshes and textures",
 }
 """How the names of buffers start -> what makes them smaller; all others have the picture's size."""

@@ -21,7 +21,7 @@ from iprt.device.bands import Bands
 from iprt.device.budget import amount, what_to_lower
 from iprt.device.profile import Kind, Profile
 from iprt.device.recovery import reported, wait
-from iprt.errors import DeviceError, KernelError
+from iprt.errors import DeviceError, DeviceHangError, KernelError
 from iprt.files.resources import CL
 
 Define = int | float | bool | str
@@ -32,13 +32,23 @@ BUILD_TRIES, BUILD_PAUSE_S = 4, 0.2
 """How often such a build is tried, and the seconds in between."""
 
 
+MOST_IN_FLIGHT = 64
+"""Transfers after which it is asked which of them are done."""
+
+_Range = tuple[tuple[int, ...], tuple[int, ...]]
+_UNBOUND = object()
+_HUNG: list[Any] = []
+"""What devices that hang may still read, until the program ends."""
+
+
 class Kernel:
-    """A built kernel. Call it with its global size and arguments; events go to the profile.
+    """A built kernel of one call site. Its arguments stay bound from call to call.
 
     Parameters
     ----------
     device : ComputeDevice
     kernel : pyopencl.Kernel
+        Nobody else sets its arguments.
     program : str
         The name of its program in the profile.
     """
@@ -47,54 +57,90 @@ class Kernel:
         self._device = device
         self._kernel = kernel
         self._program = program
-        self._name = kernel.function_name
+        self._name: str = kernel.function_name
+        self._bound: list[Any] = [_UNBOUND] * kernel.num_args
+        self._bytes: dict[int, int] = {}  # of the buffers, by index
+        self._ranges: dict[tuple[int, ...], _Range] = {}
+        self._launched = False
 
     def __call__(self, size: tuple[int, ...], *args: Any) -> None:
         """Enqueue over `size` work items, x first; the kernel guards the grid's edge.
 
         Python ints and floats become 32-bit scalars, arrays their buffers, None a null pointer.
+        Only arguments that are not those of the last call cost time.
         """
-        local = self._device.group_size(len(size))
-        rounded = tuple(-(-n // m) * m for n, m in zip(size, local, strict=True))
-        bands = self._device.bands
-        if self._device.is_first_launch(self._program, self._name):
-            events = [self._launch_first(rounded, local, args)]
-        elif bands is not None:
-            events = bands.launch(
+        self._bind(args)
+        global_size, local = self._ranges.get(size) or self._range(size)
+        device = self._device
+        first = not self._launched and device.is_first_launch(self._program, self._name)
+        self._launched = True
+        if first:
+            events = [self._launch_first(global_size, local)]
+        elif device.bands is not None:
+            events = device.bands.launch(
                 (self._program, self._name),
-                rounded,
+                global_size,
                 local,
-                lambda offset, part: self._enqueue(part, local, args, offset),
+                lambda offset, part: self._enqueue(part, local, offset),
             )
         else:
-            events = [self._enqueue(rounded, local, args)]
-        profile = self._device.profile
+            events = [self._enqueue(global_size, local)]
+        profile = device.profile
         if profile.recording:
-            size_bytes = bound_bytes(args)
+            size_bytes = self._bound_bytes()
             for event in events:
                 profile.record(event, self._name, Kind.KERNEL, size_bytes)
 
-    def _enqueue(
-        self,
-        size: tuple[int, ...],
-        local: tuple[int, ...],
-        args: Iterable[Any],
-        offset: tuple[int, ...] = (),
-    ) -> Any:
-        with self._device.reported(self._name):
-            # PoCL compiles kernels with an offset anew, also one of zeros.
-            start = {"global_offset": offset} if any(offset) else {}
-            return self._kernel(self._device.queue, size, local, *map(_argument, args), **start)
+    def _bind(self, args: tuple[Any, ...]) -> None:
+        bound = self._bound
+        if len(args) != len(bound):
+            raise TypeError(f"kernel '{self._name}' takes {len(bound)} arguments, got {len(args)}")
+        for index, value in enumerate(args):
+            if value is not bound[index]:
+                self._set(index, value)
 
-    def _launch_first(
-        self, size: tuple[int, ...], local: tuple[int, ...], args: Iterable[Any]
+    def _set(self, index: int, value: Any) -> None:
+        before = self._bound[index]
+        # Types differ between 1 and 1.0, signs between 0.0 and -0.0.
+        scalar = isinstance(value, int | float) and type(value) is type(before)
+        if scalar and value == before and value:
+            return
+        if isinstance(value, cla.Array):
+            self._bytes[index] = value.nbytes
+        else:
+            self._bytes.pop(index, None)
+        self._kernel.set_arg(index, _argument(value))
+        self._bound[index] = value
+
+    def _bound_bytes(self) -> int:
+        """Bytes of the buffers that are bound, each counted once."""
+        return sum({id(self._bound[i]): size for i, size in self._bytes.items()}.values())
+
+    def _range(self, size: tuple[int, ...]) -> _Range:
+        """Global and local size for so many work items."""
+        local = self._device.group_size(len(size))
+        found = tuple(-(-n // m) * m for n, m in zip(size, local, strict=True)), local
+        self._ranges[size] = found
+        return found
+
+    def _enqueue(
+        self, size: tuple[int, ...], local: tuple[int, ...], offset: tuple[int, ...] = ()
     ) -> Any:
+        # PoCL compiles kernels with an offset anew, also one of zeros.
+        start = offset if any(offset) else None
+        try:
+            return cl.enqueue_nd_range_kernel(self._device.queue, self._kernel, size, local, start)
+        except cl.Error as error:
+            with self._device.reported(self._name):
+                raise error
+
+    def _launch_first(self, size: tuple[int, ...], local: tuple[int, ...]) -> Any:
         """With nothing else on the queue, so that what it takes to compile is seen."""
         device = self._device
         device.building(self._program.partition(" ")[0])
         device.wait()
         start = time.perf_counter()
-        event = self._enqueue(size, local, args)
+        event = self._enqueue(size, local)
         device.wait()
         elapsed = (time.perf_counter() - start) * 1e3
         device.profile.launched_first(self._program, event, elapsed)
@@ -156,6 +202,7 @@ class ComputeDevice:
         self.most_programs: int | None = None
         self._programs: dict[tuple[str, str], _Program] = {}  # the last one used comes last
         self._launched: set[tuple[str, str]] = set()
+        self._in_flight: list[Any] = []  # events that keep host memory alive, until it is read
 
     @cached_property
     def name(self) -> str:
@@ -296,30 +343,42 @@ class ComputeDevice:
         return array
 
     def write(self, array: cla.Array, values: NDArray[Any]) -> None:
-        """Overwrite a buffer with host values of its shape and dtype."""
+        """Overwrite a buffer with host values of its shape and dtype, without waiting.
+
+        `values` must stay as they are until the device has come so far: after `wait` or `read`.
+        """
         host = np.ascontiguousarray(values, dtype=array.dtype).reshape(array.shape)
-        self._copy("write", array.data, host, host.nbytes)
+        with self.reported("a transfer"):
+            event = cl.enqueue_copy(self.queue, array.data, host, is_blocking=False)
+        if len(self._in_flight) >= MOST_IN_FLIGHT:
+            done = cl.command_execution_status.COMPLETE
+            self._in_flight = [e for e in self._in_flight if e.command_execution_status != done]
+        self._in_flight.append(event)
+        self.profile.record(event, "write", Kind.TRANSFER, host.nbytes)
 
     def read(self, array: cla.Array) -> NDArray[Any]:
         """A host copy of a buffer, after all enqueued work on it."""
         host = np.empty(array.shape, array.dtype)
-        self._copy("read", host, array.data, host.nbytes)
-        return host
-
-    def _copy(self, name: str, target: Any, source: Any, size: int) -> None:
-        if self.limit_s is not None:
-            self.wait()  # a blocking transfer would wait for the kernels before it without a limit
+        self.wait()  # a blocking transfer would wait for the kernels before it without a limit
         with self.reported("a transfer"):
-            event = cl.enqueue_copy(self.queue, target, source, is_blocking=True)
-        self.profile.record(event, name, Kind.TRANSFER, size)
+            event = cl.enqueue_copy(self.queue, host, array.data, is_blocking=True)
+        self.profile.record(event, "read", Kind.TRANSFER, host.nbytes)
+        return host
 
     def wait(self) -> None:
         """Until all enqueued work is done."""
-        with self.reported("its work"):
-            if self.limit_s is None:
-                self.queue.finish()
-            else:
-                wait(self.name, self.queue, self.limit_s)
+        self.profile.synchronised()
+        try:
+            with self.reported("its work"):
+                if self.limit_s is None:
+                    self.queue.finish()
+                else:
+                    wait(self.name, self.queue, self.limit_s)
+        except DeviceHangError:
+            # Events of transfers wait for their end when they are forgotten.
+            _HUNG.extend(self._in_flight)
+            raise
+        self._in_flight.clear()
 
     def finish(self) -> None:
         """`wait`; times may be read."""
@@ -336,11 +395,6 @@ def _variant(file: str, defines: Mapping[str, Define] | None) -> tuple[str, list
     ]
     options = ["-cl-std=CL1.2", "-cl-kernel-arg-info", "-I", str(CL / "lib"), *variant]
     return " ".join([file, *variant]), options
-
-
-def bound_bytes(arguments: Iterable[Any]) -> int:
-    """Bytes of the buffers among a kernel's arguments, each counted once."""
-    return sum({id(a): a.nbytes for a in arguments if isinstance(a, cla.Array)}.values())
 
 
 def _argument(value: Any) -> Any:

@@ -143,7 +143,7 @@ class Profile:
 
     def reset(self) -> None:
         """Forget passes and frames; compile time stays."""
-        self.frames = 0
+        self.frames = self.synchronisations = 0
         self._pending: list[_Launch | Span] = []
         self._current: FrameCosts = {}
         self._current_frame = 0
@@ -229,6 +229,10 @@ class Profile:
             return
         key = self._key(self._pass, name, kind)
         self._pending.append(_Launch(key, self.frames, event, time.perf_counter_ns(), size))
+
+    def synchronised(self) -> None:
+        """The host waits for the device."""
+        self.synchronisations += 1
 
     def end_frame(self) -> None:
         """What is recorded from now on belongs to the next frame."""

@@ -43,8 +43,8 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 def _sync(path: Path) -> None:
-    # Some file systems tell only now that they are full, and after a power cut a name may stand for
-    # a file whose contents never reached the disk.
+    # Some file systems report only now that they are full, and after a power cut a name may stand
+    # for a file whose contents never reached the disk.
     with path.open("rb") as file:
         os.fsync(file.fileno())
 

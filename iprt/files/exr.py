@@ -25,12 +25,12 @@ MAGIC = b"\x76\x2f\x31\x01"
 
 _MAX_HEADER_BYTES = 2**24
 _SAMPLE_BYTES = {0: 4, 1: 2, 2: 4}
-"""By the type code of a channel: unsigned, half, float."""
+"""Bytes by the type code of a channel: unsigned, half, float."""
 _DEEP = 0x800
 _MULTIPART = 0x1000
 _TILED = 0x200
 _LINES_PER_CHUNK = {0: 1, 1: 1, 2: 1, 3: 16, 4: 32, 5: 16, 6: 32, 7: 32, 8: 32, 9: 256}
-"""By the compression code: none, RLE, ZIPS, ZIP, PIZ, PXR24, B44, B44A, DWAA, DWAB."""
+"""Lines by the compression code: none, RLE, ZIPS, ZIP, PIZ, PXR24, B44, B44A, DWAA, DWAB."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,6 @@ def read_exr(path: Path, choices: Sequence[tuple[str, ...]]) -> list[NDArray[np.
 
     Parameters
     ----------
-    path : Path
     choices : sequence of tuple of str
         Sets of channel names in order of preference. A set may lie in a layer
         (`beauty.R, beauty.G, beauty.B`); channels without a layer go first. The set `("*",)`

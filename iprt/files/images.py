@@ -1,4 +1,4 @@
-"""Pictures on disk to arrays: EXR, PNG, JPEG and PFM, told apart by their first bytes."""
+"""Pictures on disk to arrays: EXR, PNG, JPEG and PFM, recognised by their first bytes."""
 
 from __future__ import annotations
 
@@ -16,8 +16,13 @@ from PIL import Image
 from iprt.errors import FormatError
 from iprt.files import exr
 from iprt.files.pfm import read_pfm
-from iprt.files.png16 import read_png16
-from iprt.files.untrusted import decoding, open_file, read_bytes, require_picture_size
+from iprt.files.untrusted import (
+    MAX_PIXELS,
+    decoding,
+    open_file,
+    read_bytes,
+    require_picture_size,
+)
 
 Image2D = NDArray[np.float32]
 _SIGNATURES = {
@@ -28,7 +33,7 @@ _SIGNATURES = {
     b"PF": "pfm",
 }
 FLOAT_KINDS = ("exr", "pfm")
-"""Whose values have no upper end."""
+"""Kinds of files whose values have no upper end."""
 TEXTURE_FORMATS = ("PNG", "JPEG", "WEBP", "BMP", "TGA", "TIFF")
 """Names that Pillow has for what textures of meshes may be stored as."""
 NO_DEPTH = "depth needs one channel, as EXR, PFM or 16-bit grey PNG"
@@ -71,11 +76,9 @@ def read_color(path: Path) -> Image2D:
     if kind == "pfm":
         raise FormatError(f"{path}: PFM is read as depth only; save colour as EXR, PNG or JPEG")
     image = _open_pillow(path)
-    if kind == "png" and _is_16_bit(image):
-        coded = read_png16(path)
-        grey = coded.shape[2] < 3
-        return decode_srgb(np.repeat(coded[..., :1], 3, axis=2) if grey else coded[..., :3])
-    return decode_srgb(_decoded(path, image, "RGB"))
+    is_16_bit = kind == "png" and _is_16_bit(image)
+    coded = _decoded(path, image, "RGB")
+    return decode_srgb(_png16(path) if is_16_bit else coded)
 
 
 def read_depth(path: Path) -> tuple[Image2D, bool]:
@@ -144,6 +147,24 @@ def _is_16_bit(image: Image.Image) -> bool:
     # Pillow reports mode RGB for 16-bit colour; the decoder's raw mode tells.
     tiles = getattr(image, "tile", [])
     return image.mode.startswith("I") or (bool(tiles) and "16" in str(tiles[0][3]))
+
+
+def _png16(path: Path) -> NDArray[np.uint16]:
+    """(H, W, 3) of a PNG with 16 bits per channel, of which Pillow keeps 8 in colour.
+
+    FFmpeg unpacks texts of any size: Pillow has to have read the file before, which does not.
+    """
+    import av
+
+    with decoding(path, "cut off or damaged picture"):
+        codec = av.CodecContext.create("png", "r")
+        codec.options = {"err_detect": "crccheck+explode", "max_pixels": str(MAX_PIXELS)}
+        (frame,) = codec.decode(av.Packet(read_bytes(path)))
+        channels = len(frame.format.components)
+        rows = np.frombuffer(memoryview(frame.planes[0]), ">u2").reshape(frame.height, -1)
+    chosen = range(3) if channels >= 3 else [0, 0, 0]
+    columns = [rows[:, channel : frame.width * channels : channels] for channel in chosen]
+    return np.stack(columns, axis=-1).astype(np.uint16)
 
 
 def _open_pillow(path: Path) -> Image.Image:

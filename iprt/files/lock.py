@@ -21,7 +21,7 @@ from iprt.files.termination import at_termination
 
 NAME = ".iprt.lock"
 NO_LOCKS = (errno.ENOLCK, errno.ENOTSUP, errno.ENOSYS)
-"""What file systems say that know no locks: there renders are not kept apart."""
+"""Errors of file systems without locks: there renders are not kept apart."""
 
 
 @contextmanager

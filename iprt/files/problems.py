@@ -23,9 +23,9 @@ TABLE_LISTS = ("objects", "real_materials", "views")
 """Keys that hold lists of named tables."""
 
 MAX_PROBLEMS = 100
-"""That are shown."""
+"""Most problems that are shown."""
 MAX_LETTERS = 1000
-"""Each of them has no more."""
+"""Letters of a problem that are shown at most."""
 
 
 def problems_error(source: str, problems: Sequence[str]) -> SceneError:
@@ -83,7 +83,7 @@ def describe(
 
 
 def cross_problems(data: dict[str, Any]) -> Iterator[str]:
-    """What is wrong between keys: names used twice, unknown objects, cuts, order of frames.
+    """Faults between keys: names used twice, unknown objects, cuts, order of frames.
 
     Reads the unchecked data, so that these come together with all other problems; entries of a
     wrong type are passed over.

@@ -1,4 +1,4 @@
-"""What all tables of `scene.toml` share."""
+"""The base of all tables of `scene.toml`."""
 
 from __future__ import annotations
 

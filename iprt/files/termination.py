@@ -90,7 +90,7 @@ def at_termination(action: Action) -> Iterator[None]:
 
 
 def register(action: Action) -> object:
-    """As `at_termination`, for the rest of the process."""
+    """`at_termination` for the rest of the process."""
     key = object()
     with _lock:
         _actions[key] = action
@@ -111,7 +111,7 @@ def end(code: int) -> NoReturn:
 
 
 def _run_actions() -> list[str]:
-    """What the actions return. From now on no other thread leaves a block of `at_termination`."""
+    """Their notes. From now on no other thread leaves a block of `at_termination`."""
     _lock.acquire()
     notes = []
     for action in reversed(_actions.values()):

@@ -7,7 +7,7 @@ import pyopencl.array as cla
 
 from iprt.device.compute import ComputeDevice, Define
 from iprt.filter.temporal import Kind, signal_defines, signal_planes
-from iprt.gbuffer.guide import Guide, plane_defines
+from iprt.gbuffer.guide import Guide
 from iprt.settings.filter import AtrousSettings
 
 ROW_GROUP = 16
@@ -38,18 +38,19 @@ class Atrous:
         self._real = kind in ("ratio", "delta")
         self._taps = 3 if self._real and guided else 5
         channels = signal_planes(kind)
-        defines = plane_defines(
-            equirect=guide.equirect,
+        defines = guide.defines(
             **signal_defines(kind),
             SPECULAR=kind == "specular",
             EXTENT=kind == "delta",
             TAPS=self._taps,
             GUIDED=guided,
         )
-        self._filter = device.kernel("filter/atrous.cl", "filter_level", defines)
+        self._levels = [
+            device.kernel("filter/atrous.cl", "filter_level", defines)
+            for _ in range(settings.levels)
+        ]
         self._smooth = device.kernel("filter/atrous.cl", "smooth_variance", defines)
         if kind == "specular":
-            self._widen = device.kernel("filter/atrous.cl", "widen_lobes", defines)
             self._roughness = device.zeros(f"{name} widened roughness", guide.layout.shape(1))
         if kind == "delta":
             self._extent = Extent(device, guide, defines, name=name)
@@ -78,7 +79,6 @@ class Atrous:
         signal : the signal's planes
         variance : 1 plane
             Variance of the mean of the scalar that the picture shows. None where not `guided`.
-            Neither is changed, but for borders in equirect views.
         roughness : 1 plane
             GGX alpha of the specular lobe, needed by that kind. Mirrors are copied.
         rect : Rect or None
@@ -94,16 +94,19 @@ class Atrous:
             return signal
         with self._device.profile.section(f"filter {'real' if self._real else self.kind}"):
             variance = self._nothing if variance is None else variance
-            extra = self._own_arguments(signal, variance, roughness, rect)
-            guide.wrap(variance)
-            smooth = self._scratch[-1][1]
-            self._smooth(size, guide.current, variance, smooth, *rect, width, height)
-            variance = smooth
+            extra: tuple[object, ...] = ()
+            if self.kind == "delta":
+                reach = self._taps // 2 * ((1 << settings.levels) - 1)
+                extra = (self._extent.run(signal, variance, reach),)
+            smooth = [guide.current, variance, self._scratch[-1][1]]
+            if self.kind == "specular":
+                smooth += [roughness, self._roughness]
+                extra = (self._roughness, settings.lobe_fraction)
+            self._smooth(size, *smooth, *rect, width, height)
+            variance = self._scratch[-1][1]
             for level in range(settings.levels):
-                guide.wrap(signal)
-                guide.wrap(variance)
                 signal_out, variance_out = self._scratch[level % 2]
-                self._filter(
+                self._levels[level](
                     size,
                     guide.current,
                     signal,
@@ -122,21 +125,6 @@ class Atrous:
                 )
                 signal, variance = signal_out, variance_out
         return signal
-
-    def _own_arguments(
-        self, signal: cla.Array, variance: cla.Array, roughness: cla.Array | None, rect: Rect
-    ) -> tuple[object, ...]:
-        """Arguments of `filter_level` that only this kind of signal has."""
-        settings, guide = self.settings, self._guide
-        width, height = guide.layout.width, guide.layout.height
-        if self.kind == "specular":
-            size = (rect[2] - rect[0], rect[3] - rect[1])
-            self._widen(size, guide.current, roughness, self._roughness, *rect, width, height)
-            return self._roughness, settings.lobe_fraction
-        if self.kind == "delta":
-            reach = self._taps // 2 * ((1 << settings.levels) - 1)
-            return (self._extent.run(signal, variance, reach),)
-        return ()
 
 
 class Extent:

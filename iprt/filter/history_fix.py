@@ -6,7 +6,7 @@ import pyopencl.array as cla
 
 from iprt.device.compute import ComputeDevice
 from iprt.filter.temporal import Accumulated, Kind, signal_defines, signal_planes
-from iprt.gbuffer.guide import Guide, plane_defines
+from iprt.gbuffer.guide import Guide
 from iprt.settings.filter import AtrousSettings
 
 STRIDE, OF_HEIGHT = 14.0, 1.0 / 36.0
@@ -31,7 +31,7 @@ class HistoryFix:
         self._guide = guide
         self._settings = settings
         self._enough = enough
-        defines = plane_defines(equirect=guide.equirect, **signal_defines(kind))
+        defines = guide.defines(**signal_defines(kind))
         self._fix = device.kernel("filter/history_fix.cl", "fix_history", defines)
         layout = guide.layout
         self._signal = device.zeros(f"{name} fixed", layout.shape(signal_planes(kind)))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pyopencl.array as cla
 
 from iprt.device.compute import ComputeDevice
-from iprt.gbuffer.guide import Guide, plane_defines
+from iprt.gbuffer.guide import Guide
 from iprt.settings.filter import InterpolateSettings
 
 
@@ -21,7 +21,7 @@ class Interpolate:
         self._kernel = device.kernel(
             "filter/interpolate.cl",
             "interpolate",
-            plane_defines(equirect=guide.equirect, SIGNAL_PLANES=channels),
+            guide.defines(SIGNAL_PLANES=channels),
         )
 
     def run(self, level: cla.Array, signal: cla.Array, offset: tuple[int, int]) -> None:

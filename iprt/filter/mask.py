@@ -6,7 +6,7 @@ import numpy as np
 import pyopencl.array as cla
 
 from iprt.device.compute import ComputeDevice
-from iprt.gbuffer.guide import Guide, plane_defines
+from iprt.gbuffer.guide import Guide
 from iprt.settings.features import TOUCHED_FRAMES
 from iprt.settings.filter import MaskSettings
 
@@ -34,8 +34,8 @@ class Mask:
     Attributes
     ----------
     touched : 1 padded plane float32
-        Frames for which an object's influence on the pixel is remembered. `run` counts it down
-        after reading it; tracing then writes `TOUCHED_FRAMES` where a ray met an object.
+        Frames for which an object's influence on the pixel is remembered, in the frames after this
+        one. Tracing writes `TOUCHED_FRAMES` where a ray met an object.
     level : 1 padded plane uint8
         0, 1, 2: one ray per 1, 4, 16 pixels; `LEVEL_NONE` where there is nothing to trace.
     traced : (H * W,) int32
@@ -58,31 +58,24 @@ class Mask:
         self._device = device
         self._guide = guide
         layout = guide.layout
-        defines = plane_defines(equirect=guide.equirect)
-        self._reproject = device.kernel("filter/mask.cl", "reproject_touched", defines)
+        defines = guide.defines()
         self._choose = device.kernel("filter/mask.cl", "choose_level", defines)
         self._list = device.kernel("filter/mask.cl", "list_traced", defines)
         self.touched = device.zeros(f"{name} touched", layout.shape(1))
-        self._touched_before = device.zeros(f"{name} touched before", layout.shape(1))
+        self._before = device.zeros(f"{name} touched before", layout.shape(1))
         self.level = device.zeros(f"{name} level", layout.shape(1), np.uint8)
         self.traced = device.empty(f"{name} traced", (layout.width * layout.height,), np.int32)
         self.count = device.zeros(f"{name} traced count", (1,), np.int32)
 
-    def run(
-        self,
-        offset: tuple[int, int],
-        *,
-        motion: cla.Array | None = None,
-        metre: float = 1.0,
-    ) -> None:
+    def run(self, offset: tuple[int, int], motion: cla.Array, *, metre: float = 1.0) -> None:
         """Fill `level`, `traced` and `count` from the guide's current picture.
 
         Parameters
         ----------
         offset : (int, int)
             Origin of the grid in 0..3, `grid_offset(frame)`; give it to `Interpolate.run` too.
-        motion : 2 planes or None
-            Previous position of each pixel's surface in pixels, -1e9 = nowhere; None: it stayed.
+        motion : 2 planes
+            Previous position of each pixel's surface in pixels, -1e9 = nowhere.
         metre : float
             Length of a metre in the units of the guide's positions.
         """
@@ -91,16 +84,16 @@ class Mask:
         # Fewer than 4 pixels a side need not hold a point of the coarsest grid.
         sparse = self.settings.sparse and min(size) >= 4
         low, high = (self.settings.low, self.settings.high) if sparse else (0.0, 0.0)
+        self.touched, self._before = self._before, self.touched
         with self._device.profile.section("mask"):
-            if motion is not None:
-                self.touched, self._touched_before = self._touched_before, self.touched
-                self._reproject(size, motion, self._touched_before, self.touched, width, height)
-            self._guide.wrap(self.touched)
             self._choose(
                 size,
                 self._guide.current,
+                motion,
+                self._before,
                 self.touched,
                 self.level,
+                self.count,
                 self.settings.sigma_position / metre,
                 low,
                 high,
@@ -108,15 +101,5 @@ class Mask:
                 width,
                 height,
             )
-            self._device.fill_zero(self.count)
             chunks = (-(-width // _CHUNK), height)
-            self._list(
-                chunks,
-                self.level,
-                self.touched,
-                self.traced,
-                self.count,
-                *offset,
-                width,
-                height,
-            )
+            self._list(chunks, self.level, self.traced, self.count, *offset, width, height)

@@ -8,7 +8,7 @@ from typing import Literal
 import pyopencl.array as cla
 
 from iprt.device.compute import ComputeDevice, Define, Kernel
-from iprt.gbuffer.guide import Guide, plane_defines
+from iprt.gbuffer.guide import Guide
 from iprt.settings.filter import TemporalSettings
 
 Kind = Literal["ratio", "delta", "diffuse", "specular"]
@@ -83,9 +83,14 @@ class Temporal:
         *,
         name: str,
         rays: int = 1,
+        published: bool = False,
     ) -> None:
-        """`rays` are those of a sample, of which pixels with a long history send fewer."""
+        """`rays` are those of a sample, of which pixels with a long history send fewer.
+
+        `published`: the mean is IPRT's, a fixed share of each frame, the rest clamped.
+        """
         self.settings = settings
+        self._published = published
         self._rays = rays
         self.kind = kind
         self._device = device
@@ -94,18 +99,11 @@ class Temporal:
         # Frames that the fast history holds; whether the scene changed in between, and whether it
         # did so before.
         self._fast_frames, self._fast_stale, self._fast_again = 0, False, False
-        defines = plane_defines(
-            equirect=guide.equirect, **signal_defines(kind), **guide.camera_define
-        )
+        defines = guide.defines(PUBLISHED=published, **signal_defines(kind), **guide.camera_define)
 
         def kernel(entry: str) -> Kernel:
             return device.kernel("filter/temporal.cl", entry, defines)
 
-        self._reproject = kernel("reproject")
-        self._follow = kernel("follow")
-        self._measure = kernel("measure")
-        self._correct = kernel("correct")
-        self._clamp = kernel("clamp_history")
         self._accumulate = kernel("accumulate")
         self._estimate = kernel("estimate_variance")
 
@@ -126,7 +124,9 @@ class Temporal:
         self._scalar = planes("scalar")
         self._variance = planes("variance")
         self._now, self._before = histories("history")
-        if settings.history == "fast-slow":
+        if not published:
+            self._follow, self._correct = kernel("follow"), kernel("correct")
+            self._past_scalar = planes("past scalar")
             self._fast, self._fast_before = histories("fast history")
 
     @property
@@ -137,7 +137,7 @@ class Temporal:
     def reset(self) -> None:
         """Forget everything, as after a cut."""
         self._device.fill_zero(self._now[1])
-        if self.settings.history == "fast-slow":
+        if not self._published:
             self._device.fill_zero(self._fast[1])
 
     def run(
@@ -154,8 +154,7 @@ class Temporal:
         Parameters
         ----------
         signal : the signal's planes
-            Dense samples of this picture; not finite = no sample. Its border is overwritten in
-            equirect views.
+            Dense samples of this picture; not finite = no sample.
         motion : 2 planes
             Previous position of each pixel's surface in pixels, -1e9 = nowhere.
         level : 1 plane uint8
@@ -166,68 +165,97 @@ class Temporal:
             Objects or the video moved.
         """
         self._now, self._before = self._before, self._now
+        settings = self.settings
+        moved = changed and self.kind in ("diffuse", "specular")
+        limits = (
+            settings.moved_tolerance if moved else settings.plane_tolerance,
+            settings.normal_agreement,
+        )
+        new = (IPRT_FADING if self._published else float(fading), self._rays)
         with self._device.profile.section("temporal"):
-            self._fetch(self._before, self._now, motion, loose=changed)
-            if self.settings.history == "iprt":
-                fading = IPRT_FADING
-                # Lengths are not to change: they are lowered in a plane that is written next.
-                self._clamp_to(signal, self._scalar)
+            if self._published:
+                self._add(signal, motion, level, *limits, settings.clamp_sigma, *new)
+            elif self._unsettle(changed=changed):
+                self._follow_changes(signal, motion, level, limits)
+                self._add_corrected(signal, level, new)
             else:
-                self._correct_history(signal, motion, level, changed=changed)
-            self._run(
-                self._accumulate, signal, level, *self._now, self._scalar, float(fading), self._rays
-            )
-            self._guide.wrap(self._scalar)
+                self._add(signal, motion, level, *limits, *new)
             accumulated, length, spread = self._now
             self._run(self._estimate, self._scalar, spread, length, self._variance)
         return Accumulated(accumulated, length, self._variance)
 
-    def _fetch(self, before: Planes, now: Planes, motion: cla.Array, *, loose: bool) -> None:
-        settings = self.settings
-        moved = loose and self.kind in ("diffuse", "specular")
-        tolerance = settings.moved_tolerance if moved else settings.plane_tolerance
+    def _add(
+        self, signal: cla.Array, motion: cla.Array, level: cla.Array, *settings: float | int
+    ) -> None:
         self._run(
-            self._reproject,
+            self._accumulate,
             self._guide.previous,
             motion,
-            *before,
-            *now,
-            tolerance,
-            settings.normal_agreement,
+            *self._before,
+            signal,
+            level,
+            *self._now,
+            self._scalar,
+            *settings,
             after=self._guide.camera_argument,
         )
 
-    def _correct_history(
-        self, signal: cla.Array, motion: cla.Array, level: cla.Array, *, changed: bool
-    ) -> None:
-        """While changes are recent, follow them with the fast history, and the slow one by it."""
+    def _unsettle(self, *, changed: bool) -> bool:
+        """Whether changes are so recent that the slow history is compared with the fast one."""
         before = self._unsettled
         self._unsettled = SETTLE_FRAMES if changed else max(before - 1, 0)
         if not self._unsettled:
-            return
+            return False
         again = bool(before) and self._fast_stale and self._fast_frames >= FAST_FRAMES
         if not before or again:
-            self._device.fill_zero(self._fast[1])
             self._fast_frames, self._fast_stale, self._fast_again = 0, False, again
         self._fast_stale |= changed and self._fast_frames > 0
         self._fast_frames += 1
-        self._fast, self._fast_before = self._fast_before, self._fast
-        self._fetch(self._fast_before, self._fast, motion, loose=changed)
-        fast, fast_length, _ = self._fast
-        self._run(self._follow, signal, level, fast, fast_length, FAST_LENGTH)
-        if self._fast_again and self._fast_frames < FAST_LEAST:
-            return
-        self._guide.wrap(fast)
-        self._run(self._measure, self._now[0], self._scalar)
-        self._guide.wrap(self._scalar)
-        sigma = self.settings.antilag_sigma
-        self._run(self._correct, fast, fast_length, self._scalar, *self._now, sigma)
-        self._clamp_to(fast, self._now[1])
+        return True
 
-    def _clamp_to(self, nearby: cla.Array, length: cla.Array) -> None:
-        self._guide.wrap(nearby)
-        history, _, spread = self._now
-        self._run(self._clamp, nearby, history, length, spread, self.settings.clamp_sigma)
+    def _follow_changes(
+        self,
+        signal: cla.Array,
+        motion: cla.Array,
+        level: cla.Array,
+        limits: tuple[float, float],
+    ) -> None:
+        """Bring both histories to this picture, and add its samples to the fast one."""
+        self._fast, self._fast_before = self._fast_before, self._fast
+        self._run(
+            self._follow,
+            self._guide.previous,
+            motion,
+            *self._before,
+            *self._fast_before,
+            signal,
+            level,
+            *self._now,
+            *self._fast,
+            self._past_scalar,
+            *limits,
+            FAST_LENGTH,
+            self._fast_frames == 1,
+            after=self._guide.camera_argument,
+        )
+
+    def _add_corrected(self, signal: cla.Array, level: cla.Array, new: tuple[float, int]) -> None:
+        """Add the samples to the slow history, once it agrees with the fast one."""
+        fast, fast_length, _ = self._fast
+        self._run(
+            self._correct,
+            fast,
+            fast_length,
+            self._past_scalar,
+            signal,
+            level,
+            *self._now,
+            self._scalar,
+            self.settings.antilag_sigma,
+            self.settings.clamp_sigma,
+            not self._fast_again or self._fast_frames >= FAST_LEAST,
+            *new,
+        )
 
     def _run(self, kernel: Kernel, *arguments: object, after: tuple[cla.Array, ...] = ()) -> None:
         size = (self._guide.layout.width, self._guide.layout.height)

@@ -1,4 +1,4 @@
-"""How much brighter clipped lights are than they look: reflectance and lost energy.
+"""Gains of clipped lights: reflectance and lost energy.
 
 After *Online Illumination Learning*, section V-A, which finds one reflectance and one lost energy
 by minimising the difference between observed and re-rendered radiance. Here there are many
@@ -7,11 +7,11 @@ reflectances, one per segment of like surface, and many lights. A diffuse point 
     L_i = ρ_s / π (E_i + Σ_k g_k B_ik)
 
 with E_i the irradiance by all that is not clipped, and B_ik that of light k as it looks. In
-logarithms the reflectance is an offset per segment, so that shading within a segment tells the
+logarithms the reflectance is an offset per segment, so that shading within a segment gives the
 gains g; the differences of log-radiance, which textures and highlights spoil in places, are
 weighted robustly (Huber), by the spread of their segment.
 
-Where shading does not tell, expectations do, far weaker than a well-lit wall: gains are a few, and
+Where shading does not say, expectations do, far weaker than a well-lit wall: gains are a few, and
 alike in the colours of a light and in parts of it that touch; reflectances are those of rooms, and
 at most 0.9: a surface that shines more than that shows that light is missing (energy balance). A
 clipped surface that may well reflect what it receives is expected to do so.
@@ -24,6 +24,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import median
+from scipy.sparse import csr_array
 
 Float = NDArray[np.float64]
 
@@ -36,7 +38,7 @@ COLOR_SPREAD, HALF_CLIPPED_SPREAD = 1.5, 0.4
 TINT_SPREAD = 0.2
 """Green differs so from red and blue: lights are warm or cold, as glowing bodies and skies are."""
 EXPECTED_REFLECTANCE, REFLECTANCE_SPREAD = 0.4, 1.0
-MOST_REFLECTANCE, OVER_SPREAD = 0.9, 0.1
+MAX_REFLECTANCE, OVER_SPREAD = 0.9, 0.1
 CLIPPED_REFLECTANCE, CLIPPED_SPREAD = 0.6, 0.2
 """Clipped surfaces that reflect are bright ones."""
 HUBER = 1.5
@@ -53,7 +55,7 @@ STARTS = (2.0, 30.0)
 
 @dataclass(frozen=True)
 class Shading:
-    """What is observed at n points in S segments, and what K lights do to them.
+    """Observed radiance at n points in S segments, and irradiance by K lights.
 
     Attributes
     ----------
@@ -113,7 +115,6 @@ def clip_gains(shading: Shading, ties: Sequence[Tie], clipped: NDArray[np.bool_]
     ----------
     shading : Shading
         With at least one point.
-    ties : sequence of Tie
     clipped : (K, 3) bool
         Which channels of a light are clipped; the gains of others are 1.
     """
@@ -156,155 +157,142 @@ class _Problem:
     """Expectations that do not change, and robust weights that do; gains are (3K,) logarithms."""
 
     def __init__(self, shading: Shading, ties: Sequence[Tie], clipped: NDArray[np.bool_]) -> None:
-        self.shading = shading
-        self.lights = shading.lights.shape[2]
-        self.segments = int(shading.segment.max()) + 1
-        self.count = np.bincount(shading.segment, minlength=self.segments).astype(float)
-        self.prior_weight = np.minimum(self.count / self.count.mean(), 2.0)[:, None] / 3.0
-        self.rows, self.values = _expectations(self.lights, ties, clipped)
-        self.observed = np.log(shading.radiance * np.pi)
-        self.weight = np.ones_like(self.observed)
-        self.spread = np.full((self.segments, 3), 0.3)
-        self.reflects = self.share = np.zeros_like(shading.shine)
-
-    def residual(self, gains: Float) -> Float:
-        """(n, 3): log-reflectance of each point by itself."""
-        return np.asarray(self.observed - np.log(self._received(gains)))
-
-    def _received(self, gains: Float) -> Float:
-        linear = np.exp(gains).reshape(-1, 3)
-        return np.asarray(
-            self.shading.rest + np.einsum("nck,kc->nc", self.shading.lights, linear) + 1e-30
-        )
-
-    def of_segments(self, values: Float) -> Float:
-        """(S, 3): weighted means over the points of each segment."""
-        segment, weight = self.shading.segment, self.weight
-        columns = [
-            np.bincount(segment, weight[:, c] * values[:, c], self.segments)
-            / np.maximum(np.bincount(segment, weight[:, c], self.segments), 1e-12)
-            for c in range(3)
-        ]
-        return np.stack(columns, axis=1)
+        self._shading = shading
+        count = np.bincount(shading.segment).astype(float)
+        self._count = count[:, None]
+        points = np.arange(len(shading.segment))
+        self._of_segment = csr_array((np.ones(len(points)), (shading.segment, points)))
+        self._prior_weight = np.minimum(count / count.mean(), 2.0)[:, None] / 3.0
+        self._rows, self._values = _expectations(ties, clipped)
+        self._weight = np.ones_like(shading.radiance)
+        self._spread = np.full((len(count), 3), 0.3)
+        per_light = np.maximum(np.bincount(shading.shining, minlength=len(clipped)), 1.0)
+        self._share = 1.0 / per_light[shading.shining, None]
+        self._shine_weight = np.zeros_like(shading.shine)
 
     def reflectance(self, gains: Float) -> Float:
         """(S, 3) logarithms."""
-        return self.of_segments(self.residual(gains))
+        return self._means(self._point_reflectance(gains))
 
     def reweight(self, gains: Float) -> None:
         """Make the weights for the residuals at these gains."""
-        residual, segment = self.residual(gains), self.shading.segment
+        found, segment = self._point_reflectance(gains), self._shading.segment
         for _ in range(3):
-            apart = np.abs(residual - self.of_segments(residual)[segment])
-            spread = self.spread[segment]
-            self.weight = 1.0 / np.maximum(1.0, apart / (HUBER * spread)) / (ALIKE * spread**2)
-        for s in range(self.segments):
-            deviation = 1.4826 * np.median(apart[segment == s], axis=0)
-            points = self.count[s]
-            self.spread[s] = np.sqrt(
-                (deviation**2 * points + MODEL_SPREAD**2 * MODEL_POINTS) / (points + MODEL_POINTS)
-            )
+            apart = np.abs(found - self._means(found)[segment])
+            spread = self._spread[segment]
+            self._weight = 1.0 / np.maximum(1.0, apart / (HUBER * spread)) / (ALIKE * spread**2)
+        numbers = np.arange(len(self._spread))
+        deviation = 1.4826 * np.stack([median(part, segment, numbers) for part in apart.T], -1)
+        square = deviation**2 * self._count + MODEL_SPREAD**2 * MODEL_POINTS
+        self._spread = np.sqrt(square / (self._count + MODEL_POINTS))
         # Lamps shine by themselves: the more a surface must, the less its reflection says.
-        shine, _ = self._shine(gains)
-        per_light = np.bincount(self.shading.shining, minlength=self.lights)
-        share = 1.0 / np.maximum(per_light, 1.0)[self.shading.shining, None]
-        self.reflects = share / (CLIPPED_SPREAD * (1.0 + shine**2)) ** 2
-        self.share = share
-
-    def _shine(self, gains: Float) -> tuple[Float, Float]:
-        """(m, 3) logarithm of what clipped surfaces send over what they are expected to reflect,
-        and (m, 3, K) its derivative by each light's gain."""
-        shading = self.shading
-        linear = np.exp(gains).reshape(-1, 3)
-        lit = shading.shine_lights * linear.T
-        received = shading.shine_rest + lit.sum(-1) + 1e-30
-        sent = shading.shine * linear[shading.shining]
-        derivative = -lit / received[..., None]
-        derivative[np.arange(len(sent)), :, shading.shining] += 1.0
-        return np.log(sent * np.pi / (CLIPPED_REFLECTANCE * received)), derivative
+        surplus = self._surplus(gains)
+        self._shine_weight = self._share / (CLIPPED_SPREAD * (1.0 + surplus**2)) ** 2
 
     def cost(self, gains: Float) -> float:
         """Half of it has `gradient` and about `curvature` of `linearised`."""
-        residual = self.residual(gains)
-        reflectance = self.of_segments(residual)
-        apart = residual - reflectance[self.shading.segment]
-        total = (self.weight * apart**2).sum()
-        total += ((self.rows @ gains - self.values) ** 2).sum()
-        total += (self.prior_weight * self._neg_log_prior(reflectance)[0]).sum()
-        return float(total + (self.reflects * self._shine(gains)[0] ** 2).sum())
+        squares = (weight * values**2 for values, weight in self._terms(gains))
+        apart = self._rows @ gains - self._values
+        return float(sum(part.sum() for part in squares) + apart @ apart)
 
     def neg_log_likelihood(self, gains: Float) -> float:
-        """Twice the negative log-likelihood, but for a constant, to tell which optimum is best."""
+        """Twice the negative log-likelihood, but for a constant."""
         self.reweight(gains)
-        residual = self.residual(gains)
-        reflectance = self.of_segments(residual)
-        spread = self.spread[self.shading.segment]
-        apart = np.abs(residual - reflectance[self.shading.segment]) / spread
-        huber = np.where(apart < HUBER, apart**2, 2.0 * HUBER * apart - HUBER**2)
-        shine = self._shine(gains)[0] ** 2
-        total = ((huber + 2.0 * np.log(spread)) / ALIKE).sum()
-        total += ((self.rows @ gains - self.values) ** 2).sum()
-        total += (self.prior_weight * self._neg_log_prior(reflectance)[0]).sum()
-        return float(total + (self.share * shine / (1.0 + shine)).sum() / CLIPPED_SPREAD**2)
-
-    @staticmethod
-    def _neg_log_prior(reflectance: Float) -> tuple[Float, Float, Float]:
-        """How unlikely log-reflectances are, and half of its first and second derivative."""
-        apart = reflectance - np.log(EXPECTED_REFLECTANCE)
-        over = np.maximum(reflectance - np.log(MOST_REFLECTANCE), 0.0)
-        a, b = 1.0 / REFLECTANCE_SPREAD**2, 1.0 / OVER_SPREAD**2
-        return a * apart**2 + b * over**2, a * apart + b * over, a + b * (over > 0.0)
+        points, surplus, *prior = self._terms(gains)
+        spread = self._spread[self._shading.segment]
+        z = np.abs(points[0]) / spread
+        huber = np.where(z < HUBER, z**2, 2.0 * HUBER * z - HUBER**2)
+        square = surplus[0] ** 2
+        apart = self._rows @ gains - self._values
+        total = ((huber + 2.0 * np.log(spread)) / ALIKE).sum() + apart @ apart
+        total += sum((weight * values**2).sum() for values, weight in prior)
+        return float(total + (self._share * square / (1.0 + square)).sum() / CLIPPED_SPREAD**2)
 
     def linearised(self, gains: Float) -> tuple[float, Float, Float]:
         """Cost, gradient (3K,) and Gauss-Newton curvature (3K, 3K), weights held."""
-        shading, segment = self.shading, self.shading.segment
-        curvature = self.rows.T @ self.rows
-        gradient = self.rows.T @ (self.rows @ gains - self.values)
-        residual = self.residual(gains)
-        reflectance = self.of_segments(residual)
-        _, slope, bend = self._neg_log_prior(reflectance)
-        linear, received = np.exp(gains).reshape(-1, 3), self._received(gains)
-        shine, shine_derivative = self._shine(gains)
-        for c in range(3):
-            own = np.arange(self.lights) * 3 + c
-            derivative = -shading.lights[:, c] * linear[:, c] / received[:, c, None]
-            weight = self.weight[:, c]
-            total = np.maximum(np.bincount(segment, weight, self.segments), 1e-12)
-            mean = np.stack(
-                [
-                    np.bincount(segment, weight * derivative[:, k], self.segments) / total
-                    for k in range(self.lights)
-                ],
-                axis=1,
-            )
-            derivative = derivative - mean[segment]
-            parts = (
-                (derivative, weight, residual[:, c] - reflectance[segment, c]),
-                (shine_derivative[:, c], self.reflects[:, c], shine[:, c]),
-            )
-            for slopes, weights, values in parts:
-                curvature[np.ix_(own, own)] += (slopes * weights[:, None]).T @ slopes
-                gradient[own] += (slopes * weights[:, None]).T @ values
-            prior_weight = self.prior_weight[:, 0]
-            curvature[np.ix_(own, own)] += (mean * (prior_weight * bend[:, c])[:, None]).T @ mean
-            gradient[own] += mean.T @ (prior_weight * slope[:, c])
+        curvature = self._rows.T @ self._rows
+        gradient = self._rows.T @ (self._rows @ gains - self._values)
+        terms = zip(self._terms(gains), self._derivatives(gains), strict=True)
+        for (values, weight), derivative in terms:
+            for c in range(3):  # a channel depends on the gains of this channel alone
+                own, slope = np.arange(c, gains.size, 3), derivative[:, c]
+                weighted = (slope * weight[:, c, None]).T
+                curvature[np.ix_(own, own)] += weighted @ slope
+                gradient[own] += weighted @ values[:, c]
         return self.cost(gains), gradient, curvature
 
+    def _terms(self, gains: Float) -> list[tuple[Float, Float]]:
+        """Residuals (..., 3) of points, of clipped surfaces, and of reflectances; their weights."""
+        found = self._point_reflectance(gains)
+        mean = self._means(found)
+        over = np.maximum(mean - np.log(MAX_REFLECTANCE), 0.0)
+        weight = np.repeat(self._prior_weight, 3, axis=1)
+        return [
+            (found - mean[self._shading.segment], self._weight),
+            (self._surplus(gains), self._shine_weight),
+            (mean - np.log(EXPECTED_REFLECTANCE), weight / REFLECTANCE_SPREAD**2),
+            (over, weight / OVER_SPREAD**2),
+        ]
 
-def _expectations(
-    lights: int, ties: Sequence[Tie], clipped: NDArray[np.bool_]
-) -> tuple[Float, Float]:
+    def _derivatives(self, gains: Float) -> list[Float]:
+        """(..., 3, K): of the residuals of `_terms`, by the gains of their channel."""
+        shading = self._shading
+        found = -_shares(shading.rest, shading.lights, gains)
+        mean = self._means(found)
+        own = np.eye(found.shape[2])[shading.shining][:, None]
+        over = self.reflectance(gains) > np.log(MAX_REFLECTANCE)
+        return [
+            found - mean[shading.segment],
+            own - _shares(shading.shine_rest, shading.shine_lights, gains),
+            mean,
+            mean * over[..., None],
+        ]
+
+    def _point_reflectance(self, gains: Float) -> Float:
+        """(n, 3) logarithms, of each point by itself."""
+        received = _received(self._shading.rest, self._shading.lights, gains)
+        return np.asarray(np.log(self._shading.radiance * np.pi / received))
+
+    def _surplus(self, gains: Float) -> Float:
+        """(m, 3) logarithm of what clipped surfaces send over what they are expected to reflect."""
+        shading = self._shading
+        received = _received(shading.shine_rest, shading.shine_lights, gains)
+        sent = shading.shine * np.exp(gains).reshape(-1, 3)[shading.shining]
+        return np.asarray(np.log(sent * np.pi / (CLIPPED_REFLECTANCE * received)))
+
+    def _means(self, values: Float) -> Float:
+        """(S, 3, ...) weighted means over the points of each segment, of (n, 3, ...)."""
+        weight = self._weight.reshape(-1, 3, *[1] * (values.ndim - 2))
+        sums, total = (
+            (self._of_segment @ part.reshape(len(part), -1)).reshape(-1, *part.shape[1:])
+            for part in (weight * values, weight)
+        )
+        return np.asarray(sums / np.maximum(total, 1e-12))
+
+
+def _received(rest: Float, lights: Float, gains: Float) -> Float:
+    """(n, 3) irradiance with all lights."""
+    linear = np.exp(gains).reshape(-1, 3)
+    return np.asarray(rest + np.einsum("nck,kc->nc", lights, linear) + 1e-30)
+
+
+def _shares(rest: Float, lights: Float, gains: Float) -> Float:
+    """(n, 3, K) share of each light in the irradiance: the derivative of its logarithm."""
+    lit = lights * np.exp(gains).reshape(-1, 3).T
+    return np.asarray(lit / _received(rest, lights, gains)[..., None])
+
+
+def _expectations(ties: Sequence[Tie], clipped: NDArray[np.bool_]) -> tuple[Float, Float]:
     """Rows and values of linear equations that log-gains (3K,) are expected to meet."""
     rows, values = [], []
 
     def expect(terms: dict[int, float], value: float, spread: float) -> None:
-        row = np.zeros(3 * lights)
-        for index, factor in terms.items():
-            row[index] = factor
+        row = np.zeros(clipped.size)
+        row[list(terms)] = list(terms.values())
         rows.append(row / spread)
         values.append(value / spread)
 
-    for light in range(lights):
+    for light in range(len(clipped)):
         for c in range(3):
             expect({3 * light + c: 1.0}, float(np.log(EXPECTED_GAIN)), GAIN_SPREAD)
             other = (c + 1) % 3

@@ -25,9 +25,9 @@ CHANGED = 0.3
 """Share of the clipped area that comes or goes, from which on lights are estimated anew."""
 OTHER = 0.8
 """Share from which on they are other lights: nothing of the old gains holds."""
-LEAST_CLIPPED = 0.25
+MIN_CLIPPED = 0.25
 """A channel has lost nothing if less is clipped, over the flux of the light's strongest channel."""
-LEAST_TOLD = 1.05
+MIN_REPORTED = 1.05
 """Factor by which lights are brighter than they look, from which on it is reported."""
 BLEND = 12
 """Frames over which gains go over to those of a new estimate."""
@@ -35,7 +35,7 @@ BLEND = 12
 
 @dataclass(frozen=True)
 class Gains:
-    """How much brighter clipped texels are than they look.
+    """Factors by which clipped texels are brighter than they look.
 
     Attributes
     ----------
@@ -84,14 +84,14 @@ def covered(frame: Frame, clipped: Clipped) -> Float:
 
 
 def recover(frame: Frame, clipped: Clipped, white: float) -> Gains:
-    """Estimate the gains of a frame's lights; all 1 where its surfaces tell nothing."""
+    """Estimate the gains of a frame's lights; all 1 where its surfaces show nothing."""
     cell_groups = groups_of(frame, clipped)
     count = int(cell_groups.max()) + 1
     factor = np.ones((count, frame.height, 3), np.float32)
     area = covered(frame, clipped)
     group = cell_groups[clipped.far.astype(np.intp), clipped.cell]
     flux = np.stack([_flux(frame, clipped, group == number) for number in range(count)])
-    channels = flux > LEAST_CLIPPED * flux.max(axis=1, keepdims=True)
+    channels = flux > MIN_CLIPPED * flux.max(axis=1, keepdims=True)
     clipped = replace(clipped, share=white_share(clipped, channels[group]))
     lights = lights_of(frame, clipped, cell_groups)
     shading = shading_of(frame, clipped, group, lights, white) if lights else None
@@ -110,8 +110,8 @@ def white_share(clipped: Clipped, channels: NDArray[np.bool_]) -> NDArray[np.flo
 
     Where one of them is not, the others have lost little; more would paint the rim of a light.
     """
-    least = np.where(channels, clipped.share, np.float32(1.0)).min(axis=-1, keepdims=True)
-    return np.where(channels, least, np.float32(0.0))
+    lowest = np.where(channels, clipped.share, np.float32(1.0)).min(axis=-1, keepdims=True)
+    return np.where(channels, lowest, np.float32(0.0))
 
 
 def _flux(frame: Frame, clipped: Clipped, chosen: NDArray[np.bool_]) -> Float:
@@ -123,7 +123,7 @@ def _flux(frame: Frame, clipped: Clipped, chosen: NDArray[np.bool_]) -> Float:
 
 @dataclass(frozen=True)
 class Recovered:
-    """What is clipped in a frame, in numbers.
+    """The clipped lights of a frame in numbers.
 
     Attributes
     ----------
@@ -171,10 +171,10 @@ class Recovered:
         what = (
             f"{counted(self.lights, 'clipped light')} in {100 * self.area:.2f}% of all directions"
         )
-        if self.factor < LEAST_TOLD:
+        if self.factor < MIN_REPORTED:
             return (
                 f"{what}; taken to be as bright as the picture shows, because no surface in sight "
-                "tells more"
+                "shows more"
             )
         return (
             f"{what}, estimated {self.factor:.1f} times as bright as the picture shows: "

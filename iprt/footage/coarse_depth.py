@@ -19,14 +19,14 @@ from iprt.geometry.camera import equirect_direction
 Plane = NDArray[np.float32]
 Index = slice | NDArray[np.intp]
 
-LEAST_FACTOR = 1.15
+MIN_FACTOR = 1.15
 """Repetition below this does no harm worth mending."""
-LEAST_ROWS = 16
+MIN_ROWS = 16
 """Fewer rows of coarse texels could be any pattern."""
-LEAST_CHANGES = 0.3
+MIN_CHANGES = 0.3
 """Share of the borders between coarse texels at which some depth must change. It is small because
 quantised depth changes at few of them."""
-MOST_CHANCE = 1e-6
+MAX_CHANCE = 1e-6
 """Probability of changes to lie at such borders all, had they been scattered at random."""
 SAME_SURFACE = 0.03
 """Largest difference of two coarse texels on one surface, where both planes meet, over depth."""
@@ -69,9 +69,9 @@ class Grid:
         bits = np.where(usable(depth), depth, np.float32(0.0))
         down, across = _changes(bits), _changes(bits.T)
         height, width = depth.shape
-        least = max(int(down.sum()) + 1, LEAST_ROWS)
-        most = min(int(least / LEAST_CHANGES), int(height / LEAST_FACTOR))
-        for count in range(least, most + 1):
+        fewest = max(int(down.sum()) + 1, MIN_ROWS)
+        most = min(int(fewest / MIN_CHANGES), int(height / MIN_FACTOR))
+        for count in range(fewest, most + 1):
             rows = _starts(down, count)
             if rows is None or count * width % height:
                 continue
@@ -140,7 +140,7 @@ def _starts(changed: NDArray[np.bool_], count: int) -> NDArray[np.intp] | None:
         if (changed & ~borders).any():
             continue
         found = int(changed.sum())
-        if found >= LEAST_CHANGES * count and (count / size) ** found < MOST_CHANCE:
+        if found >= MIN_CHANGES * count and (count / size) ** found < MAX_CHANCE:
             return np.nonzero(borders)[0]
     return None
 
@@ -156,7 +156,6 @@ def enlarged(coarse: Plane, width: int, height: int, *, holes: bool = True) -> P
     ----------
     coarse : (h, w) float32
         Depth; 0, negative, NaN or inf where there is no surface.
-    width, height : int
     holes : bool
         Whether coarse texels without a surface are seen. If not, surfaces go on over them as far
         as a coarse texel with a depth is next to it.
@@ -183,8 +182,8 @@ def enlarged(coarse: Plane, width: int, height: int, *, holes: bool = True) -> P
         )
         for corner, (row, down, side) in enumerate(corners):
             own = side.inverse[row]
-            met = sin[band] * side.outward[row] + cos[band] * side.up[row]
-            inverse[corner] = np.clip(met, own / _FARTHEST, own * _FARTHEST)
+            plane = sin[band] * side.outward[row] + cos[band] * side.up[row]
+            inverse[corner] = np.clip(plane, own / _FARTHEST, own * _FARTHEST)
             weight[corner] = down * side.weight * (own > 0.0 if not holes else 1.0)
         result[band] = _inverse(_agreed(inverse, weight))
     return result
@@ -210,7 +209,7 @@ class _Side:
 
 
 def _sides(coarse: Plane, width: int) -> tuple[_Side, _Side]:
-    """What is left and what is right of the columns."""
+    """Coarse texels to the left and to the right of the columns."""
     phi = ((np.arange(width) + 0.5) / width - 0.5) * 2.0 * np.pi
     sin, cos = np.sin(phi).astype(np.float32), np.cos(phi).astype(np.float32)
     inverse = over_poles(_inverse(coarse), 1)
@@ -259,7 +258,7 @@ def _around(plane: Plane) -> Plane:
 
 
 class _Points:
-    """What planes are to go through: all coarse texels, continued as `_around` does.
+    """The points that planes go through: all coarse texels, continued as `_around` does.
 
     Parameters
     ----------
@@ -271,15 +270,15 @@ class _Points:
     def __init__(self, direction: Plane, inverse: Plane) -> None:
         self._direction, self._inverse = _around(direction), _around(inverse)
 
-    def met(self, planes: Plane, row: Index, column: Index) -> tuple[Plane, Plane]:
+    def depths(self, planes: Plane, row: Index, column: Index) -> tuple[Plane, Plane]:
         """Inverse depth of planes (..., 3) in the directions of texels; that of the texels."""
-        met = np.einsum("...i,...i", planes, self._direction[row, column])
-        return np.asarray(met), self._inverse[row, column]
+        on_plane = np.einsum("...i,...i", planes, self._direction[row, column])
+        return np.asarray(on_plane), self._inverse[row, column]
 
     def fit(self, planes: Plane, row: Index, column: Index) -> NDArray[np.bool_]:
         """Whether texels lie on planes."""
-        met, own = self.met(planes, row, column)
-        return np.asarray((np.abs(met - own) <= np.float32(SAME_PLANE) * own) & (own > 0.0))
+        on_plane, own = self.depths(planes, row, column)
+        return np.asarray((np.abs(on_plane - own) <= np.float32(SAME_PLANE) * own) & (own > 0.0))
 
     def ill_fitted(self, planes: Plane) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Rows and columns of texels whose plane in (h, w, 3) few around them lie on."""
@@ -318,9 +317,9 @@ def _with_borrowed(planes: Plane, points: _Points) -> Plane:
     most = points.score(best, row, column)
     for down, aside in _steps(1):
         other = padded[row + down, column + aside]
-        met, own = points.met(other, row, column)
+        on_plane, own = points.depths(other, row, column)
         on_it = points.fit(other, row, column)
-        through = (other * (own / np.where(on_it, met, 1.0))[:, None]).astype(np.float32)
+        through = (other * (own / np.where(on_it, on_plane, 1.0))[:, None]).astype(np.float32)
         count = np.where(on_it, points.score(through, row, column), 0)
         better = count > most
         most = np.where(better, count, most)
@@ -336,8 +335,8 @@ def _agreed(inverse: Plane, weight: Plane) -> Plane:
     0 where these have no surface.
     """
     mixed = np.einsum("i...,i...", inverse, weight)
-    least, most = inverse.min(axis=0), inverse.max(axis=0)
-    differ = most - least > np.float32(SAME_SURFACE) * least
+    low, high = inverse.min(axis=0), inverse.max(axis=0)
+    differ = high - low > np.float32(SAME_SURFACE) * low
     mixed[differ] = _majority(inverse[:, differ], weight[:, differ])
     return np.asarray(mixed, np.float32)
 

@@ -23,18 +23,18 @@ LIKELY_CROSSTALK, LIKELY_TINT, LIKELY_GAIN = 0.1, 0.3, 1.0
 """Standard deviations, known beforehand, of a map's difference from a scale per channel, of that
 from one scale, and of that from 1."""
 CLEAR = 4.0
-"""Variances of noise that colours must differ by to tell crosstalk."""
+"""Variances of noise that colours must differ by to show crosstalk."""
 ALIKE = 16.0
 """Pairs whose errors are taken to be one: textures and lights are larger than cells."""
-LEAST_ERROR = 1e-4
+MIN_ERROR = 1e-4
 """Relative; rounding, at least, is wrong by this."""
-MOST = 0.7
+MAJORITY = 0.7
 """Share of the picture of which a map must hold: drift is the same everywhere, light is not."""
 EXPLAINED = 0.05
 """Relative error up to which a map explains the colour of a pair."""
-MOST_GAIN = 8.0
+MAX_GAIN = 8.0
 """The largest gain of a sane map, and 1 over the least."""
-MOST_CONDITION = 16.0
+MAX_CONDITION = 16.0
 """A map beyond takes different colours to nearly equal ones, and cannot be undone."""
 
 
@@ -81,7 +81,7 @@ class Pairs:
 
     def agree(self, matrix: Values) -> bool:
         """The map explains most pairs."""
-        return float(self._share[self._errors(matrix) < EXPLAINED].sum()) >= MOST
+        return float(self._share[self._errors(matrix) < EXPLAINED].sum()) >= MAJORITY
 
     def left(self, matrix: Values) -> tuple[float, float]:
         """What a map leaves of the change between the pictures, relative to brightness, at most in
@@ -96,7 +96,7 @@ class Pairs:
         variance = (square - mean * mean) * self._per_region(self._share) / share**2
         size = np.sqrt((mean * mean).mean(axis=0))
         error = np.sqrt(np.maximum(variance, 0.0).mean(axis=0))
-        return weighted_quantile(size, share, MOST), weighted_quantile(error, share, MOST)
+        return weighted_quantile(size, share, MAJORITY), weighted_quantile(error, share, MAJORITY)
 
     def _per_region(self, values: Values) -> Values:
         """Sums of (N,) by weight, over the regions that have pairs."""
@@ -114,7 +114,7 @@ class Pairs:
             lit = (seen > 0.0) & (wanted > 0.0)
             if lit.any():
                 scale[channel] = weighted_quantile(wanted[lit] / seen[lit], self._share[lit])
-        return np.clip(scale, 1.0 / MOST_GAIN, MOST_GAIN)
+        return np.clip(scale, 1.0 / MAX_GAIN, MAX_GAIN)
 
 
 def sane(matrix: Values) -> bool:
@@ -124,9 +124,9 @@ def sane(matrix: Values) -> bool:
     stretch = np.linalg.svd(matrix, compute_uv=False)
     return bool(
         (np.diag(matrix) > 0.0).all()
-        and stretch[0] <= MOST_GAIN
-        and stretch[-1] >= 1.0 / MOST_GAIN
-        and stretch[0] <= MOST_CONDITION * stretch[-1]
+        and stretch[0] <= MAX_GAIN
+        and stretch[-1] >= 1.0 / MAX_GAIN
+        and stretch[0] <= MAX_CONDITION * stretch[-1]
     )
 
 
@@ -142,7 +142,7 @@ def _ridge(u: Values, r: Values, weight: Values, error: Values) -> Values:
     scale per channel, and a map (3, 3).
     """
     weight = weight / weight.sum()
-    variance = max(float((weight * error * error).sum()), LEAST_ERROR**2)
+    variance = max(float((weight * error * error).sum()), MIN_ERROR**2)
     # By Kish's effective number of pairs.
     likely = variance * min(1.0, ALIKE * float((weight * weight).sum()))
     weighted = u * weight[:, None]
@@ -152,11 +152,11 @@ def _ridge(u: Values, r: Values, weight: Values, error: Values) -> Values:
     pull = likely / LIKELY_TINT**2
     scale = (np.diag(ur) + pull * gain) / (np.diag(uu) + pull)
     # Half of the error is noise of u, which adds to uu and not to ur. Directions in which colours
-    # differ by little more than noise tell nothing.
+    # differ by little more than noise say nothing.
     noise = 0.5 * variance / gain**2
     size, axes = np.linalg.eigh(uu)
-    told = np.maximum(size - CLEAR * noise, 0.0)
-    trust = told / (told + CLEAR * noise + likely / LIKELY_CROSSTALK**2)
+    clear = np.maximum(size - CLEAR * noise, 0.0)
+    trust = clear / (clear + CLEAR * noise + likely / LIKELY_CROSSTALK**2)
     by_axis = (1.0 - trust) * (scale[:, None] * axes)
     by_axis += trust * (ur.T @ axes) / np.maximum(size - noise, noise)
     return np.asarray(by_axis @ axes.T)

@@ -1,6 +1,6 @@
 """Whether two frames of a video belong together, or the video was cut between them.
 
-Light alone does not tell: a lamp that is switched on changes more of it than many a cut. What
+Light alone does not show it: a lamp that is switched on changes more of it than many a cut. What
 surfaces there are does, and where their edges and textures are.
 """
 
@@ -8,9 +8,12 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter
 
 from iprt.footage.frame import LUMINANCE, Frame
-from iprt.geometry.camera import View, equirect_pixel
+from iprt.footage.gather import cell_means
+from iprt.footage.openings import solid_angles
+from iprt.geometry.camera import View, equirect_texel
 from iprt.geometry.pose import camera_motion
 
 Float = NDArray[np.float64]
@@ -41,9 +44,7 @@ def is_cut(before: Frame, after: Frame, flux_change: float) -> bool:
         return False
     rows = min(ROWS, after.height, after.width // 2)
     view = View(2 * rows, rows, projection="equirect")
-    weights = np.broadcast_to(
-        np.sin((np.arange(rows) + 0.5) / rows * np.pi)[:, None], (rows, 2 * rows)
-    )
+    weights = np.broadcast_to(solid_angles(2 * rows, rows)[:, None], (rows, 2 * rows))
     now = _sampled(after.depth, view.directions())
     motion = camera_motion(before.pose, after.pose)
     near = np.where(np.isfinite(now), now, 1e6)[..., None] * view.directions()
@@ -59,10 +60,7 @@ def is_cut(before: Frame, after: Frame, flux_change: float) -> bool:
 
 def _sampled(image: NDArray[np.floating], directions: Float) -> Float:
     """Nearest texels of an equirect image (H, W) in directions (..., 3)."""
-    height, width = image.shape
-    column, row = np.moveaxis(equirect_pixel(directions, width, height).astype(np.intp), -1, 0)
-    texels = image[np.minimum(row, height - 1), np.minimum(column, width - 1)]
-    return np.asarray(texels, np.float64)
+    return np.asarray(image[equirect_texel(directions, *image.shape[::-1])], np.float64)
 
 
 def _other_surfaces(found: Float, expected: Float, weights: Float) -> float:
@@ -79,19 +77,13 @@ def _other_surfaces(found: Float, expected: Float, weights: Float) -> float:
 
 def _details(color: NDArray[np.float32], rows: int) -> Float:
     """(rows, 2 rows) logarithm of the luminance, less its mean around."""
-    height, width = color.shape[:2]
-    starts = (np.arange(rows) * height // rows, np.arange(2 * rows) * width // (2 * rows))
-    sums = np.add.reduceat(np.add.reduceat(color, starts[0], axis=0), starts[1], axis=1)
-    texels = np.outer(*(np.diff([*s, end]) for s, end in zip(starts, (height, width), strict=True)))
-    light = (sums.astype(np.float64) @ LUMINANCE) / texels
+    light = cell_means(color, rows) @ LUMINANCE
     level = np.log(np.maximum(light, 1e-3 * light.mean() + 1e-30))
-    wide = np.pad(np.pad(level, ((0, 0), (1, 1)), "wrap"), ((1, 1), (0, 0)), "edge")
-    around = sum(wide[i : i + rows, j : j + 2 * rows] for i in range(3) for j in range(3)) / 9.0
-    return np.asarray(level - around)
+    return np.asarray(level - uniform_filter(level, 3, mode=("nearest", "wrap")))
 
 
 def _correlation(a: Float, b: Float, weights: Float) -> float:
-    """How two images correlate: single large values do not decide; 1 where one has no details."""
+    """Correlation of two images: single large values do not decide; 1 where one has no details."""
     a, b = np.clip(a, -0.5, 0.5), np.clip(b, -0.5, 0.5)
     power = (weights * a * a).sum() * (weights * b * b).sum()
     return float((weights * a * b).sum() / np.sqrt(power)) if power > 1e-6 else 1.0

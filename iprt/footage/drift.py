@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from iprt.footage.color_fit import Pairs
 from iprt.footage.frame import Frame
-from iprt.geometry.camera import View, equirect_pixel
+from iprt.footage.openings import solid_angles
+from iprt.geometry.camera import View, equirect_texel
 from iprt.geometry.pose import camera_motion
 
 Picture = NDArray[np.float32]
@@ -38,11 +39,11 @@ SAME_PLACE = 0.5
 """Share of the sphere that shows the same surfaces in two frames of one place."""
 WHOLE = 0.75
 """Share of a cell's texels that must show the same surfaces."""
-LEAST_SHARE = 0.05
+MIN_SHARE = 0.05
 """Colours are compared on no less of the sphere."""
 REGION = 8
 """Cells a side of the regions over which drift must be the same."""
-LEAST_DRIFT = 0.002
+MIN_DRIFT = 0.002
 """Relative change of colours below which a map stays as it is."""
 UNEXPLAINED = 0.2
 """Share of that change that a map may leave; else it is noise, or light."""
@@ -97,7 +98,7 @@ class Sample:
     def legible(self) -> bool:
         """Enough of it is neither clipped nor dark."""
         seen = self.usable & (self.color @ MEAN > self.dark)
-        return bool(seen.mean() >= LEAST_SHARE)
+        return bool(seen.mean() >= MIN_SHARE)
 
     def mapped(self, color_map: Matrix | None) -> Sample:
         """The same in other colours."""
@@ -107,7 +108,7 @@ class Sample:
         return replace(self, color=color, dark=self.dark * float(np.trace(color_map)) / 3.0)
 
     def seen_from(self, other: Sample) -> tuple[Sample, Picture]:
-        """What `other`'s texels show here (the nearest texels), and at which depth it would be the
+        """The nearest texels to those of `other`, and the depth at which each would show the
         same surface.
         """
         motion = camera_motion(self.pose, other.pose)
@@ -118,8 +119,7 @@ class Sample:
         d = View(width, height, projection="equirect").directions()
         points = np.where(sky, 1.0, other.depth)[..., None] * d @ motion[:, :3].T
         points += np.where(sky[..., None], 0.0, motion[:, 3])
-        column, row = np.moveaxis(equirect_pixel(points, width, height).astype(np.intp), -1, 0)
-        at = np.minimum(row, height - 1), np.minimum(column, width - 1)
+        at = equirect_texel(points, width, height)
         sample = replace(self, color=self.color[at], depth=self.depth[at], usable=self.usable[at])
         return sample, np.where(sky, np.inf, np.linalg.norm(points, axis=-1)).astype(np.float32)
 
@@ -190,7 +190,7 @@ class Drift:
 @dataclass(frozen=True)
 class Comparison:
     """Two frames: the colours of what both show, and the share of the sphere that shows the same
-    surfaces in both. None: another place, or too little to tell by.
+    surfaces in both. None: another place, or too little to compare.
     """
 
     pairs: Pairs | None
@@ -201,7 +201,7 @@ def compare(sample: Sample, reference: Sample) -> Comparison:
     """Colours of `sample` and `reference`, of the same surfaces."""
     there, expected = reference.seen_from(sample)
     same = _same_depth(there.depth, expected)
-    same_place = float(np.average(same.mean(axis=1), weights=_solid_angles(len(same))))
+    same_place = float(np.average(same.mean(axis=1), weights=solid_angles(*same.shape[::-1])))
     if same_place < SAME_PLACE:
         return Comparison(None, same_place)
     side = max(1, len(same) // CELL_ROWS)
@@ -213,8 +213,8 @@ def compare(sample: Sample, reference: Sample) -> Comparison:
     # texels would be too dark in the one that is exposed more.
     used = (count > WHOLE * side * side) & (clipped == 0.0)
     used &= (seen.mean(-1) > sample.dark) & (wanted.mean(-1) > there.dark)
-    weight = np.broadcast_to(_solid_angles(len(used))[:, None], used.shape)
-    if weight[used].sum() < LEAST_SHARE * weight.sum():
+    weight = np.broadcast_to(solid_angles(*used.shape[::-1])[:, None], used.shape)
+    if weight[used].sum() < MIN_SHARE * weight.sum():
         return Comparison(None, same_place)
     row, column = np.indices(used.shape) // REGION
     region = row * (column.max() + 1) + column
@@ -223,9 +223,9 @@ def compare(sample: Sample, reference: Sample) -> Comparison:
 
 
 def judged(pairs: Pairs, before: Matrix | None, found: Matrix) -> Verdict:
-    """What has changed since the map `before` held, of which `found` is the best that is known."""
+    """The kind of change since the map `before`; `found` is the best known map."""
     change, _ = pairs.left(np.eye(3) if before is None else before)
-    if change < LEAST_DRIFT:
+    if change < MIN_DRIFT:
         return "same"
     left, error = pairs.left(found)
     if left <= UNEXPLAINED * change:
@@ -235,7 +235,7 @@ def judged(pairs: Pairs, before: Matrix | None, found: Matrix) -> Verdict:
 
 def simplest(pairs: Pairs, found: Matrix) -> Matrix | None:
     """The map that was found, or none where none is as good."""
-    return None if pairs.left(np.eye(3))[0] < LEAST_DRIFT else found
+    return None if pairs.left(np.eye(3))[0] < MIN_DRIFT else found
 
 
 def _cells(picture: NDArray[Any], side: int) -> Matrix:
@@ -247,11 +247,6 @@ def _cells(picture: NDArray[Any], side: int) -> Matrix:
     return np.asarray(
         lines.reshape(rows, columns, side, *picture.shape[2:]).sum(axis=2), np.float64
     )
-
-
-def _solid_angles(rows: int) -> Matrix:
-    """Solid angles of equirect texels, by row, relative to one another."""
-    return np.sin((np.arange(rows) + 0.5) / rows * np.pi)
 
 
 def _same_depth(found: Picture, expected: Picture) -> NDArray[np.bool_]:

@@ -1,4 +1,4 @@
-"""What the frames of a video have, in so far as passes and buffers depend on it."""
+"""Properties of a video that passes and buffers depend on."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from iprt.geometry.material import Material
 
 @dataclass(frozen=True)
 class Footage:
-    """What is to be expected of the frames of one video.
+    """Properties of the frames of one video.
 
     Attributes
     ----------
@@ -46,7 +46,7 @@ class Footage:
         drifts: bool = False,
         static_camera: bool = False,
     ) -> Self:
-        """That of which `frame` is one; what others may have besides is said by the flags."""
+        """By one frame; the flags say what other frames may have besides."""
         return cls(
             openings=bool(frame.opening.any()),
             real_materials=frame.real_materials,

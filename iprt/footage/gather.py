@@ -32,7 +32,7 @@ GRAZING = 0.1
 THICKNESS, CLEARANCE = 0.15, 0.03
 """Fractions of depth: a line of sight is hidden where it is deeper below a surface than the
 clearance, and passes behind where it is deeper than the thickness."""
-LEAST_OPEN = 0.1
+MIN_OPEN = 0.1
 """π minus what lights take: never less of a hemisphere sees the rest."""
 
 
@@ -165,7 +165,7 @@ def irradiance_of_lights(
     receivers : Receivers
         n points.
     cells, fine : Cells
-        N cells, and finer ones that tell what is hidden.
+        N cells, and finer ones for visibility.
     lights : (N, 3, K) float64
         Radiance of cells due to each of K lights, means over the cells.
 
@@ -220,8 +220,8 @@ def irradiance_of_rest(
     x = receivers.point
     factors = form_factors(x, receivers.normal, cells, chosen, share[chosen])
     factors *= visible(cells, x, cells.point[chosen], steps)
-    left = np.maximum(np.pi - taken, LEAST_OPEN)
-    total = np.maximum(factors.sum(1), LEAST_OPEN)
+    left = np.maximum(np.pi - taken, MIN_OPEN)
+    total = np.maximum(factors.sum(1), MIN_OPEN)
     mean = radiance[chosen] / share[chosen, None]
     return np.asarray((factors @ mean) * (left / total)[:, None])
 

@@ -39,7 +39,6 @@ class RealMaterial:
 
     Attributes
     ----------
-    name : str
     material : Material
         "plastic" or "conductor". Of plastic, only the coat matters: the base is what the camera
         saw without the coat's reflection.

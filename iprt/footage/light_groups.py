@@ -1,4 +1,4 @@
-"""What of a picture is clipped, and which of it is one light."""
+"""Clipped texels of a picture, grouped into lights."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ LARGEST = 6
 KNOTS_DEG = (-25.0, -8.0, 8.0, 25.0, 50.0)
 """Elevations between which what is far away, behind windows or in the open, changes its brightness:
 below the horizon is ground, and skies are not even. A surface has one brightness."""
-LEAST_SHARE = 0.02
+MIN_SHARE = 0.02
 """A part of a group with less of its clipped flux is no light of its own."""
 SAME_SIDE, ACROSS_HORIZON, SAME_ELEVATION = 0.6, 1.5, 0.7
 """Spreads of log-gains of parts of the distance: of one window, both sky or both ground, or one of
@@ -92,7 +92,6 @@ class Light:
         Knots of all lights of the group, ascending; one for surfaces.
     knot : int
         The light's own: it fades out towards the neighbouring ones.
-    far : bool
     """
 
     group: int
@@ -152,7 +151,7 @@ def lights_of(frame: Frame, clipped: Clipped, group: NDArray[np.intp]) -> list[L
         shares = [
             Light(number, knots, k, far).share(frame.height) @ flux for k in range(len(knots))
         ]
-        enough = np.array(shares) >= LEAST_SHARE * sum(shares)
+        enough = np.array(shares) >= MIN_SHARE * sum(shares)
         knots = tuple(knot for knot, has in zip(knots, enough, strict=True) if has)
         lights += [Light(number, knots, k, far) for k in range(len(knots))]
     return lights

@@ -1,4 +1,4 @@
-"""What the surfaces of a frame show of its clipped lights."""
+"""Shading of the surfaces of a frame by its clipped lights."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ LIGHT_STEPS, REST_STEPS = 16, 6
 """Points at which lines of sight are tested."""
 CANDIDATES = 1000
 """Cells around the sphere that shading is looked at in."""
-LEAST_RECEIVERS = 20
+MIN_RECEIVERS = 20
 SHINE_POINTS, MOSTLY = 12, 0.75
 """Points of a clipped surface whose own light is looked at, in cells that are so much clipped."""
 DARK = 1e-3
@@ -37,7 +37,7 @@ DARK = 1e-3
 def shading_of(
     frame: Frame, clipped: Clipped, group: NDArray[np.intp], lights: Sequence[Light], white: float
 ) -> Shading | None:
-    """What surfaces show of the lights; None where too few are well seen.
+    """Shading by the lights; None where too few are well seen.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def shading_of(
     chosen, segment = points_of_segments(
         segments(fine, color, usable), candidates[usable[candidates]]
     )
-    if len(chosen) < LEAST_RECEIVERS:
+    if len(chosen) < MIN_RECEIVERS:
         return None
     shining, of_light = _shining(frame, clipped, group, lights, fine)
     at = np.concatenate([chosen, shining])

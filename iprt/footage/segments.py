@@ -15,12 +15,12 @@ HUE, STEP = 0.02, 0.2
 """Largest differences between neighbours of one paint, in chromaticity and in log-radiance, in
 cells of `STEP_ROWS`: light changes gradually, paint does not."""
 STEP_ROWS = 128
-LEAST_POINTS = 4
-"""A segment has as many, to tell shading from paint."""
+MIN_POINTS = 4
+"""Fewest points of a segment, to separate shading from paint."""
 ROUGH, GRAZING = 0.1, 0.1
 """Largest `Cells.rough` and least cosine of view of cells whose surface is known."""
 LIFT = 0.02
-"""By which points are off their surface, over depth."""
+"""Distance of points off their surface, over depth."""
 
 
 def well_seen(cells: Cells) -> NDArray[np.bool_]:
@@ -69,7 +69,7 @@ def points_of_segments(
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Those candidates (cells) whose segment has enough of them, and their segments from 0 on."""
     own = segment[candidates]
-    enough = np.bincount(own, minlength=1)[own] >= LEAST_POINTS
+    enough = np.bincount(own, minlength=1)[own] >= MIN_POINTS
     _, renumbered = np.unique(own[enough], return_inverse=True)
     return candidates[enough], renumbered.astype(np.intp)
 

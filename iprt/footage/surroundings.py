@@ -1,4 +1,4 @@
-"""What depth says of the place: how large it is, how high the camera stands, and what is unlikely.
+"""Facts about the place by its depth: size, height of the camera, and unlikely values.
 
 All follows from depth alone, so that a wrong unit, a wrong encoding or a wrong file shows before
 anything is rendered.
@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.footage.coarse_depth import usable
+from iprt.footage.color_fit import weighted_quantile
 from iprt.footage.normals import estimate_normals
 from iprt.footage.openings import solid_angles
 from iprt.geometry.camera import equirect_direction
@@ -26,10 +27,10 @@ camera on a table sees farther."""
 FLAT = 0.03
 """Half the thickness of what counts as one level, over its distance from the camera's height."""
 FLOOR_SHARE = 0.2
-"""So many of the directions that look down must meet one level to call it a floor."""
+"""Share of the downward directions that must hit one level to call it a floor."""
 INVERTED_SHARE, INVERTED_FACTOR = 0.25, 2.0
 """Share that meets a level, and how many times as many these are, where depth is inverted."""
-MOST_DISAGREEMENT_DEG = 30.0
+MAX_DISAGREEMENT_DEG = 30.0
 """Median angle between given normals and those of the depth."""
 _DOWN = 0.5
 """Sine of the angle below the horizon from which on a direction looks down."""
@@ -73,7 +74,10 @@ class Surroundings:
         distance = depth[row, column][there].astype(np.float64)
         weight = solid_angles(width, height)[row[there]]
         points = direction * distance[:, None]
-        x, y, z = (_extent(points[:, axis], weight) for axis in range(3))
+        x, y, z = (
+            weighted_quantile(along, weight, 0.99) - weighted_quantile(along, weight, 0.01)
+            for along in points.T
+        )
         level, share = _level(points[:, 1], direction[:, 1], weight)
         return cls(
             float(np.median(distance)),
@@ -91,15 +95,15 @@ class Surroundings:
         return text
 
     def warnings(self) -> list[str]:
-        """What is unlikely, one phrase each."""
+        """Unlikely facts, one phrase each."""
         found = []
-        least, most = LIKELY_MEDIAN_M
+        lowest, highest = LIKELY_MEDIAN_M
         unit = (
             "check depth_scale, the metres of one stored unit: 0.001 for millimetres, 1 for metres"
         )
-        if self.median_m > most:
+        if self.median_m > highest:
             found.append(f"half of the depth is beyond {_length(self.median_m)}; {unit}")
-        elif self.median_m < least:
+        elif self.median_m < lowest:
             found.append(f"half of the depth is nearer than {_length(self.median_m)}; {unit}")
         elif (
             self.floor_m is not None
@@ -117,7 +121,7 @@ class Surroundings:
 
 
 def normal_warnings(normal: NDArray[np.float32], depth: NDArray[np.float32]) -> list[str]:
-    """What is unlikely of the normals (H, W, 3) given with depth (H, W), one phrase each."""
+    """Unlikely facts about normals (H, W, 3) given with depth (H, W), one phrase each."""
     there = usable(depth)
     solid = np.where(there, depth, np.float32(np.inf))
     fitted = estimate_normals(solid, np.zeros(depth.shape, np.uint8))
@@ -128,20 +132,13 @@ def normal_warnings(normal: NDArray[np.float32], depth: NDArray[np.float32]) -> 
     if not cosine.size:
         return ["are nowhere where depth is; leave them out to have them fitted to depth"]
     angle = float(np.degrees(np.arccos(np.clip(np.median(cosine), 0.0, 1.0))))
-    if angle <= MOST_DISAGREEMENT_DEG:
+    if angle <= MAX_DISAGREEMENT_DEG:
         return []
     return [
         f"differ from the surfaces that depth shows, by {angle:.0f}° in the median; expected world "
         "space (+X right of the picture's middle, +Y up, -Z ahead); leave them out to have them "
         "fitted to depth"
     ]
-
-
-def _extent(values: Float, weight: Float) -> float:
-    order = np.argsort(values)
-    share = np.cumsum(weight[order])
-    low, high = np.searchsorted(share, np.array([0.01, 0.99]) * share[-1])
-    return float(values[order[high]] - values[order[low]])
 
 
 def _level(height: Float, up: Float, weight: Float) -> tuple[float, float]:

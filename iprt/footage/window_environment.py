@@ -1,4 +1,4 @@
-"""What lies behind the windows of a panorama, as a distant environment."""
+"""The distant environment behind the windows of a panorama."""
 
 from __future__ import annotations
 

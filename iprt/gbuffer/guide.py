@@ -13,7 +13,7 @@ PLANES = 7
 
 
 def plane_defines(*, equirect: bool = False, **others: Define) -> dict[str, Define]:
-    """Build flags of every kernel that works on padded planes."""
+    """Build flags of every kernel that works on padded planes of a view."""
     return {"PLANE_PAD": PAD, "VIEW_EQUIRECT": equirect, **others}
 
 
@@ -42,9 +42,7 @@ class Guide:
         self.equirect = equirect
         self.camera = camera
         self._device = device
-        defines = plane_defines(equirect=equirect)
-        self._build = device.kernel("gbuffer/guide.cl", "build_guide", defines)
-        self._wrap = device.kernel("gbuffer/guide.cl", "wrap_border", defines)
+        self._build = device.kernel("gbuffer/guide.cl", "build_guide", self.defines())
         outside = np.zeros(layout.shape(PLANES), np.float32)
         outside[-1] = -1.0
         self.current = device.upload(f"{name} guide", outside)
@@ -65,7 +63,11 @@ class Guide:
         with self._device.profile.section("guide"):
             width, height = self.layout.width, self.layout.height
             self._build((width, height), view, normal, depth, ids, self.current, width, height)
-            self.wrap(self.current)
+
+    def defines(self, **others: Define) -> dict[str, Define]:
+        """Build flags of every kernel that works on planes of this layout."""
+        narrow = self.equirect and self.layout.width < PAD
+        return plane_defines(equirect=self.equirect, VIEW_NARROW=narrow, **others)
 
     @property
     def camera_define(self) -> dict[str, Define]:
@@ -76,10 +78,3 @@ class Guide:
     def camera_argument(self) -> tuple[cla.Array, ...]:
         """Their last argument, where the camera moves."""
         return () if self.camera is None else (self.camera,)
-
-    def wrap(self, planes: cla.Array) -> None:
-        """In an equirect view, fill the left and right border of `planes` from across the seam."""
-        if self.equirect:
-            width, height = self.layout.width, self.layout.height
-            channels = planes.shape[0] if planes.ndim == 3 else 1
-            self._wrap((2 * PAD, height * channels), planes, channels, width, height)

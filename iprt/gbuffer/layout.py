@@ -26,6 +26,11 @@ class PlaneLayout:
         """(channels, height, width) view of padded planes, without the border."""
         return planes[..., PAD:-PAD, PAD:-PAD]
 
+    def image(self, planes: NDArray[np.generic], channels: slice) -> NDArray[np.float32]:
+        """Some of padded planes: (H, W) of one, else (H, W, C); without the border."""
+        image = self.interior(planes)[channels].astype(np.float32)
+        return np.ascontiguousarray(image[0] if len(image) == 1 else np.moveaxis(image, 0, -1))
+
     def padded(self, image: NDArray[np.generic]) -> NDArray[np.generic]:
         """Planes (C, height + 2 PAD, width + 2 PAD) from an image (C, height, width), border 0."""
         return np.pad(image, [(0, 0), (PAD, PAD), (PAD, PAD)])

@@ -26,7 +26,7 @@ LOG = logging.getLogger("iprt.scene")
 MAX_ANIMATED_VERTICES = 2**21
 """Each takes some hundred bytes while it is bent, in every frame."""
 FARTHEST_VERTEX = 1e18
-"""As of meshes at rest."""
+"""The limit of meshes at rest, too."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,6 @@ class Piece:
     ----------
     vertices : slice
         Where they are among the mesh's.
-    node : int
     skin : Skin or None
         None: they follow the node.
     """
@@ -57,8 +56,6 @@ class AnimatedMesh:
         The file it was read from.
     bound : Mesh
         Vertices as the file has them, before nodes and joints place them.
-    clip : Clip
-    pieces : tuple of Piece
     flat : (K,) int64
         Vertices whose normals are those of their faces, which the file has none for.
     faces : (K, 3) int64
@@ -187,7 +184,7 @@ def _flattened(part: Part) -> tuple[Part, NDArray[np.int64], NDArray[np.int64]]:
 
 
 def _skin(file: MeshFile, clip: Clip, node: int, geometry: Any) -> Skin | None:
-    """What the vertices of a node's geometry follow besides it."""
+    """The skin of a node's geometry, if it has one."""
     assert file.gltf is not None
     number = file.gltf.nodes[node].skin
     if number is None:

@@ -124,3 +124,11 @@ def equirect_pixel(directions: Float, width: int, height: int) -> Float:
     theta = np.arctan2(np.hypot(x, z), y)
     column = np.mod((phi / (2.0 * np.pi) + 0.5) * width, width)
     return np.stack([column, theta / np.pi * height], axis=-1)
+
+
+def equirect_texel(
+    directions: Float, width: int, height: int
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Row and column of the equirect texels that directions (..., 3) meet."""
+    column, row = np.moveaxis(equirect_pixel(directions, width, height).astype(np.intp), -1, 0)
+    return np.minimum(row, height - 1), np.minimum(column, width - 1)

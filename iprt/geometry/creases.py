@@ -137,8 +137,8 @@ def _joined_corners(points: Ints, face: Float, flat: NDArray[np.bool_]) -> Ints:
     pairs = []
     for step in range(1, 1 + _SIDES):
         one, other = order[:-step], order[step:]
-        met = (edge[one] == edge[other]) & ~flat[one // 3] & ~flat[other // 3]
-        one, other = one[met], other[met]
+        shared = (edge[one] == edge[other]) & ~flat[one // 3] & ~flat[other // 3]
+        one, other = one[shared], other[shared]
         cosine = np.einsum("ei,ei->e", face[one // 3], face[other // 3])
         smooth = cosine > np.cos(np.deg2rad(CREASE_DEG))
         one, other = one[smooth], other[smooth]

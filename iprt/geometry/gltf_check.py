@@ -1,4 +1,4 @@
-"""What a glTF document claims to hold, checked before anything is read by it.
+"""Checks of a glTF document before anything is read by it.
 
 Specification: Khronos glTF 2.0, sections 3.5 (scenes), 3.6 (binary data), 3.7 (meshes), 3.9
 (materials). Only what is read is checked.
@@ -6,10 +6,10 @@ Specification: Khronos glTF 2.0, sections 3.5 (scenes), 3.6 (binary data), 3.7 (
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Collection, Sized
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from pydantic.alias_generators import to_camel
 
@@ -151,7 +151,7 @@ class Gltf(Part):
     extensions_used: list[str] = Field(default=[])
 
     def uris(self) -> list[str]:
-        """Where the buffers and images are that do not lie in the binary chunk."""
+        """Addresses of buffers and images outside the binary chunk."""
         named = [*(buffer.uri for buffer in self.buffers), *(image.uri for image in self.images)]
         return [uri for uri in named if uri is not None]
 
@@ -178,9 +178,31 @@ def parsed_gltf(document: Any) -> Gltf:
         gltf = Gltf.model_validate(document)
     except ValidationError as error:
         raise ValueError(first_fault(error)) from None
-    for problem in _problems(gltf):
-        raise ValueError(problem)
+    _check_data(gltf)
+    for number, mesh in enumerate(gltf.meshes):
+        for primitive in mesh.primitives:
+            _check_primitive(gltf, primitive, f"meshes[{number}]")
+    for number, material in enumerate(gltf.materials):
+        pbr = material.pbr_metallic_roughness
+        if pbr is not None and pbr.base_color_texture is not None:
+            index = pbr.base_color_texture.index
+            _require("texture", index, gltf.textures, f"materials[{number}]")
+    for number, texture in enumerate(gltf.textures):
+        _require("image", texture.source, gltf.images, f"textures[{number}]")
+        _require("sampler", texture.sampler, gltf.samplers, f"textures[{number}]")
+    _check_nodes(gltf)
     return gltf
+
+
+def accessor_of(gltf: Gltf, index: int, types: Collection[str], where: str) -> Accessor:
+    """An accessor that is of one of these types and can be read; else ValueError in one line."""
+    _require("accessor", index, gltf.accessors, where)
+    accessor = gltf.accessors[index]
+    if accessor.buffer_view is None or accessor.sparse is not None:
+        raise ValueError(f"{where}: compressed or sparse data; export it without")
+    if accessor.type not in types:
+        raise ValueError(f"{where}: made of {accessor.type}")
+    return accessor
 
 
 def first_fault(error: ValidationError, where: str = "") -> str:
@@ -190,146 +212,94 @@ def first_fault(error: ValidationError, where: str = "") -> str:
     return f"{(where + key).lstrip('.') or 'document'}: {fault['msg']}"
 
 
-def _problems(gltf: Gltf) -> Iterator[str]:
-    yield from _data_problems(gltf)
-    for number, mesh in enumerate(gltf.meshes):
-        for primitive in mesh.primitives:
-            yield from _primitive_problems(gltf, primitive, f"meshes[{number}]")
-    for number, material in enumerate(gltf.materials):
-        pbr = material.pbr_metallic_roughness
-        if pbr is not None and pbr.base_color_texture is not None:
-            index = pbr.base_color_texture.index
-            if index >= len(gltf.textures):
-                yield f"materials[{number}]: there is no texture {index}"
-    for number, texture in enumerate(gltf.textures):
-        if texture.source is not None and texture.source >= len(gltf.images):
-            yield f"textures[{number}]: there is no image {texture.source}"
-        if texture.sampler is not None and texture.sampler >= len(gltf.samplers):
-            yield f"textures[{number}]: there is no sampler {texture.sampler}"
-    yield from _node_problems(gltf)
+def _require(kind: str, index: int | None, known: Sized, where: str) -> None:
+    """Raise ValueError where a part refers to another one that does not exist."""
+    if index is not None and index >= len(known):
+        raise ValueError(f"{where}: there is no {kind} {index}")
 
 
-def _data_problems(gltf: Gltf) -> Iterator[str]:
-    """Buffers, views and accessors that do not lie in each other, or that add up to too much."""
+def _check_data(gltf: Gltf) -> None:
+    """Buffers, views and accessors must lie in each other, and not add up to too much."""
     total = sum(buffer.byte_length for buffer in gltf.buffers)
     for number, view in enumerate(gltf.buffer_views):
-        if view.buffer >= len(gltf.buffers):
-            yield f"bufferViews[{number}]: there is no buffer {view.buffer}"
-        elif view.byte_offset + view.byte_length > gltf.buffers[view.buffer].byte_length:
-            yield f"bufferViews[{number}]: ends beyond buffer {view.buffer}"
+        _require("buffer", view.buffer, gltf.buffers, f"bufferViews[{number}]")
+        if view.byte_offset + view.byte_length > gltf.buffers[view.buffer].byte_length:
+            raise ValueError(f"bufferViews[{number}]: ends beyond buffer {view.buffer}")
         total += view.byte_length
     for number, accessor in enumerate(gltf.accessors):
         total += accessor.count * accessor.item_bytes
         if accessor.buffer_view is None:
             continue
-        if accessor.buffer_view >= len(gltf.buffer_views):
-            yield f"accessors[{number}]: there is no bufferView {accessor.buffer_view}"
-            continue
+        _require("bufferView", accessor.buffer_view, gltf.buffer_views, f"accessors[{number}]")
         view = gltf.buffer_views[accessor.buffer_view]
         stride = view.byte_stride or accessor.item_bytes
         end = accessor.byte_offset + (accessor.count - 1) * stride + accessor.item_bytes
         if accessor.count and end > view.byte_length:
-            yield f"accessors[{number}]: ends beyond bufferView {accessor.buffer_view}"
+            raise ValueError(f"accessors[{number}]: ends beyond bufferView {accessor.buffer_view}")
     if total > MAX_BYTES:
-        yield f"claims {total} bytes of data; at most {MAX_BYTES} are read"
+        raise ValueError(f"claims {total} bytes of data; at most {MAX_BYTES} are read")
     for number, image in enumerate(gltf.images):
-        if image.buffer_view is not None and image.buffer_view >= len(gltf.buffer_views):
-            yield f"images[{number}]: there is no bufferView {image.buffer_view}"
+        _require("bufferView", image.buffer_view, gltf.buffer_views, f"images[{number}]")
 
 
-def _primitive_problems(gltf: Gltf, primitive: Primitive, where: str) -> Iterator[str]:
-    read = {name: primitive.attributes.get(name) for name in _READ_ATTRIBUTES}
+def _check_primitive(gltf: Gltf, primitive: Primitive, where: str) -> None:
+    if "POSITION" not in primitive.attributes:
+        raise ValueError(f"{where}: a primitive without POSITION")
+    for name, kind in _READ_ATTRIBUTES.items():
+        if (index := primitive.attributes.get(name)) is not None:
+            accessor = accessor_of(gltf, index, (kind,), f"{where}.{name}")
+            # trimesh takes 255 for 255, not for 1; normals get unit length and do not mind.
+            if name != "NORMAL" and accessor.normalized:
+                raise ValueError(f"{where}.{name}: fractions stored as integers; export floats")
     if primitive.indices is not None:
-        read["indices"] = primitive.indices
-    if read["POSITION"] is None:
-        yield f"{where}: a primitive without POSITION"
-    for name, index in read.items():
-        if index is None:
-            continue
-        if index >= len(gltf.accessors):
-            yield f"{where}.{name}: there is no accessor {index}"
-            continue
-        accessor = gltf.accessors[index]
-        if accessor.buffer_view is None or accessor.sparse is not None:
-            yield f"{where}.{name}: compressed or sparse data; export it without"
-        if accessor.type != _READ_ATTRIBUTES.get(name, "SCALAR"):
-            yield f"{where}.{name}: made of {accessor.type}"
-        # trimesh takes 255 for 255, not for 1; normals get unit length and do not mind.
-        if name in ("POSITION", "TEXCOORD_0") and accessor.normalized:
-            yield f"{where}.{name}: fractions stored as integers; export floats"
-        if name == "indices" and accessor.component_type not in _INDEX_TYPES:
-            yield f"{where}.{name}: not whole numbers"
-    if primitive.material is not None and primitive.material >= len(gltf.materials):
-        yield f"{where}: there is no material {primitive.material}"
+        accessor = accessor_of(gltf, primitive.indices, ("SCALAR",), f"{where}.indices")
+        if accessor.component_type not in _INDEX_TYPES:
+            raise ValueError(f"{where}.indices: not whole numbers")
+    _require("material", primitive.material, gltf.materials, where)
 
 
-def _node_problems(gltf: Gltf) -> Iterator[str]:
-    """Nodes that form no trees, and meshes that they repeat too often."""
+def _check_nodes(gltf: Gltf) -> None:
+    """Nodes must form trees, and not repeat meshes too often."""
     if gltf.scenes and gltf.scene >= len(gltf.scenes):
-        yield f"there is no scene {gltf.scene}"
-        return
-    parents = [0] * len(gltf.nodes)
+        raise ValueError(f"there is no scene {gltf.scene}")
+    children: set[int] = set()
     for number, node in enumerate(gltf.nodes):
-        if node.mesh is not None and node.mesh >= len(gltf.meshes):
-            yield f"nodes[{number}]: there is no mesh {node.mesh}"
+        _require("mesh", node.mesh, gltf.meshes, f"nodes[{number}]")
         for child in node.children:
-            if child >= len(gltf.nodes):
-                yield f"nodes[{number}]: there is no node {child}"
-            elif parents[child]:
-                yield f"nodes[{number}]: node {child} has two parents"
-            else:
-                parents[child] = 1
+            _require("node", child, gltf.nodes, f"nodes[{number}]")
+            if child in children:
+                raise ValueError(f"nodes[{number}]: node {child} has two parents")
+            children.add(child)
     level = list(dict.fromkeys(gltf.scenes[gltf.scene].nodes)) if gltf.scenes else []
-    if any(root >= len(gltf.nodes) or parents[root] for root in level):
-        yield "scenes: a node that does not exist, or is not the root of a tree"
-        return
-    sizes = [_Size.of(gltf, mesh) for mesh in gltf.meshes]
-    depth, size = 0, _Size()
+    if any(root >= len(gltf.nodes) or root in children for root in level):
+        raise ValueError("scenes: a node that does not exist, or is not the root of a tree")
+    sizes = np.array([_size(gltf, mesh) for mesh in gltf.meshes], np.int64).reshape(-1, 3)
+    depth, shown = 0, np.zeros(3, np.int64)
     while level:
         depth += 1
         nodes = [gltf.nodes[index] for index in level]
-        size = sum((sizes[node.mesh] for node in nodes if node.mesh is not None), size)
+        shown += sizes[[node.mesh for node in nodes if node.mesh is not None]].sum(axis=0)
         if depth > MAX_DEPTH:
-            yield f"more than {MAX_DEPTH} levels of nodes"
-            return
+            raise ValueError(f"more than {MAX_DEPTH} levels of nodes")
         level = [child for node in nodes for child in node.children]
-    yield from _too_many(size)
     # All meshes are read, whether nodes show them or not.
-    yield from _too_many(sum(sizes, _Size()))
+    for primitives, vertices, triangles in (shown, sizes.sum(axis=0)):
+        if primitives > MAX_NODES:
+            raise ValueError(f"{primitives} primitives; at most {MAX_NODES} are read")
+        if vertices > MAX_VERTICES or triangles > MAX_TRIANGLES:
+            raise ValueError(
+                f"{triangles} triangles and {vertices} vertices; "
+                f"at most {MAX_TRIANGLES} and {MAX_VERTICES} are read"
+            )
 
 
-@dataclass(frozen=True)
-class _Size:
-    """How much there is to read."""
-
-    primitives: int = 0
-    vertices: int = 0
-    triangles: int = 0
-
-    def __add__(self, other: _Size) -> _Size:
-        return _Size(
-            self.primitives + other.primitives,
-            self.vertices + other.vertices,
-            self.triangles + other.triangles,
-        )
-
-    @classmethod
-    def of(cls, gltf: Gltf, mesh: GltfMesh) -> _Size:
-        vertices = triangles = 0
-        for primitive in mesh.primitives:
-            count = gltf.accessors[primitive.attributes["POSITION"]].count
-            vertices += count
-            index = primitive.indices
-            corners = count if index is None else gltf.accessors[index].count
-            triangles += {_TRIANGLES: corners // 3, _STRIP: corners}.get(primitive.mode, 0)
-        return cls(len(mesh.primitives), vertices, triangles)
-
-
-def _too_many(size: _Size) -> Iterator[str]:
-    if size.primitives > MAX_NODES:
-        yield f"{size.primitives} primitives; at most {MAX_NODES} are read"
-    if size.vertices > MAX_VERTICES or size.triangles > MAX_TRIANGLES:
-        yield (
-            f"{size.triangles} triangles and {size.vertices} vertices; "
-            f"at most {MAX_TRIANGLES} and {MAX_VERTICES} are read"
-        )
+def _size(gltf: Gltf, mesh: GltfMesh) -> tuple[int, int, int]:
+    """Primitives, vertices and triangles of a mesh."""
+    vertices = triangles = 0
+    for primitive in mesh.primitives:
+        count = gltf.accessors[primitive.attributes["POSITION"]].count
+        vertices += count
+        index = primitive.indices
+        corners = count if index is None else gltf.accessors[index].count
+        triangles += {_TRIANGLES: corners // 3, _STRIP: corners}.get(primitive.mode, 0)
+    return len(mesh.primitives), vertices, triangles

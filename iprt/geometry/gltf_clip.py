@@ -17,7 +17,15 @@ from pydantic import Field, ValidationError
 from iprt.errors import FormatError
 from iprt.files.toml_text import printable
 from iprt.geometry.animation import Float, Node, Skeleton, Track
-from iprt.geometry.gltf_check import MAX_NODES, MAX_PARTS, Gltf, Index, Part, Primitive, first_fault
+from iprt.geometry.gltf_check import (
+    MAX_NODES,
+    MAX_PARTS,
+    Gltf,
+    Index,
+    Part,
+    accessor_of,
+    first_fault,
+)
 from iprt.geometry.gltf_numbers import INFLUENCES
 from iprt.geometry.mesh_files import MeshFile
 
@@ -77,7 +85,6 @@ class Clip:
 
     Attributes
     ----------
-    name : str
     duration : float
         Seconds from 0 to the last key; then it starts anew.
     skeleton : Skeleton
@@ -240,22 +247,12 @@ def _check_joints(gltf: Gltf) -> None:
                 where = f"meshes[{number}]"
                 if len(given) == 1:
                     raise ValueError(f"{where}: {given[0]} without the other of {', '.join(names)}")
+                count = gltf.accessors[primitive.attributes["POSITION"]].count
                 for name in given:
-                    _check_joint_accessor(gltf, primitive, name, f"{where}.{name}")
-
-
-def _check_joint_accessor(gltf: Gltf, primitive: Primitive, name: str, where: str) -> None:
-    index, count = (
-        primitive.attributes[name],
-        gltf.accessors[primitive.attributes["POSITION"]].count,
-    )
-    if index >= len(gltf.accessors):
-        raise ValueError(f"{where}: there is no accessor {index}")
-    accessor = gltf.accessors[index]
-    if accessor.type != "VEC4" or accessor.count != count:
-        raise ValueError(f"{where}: {accessor.count} of {accessor.type}; expected {count} of VEC4")
-    if accessor.buffer_view is None or accessor.sparse is not None:
-        raise ValueError(f"{where}: compressed or sparse data; export it without")
+                    index = primitive.attributes[name]
+                    found = accessor_of(gltf, index, ("VEC4",), f"{where}.{name}").count
+                    if found != count:
+                        raise ValueError(f"{where}.{name}: {found} of VEC4; expected {count}")
 
 
 def values_of(file: MeshFile, index: int, types: tuple[str, ...], where: str) -> Float:
@@ -268,13 +265,8 @@ def values_of(file: MeshFile, index: int, types: tuple[str, ...], where: str) ->
     """
     gltf = file.gltf
     assert gltf is not None
-    if index >= len(gltf.accessors):
-        raise ValueError(f"{where}: there is no accessor {index}")
-    accessor = gltf.accessors[index]
-    if accessor.type not in types:
-        raise ValueError(f"{where}: made of {accessor.type}")
-    if accessor.buffer_view is None or accessor.sparse is not None:
-        raise ValueError(f"{where}: compressed or sparse data; export it without")
+    accessor = accessor_of(gltf, index, types, where)
+    assert accessor.buffer_view is not None
     # That accessors lie in their views and these in what buffers claim is known (gltf_check.py).
     view = gltf.buffer_views[accessor.buffer_view]
     data = file.buffer(view.buffer)

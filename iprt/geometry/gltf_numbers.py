@@ -1,4 +1,4 @@
-"""A glTF document rewritten so that what trimesh makes of it can be told apart by number."""
+"""A glTF document rewritten so that the parts that trimesh makes of it carry numbers."""
 
 from __future__ import annotations
 
@@ -22,7 +22,6 @@ def numbered(document: dict[str, Any], chunk: bytes | None) -> bytes:
 
     Parameters
     ----------
-    document : dict
     chunk : bytes or None
         Binary data: of a .glb file; None: a .gltf file.
     """

@@ -18,7 +18,7 @@ MAX_KEYFRAMES = 2**16
 """An object or a view has no more."""
 LARGEST_SCALE = 1e6
 UNIT_TOLERANCE = 0.01
-"""By which a quaternion's length may differ from 1: it has been rounded."""
+"""Tolerance of a quaternion's length, which has been rounded."""
 
 
 def _scale(value: Any) -> list[float]:
@@ -110,7 +110,6 @@ class ObjectMotion:
     to_world : (4, 4) float64
     translation : Track or None
         Metres; None: nowhere.
-    rotation, scale : Track or None
     """
 
     to_world: Float
@@ -128,7 +127,7 @@ class ObjectMotion:
         )
 
     def describe(self) -> str | None:
-        """What moves and when, in words; None: nothing does."""
+        """The keyed quantities and times in words; None: none."""
         return _described(
             {"translation": self.translation, "rotation": self.rotation, "scale": self.scale}
         )
@@ -155,7 +154,7 @@ class ObjectMotion:
         return to_world
 
     def _keyed(self, time_s: float) -> tuple[Float, Float, Float]:
-        """How far (3,), by which turn (3, 3) and how much larger (3,) it is at a time."""
+        """Translation (3,), rotation (3, 3) and scale (3,) at a time."""
         moved = np.zeros(3) if self.translation is None else self.translation.at(time_s)
         turn = np.array(NO_ROTATION) if self.rotation is None else self.rotation.at(time_s)
         scale = np.ones(3) if self.scale is None else self.scale.at(time_s)
@@ -176,7 +175,7 @@ class ViewMotion:
         return cls(view, *(_track(keyframes, key) for key in ("yaw_deg", "pitch_deg", "fov_y_deg")))
 
     def describe(self) -> str | None:
-        """What changes and when, in words; None: nothing does."""
+        """The keyed quantities and times in words; None: none."""
         return _described({"yaw": self.yaw_deg, "pitch": self.pitch_deg, "fov": self.fov_y_deg})
 
     def at(self, time_s: float) -> View:

@@ -53,7 +53,7 @@ class Material:
 
 
 def material_table(materials: Sequence[Material]) -> NDArray[np.float32]:
-    """What the kernels know of the materials; the albedo comes with each hit instead.
+    """The table of materials that kernels read; the albedo comes with each hit instead.
 
     Returns
     -------

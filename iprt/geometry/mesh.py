@@ -68,8 +68,6 @@ class Instance:
 
     Attributes
     ----------
-    name : str
-    mesh : Mesh
     to_world : (4, 4) float64
         `p_world = to_world @ p_object`, affine.
     """

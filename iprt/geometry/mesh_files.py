@@ -1,4 +1,4 @@
-"""What a mesh file refers to and holds, read from the file itself.
+"""References and contents of a mesh file, read from the file itself.
 
 trimesh passes over missing textures and over what it does not know, in silence, and believes what a
 file claims; this finds all of it before trimesh reads.
@@ -125,7 +125,7 @@ class MeshFile:
         return self._gltf_chunk if uri is None else self._uri_bytes(uri)
 
     def unread_parts(self, *, animated: bool = False) -> list[str]:
-        """What the file holds and is not read, one phrase each, in a fixed order.
+        """Contents of the file that are not read, one phrase each, in a fixed order.
 
         `animated`: of a glTF file, an animation is.
         """

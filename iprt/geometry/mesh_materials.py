@@ -27,7 +27,7 @@ METALLIC = 0.5
 GLOSSY_SPECULAR = 0.04
 """Least specular reflectance (Ks) of an MTL material that gets a coat."""
 MAX_IOR = 4.0
-"""As in `scene.toml`."""
+"""The limit of `scene.toml`."""
 _READ_KEYS = {"kd", "ks", "ns", "ni", "pr", "pm", "name", "image", "diffuse", "specular"}
 _SAYS_NOTHING = {"ambient", "ka", "glossiness", "illum"}
 """Light from nowhere, and which formula MTL's own shading is."""
@@ -75,8 +75,6 @@ def convert_material(
         PBRMaterial (glTF) or SimpleMaterial (MTL).
     factors : dict of str to list of float
         Base colours of a glTF file by the material's name: trimesh keeps only 8 bits of them.
-    textures : Textures
-    dropped : list of str
     """
     if source is None:
         return DEFAULT_MATERIAL
@@ -174,7 +172,7 @@ def _from_mtl(source: Any, textures: Textures, dropped: list[str]) -> Material:
 
 
 def _unread_mtl(values: dict[str, Any]) -> Iterator[str]:
-    """What an MTL material says and ours do not, a phrase each."""
+    """Properties of an MTL material that ours lack, a phrase each."""
     if _first(values.get("d"), 1.0) < 1.0 or _first(values.get("tr"), 0.0) > 0.0:
         yield "transparency"
     if max(_color(values.get("ke", [0.0, 0.0, 0.0]))) > 0.0:

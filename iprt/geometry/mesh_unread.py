@@ -1,4 +1,4 @@
-"""What mesh files hold and is not read, a phrase each, besides what their materials say."""
+"""Contents of mesh files that are not read, a phrase each, except for materials."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def unread_gltf(gltf: Gltf, *, animated: bool) -> Iterator[str]:
 
 
 def unread_obj(lines: Iterable[str]) -> list[str]:
-    """What a Wavefront OBJ file holds that is not read."""
+    """Contents of a Wavefront OBJ file that are not read."""
     kinds = {words[0] for line in lines if (words := line.split())}
     if "vn" in kinds:
         kinds.discard("s")  # normals say the same
@@ -54,5 +54,5 @@ def unread_obj(lines: Iterable[str]) -> list[str]:
 
 
 def unread_ply(elements: Iterable[str]) -> list[str]:
-    """What a PLY file with elements of these names holds that is not read."""
+    """The elements of a PLY file that are not read."""
     return [f"element '{printable(name)}'" for name in elements if name not in _PLY_ELEMENTS]

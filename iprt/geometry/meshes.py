@@ -94,11 +94,6 @@ def placed_geometries(
 ) -> dict[str, tuple[NDArray[np.float64], Any]]:
     """Transforms and triangles of trimesh by the name of their node; what else there is is noted.
 
-    Parameters
-    ----------
-    file : MeshFile
-    dropped : list of str
-
     Raises
     ------
     FormatError

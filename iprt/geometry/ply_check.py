@@ -1,4 +1,4 @@
-"""What a PLY file claims to hold, checked before anything is read by it.
+"""Checks of a PLY header before anything is read by it.
 
 Format: G. Turk, "The PLY Polygon File Format", 1994.
 """
@@ -25,11 +25,11 @@ _MAX_LINE = 4096
 
 @dataclass
 class _Element:
-    """`least` is the size of one entry if its lists are empty: in bytes, or in numbers of text."""
+    """`size` is that of one entry with empty lists: in bytes, or in numbers of text."""
 
     name: str
     count: int
-    least: int = 0
+    size: int = 0
     properties: set[str] = field(default_factory=set)
 
 
@@ -62,7 +62,7 @@ def check_ply(path: Path) -> list[str]:
                 f"{path}: claims {element.count} of '{element.name}'; at most {most} are read"
             )
         # A number of text is a digit and a blank or line end.
-        needed += element.count * element.least * (2 if is_text else 1)
+        needed += element.count * element.size * (2 if is_text else 1)
     if needed > present + is_text:
         raise FormatError(
             f"{path}: cut off or damaged PLY file ({present} bytes of at least {needed})"
@@ -82,7 +82,7 @@ def _header(file: BinaryIO) -> tuple[list[_Element], bool]:
     for _ in range(_MAX_HEADER_LINES):
         words = file.readline(_MAX_LINE).decode("utf-8").split()
         if words == ["end_header"]:
-            if any(element.count and not element.least for element in elements):
+            if any(element.count and not element.size for element in elements):
                 raise ValueError("an element without properties")
             return elements, is_text
         if words[0] == "element":
@@ -104,4 +104,4 @@ def _add_property(element: _Element, words: list[str], is_text: bool) -> None:
         raise ValueError("property")
     sizes = [_BYTES[name] for name in types]
     element.properties.add(words[-1])
-    element.least += 1 if is_text else sizes[0]
+    element.size += 1 if is_text else sizes[0]

@@ -72,7 +72,7 @@ def camera_motion(before: Float | None, now: Float | None) -> Float:
     Raises
     ------
     ValueError
-        One of them is None: how the camera moved cannot be told.
+        One of them is None: how the camera moved is unknown.
     """
     if (before is None) != (now is None):
         raise ValueError("either all frames of a video have poses or none")

@@ -1,4 +1,4 @@
-"""What an STL file claims to hold, checked before anything is read by it.
+"""Checks of an STL file before anything is read by it.
 
 Format: 3D Systems, "StereoLithography Interface Specification", 1988: text from `solid` to
 `endsolid`, or a header of 80 bytes, the number of triangles, and 50 bytes for each.

@@ -26,7 +26,7 @@ COUNTED_FRAMES = 4
 """Frames, after as many warm-ups, whose rays and steps are counted: these vary little."""
 
 Progress = Callable[[int], None]
-"""Is told the number of frames done so far, those of the warm-up included."""
+"""Called with the number of frames done so far, those of the warm-up included."""
 
 
 def benchmark(
@@ -116,9 +116,9 @@ def count_work(device: ComputeDevice, reel: Reel, progress: Progress | None = No
 
 def _traced_fraction(renderer: Renderer) -> list[float]:
     """The fraction, in a list; an empty list where no rays relight the real layer."""
-    pixels = renderer.real_pixels
-    if pixels is None:
+    count = None if renderer.method is None else renderer.method.traced_count
+    if count is None:
         return []
     view = renderer.view
     # Not by the device: this is no part of a frame.
-    return [float(pixels.mask.count.get()[0]) / (view.width * view.height)]
+    return [float(count.get()[0]) / (view.width * view.height)]

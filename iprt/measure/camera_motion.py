@@ -1,4 +1,4 @@
-"""What is shown while frames are timed: a head that turns, or a video that plays."""
+"""Frames to time: a head that turns, or a video that plays."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SWING = 25
 """Frames from the middle of the swing to its end, so that the objects stay in view."""
 
 Step = Callable[["Renderer"], None]
-"""Takes a renderer on to its next frame, which it does not render."""
+"""A function that takes a renderer to its next frame, without rendering it."""
 
 
 class Reel(Protocol):
@@ -35,7 +35,6 @@ class Reel(Protocol):
     ----------
     view : View
         That of the first frame.
-    settings : Settings
     """
 
     @property

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
-from typing import Any
 
 from iprt.errors import IprtError
 from iprt.geometry.camera import View
 from iprt.measure.cost import BLOCKS
 from iprt.measure.cost_report import CostReport
 from iprt.measure.profile_file import OldReport
+from iprt.output.metadata import dotted
 
 FALSE_ALARMS = 0.05
 """Probability that any row at all is marked where nothing has changed."""
-LEAST_ERROR_MS = 1e-3
-"""Clocks of devices tell no finer."""
+MIN_ERROR_MS = 1e-3
+"""Resolution of device clocks."""
 WALL, FRAME = "wall", "all passes"
 """Rows of the frame as a whole."""
 
@@ -31,7 +31,7 @@ class Median:
 
 @dataclass(frozen=True)
 class Change:
-    """How a time differs.
+    """The difference of a time.
 
     Attributes
     ----------
@@ -55,7 +55,7 @@ class Change:
 
     @property
     def beyond_noise(self) -> bool:
-        """Whether it has changed, as far as can be told."""
+        """Whether it has changed, beyond the known noise."""
         if self.before_ms is None or self.after_ms is None:
             return True
         return self.noise_ms is not None and abs(self.difference_ms) > self.noise_ms
@@ -70,7 +70,7 @@ class Change:
 
 
 def require_comparable(old: OldReport, *, scene: str, device: str, view: View) -> None:
-    """Times of other pictures, or of other devices, tell nothing.
+    """Times of other pictures, or of other devices, cannot be compared.
 
     Raises
     ------
@@ -88,7 +88,7 @@ def require_comparable(old: OldReport, *, scene: str, device: str, view: View) -
 
 def changes(old: OldReport, new: CostReport) -> list[Change]:
     """All rows of both, those of passes in the order of `new`; what is gone comes last."""
-    before, after = dict(_old_rows(old)), dict(_new_rows(new))
+    before, after = (dict(_rows(of)) for of in (old, OldReport.model_validate(new.record())))
     places = [*after, *(place for place in before if place not in after)]
     count = sum(_error(before.get(place), after.get(place)) is not None for place in places)
     return [_change(place, before.get(place), after.get(place), count) for place in places]
@@ -96,7 +96,7 @@ def changes(old: OldReport, new: CostReport) -> list[Change]:
 
 def changed_settings(old: OldReport, new: CostReport) -> list[str]:
     """Settings that differ, in words."""
-    before, after = _flat(old.settings), _flat(new.settings.model_dump(mode="json"))
+    before, after = dotted(old.settings), dotted(new.settings.model_dump(mode="json"))
     return [
         f"{key} = {after.get(key)}, was {before.get(key)}"
         for key in dict.fromkeys([*after, *before])
@@ -126,35 +126,14 @@ def _error(before: Median | None, after: Median | None) -> float | None:
     """Standard error of the difference, where it is known."""
     if before is None or after is None or before.error_ms is None or after.error_ms is None:
         return None
-    return max(math.hypot(before.error_ms, after.error_ms), LEAST_ERROR_MS)
+    return max(math.hypot(before.error_ms, after.error_ms), MIN_ERROR_MS)
 
 
-def _old_rows(old: OldReport) -> Iterator[tuple[tuple[str, str], Median]]:
-    if old.wall_ms is not None:
-        yield (WALL, ""), Median(old.wall_ms, old.wall_error_ms)
-    yield (FRAME, ""), Median(old.ms, old.error_ms)
-    for row in old.passes:
+def _rows(report: OldReport) -> Iterator[tuple[tuple[str, str], Median]]:
+    if report.wall_ms is not None:
+        yield (WALL, ""), Median(report.wall_ms, report.wall_error_ms)
+    yield (FRAME, ""), Median(report.ms, report.error_ms)
+    for row in report.passes:
         yield (row.name, ""), Median(row.ms, row.error_ms)
         for part in row.parts:
             yield (row.name, part.name), Median(part.ms, part.error_ms)
-
-
-def _new_rows(new: CostReport) -> Iterator[tuple[tuple[str, str], Median]]:
-    if new.wall is not None:
-        yield (WALL, ""), Median(new.wall.ms, new.wall.error_ms)
-    yield (FRAME, ""), Median(new.frame.ms, new.frame.error_ms)
-    for row in new.passes:
-        yield (row.name, ""), Median(row.timing.ms, row.timing.error_ms)
-        for part in row.parts:
-            yield (row.name, part.name), Median(part.timing.ms, part.timing.error_ms)
-
-
-def _flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Settings by dotted key."""
-    flat: dict[str, Any] = {}
-    for key, value in values.items():
-        if isinstance(value, Mapping):
-            flat |= _flat(value, f"{prefix}{key}.")
-        else:
-            flat[prefix + key] = value
-    return flat

@@ -10,7 +10,7 @@ import numpy as np
 
 from iprt.errors import FormatError
 from iprt.measure import metrics
-from iprt.measure.target import Background, Radiance, Scores, Target, read_target
+from iprt.measure.target import Background, Radiance, Scores, Target, read_target, with_frames
 from iprt.output.display import display
 
 if TYPE_CHECKING:
@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from iprt.footage.frame import Frame
     from iprt.scene.scene import Scene
     from iprt.settings.model import Settings
-
-METHODS = ("iprt", "ibl")
 
 DIFFERENCE_GAIN = 4.0
 """Factor that makes small differences visible in `difference`."""
@@ -33,7 +31,6 @@ class Comparison:
     ----------
     view, method, background : str
         What was rendered, and over what.
-    scores : Scores
     ms : dict of str to float
         Milliseconds per frame of each pass; the panorama's own, once per video frame, apart.
     """
@@ -108,14 +105,9 @@ def compare_views(
         As `read_target`; or a picture needs more memory than the device has.
     """
     targets = [read_target(scene, name, background) for name in views]
-    frames_read: dict[int, Frame] = {}
-    for target in targets:
-        if target.index not in frames_read:
-            frames_read = {target.index: scene.frame(target.index)}
+    for target, frame in with_frames(scene, targets):
         for settings in variants:
-            color, ms = render_target(
-                scene, frames_read[target.index], target, settings, device, frames, progress
-            )
+            color, ms = render_target(scene, frame, target, settings, device, frames, progress)
             scores = scored(target, color, f"method {settings.method}")
             comparison = Comparison(target.name, settings.method, background, scores, ms)
             yield Compared(comparison, target, color)

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 from iprt.errors import IprtError
 from iprt.measure.compare import scored
 from iprt.measure.intervals import Estimate
-from iprt.measure.sweep import Combination, cut_estimates, still_settings, with_frames
-from iprt.measure.target import Radiance, Scores, Target
+from iprt.measure.sweep import Combination, cut_estimates, still_settings
+from iprt.measure.target import Radiance, Scores, Target, with_frames
 
 if TYPE_CHECKING:
     from iprt.device.compute import ComputeDevice
@@ -35,8 +35,6 @@ class Point:
     seconds : Estimate
         From what is in memory to the picture: preparation and all frames so far, without
         compiling kernels.
-    ssim : Estimate
-    ssim_cuts : tuple of Estimate
     """
 
     count: int

@@ -84,7 +84,7 @@ def _series(curve: Curve, cut: int | None) -> Series:
         estimate = point.ssim if cut is None else point.ssim_cuts[cut]
         hint = f"{curve.label}: {point.count} in {point.seconds.mean:.2f} s: {estimate.text()}"
         marks.append(Mark(point.seconds.mean, estimate.mean, estimate.half or 0.0, hint))
-    return Series(curve.label, tuple(marks), tuple((mark.x, mark.y) for mark in marks))
+    return Series(curve.label, tuple(marks))
 
 
 def _cuts(curve: Curve) -> list[int | None]:

@@ -58,11 +58,10 @@ def _median_error(values: NDArray[np.float64]) -> float:
 
 @dataclass(frozen=True)
 class WorkRow:
-    """What a kernel had to do, per frame; see `iprt.device.counting`.
+    """The work of a kernel per frame; see `iprt.device.counting`.
 
     Attributes
     ----------
-    items, active, groups, active_groups : float
     rays, object_rays : float
         Through the panorama, and towards objects.
     steps, object_steps : float
@@ -106,16 +105,13 @@ class PartRow:
 
     Attributes
     ----------
-    name : str
-    kind : Kind
-    timing : Timing
     share : float
         Fraction of the mean time of a frame, in [0, 1].
     launches, bytes : float
         Per frame, on average; see `Cost`.
     gb_per_s : float or None
         Bytes by time, in 10^9 a second. None of host work, and of kernels that read where rays or
-        lists lead them: the buffers' sizes tell nothing of what these move.
+        lists lead them: the buffers' sizes do not say what these move.
     work : WorkRow or None
         What a kernel that counts had to do, where it was counted.
     """
@@ -136,7 +132,6 @@ class PassRow:
 
     Attributes
     ----------
-    name : str
     timing : Timing
         Device and host together.
     share, launches : float
@@ -145,7 +140,6 @@ class PassRow:
         Medians of what the device did, and of host work.
     enqueue_ms : float
         Median of the time that the host spent on it while the device may have run.
-    parts : tuple of PartRow
     """
 
     name: str
@@ -163,7 +157,7 @@ class PassRow:
 
 
 Counted = Mapping[tuple[str, str], WorkRow]
-"""By pass and kernel."""
+"""Work by pass and kernel."""
 
 
 def frame_timing(frames: Sequence[FrameCosts]) -> Timing:
@@ -225,7 +219,7 @@ def _part_row(key: Key, frames: Sequence[FrameCosts], total: float, counted: Cou
 
 
 PASS_KINDS = frozenset({Kind.KERNEL, Kind.TRANSFER, Kind.HOST})
-"""What the time of a pass is made of."""
+"""The kinds of cost that add up to the time of a pass."""
 
 
 def _ms(costs: Iterable[tuple[Key, Cost]], kinds: Iterable[Kind] = PASS_KINDS) -> float:

@@ -1,4 +1,4 @@
-"""What a run of frames cost, as a whole and by pass, and its one form as plain data."""
+"""Costs of a run of frames, as a whole and by pass, also as plain data."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ SCHEMA = 1
 
 @dataclass(frozen=True)
 class CostReport:
-    """What frames cost.
+    """Costs of frames.
 
     Attributes
     ----------
@@ -35,8 +35,6 @@ class CostReport:
         Names.
     view : View
         View of the first frame.
-    settings : Settings
-    frames : int
     wall : Timing or None
         From asking for a frame until the device has finished it, as one clock shows it: passes,
         Python, and waiting. The picture stays on the device. None where pictures were read.
@@ -49,7 +47,6 @@ class CostReport:
         Time of passes before the first frame.
     compiled, first_launches : mapping of str to float
         Milliseconds by program; see `Profile`.
-    passes : tuple of PassRow
     buffers : mapping of str to int
         Bytes by name, those of OpenGL included.
     memory : int
@@ -178,28 +175,16 @@ class CostReport:
 
 
 def _pass_record(row: PassRow) -> dict[str, Any]:
-    return {
-        "name": row.name,
-        **_timing(row.timing),
-        "share": row.share,
-        "launches": row.launches,
-        "device_ms": row.device_ms,
-        "host_ms": row.host_ms,
-        "enqueue_ms": row.enqueue_ms,
-        "parts": [
-            {
-                "name": part.name,
-                "kind": part.kind.value,
-                **_timing(part.timing),
-                "share": part.share,
-                "launches": part.launches,
-                "bytes": part.bytes,
-                "gb_per_s": part.gb_per_s,
-                "work": None if part.work is None else asdict(part.work),
-            }
-            for part in row.parts
-        ],
-    }
+    record = asdict(row)
+    return _plain({**record, "parts": [_plain(part) for part in record["parts"]]})
+
+
+def _plain(record: dict[str, Any]) -> dict[str, Any]:
+    """The fields of a row, with those of its timing behind its name and kind."""
+    named = {"name": record.pop("name")}
+    if "kind" in record:
+        named["kind"] = record.pop("kind").value
+    return {**named, **record.pop("timing"), **record}
 
 
 def _timing(timing: Timing | None, prefix: str = "") -> dict[str, float | None]:

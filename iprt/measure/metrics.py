@@ -34,10 +34,7 @@ def mse(test: Image, truth: Image) -> float:
 
 def rmse(test: NDArray[Any], truth: NDArray[Any]) -> float:
     """Root of the mean squared error over pixels and channels of two images of linear radiance."""
-    if test.shape != truth.shape:
-        raise FormatError(
-            f"the images differ in size: {_size(test)} against the truth's {_size(truth)}"
-        )
+    _require_same_size(test, truth)
     return float(np.sqrt(np.mean(np.square(test.astype(np.float64) - truth))))
 
 
@@ -143,11 +140,14 @@ def _evaluate_flip(test: Image, truth: Image, *, colours: bool) -> Any:
     )
 
 
-def _require_comparable(test: Image, truth: Image) -> None:
+def _require_same_size(test: NDArray[Any], truth: NDArray[Any]) -> None:
     if test.shape != truth.shape:
-        raise FormatError(
-            f"the images differ in size: {_size(test)} against the truth's {_size(truth)}"
-        )
+        sizes = ("x".join(map(str, (*i.shape[1::-1], *i.shape[2:]))) for i in (test, truth))
+        raise FormatError("the images differ in size: {} against the truth's {}".format(*sizes))
+
+
+def _require_comparable(test: Image, truth: Image) -> None:
+    _require_same_size(test, truth)
     if truth.ndim != 3 or truth.shape[2] != 3 or truth.size == 0:
         raise FormatError(f"expected images of shape (H, W, 3), got {truth.shape}")
     for image in (test, truth):
@@ -162,7 +162,3 @@ def _require_window(width: int, height: int, what: str) -> None:
             f"{what} has {width}x{height} pixels, too few for SSIM: "
             f"its window needs {SSIM_WINDOW}x{SSIM_WINDOW}"
         )
-
-
-def _size(image: NDArray[Any]) -> str:
-    return "x".join(str(n) for n in (*image.shape[1::-1], *image.shape[2:]))

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from iprt.measure.compare import scored
 from iprt.measure.convergence import Curve, curve
-from iprt.measure.sweep import with_frames
-from iprt.measure.target import Radiance, Target
+from iprt.measure.target import Radiance, Target, with_frames
 
 if TYPE_CHECKING:
     from iprt.footage.frame import Frame

@@ -1,13 +1,26 @@
-"""Layout of a small plot, points with error bars and lines, for `report.html` to draw as SVG."""
+"""Small plots for `report.html`: points with error bars and lines, as SVG."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+import base64
+import io
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+from xml.etree import ElementTree
 
-COLOURS = ("#1f6fb4", "#d9662b", "#3a9447", "#8a5fb0", "#b03a48", "#7a6a52", "#17899c", "#8b8b1a")
-TICKS = 6
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+SVG = "http://www.w3.org/2000/svg"
+STYLE: Any = {
+    "svg.fonttype": "none",
+    "svg.hashsalt": "iprt",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.color": "#e4e4e4",
+    "lines.linewidth": 1.5,
+}
 
 
 @dataclass(frozen=True)
@@ -21,7 +34,7 @@ class Mark:
     label : str
         Written beside it.
     solid : bool
-        Filled, or a ring.
+        Filled and on the line of its series, or a ring beside it.
     """
 
     x: float
@@ -34,157 +47,73 @@ class Mark:
 
 @dataclass(frozen=True)
 class Series:
-    """Marks of one colour; `line` are the corners of a line through or beside them."""
+    """Marks of one colour; the line through the solid ones is straight, or rises in steps."""
 
     name: str
     marks: tuple[Mark, ...]
-    line: tuple[tuple[float, float], ...] = ()
-
-
-@dataclass(frozen=True)
-class Tick:
-    """A line of the grid, at a position in the drawing."""
-
-    at: float
-    label: str
-
-
-@dataclass(frozen=True)
-class DrawnMark:
-    """A mark in the drawing's units."""
-
-    x: float
-    y: float
-    low: float
-    high: float
-    hint: str
-    label: str
-    solid: bool
-
-
-@dataclass(frozen=True)
-class DrawnSeries:
-    """A series in the drawing's units; `line` as SVG's `points`."""
-
-    name: str
-    colour: str
-    marks: tuple[DrawnMark, ...]
-    line: str
+    steps: bool = False
 
 
 @dataclass(frozen=True)
 class Plot:
-    """A plot with a logarithmic x axis; x > 0. There is at least one mark.
-
-    Attributes
-    ----------
-    series : tuple of Series
-    left, top, right, bottom : float
-        Corners of the area inside the axes, in the drawing.
-    """
+    """A plot with a logarithmic x axis; x > 0. There is at least one mark."""
 
     title: str
     x_label: str
     y_label: str
     series: tuple[Series, ...]
     notes: tuple[str, ...] = ()
-    width: int = 760
-    height: int = 420
-    left: float = field(default=64.0, init=False)
-    top: float = field(default=34.0, init=False)
 
     @property
-    def right(self) -> float:
-        return self.width - 30.0
+    def data(self) -> str:
+        """The drawing, an SVG file, as a data URI. The same plot gives the same file."""
+        import matplotlib
 
-    @property
-    def bottom(self) -> float:
-        return self.height - 52.0
+        ElementTree.register_namespace("", SVG)
+        stream = io.StringIO()
+        with matplotlib.rc_context(STYLE):
+            self.figure().savefig(stream, format="svg", metadata={"Date": None, "Creator": None})
+        root = ElementTree.fromstring(stream.getvalue())
+        for identity, mark in self._identities().items():
+            drawn = root.find(f".//*[@id='{identity}']")
+            if drawn is not None and mark.hint:
+                title = ElementTree.Element(f"{{{SVG}}}title")
+                title.text = mark.hint
+                drawn.insert(0, title)
+        return "data:image/svg+xml;base64," + base64.b64encode(ElementTree.tostring(root)).decode()
 
-    @property
-    def x_ticks(self) -> list[Tick]:
-        low, high = self._x_range()
-        return [Tick(round(self._x(value), 1), f"{value:g}") for value in log_ticks(low, high)]
+    def figure(self) -> Figure:
+        """The drawing."""
+        from matplotlib.figure import Figure
+        from matplotlib.ticker import LogLocator, StrMethodFormatter
 
-    @property
-    def y_ticks(self) -> list[Tick]:
-        low, high = self._y_range()
-        return [
-            Tick(round(self._y(value), 1), f"{value:.10g}") for value in linear_ticks(low, high)
-        ]
-
-    @property
-    def drawn(self) -> list[DrawnSeries]:
-        return [
-            DrawnSeries(
-                name=series.name,
-                colour=COLOURS[index % len(COLOURS)],
-                marks=tuple(self._mark(mark) for mark in series.marks),
-                line=" ".join(f"{self._x(x):.1f},{self._y(y):.1f}" for x, y in series.line),
+        figure = Figure((7.6, 4.2), layout="constrained")
+        axes = figure.add_subplot(xscale="log", xlabel=self.x_label, ylabel=self.y_label)
+        axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        axes.minorticks_off()
+        identities = iter(self._identities())
+        for number, series in enumerate(self.series):
+            colour = f"C{number}"
+            line = sorted((mark.x, mark.y) for mark in series.marks if mark.solid)
+            axes.plot(
+                [x for x, _ in line],
+                [y for _, y in line],
+                color=colour,
+                drawstyle="steps-post" if series.steps else "default",
+                label=series.name,
             )
-            for index, series in enumerate(self.series)
-        ]
+            for mark in series.marks:
+                axes.errorbar(mark.x, mark.y, mark.half or None, fmt="none", color=colour)
+                fill = colour if mark.solid else "white"
+                axes.plot(mark.x, mark.y, "o", color=colour, mfc=fill, gid=next(identities))
+                axes.annotate(
+                    mark.label, (mark.x, mark.y), (6, 5), textcoords="offset points", fontsize=9
+                )
+        if any(series.name for series in self.series):
+            axes.legend(loc="lower right")
+        return figure
 
-    def _mark(self, mark: Mark) -> DrawnMark:
-        return DrawnMark(
-            x=round(self._x(mark.x), 1),
-            y=round(self._y(mark.y), 1),
-            low=round(self._y(mark.y - mark.half), 1),
-            high=round(self._y(mark.y + mark.half), 1),
-            hint=mark.hint,
-            label=mark.label,
-            solid=mark.solid,
-        )
-
-    def _marks(self) -> list[Mark]:
-        return [mark for series in self.series for mark in series.marks]
-
-    def _x_range(self) -> tuple[float, float]:
-        values = [mark.x for mark in self._marks()]
-        return min(values) / 1.1, max(values) * 1.1
-
-    def _y_range(self) -> tuple[float, float]:
-        marks = self._marks()
-        low, high = min(m.y - m.half for m in marks), max(m.y + m.half for m in marks)
-        margin = 0.06 * (high - low) or 0.01 * abs(high) or 1.0
-        return low - margin, high + margin
-
-    def _x(self, value: float) -> float:
-        low, high = self._x_range()
-        share = math.log(value / low) / math.log(high / low)
-        return self.left + share * (self.right - self.left)
-
-    def _y(self, value: float) -> float:
-        low, high = self._y_range()
-        return self.bottom - (value - low) / (high - low) * (self.bottom - self.top)
-
-
-def linear_ticks(low: float, high: float) -> list[float]:
-    """Multiples of 1, 2 or 5 times a power of ten between `low` and `high`: about `TICKS`."""
-    step = _round_step((high - low) / TICKS)
-    first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
-    return [index * step for index in range(first, last + 1)]
-
-
-def log_ticks(low: float, high: float) -> list[float]:
-    """Values for a logarithmic axis: 1, 2, 5 per decade; linear ones where that gives too few."""
-    decades = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
-    values = [digit * 10.0**decade for decade in decades for digit in (1, 2, 5)]
-    inside = [value for value in values if low <= value <= high]
-    return inside if len(inside) >= 3 else [v for v in linear_ticks(low, high) if v > 0.0]
-
-
-def _round_step(least: float) -> float:
-    power = 10.0 ** math.floor(math.log10(least))
-    return next(digit * power for digit in (1, 2, 5, 10) if digit * power >= least * (1 - 1e-9))
-
-
-def front_line(points: Sequence[tuple[float, float]]) -> tuple[tuple[float, float], ...]:
-    """Corners of the staircase through points, sorted by x: what is reached by each x."""
-    ordered = sorted(points)
-    corners: list[tuple[float, float]] = []
-    for x, y in ordered:
-        if corners:
-            corners.append((x, corners[-1][1]))
-        corners.append((x, y))
-    return tuple(corners)
+    def _identities(self) -> dict[str, Mark]:
+        marks = [mark for series in self.series for mark in series.marks]
+        return {f"mark-{number}": mark for number, mark in enumerate(marks)}

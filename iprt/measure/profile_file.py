@@ -59,7 +59,7 @@ class OldPart(BaseModel):
 
 
 class OldPass(BaseModel):
-    """As `PassRow`."""
+    """A pass; see `PassRow`."""
 
     name: str
     ms: Milliseconds
@@ -68,7 +68,7 @@ class OldPass(BaseModel):
 
 
 class OldReport(BaseModel):
-    """What a comparison needs to know of a `CostReport` of before."""
+    """The part of an earlier `CostReport` that a comparison needs."""
 
     version: str
     scene: str

@@ -46,11 +46,10 @@ class Figures:
 
 @dataclass
 class Report:
-    """What a page shows, from top to bottom.
+    """The contents of a page, from top to bottom.
 
     Attributes
     ----------
-    title : str
     lines : list of str
         How the figures were made.
     """

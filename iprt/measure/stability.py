@@ -36,7 +36,7 @@ MOVED_DEPTH = 0.05
 """Share by which depth changes where another real surface is seen than before."""
 INFLUENCE, NO_INFLUENCE = 0.06, 0.015
 """Changes of a real pixel's light that are seen, and that are not."""
-LEAST_PIXELS = 200
+MIN_PIXELS = 200
 """Fewer pixels of an age say nothing."""
 
 
@@ -220,7 +220,6 @@ class Age:
 
     Attributes
     ----------
-    pixels : int
     error : float
         RMS difference from the converged picture: noise, and what is left of before.
     ghost : float
@@ -236,9 +235,9 @@ class Age:
     contrast: float
 
     @property
-    def told(self) -> bool:
+    def known(self) -> bool:
         """There are pixels enough to say anything."""
-        return self.pixels >= LEAST_PIXELS
+        return self.pixels >= MIN_PIXELS
 
     @property
     def seen(self) -> bool:
@@ -262,12 +261,12 @@ class Trail:
     @property
     def frames(self) -> int | None:
         """Frames after which no ghost is seen any more; None: nothing left, or not so long before
-        the end that it could be told."""
-        told = [index for index, age in enumerate(self.ages) if age.told]
-        if not told:
+        the end that it is known."""
+        known = [index for index, age in enumerate(self.ages) if age.known]
+        if not known:
             return None
-        length = max((index + 1 for index in told if self.ages[index].seen), default=0)
-        return length if length <= told[-1] else None
+        length = max((index + 1 for index in known if self.ages[index].seen), default=0)
+        return length if length <= known[-1] else None
 
     def record(self) -> dict[str, object]:
         """The same as plain data."""

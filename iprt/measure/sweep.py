@@ -14,18 +14,17 @@ from iprt.measure.compare import render_target, scored
 from iprt.measure.cost_report import CostReport
 from iprt.measure.intervals import Estimate
 from iprt.measure.pareto import pareto_front
-from iprt.measure.target import Radiance, Scores, Target
+from iprt.measure.target import Radiance, Scores, Target, with_frames
 from iprt.settings.model import Settings
 from iprt.settings.overrides import Assignment, changed, parse_assignment, resolved
 from iprt.settings.presets import STILL, Quality
 
 if TYPE_CHECKING:
     from iprt.device.compute import ComputeDevice
-    from iprt.footage.frame import Frame
     from iprt.scene.scene import Scene
 
 QUALITY = "quality"
-"""What may be swept besides settings: the preset that the others start from."""
+"""The key of the preset in sweeps; all others are settings."""
 MAX_COMBINATIONS = 1000
 
 
@@ -48,13 +47,10 @@ class Outcome:
 
     Attributes
     ----------
-    combination : Combination
-    target : Target
     bench : CostReport
         Times of a head that turns.
     ssim, rmse : Estimate
         Over seeds, of the still picture; see `Scores`.
-    ssim_cuts : tuple of Estimate
     flip : Estimate or None
         None where FLIP is not installed.
     """
@@ -69,7 +65,7 @@ class Outcome:
 
     @property
     def error(self) -> float:
-        """What is traded for time: 1 - SSIM, the mean over the cuts, or of a view without any."""
+        """The error traded for time: 1 - SSIM, the mean over the cuts, or of a view without any."""
         cuts = [cut.mean for cut in self.ssim_cuts] or [self.ssim.mean]
         return 1.0 - sum(cuts) / len(cuts)
 
@@ -95,7 +91,7 @@ def combinations(
     one_at_a_time: bool = False,
     still: bool = True,
 ) -> list[Combination]:
-    """What `sweeps`, texts such as `trace.rays=1,2,4`, ask for; all are checked.
+    """The combinations of `sweeps`, texts such as `trace.rays=1,2,4`; all are checked.
 
     Parameters
     ----------
@@ -222,15 +218,6 @@ def run_sweep(
             )
             done += WARM_UP + frames
             yield _outcome(combination, target, bench, scores), first
-
-
-def with_frames(scene: Scene, targets: Sequence[Target]) -> Iterator[tuple[Target, Frame]]:
-    """Each target with its video frame; the frame is read once for targets that share it."""
-    index, frame = None, None
-    for target in targets:
-        if frame is None or target.index != index:
-            index, frame = target.index, scene.frame(target.index)
-        yield target, frame
 
 
 def still_settings(settings: Settings, seed: int) -> Settings:

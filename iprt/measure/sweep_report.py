@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from iprt.measure.intervals import CONFIDENCE
-from iprt.measure.plot import Mark, Plot, Series, front_line
+from iprt.measure.plot import Mark, Plot, Series
 from iprt.measure.report import Figures, scored_pictures
 from iprt.measure.sweep import Outcome, on_front, value_text
 from iprt.measure.target import Radiance
@@ -87,7 +87,6 @@ def sweep_plots(outcomes: Sequence[Outcome]) -> list[Plot]:
     plots = []
     for view in dict.fromkeys(outcome.target.name for outcome in outcomes):
         mine = [entry for entry in numbered if entry[1].target.name == view]
-        front = [(o.bench.wall_ms, 1.0 - o.error) for _, o, mark in mine if mark]
         points = tuple(
             Mark(
                 x=outcome.bench.wall_ms,
@@ -104,7 +103,7 @@ def sweep_plots(outcomes: Sequence[Outcome]) -> list[Plot]:
                 title=f"{view}: time against accuracy",
                 x_label="ms/frame",
                 y_label="SSIM, mean of the cuts",
-                series=(Series("", points, front_line(front)),),
+                series=(Series("", points, steps=True),),
                 notes=("Numbers are the table's; the line is the Pareto front.",),
             )
         )

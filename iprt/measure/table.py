@@ -1,4 +1,4 @@
-"""Where the time and the memory went, as tables for people."""
+"""Time and memory as tables for people."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def compile_grid(report: CostReport) -> Grid:
 
 
 def change_grid(changes: Sequence[Change], settings: Sequence[str], before: str) -> Grid:
-    """What changed since a report that was called `before`; `settings` in words."""
+    """Changes since a report that was called `before`; `settings` in words."""
     rows = []
     for change in changes:
         indented = f"  {change.part}" if change.part else change.name
@@ -137,27 +137,21 @@ def _pass_times(row: PassRow) -> tuple[str, ...]:
     return _times(row.timing, (row.share, row.enqueue_ms, row.launches))
 
 
-def _times(timing: Timing, others: tuple[float, float, float]) -> tuple[str, ...]:
+def _times(timing: Timing, others: tuple[float, float | None, float]) -> tuple[str, ...]:
     share, host, launches = others
     return (
         f"{timing.ms:.2f}",
         f"{timing.p95_ms:.2f}",
         f"{timing.mean_ms:.2f}",
         f"{share:.1%}",
-        f"{host:.2f}",
+        "" if host is None else f"{host:.2f}",
         f"{launches:.4g}",
     )
 
 
 def _part_cells(part: PartRow) -> tuple[str, ...]:
-    timing = part.timing
     return (
-        f"{timing.ms:.2f}",
-        f"{timing.p95_ms:.2f}",
-        f"{timing.mean_ms:.2f}",
-        f"{part.share:.1%}",
-        "",
-        f"{part.launches:.4g}",
+        *_times(part.timing, (part.share, None, part.launches)),
         f"{part.bytes / 1e6:.2f}" if part.bytes else "",
         "" if part.gb_per_s is None else f"{part.gb_per_s:.2f}",
         *_work_cells(part.work),

@@ -1,9 +1,9 @@
-"""What a view's picture is scored against: its path-traced truth."""
+"""The path-traced truth that a view's picture is scored against."""
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
@@ -19,13 +19,14 @@ from iprt.measure import metrics
 from iprt.output.display import display
 
 if TYPE_CHECKING:
+    from iprt.footage.frame import Frame
     from iprt.geometry.camera import View
     from iprt.scene.scene import Scene
 
 LOG = logging.getLogger("iprt.measure")
 Radiance = NDArray[np.float32]
 Background = Literal["panorama", "truth"]
-"""What the camera sees behind the objects: the resampled panorama, or the truth's own, which
+"""The background behind the objects: the resampled panorama, or the truth's own, which
 leaves relighting as the only difference."""
 
 
@@ -41,7 +42,6 @@ class Scores:
         SSIM of the view's cuts, in the order of the manifest.
     psnr : float
         Decibel; inf for equal images.
-    mse : float
     rmse : float
         Root of the mean squared error of linear radiance.
     flip : float or None
@@ -67,13 +67,10 @@ class Target:
 
     Attributes
     ----------
-    scene, name : str
     index : int
         The video frame that the truth shows.
-    view : View
     objects : tuple of str
         Names of the objects that it shows.
-    exposure : float
     radiance : (H, W, 3) float32
         The truth, linear.
     background : (H, W, 3) float32 or None
@@ -205,8 +202,17 @@ def read_target(
     )
 
 
+def with_frames(scene: Scene, targets: Sequence[Target]) -> Iterator[tuple[Target, Frame]]:
+    """Each target with its video frame; the frame is read once for targets that share it."""
+    index, frame = None, None
+    for target in targets:
+        if frame is None or target.index != index:
+            index, frame = target.index, scene.frame(target.index)
+        yield target, frame
+
+
 def _reduction(view: View, name: str, size: tuple[int, int] | None) -> int:
-    """How many pixels of the truth's side make one of a picture of `size`."""
+    """Pixels of the truth per pixel of a picture of `size`, along a side."""
     if size is None:
         return 1
     width, height = size

@@ -1,4 +1,4 @@
-"""Play a scene's video with its objects, and tell how true and how steady it is."""
+"""Play a scene's video with its objects, and measure accuracy and stability."""
 
 from __future__ import annotations
 
@@ -42,11 +42,10 @@ CONVERGED = ("coverage", "depth", "ratio")
 
 @dataclass(frozen=True)
 class Stability:
-    """How true and how steady one view of a played video is.
+    """Accuracy and stability of one view of a played video.
 
     Attributes
     ----------
-    view : str
     label : str
         The settings, as far as they were swept.
     scores : dict of int to Scores
@@ -103,7 +102,6 @@ class Moment:
 
     Attributes
     ----------
-    index : int
     shown : tuple of image
         With each of the settings.
     converged : image or None
@@ -120,16 +118,14 @@ class Player:
 
     Parameters
     ----------
-    scene : Scene
     view : SceneView
         The view, in the size that is rendered.
     chosen : sequence of Combination
         Settings to play with.
-    device : ComputeDevice
     background : {"panorama", "truth"}
         Which background scores are taken over; flicker is that over the panorama.
     converge : int
-        Frames accumulated into each converged picture, which tell trails; 0: none.
+        Frames accumulated into each converged picture, which show trails; 0: none.
     """
 
     def __init__(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pyopencl.array as cla
 
 from iprt.device.compute import ComputeDevice
-from iprt.gbuffer.guide import Guide, plane_defines
+from iprt.gbuffer.guide import Guide
 
 
 class ReflectionMotion:
@@ -14,7 +14,7 @@ class ReflectionMotion:
     def __init__(self, device: ComputeDevice, guide: Guide) -> None:
         self._device = device
         self._guide = guide
-        defines = plane_defines(equirect=guide.equirect, **guide.camera_define)
+        defines = guide.defines(**guide.camera_define)
         self._kernel = device.kernel("methods/reflection_motion.cl", "move_reflections", defines)
         self._moved = device.zeros("reflection motion", guide.layout.shape(2))
 
@@ -30,15 +30,13 @@ class ReflectionMotion:
         roughness : 1 plane
             GGX alpha.
         hit : 1 plane
-            Metres to what is reflected, 0 where nothing is; its border is overwritten in equirect
-            views.
+            Metres to what is reflected, 0 where nothing is.
         previous : (16,) float32
             `View.kernel_constants()` of the previous picture.
         """
         guide = self._guide
         width, height = guide.layout.width, guide.layout.height
         with self._device.profile.section("temporal"):
-            guide.wrap(hit)
             self._kernel(
                 (width, height),
                 guide.current,

@@ -6,7 +6,7 @@ import pyopencl.array as cla
 
 from iprt.device.compute import ComputeDevice
 from iprt.filter.mask import STRONG_FRAMES
-from iprt.gbuffer.guide import Guide, plane_defines
+from iprt.gbuffer.guide import Guide
 from iprt.settings.features import TOUCHED_FRAMES
 from iprt.world.real.irradiance import BLACK, IrradianceCache
 from iprt.world.world import World
@@ -26,8 +26,7 @@ class Relight:
         """`delta`: signals are relative to a cached E_R."""
         self._device = device
         self._guide = guide
-        defines = plane_defines(
-            equirect=guide.equirect,
+        defines = guide.defines(
             DELTA=delta,
             FAINT_FRAMES=TOUCHED_FRAMES,
             STRONG_FRAMES=STRONG_FRAMES,

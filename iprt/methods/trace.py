@@ -90,8 +90,7 @@ class TraceVirtual:
         self._device = device
         self._guide = guide
         self._features = features
-        defines = plane_defines(
-            equirect=guide.equirect,
+        defines = guide.defines(
             RELIT=features.relit_reflections,
             JITTER=features.jitter,
             **features.gloss_defines(),

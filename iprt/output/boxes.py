@@ -27,7 +27,7 @@ _COPY_BYTES = 2**22
 
 @dataclass(frozen=True)
 class Box:
-    """Where a box lies.
+    """A box and its place.
 
     Attributes
     ----------
@@ -100,7 +100,6 @@ def index_first(source: Path, target: Path, additions: Mapping[bytes, bytes]) ->
 
     Parameters
     ----------
-    source, target : Path
     additions : mapping of bytes to bytes
         Boxes to put at the end of each `trak`, and of the first entry of each `stsd`, by those
         names.

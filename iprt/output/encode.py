@@ -30,7 +30,7 @@ LARGEST_DIVISOR = 1001
 
 @dataclass(frozen=True)
 class Codec:
-    """How pictures are coded.
+    """An encoder and its options.
 
     Attributes
     ----------
@@ -97,7 +97,7 @@ def frame_rate(fps: float, step: int = 1) -> Fraction:
     Raises
     ------
     FormatError
-        Containers cannot tell it.
+        Containers cannot store it.
     """
     rate = Fraction(fps).limit_denominator(LARGEST_DIVISOR) / step
     if not RATES[0] <= rate <= RATES[1]:
@@ -121,7 +121,7 @@ def require_even(width: int, height: int) -> None:
 
 
 def planes(color: NDArray[np.float32], exposure: float, codec: CodecName) -> NDArray[Any]:
-    """What a picture is coded from: `ycbcr420` of what a display shows of it.
+    """The encoder's input: `ycbcr420` of the displayed picture.
 
     Parameters
     ----------
@@ -271,7 +271,7 @@ def _decoded_ahead(piece: Path) -> int:
 
 
 def read_comment(path: Path) -> str | None:
-    """What `join_pieces` kept; None where there is no such file."""
+    """The comment that `join_pieces` wrote; None where there is no such file."""
     import av
 
     try:

@@ -29,7 +29,6 @@ def write_exr(
 
     Parameters
     ----------
-    path : Path
     color : (H, W, 3) float32
         Linear Rec.709 radiance: the channels R, G, B.
     aovs : mapping of name to (H, W) or (H, W, 1..4) array, optional

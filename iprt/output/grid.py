@@ -20,8 +20,6 @@ class Grid:
 
     Attributes
     ----------
-    title : str
-    columns : tuple of str
     rows : tuple of tuple of str
         One text per column each.
     notes : tuple of str

@@ -1,4 +1,4 @@
-"""What a picture says about its own making, so that it can be made again."""
+"""Metadata of a picture, from which it can be made again."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ NAMES = {
     "span": "--frames",
     "codec": "--codec",
 }
-"""What messages call values whose own name says little; other names are as in the metadata."""
+"""Names of values in messages, where they differ from the metadata's."""
 PLACES = frozenset({"iprt:device", "iprt:frame"})
-"""What pictures of one video may differ in."""
+"""Keys in which pictures of one video may differ."""
 
 
 def picture_metadata(
@@ -71,22 +71,25 @@ def difference(there: Mapping[str, str], now: Mapping[str, str]) -> str | None:
 def _flat(metadata: Mapping[str, str]) -> dict[str, Any]:
     """Every value by its name: `view.yaw_deg`, `settings.trace.rays`."""
     values: dict[str, Any] = {}
-
-    def add(name: str, value: Any) -> None:
-        if not isinstance(value, dict):
-            values[name] = value
-            return
-        for key, inner in value.items():
-            add(f"{name}.{key}", inner)
-
     for key, text in metadata.items():
         if not key.startswith("iprt:") or key in PLACES:
             continue
         try:
-            add(key.removeprefix("iprt:"), json.loads(text))
+            values[key.removeprefix("iprt:")] = json.loads(text)
         except ValueError:
             values[key.removeprefix("iprt:")] = text
-    return values
+    return dotted(values)
+
+
+def dotted(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Values of nested mappings by dotted key."""
+    flat: dict[str, Any] = {}
+    for key, value in values.items():
+        if isinstance(value, Mapping):
+            flat |= dotted(value, f"{prefix}{key}.")
+        else:
+            flat[prefix + key] = value
+    return flat
 
 
 def _shown(values: Mapping[str, Any], key: str) -> str:

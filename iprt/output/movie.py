@@ -39,7 +39,6 @@ class Movie(FrameOutput):
 
     Parameters
     ----------
-    path : Path
     frames : range
         Numbers of the frames, all of which the file will hold.
     description : mapping of str to str
@@ -47,7 +46,6 @@ class Movie(FrameOutput):
     codec : {"h264", "hevc"}
     rate : Fraction
         Frames a second.
-    exposure : float
     additions : mapping of bytes to bytes
         See `join_pieces`.
 

@@ -50,7 +50,6 @@ def write_picture(
         Layers of an EXR file, see `write_exr`.
     exposure : float
         Used by display-referred formats only; EXR keeps scene-linear radiance.
-    metadata : mapping of str to str, optional
 
     Raises
     ------

@@ -53,7 +53,6 @@ class PictureSequence(FrameOutput):
 
     Parameters
     ----------
-    pattern : Path
     frames : range
         Numbers of the frames.
     describe : callable
@@ -112,7 +111,7 @@ class PictureSequence(FrameOutput):
 
 
 def read_metadata(path: Path) -> Metadata | None:
-    """What a rendered picture says of itself; None if it is not whole, or not ours."""
+    """Metadata of a rendered picture; None if it is not whole, or not ours."""
     read = _read_exr if path.suffix.lower() == ".exr" else _read_png
     try:
         found = {key: value for key, value in read(path).items() if key.startswith("iprt:")}

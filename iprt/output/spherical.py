@@ -1,4 +1,4 @@
-"""What tells players that a video is a whole panorama, to be looked around in.
+"""Metadata by which players know that a video is a whole panorama.
 
 Both versions of Google's "Spherical Video RFC" (github.com/google/spatial-media, docs/): boxes in
 the format of the pictures, and XML in the track for players that know no more than that.

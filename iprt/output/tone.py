@@ -40,7 +40,7 @@ def level(radiance: NDArray[Any], exposure: float, curve: Curve) -> NDArray[np.f
 
 
 def developed(radiance: NDArray[np.float32], exposure: float = 1.0, curve: Curve = "srgb") -> Bytes:
-    """What a display shows: `rint(level(radiance, exposure, curve))`, to the bit.
+    """The displayed picture: `rint(level(radiance, exposure, curve))`, to the bit.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What ran when, as a trace that Perfetto (ui.perfetto.dev) and Chrome's about:tracing show.
+"""A timeline of a run, as a trace that Perfetto (ui.perfetto.dev) and Chrome's about:tracing show.
 
 After "Trace Event Format" (Google): complete events, which nest where one spans another.
 """
@@ -103,7 +103,7 @@ def _event(
 
 
 def _microseconds(ns: int) -> float:
-    """As the format has it, and of which Perfetto, which cuts off, makes the same nanoseconds.
+    """Microseconds that Perfetto, which cuts off, turns back into the same nanoseconds.
 
     Perfetto loses events of which one ends a nanosecond after what spans it.
     """

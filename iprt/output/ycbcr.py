@@ -1,4 +1,4 @@
-"""What a display shows, as video codes it: Y'CbCr by ITU-R BT.709, limited range, 4:2:0.
+"""Displayed pictures as video codes them: Y'CbCr by ITU-R BT.709, limited range, 4:2:0.
 
 By hand, because FFmpeg's conversion brightens pictures by half a step.
 """
@@ -26,7 +26,7 @@ LUMA, CHROMA = (16.0, 219.0), (128.0, 224.0)
 def ycbcr420(shown: NDArray[np.floating], bits: int) -> NDArray[Any]:
     """Planes of a picture.
 
-    Chroma lies where decoders that are told nothing look for it: at the left one of two columns,
+    Chroma lies where decoders look for it by default: at the left one of two columns,
     and between two rows.
 
     Parameters

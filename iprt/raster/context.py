@@ -49,7 +49,6 @@ def load_program(
 
     Parameters
     ----------
-    context : moderngl.Context
     fragment, vertex, geometry : str
         File names.
     defines : mapping, optional

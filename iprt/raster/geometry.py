@@ -33,13 +33,11 @@ class Part:
 
     Attributes
     ----------
-    instance : Instance
     index : int
         Number of the instance.
     vertex_row : int
         First row in the vertex texture; every instance starts a row, so that it can be rewritten
         alone.
-    first_triangle : int
     triangles : (F, 3) int32
         Those drawn, of the mesh.
     materials : slice
@@ -103,7 +101,6 @@ class WorldGeometry:
     ----------
     parts : tuple of Part
         Instances that have triangles.
-    materials : tuple of Material
     material_object : (M,) int32
         Index of the instance that each material belongs to.
     positions : moderngl.Buffer

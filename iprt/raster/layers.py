@@ -1,4 +1,4 @@
-"""What rasterization of the virtual objects yields: the layers that tracing and shading read."""
+"""The layers of rasterized objects, which tracing and shading read."""
 
 from __future__ import annotations
 
@@ -46,13 +46,12 @@ class ObjectLayers:
 
     Attributes
     ----------
-    front, back : Layer
     coverage : (H, W) float32 or None
         Fraction of the pixel in which an object is in front of the real surface (1 - M of IPRT
         Eq. 2). Where it is positive, `front` holds a surface, borrowed from a neighbour if the
         pixel's own centre misses it; there, and only there, `front` has a surface and `back` has
-        none, so that tracing can tell and objects do not grow. Slivers without a neighbour to
-        borrow from count as 0. None for layers that are only traced.
+        none, so that tracing skips these pixels and objects do not grow. Slivers without a
+        neighbour to borrow from count as 0. None for layers that are only traced.
     motion : (H, W, 2) float32 or None
         Where the front surface was in the previous frame's picture, in pixels; (-1e9, -1e9)
         where there is none.

@@ -26,12 +26,10 @@ _TILE = 512
 
 @dataclass(frozen=True)
 class _Frame:
-    """What one call of `render` works on.
+    """The state of one call of `render`.
 
     Attributes
     ----------
-    programs : Programs
-    targets : Targets
     visible : list of (Part, list of Rect)
         Instances that the view may show, and where.
     regions : list of Rect
@@ -345,5 +343,5 @@ def _previous_uniforms(view: View) -> dict[str, Any]:
 
 
 def _window(x: int, y: int, samples_per_pixel: int, size: tuple[int, int]) -> dict[str, Any]:
-    """What a target of `size` samples shows: from pixel (x, y), so many samples per pixel."""
+    """Uniforms of a target of `size` samples: from pixel (x, y), so many samples per pixel."""
     return {"window": (x, y, samples_per_pixel), "target_size": size}

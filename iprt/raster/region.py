@@ -70,7 +70,6 @@ def box_rects(view: View, corners: Float) -> list[Rect]:
 
     Parameters
     ----------
-    view : View
     corners : (8, 3) float64
         World space, in the order of `box_corners` (any affine image of a box).
     """

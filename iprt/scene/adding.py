@@ -28,7 +28,7 @@ from iprt.scene.edit import (
     mesh_copies,
     object_text,
     outdate_truths,
-    quoted,
+    table_text,
 )
 from iprt.scene.manifest import MANIFEST_NAME, manifest_text, parse_manifest
 from iprt.scene.placement import RealSurfaces, bounds, metres, set_down
@@ -40,7 +40,7 @@ Corners = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 @dataclass(frozen=True)
 class Added:
-    """What `add_object` wrote.
+    """The result of `add_object`.
 
     Attributes
     ----------
@@ -83,7 +83,6 @@ def add_object(
 
     Parameters
     ----------
-    scene_path, mesh_path : Path
     yaw_deg, pitch_deg : float
         Where to look from the capture centre: right and up.
     stance : Stance or None
@@ -176,7 +175,7 @@ def _name(scene: Scene, mesh_path: Path, name: str | None) -> str:
 
 
 def _mesh(file: MeshFile, animation: str | int | None, *, allow_outside: bool) -> Mesh:
-    """As it is at first."""
+    """The mesh at time 0."""
     within = anywhere(file.path.parent) if allow_outside else None
     if animation is None:
         return load_mesh(file.path, within=within)
@@ -220,15 +219,12 @@ def _view_text(name: str, object_name: str, corners: Corners, to_world: NDArray[
     fov = np.clip(2.5 * 2.0 * np.rad2deg(np.arctan2(radius, distance)), 15.0, 100.0)
     yaw = np.rad2deg(np.arctan2(center[0], -center[2]))
     pitch = np.rad2deg(np.arcsin(np.clip(center[1] / distance, -1.0, 1.0)))
-    return "\n".join(
-        [
-            "[[views]]",
-            f"name = {quoted(name)}",
-            f"yaw_deg = {yaw:.2f}",
-            f"pitch_deg = {pitch:.2f}",
-            f"fov_y_deg = {fov:.2f}",
-            f"size = [{VIEW_SIZE[0]}, {VIEW_SIZE[1]}]",
-            f"objects = [{quoted(object_name)}]",
-            "",
-        ]
+    return table_text(
+        "views",
+        name=name,
+        yaw_deg=round(float(yaw), 2),
+        pitch_deg=round(float(pitch), 2),
+        fov_y_deg=round(float(fov), 2),
+        size=VIEW_SIZE,
+        objects=[object_name],
     )

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import tomlkit
 from numpy.typing import NDArray
 
 from iprt.errors import FormatError, SceneError
@@ -48,7 +49,6 @@ def new_scene(
         the file of `color` holds it.
     code : DepthCode
         What stored depth stands for; needed where it is stored as integers.
-    normal : Path or None
 
     Returns
     -------
@@ -215,33 +215,38 @@ def _scene_name(folder: Path) -> str:
     return re.sub(r"[/\\\n]", "-", folder.resolve().name) or "scene"
 
 
-def quoted(text: str) -> str:
-    """A TOML basic string, which JSON strings are."""
-    return json.dumps(text, ensure_ascii=False)
+def table_text(key: str, **values: Any) -> str:
+    """An entry of a list of tables of `scene.toml`; JSON's strings are TOML's too."""
+    lines = [f"{name} = {json.dumps(value, ensure_ascii=False)}" for name, value in values.items()]
+    return "\n".join([f"[[{key}]]", *lines, ""])
+
+
+def matrix_text(to_world: NDArray[np.float64]) -> str:
+    """A (4, 4) transform as TOML, a row a line."""
+    rows = (", ".join(f"{value:.7g}" for value in row) for row in to_world)
+    return "[\n" + "".join(f"  {row},\n" for row in rows) + "]"
 
 
 def _manifest_text(
     name: str, files: dict[str, str], code: DepthCode, frames: tuple[int, int] | None
 ) -> str:
     """A manifest; a video file tells its own frames and rate."""
-    lines = ["format = 1", f"name = {quoted(name)}"]
-    lines += [
-        "exposure = 1.0            # display = sRGB of exposure times radiance",
-        "",
-        "[video]",
-    ]
-    lines += [f"{key} = {quoted(file)}" for key, file in files.items()]
+    document = tomlkit.document()
+    document.update({"format": 1, "name": name, "exposure": 1.0})
+    document["exposure"].comment("display = sRGB of exposure times radiance")
+    video = tomlkit.table()
+    video.update(files)
     if code.scale is not None:
-        lines.append(f"depth_scale = {code.scale!r}       # metres per stored unit")
+        video["depth_scale"] = code.scale
+        video["depth_scale"].comment("metres per stored unit")
     if code.ends is not None:
-        lines.append(f"depth_range = {list(code.ends)!r}   # metres of black and of white")
-        lines.append(f"depth_encoding = {quoted(code.encoding)}")
+        video.update({"depth_range": list(code.ends), "depth_encoding": code.encoding})
+        video["depth_range"].comment("metres of black and of white")
     if frames is not None:
-        lines += [f"frames = [{frames[0]}, {frames[1]}]", "fps = 30.0"]
-    lines.append("")
-    lines += ["[[views]]", 'name = "ahead"', "yaw_deg = 0.0", "pitch_deg = -15.0"]
-    lines += ["fov_y_deg = 75.0", f"size = [{VIEW_SIZE[0]}, {VIEW_SIZE[1]}]", ""]
-    return "\n".join(lines)
+        video.update({"frames": list(frames), "fps": 30.0})
+    document["video"] = video
+    ahead = {"yaw_deg": 0.0, "pitch_deg": -15.0, "fov_y_deg": 75.0, "size": VIEW_SIZE}
+    return tomlkit.dumps(document) + "\n" + table_text("views", name="ahead", **ahead)
 
 
 def object_text(
@@ -252,15 +257,13 @@ def object_text(
     animation: str | int | None = None,
 ) -> str:
     """An `[[objects]]` table of `scene.toml`."""
-    rows = [", ".join(f"{value:.7g}" for value in row) for row in to_world]
-    lines = ["[[objects]]", f"name = {quoted(name)}", f"mesh = {quoted(mesh)}"]
-    lines += ["to_world = [", *(f"  {row}," for row in rows), "]"]
+    text = table_text("objects", name=name, mesh=mesh) + f"to_world = {matrix_text(to_world)}\n"
     if material is not None:
         pairs = ", ".join(f"{key} = {json.dumps(value)}" for key, value in material.items())
-        lines.append(f"material = {{ {pairs} }}")
+        text += f"material = {{ {pairs} }}\n"
     if animation is not None:
-        lines.append(f"animation = {json.dumps(animation, ensure_ascii=False)}")
-    return "\n".join([*lines, ""])
+        text += f"animation = {json.dumps(animation, ensure_ascii=False)}\n"
+    return text
 
 
 def outdate_truths(document: Any, names: Iterable[str]) -> bool:
@@ -289,7 +292,6 @@ def mesh_copies(
     ----------
     root : Path
         The scene's folder.
-    file : MeshFile
     name : str
         The object's name.
     others : mapping of Path to Path or None

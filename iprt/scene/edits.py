@@ -5,7 +5,6 @@ Comments, order and all else that the file says stay as they are.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -18,18 +17,18 @@ from numpy.typing import NDArray
 from iprt.errors import SceneError
 from iprt.files.atomic import replacing
 from iprt.files.path_safety import require_inside
-from iprt.geometry.animated_mesh import AnimatedMesh
 from iprt.geometry.camera import View
 from iprt.geometry.keyframes import ObjectMotion
 from iprt.geometry.material import Material
-from iprt.geometry.mesh import Mesh
 from iprt.geometry.mesh_files import MeshFile
 from iprt.scene.edit import (
     changing,
     copied,
+    matrix_text,
     mesh_copies,
     object_text,
     outdate_truths,
+    table_text,
 )
 from iprt.scene.manifest import (
     MANIFEST_NAME,
@@ -38,7 +37,7 @@ from iprt.scene.manifest import (
     manifest_text,
     parse_manifest,
 )
-from iprt.scene.objects import AnyMesh, SceneObject
+from iprt.scene.objects import AnyMesh, SceneObject, made_of
 from iprt.scene.scene import Scene
 
 SAVED_VIEW = "saved"
@@ -49,11 +48,10 @@ Matrix = tuple[float, ...]
 
 @dataclass(frozen=True)
 class ObjectEdit:
-    """How an object differs from what the scene's files say.
+    """An object's differences from the scene's files.
 
     Attributes
     ----------
-    name : str
     to_world : tuple of 16 float or None
         In place of its own; keyframes move it from there.
     material : Material or None
@@ -65,7 +63,7 @@ class ObjectEdit:
     removed : bool
         It is not shown.
     textured : bool
-        Whether `material` has a texture, of which materials do not tell when they are compared.
+        Whether `material` has a texture, which comparing materials does not show.
     """
 
     name: str
@@ -123,29 +121,16 @@ def _edited(entry: SceneObject, edit: ObjectEdit | None) -> SceneObject | None:
         to_world = np.reshape(np.array(edit.to_world, np.float64), (4, 4))
         entry = replace(entry, motion=replace(entry.motion, to_world=to_world))
     if edit.material is not None:
-        entry = replace(entry, mesh=_made_of(entry.mesh, edit.material))
+        entry = replace(entry, mesh=made_of(entry.mesh, edit.material))
     return entry
-
-
-def _made_of(mesh: AnyMesh, material: Material) -> AnyMesh:
-    """The mesh, all of one material."""
-    if isinstance(mesh, AnimatedMesh):
-        return replace(mesh, bound=_bound_made_of(mesh.bound, material))
-    return _bound_made_of(mesh, material)
-
-
-def _bound_made_of(mesh: Mesh, material: Material) -> Mesh:
-    index = np.zeros_like(mesh.material_index)
-    return replace(mesh, materials=(material,), material_index=index)
 
 
 @dataclass(frozen=True)
 class Look:
-    """What the user sees when the edits are saved.
+    """The user's view when the edits are saved.
 
     Attributes
     ----------
-    view : View
     objects : tuple of str or None
         Names of those that are shown. None: all.
     """
@@ -169,11 +154,8 @@ def save_edits(
 
     Parameters
     ----------
-    scene : Scene
-    edits : iterable of ObjectEdit
     base : str or None
         The text that the edits are made to. None: what the file says now.
-    look : Look or None
 
     Returns
     -------
@@ -283,16 +265,12 @@ def _keep(document: Any, look: Look, *, needed: bool) -> list[str]:
             return []
     if not needed:
         return []
-    lines = [f"{key} = {json.dumps(value, ensure_ascii=False)}" for key, value in values.items()]
-    return ["\n".join(["[[views]]", f'name = "{SAVED_VIEW}"', *lines, ""])]
+    return [table_text("views", name=SAVED_VIEW, **values)]
 
 
 def _edit_table(table: Any, edit: ObjectEdit, scene: Scene) -> None:
     if edit.to_world is not None:
-        rows = [
-            ", ".join(f"{value:.7g}" for value in edit.to_world[i : i + 4]) for i in (0, 4, 8, 12)
-        ]
-        table["to_world"] = tomlkit.value("[\n" + "".join(f"  {row},\n" for row in rows) + "]")
+        table["to_world"] = tomlkit.value(matrix_text(np.reshape(edit.to_world, (4, 4))))
     if edit.material is not None:
         written = tomlkit.inline_table()
         written.update(_material_table(edit, scene))
@@ -300,7 +278,7 @@ def _edit_table(table: Any, edit: ObjectEdit, scene: Scene) -> None:
 
 
 def _material_table(edit: ObjectEdit, scene: Scene) -> dict[str, Any]:
-    """What `material` says now."""
+    """The new `material` table."""
     material = edit.material
     assert material is not None
     color = "reflectance" if material.kind == "conductor" else "albedo"

@@ -24,14 +24,7 @@ AnyMesh = Mesh | AnimatedMesh
 
 @dataclass(frozen=True)
 class SceneObject:
-    """An object over time.
-
-    Attributes
-    ----------
-    name : str
-    mesh : Mesh or AnimatedMesh
-    motion : ObjectMotion
-    """
+    """An object over time."""
 
     name: str
     mesh: AnyMesh
@@ -72,7 +65,6 @@ def load_objects(root: Path, manifest: Manifest, within: Path) -> tuple[SceneObj
     ----------
     root : Path
         The scene's folder.
-    manifest : Manifest
     within : Path
         Folder that all files must lie in, links followed.
 
@@ -105,7 +97,7 @@ class _Shelf:
         if key not in self._meshes:
             self._meshes[key] = self._loaded(table, material)
         mesh = self._meshes[key]
-        return mesh if material is None else _made_of(mesh, material)
+        return mesh if material is None else made_of(mesh, material)
 
     def _loaded(self, table: ObjectTable, material: Material | None) -> AnyMesh:
         path = self._root / table.mesh
@@ -126,13 +118,17 @@ class _Shelf:
         return self._textures[name]
 
 
-def _made_of(mesh: AnyMesh, material: Material) -> AnyMesh:
-    """A mesh that was loaded with one material, with another."""
+def made_of(mesh: AnyMesh, material: Material) -> AnyMesh:
+    """The mesh, all of one material."""
     if isinstance(mesh, AnimatedMesh):
-        return replace(mesh, bound=replace(mesh.bound, materials=(material,)))
-    if mesh.materials[0] is material:
+        return replace(mesh, bound=_made_of(mesh.bound, material))
+    return _made_of(mesh, material)
+
+
+def _made_of(mesh: Mesh, material: Material) -> Mesh:
+    if len(mesh.materials) == 1 and mesh.materials[0] is material:
         return mesh
-    return replace(mesh, materials=(material,))
+    return replace(mesh, materials=(material,), material_index=np.zeros_like(mesh.material_index))
 
 
 def _require_readable(scene: str, meshes: list[Mesh]) -> None:

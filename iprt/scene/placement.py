@@ -8,11 +8,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
+from scipy.spatial.transform import Rotation
 
 from iprt.errors import SceneError
+from iprt.footage.color_fit import weighted_quantile
 from iprt.footage.frame import Frame
 from iprt.footage.openings import solid_angles
-from iprt.geometry.camera import View, equirect_direction, equirect_pixel
+from iprt.geometry.camera import View, equirect_direction, equirect_texel
 from iprt.geometry.mesh import Instance, Mesh
 from iprt.scene.stance import Stance
 
@@ -26,14 +28,14 @@ _SMOOTHING_TEXELS = 9
 """Normals are averaged over so many texels: depth of real captures is noisy."""
 _MAX_ROWS = 512
 _SETTLE = 0.01
-"""How far from its support an object counts as floating or sunk, over the median depth."""
+"""Gap from which on an object counts as floating or sunk, over the median depth."""
 _VISIBLE = 1e-3
 """Size over distance of what can be seen: a third of a pixel at 60 degrees and 1024 pixels."""
 
 
 @dataclass(frozen=True)
 class Standing:
-    """How an object stands in the room.
+    """An object's place in the room.
 
     Attributes
     ----------
@@ -60,7 +62,7 @@ class Standing:
     around: bool
 
     def warnings(self) -> list[str]:
-        """What looks wrong, one phrase each."""
+        """Faults, one phrase each."""
         found = []
         if self.size_m.max() < _VISIBLE * self.distance_m:
             found.append(
@@ -121,7 +123,7 @@ class RealSurfaces:
         """
         view = View(1, 1, yaw_deg, pitch_deg)
         direction = view.world_from_view @ np.array([0.0, 0.0, -1.0])
-        row, column = _texel(direction, self._frame)
+        row, column = equirect_texel(direction, self._frame.width, self._frame.height)
         depth = float(self._frame.depth[row, column])
         if not np.isfinite(depth):
             raise SceneError(
@@ -146,10 +148,7 @@ class RealSurfaces:
         """y of the floor: below four fifths of what faces up, by solid angle."""
         if not self._upward.any():
             return None
-        heights = self._level[:, 1]
-        order = np.argsort(heights)
-        share = np.cumsum(self._weights[self._upward][order])
-        return float(heights[order][np.searchsorted(share, 0.2 * share[-1])])
+        return weighted_quantile(self._level[:, 1], self._weights[self._upward], 0.2)
 
     def push_out(self, base: Array, radius: float, height: float) -> Array:
         """Horizontal shift (3,) that frees an upright cylinder from the wall it cuts deepest."""
@@ -167,10 +166,10 @@ class RealSurfaces:
         return shift
 
     def standing(self, instance: Instance) -> Standing:
-        """How an object stands."""
+        """The place of an object."""
         matrix = instance.to_world
         vertices = instance.mesh.positions.astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
-        row, column = _texel(vertices, self._frame)
+        row, column = equirect_texel(vertices, self._frame.width, self._frame.height)
         distance = np.linalg.norm(vertices, axis=1)
         hidden = float(np.mean(distance > 1.02 * self._frame.depth[row, column]))
         low, high = vertices.min(axis=0), vertices.max(axis=0)
@@ -230,13 +229,6 @@ def set_down(
 
     A floor or table is taken as it is; at a wall, the object goes to the surface at its foot, and
     away from the wall until it does not cut it.
-
-    Parameters
-    ----------
-    surfaces : RealSurfaces
-    mesh : Mesh
-    yaw_deg, pitch_deg : float
-    stance : Stance
 
     Returns
     -------
@@ -304,7 +296,8 @@ def set_on(
     placed = to_world.copy()
     if normal is not None:
         up = to_world[:3, 1] / np.linalg.norm(to_world[:3, 1])
-        placed[:3, :3] = _turn(up, normal) @ to_world[:3, :3]
+        turn, _ = Rotation.align_vectors([normal], [up])
+        placed[:3, :3] = turn.as_matrix() @ to_world[:3, :3]
     placed[:3, 3] = point - placed[:3, :3] @ foot
     return placed
 
@@ -319,36 +312,10 @@ def _support(surfaces: RealSurfaces, base: Array, radius: float, top: float) -> 
     return height
 
 
-def _turn(start: Array, end: Array) -> Array:
-    """The smallest rotation (3, 3) that takes a unit vector to another."""
-    cosine = float(start @ end)
-    if cosine < -1.0 + 1e-9:
-        # Half a turn, about any axis across.
-        across = np.cross(start, np.eye(3)[int(np.abs(start).argmin())])
-        across /= np.linalg.norm(across)
-        return 2.0 * np.outer(across, across) - np.eye(3)
-    axis = np.cross(start, end)
-    cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
-    turn: Array = np.eye(3) + cross + cross @ cross / (1.0 + cosine)
-    return turn
-
-
 def _smoothed(normal: NDArray[np.float32]) -> Array:
     """Normals (H, W, 3) averaged over a window that wraps around the seam, and unit again."""
-    mean = np.stack(
-        [
-            ndimage.uniform_filter(
-                normal[..., axis].astype(np.float64), _SMOOTHING_TEXELS, mode=("nearest", "wrap")
-            )
-            for axis in range(3)
-        ],
-        axis=-1,
+    mean = ndimage.uniform_filter(
+        normal.astype(np.float64), _SMOOTHING_TEXELS, mode=("nearest", "wrap"), axes=(0, 1)
     )
     unit: Array = mean / np.maximum(np.linalg.norm(mean, axis=-1, keepdims=True), 1e-12)
     return unit
-
-
-def _texel(direction: Array, frame: Frame) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    pixel = equirect_pixel(direction, frame.width, frame.height)
-    row = np.minimum(pixel[..., 1].astype(np.intp), frame.height - 1)
-    return row, pixel[..., 0].astype(np.intp) % frame.width

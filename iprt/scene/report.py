@@ -1,4 +1,4 @@
-"""What a scene holds, in numbers: for `iprt scene info` and `iprt scene check`."""
+"""A scene in numbers: for `iprt scene info` and `iprt scene check`."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from iprt.scene.scene import Scene
 
 @dataclass(frozen=True)
 class Share:
-    """How much of the panorama something is: of its solid angle and of its flux, 0 to 1."""
+    """Shares of the panorama's solid angle and flux, 0 to 1."""
 
     area: float
     flux: float
@@ -62,7 +62,7 @@ class RealMaterialReport:
     share: Share
 
     def warnings(self) -> list[str]:
-        """What is wrong with its region."""
+        """Faults of its region."""
         if self.share.area > 0.0:
             return []
         return ["no texel belongs to it; check its mask, color and plane, and later entries"]
@@ -73,7 +73,7 @@ class SceneReport:
     """A scene in numbers; depth percentiles in metres.
 
     `depth_unit` says what stored depth stands for.
-    `unlikely` is what depth and normals say of the place and is hardly so, a phrase each.
+    `unlikely` has unlikely facts about depth and normals, a phrase each.
     """
 
     name: str
@@ -110,7 +110,6 @@ def describe_scene(scene: Scene, frame: Frame, raw: RawFrame) -> SceneReport:
 
     Parameters
     ----------
-    scene : Scene
     frame, raw : Frame, RawFrame
         The first frame, sanitised and as read.
     """
@@ -175,7 +174,7 @@ def describe_scene(scene: Scene, frame: Frame, raw: RawFrame) -> SceneReport:
 
 
 def unlikely(raw: RawFrame) -> list[str]:
-    """What is hardly right about the depth and the normals of a frame as read, a phrase each."""
+    """Unlikely facts about the depth and the normals of a frame as read, a phrase each."""
     place = Surroundings.of(raw.depth)
     found = [] if place is None else [f"depth: {phrase}" for phrase in place.warnings()]
     if raw.normal is not None:
@@ -233,7 +232,7 @@ def _frames_of(scene: Scene, pattern: str) -> list[Any]:
 
 
 def _collect(problems: list[str], scene: Scene, action: Callable[[], Any]) -> Any:
-    """What `action` returns; None if it fails, with the problem noted, by the file's short name."""
+    """The result of `action`; None if it fails, with the problem noted, by a short name."""
     try:
         return action()
     except IprtError as error:

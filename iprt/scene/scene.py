@@ -42,8 +42,6 @@ class SceneView:
 
     Attributes
     ----------
-    name : str
-    view : View
     objects : tuple of str
         Names of the objects that it shows.
     truth, truth_background, truth_mask : Path or None
@@ -89,7 +87,6 @@ class Scene:
     ----------
     root : Path
         The folder.
-    manifest : Manifest
     within : Path or None
         Folder that all files must lie in, links followed; by default the scene's own.
 
@@ -97,7 +94,6 @@ class Scene:
     ----------
     views : dict of str to SceneView
         In the manifest's order.
-    source : FrameSource
     """
 
     def __init__(self, root: Path, manifest: Manifest, within: Path | None = None) -> None:
@@ -114,7 +110,6 @@ class Scene:
 
         Parameters
         ----------
-        path : Path
         allow_outside : bool
             Whether files may be links to what lies outside the folder.
         strict : bool
@@ -225,8 +220,8 @@ class Scene:
         return Ahead(frames, ahead)
 
     def _stages(self, drift: bool) -> list[Stage]:
-        """What a stream does to its sanitised frames, in order; made anew for each stream."""
-        # Materials are told by their hue, in the colours of the reference frame.
+        """The stages of a stream after sanitising, in order; made anew for each stream."""
+        # Materials are known by their hue, in the colours of the reference frame.
         return [
             *([Drift(self.source.white)] if drift else []),
             lambda frame: with_gloss(frame, self.real_materials),

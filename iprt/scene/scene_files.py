@@ -18,7 +18,7 @@ MAX_TRIES = 10_000
 
 
 class NamesFiles(Protocol):
-    """What files are found from: a `Scene`."""
+    """The part of a `Scene` that files are found from."""
 
     root: Path
     manifest: Manifest
@@ -42,9 +42,9 @@ def missing_files(scene: NamesFiles, *, strict: bool = False) -> list[str]:
     try:
         few = frames or scene.source.notices()
         tries = len(scene.frame_indices) * len(scene.manifest.views)
-    except FormatError:  # told above: without its files, a video has no frames
+    except FormatError:  # reported above: without its files, a video has no frames
         return problems
-    # Frames that are missing tell how few there are, where a manifest would have us try many.
+    # Missing frames show how few there are, where a manifest would have us try many.
     for view in [] if few and tries > MAX_TRIES else scene.manifest.views:
         for key in ("truth", "truth_background", "truth_mask"):
             name = getattr(view, key)
@@ -76,7 +76,7 @@ def _files(scene: NamesFiles) -> Iterator[tuple[str, str]]:
 
 
 def _wrong(scene: NamesFiles, key: str, name: str) -> list[str]:
-    """What is wrong with a file that must be there: at most one line."""
+    """Faults of a file that must exist: at most one line."""
     if not is_file(scene.root / name):
         return [f"{key}: there is no file {name}"]
     try:

@@ -31,12 +31,12 @@ SHARE_OF_DISTANCE = 0.2
 """Longest side over distance, where nothing says how large an object is."""
 SMALLEST_M = 1e-6
 FLAT = 1e-3
-"""Height over longest side, up to which a height cannot tell how large an object is."""
+"""Height over longest side, up to which a height does not say how large an object is."""
 
 
 @dataclass(frozen=True)
 class Stance:
-    """How a mesh is made to stand.
+    """The orientation and size of a mesh in a scene.
 
     Attributes
     ----------
@@ -127,7 +127,7 @@ def parse_unit(text: str) -> float:
 
 
 def hints(suffix: str, corners: tuple[Array, Array], stance: Stance) -> list[str]:
-    """What a mesh's size and place in its file tell about the flags that it may need.
+    """Flags that a mesh may need, by its size and place in its file.
 
     Parameters
     ----------

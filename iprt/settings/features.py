@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Hashable, Iterable
 from dataclasses import dataclass
 
 from iprt.bvh.scene import STACK
@@ -11,6 +11,7 @@ from iprt.footage.footage import Footage
 from iprt.footage.window_environment import OUTSIDE_ROWS
 from iprt.geometry.camera import View
 from iprt.geometry.material import Material, material_defines
+from iprt.settings.methods import Needs, method
 from iprt.settings.model import Settings
 
 CELL = 8
@@ -34,7 +35,7 @@ class Features:
     objects : bool
         Something is inserted. Without, the picture is the panorama, resampled.
     tracing : bool
-        Rays are traced (the method is not the distant environment).
+        Rays are traced.
     diffuse, conductor, mirror, plastic : bool
         Material kinds among the inserted objects.
     textured : bool
@@ -56,6 +57,8 @@ class Features:
         Glossy materials of the real scene that objects are reflected in; empty: all is diffuse.
     moving_camera : bool
         The video has poses: from frame to frame, real surfaces move past the capture centre.
+    needs : Needs
+        What the method asks for.
     settings : Settings
     """
 
@@ -74,6 +77,7 @@ class Features:
     background: bool
     real_materials: tuple[Material, ...]
     moving_camera: bool
+    needs: Needs
     settings: Settings
 
     @classmethod
@@ -88,7 +92,8 @@ class Features:
     ) -> Features:
         """`materials`: those of the objects; `deforming`: their vertices move."""
         kinds = list(materials)
-        tracing = bool(kinds) and settings.method == "iprt"
+        needs = method(settings.method).needs(settings)
+        tracing = bool(kinds) and needs.tracing
         return cls(
             objects=bool(kinds),
             tracing=tracing,
@@ -105,8 +110,9 @@ class Features:
             separate_radiance=bool(kinds) and (footage.separate_radiance or footage.drifts),
             color_map=bool(kinds) and footage.drifts,
             background=tracing and settings.trace.background and footage.static_camera,
-            real_materials=footage.real_materials if tracing else (),
+            real_materials=footage.real_materials if tracing and needs.gloss else (),
             moving_camera=bool(kinds) and footage.poses,
+            needs=needs,
             settings=settings,
         )
 
@@ -126,6 +132,11 @@ class Features:
         return self.conductor or self.mirror or self.plastic
 
     @property
+    def relit(self) -> bool:
+        """Objects shadow and light real surfaces."""
+        return self.objects and self.needs.relit
+
+    @property
     def jitter(self) -> bool:
         """Rays of virtual surfaces start anywhere in their pixel."""
         return self.bvh and self.settings.trace.jitter
@@ -133,7 +144,7 @@ class Features:
     @property
     def delta(self) -> bool:
         """Real surfaces are relit by what objects change in a cached irradiance."""
-        return self.tracing and self.settings.trace.estimator == "delta"
+        return self.tracing and self.needs.irradiance
 
     @property
     def light_sampling(self) -> bool:
@@ -143,17 +154,17 @@ class Features:
     @property
     def relit_reflections(self) -> bool:
         """Objects reflect what objects do to real surfaces."""
-        return self.tracing and self.settings.trace.relight_reflections
+        return self.tracing and self.needs.relit_reflections
 
     @property
     def ratio_map(self) -> bool:
         """They do so where the view does not show these, too."""
-        return self.relit_reflections and not self.equirect_view
+        return self.relit_reflections and self.needs.ratio_rows > 0 and not self.equirect_view
 
     @property
     def bvh(self) -> bool:
         """Rays meet the objects' triangles."""
-        return self.tracing and self.settings.trace.objects == "bvh"
+        return self.tracing and self.needs.objects == "triangles"
 
     @property
     def primary_rays(self) -> bool:
@@ -169,6 +180,24 @@ class Features:
     def equirect_layers(self) -> bool:
         """Objects are rasterized in equirect space besides the screen, for rays off screen."""
         return self.traced_layers and not self.equirect_view
+
+    @property
+    def of_real_world(self) -> tuple[Hashable, ...]:
+        """All that the real world on a device depends on: views with equal ones can share it."""
+        settings, trace = self.settings, self.settings.trace
+        return (
+            self.objects,
+            self.opening_environment,
+            self.separate_radiance,
+            self.color_map,
+            self.background,
+            self.real_materials,
+            self.moving_camera,
+            self.delta,
+            tuple(self.real_defines().items()),
+            (trace.thickness, trace.thickness_ratio),
+            (settings.gloss, settings.irradiance, settings.seed, settings.check_kernels),
+        )
 
     def real_defines(self) -> dict[str, Define]:
         """`-D` variants of kernels whose rays meet real surfaces only: they are built alike,
@@ -212,7 +241,7 @@ class Features:
     def describe(self) -> dict[str, bool]:
         """What is built and what is not, by name."""
         return {
-            "tracing of real surfaces (shadows, bounce light)": self.tracing,
+            "relighting of real surfaces (shadows, bounce light)": self.relit,
             "shading of virtual surfaces": self.objects,
             "diffuse reflection": self.diffuse_signal,
             "glossy reflection": self.conductor or self.plastic,

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Literal
-
 from pydantic import BaseModel, ConfigDict, Field
 
 
@@ -54,12 +52,6 @@ class TemporalSettings(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    history: Literal["fast-slow", "iprt"] = Field(
-        default="fast-slow",
-        description="fast-slow: after changes a short history corrects a long one, whose variance "
-        "guides the spatial filter. iprt: the published filter, spatial first, without variance, "
-        "then a fixed share of each frame, the rest clamped to the frame's neighbourhoods.",
-    )
     plane_tolerance: float = Field(
         default=0.02,
         gt=0.0,

@@ -2,23 +2,45 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    SerializerFunctionWrapHandler,
+    field_validator,
+    model_serializer,
+    model_validator,
+)
 
 from iprt.settings.filter import AtrousSettings, InterpolateSettings, MaskSettings, TemporalSettings
+from iprt.settings.methods import DEFAULT, MethodSettings, methods
 from iprt.settings.trace import GlossSettings, IrradianceSettings, TraceSettings
 
-Method = Literal["iprt", "ibl"]
-"""The published method, or its baseline: the panorama as distant environment, no shadows."""
+OwnSettings = TypeVar("OwnSettings", bound=MethodSettings)
 
 
 class Settings(BaseModel):
-    """Settings of a renderer; immutable, so that a picture's settings can be stored with it."""
+    """Settings of a renderer; immutable, so that a picture's settings can be stored with it.
+
+    Besides the fields here, each installed method that has settings of its own is a group, under
+    the method's name. Fields that are not given have the defaults of the method.
+
+    Attributes
+    ----------
+    of_methods : tuple of MethodSettings
+        The own settings of all methods that have any; use `own`. Data hold them under the methods'
+        names instead.
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    method: Method = Field(default="iprt", description="Rendering method.")
+    method: str = Field(
+        default=DEFAULT,
+        description="Relighting method; `iprt methods` lists them.",
+        json_schema_extra=lambda schema: schema.update(enum=list(methods())),
+    )
     seed: int = Field(default=0, ge=0, le=2**31 - 1, description="Seed of all random numbers.")
     fading: float = Field(
         default=0.1,
@@ -49,3 +71,42 @@ class Settings(BaseModel):
     interpolate: InterpolateSettings = InterpolateSettings()
     temporal: TemporalSettings = TemporalSettings()
     atrous: AtrousSettings = AtrousSettings()
+    of_methods: tuple[MethodSettings, ...] = ()
+
+    def own(self, kind: type[OwnSettings]) -> OwnSettings:
+        """The settings that a method has for itself, by their class."""
+        return next(group for group in self.of_methods if isinstance(group, kind))
+
+    @field_validator("method")
+    @classmethod
+    def _known(cls, name: str) -> str:
+        if name not in methods():
+            raise ValueError(f"expected {' or '.join(methods())}")
+        return name
+
+    @model_validator(mode="before")
+    @classmethod
+    def _with_methods(cls, data: dict[str, Any]) -> dict[str, Any]:
+        """Collect the groups of the methods, and add the defaults of the chosen one."""
+        data = dict(data)
+        chosen = methods().get(data.get("method", DEFAULT))
+        for key, value in chosen.defaults.items() if chosen else ():
+            group, _, name = key.partition(".")
+            given = data.get(group, {})
+            if isinstance(given, dict):
+                data[group] = {name: value} | given
+        if "of_methods" not in data:
+            data["of_methods"] = tuple(
+                info.settings.model_validate(data.pop(name, {}))
+                for name, info in methods().items()
+                if info.settings is not None
+            )
+        return data
+
+    @model_serializer(mode="wrap")
+    def _flat(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        data: dict[str, Any] = handler(self)
+        del data["of_methods"]
+        names = (name for name, info in methods().items() if info.settings is not None)
+        own = (group.model_dump() for group in self.of_methods)
+        return data | dict(zip(names, own, strict=True))

@@ -12,17 +12,19 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import tomlkit
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 
 from iprt.errors import IprtError
 from iprt.files.toml_text import parse_toml, printable, read_text
+from iprt.settings.methods import methods
 from iprt.settings.model import Settings
 from iprt.settings.presets import PRESETS, Quality
 
 Schema = Mapping[str, Any]
+Model = TypeVar("Model", bound=BaseModel)
 WIDTH = 96
 """Columns of the comments in a settings file."""
 
@@ -85,7 +87,10 @@ def resolved(quality: Quality, assignments: Iterable[Assignment] = ()) -> Settin
         A key is no setting, or a value is of the wrong type or out of its bounds.
     """
     preset = [Assignment(k, v, f"preset {quality}: {k}") for k, v in PRESETS[quality].items()]
-    return assigned(Settings(), (*preset, *assignments))
+    asked = [*preset, *assignments]
+    names = [item.value for item in asked if item.key == "method"]
+    known = bool(names) and names[-1] in methods()  # `assigned` complains of others
+    return assigned(Settings(method=names[-1]) if known else Settings(), asked)
 
 
 def assigned(settings: Settings, assignments: Iterable[Assignment]) -> Settings:
@@ -102,17 +107,38 @@ def assigned(settings: Settings, assignments: Iterable[Assignment]) -> Settings:
     for item in assignments:
         _require_knob(item)
         values[item.key], sources[item.key] = item.value, item.source
+    tables = _nested(values)
+    own = tuple(
+        _validated(info.settings, tables.pop(name), sources, name)
+        for name, info in methods().items()
+        if info.settings is not None
+    )
+    return _validated(Settings, tables, sources).model_copy(update={"of_methods": own})
+
+
+def _validated(
+    kind: type[Model], table: Mapping[str, Any], sources: Mapping[str, str], group: str = ""
+) -> Model:
+    """A model from plain data; `sources` as for `_complaint`."""
     try:
         # As JSON, lists become tuples, and yet a text is no number and 2.5 no whole number.
-        return Settings.model_validate_json(json.dumps(_nested(values), default=str), strict=True)
+        return kind.model_validate_json(json.dumps(table, default=str), strict=True)
     except ValidationError as error:
-        raise IprtError(_complaint(error, sources)) from None
+        raise IprtError(_complaint(error, sources, group)) from None
 
 
 def changed(settings: Settings, values: Mapping[str, Any]) -> Settings:
-    """The settings with other values, by key, which are allowed ones."""
-    now = {**plain_values(settings), **values}
-    return Settings.model_validate_json(json.dumps(_nested(now)), strict=True)
+    """The settings with other values, by key, which are allowed ones.
+
+    With another method, settings that have the default of the one before get that of the new one.
+    """
+    now = plain_values(settings)
+    if "method" in values:
+        before = plain_values(Settings(method=settings.method))
+        default = plain_values(Settings(method=values["method"]))
+        now = {key: default[key] if now[key] == before[key] else now[key] for key in now}
+    given = {**now, **values}
+    return assigned(settings, [Assignment(key, value, key) for key, value in given.items()])
 
 
 def plain_values(settings: Settings) -> dict[str, Any]:
@@ -225,10 +251,19 @@ def _nearest(key: str) -> str | None:
     return close[0] if close else None
 
 
-def _complaint(error: ValidationError, sources: Mapping[str, str]) -> str:
-    """The first fault in one line: who gave the value, and what is allowed."""
+def _complaint(error: ValidationError, sources: Mapping[str, str], group: str) -> str:
+    """The first fault in one line: who gave the value, and what is allowed.
+
+    Parameters
+    ----------
+    error : ValidationError
+    sources : mapping of str to str
+        How errors name the source of a value, by key.
+    group : str
+        Group whose values are wrong; empty: `error` names it.
+    """
     fault = error.errors()[0]
-    parts = [str(part) for part in fault["loc"]]
+    parts = [*([group] if group else []), *(str(part) for part in fault["loc"])]
     keys = [".".join(parts[:count]) for count in range(len(parts), 0, -1)]
     setting = next((all_settings()[key] for key in keys if key in all_settings()), None)
     if setting is not None:
@@ -263,8 +298,14 @@ def _flat(tables: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, An
 def _walk() -> Iterator[tuple[Setting, str]]:
     """Every setting, with what its group is about."""
     schema = Settings.model_json_schema()
+    del schema["properties"]["of_methods"]
     defaults = Settings().model_dump(mode="json")
     yield from _walk_group(schema, schema.get("$defs", {}), defaults, "", "")
+    for name, info in methods().items():
+        if info.settings is not None:
+            own = info.settings.model_json_schema()
+            about = own.get("description", "").partition("\n")[0]
+            yield from _walk_group(own, own.get("$defs", {}), defaults[name], name, about)
 
 
 def _walk_group(

@@ -14,7 +14,7 @@ PRESETS: Mapping[Quality, Mapping[str, object]] = MappingProxyType(
         # shorter filter.
         "draft": {
             "trace.object_rays": 1,
-            "trace.ratio_rows": 32,
+            "iprt.ratio_rows": 32,
             "irradiance.rows": 64,
             "atrous.levels": 3,
         },
@@ -24,7 +24,7 @@ PRESETS: Mapping[Quality, Mapping[str, object]] = MappingProxyType(
         "accurate": {
             "trace.rays": 2,
             "trace.object_rays": 16,
-            "trace.ratio_rows": 128,
+            "iprt.ratio_rows": 128,
             "irradiance.rows": 256,
             "irradiance.samples": 1024,
         },

@@ -12,16 +12,6 @@ class TraceSettings(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    objects: Literal["bvh", "raster"] = Field(
-        default="bvh",
-        description="What rays meet of objects: their triangles, or two layers of them rasterized "
-        "from the capture centre.",
-    )
-    estimator: Literal["delta", "ratio"] = Field(
-        default="delta",
-        description="How real surfaces are relit: by what objects change in a cached irradiance, "
-        "or by the quotient of irradiances with and without them (IPRT Eq. 2).",
-    )
     light_sampling: bool = Field(
         default=True,
         description="Aim rays at the bright parts of the panorama too; off: by reflectance only.",
@@ -74,19 +64,8 @@ class TraceSettings(BaseModel):
     )
     jitter: bool = Field(
         default=True,
-        description="Shade objects at points all over each pixel, which smooths reflections; with "
-        "objects = bvh.",
-    )
-    relight_reflections: bool = Field(
-        default=True, description="Objects reflect shadows and light that objects cast."
-    )
-    ratio_rows: int = Field(
-        default=64,
-        ge=16,
-        le=2048,
-        description="Rows of the panorama that holds such shadows where the view does not show "
-        "them.",
-        json_schema_extra={"unit": "rows"},
+        description="Shade objects at points all over each pixel, which smooths reflections; where "
+        "rays meet triangles.",
     )
 
 

@@ -85,7 +85,7 @@ def _misfit(
     depth: NDArray[np.float64],
     normal: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """How far, relative to the depth, one of two texels is off the other's tangent plane."""
+    """Distance of one of two texels from the other's tangent plane, relative to the depth."""
 
     def off(here: NDArray[np.int64], there: NDArray[np.int64]) -> NDArray[np.float64]:
         n = normal[here]

@@ -58,11 +58,10 @@ def render_color(parts: Parts, view: View, *, spp: int, seed: int, clean: bool =
     Parameters
     ----------
     parts : mapping of name to Mitsuba dict or object
-    view : View
     spp : int
         Paths per pixel.
     seed : int
-        Two renderings with one seed agree where the same surfaces and light are met.
+        Two renderings with one seed agree where the same surfaces and light are hit.
     clean : bool
         Denoise with albedo and normal guides.
     """
@@ -112,10 +111,10 @@ def _coverage(shapes: list[Any]) -> Any:
             self, scene: Any, sampler: Any, ray: Any, medium: Any = None, active: Any = True
         ) -> Any:
             shape = scene.ray_intersect(ray, active).shape
-            met = mi.Bool(False)
+            hit = mi.Bool(False)
             for candidate in shapes:
-                met = met | (shape == candidate)
-            return mi.Spectrum(mi.Float(met)), mi.Bool(True), []
+                hit = hit | (shape == candidate)
+            return mi.Spectrum(mi.Float(hit)), mi.Bool(True), []
 
     return Coverage(mi.Properties())
 

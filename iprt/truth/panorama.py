@@ -31,7 +31,7 @@ class Reference:
     background : (H, W, 3) float32
         The panorama, bilinear, averaged over what each pixel shows of it.
     ratio : (H, W, 3) float32
-        E_RV / E_R of the real surfaces; exactly 1 where no ray met an object.
+        E_RV / E_R of the real surfaces; exactly 1 where no ray hit an object.
     objects : (H, W, 3) float32
         Radiance of the objects times their coverage.
     coverage : (H, W) float32
@@ -94,7 +94,7 @@ class _Sums:
     without: Any = 0.0
     both: Any = 0.0
     covered: Any = 0.0
-    met: Any = 0.0
+    hit_object: Any = 0.0
     albedo: Any = 0.0
     normal: Any = 0.0
 
@@ -116,7 +116,7 @@ def _render(
     real = np.maximum(1.0 - mean["covered"], 1.0 / spp)
     background = (mean["background"] / real).astype(np.float32)
     ratio = np.ones(background.shape, np.float32)
-    usable = (mean["met"] > 0.0) & (mean["without"] > 0.0)
+    usable = (mean["hit_object"] > 0.0) & (mean["without"] > 0.0)
     np.divide(mean["both"], mean["without"], out=ratio, where=usable, casting="unsafe")
     objects = mean["objects"].astype(np.float32)
     if clean:
@@ -149,7 +149,7 @@ def _launch(
         virtual &= False
     shaded = real.valid & ~virtual & world.receives(real.direction)
     normal = world.real_normal(real.direction)
-    without, both, met = world.irradiance(
+    without, both, hit_object = world.irradiance(
         mi.Point3f(real.direction * real.distance), normal, sampler, shaded
     )
     zero = mi.Color3f(0.0)
@@ -160,7 +160,7 @@ def _launch(
         "both": dr.select(shaded, both, zero),
         "objects": dr.select(virtual, world.reflected(ray, si, sampler, virtual), zero),
         "covered": mi.Float(virtual),
-        "met": mi.Float(met & shaded),
+        "hit_object": mi.Float(hit_object & shaded),
         "normal": mi.Color3f(dr.select(virtual, si.sh_frame.n, normal)),
         "albedo": dr.select(virtual, si.bsdf().eval_diffuse_reflectance(si, virtual), zero),
     }

@@ -19,7 +19,6 @@ def sensor(view: View, *, pixel_centres: bool = False) -> Any:
 
     Parameters
     ----------
-    view : View
     pixel_centres : bool
         Every sample goes through its pixel's centre instead of a random point of the pixel.
     """

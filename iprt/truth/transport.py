@@ -31,16 +31,16 @@ LIFT = 1e-3
 
 @dataclass
 class RealHit:
-    """Where rays meet the real scene; arrays over rays.
+    """Hits of rays with the real scene; arrays over rays.
 
     Attributes
     ----------
     valid : Bool
-        A surface is met; otherwise the ray leaves the scene.
+        A surface is hit; otherwise the ray leaves the scene.
     t : Float
-        Metres; infinite where none is met.
+        Metres; infinite where none is hit.
     direction : Vector3f
-        From the capture centre to the point met, or the ray's own.
+        From the capture centre to the hit point, or the ray's own.
     cosine_centre, distance : Float
         At that point, |cosine| of `direction` to the surface, and metres to the centre.
     cosine_ray : Float
@@ -56,13 +56,7 @@ class RealHit:
 
 
 class World:
-    """A frame and virtual objects, ready for rays.
-
-    Parameters
-    ----------
-    frame : Frame
-    shapes : dict of str to Mitsuba shape
-    """
+    """A frame and virtual objects, Mitsuba shapes by name, ready for rays."""
 
     def __init__(self, frame: Frame, shapes: dict[str, Any]) -> None:
         self.scale = frame.median_depth
@@ -104,12 +98,12 @@ class World:
 
     def hit_real(self, origin: Any, direction: Any, active: Any) -> RealHit:
         si = self.real.ray_intersect(mi.Ray3f(origin, direction), active)
-        met = active & si.is_valid()
+        hit = active & si.is_valid()
         distance = dr.norm(si.p)
-        centre = dr.select(met, si.p / distance, direction)
+        centre = dr.select(hit, si.p / distance, direction)
         return RealHit(
-            met,
-            dr.select(met, si.t, dr.inf),
+            hit,
+            dr.select(hit, si.t, dr.inf),
             centre,
             dr.maximum(dr.abs(dr.dot(si.n, centre)), 1e-4),
             distance,
@@ -142,7 +136,7 @@ class World:
         offset = seen.direction * seen.t - origin
         distance = dr.select(seen.valid, dr.norm(offset), dr.inf)
         direction = dr.select(seen.valid, offset / distance, towards)
-        # Again from the origin: the first surface met is the light, or else it is hidden.
+        # Again from the origin: the first surface hit is the light, or else it is hidden.
         hit = self.hit_real(origin, direction, active)
         same = dr.select(
             seen.valid,
@@ -211,7 +205,7 @@ class World:
     def irradiance(
         self, point: Any, normal: Any, sampler: Any, active: Any
     ) -> tuple[Any, Any, Any]:
-        """Irradiance / pi at real surfaces, without and with objects, and whether one was met.
+        """Irradiance / pi at real surfaces, without and with objects, and whether one was hit.
 
         One cosine-distributed and one light sample with the balance heuristic; the same rays for
         both irradiances.

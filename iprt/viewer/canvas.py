@@ -18,6 +18,7 @@ from iprt.settings.model import Settings
 from iprt.viewer.convergence import Convergence
 from iprt.viewer.geometry import Geometry
 from iprt.viewer.heap import give_back
+from iprt.world.real.shared import RealWorlds
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,6 +78,8 @@ class Canvas:
     ----------
     device : ComputeDevice
     wanted : Wanted
+    worlds : RealWorlds
+        Those that the device's other pictures use.
     expect : callable
         Called with how often the driver will have to compile, before it does.
 
@@ -87,12 +90,17 @@ class Canvas:
     """
 
     def __init__(
-        self, device: ComputeDevice, wanted: Wanted, expect: Callable[[int], object]
+        self,
+        device: ComputeDevice,
+        wanted: Wanted,
+        worlds: RealWorlds,
+        expect: Callable[[int], object],
     ) -> None:
         stage = wanted.stage
         given = (device, stage.frame, wanted.instances, wanted.view, wanted.settings)
         expect(device.to_compile(require_memory(*given, stage.footage).kernels))
-        self._renderer = Renderer(*given, footage=stage.footage)
+        self._renderer = Renderer(*given, footage=stage.footage, worlds=worlds)
+        self._version = self._renderer.real_world.version
         self._device, self._footage = device, stage.footage
         self._geometry: Geometry | None = None
         self._outdated = True  # the geometry
@@ -126,8 +134,9 @@ class Canvas:
     def follow(self, wanted: Wanted) -> None:
         """Go to what is wanted, which it serves."""
         renderer, changed = self._renderer, False
-        if wanted.stage.frame is not renderer.frame:
-            renderer.load(wanted.stage.frame)
+        renderer.load(wanted.stage.frame)
+        if renderer.real_world.version != self._version:
+            self._version = renderer.real_world.version
             changed, self._geometry = True, None
         if not same_places(renderer.instances, wanted.instances):
             renderer.move(wanted.instances)

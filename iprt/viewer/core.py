@@ -31,6 +31,7 @@ from iprt.viewer.session import AbandonedError, Session
 from iprt.viewer.state import Doing, Playback, Status, World
 from iprt.viewer.video import Video
 from iprt.viewer.work import Work
+from iprt.world.real.shared import RealWorlds
 
 LOG = logging.getLogger("iprt.viewer")
 Objects = tuple[SceneObject, ...]
@@ -72,6 +73,7 @@ class Core:
     ) -> None:
         self._mailbox, self._make_device, self._clock = mailbox, device, clock
         self._device: ComputeDevice | None = None
+        self._worlds = RealWorlds()
         self._lost = False  # the device, since the last picture
         self._compiling = Compiling(self._report_compiling)
         self._problems: dict[str, str] = {}
@@ -147,7 +149,7 @@ class Core:
         for client, asked in requests.items():
             if self._failed.get(client) == (stage, asked):
                 continue
-            session = self._sessions.setdefault(client, Session(self._compiling))
+            session = self._sessions.setdefault(client, Session(self._compiling, self._worlds))
             behind = session.behind(stage, asked.number)
             if behind or session.unrefined(asked.request):
                 ranked.append((not behind, self._turns.get(client, 0), client))

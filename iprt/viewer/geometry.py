@@ -73,7 +73,7 @@ class Geometry:
     def of(cls, renderer: Renderer, instances: Sequence[Instance]) -> Geometry:
         """The surfaces of the last step."""
         layout, read = renderer.layout, renderer.device.read
-        real, pixels = renderer.real, renderer.virtual_pixels
+        real, seen = renderer.real, renderer.visible
         shape = (renderer.view.height, renderer.view.width)
 
         def planes(buffer: object) -> NDArray[np.float32]:
@@ -81,7 +81,6 @@ class Geometry:
             return np.ascontiguousarray(image[0] if len(image) == 1 else np.moveaxis(image, 0, -1))
 
         nothing = np.zeros(shape, np.float32)
-        seen = None if pixels is None else pixels.visible
         return cls(
             renderer.view,
             renderer.frame.pose,

@@ -15,6 +15,7 @@ from iprt.viewer.canvas import Canvas, Stage, Wanted
 from iprt.viewer.compiling import Compiling
 from iprt.viewer.geometry import Geometry
 from iprt.viewer.state import Request
+from iprt.world.real.shared import RealWorlds
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,10 +91,12 @@ class Session:
     ----------
     compiling : Compiling
         Counts what will be compiled, until all is there.
+    worlds : RealWorlds
+        Those of the device, which all sessions share.
     """
 
-    def __init__(self, compiling: Compiling) -> None:
-        self._compiling = compiling
+    def __init__(self, compiling: Compiling, worlds: RealWorlds) -> None:
+        self._compiling, self._worlds = compiling, worlds
         self._canvases: list[Canvas] = []  # the last one used comes first
         self._changing: Canvas | None = None  # by the frame under way
         self._shown_stage: Stage | None = None
@@ -189,7 +192,7 @@ class Session:
         for canvas in self._canvases[KEPT - 1 :]:
             canvas.close()
         del self._canvases[KEPT - 1 :]
-        canvas = Canvas(device, wanted, self._compiling.expect)
+        canvas = Canvas(device, wanted, self._worlds, self._compiling.expect)
         self._canvases.insert(0, canvas)
         self._changing = canvas
         return canvas

@@ -8,11 +8,11 @@ import pyopencl.array as cla
 
 from iprt.geometry.camera import View
 from iprt.settings.features import Features
-from iprt.world.objects.object_bvh import ObjectBvh
-from iprt.world.objects.object_layers import EMPTY, NO_LAYERS, TracedLayers, int4
-from iprt.world.real.highlight import Highlight
-from iprt.world.real.lights import Lights
+from iprt.world.objects.object_layers import EMPTY, NO_LAYERS, int4
+from iprt.world.objects.objects import Objects
+from iprt.world.real.irradiance import IrradianceCache
 from iprt.world.real.panorama import Panorama
+from iprt.world.real.real_world import RealWorld
 
 NO_LIGHTS: tuple[Any, ...] = (None, None, None, 0, 1, 1)
 """In place of `Lights.arguments()` where nothing is aimed at lights."""
@@ -24,35 +24,32 @@ NO_GLOSS: tuple[Any, ...] = (None, None, None, None, 1, 1)
 
 
 class World:
-    """What rays meet: the real scene and the objects, as kernel arguments."""
+    """What rays meet in one view: the real scene and the objects, as kernel arguments.
 
-    def __init__(
-        self,
-        panorama: Panorama,
-        screen: TracedLayers | None,
-        equirect: TracedLayers | None,
-        *,
-        bvh: ObjectBvh | None,
-        materials: cla.Array,
-        bounds: cla.Array,
-        lights: Lights | None,
-        highlight: Highlight | None = None,
-    ) -> None:
-        """Objects are the triangles of `bvh`, or else the layers `screen` and `equirect`.
+    Attributes
+    ----------
+    real : RealWorld
+    objects : Objects
+    """
 
-        `materials` holds `material_table()`, `bounds` `object_bounds()`; `lights` are those of the
-        panorama, where rays are aimed at them; `highlight` knows the glossy surfaces, where there
-        are any.
-        """
-        self.panorama = panorama
-        self.screen = screen
-        self.equirect = equirect
-        self.bvh = bvh
-        self.materials = materials
-        self.bounds = bounds
-        self.lights = lights
-        self.highlight = highlight
+    def __init__(self, real: RealWorld, objects: Objects) -> None:
+        self.real = real
+        self.objects = objects
         self.relit: tuple[Any, ...] = NOT_RELIT
+
+    @property
+    def panorama(self) -> Panorama:
+        return self.real.panorama
+
+    @property
+    def irradiance(self) -> IrradianceCache | None:
+        """E_R, where the method needs it."""
+        return self.real.irradiance
+
+    @property
+    def bounds(self) -> cla.Array:
+        """`object_bounds()` of the objects."""
+        return self.objects.device_bounds
 
     def relight(
         self,
@@ -75,24 +72,25 @@ class World:
 
     def arguments(self, features: Features) -> tuple[Any, ...]:
         """What `WORLD_PARAMETERS` of `cl/lib/world/world.h` declares, in order."""
-        trace = features.settings.trace
+        trace, real, objects = features.settings.trace, self.real, self.objects
         return (
             *self.panorama.layer_arguments(trace.thickness, trace.thickness_ratio),
             self.panorama.radiated,
             self.panorama.outside,
             *self.panorama.background_arguments(),
-            *(self.bvh.arguments() if self.bvh else self._layers()),
+            *(objects.bvh.arguments() if objects.bvh else self._layers()),
             self.bounds,
             self.bounds.shape[0],
-            self.materials,
-            *(self.lights.arguments() if self.lights else NO_LIGHTS),
+            objects.materials,
+            *(real.lights.arguments() if real.lights else NO_LIGHTS),
             *self.relit,
-            *(self.highlight.arguments() if self.highlight else NO_GLOSS),
+            *(real.highlight.arguments() if real.highlight else NO_GLOSS),
         )
 
     def _layers(self) -> tuple[Any, ...]:
+        screen, equirect = self.objects.screen, self.objects.equirect
         return (
-            *(self.screen.arguments() if self.screen else NO_LAYERS),
-            *(self.equirect.arguments() if self.equirect else NO_LAYERS),
-            int4(self.screen.rect if self.screen else EMPTY),
+            *(screen.arguments() if screen else NO_LAYERS),
+            *(equirect.arguments() if equirect else NO_LAYERS),
+            int4(screen.rect if screen else EMPTY),
         )

@@ -19,7 +19,7 @@ from tests.output.test_trace import check_trace
 from tests.scene.files import MANIFEST, OBJECT, VIEW, write_scene
 
 SIZE = ("--size", "18", "12")
-QUICK = ("--set", "irradiance.rows=16", "--set", "trace.ratio_rows=16")
+QUICK = ("--set", "irradiance.rows=16", "--set", "iprt.ratio_rows=16")
 
 
 OLD = {

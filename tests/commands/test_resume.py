@@ -16,7 +16,7 @@ from tests.waiting import DEADLINE_S, until
 
 FRAMES = 10
 KILLED_AT = 6
-FLAGS = ["--accumulate", "1", "--device", DEVICE, "--set", "trace.ratio_rows=16"]
+FLAGS = ["--accumulate", "1", "--device", DEVICE, "--set", "iprt.ratio_rows=16"]
 FLAGS += ["--set", "irradiance.rows=32"]
 
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pyopencl as cl
 import pytest
 
 from iprt.device import compute
-from iprt.device.compute import BUILD_TRIES, CACHE_RACE, ComputeDevice
+from iprt.device.compute import BUILD_TRIES, CACHE_RACE, ComputeDevice, Kernel
 from iprt.errors import KernelError
 
 RACE = f"clBuildProgram failed: BUILD_PROGRAM_FAILURE\nerror: {CACHE_RACE} 'a' to output file 'b'"
@@ -53,3 +55,70 @@ def test_other_failures_are_reported_at_once(device: ComputeDevice, builds: list
     with pytest.raises(KernelError, match="undeclared identifier"):
         fresh(device).kernel("world/real/pyramid.cl", "reduce_range")
     assert len(builds) == 1
+
+
+SCALE = """
+__kernel void scale(__global const float *in, __global float *out, const float by, const int add)
+{
+    out[get_global_id(0)] = by * in[get_global_id(0)] + add;
+}
+"""
+
+
+def scale(device: ComputeDevice, tmp_path: Path) -> Kernel:
+    (tmp_path / "scale.cl").write_text(SCALE)
+    return device.kernel(str(tmp_path / "scale.cl"), "scale")
+
+
+def test_arguments_stay_bound_until_they_change(device: ComputeDevice, tmp_path: Path) -> None:
+    kernel = scale(device, tmp_path)
+    source = [device.upload("source", np.full(64, value, np.float32)) for value in (1.0, 2.0)]
+    result = [device.zeros(f"result {i}", (64,)) for i in range(2)]
+    for inside, out, by, add in (
+        (0, 0, 2.0, 0),
+        (1, 0, 2.0, 0),
+        (1, 1, 2.0, 0),
+        (1, 1, 0.0, 0),
+        (1, 1, 3.0, 7),
+        (1, 1, 3.0, True),
+        (0, 1, 3.0, 0),
+    ):
+        kernel((64,), source[inside], result[out], by, add)
+        expected = np.float32(by) * np.float32(inside + 1) + np.float32(add)
+        assert (device.read(result[out]) == expected).all()
+
+
+def test_what_has_not_changed_is_not_bound_again(
+    device: ComputeDevice, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kernel = scale(device, tmp_path)
+    source, result = device.zeros("source", (64,)), device.zeros("result", (64,))
+    bound: list[int] = []
+    bind = cl.Kernel.set_arg
+
+    def watched(self: cl.Kernel, index: int, value: Any) -> None:
+        bound.append(index)
+        bind(self, index, value)
+
+    monkeypatch.setattr(cl.Kernel, "set_arg", watched)
+    for by in (2.0, float("2"), 3.0):
+        kernel((64,), source, result, by, 1)
+    assert bound == [0, 1, 2, 3, 2]
+
+
+def test_a_number_of_arguments_that_is_not_the_kernels(
+    device: ComputeDevice, tmp_path: Path
+) -> None:
+    with pytest.raises(TypeError, match="'scale' takes 4 arguments, got 2"):
+        scale(device, tmp_path)((64,), 1, 2)
+
+
+def test_a_write_does_not_wait_and_keeps_its_values(device: ComputeDevice) -> None:
+    """The queue stands still at an event of ours; host memory lives on without a name."""
+    held = cl.UserEvent(device.context)
+    array = device.zeros("array", (1 << 16,))
+    cl.enqueue_barrier(device.queue, wait_for=[held])
+    for value in range(3):
+        device.write(array, np.full(array.shape, value, np.float32))
+    held.set_status(cl.command_execution_status.COMPLETE)
+    assert (device.read(array) == 2.0).all()

@@ -119,16 +119,14 @@ def test_sums_of_steps_need_more_than_32_bits(device: ComputeDevice) -> None:
 
 @pytest.mark.gl
 def test_rays_of_a_picture_are_those_asked_for(device: ComputeDevice) -> None:
-    film = films(trace={"light_sampling": False, "relight_reflections": False})["triangles"]
+    film = films(trace={"light_sampling": False}, iprt={"relight_reflections": False})["triangles"]
     counting = CountingDevice(device)
     settings = film.settings
     with Renderer(counting, film.video[0], film.objects, film.view, settings) as renderer:
         counting.work.clear()
         renderer.step()
         work = counting.work
-        assert renderer.real_pixels is not None
-        assert renderer.virtual_pixels is not None
-        listed = counting.read(renderer.real_pixels.mask.count)[0]
+        listed = counting.read(renderer.method.real_pixels.mask.count)[0]
     pixels = film.view.width * film.view.height
     delta, refined = work["trace real", "trace_delta"], work["irradiance", "refine_cells"]
     assert (delta.items, delta.active) == (pixels, listed)

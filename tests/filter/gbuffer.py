@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
 from iprt.gbuffer.guide import Guide
-from iprt.gbuffer.layout import PlaneLayout
+from iprt.gbuffer.layout import PAD, PlaneLayout
 from iprt.geometry.camera import View
 
 Array = NDArray[np.float64]
@@ -99,8 +99,10 @@ def flat_gbuffer(width: int, height: int) -> GBuffer:
 
 
 def upload(device: ComputeDevice, layout: PlaneLayout, image: Array) -> cla.Array:
-    """Padded float32 planes of a (C, H, W) image."""
-    return device.upload("test planes", layout.padded(image).astype(np.float32))
+    """Padded float32 planes of a (C, H, W) image, wrapped around as kernels leave equirect ones."""
+    rows = layout.padded(image)[..., PAD:-PAD]
+    planes = np.pad(rows, [(0, 0), (0, 0), (PAD, PAD)], mode="wrap")
+    return device.upload("test planes", planes.astype(np.float32))
 
 
 def read(device: ComputeDevice, layout: PlaneLayout, planes: cla.Array) -> NDArray[np.generic]:

@@ -37,11 +37,14 @@ class Session:
         settings: TemporalSettings = SETTINGS,
         *,
         rays: int = 1,
+        published: bool = False,
     ) -> None:
         self.device = device
         self.layout = gbuffer.layout
         self.guide = gbuffer.guide(device)
-        self.temporal = Temporal(device, self.guide, kind, settings, name="test", rays=rays)
+        self.temporal = Temporal(
+            device, self.guide, kind, settings, name="test", rays=rays, published=published
+        )
         self.still = still_motion(self.layout.width, self.layout.height)
 
     def add(
@@ -258,7 +261,7 @@ def test_published_filter_is_its_twin(device: ComputeDevice) -> None:
     """A tenth of each frame; the history within the frame's neighbourhoods, in every frame."""
     rng = np.random.default_rng(17)
     gbuffer = random_gbuffer(40, 30, equirect=False)
-    session = Session(device, gbuffer, "delta", TemporalSettings(history="iprt"))
+    session = Session(device, gbuffer, "delta", TemporalSettings(), published=True)
     zeros = np.zeros((30, 40))
     past, ids = oracle.History(np.zeros((6, 30, 40)), zeros, zeros), gbuffer.seen_ids
     for _ in range(6):

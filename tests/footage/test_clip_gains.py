@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from iprt.footage.clip_gains import MAX_GAIN, MOST_REFLECTANCE, Shading, clip_gains
+from iprt.footage.clip_gains import MAX_GAIN, MAX_REFLECTANCE, Shading, clip_gains
 from iprt.footage.gather import Cells, form_factors, visible
 from tests.oracles.worlds import Box, World
 from tests.worlds import Float, sphere_frame
@@ -61,7 +61,7 @@ def test_no_surface_reflects_more_than_it_receives(shine: float) -> None:
     rest, lights = np.full((n, 3), 0.05), np.full((n, 3, 1), 0.1)
     found = clip_gains(shading(level, np.arange(n), rest, lights), [], np.ones((1, 3), bool))
     reflectance = np.pi * level / (rest + lights[..., 0] * found.gain[0])
-    assert reflectance.max() <= 1.4 * MOST_REFLECTANCE
+    assert reflectance.max() <= 1.4 * MAX_REFLECTANCE
     assert np.median(reflectance) >= 0.02
     assert (found.gain >= 1.0).all()
     assert (found.gain < 100.0).all()

@@ -28,7 +28,8 @@ SEEDS = 12
 COUNTED: dict[str, Any] = {
     "fading": 0.0,
     "mask": {"sparse": False},
-    "trace": {"object_rays": 1, "ratio_rows": 16},
+    "trace": {"object_rays": 1},
+    "iprt": {"ratio_rows": 16},
     "irradiance": {"rows": 32},
 }
 """Every pixel gets one ray a frame, so that samples are frames."""
@@ -42,8 +43,8 @@ WIDE = VIEW.resized(96, 72)
 
 
 def test_hit_distance_of_a_mirror_ball_is_that_of_a_box_room(device: ComputeDevice) -> None:
-    plain = {"jitter": False, "relight_reflections": False}
-    world, chosen = World(), settings(trace={**COUNTED["trace"], **plain})
+    plain = {**COUNTED["trace"], "jitter": False}
+    world, chosen = World(), settings(trace=plain, iprt={"relight_reflections": False})
     frame = room_frame(world, 256, 128, bright_walls)
     mirror = ball(BALL.centre, BALL.radius, SILVER)
     with Renderer(device, frame, [mirror], WIDE, chosen) as renderer:
@@ -142,8 +143,7 @@ def variances(device: ComputeDevice, frames: int) -> dict[str, tuple[Any, Any, N
         chosen = settings(seed=seed, atrous={"levels": 0})
         with Renderer(device, frame, objects, VIEW, chosen) as renderer:
             picture = renderer.render(frames, ["variance", "diffuse", "coverage"])
-            assert renderer.real_pixels is not None
-            change = renderer.real_pixels.change
+            change = renderer.method.real_pixels.change
             assert change is not None
             planes = renderer.layout.interior(device.read(change))
         told.append(picture.aovs["variance"])

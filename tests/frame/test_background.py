@@ -27,7 +27,8 @@ SETTINGS = Settings.model_validate(
     {
         "gbuffer": "cl",
         "atrous": {"levels": 0},
-        "trace": {"relight_reflections": False, "jitter": False},
+        "trace": {"jitter": False},
+        "iprt": {"relight_reflections": False},
         "irradiance": {"rows": 16, "first_rays": 2, "rays": 1},
     }
 )

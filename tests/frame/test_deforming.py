@@ -22,11 +22,11 @@ from tests.frame.whole_frame import (
     METHODS,
     VIEW,
     chosen,
-    render,
     require_only_noise,
     still_life,
     two_frames,
 )
+from tests.rendering import render
 from tests.worlds import Float, ball
 
 pytestmark = pytest.mark.gl
@@ -102,7 +102,7 @@ def test_motion_is_that_of_vertices(
             renderer.move(path[step])
             renderer.look(looked)
             picture = renderer.render(1, ("coverage", "depth"))
-            visible = renderer.virtual_pixels.visible  # type: ignore[union-attr]
+            visible = renderer.visible  # type: ignore[union-attr]
             motion = renderer.layout.interior(device.read(visible.motion)).transpose(1, 2, 0)
             number = renderer.layout.interior(device.read(visible.id))[0].astype(int)
             seen = picture.aovs["coverage"] > 0.5  # the depth is the object's

@@ -29,12 +29,12 @@ from tests.frame.whole_frame import (
     film,
     likeness,
     remembered,
-    render,
     require_finite,
     rms,
     still_life,
     two_frames,
 )
+from tests.rendering import render
 from tests.worlds import (
     Float,
     ball,
@@ -148,7 +148,7 @@ def test_inside_an_object_one_sees_its_inside(
 ) -> None:
     """Paths end in the room after four bounces, by the model: albedo^5 of its even light."""
     frame = sphere_frame(2.0, 128, 64, 0.7)
-    settings = chosen(METHODS[0], trace={"relight_reflections": False})
+    settings = chosen(METHODS[0], iprt={"relight_reflections": False})
     picture = render(device, frame, [solid], view, settings, frames=2)
     np.testing.assert_array_equal(picture.aovs["coverage"], 1.0)
     wanted = np.broadcast_to(0.7 * np.array(CLAY.albedo) ** 5, picture.color.shape)

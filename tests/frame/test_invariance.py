@@ -25,13 +25,13 @@ from tests.frame.whole_frame import (
     chosen,
     film,
     likeness,
-    render,
     require_only_noise,
     rms,
     still_life,
     two_frames,
 )
 from tests.oracles.worlds import World
+from tests.rendering import render
 from tests.worlds import (
     Float,
     ball,
@@ -62,7 +62,7 @@ class Film:
 # Units ----------------------------------------------------------------------------------------
 
 CASES = [(METHODS[0], VIEW), (METHODS[1], VIEW), (METHODS[0], PANORAMA)]
-CASE_NAMES = ["delta-bvh", "ratio-raster", "panorama"]
+CASE_NAMES = ["delta-triangles", "ratio-layers", "panorama"]
 
 
 @pytest.fixture(scope="module", params=CASES, ids=CASE_NAMES)
@@ -171,7 +171,7 @@ def striped_walls(points: Float, normals: Float) -> Float:
 @pytest.mark.parametrize(
     ("method", "columns"),
     [(METHODS[0], 135), (METHODS[0], None), (METHODS[1], None)],
-    ids=["rolled", "mirrored-bvh", "mirrored-raster"],
+    ids=["rolled", "mirrored-triangles", "mirrored-layers"],
 )
 def test_reflections_turn_and_mirror_with_the_world(
     device: ComputeDevice, method: tuple[str, str], columns: int | None
@@ -187,10 +187,10 @@ def test_reflections_turn_and_mirror_with_the_world(
         other, moved, yaw_deg = turned(frame, objects, columns)
         there = replace(view, yaw_deg=view.yaw_deg + yaw_deg)
     still, again = (
-        render(device, frame, objects, view, chosen(method, seed=seed, fading=0.0), frames=6)
+        render(device, frame, objects, view, chosen(method, seed=seed, fading=0.0), frames=16)
         for seed in (0, 1)
     )
-    picture = render(device, other, moved, there, chosen(method, seed=2, fading=0.0), frames=6)
+    picture = render(device, other, moved, there, chosen(method, seed=2, fading=0.0), frames=16)
     color = picture.color if columns is not None else picture.color[:, ::-1]
     solid = (still.aovs["coverage"] == 1.0)[..., None]
     assert solid.sum() > 500

@@ -34,8 +34,8 @@ MATERIALS = (
 SETTINGS: dict[str, dict[str, Any]] = {
     "default": {},
     "rays draw": {"gbuffer": "cl"},
-    "ratio": {"trace": {"estimator": "ratio"}},
-    "rasterized": {"trace": {"objects": "raster"}},
+    "layers": {"method": "iprt2023"},
+    "ratio": {"method": "iprt2023", "iprt2023": {"objects": "triangles"}},
     "ibl": {"method": "ibl"},
 }
 
@@ -106,7 +106,7 @@ LOWERED: dict[str, Callable[[Frame], tuple[Frame, View, dict[str, Any], int]]] =
         4,
     ),
     "lower irradiance.rows": lambda frame: (frame, VIEW, {"irradiance": {"rows": 64}}, 4),
-    "lower trace.ratio_rows": lambda frame: (frame, VIEW, {"trace": {"ratio_rows": 32}}, 4),
+    "lower iprt.ratio_rows": lambda frame: (frame, VIEW, {"iprt": {"ratio_rows": 32}}, 4),
     "use simpler meshes and textures": lambda frame: (frame, VIEW, {}, 3),
 }
 
@@ -196,7 +196,7 @@ def test_a_scene_check_tells_the_need_and_warns(
     assert cli.main(["scene", "check", str(scene)]) == 0
     told = capsys.readouterr().out
     assert "warning: view ahead: 32 x 24 pixels need " in told
-    assert "lower trace.ratio_rows (" in told
+    assert "lower iprt.ratio_rows (" in told
 
 
 def test_a_scene_check_needs_no_device(

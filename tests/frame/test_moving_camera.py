@@ -137,9 +137,8 @@ def test_a_camera_that_turns_shows_the_still_picture(
             renderer.load(replace(rolled, pose=pose_at(yaw_deg=-yaw_deg)))
             renderer.step()
         picture = renderer.render(0, AOVS)
-        assert renderer.real_pixels is not None
         length = renderer.layout.interior(
-            renderer.device.read(renderer.real_pixels._filter.history)
+            renderer.device.read(renderer.method.real_pixels._filter.history)
         )
     np.testing.assert_allclose(picture.aovs["background"], still.aovs["background"], atol=0.02)
     np.testing.assert_allclose(picture.aovs["coverage"], still.aovs["coverage"], atol=0.07)
@@ -211,9 +210,7 @@ def test_objects_keep_their_place_in_the_world(device: ComputeDevice) -> None:
             renderer.step()
             renderer.load(frame_at(now))
             renderer.step()
-            pixels = renderer.virtual_pixels
-            assert pixels is not None
-            seen = pixels.visible
+            seen = renderer.visible
             image = {
                 name: renderer.layout.interior(device.read(getattr(seen, name)))
                 for name in ("motion", "depth", "coverage")

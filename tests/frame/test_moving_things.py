@@ -105,8 +105,9 @@ def test_what_a_real_thing_uncovers_is_as_new(device: ComputeDevice) -> None:
             renderer.load(frame)
             renderer.step()
         found, _ = shown(renderer)
-        assert renderer.real_pixels is not None
-        history = renderer.layout.interior(device.read(renderer.real_pixels._filter.history))[0]
+        history = renderer.layout.interior(
+            device.read(renderer.method.real_pixels._filter.history)
+        )[0]
     real = truth[1] == 0.0
     assert rms((found - truth[0])[real]) < rms((fresh - truth[0])[real])
     uncovered = seen(depths[-1]) > seen(depths[-4]) * 1.05

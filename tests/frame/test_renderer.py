@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -20,6 +19,8 @@ from iprt.renderer import RenderedFrame, Renderer
 from iprt.settings.model import Settings
 from tests.frame.whole_frame import still_life
 from tests.oracles.worlds import Box, Sphere, World
+from tests.rendering import render
+from tests.variants import variant
 from tests.worlds import (
     Float,
     Radiance,
@@ -52,18 +53,8 @@ def lit_room(radiance: Radiance = ceiling_lamp) -> tuple[Frame, list[Instance]]:
     return room_frame(ROOM, 256, 128, radiance), [ball(BALL.centre, BALL.radius, CLAY)]
 
 
-def render(
-    device: ComputeDevice,
-    frame: Frame,
-    objects: Sequence[Instance],
-    view: View,
-    frames: int = 1,
-    background: NDArray[np.float32] | None = None,
-    **settings: Any,
-) -> RenderedFrame:
-    chosen = Settings.model_validate(settings)
-    with Renderer(device, frame, objects, view, chosen, background=background) as renderer:
-        return renderer.render(frames, AOVS)
+def settings(**chosen: Any) -> Settings:
+    return Settings.model_validate(chosen)
 
 
 def rms(difference: NDArray[np.floating]) -> float:
@@ -87,13 +78,13 @@ ASIDE = View(96, 72, yaw_deg=25.0, pitch_deg=-4.0)
 def test_without_objects_the_input_is_the_output(device: ComputeDevice, view: View) -> None:
     color = np.random.default_rng(4).uniform(0.0, 9.0, (128, 256, 3)).astype(np.float32)
     frame = replace(ROOM.frame(256, 128), color=color)
-    picture = render(device, frame, [], view, frames=2)
+    picture = render(device, frame, [], view, settings(), 2)
     np.testing.assert_array_equal(picture.color, picture.aovs["background"])
     np.testing.assert_allclose(picture.color, panorama_at(color, view.directions()), atol=5e-3)
     if view is PANORAMA:
         np.testing.assert_array_equal(picture.color, color)
     own = np.random.default_rng(5).random((view.height, view.width, 3)).astype(np.float32)
-    over = render(device, frame, [], view, background=own)
+    over = render(device, frame, [], view, settings(), background=own)
     np.testing.assert_array_equal(over.color, own)
 
 
@@ -108,8 +99,8 @@ def test_what_objects_do_not_touch_keeps_its_bits(
     background = None
     if own:
         background = np.random.default_rng(1).random((view.height, view.width, 3), np.float32)
-    before = render(device, frame, [], view, background=background).color
-    picture = render(device, frame, objects, view, 6, background=background)
+    before = render(device, frame, [], view, settings(), background=background).color
+    picture = render(device, frame, objects, view, settings(), 6, background=background)
     ratio, untouched = picture.aovs["ratio"], real(picture)
     untouched &= (ratio == 1.0).all(-1)
     np.testing.assert_array_equal(picture.color[untouched], before[untouched])
@@ -128,7 +119,7 @@ def test_what_objects_do_not_touch_keeps_its_bits(
 def test_the_sky_keeps_its_bits(device: ComputeDevice) -> None:
     frame, view = landscape_frame(256, 128), View(96, 72)
     objects = [ball((0.1, 0.0, -2.0), 0.5, CLAY)]
-    picture = render(device, frame, objects, view, 4)
+    picture = render(device, frame, objects, view, settings(), 4)
     sky = real(picture) & (view.directions()[..., 1] > 0.02)
     assert sky.sum() > 2000
     np.testing.assert_array_equal(picture.color[sky], picture.aovs["background"][sky])
@@ -145,9 +136,9 @@ def test_both_projections_agree(device: ComputeDevice, view: View) -> None:
     frame, objects = lit_room(bright_walls)
     objects.append(ball((-0.2, -1.0, 1.5), 0.3, CLAY))
     # Only what the view shows is relit in reflections, which is another part in each projection.
-    trace = {"rays": 8, "relight_reflections": False}
-    whole = render(device, frame, objects, PANORAMA, 4, trace=trace, **MEAN)
-    part = render(device, frame, objects, view, 8, trace=trace, **MEAN)
+    trace = {"rays": 8}
+    whole = render(device, frame, objects, PANORAMA, settings(trace=trace, **MEAN), 4)
+    part = render(device, frame, objects, view, settings(trace=trace, **MEAN), 8)
     d = view.directions()
     covered = panorama_at(whole.aovs["coverage"][..., None], d)[..., 0]
     ground = (covered == 0.0) & real(part)
@@ -168,10 +159,10 @@ def test_the_seam_does_not_show(device: ComputeDevice) -> None:
     frame, _ = lit_room(bright_walls)
     objects = [ball((0.1, -1.1, 0.15), 0.2, CLAY), ball((-0.1, -1.0, 1.6), 0.3, CLAY)]
     sure: dict[str, Any] = {"trace": {"rays": 32}, "irradiance": {"rows": 32}, **MEAN}
-    still = render(device, frame, objects, HALF, 4, **sure)
+    still = render(device, frame, objects, HALF, settings(**sure), 4)
     assert (still.aovs["coverage"][:, [0, -1]] == 1.0).sum() > 5
     rolled, moved, _ = turned(frame, objects, 128)
-    picture = render(device, rolled, moved, HALF, 4, **sure)
+    picture = render(device, rolled, moved, HALF, settings(**sure), 4)
 
     def difference(name: str) -> Float:
         return np.asarray(np.roll(picture.aovs[name], -64, 1) - still.aovs[name], np.float64)
@@ -193,7 +184,9 @@ def test_the_seam_does_not_show(device: ComputeDevice) -> None:
 @pytest.mark.parametrize("view", [SMALL, HALF], ids=lambda v: v.projection)
 def test_the_seed_makes_the_picture(device: ComputeDevice, view: View) -> None:
     frame, objects = lit_room(bright_walls)[0], still_life()
-    first, again, other = (render(device, frame, objects, view, 4, seed=seed) for seed in (7, 7, 8))
+    first, again, other = (
+        render(device, frame, objects, view, settings(seed=seed), 4) for seed in (7, 7, 8)
+    )
     np.testing.assert_array_equal(first.color, again.color)
     for name in AOVS:
         np.testing.assert_array_equal(first.aovs[name], again.aovs[name])
@@ -208,15 +201,20 @@ def test_frames_average_out_the_noise(
 ) -> None:
     """Four times the frames, about half the error, where E_R is known."""
     frame, objects = lit_room()
-    many = {"rays": 32, "object_rays": 32, "estimator": estimator, "ratio_rows": 16}
+
+    def accumulated(frames: int, **others: Any) -> RenderedFrame:
+        chosen = variant(estimator, **others)
+        with Renderer(device, frame, objects, SMALL, chosen) as renderer:
+            return renderer.render(frames, AOVS)
+
+    coarse = {"iprt": {"ratio_rows": 16}}
+    many = {"rays": 32, "object_rays": 32}
     sure: dict[str, Any] = {"rows": 16, "first_rays": 1024, "samples": 1024}
-    truth = render(device, frame, objects, SMALL, 16, seed=1, trace=many, irradiance=sure, **RAW)
+    truth = accumulated(16, seed=1, trace=many, irradiance=sure, **coarse, **RAW)
     # One ray of objects in every frame: by default there are more in the first ones.
-    few: dict[str, Any] = {
-        "trace": {"estimator": estimator, "object_rays": 1, "ratio_rows": 16}, "irradiance": sure,
-    }  # fmt: skip
+    few: dict[str, Any] = {"trace": {"object_rays": 1}, "irradiance": sure, **coarse}
     pictures = {}
-    chosen = Settings.model_validate({**few, **RAW})
+    chosen = variant(estimator, **few, **RAW)
     with Renderer(device, frame, objects, SMALL, chosen) as renderer:
         for more, frames in ((1, 1), (3, 4), (12, 16), (48, 64)):
             pictures[frames] = renderer.render(more, AOVS)
@@ -233,7 +231,7 @@ def test_frames_average_out_the_noise(
     # The filter pays where there is noise: after a frame, and less where there is less of it.
     raw = pictures[1].aovs["ratio"]
     plain = {**MEAN, "mask": {"sparse": False}}
-    filtered = render(device, frame, objects, SMALL, 1, **few, **plain).aovs["ratio"]
+    filtered = accumulated(1, **few, **plain).aovs["ratio"]
     assert rms(filtered - truth.aovs["ratio"]) < filtered_to * rms(raw - truth.aovs["ratio"])
 
 
@@ -243,10 +241,10 @@ def test_frames_average_out_the_noise(
 def test_turning_leaves_no_trails(device: ComputeDevice) -> None:
     """After a turn the picture is as good as one that was always there, in no place worse."""
     frame, objects = lit_room()
-    coarse: dict[str, Any] = {"trace": {"ratio_rows": 16}, "irradiance": {"rows": 32}}
-    sure = {"trace": {"rays": 16, "ratio_rows": 16}, "irradiance": {"rows": 32}}
-    truth = render(device, frame, objects, DOWN, 8, seed=1, **sure, **MEAN)
-    fresh = render(device, frame, objects, DOWN, 24, **coarse)
+    coarse: dict[str, Any] = {"iprt": {"ratio_rows": 16}, "irradiance": {"rows": 32}}
+    sure = {"trace": {"rays": 16}, **coarse}
+    truth = render(device, frame, objects, DOWN, settings(seed=1, **sure, **MEAN), 8)
+    fresh = render(device, frame, objects, DOWN, settings(**coarse), 24)
     ground, solid = real(truth), truth.aovs["coverage"] == 1.0
     lit = truth.aovs["ratio"].min(-1)[ground] > 0.995
     assert lit.mean() > 0.3
@@ -292,10 +290,8 @@ def test_distant_environment_is_the_cosine_convolution(device: ComputeDevice) ->
     """And it changes no real pixel."""
     frame = room_frame(ROOM, 64, 32, bright_walls)
     view = View(64, 48)
-    picture = render(
-        device, frame, [ball((0.2, 0.0, -1.2), 0.4, CLAY)], view, 8,
-        method="ibl", trace={"rays": 64}, **MEAN,
-    )  # fmt: skip
+    chosen = settings(method="ibl", trace={"rays": 64}, **MEAN)
+    picture = render(device, frame, [ball((0.2, 0.0, -1.2), 0.4, CLAY)], view, chosen, 8)
     d = View(64, 32, projection="equirect").directions().reshape(-1, 3)
     sr = np.broadcast_to(solid_angles(64, 32)[:, None], (32, 64)).reshape(-1)
     solid = picture.aovs["coverage"] == 1.0
@@ -329,8 +325,7 @@ def test_rays_are_spared(device: ComputeDevice, view: View, sigma: float) -> Non
             Settings.model_validate(settings),
         ) as renderer:  # fmt: skip
             renderer.render(12)
-            assert renderer.real_pixels is not None
-            traced[sparse] = int(device.read(renderer.real_pixels.mask.count)[0])
+            traced[sparse] = int(device.read(renderer.method.real_pixels.mask.count)[0])
             surfaces = int(renderer.layout.interior(device.read(renderer.real.id)).sum())
     assert traced[False] == surfaces
     assert 0 < traced[True] < 0.5 * surfaces

@@ -18,6 +18,7 @@ from iprt.geometry.mesh import Instance
 from iprt.renderer import RenderedFrame, Renderer
 from iprt.settings.model import Settings
 from tests.oracles.worlds import Sphere, World
+from tests.rendering import render
 from tests.worlds import Float, ball, panorama_at
 
 pytestmark = pytest.mark.gl
@@ -72,24 +73,23 @@ def arriving(frame: Frame, openings: str, o: Float, d: Float) -> tuple[Float, ND
     return np.where(through[..., None], beyond, seen_at), through
 
 
-def render(
+def render_ball(
     device: ComputeDevice, frame: Frame, solid: Sphere, view: View, openings: str, frames: int,
     rays: int = 1,
 ) -> RenderedFrame:  # fmt: skip
-    trace = {"rays": rays, "openings": openings, "relight_reflections": False, "jitter": False}
+    trace = {"rays": rays, "openings": openings, "jitter": False}
     raw = {"fading": 0.0, "atrous": {"levels": 0}, "mask": {"sparse": False}}
     sure = {"rows": 64, "first_rays": 512, "samples": 512}
     settings = Settings.model_validate({"trace": trace, "irradiance": sure, **raw})
     objects = [ball(solid.centre, solid.radius, MIRROR, subdivisions=5)]
-    with Renderer(device, frame, objects, view, settings) as renderer:
-        return renderer.render(frames, ("coverage", "irradiance_real", "ratio"))
+    return render(device, frame, objects, view, settings, frames)
 
 
 @pytest.mark.parametrize("openings", METHODS)
 def test_a_mirror_shows_what_is_behind_the_window(device: ComputeDevice, openings: str) -> None:
     """In the ray's own direction; or painted on the pane, seen from the ball."""
     frame, view = windowed(sky), View(128, 128, yaw_deg=166.0, pitch_deg=4.0, fov_y_deg=40.0)
-    picture = render(device, frame, BALL, view, openings, 1)
+    picture = render_ball(device, frame, BALL, view, openings, 1)
     d = view.directions()
     t, _, normal, _ = BALL.interval(np.zeros_like(d), d)
     met = np.isfinite(t) & (picture.aovs["coverage"] == 1.0)
@@ -115,7 +115,7 @@ def test_the_sun_falls_through_the_window(device: ComputeDevice, openings: str) 
     frame = windowed(sun)
     view = View(36, 36, pitch_deg=-90.0, fov_y_deg=88.0)
     aside = Sphere((-1.7, 0.5, 0.0), 0.2)
-    picture = render(device, frame, aside, view, openings, 16, rays=32)
+    picture = render_ball(device, frame, aside, view, openings, 16, rays=32)
     x, z = np.array([[-0.4, 0.5], [0.0, 0.9], [0.5, 0.4], [0.4, -0.9], [-0.5, -1.1]]).T
     points = np.stack([x, np.full_like(x, FLOOR), z], -1)
     column, row = np.floor(view.project(points)).astype(int).T

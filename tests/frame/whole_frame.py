@@ -22,6 +22,7 @@ from iprt.output.display import display
 from iprt.renderer import RenderedFrame, Renderer
 from iprt.settings.model import Settings
 from tests.oracles.worlds import Box, World
+from tests.variants import variant
 from tests.worlds import Float, ball, bright_walls, ceiling_lamp, cuboid, room_frame
 
 ROOM = World(solids=(Box((-0.8, -0.9, -1.7), (0.25, 0.5, 0.2)),))
@@ -31,8 +32,8 @@ BRASS = Material("conductor", (0.9, 0.7, 0.4), alpha=0.2)
 SILVER = Material("conductor", (0.9, 0.9, 0.9), alpha=0.0)
 VIEW = View(48, 36, pitch_deg=-35.0)
 PANORAMA = View(64, 32, projection="equirect")
-METHODS = [("delta", "bvh"), ("ratio", "raster")]
-"""`trace.estimator` and `trace.objects`: every value of both, in two builds of the kernels."""
+METHODS = [("delta", "triangles"), ("ratio", "layers")]
+"""Estimators of real surfaces, and what rays meet of objects: every value of both."""
 METHOD = pytest.mark.parametrize("method", METHODS, ids="-".join)
 
 
@@ -60,21 +61,8 @@ def two_frames() -> tuple[Frame, Frame]:
 def chosen(method: tuple[str, str], **others: Any) -> Settings:
     """Default settings with one of `METHODS`, and others; grids as coarse as the pictures."""
     estimator, objects = method
-    trace = {"estimator": estimator, "objects": objects, "ratio_rows": 16}
-    trace |= others.pop("trace", {})
-    return Settings.model_validate({"trace": trace, "irradiance": {"rows": 32}, **others})
-
-
-def render(
-    device: ComputeDevice,
-    frame: Frame,
-    objects: Sequence[Instance],
-    view: View,
-    settings: Settings,
-    frames: int = 1,
-) -> RenderedFrame:
-    with Renderer(device, frame, objects, view, settings) as renderer:
-        return renderer.render(frames, AOVS)
+    own = {"ratio_rows": 16} | others.pop("iprt", {})
+    return variant(estimator, objects=objects, iprt=own, **{"irradiance": {"rows": 32}, **others})
 
 
 def film(

@@ -16,7 +16,7 @@ from PIL import Image
 class Page(HTMLParser):
     """Tags and attributes; fails where a tag is closed that is not open."""
 
-    VOID: ClassVar = {"meta", "img", "br", "line", "circle", "rect", "polyline"}
+    VOID: ClassVar = {"meta", "img", "br"}
 
     def __init__(self, text: str) -> None:
         super().__init__()

@@ -38,7 +38,7 @@ class FakeRenderer:
     def __init__(self, device: Any, *_: Any) -> None:
         self.device = device
         count = SimpleNamespace(get=lambda: np.array([300], np.int32))
-        self.real_pixels = SimpleNamespace(mask=SimpleNamespace(count=count))
+        self.method = SimpleNamespace(traced_count=count)
         self.view = VIEW
         launch(device.profile, "surface", "build", 7.0)
 

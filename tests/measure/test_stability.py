@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from iprt.measure.stability import (
     KINDS,
-    LEAST_PIXELS,
     LEVEL,
+    MIN_PIXELS,
     FlickerMeter,
     Trail,
     TrailMeter,
@@ -200,9 +200,9 @@ def film_with_a_trail(keep: float, sigma: float, frames: int = 24) -> Trail:
 def test_a_trail_is_as_long_as_it_is_seen(keep: float) -> None:
     """Without noise, until what is left of the bar is less than a step of the display."""
     trail = film_with_a_trail(keep, 0.0)
-    told = [age for age in trail.ages if age.pixels >= LEAST_PIXELS]
-    assert len(told) > 15
-    for index, age in enumerate(told):
+    known = [age for age in trail.ages if age.pixels >= MIN_PIXELS]
+    assert len(known) > 15
+    for index, age in enumerate(known):
         assert age.ghost == pytest.approx(keep ** (index + 1), abs=0.05)
     seen = sum(0.4 * keep ** (index + 1) > LEVEL for index in range(24))
     assert trail.frames is not None

@@ -1,4 +1,4 @@
-"""What objects change in the light of real surfaces, as `trace.estimator = "delta"` finds it."""
+"""What objects change in the light of real surfaces, as `iprt` finds it."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from iprt.geometry.camera import View
 from iprt.geometry.material import Material
 from iprt.geometry.mesh import Instance
 from iprt.renderer import Renderer
-from iprt.settings.model import Settings
 from tests.oracles.worlds import Box, Solid, Sphere, World
+from tests.variants import variant
 from tests.worlds import Float, ball, cuboid
 
 ROOM = World()
@@ -45,6 +45,7 @@ def change_of(
     seed: int = 0,
     filtered: bool = False,
     irradiance: dict[str, int] | None = None,
+    estimator: str = "delta",
     **trace: Any,
 ) -> tuple[Float, Float, Float, Float]:
     """(H, W, 3) blocked and bounce over E_R, E_R / π, ratio."""
@@ -52,15 +53,14 @@ def change_of(
         "seed": seed,
         "fading": 0.0,
         "irradiance": irradiance or {},
-        "trace": {"relight_reflections": False, **trace},
+        "iprt": {"relight_reflections": False},
+        "trace": trace,
     }
     if not filtered:
         chosen |= {"atrous": {"levels": 0}, "mask": {"sparse": False}}
-    with Renderer(device, frame, objects, view, Settings.model_validate(chosen)) as renderer:
+    with Renderer(device, frame, objects, view, variant(estimator, **chosen)) as renderer:
         aovs = renderer.render(frames, ("irradiance_real", "ratio")).aovs
-        assert renderer.real_pixels is not None
-        assert renderer.real_pixels.change is not None
-        planes = renderer.layout.interior(device.read(renderer.real_pixels.change))
+        planes = renderer.layout.interior(device.read(renderer.method.real_pixels.change))
     change = np.moveaxis(planes.astype(np.float64), 0, -1)
     return (
         change[..., :3], change[..., 3:],

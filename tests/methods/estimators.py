@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 import pyopencl.array as cla
@@ -27,10 +27,10 @@ from iprt.methods.trace import TraceReal, TraceVirtual
 from iprt.renderer import Renderer
 from iprt.settings.features import Features
 from iprt.settings.filter import MaskSettings
-from iprt.settings.model import Settings
 from iprt.world.real.camera_motion import STILL
 from iprt.world.real.irradiance import IrradianceCache
 from iprt.world.real.panorama import START_BIAS
+from tests.variants import variant
 from tests.worlds import Float, landscape_frame, sphere_frame
 
 Estimator = Literal["delta, aimed", "delta, even", "ratio"]
@@ -80,7 +80,7 @@ class Kernels:
 
     def receivers(self) -> tuple[Float, Float]:
         """(H, W, 3) where rays of the real pixels towards objects start, and normals there."""
-        guide = self._planes(self.renderer.real_guide.current)
+        guide = self._planes(self.renderer.method.real_guide.current)
         lift = START_BIAS * self.renderer.real_world.panorama.scale
         return guide[..., 3:6] + lift * guide[..., :3], guide[..., :3]
 
@@ -103,11 +103,12 @@ class Kernels:
 
     def _real(self, seed: int, rays: int) -> tuple[Float, Float, Float]:
         renderer = self.renderer
-        assert renderer.real_pixels is not None
-        trace = TraceReal(self.device, renderer.real_guide, self._features(seed, rays), name="run")
+        trace = TraceReal(
+            self.device, renderer.method.real_guide, self._features(seed, rays), name="run"
+        )
         trace.run(
             renderer.world,
-            renderer.real_pixels.mask,
+            renderer.method.real_pixels.mask,
             self.view,
             renderer.real_world.irradiance,
             least=0.0,
@@ -116,22 +117,21 @@ class Kernels:
         if renderer.real_world.irradiance is None:
             return signal[..., :3], signal[..., 3:], np.ones(3)
         shown = renderer.real_world.irradiance.show(
-            renderer.real_world.panorama, renderer.real_guide
+            renderer.real_world.panorama, renderer.method.real_guide
         )
         return signal[..., :3], signal[..., 3:], self._planes(shown)
 
     def irradiance(self, seed: int, rays: int) -> Float:
         """(N, 3) E_R / π of the cells of a cache that knew nothing."""
         renderer = self.renderer
-        assert renderer.real_pixels is not None
         cache = IrradianceCache(self.device, self._features(seed, rays))
         frame = renderer.frame
         cache.place(renderer.real_world.panorama, frame, frame, STILL, changed=0.0, cut=False)
         cache.run(
             renderer.world.arguments(self._features(seed, rays)),
             renderer.world.bounds,
-            renderer.real_guide,
-            renderer.real_pixels.mask,
+            renderer.method.real_guide,
+            renderer.method.real_pixels.mask,
             self.view,
             least=0.0,
         )
@@ -144,21 +144,19 @@ class Kernels:
     def _virtual(self) -> tuple[Guide, Mask, cla.Array]:
         """Pixels of virtual surfaces, all of which are traced, and a history without anything."""
         device, renderer = self.device, self.renderer
-        assert renderer.virtual_pixels is not None
-        seen, layout = renderer.virtual_pixels.visible, renderer.layout
+        seen, layout = renderer.visible, renderer.layout
         guide = Guide(device, layout, equirect=False, name="run")
         guide.run(self.view, seen.normal, seen.depth, seen.id)
         mask = Mask(device, guide, MaskSettings(sparse=False), name="run")
-        mask.run((0, 0))
+        mask.run((0, 0), seen.motion)
         return guide, mask, device.zeros("run history", layout.shape(1))
 
     def reflected(self, seed: int, rays: int) -> dict[str, Float]:
         """(H, W, 3) "diffuse" (without albedo) and "specular" radiance of virtual surfaces."""
         renderer = self.renderer
-        assert renderer.virtual_pixels is not None
         guide, mask, nothing = self._virtual
         trace = TraceVirtual(self.device, guide, self._features(seed, rays))
-        albedo = renderer.virtual_pixels.visible.albedo
+        albedo = renderer.visible.albedo
         trace.run(renderer.world, mask, self.view, albedo, nothing)
         planes = {"diffuse": trace.diffuse, "specular": trace.specular}
         return {kind: self._planes(p) for kind, p in planes.items() if p is not None}
@@ -176,17 +174,14 @@ def kernels(
 ) -> Iterator[Kernels]:
     """`aim_at`: (H, W, 3) picture whose bright parts rays are aimed at, in place of the frame's."""
     name, _, way = estimator.partition(", ")
-    trace = {
-        "estimator": name, "light_sampling": way == "aimed", "jitter": False,
-        "relight_reflections": False,
-    }  # fmt: skip
-    chosen: dict[str, Any] = {
-        "gbuffer": "cl", "mask": {"sparse": False}, "atrous": {"levels": 0}, "trace": trace,
-        "irradiance": {"rows": 64},
-    }  # fmt: skip
-    with Renderer(device, frame, objects, view, Settings.model_validate(chosen)) as renderer:
+    chosen = variant(
+        name, gbuffer="cl", mask={"sparse": False}, atrous={"levels": 0}, irradiance={"rows": 64},
+        trace={"light_sampling": way == "aimed", "jitter": False},
+        iprt={"relight_reflections": False},
+    )  # fmt: skip
+    with Renderer(device, frame, objects, view, chosen) as renderer:
         renderer.step()
-        lights = renderer.world.lights
+        lights = renderer.world.real.lights
         assert (lights is not None) == (way == "aimed")
         if lights is not None and aim_at is not None:
             lights.load(aim_at.astype(np.float32))

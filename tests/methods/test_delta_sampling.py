@@ -120,10 +120,9 @@ def test_aiming_at_lights_leaves_objects_as_bright(
     objects = [ball((0.0, -0.3, -1.6), 0.35, material)]
     view = View(24, 24, pitch_deg=-10.0, fov_y_deg=35.0)
     with kernels(device, below_a_lamp(), objects, view=view) as run:
-        lights, pixels = run.renderer.world.lights, run.renderer.virtual_pixels
+        lights = run.renderer.world.real.lights
         assert lights is not None
-        assert pixels is not None
-        solid = run.renderer.layout.interior(device.read(pixels.visible.coverage))[0] == 1.0
+        solid = run.renderer.layout.interior(device.read(run.renderer.visible.coverage))[0] == 1.0
         assert solid.sum() > 100
 
         def drawn() -> Float:

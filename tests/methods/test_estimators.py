@@ -186,11 +186,10 @@ def box_truth(run: Kernels, material: Material) -> tuple[NDArray[np.bool_], dict
     """(H, W) pixels of the box, and (N,) what each lobe reflects there in a furnace, in red:
     its albedo by the viewing angle, by quadrature of the BRDF.
     """
-    pixels = run.renderer.virtual_pixels
-    assert pixels is not None
+    visible = run.renderer.visible
     normal, inside = (
         np.moveaxis(run.renderer.layout.interior(run.device.read(planes)), 0, -1)
-        for planes in (pixels.visible.normal, pixels.visible.id)
+        for planes in (visible.normal, visible.id)
     )
     inside = inside[..., 0] > 0.0
     cosine = -(normal.astype(np.float64) * BOX_VIEW.directions()).sum(-1)[inside]

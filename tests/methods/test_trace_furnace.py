@@ -10,9 +10,16 @@ from iprt.device.compute import ComputeDevice
 from iprt.geometry.camera import View
 from iprt.geometry.material import Material
 from iprt.renderer import RenderedFrame
-from tests.methods.traced import BLACK, ESTIMATORS, MIRROR, mirror_rays, render, settings
+from tests.methods.traced import (
+    BLACK,
+    MIRROR,
+    mirror_rays,
+    settings,
+)
 from tests.oracles.brdf import diffuse_albedo, specular_albedo
 from tests.oracles.worlds import Sphere
+from tests.rendering import render
+from tests.variants import ESTIMATORS
 from tests.worlds import ball, sphere_frame
 
 RADIANCE = 0.7

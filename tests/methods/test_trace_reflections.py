@@ -10,15 +10,14 @@ from iprt.device.compute import ComputeDevice
 from iprt.geometry.camera import View
 from tests.methods.traced import (
     BLACK,
-    ESTIMATORS,
     FLOOR,
     MIRROR,
     ROOM,
     mirror_rays,
-    render,
     settings,
 )
 from tests.oracles.worlds import Sphere
+from tests.rendering import render
 from tests.worlds import Float, ball, bright_walls, ceiling_lamp, cuboid, room_frame
 
 PANORAMA = View(256, 128, projection="equirect")
@@ -83,8 +82,7 @@ def test_mirror_ball_shows_other_objects(
     assert dark[outside].mean() < 0.01
 
 
-@pytest.mark.parametrize("estimator", ESTIMATORS)
-def test_reflections_are_relit_when_asked(device: ComputeDevice, estimator: str) -> None:
+def test_reflections_are_relit_when_asked(device: ComputeDevice) -> None:
     """A mirror ball shows the shadow of a box on the floor, as dark as the floor itself."""
     mirror = Sphere((0.45, FLOOR + 0.4, -1.7), 0.4)
     objects = [
@@ -94,12 +92,11 @@ def test_reflections_are_relit_when_asked(device: ComputeDevice, estimator: str)
     frame = room_frame(ROOM, 256, 128, ceiling_lamp)
     view = View(128, 96, pitch_deg=-35.0)
     on, off = (
-        render(device, frame, objects, view, settings(8, relit, estimator, **COARSE), 2)
+        render(device, frame, objects, view, settings(8, relit, **COARSE), 2)
         for relit in (True, False)
     )
     # The map of what is out of view has E_R refined in more places.
-    same = 2e-2 if estimator == "delta" else 0.0
-    np.testing.assert_allclose(on.aovs["ratio"], off.aovs["ratio"], atol=same)
+    np.testing.assert_allclose(on.aovs["ratio"], off.aovs["ratio"], atol=2e-2)
     point, d, cosine = mirror_rays(view, mirror)
     t, normal, _ = ROOM.first_hit(point, d)
     reflected = point + t[..., None] * d
@@ -127,8 +124,7 @@ def test_reflections_are_relit_when_asked(device: ComputeDevice, estimator: str)
     np.testing.assert_allclose(on.color[beyond], off.color[beyond], rtol=0.06)
 
 
-@pytest.mark.parametrize("estimator", ESTIMATORS)
-def test_reflections_are_relit_out_of_view(device: ComputeDevice, estimator: str) -> None:
+def test_reflections_are_relit_out_of_view(device: ComputeDevice) -> None:
     """A mirror ball above the view's lower edge shows the shadow below it."""
     mirror = Sphere((0.45, -0.1, -1.9), 0.4)
     objects = [
@@ -138,7 +134,7 @@ def test_reflections_are_relit_out_of_view(device: ComputeDevice, estimator: str
     frame = room_frame(ROOM, 256, 128, ceiling_lamp)
     view = View(96, 72, pitch_deg=12.0)
     on, off = (
-        render(device, frame, objects, view, settings(8, relit, estimator, **COARSE), 4)
+        render(device, frame, objects, view, settings(8, relit, **COARSE), 4)
         for relit in (True, False)
     )
     point, d, cosine = mirror_rays(view, mirror)
@@ -147,9 +143,7 @@ def test_reflections_are_relit_out_of_view(device: ComputeDevice, estimator: str
     floor = (normal[..., 1] > 0.5) & (cosine > 0.3) & (on.aovs["coverage"] == 1.0)
     floor &= off.aovs["specular"].min(-1) > 0.05
     down = View(96, 96, pitch_deg=-60.0, fov_y_deg=80.0)
-    ratio = render(device, frame, objects, down, settings(8, False, estimator, **COARSE), 4).aovs[
-        "ratio"
-    ]
+    ratio = render(device, frame, objects, down, settings(8, False, **COARSE), 4).aovs["ratio"]
     with np.errstate(divide="ignore", invalid="ignore"):
         column, row = np.moveaxis(down.project(reflected), -1, 0)
     floor &= (column > 2) & (column < 94) & (row > 2) & (row < 94)

@@ -11,8 +11,15 @@ from numpy.typing import NDArray
 from iprt.device.compute import ComputeDevice
 from iprt.geometry.camera import View
 from iprt.geometry.material import Material
-from tests.methods.traced import BLACK, ESTIMATORS, FLOOR, ROOM, render, settings
+from tests.methods.traced import (
+    BLACK,
+    FLOOR,
+    ROOM,
+    settings,
+)
 from tests.oracles.worlds import Sphere, cosine_about
+from tests.rendering import render
+from tests.variants import ESTIMATORS
 from tests.worlds import Float, ball, ceiling_lamp, room_frame
 
 DOWN = View(96, 72, pitch_deg=-35.0)

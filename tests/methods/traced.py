@@ -6,44 +6,28 @@ from typing import Any
 
 import numpy as np
 
-from iprt.device.compute import ComputeDevice
-from iprt.footage.frame import Frame
 from iprt.geometry.camera import View
 from iprt.geometry.material import Material
-from iprt.geometry.mesh import Instance
-from iprt.renderer import RenderedFrame, Renderer
 from iprt.settings.model import Settings
 from tests.oracles.worlds import Sphere, World
+from tests.variants import variant
 from tests.worlds import Float
 
 ROOM = World()
 FLOOR = ROOM.low[1]
 BLACK = Material(albedo=(0.0, 0.0, 0.0))
 MIRROR = Material("conductor", (0.9, 0.8, 0.7), alpha=0.0)
-ESTIMATORS = ["delta", "ratio"]
 
 
 def settings(
     rays: int = 1, relit: bool = False, estimator: str = "delta", **others: Any
 ) -> Settings:
     """Rays of objects start at the pixels' centres, which is where truth is known."""
-    trace = {
-        "rays": rays, "relight_reflections": relit, "estimator": estimator, "jitter": False
+    chosen = {
+        "fading": 0.0, "trace": {"rays": rays, "jitter": False},
+        "iprt": {"relight_reflections": relit},
     }  # fmt: skip
-    return Settings.model_validate({"fading": 0.0, "trace": trace, **others})
-
-
-def render(
-    device: ComputeDevice,
-    frame: Frame,
-    instances: list[Instance],
-    view: View,
-    chosen: Settings,
-    frames: int = 1,
-) -> RenderedFrame:
-    aovs = ("coverage", "ratio", "normal", "irradiance_real", "irradiance_mixed", "specular")
-    with Renderer(device, frame, instances, view, chosen) as renderer:
-        return renderer.render(frames, aovs)
+    return variant(estimator, **{**chosen, **others})
 
 
 def mirror_rays(view: View, solid: Sphere) -> tuple[Float, Float, Float]:

@@ -83,7 +83,7 @@ nasty(
     "color",
     "c.png",
     "PNG with two headers",
-    png(4, 4, 16, ZEROS, chunk(b"abCd", struct.pack(">IIBBBBB", 2**31, 9, 16, 2, 0, 0, 0))),
+    png(4, 4, 16, ZEROS, chunk(b"IHDR", struct.pack(">IIBBBBB", 9, 2, 16, 2, 0, 0, 0))),
     "c.png: ",
 )
 nasty(
@@ -92,6 +92,14 @@ nasty(
     "PNG with a bomb of text",
     png(4, 4, 8, b"x", chunk(b"zTXt", b"a\0\0" + zlib.compress(bytes(2**26), 9))),
     "c.png: ",
+)
+TEXT_LAST = chunk(b"zTXt", b"a\0\0" + zlib.compress(bytes(2**28), 9))
+nasty(
+    "color",
+    "c.png",
+    "PNG with a bomb of text behind its pixels",
+    png(4, 4, 16, ZEROS)[: -len(END)] + TEXT_LAST + END,
+    "c.png: cut off or damaged picture (Decompressed data too large",
 )
 nasty("color", "c.png", "PNG with a chunk of 2 GB", PNG + b"\x7f\xff\xff\xffIHDR", "c.png: ")
 nasty(

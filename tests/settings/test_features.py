@@ -16,6 +16,7 @@ from iprt.geometry.material import Material
 from iprt.renderer import Renderer
 from iprt.settings.features import Features
 from iprt.settings.model import Settings
+from tests.variants import variant
 from tests.worlds import ball, sphere_frame
 
 FRAME = sphere_frame(2.0, 32, 16, 1.0)
@@ -27,7 +28,11 @@ GLOSSY = Material("conductor", alpha=0.2)
 MIRROR = Material("conductor", alpha=0.0)
 PLASTIC = Material("plastic")
 
-RASTER = Settings.model_validate({"trace": {"objects": "raster"}})
+LAYERS = Settings(method="iprt2023")
+
+UNLIT = Settings.model_validate({"iprt": {"relight_reflections": False}})
+VIRTUAL = "methods/trace_virtual.cl"
+ESTIMATORS = {"delta": "methods/trace_delta.cl", "ratio": "methods/trace_real.cl"}
 
 KIND_OF = {
     "MATERIAL_DIFFUSE": DIFFUSE,
@@ -112,16 +117,15 @@ def test_what_meets_real_surfaces_only_is_built_alike_for_all_objects() -> None:
     assert one != other
 
 
-@pytest.mark.parametrize("estimator", ["delta", "ratio"])
-@pytest.mark.parametrize("objects", ["bvh", "raster"])
-def test_the_view_and_the_map_around_it_share_what_looks_into_neither(
-    objects: str, estimator: str
-) -> None:
+def test_the_view_and_the_map_around_it_share_what_looks_into_neither() -> None:
     """Rays of real surfaces meet the view only where it holds layers of the objects."""
-    device = plan(DIFFUSE, settings=tracing(objects=objects, estimator=estimator))
-    file = {"delta": "methods/trace_delta.cl", "ratio": "methods/trace_real.cl"}[estimator]
-    around = ["VIEW_EQUIRECT" in used for built, _, used in device.kernels if built == file]
-    assert sorted(around) == [False, objects == "raster"]
+    for settings, file in ((Settings(), "trace_delta"), (LAYERS, "trace_real")):
+        device = plan(DIFFUSE, settings=settings)
+        used = [used for built, _, used in device.kernels if built == f"methods/{file}.cl"]
+        assert used
+        assert not any("VIEW_EQUIRECT" in variant for variant in used)
+    around = plan(DIFFUSE, view=PANORAMA, settings=LAYERS)
+    assert "VIEW_EQUIRECT" in defines(around, "methods/trace_real.cl")
 
 
 @pytest.mark.parametrize("view", [VIEW, PANORAMA])
@@ -163,7 +167,7 @@ def test_the_distant_environment_traces_nothing(view: View) -> None:
 
 
 def test_rasterized_a_view_has_layers_of_its_own_and_of_the_panorama() -> None:
-    device = plan(DIFFUSE, settings=RASTER)
+    device = plan(DIFFUSE, settings=LAYERS)
     assert buffers(device, "screen layers")
     assert buffers(device, "equirect layers")
     assert not buffers(device, "bvh")
@@ -186,7 +190,7 @@ def test_triangles_are_traced_without_layers(view: View) -> None:
 
 
 def test_rasterized_the_whole_panorama_has_one_set_of_layers() -> None:
-    device = plan(DIFFUSE, view=PANORAMA, settings=RASTER)
+    device = plan(DIFFUSE, view=PANORAMA, settings=LAYERS)
     layers = {name.split()[0] for name in buffers(device, "layers")}
     assert len(layers) == 1
     built = [file for file, _, _ in device.kernels]
@@ -198,19 +202,20 @@ def tracing(**trace: Any) -> Settings:
     return Settings.model_validate({"trace": trace})
 
 
-@pytest.mark.parametrize("estimator", ["delta", "ratio"])
-def test_settings_choose_variants(estimator: str) -> None:
-    file = {"delta": "methods/trace_delta.cl", "ratio": "methods/trace_real.cl"}[estimator]
-    bounces = tracing(bounces=2, back_faces=False, light_sampling=False, estimator=estimator)
-    used = defines(plan(DIFFUSE, settings=bounces), file)
+@pytest.mark.parametrize(("estimator", "file"), ESTIMATORS.items())
+def test_settings_choose_variants(estimator: str, file: str) -> None:
+    few = variant(estimator, trace={"bounces": 2, "back_faces": False, "light_sampling": False})
+    used = defines(plan(DIFFUSE, settings=few), file)
     assert used["MAX_BOUNCES"] == 2
     assert not {"BASSRT", "LIGHT_SAMPLING"} & set(used)
     assert {"BASSRT", "LIGHT_SAMPLING"} <= set(
-        defines(plan(DIFFUSE, settings=tracing(estimator=estimator)), file)
+        defines(plan(DIFFUSE, settings=variant(estimator)), file)
     )
-    plain = tracing(relight_reflections=False, estimator=estimator)
-    assert "RELIT" not in defines(plan(DIFFUSE, settings=plain), "methods/trace_virtual.cl")
-    assert "RELIT" in defines(plan(DIFFUSE), "methods/trace_virtual.cl")
+    assert "RELIT" in defines(plan(DIFFUSE, settings=variant(estimator)), VIRTUAL)
+
+
+def test_reflections_are_relit_by_setting() -> None:
+    assert "RELIT" not in defines(plan(DIFFUSE, settings=UNLIT), VIRTUAL)
 
 
 @pytest.mark.parametrize("view", [VIEW, PANORAMA])
@@ -220,22 +225,22 @@ def test_one_estimator_is_built(view: View) -> None:
     assert {"methods/trace_delta.cl", "world/real/irradiance.cl"} <= files(delta)
     assert "methods/trace_real.cl" not in files(delta)
     assert "irradiance" in delta.buffers
-    ratio = plan(DIFFUSE, view=view, settings=tracing(estimator="ratio"))
+    ratio = plan(DIFFUSE, view=view, settings=LAYERS)
     assert "methods/trace_real.cl" in files(ratio)
     assert not {"methods/trace_delta.cl", "world/real/irradiance.cl"} & files(ratio)
     assert not buffers(ratio, "irradiance")
 
 
-@pytest.mark.parametrize("estimator", ["delta", "ratio"])
-def test_lights_and_shadows_off_screen_are_built_where_they_are_used(estimator: str) -> None:
-    assert buffers(plan(DIFFUSE, settings=tracing(estimator=estimator)), "light cells")
-    without = tracing(light_sampling=False, estimator=estimator)
-    assert not buffers(plan(DIFFUSE, settings=without), "light cells")
-    assert buffers(plan(DIFFUSE, settings=tracing(estimator=estimator)), "ratio map")
-    # The whole panorama needs no map besides.
+def test_lights_and_shadows_off_screen_are_built_where_they_are_used() -> None:
+    for estimator in ESTIMATORS:
+        assert buffers(plan(DIFFUSE, settings=variant(estimator)), "light cells")
+        without = variant(estimator, trace={"light_sampling": False})
+        assert not buffers(plan(DIFFUSE, settings=without), "light cells")
+    assert buffers(plan(DIFFUSE), "ratio map")
+    # The whole panorama needs no map besides; the published method has none.
     assert not buffers(plan(DIFFUSE, view=PANORAMA), "ratio map")
-    plain = tracing(relight_reflections=False, estimator=estimator)
-    assert not buffers(plan(DIFFUSE, settings=plain), "ratio map")
+    assert not buffers(plan(DIFFUSE, settings=UNLIT), "ratio map")
+    assert not buffers(plan(DIFFUSE, settings=LAYERS), "ratio map")
 
 
 def test_what_moves_is_remembered_where_the_camera_stays() -> None:

@@ -12,7 +12,8 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from iprt import cli
 from iprt.errors import IprtError
-from iprt.settings import overrides
+from iprt.settings import model, overrides
+from iprt.settings.methods import MethodInfo, MethodSettings, methods
 from iprt.settings.model import Settings
 from iprt.settings.overrides import (
     Assignment,
@@ -35,7 +36,12 @@ def flags(*texts: str) -> list[Assignment]:
 def leaves(model: BaseModel, prefix: str = "") -> dict[str, Any]:
     """Dotted names and values, by walking the model itself."""
     found: dict[str, Any] = {}
-    for name in type(model).model_fields:
+    if isinstance(model, Settings):
+        own = {type(group): group for group in model.of_methods}
+        for name, info in methods().items():
+            if info.settings is not None:
+                found.update(leaves(own[info.settings], f"{name}."))
+    for name in type(model).model_fields.keys() - {"of_methods"}:
         value = getattr(model, name)
         inside = isinstance(value, BaseModel)
         found.update(leaves(value, f"{prefix}{name}.") if inside else {prefix + name: value})
@@ -167,26 +173,18 @@ class Inner(BaseModel):
     least: int = Field(default=3, ge=1, description="At least one.")
 
 
-class Outer(BaseModel):
+class Outer(MethodSettings):
     """About the group."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     inner: Inner = Inner(least=5)
     name: str = Field(default="a\nb", description="A text.")
 
 
-class Model(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    outer: Outer = Outer()
-    seed: int = Field(default=0, description="A seed.")
-
-
 @pytest.fixture
-def other_model(monkeypatch: pytest.MonkeyPatch) -> Any:
-    monkeypatch.setattr(overrides, "Settings", Model)
-    monkeypatch.setattr(overrides, "PRESETS", {quality: {} for quality in QUALITIES})
+def method_with_settings(monkeypatch: pytest.MonkeyPatch) -> Any:
+    info = MethodInfo("outer", "A method", "nowhere:Nothing", settings=Outer)
+    for module in (model, overrides):
+        monkeypatch.setattr(module, "methods", lambda: {**methods(), "outer": info})
     overrides.all_settings.cache_clear()
     overrides.groups.cache_clear()
     yield
@@ -194,11 +192,10 @@ def other_model(monkeypatch: pytest.MonkeyPatch) -> Any:
     overrides.groups.cache_clear()
 
 
-@pytest.mark.usefixtures("other_model")
-def test_any_model_will_do(tmp_path: Path) -> None:
+@pytest.mark.usefixtures("method_with_settings")
+def test_methods_have_settings_of_any_kind(tmp_path: Path) -> None:
     """Groups in groups, lists, unions: nothing is known of the fields but what the model says."""
-    assert list(overrides.all_settings()) == [
-        "seed",
+    assert list(overrides.all_settings())[-4:] == [
         "outer.name",
         "outer.inner.pair",
         "outer.inner.count",
@@ -206,8 +203,8 @@ def test_any_model_will_do(tmp_path: Path) -> None:
     ]
     assert overrides.all_settings()["outer.inner.least"].default == 5
     assert overrides.all_settings()["outer.inner.count"].allowed == '"auto" or a whole number'
-    result: Any = resolved("balanced", flags("outer.inner.pair=[3, 4]", "outer.inner.count=9"))
-    assert result == Model(outer=Outer(inner=Inner(pair=(3.0, 4), count=9, least=5)))
+    result = resolved("balanced", flags("outer.inner.pair=[3, 4]", "outer.inner.count=9"))
+    assert result.own(Outer) == Outer(inner=Inner(pair=(3.0, 4), count=9, least=5))
     file = tmp_path / "overrides.toml"
     file.write_text(settings_toml(result, "title"))
     assert resolved("balanced", read_settings(file)) == result
@@ -215,6 +212,18 @@ def test_any_model_will_do(tmp_path: Path) -> None:
         resolved("balanced", flags("outer.inner.count=many"))
     with pytest.raises(IprtError, match=r"expected a list of \[a number, a whole number\]"):
         resolved("balanced", flags("outer.inner.pair=[1]"))
+
+
+def test_a_method_brings_its_defaults() -> None:
+    """They give way to presets, files and flags, and go with the method."""
+    published = resolved("balanced", flags("method=iprt2023"))
+    assert published.trace.bounces == 1
+    assert Settings(method="iprt2023") == published
+    assert resolved("balanced", flags("trace.bounces=3", "method=iprt2023")).trace.bounces == 3
+    assert resolved("accurate", flags("method=iprt2023")).trace.object_rays == 16
+    assert changed(published, {"method": "iprt"}) == Settings()
+    kept = changed(changed(Settings(), {"trace.rays": 7}), {"method": "iprt2023"})
+    assert (kept.trace.rays, kept.trace.bounces) == (7, 1)
 
 
 def test_bounds_in_words() -> None:

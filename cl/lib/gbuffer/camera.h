@@ -3,6 +3,15 @@
 #ifndef IPRT_CAMERA_H
 #define IPRT_CAMERA_H
 
+// The last parameter of kernels and functions that follow it.
+#ifdef CAMERA_MOTION
+#define CAMERA_PARAMETER , __global const float *restrict camera
+#define CAMERA_ARGUMENT , camera
+#else
+#define CAMERA_PARAMETER
+#define CAMERA_ARGUMENT
+#endif
+
 // Where the point v / w was in the frame before, times w; with w = 0 the direction v, which is
 // infinitely far.
 static inline float3 camera_before(__global const float *restrict camera, float3 v, float w)

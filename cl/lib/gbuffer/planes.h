@@ -13,6 +13,27 @@ static inline int plane_index(int x, int y, int width)
     return (y + PLANE_PAD) * plane_stride(width) + x + PLANE_PAD;
 }
 
+// Writes the value of pixel p, in column x; in equirect views also where the border repeats it from
+// across the seam, so that neighbours need no wrapping. -DVIEW_NARROW: the border is wider than the
+// view, and repeats it more than once.
+static inline void store_wrapped(__global float *restrict plane, int p, int x, int width, float value)
+{
+    plane[p] = value;
+#ifdef VIEW_EQUIRECT
+#ifdef VIEW_NARROW
+    for (int to = x - width; to >= -PLANE_PAD; to -= width)
+        plane[p + to - x] = value;
+    for (int to = x + width; to < width + PLANE_PAD; to += width)
+        plane[p + to - x] = value;
+#else
+    if (x < PLANE_PAD)
+        plane[p + width] = value;
+    if (x >= width - PLANE_PAD)
+        plane[p - width] = value;
+#endif
+#endif
+}
+
 // Three planes' values at `pixel`.
 static inline float3 load_planes(__global const float *restrict planes, int size, int pixel)
 {

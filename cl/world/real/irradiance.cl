@@ -139,10 +139,13 @@ __kernel void want_cells(
     const int columns,
     const int rows,
     __global const float4 *restrict plane,
-    __global int *restrict wanted          // out
+    __global int *restrict wanted,         // out
+    __global int *restrict refined         // out: 0, the length of the list of list_cells
     WORK_PARAMETER)
 {
     const int item = get_global_id(0);
+    if (item == 0)
+        refined[0] = 0;
     if (item >= count[0])
         return;
     COUNT_ITEM;

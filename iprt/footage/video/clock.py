@@ -44,7 +44,7 @@ def frame_count(stream: StreamInfo, fps: Fraction) -> int:
 def disagreements(
     clock: Clock, indices: range, color: StreamInfo | None, depth: StreamInfo | None
 ) -> list[str]:
-    """What the streams do not agree on, and what is done about it; one line each."""
+    """Disagreements of the streams, and how they are resolved; one line each."""
     lines = []
     for key, stream in (("color", color), ("depth", depth)):
         if stream is None:

@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import FormatError
+from iprt.files.images import decode_srgb
 from iprt.footage.video.planes import Layout, Samples, layout, planes
 
 if TYPE_CHECKING:
@@ -72,12 +73,10 @@ _BRADFORD = np.array(
 
 @dataclass(frozen=True)
 class Encoding:
-    """How the samples of a frame stand for colours; codes of ITU-T H.273.
+    """The colour encoding of a frame; codes of ITU-T H.273.
 
     Attributes
     ----------
-    layout : Layout
-    matrix, transfer, primaries : int
     full : bool
         Whether codes go from 0 to the largest, and not as BT.709 has them.
     """
@@ -243,8 +242,8 @@ def _table(transfer: int) -> Picture:
     """(65536,) linear values of non-linear ones from 0 to 1; of HLG, before its OOTF."""
     e = np.arange(65536) / 65535.0
     if transfer == _SRGB:
-        linear = np.where(e <= 0.04045, e / 12.92, ((e + 0.055) / 1.055) ** 2.4)
-    elif transfer == _PQ:
+        return decode_srgb(np.arange(65536, dtype=np.uint16))
+    if transfer == _PQ:
         # SMPTE ST 2084, as in BT.2100-2, table 4.
         m1, m2 = 2610 / 16384, 2523 / 4096 * 128
         c1, c2, c3 = 3424 / 4096, 2413 / 4096 * 32, 2392 / 4096 * 32

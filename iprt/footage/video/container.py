@@ -39,10 +39,8 @@ class StreamInfo:
 
     Attributes
     ----------
-    path : Path
     number : int
         The stream's index in the file.
-    width, height : int
     pixels : str
         FFmpeg's name of the pixel format.
     transfer : int
@@ -102,7 +100,7 @@ def opened(path: Path) -> Iterator[InputContainer]:
     """
     import av
 
-    av.logging.set_level(None)  # what FFmpeg says of damage is told once by us
+    av.logging.set_level(None)  # what FFmpeg says of damage is said once in our words
     with open_file(path) as file:
         with ffmpeg_decoding(
             path, "not an EXR, PNG, JPEG or PFM file, nor a video that can be read"
@@ -127,7 +125,7 @@ def opened(path: Path) -> Iterator[InputContainer]:
 
 @contextmanager
 def ffmpeg_decoding(path: Path, complaint: str) -> Iterator[None]:
-    """As `decoding`; of FFmpeg's errors, lack of memory among them, only the reason is told."""
+    """`decoding`; of FFmpeg's errors, lack of memory among them, only the reason is kept."""
     import av
 
     with decoding(path, complaint):

@@ -13,13 +13,13 @@ from iprt.errors import FormatError
 
 Picture = NDArray[np.float32]
 
-MOST_WHITE = 1.01
+MAX_WHITE = 1.01
 """Floats that go from 0 to 1 are no larger."""
 
 
 @dataclass(frozen=True)
 class DepthCode:
-    """What stored values stand for. A value of 0, or black, is no surface in any case.
+    """The meaning of stored values. A value of 0, or black, is no surface in any case.
 
     Attributes
     ----------
@@ -37,7 +37,7 @@ class DepthCode:
 
     @property
     def is_known(self) -> bool:
-        """Whether integers can be told in metres."""
+        """Whether integers can be converted to metres."""
         return self.scale is not None or self.ends is not None
 
     def describe(self) -> str:
@@ -52,7 +52,7 @@ class DepthCode:
         if self.ends is None or stored.dtype.kind != "f":
             return
         most = float(np.max(stored, initial=0.0, where=np.isfinite(stored)))
-        if most > MOST_WHITE:
+        if most > MAX_WHITE:
             raise FormatError(
                 f"{path}: stores floats up to {most:.4g}, but a depth range (depth_range) is for "
                 "values from 0 to 1; leave it out where depth is stored in metres"
@@ -81,7 +81,7 @@ class DepthCode:
 
 
 def unit_problem(name: str) -> str:
-    """That a file needs a `depth_scale` or `depth_range`."""
+    """The message that a file needs a `depth_scale` or `depth_range`."""
     return (
         f"video.depth_scale: {name} stores integers; say how many metres one step is "
         "(0.001 for millimetres), or give depth_range, the metres of black and of white"

@@ -22,32 +22,32 @@ LOOK_BACK = 300
 
 Stored = tuple[Picture | None, Picture | None]
 Stage = Callable[[Frame], Frame]
-"""What is done to sanitised frames."""
+"""A function from sanitised frames to frames."""
 
 
 class Incident:
-    """A run of bad frames: told when it begins, and when it is over."""
+    """A run of bad frames: reported when it begins, and when it is over."""
 
-    def __init__(self, tell: Callable[[str], None]) -> None:
-        self._tell = tell
+    def __init__(self, report: Callable[[str], None]) -> None:
+        self._report = report
         self._bad = 0
 
     def bad(self, problem: str) -> None:
         """A frame is bad; `problem` says how, and what is done."""
         if not self._bad:
-            self._tell(problem)
+            self._report(problem)
         self._bad += 1
 
     def good(self, index: int) -> None:
         """A frame is good."""
         if self._bad:
-            self._tell(f"frame {index}: good again, after {counted(self._bad, 'bad frame')}")
+            self._report(f"frame {index}: good again, after {counted(self._bad, 'bad frame')}")
         self._bad = 0
 
     def end(self) -> None:
         """There is no further frame."""
         if self._bad:
-            self._tell(f"bad up to the last frame: {counted(self._bad, 'frame')}")
+            self._report(f"bad up to the last frame: {counted(self._bad, 'frame')}")
         self._bad = 0
 
 
@@ -60,12 +60,11 @@ class SteadyReader:
 
     Parameters
     ----------
-    reader : FrameReader
     first : int
         The video's first frame: what comes before the frames asked for is searched down to it.
     strict : bool
         Whether a bad frame is an error.
-    tell : callable
+    report : callable
         Takes a line at the beginning and at the end of each run of bad frames.
     """
 
@@ -75,10 +74,10 @@ class SteadyReader:
         first: int,
         *,
         strict: bool = False,
-        tell: Callable[[str], None] = LOG.warning,
+        report: Callable[[str], None] = LOG.warning,
     ) -> None:
         self._reader, self._first, self._strict = reader, first, strict
-        self._incident = Incident(tell)
+        self._incident = Incident(report)
         self._last: Frame | None = None
         self._stored: Stored = None, None  # what depth and normals of `_last` were made of
         self._color_of = self._depth_of = first  # the frames that `_last` is made of

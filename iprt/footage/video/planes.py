@@ -57,7 +57,7 @@ _SORTED = {
 
 @dataclass(frozen=True)
 class Layout:
-    """How a pixel format stores a picture.
+    """The layout of a pixel format.
 
     Attributes
     ----------
@@ -65,7 +65,6 @@ class Layout:
         "yuv", "rgb" or "grey".
     bits : int
         Bits of each sample; 16 or 32 where it is a float.
-    is_float : bool
     across, down : int
         Luma samples per sample of chroma, along a row and along a column.
     full : bool

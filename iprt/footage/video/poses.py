@@ -6,7 +6,6 @@ to the world (metres). Blank lines and what follows a # are passed over.
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 
 import numpy as np
@@ -19,8 +18,8 @@ from iprt.files.toml_text import printable
 from iprt.files.untrusted import read_bytes
 from iprt.files.wording import counted
 
-RIGID = 1e-3
-"""By which lengths and cosines of a rotation's columns may be wrong, as numbers are rounded."""
+RIGID = 2e-3
+"""Tolerance of products of a rotation's columns, whose numbers are rounded."""
 LONGEST_LINE = 1024
 """Bytes of a line, comments in it included."""
 HEADER_BYTES = 2**16
@@ -77,16 +76,9 @@ def _pose(text: str) -> list[float]:
         values.append(value)
     if values[12:] != [0.0, 0.0, 0.0, 1.0]:
         raise ValueError("the last four must be 0 0 0 1 (row-major, column vectors)")
-    x, y, z = (values[i:12:4] for i in range(3))
-    off = [abs(math.hypot(*axis) - 1.0) for axis in (x, y, z)]
-    off += [abs(_dot(a, b)) for a, b in ((x, y), (y, z), (z, x))]
-    if max(off) > RIGID:
+    turn = np.reshape(values, (4, 4))[:3, :3]
+    if np.abs(turn.T @ turn - np.eye(3)).max() > RIGID:
         raise ValueError("scales or shears: a pose is a rotation and a translation")
-    normal = [y[i - 2] * z[i - 1] - y[i - 1] * z[i - 2] for i in range(3)]
-    if _dot(x, normal) < 0.0:
+    if np.linalg.det(turn) < 0.0:
         raise ValueError("mirrors: a pose is a rotation and a translation")
     return values
-
-
-def _dot(a: list[float], b: list[float]) -> float:
-    return sum(p * q for p, q in zip(a, b, strict=True))

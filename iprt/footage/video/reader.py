@@ -45,7 +45,6 @@ class StreamReader:
     ----------
     container : InputContainer
         For this reader alone.
-    info : StreamInfo
 
     Attributes
     ----------

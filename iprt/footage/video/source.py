@@ -1,4 +1,4 @@
-"""Where the frames of a video come from: a track of pictures for colour, for depth, for normals."""
+"""The source of a video's frames: tracks of colour, depth and normals."""
 
 from __future__ import annotations
 
@@ -82,7 +82,6 @@ class FrameSource:
     ----------
     root : Path
         The scene's folder.
-    video : VideoTable
     within : Path
         Folder that the pictures must lie in, links followed.
     """
@@ -146,7 +145,7 @@ class FrameSource:
         return lines
 
     def problems(self, *, strict: bool = False) -> list[str]:
-        """What keeps the video from being read; one line each.
+        """Reasons why the video cannot be read; one line each.
 
         The first frame without a file, links elsewhere, and depth without a unit. If `strict`, any
         frame without a file.
@@ -169,14 +168,14 @@ class FrameSource:
         return problems
 
     def notices(self) -> list[str]:
-        """What the reader of the video makes up for; one line each."""
+        """Gaps that the reader of the video fills; one line each."""
         gaps = [
             f"video.{key}: {line}; the one before it stays" for key, line in self._missing.items()
         ]
         return gaps + self.disagreements()
 
     def disagreements(self) -> list[str]:
-        """What the streams do not agree on, and what is done about it; one line each."""
+        """Disagreements of the streams, and how they are resolved; one line each."""
         return self._tracks.disagreements
 
     def interpolation(self) -> list[str]:
@@ -212,7 +211,7 @@ class FrameSource:
 
     @contextmanager
     def reading(self) -> Iterator[FrameReader]:
-        """What reads frames, quickest in order. Not for several threads at a time."""
+        """A reader of frames, quickest in order. Not for several threads at a time."""
         with OpenStreams() as streams:
             readers = {key: track.reader(streams) for key, track in self._tracks.by_key.items()}
             yield FrameReader(self, readers, self._video.yaw_offset_deg)

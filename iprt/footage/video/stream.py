@@ -2,112 +2,63 @@
 
 from __future__ import annotations
 
-import queue
-import threading
+from collections import deque
 from collections.abc import Iterable, Iterator
-from types import TracebackType
-from typing import Generic, TypeVar
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import Generic, Self, TypeVar
 
 Item = TypeVar("Item")
-
-WAKE_S = 0.1
-"""Seconds after which a thread that waits looks whether the context was left."""
-
-
-class _End:
-    """What the thread puts last: the error that ended it, if any."""
-
-    def __init__(self, error: BaseException | None) -> None:
-        self.error = error
 
 
 class Ahead(Generic[Item]):
     """A context manager that iterates over items which a thread makes ahead, in their order.
 
-    At most `ahead` items lie ready, and one more is in the making. The thread ends when the items
-    do, when making one fails (the error is raised where the item would have come), or when the
-    context is left.
+    At most `ahead` items lie ready, and one more is in the making. The error that ends the items is
+    raised where the next one would have come. Leaving the context ends the thread.
 
     Parameters
     ----------
     items : iterable
-        Iterated over by the thread alone; closed by it, if it is a generator.
+        Iterated over by the thread alone; closed in the end, if it is a generator. None of them is
+        None.
     ahead : int
         At least 1.
     """
 
     def __init__(self, items: Iterable[Item], ahead: int) -> None:
-        if ahead < 1:
-            raise ValueError(f"ahead = {ahead}: at least one item is made ahead")
-        self._items = items
-        self._ready: queue.Queue[Item | _End] = queue.Queue(maxsize=ahead)
-        self._left = threading.Event()
-        self._thread = threading.Thread(target=self._make, name="iprt frames", daemon=True)
+        self._items, self._ahead = iter(items), ahead
+        self._made: deque[Future[Item | None]] = deque()
+        self._pool = ThreadPoolExecutor(1, "iprt frames")
 
-    def __enter__(self) -> Ahead[Item]:
-        self._thread.start()
+    def __enter__(self) -> Self:
+        for _ in range(self._ahead + 1):
+            self._make()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self._left.set()
-        self._thread.join()
-
-    def ready(self) -> Item | None:
-        """The next item if it lies ready; None: it does not yet, or there is none any more.
-
-        The error that ended the items is raised where the next one would have come.
-        """
-        try:
-            item = self._ready.get_nowait()
-        except queue.Empty:
-            return None
-        if not isinstance(item, _End):
-            return item
-        self._put(item)
-        if item.error is not None:
-            raise item.error
-        return None
+    def __exit__(self, *_: object) -> None:
+        self._pool.shutdown(cancel_futures=True)
+        self._made.clear()
+        if hasattr(self._items, "close"):
+            self._items.close()
 
     def __iter__(self) -> Iterator[Item]:
-        while not self._left.is_set():
-            try:
-                item = self._ready.get(timeout=WAKE_S)
-            except queue.Empty:
-                continue
-            if isinstance(item, _End):
-                self._put(item)  # whoever asks again gets the same answer
-                if item.error is not None:
-                    raise item.error
-                return
+        while (item := self._take()) is not None:
             yield item
             del item  # a frame must not live on while the next one is waited for
 
-    def _make(self) -> None:
-        end = _End(None)
-        items = iter(self._items)
-        try:
-            for item in items:
-                if not self._put(item):
-                    break
-                del item
-        except BaseException as error:
-            end = _End(error)
-        finally:
-            if hasattr(items, "close"):
-                items.close()
-        self._put(end)
+    def ready(self) -> Item | None:
+        """The next item if it lies ready; None: it does not yet, or there is none any more."""
+        return self._take() if self._made and self._made[0].done() else None
 
-    def _put(self, item: Item | _End) -> bool:
-        """Whether there was room before the context was left."""
-        while not self._left.is_set():
-            try:
-                self._ready.put(item, timeout=WAKE_S)
-            except queue.Full:
-                continue
-            return True
-        return False
+    def _take(self) -> Item | None:
+        """The next item, once it is made; None: there is none any more."""
+        if not self._made:
+            return None
+        item = self._made[0].result()
+        if item is not None:  # the end, and an error, stay for those who ask again
+            self._made.popleft()
+            self._make()
+        return item
+
+    def _make(self) -> None:
+        self._made.append(self._pool.submit(next, self._items, None))

@@ -1,4 +1,4 @@
-"""What `[video]` names, opened: a track of pictures for each kind, and the clock they follow."""
+"""The tracks of pictures that `[video]` names, one for each kind, and their clock."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Track(Protocol):
         """Files that are not there, by frame."""
 
     def problems(self) -> list[str]:
-        """What keeps the files that are there from being read; a line with its key each."""
+        """Reasons why existing files cannot be read; a line with its key each."""
 
     def size(self) -> tuple[int, int]:
         """Width and height of the first picture, from its header."""
@@ -52,7 +52,7 @@ class Track(Protocol):
         """Radiance at which its colours end, by its kind; infinite where they do not."""
 
     def reader(self, streams: OpenStreams) -> Callable[[int], Picture]:
-        """What reads the picture of a frame, and is quickest if asked in order."""
+        """A function that reads the picture of a frame; quickest in order."""
 
 
 class StreamTrack:
@@ -60,11 +60,8 @@ class StreamTrack:
 
     Parameters
     ----------
-    info : StreamInfo
     zero : Fraction
         Second on the file's clock at which the video's clock starts.
-    clock : Clock
-    rows : slice
     decode : callable
         Makes a picture of a frame's rows; gets frame, rows, and the file to name in errors.
     """
@@ -116,12 +113,10 @@ class Tracks:
 
     Attributes
     ----------
-    by_key : dict of str to Track
     indices : range
         Numbers of the frames.
-    fps : float
     disagreements : list of str
-        What the streams do not agree on, a line each.
+        Disagreements of the streams, a line each.
     """
 
     by_key: dict[str, Track]
@@ -168,12 +163,12 @@ def open_tracks(root: Path, video: VideoTable, within: Path) -> Tracks:
         by_key["depth"] = StreamTrack(depth, zero, clock, rows, _depth_decoder(code))
     if video.normal is not None:
         by_key["normal"] = PictureTrack("normal", video.normal, *place, read_normal)
-    told = disagreements(clock, indices, color, None if packed else depth)
-    return Tracks(by_key, indices, float(fps), told)
+    notes = disagreements(clock, indices, color, None if packed else depth)
+    return Tracks(by_key, indices, float(fps), notes)
 
 
 def depth_code(video: VideoTable) -> DepthCode:
-    """What stored depth stands for."""
+    """The meaning of stored depth."""
     ends = None if video.depth_range is None else (video.depth_range[0], video.depth_range[1])
     return DepthCode(video.depth_scale, ends, video.depth_encoding)
 

@@ -101,7 +101,7 @@ class VisibleLayer:
     front, material, cover, moved : (H, W, 4), (H, W, 4), (H, W), (H, W, 2) float32
         What is unpacked: images as in `ObjectLayers`.
     rect : (x0, y0, x1, y1)
-        Pixels where an object is visible.
+        No object is visible outside of it.
     """
 
     def __init__(self, device: ComputeDevice, layout: PlaneLayout, *, equirect: bool) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -13,9 +14,9 @@ from iprt.device.compute import ComputeDevice
 from iprt.gbuffer.guide import plane_defines
 from iprt.geometry.camera import View
 from iprt.raster.layers import COVERAGE_TOLERANCE, SAMPLES
-from iprt.raster.region import box_corners, box_rects, merge
+from iprt.raster.region import Rect, box_corners, box_rects, merge
 from iprt.world.objects.object_bvh import ObjectBvh
-from iprt.world.objects.object_layers import VisibleLayer, covered_rect, int4
+from iprt.world.objects.object_layers import EMPTY, VisibleLayer, int4
 from iprt.world.real.panorama import Panorama
 
 
@@ -73,8 +74,9 @@ class Visibility:
 
         def run(kernel: Callable[..., None], *arguments: Any) -> None:
             for region in regions:
-                corners = (region.x0, region.y0, region.x1, region.y1)
-                kernel(region.viewport[2:], int4(corners), view.width, view.height, *arguments)
+                kernel(
+                    region.viewport[2:], int4(corners(region)), view.width, view.height, *arguments
+                )
 
         with self._device.profile.section("trace view"):
             for array in (
@@ -112,5 +114,9 @@ class Visibility:
                 visible.cover,
                 visible.moved,
             )
-            rect = covered_rect(self._device.read(visible.cover))
-        visible.unpack(rect, constants, materials)
+        everywhere = reduce(Rect.union, regions) if regions else Rect(*EMPTY)
+        visible.unpack(corners(everywhere), constants, materials)
+
+
+def corners(rect: Rect) -> tuple[int, int, int, int]:
+    return rect.x0, rect.y0, rect.x1, rect.y1

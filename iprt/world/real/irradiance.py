@@ -171,8 +171,8 @@ class IrradianceCache:
                 self.rows,
                 self.plane,
                 self._wanted,
+                self._count,
             )
-            self._device.fill_zero(self._count)
             self._list(
                 (cells,),
                 cells,

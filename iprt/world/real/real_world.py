@@ -45,7 +45,7 @@ class RealWorld:
 
     def __init__(self, device: ComputeDevice, frame: Frame, features: Features) -> None:
         self._features = features
-        self.frame = frame
+        self.frame, self._complete = frame, False
         self.version = self.cut_version = self._split_version = 0
         self.panorama = Panorama(
             device,
@@ -70,14 +70,14 @@ class RealWorld:
     def load(self, frame: Frame) -> None:
         """Go on to another frame of the video, of the same size and with the same openings.
 
-        Nothing is done if it is the frame that is held.
+        Nothing is done if it is the frame that is held: another view has loaded it.
 
         Raises
         ------
         ValueError
             It has a pose and the frame before has none, or the other way round.
         """
-        if frame is not self.frame:
+        if frame is not self.frame or not self._complete:
             self._load(frame)
 
     def _load(self, frame: Frame) -> None:
@@ -86,6 +86,8 @@ class RealWorld:
             "no buffer for it"
         )
         motion = camera_motion(before.pose, frame.pose)
+        # After an update that was abandoned, nothing that was accumulated holds.
+        abandoned, self._complete = not self._complete and self.version > 0, False
         mapped = features.objects and frame.color_map is not None
         assert features.color_map or not mapped, "no kernel for it"
         self.panorama.load(frame)
@@ -94,7 +96,7 @@ class RealWorld:
         self.version += 1
         if features.objects:
             changed = flux_change(before.radiance, frame.radiance)
-            cut = is_cut(before, frame, changed)
+            cut = abandoned or is_cut(before, frame, changed)
             if cut or changed > SWITCHED:
                 self.cut_version = self.version
             elsewhere = cut or not np.array_equal(motion, STILL)
@@ -105,7 +107,7 @@ class RealWorld:
                 self.irradiance.place(
                     self.panorama, before, frame, motion, changed=changed, cut=cut
                 )
-        self.frame = frame
+        self.frame, self._complete = frame, True
 
     def split_highlights(self) -> None:
         """Take highlights off the panorama before its first use, where surfaces are glossy."""

@@ -37,7 +37,7 @@ def write_video(folder: Path, frames: int, width: int = 8) -> Path:
 
 
 def threads() -> int:
-    return sum(thread.name == "iprt frames" for thread in threading.enumerate())
+    return sum(thread.name.startswith("iprt frames") for thread in threading.enumerate())
 
 
 def test_frames_come_in_the_order_asked_for(tmp_path: Path) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import moderngl
@@ -12,13 +11,13 @@ import pytest
 from iprt.device.compute import ComputeDevice
 from iprt.device.plan import PlanDevice
 from iprt.errors import DeviceError
-from iprt.footage.frame import Frame
 from iprt.geometry.camera import View
 from iprt.geometry.material import Material
-from iprt.geometry.mesh import Instance
-from iprt.renderer import RenderedFrame, Renderer
+from iprt.renderer import Renderer
 from iprt.settings.model import Settings
 from tests.oracles.worlds import World
+from tests.rendering import render
+from tests.variants import variant
 from tests.worlds import ball, bright_walls, ceiling_lamp, cuboid, room_frame
 
 pytestmark = pytest.mark.gl
@@ -30,21 +29,11 @@ PANORAMA = View(192, 96, projection="equirect")
 MEAN: dict[str, Any] = {"fading": 0.0, "mask": {"sparse": False}, "irradiance": {"rows": 32}}
 
 
-def render(
-    device: ComputeDevice,
-    frame: Frame,
-    objects: Sequence[Instance],
-    view: View,
-    frames: int,
-    *,
-    rays: int = 4,
-    represented: str = "bvh",
-    **settings: Any,
-) -> RenderedFrame:
-    trace = {"objects": represented, "rays": rays, "ratio_rows": 16}
-    chosen = Settings.model_validate({**MEAN, "trace": trace, **settings})
-    with Renderer(device, frame, objects, view, chosen) as renderer:
-        return renderer.render(frames, ("ratio", "coverage", "normal"))
+def settings(*, rays: int = 4, represented: str = "", **others: Any) -> Settings:
+    """The default method; or the published estimator, for which objects are so `represented`."""
+    estimator = "ratio" if represented else "delta"
+    chosen = {**MEAN, "trace": {"rays": rays}, "iprt": {"ratio_rows": 16}, **others}
+    return variant(estimator, objects=represented, **chosen)
 
 
 @pytest.mark.parametrize("view", [DOWN, PANORAMA], ids=lambda view: view.projection)
@@ -52,7 +41,8 @@ def test_a_convex_object_is_the_same_in_both(device: ComputeDevice, view: View) 
     frame = room_frame(ROOM, 256, 128, bright_walls)
     objects = [ball((0.2, -1.0, -1.4), 0.3, CLAY)]
     exact, layered = (
-        render(device, frame, objects, view, 16, represented=name) for name in ("bvh", "raster")
+        render(device, frame, objects, view, settings(represented=name), 16)
+        for name in ("triangles", "layers")
     )
     np.testing.assert_array_equal(exact.aovs["coverage"], layered.aovs["coverage"])
     difference = np.abs(exact.color - layered.color).max(-1) / frame.color.mean()
@@ -68,9 +58,9 @@ def test_what_an_object_hides_casts_a_shadow(device: ComputeDevice) -> None:
     plate = cuboid((0.2, -0.6, -1.4), (0.5, 0.02, 0.3), CLAY)
     view = View(80, 60, yaw_deg=10.0, pitch_deg=-35.0, fov_y_deg=80.0)
     shadows = {}
-    for name in ("bvh", "raster"):
-        with_plate = render(device, frame, [wall, plate], view, 8, represented=name)
-        without = render(device, frame, [wall], view, 8, represented=name)
+    for name in ("triangles", "layers"):
+        with_plate = render(device, frame, [wall, plate], view, settings(represented=name), 8)
+        without = render(device, frame, [wall], view, settings(represented=name), 8)
         shown = (with_plate.aovs["coverage"] == 0.0) & (without.aovs["coverage"] == 0.0)
         ratio = with_plate.aovs["ratio"].mean(-1) / without.aovs["ratio"].mean(-1)
         d = view.directions()
@@ -79,9 +69,9 @@ def test_what_an_object_hides_casts_a_shadow(device: ComputeDevice) -> None:
         under = (d[..., 1] < -0.05) & shown & (np.abs(floor[..., 0] - 0.65) < 0.15)
         under &= np.abs(floor[..., 2] + 1.4) < 0.25
         shadows[name] = under, ratio
-    under, ratio = shadows["bvh"]
+    under, ratio = shadows["triangles"]
     assert under.sum() > 20
-    layered = shadows["raster"][1][under].mean()
+    layered = shadows["layers"][1][under].mean()
     assert ratio[under].mean() < layered - 0.05
 
 
@@ -99,11 +89,11 @@ def test_a_mirror_shows_what_an_object_hides(device: ComputeDevice) -> None:
     shows = (2.0**2 + 1.4**2 - along**2 < 0.2**2) & (along > 0.0)
     assert shows.sum() > 50
     reds = {}
-    for name in ("bvh", "raster"):
-        picture = render(device, frame, [wall, red, mirror], view, 8, represented=name)
+    for name in ("triangles", "layers"):
+        picture = render(device, frame, [wall, red, mirror], view, settings(represented=name), 8)
         reds[name] = picture.color[..., 0] - picture.color[..., 1] > 0.2
-    assert reds["bvh"][shows].mean() > 0.95
-    assert reds["raster"][shows].mean() < 0.05
+    assert reds["triangles"][shows].mean() > 0.95
+    assert reds["layers"][shows].mean() < 0.05
 
 
 def test_what_touches_is_dark(device: ComputeDevice) -> None:
@@ -113,7 +103,7 @@ def test_what_touches_is_dark(device: ComputeDevice) -> None:
     floor = cuboid((0.0, -0.6, -1.5), (0.8, 0.1, 0.8), white)
     step = cuboid((0.0, -0.3, -1.9), (0.8, 0.2, 0.4), white)
     view = View(24, 96, pitch_deg=-22.0, fov_y_deg=30.0)
-    picture = render(device, frame, [floor, step], view, 16, rays=8, atrous={"levels": 0})
+    picture = render(device, frame, [floor, step], view, settings(rays=8, atrous={"levels": 0}), 16)
     column = picture.color[:, 4:20].mean((1, 2))
     normal = picture.aovs["normal"][:, 4:20].mean(1)
     corner = int(np.flatnonzero((normal[1:, 1] > 0.7) & (normal[:-1, 2] > 0.7))[0])
@@ -130,7 +120,8 @@ def test_without_opengl_rays_draw(
     frame = room_frame(ROOM, 256, 128, bright_walls)
     objects = [ball((0.2, -1.0, -1.4), 0.3, CLAY)]
     drawn = {
-        method: render(device, frame, objects, DOWN, 2, method=method) for method in ("iprt", "ibl")
+        method: render(device, frame, objects, DOWN, settings(method=method), 2)
+        for method in ("iprt", "ibl")
     }
 
     def fail(**_: object) -> None:
@@ -139,7 +130,7 @@ def test_without_opengl_rays_draw(
     monkeypatch.setattr(moderngl, "create_context", fail)
     for method, picture in drawn.items():
         caplog.clear()
-        traced = render(device, frame, objects, DOWN, 2, method=method)
+        traced = render(device, frame, objects, DOWN, settings(method=method), 2)
         (record,) = caplog.records
         assert "libEGL.so not loaded" in record.getMessage()
         np.testing.assert_allclose(
@@ -147,11 +138,11 @@ def test_without_opengl_rays_draw(
         )
         assert np.percentile(np.abs(traced.color - picture.color), 99) < 0.05
         caplog.clear()
-        asked = render(device, frame, objects, DOWN, 2, method=method, gbuffer="cl")
+        asked = render(device, frame, objects, DOWN, settings(method=method, gbuffer="cl"), 2)
         assert not caplog.records
         np.testing.assert_array_equal(asked.color, traced.color)
     with pytest.raises(DeviceError, match=r"libEGL\.so not loaded"):
-        render(device, frame, objects, DOWN, 1, represented="raster")
+        render(device, frame, objects, DOWN, settings(represented="layers"), 1)
 
 
 @pytest.mark.parametrize("view", [DOWN, PANORAMA], ids=lambda view: view.projection)

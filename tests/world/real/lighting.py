@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -14,11 +15,11 @@ from iprt.footage.frame import Frame
 from iprt.geometry.camera import View
 from iprt.geometry.material import Material, material_table
 from iprt.settings.features import Features
-from iprt.settings.model import Settings
 from iprt.world.real.lights import Lights
 from iprt.world.real.panorama import Panorama
 from iprt.world.world import World
 from tests.kernels.wrap import evaluate
+from tests.variants import variant
 
 
 class RealWorld:
@@ -34,7 +35,7 @@ class RealWorld:
     ) -> None:
         """`before` was seen first, and is remembered where `frame` hides it."""
         self._device = device
-        settings = Settings.model_validate({"trace": {"objects": "raster"}})
+        settings = variant("ratio", objects="layers")
         self._features = Features.of(
             materials,
             View(1, 1),
@@ -53,15 +54,15 @@ class RealWorld:
             hidden = self.panorama.remember(forget=False)
         self.lights = Lights(device, frame.width, frame.height)
         self.lights.load(frame.color, hidden)
-        self._world = World(
-            self.panorama,
-            None,
-            None,
+        objects = SimpleNamespace(
             bvh=None,
+            screen=None,
+            equirect=None,
             materials=device.upload("materials", material_table(materials)),
-            bounds=device.upload("bounds", np.zeros((1, 2, 4), np.float32)),
-            lights=self.lights,
+            device_bounds=device.upload("bounds", np.zeros((1, 2, 4), np.float32)),
         )
+        real = SimpleNamespace(panorama=self.panorama, lights=self.lights, highlight=None)
+        self._world = World(real, objects)
 
     def run(
         self,

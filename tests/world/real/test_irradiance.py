@@ -44,7 +44,8 @@ def renderer(
     chosen = {
         "mask": {"sparse": False},
         "irradiance": {"rows": ROWS, **irradiance},
-        "trace": {"relight_reflections": relit, "light_sampling": light_sampling},
+        "trace": {"light_sampling": light_sampling},
+        "iprt": {"relight_reflections": relit},
     }
     there = objects or [ball(BALL.centre, BALL.radius, Material(albedo=(0.0, 0.0, 0.0)))]
     return Renderer(device, frame, there, view, Settings.model_validate(chosen))
@@ -134,7 +135,7 @@ def test_more_samples_are_surer(device: ComputeDevice) -> None:
             chosen = {"rows": ROWS, "first_rays": 8, "rays": 8, "samples": samples}
             settings = Settings.model_validate(
                 {"seed": seed, "irradiance": chosen, "mask": {"sparse": False},
-                 "trace": {"relight_reflections": False}}
+                 "iprt": {"relight_reflections": False}}
             )  # fmt: skip
             black = Material(albedo=(0.0, 0.0, 0.0))
             objects = [ball(BALL.centre, BALL.radius, black)]

@@ -7,7 +7,7 @@ import pyopencl.array as cla
 
 from iprt.device.compute import ComputeDevice
 from iprt.filter.mask import Mask
-from iprt.gbuffer.guide import Guide, plane_defines
+from iprt.gbuffer.guide import Guide
 from iprt.methods.trace import traced_arguments
 from iprt.settings.features import Features
 from iprt.world.world import World
@@ -32,8 +32,7 @@ class TraceGloss:
         self._device = device
         self._guide = guide
         self._features = features
-        defines = plane_defines(
-            equirect=guide.equirect,
+        defines = guide.defines(
             RELIT=features.relit_reflections,
             **features.gloss_defines(),
         )

@@ -6,11 +6,11 @@ import pyopencl.array as cla
 
 from iprt.device.compute import ComputeDevice
 from iprt.filter.mask import Mask, grid_offset
+from iprt.filter.signal_filter import SignalFilter
 from iprt.gbuffer.context import FrameContext
 from iprt.gbuffer.guide import Guide
 from iprt.gbuffer.layout import PlaneLayout
-from iprt.methods.gloss import TraceGloss
-from iprt.methods.pixels import SignalFilter
+from iprt.methods.iprt.trace_gloss import TraceGloss
 from iprt.settings.features import Features
 from iprt.view.real_layer import RealLayer
 from iprt.world.world import World
@@ -40,7 +40,9 @@ class GlossPixels:
         self._guide = Guide(device, layout, equirect=equirect, name="gloss", camera=camera)
         self.mask = Mask(device, self._guide, settings.mask, name="gloss")
         self._trace = TraceGloss(device, self._guide, features)
-        self._filter = SignalFilter(device, self._guide, "specular", settings, name="gloss")
+        self._filter = SignalFilter(
+            device, self._guide, "specular", settings, name="gloss", published=False
+        )
         self.change: cla.Array | None = None
 
     def run(self, world: World, layer: RealLayer, context: FrameContext) -> cla.Array:
@@ -48,7 +50,7 @@ class GlossPixels:
         assert layer.gloss is not None
         self._filter.start(context)
         self._guide.run(context.view, layer.normal, layer.depth, layer.gloss)
-        self.mask.run(grid_offset(context.index), motion=layer.motion, metre=world.panorama.scale)
+        self.mask.run(grid_offset(context.index), layer.motion, metre=world.panorama.scale)
         self._trace.run(world, self.mask, context.view)
         self.change = self._filter.run(
             self._trace.change, self.mask, layer.motion, context, roughness=layer.roughness

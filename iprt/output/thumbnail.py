@@ -12,6 +12,7 @@ from PIL import Image, ImageDraw
 from iprt.files.atomic import replacing
 from iprt.footage.frame import Frame
 from iprt.geometry.camera import View, equirect_pixel
+from iprt.output.tone import developed
 from iprt.scene.scene import Scene
 
 WIDTH, HEIGHT = 1024, 512
@@ -27,7 +28,7 @@ def write_thumbnail(path: Path, scene: Scene, frame: Frame) -> None:
     FormatError
         The file cannot be written.
     """
-    image = Image.fromarray(_displayed(frame, scene.exposure)).resize((WIDTH, HEIGHT))
+    image = Image.fromarray(developed(frame.color, scene.exposure)).resize((WIDTH, HEIGHT))
     draw = ImageDraw.Draw(image)
     draw.line([(0, HEIGHT // 2), (WIDTH, HEIGHT // 2)], fill=_AXIS_COLOR)
     for yaw, label in _AXES:
@@ -46,13 +47,6 @@ def write_thumbnail(path: Path, scene: Scene, frame: Frame) -> None:
         _label(draw, (x + 6, y - 6), instance.name, _OBJECT_COLOR)
     with replacing(path) as temporary:
         image.save(temporary, format="PNG")
-
-
-def _displayed(frame: Frame, exposure: float) -> NDArray[np.uint8]:
-    linear = np.clip(exposure * frame.color, 0.0, 1.0)
-    coded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
-    display: NDArray[np.uint8] = np.rint(255.0 * coded).astype(np.uint8)
-    return display
 
 
 def _border(view: View) -> NDArray[np.float64]:

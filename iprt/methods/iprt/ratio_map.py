@@ -1,0 +1,74 @@
+"""What objects do to real surfaces beside the view."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pyopencl.array as cla
+
+from iprt.device.compute import ComputeDevice
+from iprt.gbuffer.context import FrameContext
+from iprt.gbuffer.guide import Guide
+from iprt.gbuffer.layout import PlaneLayout
+from iprt.geometry.camera import View
+from iprt.methods.pixels import RealPixels
+from iprt.settings.features import Features
+from iprt.view.real_layer import RealLayer
+from iprt.world.world import World
+
+MAP_LEAST = 0.1
+"""sr: what objects do to surfaces from which they look smaller is not worth reflecting."""
+
+MAP_SETTLED, MAP_EVERY = 16, 4
+"""After so many updates, the map of what objects do serves for so many frames if nothing moves."""
+
+
+class RatioMap:
+    """What objects do to all real surfaces around the capture centre, coarsely.
+
+    Virtual surfaces reflect real ones relit by it where the view does not show these.
+
+    Attributes
+    ----------
+    rows : int
+        Rows of an equirect grid with twice as many columns.
+    ratio : (2 * rows * rows, 4) float32
+    """
+
+    def __init__(
+        self, device: ComputeDevice, features: Features, camera: cla.Array | None = None
+    ) -> None:
+        """`camera`: `CameraMotion.rows`, where the camera moves."""
+        self.rows = features.needs.ratio_rows
+        self._device = device
+        self._view = View(2 * self.rows, self.rows, projection="equirect")
+        layout = PlaneLayout(self._view.width, self._view.height)
+        self._constants = device.upload("ratio map view", self._view.kernel_constants())
+        layer = RealLayer(
+            device, layout, equirect=True, name="ratio map", radiated=True, camera=camera
+        )
+        self._guide = Guide(device, layout, equirect=True, name="ratio map", camera=camera)
+        self._pixels = RealPixels(
+            device, layer, self._guide, features, name="ratio map", least=MAP_LEAST
+        )
+        self.ratio = self._pixels.relight.ratio
+        self._updates = 0
+        self._follows_camera = camera is not None
+        self._in_motion = False
+
+    def run(self, world: World, context: FrameContext) -> None:
+        """Follow the frame; `context.view` is not used, the map does not turn."""
+        # A map that has settled gains little from a frame more.
+        settled = self._updates >= MAP_SETTLED and not context.changed
+        if settled and context.index % MAP_EVERY > 0:
+            return
+        here = replace(context, index=self._updates, view=self._constants, previous=self._constants)
+        self._updates += 1
+        with self._device.profile.section("ratio map"):
+            # What a camera's motion moved stands still in the frame after.
+            if here.index == 0 or context.changed or self._in_motion:
+                self._pixels.layer.run(world.panorama, self._constants, self._constants)
+            self._in_motion = self._follows_camera and context.changed
+            layer = self._pixels.layer
+            self._guide.run(self._constants, layer.normal, layer.depth, layer.id)
+            self._pixels.run(world, here)

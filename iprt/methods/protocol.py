@@ -1,0 +1,159 @@
+"""What a relighting method is to the renderer.
+
+The renderer prepares the worlds and draws the G-buffer; the method turns them into signals, and the
+renderer composites these. Sparse tracing masks and the filter (`iprt.filter`) are services that a
+method may use.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+import numpy as np
+import pyopencl.array as cla
+from numpy.typing import NDArray
+
+from iprt.device.compute import ComputeDevice
+from iprt.gbuffer.context import FrameContext
+from iprt.gbuffer.layout import PlaneLayout
+from iprt.geometry.camera import View
+from iprt.settings.features import Features
+from iprt.view.real_layer import RealLayer
+from iprt.world.objects.object_layers import VisibleLayer
+from iprt.world.world import World
+
+Image = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class GBuffer:
+    """What the view shows, each as planes.
+
+    Attributes
+    ----------
+    real : RealLayer
+        Real surfaces, without the objects.
+    objects : VisibleLayer
+        Nearest surfaces of the objects.
+    """
+
+    real: RealLayer
+    objects: VisibleLayer
+
+
+@dataclass(frozen=True)
+class Setup:
+    """What a method is built for: one view of a scene on a device.
+
+    Attributes
+    ----------
+    device : ComputeDevice
+    view : View
+        Later views differ in direction only.
+    layout : PlaneLayout
+        Shape of the view's planes.
+    features : Features
+        What the scene and the settings require.
+    gbuffer : GBuffer
+        The renderer's; it is filled when `Method.trace` is called.
+    camera : (12,) float32 or None
+        `CameraMotion.rows`, where the 360° camera moves.
+    """
+
+    device: ComputeDevice
+    view: View
+    layout: PlaneLayout
+    features: Features
+    gbuffer: GBuffer
+    camera: cla.Array | None
+
+    @property
+    def equirect(self) -> bool:
+        """The view shows the whole panorama."""
+        return self.view.projection == "equirect"
+
+
+@dataclass(frozen=True)
+class Signals:
+    """What the picture is composed of, without noise. The buffers belong to the method.
+
+    Attributes
+    ----------
+    ratio : (H * W, 4) float32 or None
+        E_RV / E_R per colour of each pixel (IPRT, Eq. 2): what objects make of a real surface's
+        radiance, row by row. Needed where `Needs.relit` is set.
+    change : 3 planes or None
+        Radiance that objects add to reflections of glossy real surfaces, of either sign. Needed
+        where `Features.gloss` is set.
+    diffuse : 3 planes or None
+        Irradiance / π of objects, which is multiplied by their albedo. Needed where
+        `Features.diffuse_signal` is set.
+    specular : 3 planes or None
+        Radiance that objects reflect specularly. Needed where `Features.specular_signal` is set.
+    """
+
+    ratio: cla.Array | None = None
+    change: cla.Array | None = None
+    diffuse: cla.Array | None = None
+    specular: cla.Array | None = None
+
+
+class Method(ABC):
+    """A relighting method, built for one view.
+
+    `iprt.settings.methods.MethodInfo` names the class; what its settings ask of the worlds is there
+    before it is built.
+
+    Attributes
+    ----------
+    setup : Setup
+    """
+
+    def __init__(self, setup: Setup) -> None:
+        self.setup = setup
+
+    def prepare_video(self, world: World) -> None:  # noqa: B027
+        """Prepare what depends on the video alone; called when its frame is new."""
+
+    def prepare_objects(self, world: World) -> None:  # noqa: B027
+        """Prepare what depends on the objects; called when they are new or have moved."""
+
+    @abstractmethod
+    def trace(self, world: World, context: FrameContext) -> Signals:
+        """Light the pixels of `setup.gbuffer`.
+
+        Parameters
+        ----------
+        world : World
+            What rays meet, as kernel arguments.
+        context : FrameContext
+            The frame: its index, view, and what has changed since the one before.
+        """
+
+    def aov(self, name: str) -> Image | None:
+        """An auxiliary picture of `iprt.aovs.AOVS`, (H, W) or (H, W, 3); None: it has none.
+
+        Called after `trace`.
+        """
+        return None
+
+    @property
+    def traced_count(self) -> cla.Array | None:
+        """(1,) int32: pixels of real surfaces that had rays traced; None where none have."""
+        return None
+
+    def read(self, planes: cla.Array | None, channels: slice) -> Image | None:
+        """Some of a buffer's planes on the host: (H, W) of one channel, else (H, W, C)."""
+        if planes is None:
+            return None
+        return self.setup.layout.image(self.setup.device.read(planes), channels)
+
+
+def in_front(coverage: Image | None, virtual: Image | None, real: Image | None) -> Image | None:
+    """`virtual` where objects cover half of the pixel, else `real`; None of one counts as 0."""
+    if virtual is None or coverage is None:
+        return real
+    front = coverage > 0.5
+    behind = np.zeros_like(virtual) if real is None else real
+    return np.where(front if virtual.ndim == 2 else front[..., None], virtual, behind)

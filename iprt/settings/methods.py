@@ -1,0 +1,158 @@
+"""Relighting methods, as settings know them: what they are, what one can set, what they need.
+
+A method is an entry point of the group `iprt.methods`: a `MethodInfo` in a module that imports no
+more than this one, as it is loaded wherever settings are read. The class that it names is imported
+when a renderer is built. So an installed package adds a method without any change here.
+"""
+
+from __future__ import annotations
+
+import logging
+import pkgutil
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict
+
+from iprt.errors import IprtError
+
+ENTRY_POINTS = "iprt.methods"
+"""Group of the entry points, whose names are those of the methods."""
+DEFAULT = "iprt"
+LOG = logging.getLogger("iprt.settings.methods")
+
+
+class MethodSettings(BaseModel):
+    """Base of a method's own settings. Files and flags set them as NAME.FIELD.
+
+    The first line of the docstring says what they are about; each field has a default and a
+    description.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+@dataclass(frozen=True)
+class Needs:
+    """What a method asks of the worlds, in a scene that has objects.
+
+    Attributes
+    ----------
+    tracing : bool
+        Rays through the panorama; without, there is none of the parts below but `relit`.
+    relit : bool
+        Real surfaces are relit: the method returns `Signals.ratio`.
+    objects : {"triangles", "layers"}
+        What rays meet of objects: their triangles, or rasterized layers.
+    irradiance : bool
+        E_R of real surfaces, cached.
+    gloss : bool
+        Highlights of glossy real surfaces are told from their diffuse part.
+    relit_reflections : bool
+        Objects reflect what objects do to real surfaces.
+    ratio_rows : int
+        Rows of the map that holds this where the view does not show these; 0: none.
+    published_filter : bool
+        Filter in space first, then accumulate a fixed share of each frame (IPRT, "Filtering").
+    """
+
+    tracing: bool = False
+    relit: bool = False
+    objects: Literal["triangles", "layers"] = "triangles"
+    irradiance: bool = False
+    gloss: bool = False
+    relit_reflections: bool = False
+    ratio_rows: int = 0
+    published_filter: bool = False
+
+
+@dataclass(frozen=True)
+class MethodInfo:
+    """A relighting method.
+
+    Attributes
+    ----------
+    name : str
+        Its name on the command line, and the group of its own settings.
+    title : str
+        What it does, in a few words.
+    implementation : str
+        "module:Class" of its `iprt.methods.protocol.Method`.
+    paper, doi : str
+        Where it was published; empty if it was not.
+    settings : subclass of MethodSettings or None
+        Its own settings.
+    needs : callable
+        What it needs of the worlds, by `Settings`, of which it may read its own
+        (`Settings.own`).
+    defaults : mapping of str to object
+        General settings, by dotted key, whose defaults differ with this method.
+    """
+
+    name: str
+    title: str
+    implementation: str
+    paper: str = ""
+    doi: str = ""
+    settings: type[MethodSettings] | None = None
+    needs: Callable[[Any], Needs] = lambda settings: Needs()
+    defaults: Mapping[str, object] = field(default_factory=dict)
+
+    def load(self) -> Any:
+        """The class that implements it.
+
+        Raises
+        ------
+        IprtError
+            It cannot be imported.
+        """
+        try:
+            return pkgutil.resolve_name(self.implementation)
+        except (ImportError, AttributeError) as error:
+            raise IprtError(f"method '{self.name}' cannot be loaded: {error}") from error
+
+
+@cache
+def methods() -> Mapping[str, MethodInfo]:
+    """All installed methods by name, the default one first, the others in alphabetical order."""
+    found: dict[str, MethodInfo] = {}
+    points = entry_points(group=ENTRY_POINTS)
+    for point in sorted(points, key=lambda point: (point.name != DEFAULT, point.name)):
+        info = _loaded(point)
+        if info is not None:
+            found[info.name] = info
+    if DEFAULT not in found:
+        raise IprtError("no method is installed: install iprt again (`pip install -e .`)")
+    return found
+
+
+def method(name: str) -> MethodInfo:
+    """The method of that name.
+
+    Raises
+    ------
+    IprtError
+        There is none.
+    """
+    known = methods()
+    if name not in known:
+        raise IprtError(f"there is no method '{name}'; there are {', '.join(known)}")
+    return known[name]
+
+
+def _loaded(point: EntryPoint) -> MethodInfo | None:
+    """The method of an entry point; None, with a warning, if it is of no use."""
+    package = point.dist.name if point.dist is not None else point.module
+    try:
+        info = point.load()
+    except Exception as error:
+        # A package from elsewhere may fail in any way, and is not to take the others with it.
+        LOG.warning("method '%s' of %s cannot be loaded: %s", point.name, package, error)
+        return None
+    if not isinstance(info, MethodInfo) or info.name != point.name:
+        LOG.warning("method '%s' of %s is no MethodInfo of that name", point.name, package)
+        return None
+    return info
