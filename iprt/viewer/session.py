@@ -90,7 +90,7 @@ class Session:
     Parameters
     ----------
     compiling : Compiling
-        Is told what will be compiled, and when all is there.
+        Counts what will be compiled, until all is there.
     worlds : Worlds
         Those of the device, which all sessions share.
     """
@@ -131,7 +131,7 @@ class Session:
         IprtError
             What is wanted cannot be rendered. The session is to be closed then.
         AbandonedError
-            The device was told not to go on; what the picture was made from is gone.
+            Nobody wants the picture any more; what it was made from is gone.
         """
         begin = time.perf_counter()
         known = self._canvases[0] if self._canvases else None
