@@ -170,6 +170,10 @@ class Features:
         """Objects are rasterized in equirect space besides the screen, for rays off screen."""
         return self.traced_layers and not self.equirect_view
 
+    def relit_defines(self) -> dict[str, Define]:
+        """`-D` variants of kernels whose rays meet real surfaces relit."""
+        return {"RELIT": self.relit_reflections, "RELIT_AROUND": self.ratio_map}
+
     def real_defines(self) -> dict[str, Define]:
         """`-D` variants of kernels whose rays meet real surfaces only: they are built alike,
         whatever the objects are made of.
@@ -207,7 +211,7 @@ class Features:
         defines = self.trace_defines()
         real = material_defines(self.real_materials)
         defines |= {name: bool(defines[name]) or needed for name, needed in real.items()}
-        return defines | {"REAL_GLOSS": self.gloss, "CELL": CELL if self.gloss else False}
+        return defines | {"GLOSS": self.gloss, "CELL": CELL if self.gloss else False}
 
     def describe(self) -> dict[str, bool]:
         """What is built and what is not, by name."""

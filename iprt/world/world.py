@@ -9,18 +9,10 @@ import pyopencl.array as cla
 from iprt.geometry.camera import View
 from iprt.settings.features import Features
 from iprt.world.objects.object_bvh import ObjectBvh
-from iprt.world.objects.object_layers import EMPTY, NO_LAYERS, TracedLayers, int4
+from iprt.world.objects.object_layers import EMPTY, TracedLayers, int4
 from iprt.world.real.highlight import Highlight
 from iprt.world.real.lights import Lights
 from iprt.world.real.panorama import Panorama
-
-NO_LIGHTS: tuple[Any, ...] = (None, None, None, 0, 1, 1)
-"""In place of `Lights.arguments()` where nothing is aimed at lights."""
-NOT_RELIT: tuple[Any, ...] = (None, None, 0, 0, None, 0)
-"""Where real surfaces radiate what the panorama shows."""
-
-NO_GLOSS: tuple[Any, ...] = (None, None, None, None, 1, 1)
-"""In place of `Highlight.arguments()` where real surfaces are diffuse."""
 
 
 class World:
@@ -52,7 +44,7 @@ class World:
         self.bounds = bounds
         self.lights = lights
         self.highlight = highlight
-        self.relit: tuple[Any, ...] = NOT_RELIT
+        self._relit: dict[str, Any] = {}
 
     def relight(
         self,
@@ -70,29 +62,33 @@ class World:
         around : ((2 * rows * rows, 4) float32, rows) or None
             `RatioMap.ratio`; None: the view shows the whole panorama.
         """
-        there = around or (None, 0)
-        self.relit = (screen, constants, view.width, view.height, *there)
+        self._relit = {
+            "relit_screen": screen,
+            "relit_view": constants,
+            "relit_width": view.width,
+            "relit_height": view.height,
+        }
+        if around is not None:
+            self._relit["relit_panorama"], self._relit["relit_rows"] = around
 
-    def arguments(self, features: Features) -> tuple[Any, ...]:
-        """What `WORLD_PARAMETERS` of `cl/lib/world/world.h` declares, in order."""
+    def arguments(self, features: Features) -> dict[str, Any]:
+        """`WORLD_PARAMETERS` of `cl/lib/world/world.h`, of all variants of kernels."""
         trace = features.settings.trace
-        return (
-            *self.panorama.layer_arguments(trace.thickness, trace.thickness_ratio),
-            self.panorama.radiated,
-            self.panorama.outside,
-            *self.panorama.background_arguments(),
-            *(self.bvh.arguments() if self.bvh else self._layers()),
-            self.bounds,
-            self.bounds.shape[0],
-            self.materials,
-            *(self.lights.arguments() if self.lights else NO_LIGHTS),
-            *self.relit,
-            *(self.highlight.arguments() if self.highlight else NO_GLOSS),
-        )
+        return {
+            **self.panorama.arguments(trace.thickness, trace.thickness_ratio),
+            "real_color": self.panorama.radiated,
+            **(self.bvh.arguments() if self.bvh else self._layers()),
+            "objects_bounds": self.bounds,
+            "objects_count": self.bounds.shape[0],
+            "materials": self.materials,
+            **(self.lights.arguments() if self.lights else {}),
+            **self._relit,
+            **(self.highlight.arguments() if self.highlight else {}),
+        }
 
-    def _layers(self) -> tuple[Any, ...]:
-        return (
-            *(self.screen.arguments() if self.screen else NO_LAYERS),
-            *(self.equirect.arguments() if self.equirect else NO_LAYERS),
-            int4(self.screen.rect if self.screen else EMPTY),
-        )
+    def _layers(self) -> dict[str, Any]:
+        return {
+            **(self.screen.arguments("screen") if self.screen else {}),
+            **(self.equirect.arguments("equirect") if self.equirect else {}),
+            "objects_rectangle": int4(self.screen.rect if self.screen else EMPTY),
+        }

@@ -21,10 +21,12 @@ static inline void store_wrapped(__global float *restrict plane, int p, int x, i
     plane[p] = value;
 #ifdef VIEW_EQUIRECT
 #ifdef VIEW_NARROW
-    for (int to = x - width; to >= -PLANE_PAD; to -= width)
-        plane[p + to - x] = value;
-    for (int to = x + width; to < width + PLANE_PAD; to += width)
-        plane[p + to - x] = value;
+    for (int turns = 1; turns <= (PLANE_PAD - 1) / width + 1; turns++) {
+        if (x - turns * width >= -PLANE_PAD)
+            plane[p - turns * width] = value;
+        if (x + turns * width < width + PLANE_PAD)
+            plane[p + turns * width] = value;
+    }
 #else
     if (x < PLANE_PAD)
         plane[p + width] = value;
