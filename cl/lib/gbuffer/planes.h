@@ -16,7 +16,8 @@ static inline int plane_index(int x, int y, int width)
 // Writes the value of pixel p, in column x; in equirect views also where the border repeats it from
 // across the seam, so that neighbours need no wrapping. -DVIEW_NARROW: the border is wider than the
 // view, and repeats it more than once.
-static inline void store_wrapped(__global float *restrict plane, int p, int x, int width, float value)
+static inline void store_wrapped(
+    __global float *restrict plane, int p, int x, int width, float value)
 {
     plane[p] = value;
 #ifdef VIEW_EQUIRECT
