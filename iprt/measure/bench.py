@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from statistics import median
+from statistics import fmean, median
 from typing import TYPE_CHECKING
 
 from iprt.measure.camera_motion import Reel
@@ -37,6 +37,8 @@ def timed(
     profile = device.profile
     profile.reset()
     walls: list[float] = []
+    hosts: list[float] = []
+    waits: list[int] = []
     traced: list[float] = []
     count = WARM_UP + frames
     with reel.renderer(device) as renderer, reel.steps(device, count) as steps:
@@ -45,14 +47,17 @@ def timed(
         for index in range(count):
             if index == WARM_UP:
                 profile.reset()
-            start = time.perf_counter()
+            start, of_thread, waited = time.perf_counter(), time.thread_time(), profile.waits
             next(steps)(renderer)
             renderer.step()
+            host, waited = (time.thread_time() - of_thread) * 1e3, profile.waits - waited
             device.wait()
             wall = (time.perf_counter() - start) * 1e3
             profile.finished()
             if index >= WARM_UP:
                 walls.append(wall)
+                hosts.append(host)
+                waits.append(waited)
                 traced += _traced_fraction(renderer)
             if progress is not None:
                 progress(index + 1)
@@ -63,6 +68,8 @@ def timed(
         settings=reel.settings,
         prepare_ms=prepare_ms,
         walls=walls,
+        hosts=hosts,
+        synchronisations=fmean(waits),
         traced=median(traced) if traced else None,
     )
 

@@ -202,6 +202,10 @@ class Features:
             (settings.gloss, settings.irradiance, settings.seed, settings.check_kernels),
         )
 
+    def relit_defines(self) -> dict[str, Define]:
+        """`-D` variants of kernels whose rays meet real surfaces relit."""
+        return {"RELIT": self.relit_reflections, "RELIT_AROUND": self.ratio_map}
+
     def real_defines(self) -> dict[str, Define]:
         """`-D` variants of kernels whose rays meet real surfaces only: they are built alike,
         whatever the objects are made of.
@@ -236,7 +240,7 @@ class Features:
         defines = self.trace_defines()
         real = material_defines(self.real_materials)
         defines |= {name: bool(defines[name]) or needed for name, needed in real.items()}
-        return defines | {"REAL_GLOSS": self.gloss, "CELL": CELL if self.gloss else False}
+        return defines | {"GLOSS": self.gloss, "CELL": CELL if self.gloss else False}
 
     def describe(self) -> dict[str, bool]:
         """What is built and what is not, by name."""

@@ -16,15 +16,18 @@ static inline int plane_index(int x, int y, int width)
 // Writes the value of pixel p, in column x; in equirect views also where the border repeats it from
 // across the seam, so that neighbours need no wrapping. -DVIEW_NARROW: the border is wider than the
 // view, and repeats it more than once.
-static inline void store_wrapped(__global float *restrict plane, int p, int x, int width, float value)
+static inline void store_wrapped(
+    __global float *restrict plane, int p, int x, int width, float value)
 {
     plane[p] = value;
 #ifdef VIEW_EQUIRECT
 #ifdef VIEW_NARROW
-    for (int to = x - width; to >= -PLANE_PAD; to -= width)
-        plane[p + to - x] = value;
-    for (int to = x + width; to < width + PLANE_PAD; to += width)
-        plane[p + to - x] = value;
+    for (int turns = 1; turns <= (PLANE_PAD - 1) / width + 1; turns++) {
+        if (x - turns * width >= -PLANE_PAD)
+            plane[p - turns * width] = value;
+        if (x + turns * width < width + PLANE_PAD)
+            plane[p + turns * width] = value;
+    }
 #else
     if (x < PLANE_PAD)
         plane[p + width] = value;

@@ -113,23 +113,21 @@ class ObjectBvh:
         """`-D` variants of kernels that trace the objects."""
         return bvh_defines(textured=self._textured)
 
-    def arguments(self) -> tuple[Any, ...]:
-        """`OBJECT_PARAMETERS` of `cl/lib/world/objects/objects_bvh.h`, up to the objects' boxes."""
-        return (
-            self._buffers["nodes"],
-            self._buffers["packets"],
-            self._buffers["instances"],
-            self._count,
-            self._buffers["triangles"],
-            self._buffers["normals"],
-            self._buffers.get("uvs"),
-            self._albedos,
-            self._texels,
-        )
-
-
-NO_BVH: tuple[Any, ...] = (None, None, None, 0, None, None, None, None, None)
-"""In place of `ObjectBvh.arguments()` where a kernel variant traces none."""
+    def arguments(self) -> dict[str, Any]:
+        """`OBJECT_PARAMETERS` of `cl/lib/world/objects/objects_bvh.h`, but for the boxes."""
+        textured = {}
+        if self._textured:
+            textured = {"bvh_uvs": self._buffers["uvs"], "bvh_texels": self._texels}
+        return {
+            "bvh_nodes": self._buffers["nodes"],
+            "bvh_packets": self._buffers["packets"],
+            "bvh_instances": self._buffers["instances"],
+            "bvh_count": self._count,
+            "bvh_triangles": self._buffers["triangles"],
+            "bvh_normals": self._buffers["normals"],
+            "bvh_albedos": self._albedos,
+            **textured,
+        }
 
 
 def _albedo_table(

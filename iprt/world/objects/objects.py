@@ -158,6 +158,7 @@ class Objects:
                 context.previous,
                 self._panorama,
                 self.bounds,
+                self.device_bounds,
                 self.materials,
             )
 

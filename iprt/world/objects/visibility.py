@@ -78,6 +78,7 @@ class Visibility:
         previous: cla.Array,
         panorama: Panorama,
         bounds: NDArray[np.float32],
+        boxes: cla.Array,
         materials: cla.Array,
     ) -> None:
         """Trace the view and unpack it into the planes of `visible`.
@@ -86,19 +87,28 @@ class Visibility:
         ----------
         constants, previous : (16,) float32
             `View.kernel_constants()` of the view and of the frame before.
-        bounds : (N, 2, 4) float32
-            `object_bounds()`.
+        bounds, boxes : (N, 2, 4) float32
+            `object_bounds()`, and the same on the device.
         materials : `material_table()` on the device
         """
-        objects = (*self._bvh.arguments(), None, 0, None)
-        boxes = [box_rects(view, box_corners(low, high)) for low, high in bounds[:, :, :3]]
-        regions = merge([rect for rects in boxes for rect in rects])
+        seen = {
+            **self._bvh.arguments(),
+            "objects_bounds": boxes,
+            "objects_count": boxes.shape[0],
+            "width": view.width,
+            "height": view.height,
+            "view": constants,
+            "front": self.front,
+            "material": self.material,
+            "displacements": self._bvh.displacements,
+            "displaced": self._displaced,
+        }
+        seen_at = [box_rects(view, box_corners(low, high)) for low, high in bounds[:, :, :3]]
+        regions = merge([rect for rects in seen_at for rect in rects])
 
-        def run(kernel: Callable[..., None], *arguments: Any) -> None:
+        def run(kernel: Callable[..., None], **own: Any) -> None:
             for region in regions:
-                kernel(
-                    region.viewport[2:], int4(corners(region)), view.width, view.height, *arguments
-                )
+                kernel(region.viewport[2:], seen, rectangle=int4(corners(region)), **own)
 
         with self._device.profile.section("trace view"):
             for array in (
@@ -110,31 +120,18 @@ class Visibility:
                 visible.cover,
             ):
                 self._device.fill_zero(array)
-            run(
-                self._see,
-                constants,
-                *objects,
-                self._bvh.displacements,
-                self.front,
-                self.material,
-                self._displaced,
-            )
+            run(self._see)
             run(
                 self._show,
-                constants,
-                previous,
-                *objects,
-                self.motion,
-                panorama.surface,
-                panorama.width,
-                panorama.height,
-                self.front,
-                self.material,
-                self._displaced,
-                visible.front,
-                visible.material,
-                visible.cover,
-                visible.moved,
+                previous=previous,
+                moved=self.motion,
+                surface=panorama.surface,
+                surface_width=panorama.width,
+                surface_height=panorama.height,
+                display_front=visible.front,
+                display_material=visible.material,
+                coverage=visible.cover,
+                motion=visible.moved,
             )
         everywhere = reduce(Rect.union, regions) if regions else Rect(*EMPTY)
         visible.unpack(corners(everywhere), constants, materials)

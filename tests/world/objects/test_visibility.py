@@ -88,7 +88,8 @@ class Both:
         bvh.load(instances)
         visibility.follow(instances)
         bounds = object_bounds(instances, margin=1e-3)
-        visibility.run(self.traced, view, now, then, panorama, bounds, table)
+        boxes = device.upload("boxes", bounds)
+        visibility.run(self.traced, view, now, then, panorama, bounds, boxes, table)
         self._device = device
 
     def images(self, name: str) -> tuple[Float, Float]:
@@ -186,8 +187,9 @@ def test_an_edge_on_the_seam_borrows_across_it(device: ComputeDevice, side: int)
     bvh = ObjectBvh(device, [ball])
     bvh.load([ball])
     bounds = object_bounds([ball], margin=1e-3)
+    boxes = device.upload("boxes", bounds)
     visibility = Visibility(device, view, bvh, [ball])
-    visibility.run(layer, view, constants, constants, panorama, bounds, table)
+    visibility.run(layer, view, constants, constants, panorama, bounds, boxes, table)
     coverage, depth = image(device, layer, "coverage"), image(device, layer, "depth")
     beyond, before = (0, -1) if side > 0 else (-1, 0)
     assert (coverage[39:41, before] > 0.9).all()
@@ -211,7 +213,8 @@ def test_nothing_in_sight(device: ComputeDevice, view: View) -> None:
         there = [replace(seen[0], to_world=placed(sphere(2), (0, 0, -distance), 0.5).to_world)]
         bvh.load(there)
         bounds = object_bounds(there, margin=1e-3)
-        visibility.run(layer, view, constants, constants, panorama, bounds, table)
+        boxes = device.upload("boxes", bounds)
+        visibility.run(layer, view, constants, constants, panorama, bounds, boxes, table)
         assert (image(device, layer, "coverage") > 0.0).any() == shown
         assert (image(device, layer, "id") > 0.0).any() == shown
     assert 0.0 < COVERAGE_TOLERANCE < 0.1
