@@ -74,7 +74,7 @@ def _shot(page: Any, host: Host) -> bytes:
 
 
 def _rests(browser: Browser) -> bool:
-    return browser.sight is not None and browser.lossless and browser.sight.shown.refined
+    return browser.displayed is not None and browser.lossless and browser.displayed.shown.refined
 
 
 if __name__ == "__main__":

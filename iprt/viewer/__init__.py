@@ -4,7 +4,8 @@
   its work turn by turn, a `session` per client keeps a `canvas` (a renderer) in motion and at rest.
 - A `viewport` is one window on it: camera, `lens`, comparisons, what is at a pixel; by `motion` and
   `pace`, what is given up to hold a frame rate.
-- `desktop` and `web` draw viewports, and panels of `controls`; each runs without the other.
+- `desktop` and `web` draw viewports, and the panels that `fields` describes; each runs without
+  the other.
 
 Nobody waits for the device:
 

@@ -10,7 +10,7 @@ class Compiling:
 
     Parameters
     ----------
-    tell : callable
+    report : callable
         Called whenever something changes.
 
     Attributes
@@ -21,8 +21,8 @@ class Compiling:
         Parts that were begun, and all that there are.
     """
 
-    def __init__(self, tell: Callable[[], None]) -> None:
-        self._tell = tell
+    def __init__(self, report: Callable[[], None]) -> None:
+        self._report = report
         self.file: str | None = None
         self.built = self.to_build = 0
 
@@ -35,18 +35,18 @@ class Compiling:
         self.file = file
         self.built += 1
         self.to_build = max(self.to_build, self.built)
-        self._tell()
+        self._report()
 
     def pause(self) -> None:
         """The device renders, as far as it can."""
         self.file = None
-        self._tell()
+        self._report()
 
     def finish(self) -> None:
-        """All is there. Kernels that were expected and not needed now are told as built."""
+        """All is there. Kernels that were expected and not needed now count as built."""
         if self.file is not None and self.built < self.to_build:
             self.built = self.to_build
-            self._tell()
+            self._report()
         self.file = None
         self.built = self.to_build = 0
-        self._tell()
+        self._report()

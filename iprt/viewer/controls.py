@@ -73,16 +73,6 @@ class Slider:
             return self.high if t else self.low
         return min(max(rounded, self.low), self.high)
 
-    def position(self, value: float) -> float:
-        """Where a number stands, from 0 to 1; beyond the ends, at the end."""
-        span = self.high - self.low
-        offset = min(max(value - self.low, 0.0), span)
-        if not span:
-            return 0.0
-        if self.logarithmic:
-            return math.log1p(offset / self.bend) / math.log1p(span / self.bend)
-        return offset / span
-
 
 @dataclass(frozen=True)
 class Control:
@@ -216,12 +206,12 @@ def slider_of(schema: Schema, default: float | None) -> Slider:
     the default's distance from a bound that is itself not allowed.
     """
     whole = schema["type"] == "integer"
-    least = schema.get("minimum", schema.get("exclusiveMinimum", -math.inf))
-    most = schema.get("maximum", schema.get("exclusiveMaximum", math.inf))
-    usual = default if default is not None else min(max(1, least), most)
+    lower = schema.get("minimum", schema.get("exclusiveMinimum", -math.inf))
+    upper = schema.get("maximum", schema.get("exclusiveMaximum", math.inf))
+    usual = default if default is not None else min(max(1, lower), upper)
     reach = REACH * max(abs(usual), 1 if whole else 0) or REACH
-    low = max(least, min(-reach, usual))
-    high = min(most, max(reach, usual))
+    low = max(lower, min(-reach, usual))
+    high = min(upper, max(reach, usual))
     if low == schema.get("exclusiveMinimum"):
         low += 1 if whole else (usual - low) / REACH
     if high == schema.get("exclusiveMaximum"):

@@ -14,7 +14,7 @@ class Convergence:
     """Estimates the noise of a mean of frames from how it changed while their number doubled.
 
     Means of n and of 2n frames differ by half of the second's frames: the variance of their
-    difference is that of the second mean. So what a viewer has seen tells; no pass is asked.
+    difference is that of the second mean. So the displayed pictures suffice; no pass is involved.
     """
 
     def __init__(self) -> None:

@@ -31,13 +31,13 @@ from iprt.viewer.session import AbandonedError, Session
 from iprt.viewer.state import Doing, Playback, Status, World
 from iprt.viewer.video import Video
 from iprt.viewer.work import Work
-from iprt.world.real.shared import RealWorlds
+from iprt.world.shared import Worlds
 
 LOG = logging.getLogger("iprt.viewer")
 Objects = tuple[SceneObject, ...]
-TOLD_S = 20.0
-"""So long it is told that a mesh, or a part of it, cannot be read: nothing that the user does would
-solve that."""
+NOTE_S = 20.0
+"""Seconds for which it is shown that a mesh, or a part of it, cannot be read: the user cannot solve
+that."""
 MOST_PROGRAMS = 96
 """Built programs that are kept; a scene needs about 40 at a time."""
 
@@ -73,12 +73,12 @@ class Core:
     ) -> None:
         self._mailbox, self._make_device, self._clock = mailbox, device, clock
         self._device: ComputeDevice | None = None
-        self._worlds = RealWorlds()
+        self._worlds = Worlds()
         self._lost = False  # the device, since the last picture
-        self._compiling = Compiling(self._tell_of_compiler)
+        self._compiling = Compiling(self._report_compiling)
         self._problems: dict[str, str] = {}
         self._notes: dict[str, str] = {}
-        self._told_s = 0.0  # when something was told of the last mesh
+        self._noted_s = 0.0  # of the newest note on a mesh
         self._under_way: Work | None = None
         self._abandoned = 0  # one after the other
         self.loader = Loader(mailbox.stir)
@@ -108,14 +108,14 @@ class Core:
         self._sessions.clear()
         self._video.close()
         self._release_device()
-        self._tell("closed")
+        self._report("closed")
 
     # One turn ---------------------------------------------------------------------------------
 
     def turn(self) -> bool:
         """Do what is most urgent; whether there was anything to do."""
         collected = self.loader.collect()
-        if self._clock() > self._told_s + TOLD_S:
+        if self._clock() > self._noted_s + NOTE_S:
             self._problems.pop("mesh", None)
             self._notes.clear()
         self._files.poll()
@@ -128,7 +128,7 @@ class Core:
         chosen = None if stage is None else self._most_urgent(stage, wanted.requests)
         if stage is None or chosen is None:
             missing = stage is None and not self._problems
-            self._tell("loading" if missing or self.loader.running else "waiting")
+            self._report("loading" if missing or self.loader.running else "waiting")
             return collected
         self._render(
             Work(chosen, stage, wanted.requests[chosen], wanted.world, time.perf_counter())
@@ -191,22 +191,22 @@ class Core:
             self._problems.pop(problem, None)
             self._failed.pop(client, None)
             self._mailbox.publish(client, shown)
-            self._tell("rendering")
+            self._report("rendering")
         finally:
             self._under_way = None
 
     def report_defect(self, error: Exception) -> None:
-        """Tell of an error that no input should lead to, on whose account nothing need end."""
+        """Report an error that no input should cause; nothing needs to end for it."""
         LOG.error("a defect of iprt", exc_info=error)
         self._problems["defect"] = f"a defect of iprt: {type(error).__name__}: {error}"
-        self._tell("waiting")
+        self._report("waiting")
 
     def _give_up(self, client: int, stage: Stage, asked: Asked, problem: str) -> None:
         """Until something else is wanted: the last good picture stays."""
         self._problems[f"client {client}"] = problem
         self._failed[client] = stage, asked
         self._compiling.finish()
-        self._tell("waiting")
+        self._report("waiting")
 
     # The device -------------------------------------------------------------------------------
 
@@ -256,18 +256,18 @@ class Core:
             picture = plain(work.stage.frame, asked.request, device.name)
             self._mailbox.publish(work.client, picture)
 
-    def _tell_of_compiler(self) -> None:
-        self._tell("rendering" if self._compiling.file is None else "compiling")
+    def _report_compiling(self) -> None:
+        self._report("rendering" if self._compiling.file is None else "compiling")
 
-    def _tell(self, doing: Doing) -> None:
+    def _report(self, doing: Doing) -> None:
         compiling, what = self._compiling, ""
         if doing == "compiling":
             what = compiling.file or ""
         elif doing == "loading":
             what = ", ".join(self.loader.running)
         counts = (compiling.built, compiling.to_build) if doing == "compiling" else (0, 0)
-        told = tuple(self._problems.values()), tuple(self._notes.values())
-        self._mailbox.tell(Status(doing, what, *told, *counts))
+        lines = tuple(self._problems.values()), tuple(self._notes.values())
+        self._mailbox.report(Status(doing, what, *lines, *counts))
 
     # The world --------------------------------------------------------------------------------
 
@@ -319,7 +319,7 @@ class Core:
         return known[2]
 
     def _footage_of(self, loaded: Loaded, frame: Frame, settings: Settings) -> Footage:
-        """What the video's frames may have, told by the first one that was shown."""
+        """What the video's frames may have, by the first one that was shown."""
         known = self._footage
         if known is None or known[0] is not loaded or known[1] != settings:
             several = len(loaded.scene.frame_indices) > 1
@@ -360,12 +360,12 @@ class Core:
                 self._problems.pop("mesh", None)
                 if dropped := mesh.dropped:
                     self._notes[path.name] = f"{path.name}: not read: {', '.join(dropped)}"
-                    self._told_s = self._clock()
+                    self._noted_s = self._clock()
                 self._mailbox.edit(added.name, lambda _: added)
 
             return finish
 
-        self.loader.start(str(path), job, self._tell_of_mesh)
+        self.loader.start(str(path), job, self._report_mesh)
 
     def save(
         self, done: Callable[[str | None], object] = lambda _: None, look: Look | None = None
@@ -373,5 +373,5 @@ class Core:
         """Write all edits to the scene's file; see `SceneFiles.save`."""
         self._files.save(done, look)
 
-    def _tell_of_mesh(self, problem: str) -> None:
-        self._problems["mesh"], self._told_s = problem, self._clock()
+    def _report_mesh(self, problem: str) -> None:
+        self._problems["mesh"], self._noted_s = problem, self._clock()

@@ -57,7 +57,7 @@ class Developer:
     ----------
     truth : Truth
     scores : int
-        How many comparisons have been scored: captions tell more after each.
+        How many comparisons have been scored: captions are longer after each.
     """
 
     def __init__(self) -> None:

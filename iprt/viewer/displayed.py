@@ -102,11 +102,6 @@ class Readout:
             rows.append(("object", self.name))
         return rows
 
-    @property
-    def text(self) -> str:
-        """In one line."""
-        return "; ".join(f"{label} {value}" for label, value in self.rows())
-
 
 def _numbers(values: NDArray[np.float32]) -> str:
     return ", ".join(f"{value:.4g}" for value in values)

@@ -31,7 +31,7 @@ LEAVING_S = 5.0
 
 
 class Client:
-    """One who looks at the scene, with a view of its own. Any thread may call any method."""
+    """A client with its own view. Any thread may call any method."""
 
     def __init__(self, mailbox: Mailbox, request: Request) -> None:
         _require_renderable(request)
@@ -68,7 +68,7 @@ class Client:
         return self._mailbox.wait(self._number, lambda s: s.step > step, timeout_s)
 
     def close(self) -> None:
-        """Look no more."""
+        """Disconnect."""
         self._mailbox.leave(self._number)
 
 
@@ -317,7 +317,7 @@ class Engine:
         Returns
         -------
         str
-            The name that the object will have. What goes wrong is told by `status`.
+            The name that the object will have. `status` has what goes wrong.
         """
         name = free_name(path.stem, self._core.object_names() | self._names)
         self._names.add(name)
@@ -328,7 +328,7 @@ class Engine:
     def save(
         self, done: Callable[[str | None], object] = lambda _: None, look: Look | None = None
     ) -> None:
-        """Write all edits to the scene's file, comments and order kept; `status` tells problems.
+        """Write all edits to the scene's file, comments and order kept; `status` has problems.
 
         Parameters
         ----------

@@ -33,6 +33,7 @@ Kind = Literal["switch", "choice", "number", "numbers", "vector", "color"]
 REQUIRED: Any = object()
 OWN = "own"
 """Stands for a preset's name where settings differ from all of them."""
+MOST_FPS = 240
 PLASTIC = Material("plastic")
 SRGB = "Shown here as sRGB; scene.toml stores linear values"
 
@@ -239,6 +240,22 @@ def quality_field(ui: UiState) -> Field:
         return {name: Label(name, "") for name in (*PRESETS, *([OWN] if read() == OWN else []))}
 
     return Field("preset", "choice", lambda: PARTS["preset"], read, write, options)
+
+
+def rate_field(ui: UiState) -> Field:
+    """Frames per second to hold in motion."""
+
+    def write(fps: float) -> None:
+        ui.viewport.target_fps = float(fps) if fps > 0 else None
+
+    return Field(
+        "fps",
+        "number",
+        lambda: PARTS["fps"],
+        lambda: round(ui.viewport.target_fps or 0.0),
+        write,
+        sliders=(Slider(0, MOST_FPS, True, 1.0),),
+    )
 
 
 def setting_field(ui: UiState, control: Control) -> Field:

@@ -71,7 +71,7 @@ class Geometry:
 
     @classmethod
     def of(cls, renderer: Renderer, instances: Sequence[Instance]) -> Geometry:
-        """That of the last step."""
+        """The surfaces of the last step."""
         layout, read = renderer.layout, renderer.device.read
         real, seen = renderer.real, renderer.visible
         shape = (renderer.view.height, renderer.view.width)

@@ -101,7 +101,8 @@ PARTS: Mapping[str, Label] = {
     ),
     "fps": Label(
         "Frame rate",
-        "Frames per second to hold while something moves, at a lower resolution if need be.",
+        "Frames per second to hold in this window while something moves, at a lower resolution if "
+        "need be. 0: always at full quality.",
     ),
     "exposure": Label("Exposure", "Stops brighter or darker than the scene's own exposure."),
     "curve": Label("Tone curve", "How bright values become colours of the screen."),

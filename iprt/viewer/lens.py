@@ -26,42 +26,28 @@ MOTION_PX = 16.0
 """Motion of which the colour is full."""
 
 
-@dataclass(frozen=True)
-class Buffer:
-    """An auxiliary picture, as viewers offer it.
-
-    Attributes
-    ----------
-    appearance : str
-        How its values become colours.
-    unit : str
-        Unit of the values, as they are read out.
-    """
-
-    appearance: Appearance
-    unit: str = ""
-
-
-BUFFERS: Mapping[str, Buffer] = {
-    "background": Buffer("radiance"),
-    "normal": Buffer("direction"),
-    "depth": Buffer("distance", "m"),
-    "albedo": Buffer("share"),
-    "coverage": Buffer("share"),
-    "motion": Buffer("motion", "px"),
-    "ratio": Buffer("ratio"),
-    "irradiance_real": Buffer("radiance"),
-    "irradiance_mixed": Buffer("radiance"),
-    "diffuse": Buffer("radiance"),
-    "specular": Buffer("radiance"),
-    "highlight": Buffer("radiance"),
-    "gloss": Buffer("change"),
-    "tracing_level": Buffer("label"),
-    "hit_distance": Buffer("distance", "m"),
-    "history_length": Buffer("count", "frames"),
-    "variance": Buffer("count"),
+BUFFERS: Mapping[str, Appearance] = {
+    "background": "radiance",
+    "normal": "direction",
+    "depth": "distance",
+    "albedo": "share",
+    "coverage": "share",
+    "motion": "motion",
+    "ratio": "ratio",
+    "irradiance_real": "radiance",
+    "irradiance_mixed": "radiance",
+    "diffuse": "radiance",
+    "specular": "radiance",
+    "highlight": "radiance",
+    "gloss": "change",
+    "tracing_level": "label",
+    "hit_distance": "distance",
+    "history_length": "count",
+    "variance": "count",
 }
-"""All of `iprt.aovs.AOVS`, by name."""
+"""How the values of an auxiliary picture become colours: all of `iprt.aovs.AOVS`, by name."""
+UNITS = {"depth": "m", "motion": "px", "hit_distance": "m", "history_length": "frames"}
+"""Of the values of auxiliary pictures that have one."""
 
 
 @dataclass(frozen=True)
@@ -100,7 +86,7 @@ class Lens:
 
     def color(self, name: str, values: NDArray[np.float32], exposure: float) -> Bytes:
         """(H, W, 3) uint8 of an auxiliary picture, (H, W) or (H, W, 3) float32."""
-        appearance = BUFFERS[name].appearance
+        appearance = BUFFERS[name]
         if appearance == "radiance":
             return self.develop(_three(values), exposure)
         if appearance == "change":

@@ -195,7 +195,7 @@ class Mailbox:
                 self._shown[client] = shown
                 self._condition.notify_all()
 
-    def tell(self, status: Status) -> None:
+    def report(self, status: Status) -> None:
         with self._condition:
             if status != self._status:
                 self._status = status

@@ -13,8 +13,8 @@ from iprt.viewer.session import Shown
 
 REST_S = 0.3
 """Without input, after which a picture is at rest."""
-TOLD_S = 1.0
-"""After the last picture that moved, for which it is told how fast they came."""
+SHOWN_S = 1.0
+"""Seconds after the last picture that moved, for which the frame rate is shown."""
 
 
 class Motion:
@@ -55,7 +55,7 @@ class Motion:
     @property
     def lively(self) -> bool:
         """Something moves, or did just now."""
-        return self._clock() - self._moved_s < TOLD_S
+        return self._clock() - self._moved_s < SHOWN_S
 
     @property
     def fps(self) -> float | None:

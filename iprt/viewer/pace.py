@@ -25,7 +25,7 @@ FEW_RAYS = {
     "irradiance.rows": 64,
     "irradiance.rays": 1,
 }
-"""What takes time and is missed least in motion; none of it compiles kernels."""
+"""What takes time and shows little in motion; none of it compiles kernels."""
 RAYS_SHARE = 0.75
 """Time of a frame with few rays, relative to that with the default settings."""
 SCALES = (1.0, 0.84, 0.71, 0.6, 0.5, 0.42, 0.35, 0.3, 0.25)

@@ -6,7 +6,7 @@ import numpy as np
 
 from iprt.viewer.displayed import Readout
 from iprt.viewer.geometry import Geometry, Surface
-from iprt.viewer.lens import BUFFERS
+from iprt.viewer.lens import UNITS
 from iprt.viewer.session import Shown
 
 
@@ -52,7 +52,7 @@ class Picking:
             shown.picture.color[row, column],
             None if values is None else buffer,
             None if values is None else np.atleast_1d(values[row, column]),
-            "" if buffer is None else BUFFERS[buffer].unit,
+            "" if buffer is None else UNITS.get(buffer, ""),
             depth,
             normal,
             name,

@@ -15,7 +15,7 @@ from iprt.viewer.canvas import Canvas, Stage, Wanted
 from iprt.viewer.compiling import Compiling
 from iprt.viewer.geometry import Geometry
 from iprt.viewer.state import Request
-from iprt.world.real.shared import RealWorlds
+from iprt.world.shared import Worlds
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,12 +90,12 @@ class Session:
     Parameters
     ----------
     compiling : Compiling
-        Is told what will be compiled, and when all is there.
-    worlds : RealWorlds
+        Counts what will be compiled, until all is there.
+    worlds : Worlds
         Those of the device, which all sessions share.
     """
 
-    def __init__(self, compiling: Compiling, worlds: RealWorlds) -> None:
+    def __init__(self, compiling: Compiling, worlds: Worlds) -> None:
         self._compiling, self._worlds = compiling, worlds
         self._canvases: list[Canvas] = []  # the last one used comes first
         self._changing: Canvas | None = None  # by the frame under way
@@ -131,7 +131,7 @@ class Session:
         IprtError
             What is wanted cannot be rendered. The session is to be closed then.
         AbandonedError
-            The device was told not to go on; what the picture was made from is gone.
+            Nobody wants the picture any more; what it was made from is gone.
         """
         begin = time.perf_counter()
         known = self._canvases[0] if self._canvases else None

@@ -1,4 +1,4 @@
-"""What viewers ask for and are told: immutable, so that threads may share it."""
+"""What viewers ask for and get: immutable, so that threads may share it."""
 
 from __future__ import annotations
 

@@ -69,18 +69,19 @@ class Timeline:
         return dict(zip(names, columns, strict=True))
 
     def table(self) -> list[TimelineRow]:
-        """A row per pass, and one of the whole frame; none before there is a frame."""
+        """A row of the whole frame, and one per pass, the longest first; none before a frame."""
         series = self.series()
         if not series:
             return []
         whole = np.sum(list(series.values()), axis=0)
         total = max(float(whole.sum()), 1e-12)
-        return [
+        rows = [
             TimelineRow(
                 name,
                 float(np.median(values)),
                 float(np.percentile(values, 95)),
                 float(values.sum()) / total,
             )
-            for name, values in {**series, WHOLE: whole}.items()
+            for name, values in {WHOLE: whole, **series}.items()
         ]
+        return [rows[0], *sorted(rows[1:], key=lambda row: -row.share)]

@@ -23,7 +23,6 @@ from iprt.settings.overrides import (
 from iprt.settings.presets import PRESETS, Quality
 from iprt.viewer.controls import (
     Control,
-    Slider,
     control_groups,
     control_of,
     controls,
@@ -48,7 +47,7 @@ def values(control: Control) -> st.SearchStrategy[Any]:
     return POSITIONS.map(control.sliders[0].value)
 
 
-def test_every_knob_has_a_control_in_its_group() -> None:
+def test_every_setting_has_a_control_in_its_group() -> None:
     groups = control_groups()
     assert [c.key for group in groups for c in group.controls] == list(all_settings())
     for group in groups:
@@ -64,8 +63,6 @@ def test_ends_and_default_of_every_slider_are_reached_and_allowed(control: Contr
     (slider,) = control.sliders
     assert slider.low < control.start <= slider.high or control.start == slider.low
     assert (slider.value(0.0), slider.value(1.0)) == (slider.low, slider.high)
-    assert (slider.position(slider.low), slider.position(slider.high)) == (0.0, 1.0)
-    assert slider.value(slider.position(control.start)) == control.start
     for position in (0.0, 0.25, 0.5, 1.0):
         value = slider.value(position)
         assert isinstance(value, int if control.kind == "integer" else float)
@@ -134,10 +131,6 @@ def test_sliders_of_any_model_hold_what_it_allows(
     assert (slider.value(0.0), slider.value(1.0)) == (slider.low, slider.high)
     first, second = sorted(positions)
     assert slider.value(first) <= slider.value(second)
-    exact = Slider(slider.low, slider.high, False, slider.bend)
-    value = slider.low + first * (slider.high - slider.low)
-    again = exact.value(exact.position(value))
-    assert again == pytest.approx(value, rel=1e-3, abs=1e-3 * max(abs(value), 1e-9))
 
 
 @pytest.mark.parametrize(

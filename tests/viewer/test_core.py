@@ -288,7 +288,7 @@ def test_a_frame_sought_is_shown_as_a_renderer_shows_it(
         assert driver.answer(client, number).step == step
 
 
-def test_the_objects_are_told_as_they_are_shown(tmp_path: Path, device: ComputeDevice) -> None:
+def test_the_objects_are_listed_as_they_are_shown(tmp_path: Path, device: ComputeDevice) -> None:
     """They are those of the frame that is shown, as edited, and cannot be written to."""
     folder = write_clip(tmp_path, 12)
     manifest = folder / "scene.toml"

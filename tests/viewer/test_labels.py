@@ -61,9 +61,10 @@ def test_values_of_a_pixel_have_separators_and_units(known: bool) -> None:
         np.array([0.0, 1.0, 0.0]) if known else None,
         "cube" if known else None,
     )
-    text = "pixel 3, 4; linear RGB 0.5, 0.25, 1e-05; reflection distance 0 m"
+    start = "pixel 3, 4; linear RGB 0.5, 0.25, 1e-05; reflection distance 0 m"
     rest = "; distance 1.500 m; normal +0.00, +1.00, +0.00; object cube"
-    assert readout.text == text + (rest if known else "")
+    text = "; ".join(f"{name} {value}" for name, value in readout.rows())
+    assert text == start + (rest if known else "")
 
 
 def test_screenshots_go_to_the_users_pictures(

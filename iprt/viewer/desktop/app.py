@@ -110,7 +110,7 @@ class App:
             self.window.upload(displayed.pixels)
             ui.timeline.add(displayed.shown)
         ui.displayed = displayed
-        ui.tell_saved()
+        ui.report_saved()
         if ui.closing and not ui.unsaved:
             self.window.closing, ui.closing = True, False
         # The view too: drags change it while the window is drawn, too late for what is below.

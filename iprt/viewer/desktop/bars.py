@@ -1,4 +1,4 @@
-"""The bars at the bottom: the video's, and the line that tells how the picture is."""
+"""The bars at the bottom: the video's, and the status line of the picture."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ SHORTEST_EM = 6.0
 NARROW_EM = 28.0
 """A window that is no wider has only the slider and the buttons beside it."""
 COUNTER = "9999 of 9999, 99.9 of 99.9 fps"
-"""The widest that is told of it: the slider keeps its length while the video plays."""
+"""The widest text of it: the slider keeps its length while the video plays."""
 STATE_EM = 10.0
 """Least width of what the engine does."""
 
@@ -41,14 +41,14 @@ def playback(ui: DesktopState) -> None:
     if imgui.get_window_width() > NARROW_EM * em:
         _playback_mode(ui)
     room = imgui.calc_text_size(COUNTER).x + em
-    told = imgui.get_content_region_avail().x > room + SHORTEST_EM * em
-    imgui.set_next_item_width(-room if told else -1.0)
+    counted = imgui.get_content_region_avail().x > room + SHORTEST_EM * em
+    imgui.set_next_item_width(-room if counted else -1.0)
     changed, frame = imgui.slider_int("##frame", ui.frame, frames[0], frames[-1], "")
     seconds = (ui.frame - frames[0]) / engine.scene.source.fps
     hint(f"Frame {ui.frame} of scene.toml, at {seconds:.2f} s")
     if changed:
         engine.seek(frame)
-    if told and counter is not None:
+    if counted and counter is not None:
         imgui.same_line()
         imgui.align_text_to_frame_padding()
         imgui.text_colored(imgui.ImVec4(*QUIET), counter.text)
@@ -100,7 +100,7 @@ def _activity(ui: DesktopState) -> tuple[str, Color]:
 
 
 def _figures(ui: DesktopState) -> list[tuple[float, str, str]]:
-    """What is to be told of the picture: the width of its place in em, words, and their meaning."""
+    """Figures of the picture: the width of the place in em, the text, and its meaning."""
     displayed = ui.displayed
     if displayed is None or displayed.shown.plain:
         return []

@@ -174,7 +174,8 @@ def readout(ui: DesktopState, rectangle: Rectangle, object_box: Box | None) -> N
 def free_corner(
     rectangle: Rectangle, size: tuple[float, float], avoid: Sequence[Box]
 ) -> tuple[float, float, tuple[float, float]]:
-    """A corner of the picture for a window of that size: where it covers least of what to avoid.
+    """A corner of the picture for a window of that size: the one that hides the smallest part of
+    what to avoid.
 
     The lower right one if it is as good as others. Upper ones leave room for tools and captions.
 

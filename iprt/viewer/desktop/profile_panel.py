@@ -56,16 +56,12 @@ def _table(timeline: Timeline) -> None:
     for name, weight in (("pass", 4.0), ("median ms", 2.2), ("95 %", 1.8), ("share", 1.6)):
         imgui.table_setup_column(name, imgui.TableColumnFlags_.none, weight)
     imgui.table_headers_row()
-    rows = [(number, row) for number, row in enumerate(timeline.table())]
-    whole = [entry for entry in rows if entry[1].name == WHOLE]
-    others = sorted(
-        (entry for entry in rows if entry[1].name != WHOLE), key=lambda entry: -entry[1].share
-    )
-    for number, row in [*whole, *others]:
+    places = {name: number for number, name in enumerate(timeline.series())}
+    for row in timeline.table():
         imgui.table_next_row()
         imgui.table_next_column()
         if row.name != WHOLE:
-            _swatch(number)
+            _swatch(places[row.name])
         imgui.text_unformatted(row.name)
         for words in (f"{row.median_ms:.2f}", f"{row.p95_ms:.2f}", f"{100.0 * row.share:.0f} %"):
             imgui.table_next_column()

@@ -9,17 +9,13 @@ from iprt.viewer.controls import control_groups, preset_of
 from iprt.viewer.desktop.ui_state import DesktopState
 from iprt.viewer.desktop.widgets import (
     button,
-    disabled,
     draw_field,
     heading,
     hint,
     label,
-    part,
-    slider,
 )
-from iprt.viewer.fields import quality_field, setting_field
+from iprt.viewer.fields import quality_field, rate_field, setting_field
 
-USUAL_FPS, MOST_FPS = 30, 120
 RESET_SHARE = 0.6
 """Share of the panel's width at which the button that resets all settings begins."""
 
@@ -27,7 +23,7 @@ RESET_SHARE = 0.6
 def draw(ui: DesktopState) -> None:
     """The whole panel."""
     _preset(ui)
-    _pace(ui)
+    draw_field(ui, rate_field(ui))
     for group in control_groups():
         name = group.name or "general"
         unfolded = imgui.collapsing_header(name.replace("_", " "))
@@ -49,19 +45,3 @@ def _preset(ui: DesktopState) -> None:
     about = "Set everything to its default"
     if button("Reset all", about, width=-1.0, enabled=ui.settings != Settings()):
         ui.settings = Settings()
-
-
-def _pace(ui: DesktopState) -> None:
-    viewport = ui.viewport
-    part("fps")
-    held = viewport.target_fps is not None
-    changed, held = imgui.checkbox("##held", held)
-    if changed:
-        viewport.target_fps = USUAL_FPS if held else None
-    imgui.same_line()
-    imgui.set_next_item_width(-1.0)
-    with disabled(not held):
-        now = round(viewport.target_fps or USUAL_FPS)
-        fps = slider("##fps", now, (1, MOST_FPS), "{} fps".format, logarithmic=True)
-    if fps is not None and held:
-        viewport.target_fps = fps

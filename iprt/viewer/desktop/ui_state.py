@@ -68,7 +68,7 @@ class DesktopState(UiState):
 
     @property
     def notice(self) -> tuple[str, bool] | None:
-        """What is to be told now, and whether it is bad."""
+        """The present notice, and whether it is bad."""
         if self._notice is None or time.monotonic() > self._notice[2]:
             self._notice = None
             return None
@@ -110,8 +110,8 @@ class DesktopState(UiState):
         else:
             self.say("nothing to save")
 
-    def tell_saved(self) -> None:
-        """Tell what came of `save`; problems are told by the engine, and the window stays."""
+    def report_saved(self) -> None:
+        """Show the result of `save`; after a problem the window stays."""
         while not self._saved.empty():
             if self._saved.get() is None:
                 self.say(f"saved to {self.engine.scene.root / 'scene.toml'}")

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from iprt.errors import DeviceError
 from iprt.viewer.desktop.style import apply_style
 from iprt.viewer.desktop.turning import BESIDE, Matrix, Turner
+from iprt.viewer.needs import ELSEWHERE
 
 STIRRED_S = 0.6
 """Drawn again and again so long after any input: tooltips appear, and popups settle."""
@@ -265,7 +266,6 @@ def _opened(title: str, size: tuple[int, int]) -> Any:
             handle = glfw.create_window(*size, title, None, None)
     if not handle:
         reason: Any = glfw.get_error()[1] or b"no reason given"
-        advice = "open it from a desktop session, or view the scene in a browser by --web"
-        raise DeviceError(f"no window can be opened ({reason.decode()}); {advice}")
+        raise DeviceError(f"no window can be opened ({reason.decode()}); {ELSEWHERE}")
     glfw.make_context_current(handle)
     return handle

@@ -1,4 +1,4 @@
-// Tells when the server is gone, and loads the page anew once another one answers in its place.
+// Says when the server is gone, and loads the page anew once another one answers in its place.
 "use strict";
 (() => {
   const EVERY_MS = 1500, PATIENCE_MS = 15000; // a machine that compiles kernels answers late
@@ -10,7 +10,7 @@
 
   let notice = null;
 
-  function tell(text) {
+  function show(text) {
     if (notice === null) {
       notice = document.body.appendChild(document.createElement("div"));
       notice.appendChild(document.createElement("p")).style.maxWidth = "34em";
@@ -29,14 +29,14 @@
       const signal = AbortSignal.timeout(PATIENCE_MS);
       const answer = await fetch("/alive", { cache: "no-store", signal });
       if (answer.status === 401) {
-        tell(LOCKED);
+        show(LOCKED);
       } else if (answer.ok) {
         if ((await answer.text()).trim() !== IPRT_RUN) return location.reload();
         notice?.remove();
         notice = null;
       }
     } catch {
-      tell(GONE);
+      show(GONE);
     }
     setTimeout(look, EVERY_MS);
   }

@@ -24,9 +24,9 @@ class Binding:
     read : callable
         What is set now, as the handle has it.
     write : callable
-        Takes the handle's value; an IprtError is told and the input goes back.
+        Takes the handle's value; after an IprtError the input goes back.
     post : Post
-    tell : callable
+    report : callable
         Takes a line for the user.
     """
 
@@ -36,9 +36,9 @@ class Binding:
         read: Callable[[], Any],
         write: Callable[[Any], object],
         post: Post,
-        tell: Callable[[str], None],
+        report: Callable[[str], None],
     ) -> None:
-        self.handle, self._read, self._write, self._tell = handle, read, write, tell
+        self.handle, self._read, self._write, self._report = handle, read, write, report
         self._touched_s = -HELD_S
         self._seen = read()
         self._show(self._seen)
@@ -70,7 +70,7 @@ class Binding:
         try:
             self._write(value)
         except IprtError as error:
-            self._tell(str(error))
+            self._report(str(error))
             self._touched_s = -HELD_S
         self._seen = value
 
@@ -84,19 +84,10 @@ def show(handle: Any, name: str, value: Any) -> None:
         setattr(handle, name, value)
 
 
-def on_click(handle: Any, post: Post, do: Callable[[], object]) -> None:
-    """Have a button do something, by the window's thread."""
+def do_on(listen: Callable[[Any], object], post: Post, do: Callable[[], object]) -> None:
+    """Have a button's click or a command's key do something, by the window's thread."""
 
-    async def clicked(_event: Any) -> None:
-        post(object(), do)  # each click counts
+    async def happened(_event: Any) -> None:
+        post(object(), do)  # each one counts
 
-    handle.on_click(clicked)
-
-
-def on_trigger(command: Any, post: Post, do: Callable[[], object]) -> None:
-    """Have a command's key do something, by the window's thread."""
-
-    async def triggered(_event: Any) -> None:
-        post(object(), do)
-
-    command.on_trigger(triggered)
+    listen(happened)

@@ -29,8 +29,8 @@ POLL_S, REST_POLL_S = 0.008, 0.05
 PANELS_S = 0.1
 """Between two updates of the panels."""
 SETTLE_S, AGAIN_S = 20.0, 0.5
-"""Longest time that a browser takes to look where it is told to. It is told so often meanwhile:
-what comes while its page is still being made is lost."""
+"""Longest time until a browser looks where it is sent, and the time after which that is sent again:
+what arrives while the page is still being made is lost."""
 SAME_DEG = 1e-4
 
 
@@ -89,8 +89,8 @@ class Browser(BrowserState):
         self._camera: Camera | None = None
         self._followed: Camera | None = None
         self._defects: set[str] = set()
-        self._told: View | None = None
-        self._told_s = self._again_s = 0.0
+        self._directed: View | None = None
+        self._directed_s = self._again_s = 0.0
         self._camera_came(client.camera)
         self._thread = threading.Thread(
             target=self._run, name=f"iprt browser {client.client_id}", daemon=True
@@ -125,7 +125,7 @@ class Browser(BrowserState):
 
     # The window's thread calls these ----------------------------------------------------------
 
-    def _tell_defect(self, error: Exception) -> None:
+    def _report_defect(self, error: Exception) -> None:
         """Report an error that no input should cause; the window goes on, and it may come again."""
         text = f"a defect of iprt: {type(error).__name__}: {error}"
         if text not in self._defects:
@@ -140,10 +140,10 @@ class Browser(BrowserState):
 
     def _direct(self, view: View) -> None:
         """Have the browser look so."""
-        self._told, self._told_s = view, time.monotonic()
-        self._tell_camera(view)
+        self._directed, self._directed_s = view, time.monotonic()
+        self._send_camera(view)
 
-    def _tell_camera(self, view: View) -> None:
+    def _send_camera(self, view: View) -> None:
         self._again_s = time.monotonic() + AGAIN_S
         camera = self.client.camera
         with self.client.atomic():
@@ -152,7 +152,7 @@ class Browser(BrowserState):
             camera.look_at = np.zeros(3)
 
     def _clicked(self, x: float, y: float) -> None:
-        """Select what is there in the window, and tell what it holds."""
+        """Select what is there in the window, and read its values."""
         x, y = self.in_picture(x, y)
         self.selected = self.viewport.object_at(x, y)
         self.read = self.viewport.readout(x, y)
@@ -203,7 +203,7 @@ class Browser(BrowserState):
                 self.say(str(error), bad=True)
                 busy = False
             except Exception as error:
-                self._tell_defect(error)
+                self._report_defect(error)
                 busy = False
             if not busy:
                 waiting = self.engine.status.doing == "waiting"
@@ -236,14 +236,14 @@ class Browser(BrowserState):
         viewport = self.viewport
         viewport.resize(camera.width, camera.height)
         view = look_of(viewport.view, np.array(camera.wxyz), camera.fov)
-        if self._told is not None:
-            # Where it looked before it heard is not news.
+        if self._directed is not None:
+            # Where it looked before the message arrived does not count.
             now = time.monotonic()
-            if not _same(view, self._told) and now < self._told_s + SETTLE_S:
+            if not _same(view, self._directed) and now < self._directed_s + SETTLE_S:
                 if now > self._again_s:
-                    self._tell_camera(self._told)
+                    self._send_camera(self._directed)
                 return
-            self._told = None
+            self._directed = None
         self._followed = camera
         if not _same(view, viewport.view):
             viewport.look(view)

@@ -45,7 +45,7 @@ def look_of(view: View, wxyz: Float, fov_y: float) -> View:
     """The view that viser's camera has; field of view in radians."""
     matrix = rotation(wxyz)
     right, forward = matrix[:, 0], matrix[:, 2]
-    # By the axis to the right, which is level, and so tells the yaw straight up and down too.
+    # By the axis to the right, which is level and so defines the yaw straight up and down, too.
     yaw = np.rad2deg(np.arctan2(right[2], right[0]))
     pitch = np.rad2deg(np.arctan2(forward[1], np.hypot(forward[0], forward[2])))
     return replace(

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from iprt.viewer.labels import PARTS
-from iprt.viewer.web.binding import on_click, on_trigger, show
+from iprt.viewer.web.binding import do_on, show
 from iprt.viewer.web.browser_state import BrowserState
 
 QUIET = (60, 66, 74)
@@ -35,13 +35,13 @@ class FilesPanel:
             for part, icon, key, _ in buttons
         )
         for button, (_, _, _, do) in zip((self._undo, self._redo), buttons, strict=True):
-            on_click(button, post, do)
+            do_on(button.on_click, post, do)
         keys = (("Undo", "cmd/ctrl", engine.undo), ("Redo", "cmd/ctrl+shift", engine.redo))
         for label, modifier, do in keys:
-            on_trigger(gui.add_command(label, hotkey="Z", modifier=modifier), post, do)
+            do_on(gui.add_command(label, hotkey="Z", modifier=modifier).on_trigger, post, do)
         save, screenshot = PARTS["save"], PARTS["screenshot"]
         self._save = gui.add_button(save.name, icon="device-floppy", disabled=True, hint=save.about)
-        on_click(self._save, post, self._save_scene)
+        do_on(self._save.on_click, post, self._save_scene)
         pictures = gui.add_button_group(screenshot.name, ("PNG", "EXR"), hint=screenshot.about)
 
         async def wanted(event: Any) -> None:

@@ -17,7 +17,7 @@ from websockets.http11 import Request, Response
 
 from iprt.errors import IprtError
 
-LEAST_TOKEN = 12
+MIN_TOKEN = 12
 """Characters of a token: fewer can be guessed."""
 ALIVE = "/alive"
 """Where pages ask whether the viewer still runs; see `alive.js`."""
@@ -64,9 +64,9 @@ def require_token(token: str) -> str:
     IprtError
     """
     plain = token.isascii() and token.replace("-", "").replace("_", "").isalnum()
-    if not plain or len(token) < LEAST_TOKEN:
+    if not plain or len(token) < MIN_TOKEN:
         raise IprtError(
-            f"the token needs at least {LEAST_TOKEN} characters, of letters, digits, - and _; "
+            f"the token needs at least {MIN_TOKEN} characters, of letters, digits, - and _; "
             "leave it out to get one"
         )
     return token

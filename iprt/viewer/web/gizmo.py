@@ -16,7 +16,7 @@ Float = NDArray[np.float64]
 
 NAME = "/gizmo"
 SIZE_PX = 90.0
-LEAST_MOVE = 1e-9
+MIN_MOVE = 1e-9
 """Metres, and sines of half angles: below, nothing has moved."""
 
 
@@ -80,7 +80,7 @@ class Gizmo:
         to_world[:3, :3] = rotation(pose[0]) @ stretch
         to_world[:3, 3] = pose[1] - to_world[:3, :3] @ np.mean(state.corners, axis=0)
         apart = np.abs(to_world[:3, 3] - before[:3, 3]).max()
-        if max(apart, np.abs(rotation(pose[0]) - turn).max()) < LEAST_MOVE:
+        if max(apart, np.abs(rotation(pose[0]) - turn).max()) < MIN_MOVE:
             return
         if browser.snapping and browser.drop_at(pose[1]):
             return

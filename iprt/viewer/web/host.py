@@ -53,8 +53,9 @@ class Host:
         self._run = new_token()
         self._viser = server.Viser(f"iprt {engine.scene.name}")
         self._set_up()
-        gate = Gate(server.page(self._run), port, token, self._run)
-        self._relay = server.Relay(listening, gate, self._viser.get_port())
+        behind = self._viser.get_port()
+        gate = Gate(server.page(behind, self._run), port, token, self._run)
+        self._relay = server.Relay(listening, gate, behind)
         self.address = Address(_url(bound, port, token), port, local)
 
     def __enter__(self) -> Self:

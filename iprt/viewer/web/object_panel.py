@@ -13,7 +13,7 @@ from iprt.geometry.mesh_files import MESH_SUFFIXES
 from iprt.scene.edit import free_name
 from iprt.viewer.fields import Field, material_fields, place_fields
 from iprt.viewer.labels import PARTS, Label
-from iprt.viewer.web.binding import on_click, on_trigger, show
+from iprt.viewer.web.binding import do_on, show
 from iprt.viewer.web.browser_state import BrowserState
 from iprt.viewer.web.files_panel import QUIET
 from iprt.viewer.web.inputs import Inputs
@@ -36,13 +36,13 @@ class ObjectPanel:
             self._inputs = Inputs(ui, fields, visible=lambda: ui.state is not None)
             texture, removed = PARTS["texture"], PARTS["remove"]
             self._plain = gui.add_button(texture.name, color=QUIET, hint=texture.about)
-            on_click(self._plain, ui.post, lambda: ui.paint(texture=None))
+            do_on(self._plain.on_click, ui.post, lambda: ui.paint(texture=None))
             self._remove = gui.add_button(
                 removed.name, icon="trash", color=QUIET, hint=f"{removed.about} Key: Delete."
             )
-            on_click(self._remove, ui.post, ui.remove)
+            do_on(self._remove.on_click, ui.post, ui.remove)
         command = gui.add_command("Remove the selected object", hotkey="delete")
-        on_trigger(command, ui.post, ui.remove)
+        do_on(command.on_trigger, ui.post, ui.remove)
         self.sync()
 
     def _add_upload(self) -> None:

@@ -5,9 +5,9 @@
 // Works on what viser's page has for its own tests (window.__viserMutable).
 "use strict";
 (() => {
-  const LEAST_FOV = 2, LARGEST_FOV = 150, ZOOM_STEP = 0.9; // as in iprt/viewer/viewport.py
+  const MIN_FOV = 2, MAX_FOV = 150, ZOOM_STEP = 0.9; // as in iprt/viewer/viewport.py
   const KEY_STEP = 0.05; // radians
-  const PICTURE = "/picture"; // the node that tells how the newest picture looks; see picture.py
+  const PICTURE = "/picture"; // the node with the pose of the newest picture; see picture.py
   const AGAIN_MS = 500; // between two reminders of where the page looks
 
   const fragment = `
@@ -47,9 +47,6 @@
       setTimeout(attach, 20);
       return;
     }
-    // Else pictures get smaller, or larger, whenever the browser is slow, or quick.
-    const own = { fixedDpr: window.devicePixelRatio, enableOrbitCrosshair: false };
-    window.__viserTestpoints?.devSettings.set(own);
     turnPictures(viser, mesh);
     steer(viser);
     // The page may have sent its camera before it was connected or had its size: the server renders
@@ -143,7 +140,7 @@
       const lines = [100, 3, 1][event.deltaMode];
       const { camera } = viser;
       const fov = camera.fov * ZOOM_STEP ** (-event.deltaY / lines);
-      camera.fov = Math.min(Math.max(fov, LEAST_FOV), LARGEST_FOV);
+      camera.fov = Math.min(Math.max(fov, MIN_FOV), MAX_FOV);
       camera.updateProjectionMatrix();
       viser.requestRender();
       viser.sendCamera();
@@ -165,5 +162,9 @@
     });
   }
 
+  // Else pictures get smaller, or larger, whenever the browser is slow, or quick.
+  const address = new URL(window.location.href);
+  address.searchParams.set("fixedDpr", window.devicePixelRatio);
+  window.history.replaceState(null, "", address);
   attach();
 })();

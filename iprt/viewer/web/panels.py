@@ -60,9 +60,8 @@ class Panels:
 class Status:
     """What is shown, how good it is, what goes on, and what went wrong.
 
-    As high whatever there is to tell, so that what is below it stays where it is: what has no room
-    in a line is cut off and told in full where the mouse rests on it, what has no room in all is
-    scrolled to.
+    Its height is fixed, so that what is below it stays where it is: what has no room
+    in a line is cut off and shown in full where the mouse rests on it; the rest is scrolled to.
     """
 
     def __init__(self, browser: BrowserState) -> None:
@@ -84,8 +83,8 @@ class Status:
             lines += self._picture(displayed)
         if browser.read is not None:
             (_, place), *values = browser.read.rows()
-            told = "; ".join([place, *(f"{name} {value}" for name, value in values)])
-            lines.append(_line("pixel", told, lines=3))
+            text = "; ".join([place, *(f"{name} {value}" for name, value in values)])
+            lines.append(_line("pixel", text, lines=3))
         style = (
             f"height:{LINES * LINE_EM}em;overflow-y:auto;box-sizing:content-box;font-size:.8em;"
             f"line-height:{LINE_EM}em;padding:.4em .6em;overflow-wrap:anywhere"
@@ -120,7 +119,7 @@ class Status:
 
 
 def _line(name: str, text: str, about: str = "", *, lines: int = 1) -> str:
-    """A name and so many lines of text at most, with what the mouse is told of it."""
+    """A name and so many lines of text at most, with a tooltip."""
     cut = (
         "display:-webkit-box;-webkit-box-orient:vertical;overflow:hidden;"
         f"-webkit-line-clamp:{lines}"

@@ -20,7 +20,7 @@ REST_S = 1.0
 ANSWER_S = 20.0
 """Longest wait for a browser to say that it has a picture."""
 PICTURE = "/picture"
-"""The node whose pose tells `page.js` which way the picture looks."""
+"""The node whose pose is that of the picture, for `page.js`."""
 
 
 class PictureSender:

@@ -46,8 +46,7 @@ class ProfilePanel:
             return
         self._due_s = time.monotonic() + EVERY_S
         rows, series = self._timeline.table(), self._timeline.series()
-        whole = np.sum(list(series.values()), axis=0)
-        passes = sorted((row for row in rows if row.name != WHOLE), key=lambda row: -row.share)
+        whole, passes = np.sum(list(series.values()), axis=0), rows[1:]
         if len(self._lines) < min(len(passes), MOST_PASSES):
             self._lines = [row.name for row in passes[:MOST_PASSES]]
             names = ["with the host", WHOLE, *self._lines]
@@ -59,7 +58,7 @@ class ProfilePanel:
             whole,
             *(series[name] for name in self._lines),
         )
-        self._table.content = _table([*rows[-1:], *passes])
+        self._table.content = _table(rows)
 
 
 def _line(label: str, number: int) -> dict[str, object]:

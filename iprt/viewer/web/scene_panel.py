@@ -9,7 +9,7 @@ from iprt.viewer.controls import Slider
 from iprt.viewer.fields import Field, view_field
 from iprt.viewer.labels import PARTS, PLAYBACK, Label
 from iprt.viewer.state import PlaybackMode
-from iprt.viewer.web.binding import on_trigger, show
+from iprt.viewer.web.binding import do_on, show
 from iprt.viewer.web.browser_state import BrowserState
 from iprt.viewer.web.inputs import Inputs
 
@@ -29,7 +29,7 @@ class ScenePanel:
                 self._inputs.append(Inputs(ui, _playback(ui)))
                 self._counter = gui.add_html("")
             command = gui.add_command("Play or pause", hotkey="space")
-            on_trigger(command, ui.post, ui.toggle_playing)
+            do_on(command.on_trigger, ui.post, ui.toggle_playing)
 
     def sync(self) -> None:
         if self._counter is not None:
@@ -72,6 +72,6 @@ def _playback(ui: BrowserState) -> list[Field]:
 
 
 def _counted(text: str) -> str:
-    """Beside the column of labels; as high when there is nothing to tell."""
+    """Beside the column of labels; as high when it is empty."""
     style = "font-size:.8em;height:1.8em;padding:0 .8em 0 9em;font-variant-numeric:tabular-nums"
     return f"<div class='counter' style='{style}'>{escape(text)}</div>"

@@ -10,9 +10,9 @@ import logging
 import socket
 import threading
 from collections.abc import Iterator
+from http.client import HTTPConnection
 from importlib.resources import files
 from itertools import permutations
-from pathlib import Path
 
 import viser
 from websockets.asyncio.client import connect
@@ -69,9 +69,12 @@ def _why(error: OSError | OverflowError) -> str:
     return str(error.strerror)
 
 
-def page(run: str) -> bytes:
-    """viser's page with our scripts in it, and what `Host` knows its clients by."""
-    html = (Path(viser.__file__).parent / "client" / "build" / "index.html").read_text("utf-8")
+def page(port: int, run: str) -> bytes:
+    """viser's page, from its port, with our scripts in it and what `Host` knows its clients by."""
+    connection = HTTPConnection("127.0.0.1", port)
+    connection.request("GET", "/")
+    html = connection.getresponse().read().decode()
+    connection.close()
     own = files("iprt.viewer.web")
     scripts = [own.joinpath(name).read_text("utf-8") for name in ("page.js", "alive.js")]
     head, tag, rest = html.partition("</head>")
@@ -152,8 +155,6 @@ class Relay:
         ) as server:
             ways = [asyncio.create_task(_copy(a, b)) for a, b in permutations((browser, server))]
             await asyncio.wait(ways, return_when=asyncio.FIRST_COMPLETED)
-            for way in ways:
-                way.cancel()
             # As viser's page says why when its version is not the server's.
             if server.close_code is not None:
                 await browser.close(server.close_code, server.close_reason or "")
@@ -168,6 +169,6 @@ async def _copy(source: Connection, target: Connection) -> None:
 
 @contextlib.contextmanager
 def _silent() -> Iterator[None]:
-    """viser tells of itself on the standard output, in any case."""
+    """viser prints on the standard output in any case."""
     with contextlib.redirect_stdout(io.StringIO()):
         yield

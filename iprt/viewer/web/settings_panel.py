@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from html import escape
 
-from iprt.viewer.controls import Slider, control_groups, preset_of
-from iprt.viewer.fields import Field, quality_field, setting_field
-from iprt.viewer.labels import PARTS, Label
+from iprt.viewer.controls import control_groups, preset_of
+from iprt.viewer.fields import quality_field, rate_field, setting_field
 from iprt.viewer.web.binding import show
 from iprt.viewer.web.browser_state import BrowserState
 from iprt.viewer.web.inputs import Inputs
-
-MOST_FPS = 240
 
 
 class SettingsPanel:
@@ -22,7 +19,7 @@ class SettingsPanel:
         self._shown: object = None
         self._inputs = [Inputs(ui, [quality_field(ui)])]
         self._about = gui.add_html("")
-        self._inputs.append(Inputs(ui, [_rate(ui)]))
+        self._inputs.append(Inputs(ui, [rate_field(ui)]))
         for group in control_groups():
             with gui.add_folder(group.name or "general", expand_by_default=False):
                 fields = [setting_field(ui, control) for control in group.controls]
@@ -38,19 +35,6 @@ class SettingsPanel:
         show(self._about, "content", _differing(preset.text if preset.differing else ""))
         for inputs in self._inputs:
             inputs.sync()
-
-
-def _rate(ui: BrowserState) -> Field:
-    fps = PARTS["fps"]
-    label = Label(fps.name, f"{fps.about} In this window; 0: always at full quality.")
-    return Field(
-        "fps",
-        "number",
-        lambda: label,
-        lambda: round(ui.viewport.target_fps or 0.0),
-        lambda fps: setattr(ui.viewport, "target_fps", float(fps) if fps > 0 else None),
-        sliders=(Slider(0, MOST_FPS, True, 1.0),),
-    )
 
 
 def _differing(text: str) -> str:

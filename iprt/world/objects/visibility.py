@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import reduce
 from typing import Any
 
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from iprt.device.compute import ComputeDevice
 from iprt.gbuffer.guide import plane_defines
 from iprt.geometry.camera import View
+from iprt.geometry.mesh import Instance, motion_between
 from iprt.raster.layers import COVERAGE_TOLERANCE, SAMPLES
 from iprt.raster.region import Rect, box_corners, box_rects, merge
 from iprt.world.objects.object_bvh import ObjectBvh
@@ -25,13 +26,23 @@ class Visibility:
 
     Attributes
     ----------
+    motion : (3 M, 4) float32
+        Per material of all instances: rows that take world points of its object to where they were
+        before the last `follow`, if its vertices had not moved.
     front, material : (H, W, 4) float32
         Planes of the last `run`, before edge pixels are lent surfaces: `iprt.raster.layers.Layer`.
     """
 
-    def __init__(self, device: ComputeDevice, view: View, bvh: ObjectBvh) -> None:
+    def __init__(
+        self, device: ComputeDevice, view: View, bvh: ObjectBvh, instances: Sequence[Instance]
+    ) -> None:
+        """`instances` are those of `bvh`."""
         self._device = device
         self._bvh = bvh
+        self._instances = instances
+        materials = sum(len(instance.mesh.materials) for instance in instances)
+        self.motion = device.empty("object motion rows", (3 * max(materials, 1), 4))
+        self.follow(instances)
         bvh.follow_vertices()
         defines = plane_defines(
             equirect=view.projection == "equirect",
@@ -47,6 +58,17 @@ class Visibility:
         self._displaced: cla.Array | None = None
         if bvh.deforming:
             self._displaced = device.empty("traced displacement", (view.height, view.width, 4))
+
+    def follow(self, instances: Sequence[Instance]) -> None:
+        """Follow the objects: call it once per frame while they move, and once more."""
+        moved = [
+            motion_between(old.to_world, new.to_world)
+            for old, new in zip(self._instances, instances, strict=True)
+            for _ in new.mesh.materials
+        ]
+        if moved:
+            self._device.write(self.motion, np.concatenate(moved))
+        self._instances = instances
 
     def run(
         self,
@@ -102,7 +124,7 @@ class Visibility:
                 constants,
                 previous,
                 *objects,
-                self._bvh.motion,
+                self.motion,
                 panorama.surface,
                 panorama.width,
                 panorama.height,

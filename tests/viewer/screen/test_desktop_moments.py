@@ -109,7 +109,7 @@ def test_saving_and_closing_after_bad_news(user: User, monkeypatch: pytest.Monke
     user.app.window.closing = False
     path.write_text(text)
     user.until(lambda: user.shows("cube"))
-    monkeypatch.setattr(core_module, "TOLD_S", 0.0)
+    monkeypatch.setattr(core_module, "NOTE_S", 0.0)
     user.until(lambda: user.problems() == ())
 
 
@@ -244,7 +244,7 @@ def test_a_device_that_is_lost(user: User, monkeypatch: pytest.MonkeyPatch) -> N
     assert np.abs(user.picture().astype(int) - seen).mean() < 2.0
 
 
-def test_what_is_missing_is_told() -> None:
+def test_what_is_missing_is_said() -> None:
     """Without a display, without the extra: in a process in which no window was ever open."""
     script = (
         "import sys, types, pathlib\n"

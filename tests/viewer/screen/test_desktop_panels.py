@@ -171,7 +171,7 @@ def showing(user: User, patch: pytest.MonkeyPatch, **parts: object) -> None:
     user.wait(6)
 
 
-def test_what_misleads_in_a_comparison_is_told(user: User, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_misleads_in_a_comparison_is_said(user: User, monkeypatch: pytest.MonkeyPatch) -> None:
     showing(user, monkeypatch)
     before = texts(user.picture(), ACCENT)
     showing(user, monkeypatch, caption="Picture | Truth", warning="the truth is of another day")
@@ -180,7 +180,7 @@ def test_what_misleads_in_a_comparison_is_told(user: User, monkeypatch: pytest.M
     assert texts(upper) > 40
 
 
-def test_a_preview_is_told_and_explained(user: User, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_preview_is_named_and_explained(user: User, monkeypatch: pytest.MonkeyPatch) -> None:
     """Briefly; all that is given up, where the mouse is on it."""
     preview = Preview("Preview at 25% resolution", "fewer of these, and " * 12)
     showing(user, monkeypatch, preview=preview)
@@ -223,7 +223,7 @@ def test_news_of_an_added_mesh_are_told(user: User) -> None:
     user.away()
     before = texts(user.picture())
     mailbox = user.engine._mailbox
-    mailbox.tell(replace(mailbox.status, notes=("box.glb: its vertex colours are not shown",)))
+    mailbox.report(replace(mailbox.status, notes=("box.glb: its vertex colours are not shown",)))
     user.wait(6)
     assert texts(user.picture()) > before + 100
-    mailbox.tell(replace(mailbox.status, notes=()))
+    mailbox.report(replace(mailbox.status, notes=()))

@@ -63,7 +63,7 @@ def test_a_truth_that_is_not_there_cannot_be_chosen(user: User) -> None:
     user.until(lambda: user.ui.viewport.truth_problem is not None)
 
 
-def test_speed_is_told_in_motion_only(wide: User) -> None:
+def test_speed_is_shown_in_motion_only(wide: User) -> None:
     """At rest nothing is left of the last figures, also when the picture is shown otherwise."""
 
     def told() -> list[str]:

@@ -281,12 +281,12 @@ def test_meshes_are_uploaded_and_saved(place: Place, monkeypatch: pytest.MonkeyP
     added = [state.name for state in engine.objects[1:]]
     assert sorted(added) == sorted(["box", "box-2", "up", "字" * 60, "object", "new_line"])
 
-    told: list[str] = []
-    monkeypatch.setattr(browser, "tell", told.append)
+    said: list[str] = []
+    monkeypatch.setattr(browser, "say", lambda text, **_: said.append(text))
     for name, content in (("text.stl", b"solid"), ("empty.obj", b""), ("broken.ply", b"ply\n1")):
         button.set_input_files([{"name": name, "mimeType": "", "buffer": content}])
-        news = partial(_news, engine, told, name)
-        until(news, f"{name} is not told of")
+        news = partial(_news, engine, said, name)
+        until(news, f"{name} is not reported")
     visitor.page.get_by_role("button", name="Save", exact=True).click()
     until(lambda: not engine.unsaved, "it is not saved")
     saved = path.read_text()
@@ -299,8 +299,8 @@ def test_meshes_are_uploaded_and_saved(place: Place, monkeypatch: pytest.MonkeyP
     until(lambda: len(engine.objects) == 1, "it is not read again")
 
 
-def _news(engine: Engine, told: list[str], name: str) -> bool:
-    return any(f"{name}: " in line for line in (*told, *engine.status.problems))
+def _news(engine: Engine, said: list[str], name: str) -> bool:
+    return any(f"{name}: " in line for line in (*said, *engine.status.problems))
 
 
 @contextmanager

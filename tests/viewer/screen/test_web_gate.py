@@ -159,17 +159,22 @@ def test_nobody_can_share_it_with_the_world(monkeypatch: pytest.MonkeyPatch) -> 
     behind.stop()
 
 
-@pytest.mark.parametrize("known", [None, "", "another run's"])
-def test_who_reaches_viser_beside_the_gate_is_shown_nothing(known: str | None) -> None:
+@pytest.mark.parametrize("known", [None, "", "another run's", "this run's"])
+def test_who_reaches_viser_beside_the_gate_is_shown_nothing(
+    known: str | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Only a page that came through it knows the run."""
+    served: list[Browser] = []
+    monkeypatch.setattr(Browser, "_serve", lambda browser: served.append(browser))
+    viewport = SimpleNamespace(close=lambda: None)
+    monkeypatch.setattr("iprt.viewer.web.browser.Viewport", lambda *_, **__: viewport)
     camera = SimpleNamespace(wxyz=(1, 0, 0, 0), fov=1.0, image_width=8, image_height=8)
     storage = SimpleNamespace(get_item=lambda key: known)
-    # Whatever else it were asked for, it has not.
     client: Any = SimpleNamespace(client_id=0, camera=camera, local_storage=storage)
     engine: Any = None
-    view = View(8, 8)
-    browser = Browser(engine, client, Start(view), Path(), "this run's")
+    browser = Browser(engine, client, Start(View(8, 8)), Path(), "this run's")
     browser.join(DEADLINE_S)
-    assert not hasattr(browser, "viewport")
+    assert served == ([browser] if known == "this run's" else [])
 
 
 def test_messages_pass_in_both_ways(local: int) -> None:

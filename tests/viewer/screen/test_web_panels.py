@@ -93,7 +93,7 @@ def test_controls_stay_where_they_are(place: Place, monkeypatch: pytest.MonkeyPa
     wait_for(visitor, "!document.querySelector('.problem')")
 
 
-def test_knobs_stay_where_they_are(place: Place) -> None:
+def test_settings_stay_where_they_are(place: Place) -> None:
     """While they differ from the preset, more and more."""
     visitor, browser = place.visit()
     visitor.page.set_viewport_size(LARGE)
@@ -115,7 +115,7 @@ def test_knobs_stay_where_they_are(place: Place) -> None:
     engine.set_settings(settings)
 
 
-def test_what_is_given_up_in_motion_is_told_in_plain_words(place: Place) -> None:
+def test_what_is_given_up_in_motion_is_said_in_plain_words(place: Place) -> None:
     """With the details under the mouse; neither speed nor latency are told at rest."""
     visitor, browser = place.visit()
     view = at_rest(visitor, browser)
@@ -369,7 +369,7 @@ def test_the_video_is_seen_while_kernels_compile(
         visitor.page.close()
 
 
-def test_what_a_mesh_file_lacks_is_told(place: Place) -> None:
+def test_what_a_mesh_file_lacks_is_said(place: Place) -> None:
     visitor, browser = place.visit()
     at_rest(visitor, browser)
     mesh = trimesh.creation.box()

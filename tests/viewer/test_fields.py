@@ -1,0 +1,160 @@
+"""Fields: what panels read and write is what the engine and the window have."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from iprt.device.compute import ComputeDevice
+from iprt.scene.scene import Scene
+from iprt.settings.model import Settings
+from iprt.viewer.controls import with_value
+from iprt.viewer.engine import Engine
+from iprt.viewer.fields import (
+    OWN,
+    REQUIRED,
+    Field,
+    lens_fields,
+    material_fields,
+    place_fields,
+    quality_field,
+    rate_field,
+    view_field,
+)
+from iprt.viewer.labels import TURNED
+from iprt.viewer.ui_state import UiState
+from iprt.viewer.viewport import Viewport
+from tests.clips import write_clip
+from tests.viewer.turns import SETTINGS, VIEW
+from tests.viewer.viewports import at_rest
+
+
+class Ui(UiState):
+    """A window that only notes what it is to show."""
+
+    def __init__(self, engine: Engine) -> None:
+        super().__init__(engine)
+        self.viewport = Viewport(engine, VIEW, frames=1)
+        self.said: list[tuple[str, bool]] = []
+
+    def say(self, text: str, *, bad: bool = False) -> None:
+        self.said.append((text, bad))
+
+
+@pytest.fixture
+def ui(device: ComputeDevice, tmp_path: Path) -> Iterator[Ui]:
+    scene = Scene.open(write_clip(tmp_path / "clip", 1))
+    with Engine(scene, lambda: device, SETTINGS) as engine:
+        ui = Ui(engine)
+        at_rest(ui.viewport)
+        ui.selected = "cube"
+        yield ui
+        ui.viewport.close()
+
+
+def by_key(fields: tuple[Field, ...]) -> dict[str, Field]:
+    return {field.key: field for field in fields}
+
+
+def test_what_is_written_is_read_again(ui: Ui) -> None:
+    values = {
+        "exposure": 1.5,
+        "curve": "filmic",
+        "buffer": "depth",
+        "against": "input",
+        "split": 0.25,
+        "error": True,
+        "position": (0.5, -1.0, -2.0),
+        "size": 0.75,
+        "material": "conductor",
+        "color": (0.25, 0.5, 0.75),
+        "alpha": 0.5,
+        "ior": 1.25,
+        "fps": 30,
+    }
+    fields = by_key((*lens_fields(ui), *place_fields(ui), *material_fields(ui), rate_field(ui)))
+    assert list(fields) == list(values)
+    for key, value in values.items():
+        before = {other: field.read() for other, field in fields.items() if other != key}
+        fields[key].write(value)
+        assert fields[key].read() == pytest.approx(value, abs=1e-4) or fields[key].read() == value
+        if key != "size":  # which moves the middle of a box that stands
+            assert {other: fields[other].read() for other in before} == before
+        if fields[key].kind == "choice":
+            assert value in fields[key].options()
+
+
+def test_a_resized_object_stands_where_it_stood(ui: Ui) -> None:
+    size = by_key(place_fields(ui))["size"]
+
+    def foot() -> tuple[np.ndarray, float]:
+        state = ui.state
+        assert state is not None
+        low, high = state.corners
+        middle = [0.5 * (low[0] + high[0]), low[1], 0.5 * (low[2] + high[2])]
+        sides = (high - low) * np.linalg.norm(state.to_world[:3, :3], axis=0)
+        return state.to_world[:3, :3] @ middle + state.to_world[:3, 3], float(sides.max())
+
+    before, longest = foot()
+    size.write(3.0 * longest)
+    after, now = foot()
+    assert now == pytest.approx(3.0 * longest)
+    np.testing.assert_allclose(after, before, atol=1e-9)
+    for impossible in (0.0, -1.0, float("nan")):
+        size.write(impossible)
+        assert foot()[1] == now
+
+
+def test_only_what_counts_can_be_used(ui: Ui) -> None:
+    material, lens = by_key(material_fields(ui)), by_key(lens_fields(ui))
+    for kind, alpha, ior in (
+        ("diffuse", False, False),
+        ("conductor", True, False),
+        ("plastic", True, True),
+    ):
+        material["material"].write(kind)
+        assert (material["alpha"].enabled(), material["ior"].enabled()) == (alpha, ior)
+    for against, error, split in ((None, False, False), ("input", False, True)):
+        lens["against"].write(against)
+        assert (lens["error"].enabled(), lens["split"].enabled()) == (against is not None, split)
+        assert lens["error"].read() == error
+    lens["error"].write(True)
+    assert not lens["split"].enabled()
+    assert "truth" in lens["against"].missing()
+
+
+def test_own_settings_and_views_have_a_name_while_they_are_shown(ui: Ui) -> None:
+    quality, view = quality_field(ui), view_field(ui)
+    ui.settings = Settings()
+    quality.write("draft")
+    assert (quality.read(), OWN in quality.options()) == ("draft", False)
+    ui.settings = with_value(ui.settings, "atrous.levels", 4)
+    assert (quality.read(), OWN in quality.options()) == (OWN, True)
+    settings = ui.settings
+    quality.write(OWN)
+    assert ui.settings == settings
+    view.write("ahead")
+    assert (view.read(), list(view.options())) == ("ahead", ["ahead"])
+    ui.viewport.turn(10.0, 0.0)
+    assert (view.read(), list(view.options())) == (TURNED, ["ahead", TURNED])
+
+
+def test_zero_frames_per_second_hold_none(ui: Ui) -> None:
+    rate = rate_field(ui)
+    rate.write(10)
+    assert ui.viewport.target_fps == 10.0
+    rate.write(0)
+    assert ui.viewport.target_fps is None
+    assert rate.default is REQUIRED
+
+
+def test_a_removed_object_is_not_selected_any_more(ui: Ui) -> None:
+    ui.remove()
+    assert (ui.selected, ui.said) == (None, [("cube removed; Ctrl+Z brings it back", False)])
+    ui.engine.undo()
+    assert ui.state is None
+    ui.remove()
+    assert len(ui.said) == 1
