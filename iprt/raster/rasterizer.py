@@ -168,8 +168,10 @@ class Rasterizer:
             return _nothing(view, shade)
         regions = merge([rect for _, rects in visible for rect in rects])
         frame = _Frame(self._programs_for(view), self._targets_for(view), visible, regions)
+        reach = max(float(np.abs(part.corners).max()) for part in self._geometry.parts)
+        uniforms = _view_uniforms(view) | {"depth_scale": max(1e-30, reach / 16.0)}
         for program in vars(frame.programs).values():
-            set_uniforms(program, _view_uniforms(view) | {"depth_scale": self._depth_scale()})
+            set_uniforms(program, uniforms)
         self._see(frame)
         self._shade(frame)
         targets = frame.targets
@@ -287,11 +289,6 @@ class Rasterizer:
             framebuffer.use()
             vertices.render(moderngl.TRIANGLES, 3)
         vertices.release()
-
-    def _depth_scale(self) -> float:
-        """A distance around which objects lie, for the depth buffer."""
-        reach = [float(np.abs(part.corners).max()) for part in self._geometry.parts]
-        return max([1e-30, *(r / 16.0 for r in reach)])
 
     def _programs_for(self, view: View) -> Programs:
         if view.projection not in self._programs:

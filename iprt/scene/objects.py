@@ -108,9 +108,9 @@ def made_of(mesh: AnyMesh, material: Material) -> AnyMesh:
 
 
 def _made_of(mesh: Mesh, material: Material) -> Mesh:
-    if len(mesh.materials) == 1 and mesh.materials[0] is material:
-        return mesh
-    return replace(mesh, materials=(material,), material_index=np.zeros_like(mesh.material_index))
+    one = len(mesh.materials) == 1
+    index = mesh.material_index if one else np.zeros_like(mesh.material_index)
+    return replace(mesh, materials=(material,), material_index=index)
 
 
 def _require_readable(scene: str, meshes: list[Mesh]) -> None:
