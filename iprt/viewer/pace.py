@@ -21,7 +21,7 @@ from iprt.settings.overrides import changed, plain_values
 FEW_RAYS = {
     "trace.rays": 1,
     "trace.object_rays": 1,
-    "trace.ratio_rows": 16,
+    "iprt.ratio_rows": 16,
     "irradiance.rows": 64,
     "irradiance.rays": 1,
 }

@@ -143,8 +143,8 @@ def test_a_compiler_at_work_is_told(
     with turns(scene, own) as driver:
         client = driver.join()
         driver.answer(client)
-        tell = driver.mailbox.tell
-        monkeypatch.setattr(driver.mailbox, "tell", lambda s: (told.append(s), tell(s)))
+        report = driver.mailbox.report
+        monkeypatch.setattr(driver.mailbox, "report", lambda s: (told.append(s), report(s)))
         driver.answer(client, driver.ask(client, view=replace(VIEW, yaw_deg=1.0)))
         assert "compiling" not in {status.doing for status in told}
         settings = SETTINGS.model_copy(update={"method": "ibl"})

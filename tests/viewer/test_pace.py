@@ -132,7 +132,7 @@ def test_going_up_never_overshoots_where_only_the_number_of_pixels_changes() -> 
     """However much of a frame's time its pixels do not change."""
     for fixed in np.linspace(0.0, 0.6, 7):
         base = resolved("draft")
-        pace = Pace(FPS, changed(base, {"irradiance.rays": 1, "trace.ratio_rows": 16}))
+        pace = Pace(FPS, changed(base, {"irradiance.rays": 1, "iprt.ratio_rows": 16}))
         load = 0.9 / FPS / (fixed + (1.0 - fixed) * 0.25**2)
         device = Simulated(
             pace, lambda i, load=load: load / (1 + 0.002 * i), fixed=fixed, rays=1.0, noise=0.0

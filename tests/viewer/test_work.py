@@ -131,8 +131,8 @@ def test_the_first_picture_is_the_video(scene: Scene, device: ComputeDevice) -> 
     pictures: list[object] = []
     with turns(scene, own) as driver:
         mailbox = driver.mailbox
-        tell, publish = mailbox.tell, mailbox.publish
-        mailbox.tell = lambda s: (told.append(s), tell(s))[1]  # type: ignore[method-assign]
+        report, publish = mailbox.report, mailbox.publish
+        mailbox.report = lambda s: (told.append(s), report(s))[1]  # type: ignore[method-assign]
         mailbox.publish = (  # type: ignore[method-assign]
             lambda client, shown: (pictures.append(shown), publish(client, shown))[1]
         )
