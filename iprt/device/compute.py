@@ -386,7 +386,8 @@ class ComputeDevice:
             event = cl.enqueue_copy(self.queue, array.data, host, is_blocking=False)
         if len(self._in_flight) >= MOST_IN_FLIGHT:
             done = cl.command_execution_status.COMPLETE
-            self._in_flight = [e for e in self._in_flight if e.command_execution_status != done]
+            running = [e for e in self._in_flight if e.command_execution_status != done]
+            self._in_flight[:] = running
         self._in_flight.append(event)
         self.profile.record(event, "write", Kind.TRANSFER, host.nbytes)
 
