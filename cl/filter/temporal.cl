@@ -389,8 +389,8 @@ __kernel void follow(
     store_wrapped(scalar, p, x, width, guide_scalar(slow.signal));
 
     History quick = fetch_history(guide, guide_previous, motion, fast_signal_before,
-                                  fast_length_before, fast_spread_before, plane_tolerance, normal_agreement, p, width,
-                                  height CAMERA_ARGUMENT);
+                                  fast_length_before, fast_spread_before, plane_tolerance,
+                                  normal_agreement, p, width, height CAMERA_ARGUMENT);
     if (fresh) {
         for (int c = 0; c < SIGNAL_PLANES; c++)
             quick.signal[c] = 0.0f;

@@ -52,6 +52,8 @@ class Kernel:
         Nobody else sets its arguments.
     program : str
         The name of its program in the profile.
+    parameters : sequence of Parameter
+        `iprt.device.signature.signature` of the kernel.
     """
 
     def __init__(
@@ -69,7 +71,8 @@ class Kernel:
         self._bound: list[Any] = [_UNBOUND] * len(parameters)
         self._raw: list[Any] = [None] * len(parameters)  # the same as pyopencl takes them
         self._bytes: dict[int, int] = {}  # of the buffers, by index
-        self._ranges: dict[tuple[int, ...], _Range] = {}
+        self._size: tuple[int, ...] = ()
+        self._range: _Range = ((), ())
         self._launched = False
 
     def __call__(self, size: tuple[int, ...], *groups: Mapping[str, Any], **own: Any) -> None:
@@ -89,8 +92,12 @@ class Kernel:
             A parameter is given nothing, or `own` holds what is none.
         """
         self._bind(groups, own)
-        global_size, local = self._ranges.get(size) or self._range(size)
         device = self._device
+        if size != self._size:
+            local = device.group_size(len(size))
+            rounded = tuple(-(-n // m) * m for n, m in zip(size, local, strict=True))
+            self._size, self._range = size, (rounded, local)
+        global_size, local = self._range
         first = not self._launched and device.is_first_launch(self._program, self._name)
         self._launched = True
         if first:
@@ -143,13 +150,6 @@ class Kernel:
     def _bound_bytes(self) -> int:
         """Bytes of the buffers that are bound, each counted once."""
         return sum({id(self._bound[i]): size for i, size in self._bytes.items()}.values())
-
-    def _range(self, size: tuple[int, ...]) -> _Range:
-        """Global and local size for so many work items."""
-        local = self._device.group_size(len(size))
-        found = tuple(-(-n // m) * m for n, m in zip(size, local, strict=True)), local
-        self._ranges[size] = found
-        return found
 
     def _enqueue(
         self, size: tuple[int, ...], local: tuple[int, ...], offset: tuple[int, ...] = ()
@@ -386,7 +386,8 @@ class ComputeDevice:
             event = cl.enqueue_copy(self.queue, array.data, host, is_blocking=False)
         if len(self._in_flight) >= MOST_IN_FLIGHT:
             done = cl.command_execution_status.COMPLETE
-            self._in_flight = [e for e in self._in_flight if e.command_execution_status != done]
+            running = [e for e in self._in_flight if e.command_execution_status != done]
+            self._in_flight[:] = running
         self._in_flight.append(event)
         self.profile.record(event, "write", Kind.TRANSFER, host.nbytes)
 

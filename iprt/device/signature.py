@@ -1,6 +1,6 @@
-"""The parameters of kernels, read from their source as the compiler of a variant sees it.
+"""What kernels declare, read from their source as the compiler of a variant sees it.
 
-Not every driver tells them of programs that come from its cache.
+Not every driver tells the parameters of programs that come from its cache.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from iprt.errors import KernelError
+from iprt.files.resources import CL
 
 SCALARS = {"int": np.int32, "uint": np.uint32, "float": np.float32}
 
@@ -156,6 +157,13 @@ def signature(
         end += 1
     declared = read.expanded(" ".join(text[start.end() : end - 1].split()))
     return tuple(_parameter(one) for one in declared.split(","))
+
+
+def constant(file: str, name: str) -> int:
+    """The integer that a file of `cl/` defines `name` to be, which is its one home."""
+    read = _Source(CL / "lib", {})
+    read.read(_text(CL / file))
+    return int(read.expanded(name))
 
 
 def _parameter(declaration: str) -> Parameter:

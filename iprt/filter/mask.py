@@ -6,17 +6,18 @@ import numpy as np
 import pyopencl.array as cla
 
 from iprt.device.compute import ComputeDevice
+from iprt.device.signature import constant
 from iprt.gbuffer.guide import Guide
 from iprt.settings.features import TOUCHED_FRAMES
 from iprt.settings.filter import MaskSettings
 
-LEVEL_NONE = 255
+LEVEL_NONE = constant("lib/gbuffer/guide.h", "LEVEL_NONE")
 """Level of a pixel where there is nothing to trace."""
 
 STRONG_FRAMES = 2.0 * TOUCHED_FRAMES
 """The same where an object changes much, if pixels that it changes little are told apart."""
 
-_CHUNK = 64
+_CHUNK = constant("filter/mask.cl", "CHUNK")
 
 
 def grid_offset(frame: int) -> tuple[int, int]:

@@ -8,9 +8,10 @@ import numpy as np
 import pyopencl.array as cla
 
 from iprt.device.compute import ComputeDevice, Define
+from iprt.device.signature import constant
 from iprt.gbuffer.layout import PAD, PlaneLayout
 
-PLANES = 7
+PLANES = constant("lib/gbuffer/guide.h", "GUIDE_PLANES")
 """Normal x y z, world position x y z in metres, id (0 nothing to trace, -1 outside)."""
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from iprt.device.compute import ComputeDevice
 from iprt.device.plan import PlanDevice
-from iprt.device.signature import Parameter, signature
+from iprt.device.signature import Parameter, constant, signature
 from iprt.errors import KernelError
 from iprt.footage.footage import Footage
 from iprt.renderer import Renderer
@@ -69,6 +69,12 @@ def test_kinds() -> None:
     kinds = (np.int32, np.uint32, np.float32, None, None)
     expected = tuple(Parameter(name, kind) for name, kind in zip("abcde", kinds, strict=True))
     assert signature(source, "k", {}, Path()) == expected
+
+
+def test_constants_of_headers() -> None:
+    """Those of the files that they include too."""
+    assert constant("lib/gbuffer/guide.h", "LEVEL_NONE") == 255
+    assert constant("filter/mask.cl", "GUIDE_PLANES") == 7
 
 
 def test_no_such_kernel() -> None:

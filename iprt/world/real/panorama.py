@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
+from iprt.device.signature import constant
 from iprt.footage.frame import Frame
 from iprt.footage.window_environment import OUTSIDE_ROWS, outside_radiance
 from iprt.world.real.background import Background
@@ -18,8 +19,7 @@ if TYPE_CHECKING:
 
 COARSEST_COLUMNS = 8
 """Cells span at most π/4 of azimuth, so that one plane per meridian decides a crossing."""
-SURFACE_OPENING = np.uint8(16)
-"""As in `cl/lib/world/real/real.h`."""
+SURFACE_OPENING = np.uint8(constant("lib/world/real/real.h", "SURFACE_OPENING"))
 START_BIAS = 1e-3
 """Metres, in a room: tolerance of a ray's start against the surface it starts from."""
 
