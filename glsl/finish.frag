@@ -23,7 +23,7 @@ uniform float tolerance;             // of the comparison of distances, relative
 
 uniform mat3 previous_world_from_view;
 uniform float previous_focal_px;
-uniform vec2 previous_size;
+uniform vec2 previous_view_size;
 
 layout(location = 0) out vec4 geometry;
 layout(location = 1) out vec4 material;
@@ -74,8 +74,8 @@ ivec2 borrow(ivec2 pixel, vec3 d)
         vec4 lent = texelFetch(geometry_in, from, 0);
         if (lent.w == 0.0)
             continue;
-        vec3 lender = world_from_view * view_direction(vec2(from) + 0.5);
-        float ratio = dot(lent.xyz, lender) / dot(lent.xyz, d);
+        vec3 covered = world_from_view * view_direction(vec2(from) + 0.5);
+        float ratio = dot(lent.xyz, covered) / dot(lent.xyz, d);
         // A plane seen edge-on gives no ratio, or one of any size.
         ratio = ratio > 0.0 ? clamp(ratio, 1.0 - BORROW_RANGE, 1.0 + BORROW_RANGE) : 1.0;
         geometry = vec4(lent.xyz, lent.w * ratio);
@@ -94,11 +94,11 @@ vec2 previous_image_point(vec3 point, int index)
     vec3 local = before * previous_world_from_view;
 #ifdef EQUIRECT
     float u = atan(local.x, -local.z) / (2.0 * PI) + 0.5;
-    return vec2(u - floor(u), atan(length(local.xz), local.y) / PI) * previous_size;
+    return vec2(u - floor(u), atan(length(local.xz), local.y) / PI) * previous_view_size;
 #else
     if (local.z >= 0.0)
         return vec2(NOWHERE);
-    return 0.5 * previous_size + previous_focal_px * vec2(local.x, -local.y) / -local.z;
+    return 0.5 * previous_view_size + previous_focal_px * vec2(local.x, -local.y) / -local.z;
 #endif
 }
 
@@ -109,16 +109,16 @@ void main()
     geometry = texelFetch(geometry_in, pixel, 0);
     material = texelFetch(material_in, pixel, 0);
     float coverage = visible_fraction(pixel);
-    ivec2 lender = pixel;
+    ivec2 covered = pixel;
     if (geometry.w == 0.0 && coverage > 0.0)
-        lender = borrow(pixel, d);
+        covered = borrow(pixel, d);
     if (geometry.w == 0.0) {
         display = vec4(0.0, NOWHERE, NOWHERE, 0.0);
         return;
     }
     vec3 point = geometry.w * d;
 #ifdef DEFORMING
-    point += texelFetch(displaced_in, lender, 0).xyz;
+    point += texelFetch(displaced_in, covered, 0).xyz;
 #endif
     display = vec4(coverage, previous_image_point(point, int(material.w) - 1), 0.0);
 }

@@ -33,7 +33,7 @@ from iprt.view.real_layer import RealLayer
 from iprt.world.objects.object_layers import VisibleLayer
 from iprt.world.objects.objects import Objects
 from iprt.world.real.camera_motion import CameraMotion
-from iprt.world.real.shared import RealWorlds
+from iprt.world.shared import Worlds
 from iprt.world.world import World
 
 
@@ -91,7 +91,7 @@ class Renderer:
         Linear radiance to composite over in place of the resampled panorama.
     footage : Footage or None
         What frames have that are loaded later. None: what `frame` has.
-    worlds : RealWorlds or None
+    worlds : Worlds or None
         Those of the device, where several views of the scene share them.
 
     Attributes
@@ -123,7 +123,7 @@ class Renderer:
         *,
         background: NDArray[np.float32] | None = None,
         footage: Footage | None = None,
-        worlds: RealWorlds | None = None,
+        worlds: Worlds | None = None,
     ) -> None:
         self.settings = settings or Settings()
         self.fading = self.settings.fading
@@ -149,7 +149,8 @@ class Renderer:
         camera = None if self._camera is None else self._camera.rows
 
         self.layout = PlaneLayout(view.width, view.height)
-        self.real_world = (worlds or RealWorlds()).get(device, frame, features)
+        worlds = worlds or Worlds()
+        self.real_world = worlds.real(device, frame, features)
         self._view_constants = [device.zeros(f"view {i}", (16,)) for i in range(2)]
         self.real = RealLayer(
             device,
@@ -180,7 +181,9 @@ class Renderer:
             )
             self.method = method(self.settings.method).load()(setup)
             placed = seen_from(self.instances, frame.pose)
-            self._objects = Objects(device, placed, view, self.real_world.panorama, features)
+            self._objects = Objects(
+                device, placed, view, self.real_world.panorama, features, worlds.hierarchy
+            )
             self.world = World(self.real_world, self._objects)
 
     def close(self) -> None:

@@ -134,9 +134,9 @@ def launches() -> Iterator[set[str]]:
     names: set[str] = set()
     launch = Kernel.__call__
 
-    def record(self: Kernel, size: tuple[int, ...], *arguments: Any) -> None:
+    def record(self: Kernel, *groups: Any, **own: Any) -> None:
         names.add(self._kernel.function_name)
-        launch(self, size, *arguments)
+        launch(self, *groups, **own)
 
     with mock.patch.object(Kernel, "__call__", record):
         yield names

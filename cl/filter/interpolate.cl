@@ -50,7 +50,7 @@ __kernel void interpolate(
     int2 offset = (int2)(offset_x, offset_y);
     if (is_traced(own, x - offset_x, y - offset_y)) {
         for (int c = 0; c < SIGNAL_PLANES; c++)
-            store_wrapped(signal + c * size, p, x, width, signal[c * size + p]);
+            store_border(signal + c * size, p, x, width, signal[c * size + p]);
         return;
     }
     float sum[SIGNAL_PLANES];

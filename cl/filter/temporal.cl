@@ -11,7 +11,7 @@
 //                      camera.h, between the axes of the two     samples of g); scalar g of it
 //                      guides; with -DPUBLISHED the history is
 //                      first held near the samples
-//   follow             the same, and a fast history              the same of the fast history alone;
+//   follow             the same, and a fast history              the same of the fast history only;
 //                                                                the other without the samples, and
 //                                                                its g
 //   correct            guide, both histories, g, samples, level  history that agrees with the fast
@@ -92,8 +92,8 @@ typedef struct {
 } History;
 
 static inline History load_history(
-    __global const float *signal, __global const float *length, __global const float *spread, int size,
-    int p)
+    __global const float *signal, __global const float *length, __global const float *spread,
+    int size, int p)
 {
     History history;
     load_signal(history.signal, signal, size, p);
@@ -318,7 +318,7 @@ __kernel void accumulate(
     __global const float *restrict signal_before,  // SIGNAL_PLANES planes
     __global const float *restrict length_before,  // 1 plane
     __global const float *restrict spread_before,  // 1 plane
-    __global const float *restrict samples,        // SIGNAL_PLANES planes; -DPUBLISHED: border wrapped
+    __global const float *restrict samples,        // SIGNAL_PLANES planes; -DPUBLISHED: border too
     __global const uchar *restrict level,          // 1 plane: how densely this picture was traced
     __global float *restrict signal,               // out: SIGNAL_PLANES planes
     __global float *restrict length,               // out: 1 plane
@@ -359,7 +359,7 @@ __kernel void follow(
     __global const float *restrict signal_before,  // SIGNAL_PLANES planes
     __global const float *restrict length_before,  // 1 plane
     __global const float *restrict spread_before,  // 1 plane
-    __global const float *restrict fast_before,    // the same of the fast history
+    __global const float *restrict fast_signal_before,    // the same of the fast history
     __global const float *restrict fast_length_before,
     __global const float *restrict fast_spread_before,
     __global const float *restrict samples,        // SIGNAL_PLANES planes
@@ -367,7 +367,7 @@ __kernel void follow(
     __global float *restrict signal,               // out: SIGNAL_PLANES planes
     __global float *restrict length,               // out: 1 plane
     __global float *restrict spread,               // out: 1 plane
-    __global float *restrict fast,                 // out: SIGNAL_PLANES planes
+    __global float *restrict fast_signal,                 // out: SIGNAL_PLANES planes
     __global float *restrict fast_length,          // out: 1 plane
     __global float *restrict fast_spread,          // out: 1 plane
     __global float *restrict scalar,               // out: 1 plane, g of the slow history
@@ -388,21 +388,21 @@ __kernel void follow(
     store_history(&slow, signal, length, spread, size, p, x, width);
     store_wrapped(scalar, p, x, width, guide_scalar(slow.signal));
 
-    History quick = fetch_history(guide, guide_previous, motion, fast_before, fast_length_before,
-                                  fast_spread_before, plane_tolerance, normal_agreement, p, width,
-                                  height CAMERA_ARGUMENT);
+    History quick = fetch_history(guide, guide_previous, motion, fast_signal_before,
+                                  fast_length_before, fast_spread_before, plane_tolerance,
+                                  normal_agreement, p, width, height CAMERA_ARGUMENT);
     if (fresh) {
         for (int c = 0; c < SIGNAL_PLANES; c++)
             quick.signal[c] = 0.0f;
         quick.length = quick.spread = 0.0f;
     }
     add_fast_sample(&quick, samples, guide, level, limit, size, p);
-    store_history(&quick, fast, fast_length, fast_spread, size, p, x, width);
+    store_history(&quick, fast_signal, fast_length, fast_spread, size, p, x, width);
 }
 
 __kernel void correct(
     __global const float *restrict guide,       // 7 planes
-    __global const float *restrict fast,        // SIGNAL_PLANES planes, border wrapped
+    __global const float *restrict fast_signal,        // SIGNAL_PLANES planes, border wrapped
     __global const float *restrict fast_length, // 1 plane
     __global const float *restrict past_scalar, // 1 plane, g of the slow history, border wrapped
     __global const float *restrict samples,     // SIGNAL_PLANES planes
@@ -425,9 +425,9 @@ __kernel void correct(
     int size = plane_size(width, height), p = plane_index(x, y, width);
     History history = load_history(signal, length, spread, size, p);
     if (trusted) {
-        correct_history(&history, guide, fast, fast_length, past_scalar, antilag_sigma, size, p,
-                        width);
-        clamp_history(&history, guide, fast, clamp_sigma, size, p, width);
+        correct_history(&history, guide, fast_signal, fast_length, past_scalar, antilag_sigma, size,
+                        p, width);
+        clamp_history(&history, guide, fast_signal, clamp_sigma, size, p, width);
     }
     add_sample(&history, samples, guide, level, fading, rays, size, p);
     store_history(&history, signal, length, spread, size, p, x, width);

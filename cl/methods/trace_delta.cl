@@ -29,10 +29,12 @@ static inline Scatter sample_delta(const World world, const BoxView boxes, float
     if (v.x < s.box_share) {
         s.wi = sample_boxes(world.objects.bounds, world.objects.objects, boxes, u,
                             v.x / s.box_share);
+#ifdef LIGHT_SAMPLING
     } else if (v.x < s.box_share + s.light_share) {
         s.aimed = 1;
         s.light = sample_light(world.lights, u);
         s.wi = towards_light(world.real, s.light, o);
+#endif
     } else {
         s.wi = frame_to_world(build_frame(boxes.n), sample_cosine(u));
     }

@@ -4,7 +4,7 @@
 //
 // in   list, count    pixels to trace (y * width + x) and how many
 //      guide          7 planes (lib/gbuffer/guide.h): world normal, position, 1 + index of the real material
-//      world          lib/world/world.h, with -D REAL_GLOSS
+//      world          lib/world/world.h, with -D GLOSS
 // out  change         3 planes: radiance, of either sign
 //      touched        1 plane: TOUCHED_FRAMES where a ray met an object
 //      samples        1 plane: rays that the pixel has sent since the start, in and out

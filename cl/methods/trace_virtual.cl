@@ -42,9 +42,13 @@ TRACING_KERNEL void trace_virtual(
     __global const float *restrict history,
     WORLD_PARAMETERS,
     __global uint *restrict samples,
+#ifdef HAS_DIFFUSE
     __global float *restrict diffuse,
+#endif
+#ifdef HAS_SPECULAR
     __global float *restrict specular,
     __global float *restrict hit_distance,
+#endif
     __global float *restrict touched WORK_PARAMETER)
 {
     const int item = get_global_id(0);

@@ -31,7 +31,7 @@ __kernel void composite(
 #ifdef HAS_BASE
     __global const float *restrict base,     // 3 planes
 #endif
-#ifdef HAS_GLOSS
+#ifdef GLOSS
     __global const float *restrict change,   // 3 planes
 #endif
 #ifdef COLOR_MAP
@@ -58,7 +58,7 @@ __kernel void composite(
     float4 background = (float4)(colour[p], colour[size + p], colour[2 * size + p], 0.0f);
 #if defined(HAS_BASE)
     float3 changed = load_planes(base, size, p) * (ratio[i].xyz - 1.0f);
-#ifdef HAS_GLOSS
+#ifdef GLOSS
     changed += load_planes(change, size, p);
 #endif
 #ifdef COLOR_MAP

@@ -15,7 +15,7 @@ __kernel void diffuse_part(
 #ifdef COLOR_MAP
     __global const float4 *restrict maps,
 #endif
-#ifdef HIGHLIGHT
+#ifdef GLOSS
     __global const float *restrict highlight,
 #endif
     __global float *restrict diffuse,
@@ -30,7 +30,7 @@ __kernel void diffuse_part(
 #ifdef COLOR_MAP
     left = map_color(maps, TO_REFERENCE, left);
 #endif
-#ifdef HIGHLIGHT
+#ifdef GLOSS
     left -= load_planes(highlight, size, p);
 #endif
     store_planes(diffuse, size, p, fmax(left, 0.0f));

@@ -99,8 +99,7 @@ def _has_area(corners: Floats) -> NDArray[np.bool_]:
     edges = exact - np.roll(exact, 1, axis=1)
     longest = (edges**2).sum(axis=2).max(axis=1, keepdims=True)
     height = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1, keepdims=True)
-    wide: NDArray[np.bool_] = height > _LINE * longest
-    return wide
+    return np.asarray(height > _LINE * longest)
 
 
 def _fitted(

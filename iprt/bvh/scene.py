@@ -21,7 +21,7 @@ from iprt.bvh.wide import (
 )
 from iprt.errors import SceneError
 from iprt.files.untrusted import MAX_OBJECTS
-from iprt.geometry.mesh import Instance, Mesh
+from iprt.geometry.mesh import Instance, Mesh, cofactors, transformed
 
 Floats = NDArray[np.float32]
 Float = NDArray[np.float64]
@@ -60,7 +60,7 @@ class Shape:
         """
         points = self.mesh.positions.astype(np.float64)
         if self.baked is not None:
-            points = points @ self.baked[:3, :3].T + self.baked[:3, 3]
+            points = transformed(self.baked, points)
         finite = points[np.isfinite(points).all(axis=1)]
         low, high = finite.min(axis=0), finite.max(axis=0)
         # Only where that loses nothing: what is near the origin has digits to spare.
@@ -81,11 +81,7 @@ class Shape:
         """(V, 3), in the space of `place`."""
         if self.baked is None:
             return self.mesh.normals
-        linear = self.baked[:3, :3]
-        # Cofactors: the inverse transpose times the determinant, which flat transforms have too.
-        cofactors = np.stack([np.cross(linear[i - 2], linear[i - 1]) for i in range(3)])
-        turned: Floats = (self.mesh.normals @ cofactors.T).astype(np.float32)
-        return turned
+        return (self.mesh.normals @ cofactors(self.baked[:3, :3]).T).astype(np.float32)
 
 
 @dataclass(frozen=True)
@@ -229,7 +225,7 @@ def _world_box(instance: Instance) -> tuple[Float, Float]:
     used[mesh.triangles[drawable(mesh.positions, mesh.triangles)]] = True
     if not used.any():
         return matrix[:3, 3], matrix[:3, 3]
-    points = mesh.positions[used].astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
+    points = transformed(matrix, mesh.positions[used].astype(np.float64))
     return points.min(axis=0), points.max(axis=0)
 
 

@@ -227,8 +227,7 @@ def _swept_area(lower: Floats, upper: Floats) -> Floats:
     """Half the surface area of the union of the first 1, 2, ... of (nodes, bins, 3) boxes."""
     size = np.maximum.accumulate(upper, axis=1) - np.minimum.accumulate(lower, axis=1)
     size = np.maximum(size[:, :-1], 0.0)  # nothing yet: -inf
-    area: Floats = size[..., 0] * size[..., 1] + size[..., 2] * (size[..., 0] + size[..., 1])
-    return area
+    return np.asarray(size[..., 0] * size[..., 1] + size[..., 2] * (size[..., 0] + size[..., 1]))
 
 
 def _split(level: _Level, axis: Ints, left: Ints) -> _Level:

@@ -165,7 +165,8 @@ def _time(
     from iprt.commands.views import choose_view
     from iprt.device.choose import choose_device
     from iprt.device.compute import ComputeDevice
-    from iprt.measure.bench import WARM_UP, benchmark
+    from iprt.measure.bench import WARM_UP, timed
+    from iprt.measure.camera_motion import Turn
     from iprt.measure.profile_file import json_text
     from iprt.measure.table import pass_grid
     from iprt.memory import require_memory
@@ -184,16 +185,8 @@ def _time(
     compute = ComputeDevice(choose_device(device))
     require_memory(compute, frame, instances, chosen, settings)
     with progress_bar("timing", WARM_UP + frames) as progress:
-        result = benchmark(
-            compute,
-            frame,
-            instances,
-            chosen,
-            settings,
-            scene=opened.name,
-            frames=frames,
-            progress=progress,
-        )
+        turn = Turn(frame, instances, chosen, settings)
+        result = timed(compute, turn, scene=opened.name, frames=frames, progress=progress)
     if json:
         print(json_text(result))
     else:

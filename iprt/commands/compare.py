@@ -107,7 +107,7 @@ def compare(
 
     asked: list[str | None] = _asked(method)
     for name in asked or [None]:
-        setting_flags.resolved(seed=seed, method=name)  # faults in flags are told first
+        setting_flags.resolved(seed=seed, method=name)  # faults in flags are reported first
     opened = Scene.open(scene, allow_outside=allow_outside)
     moving = len(opened.frame_indices) > 1
     if moving and frames is not None and not video.trails:

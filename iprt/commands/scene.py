@@ -69,8 +69,8 @@ def info(
         record = {**report.record(), "notices": notices, "renderer": plan}
         print(json_format.dumps(record, indent=2))
     else:
-        told = [f"note       {line}" for line in notices]
-        print("\n".join(report_lines(report) + told + plan_lines(plan)))
+        notes = [f"note       {line}" for line in notices]
+        print("\n".join(report_lines(report) + notes + plan_lines(plan)))
     return 0
 
 
@@ -83,7 +83,7 @@ def check(
 ) -> int:
     """Read every file of a scene; name all problems, what is not read, and badly placed objects.
 
-    It also tells whether the views fit into a device's memory, at the default settings.
+    It also says whether the views fit into a device's memory, at the default settings.
 
     Parameters
     ----------

@@ -51,7 +51,7 @@ def prepare_streams() -> None:
 
 @contextmanager
 def reporting(done: str) -> Iterator[None]:
-    """Print about something in the block; if that fails, the error tells that it is `done`.
+    """Print about something in the block; if that fails, the error says that it is `done`.
 
     Raises
     ------

@@ -149,7 +149,7 @@ def _opened(job: Job, output: Path, frames: range, codec: CodecName) -> FrameOut
     around = view_at(scene, job.view, frames[0]).projection == "equirect"
     if around and not is_spherical(output):
         LOG.warning(
-            "%s: only .mp4 and .mov can tell players that this is a panorama; it will look flat",
+            "%s: only .mp4 and .mov can mark this as a panorama for players; it will look flat",
             output,
         )
     description = job.metadata(frames[0], "")

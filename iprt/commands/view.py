@@ -147,7 +147,7 @@ def view(
 
 
 def lost_edits(engine: Engine) -> str | None:
-    """What to tell of edits that nobody has saved when a signal ends the viewer."""
+    """The warning about unsaved edits when a signal ends the viewer."""
     names = ", ".join(engine.unsaved)
     return f"edits that nobody saved are lost, of: {names}" if names else None
 

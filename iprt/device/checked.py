@@ -107,14 +107,14 @@ class CheckedKernel(Kernel):
     """A kernel whose launches are checked; call it as any other."""
 
     def __init__(self, device: CheckedDevice, kernel: Kernel, file: str) -> None:
-        super().__init__(device, kernel._kernel, kernel._program)
+        super().__init__(device, kernel._kernel, kernel._program, kernel._signature)
         self._checks = device
         self._writer = f"kernel '{self._kernel.function_name}' of cl/{file}"
         self._written = [_may_write(self._kernel, i) for i in range(self._kernel.num_args)]
 
-    def __call__(self, size: tuple[int, ...], *args: Any) -> None:
-        super().__call__(size, *args)
-        for argument, written in zip(args, self._written, strict=True):
+    def __call__(self, size: tuple[int, ...], *groups: Mapping[str, Any], **own: Any) -> None:
+        super().__call__(size, *groups, **own)
+        for argument, written in zip(self._bound, self._written, strict=True):
             if written and isinstance(argument, GuardedArray):
                 self._checks.check(self._writer, argument)
 

@@ -6,7 +6,7 @@ import re
 import time
 import warnings
 import weakref
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -21,6 +21,7 @@ from iprt.device.bands import Bands
 from iprt.device.budget import amount, what_to_lower
 from iprt.device.profile import Kind, Profile
 from iprt.device.recovery import reported, wait
+from iprt.device.signature import Parameter, signature
 from iprt.errors import DeviceError, DeviceHangError, KernelError
 from iprt.files.resources import CL
 
@@ -51,27 +52,52 @@ class Kernel:
         Nobody else sets its arguments.
     program : str
         The name of its program in the profile.
+    parameters : sequence of Parameter
+        `iprt.device.signature.signature` of the kernel.
     """
 
-    def __init__(self, device: ComputeDevice, kernel: Any, program: str) -> None:
+    def __init__(
+        self, device: ComputeDevice, kernel: Any, program: str, parameters: Sequence[Parameter]
+    ) -> None:
         self._device = device
         self._kernel = kernel
         self._program = program
         self._name: str = kernel.function_name
-        self._bound: list[Any] = [_UNBOUND] * kernel.num_args
+        self._signature = parameters
+        self._parameters = [parameter.name for parameter in parameters]
+        self._known = frozenset(self._parameters)
+        self._described = f"kernel '{self._name}' of cl/{program}"
+        kernel.set_scalar_arg_dtypes([parameter.scalar for parameter in parameters])
+        self._bound: list[Any] = [_UNBOUND] * len(parameters)
+        self._raw: list[Any] = [None] * len(parameters)  # the same as pyopencl takes them
         self._bytes: dict[int, int] = {}  # of the buffers, by index
-        self._ranges: dict[tuple[int, ...], _Range] = {}
+        self._size: tuple[int, ...] = ()
+        self._range: _Range = ((), ())
         self._launched = False
 
-    def __call__(self, size: tuple[int, ...], *args: Any) -> None:
+    def __call__(self, size: tuple[int, ...], *groups: Mapping[str, Any], **own: Any) -> None:
         """Enqueue over `size` work items, x first; the kernel guards the grid's edge.
 
-        Python ints and floats become 32-bit scalars, arrays their buffers, None a null pointer.
-        Only arguments that are not those of the last call cost time.
+        Parameters
+        ----------
+        size : tuple of int
+        groups : mappings of str to object
+            What several kernels take, by the names of their parameters; this one takes what it
+            needs of it. Ints and floats, arrays for buffers, None for a null pointer.
+        own : the kernel's own parameters
+
+        Raises
+        ------
+        TypeError
+            A parameter is given nothing, or `own` holds what is none.
         """
-        self._bind(args)
-        global_size, local = self._ranges.get(size) or self._range(size)
+        self._bind(groups, own)
         device = self._device
+        if size != self._size:
+            local = device.group_size(len(size))
+            rounded = tuple(-(-n // m) * m for n, m in zip(size, local, strict=True))
+            self._size, self._range = size, (rounded, local)
+        global_size, local = self._range
         first = not self._launched and device.is_first_launch(self._program, self._name)
         self._launched = True
         if first:
@@ -91,37 +117,39 @@ class Kernel:
             for event in events:
                 profile.record(event, self._name, Kind.KERNEL, size_bytes)
 
-    def _bind(self, args: tuple[Any, ...]) -> None:
+    def _bind(self, groups: tuple[Mapping[str, Any], ...], own: dict[str, Any]) -> None:
+        given: dict[str, Any] = {}
+        for group in groups:
+            given.update(group)
+        given.update(own)
+        try:
+            values = [given[name] for name in self._parameters]
+        except KeyError as error:
+            raise TypeError(f"{self._described} is not given {error}") from None
+        if not own.keys() <= self._known:
+            unknown = ", ".join(own.keys() - self._known)
+            raise TypeError(f"{self._described} has no parameter '{unknown}'")
+        changed = False
         bound = self._bound
-        if len(args) != len(bound):
-            raise TypeError(f"kernel '{self._name}' takes {len(bound)} arguments, got {len(args)}")
-        for index, value in enumerate(args):
+        for index, value in enumerate(values):
             if value is not bound[index]:
-                self._set(index, value)
+                self._take(index, value)
+                changed = True
+        if changed:
+            self._kernel.set_args(*self._raw)
 
-    def _set(self, index: int, value: Any) -> None:
-        before = self._bound[index]
-        # Types differ between 1 and 1.0, signs between 0.0 and -0.0.
-        scalar = isinstance(value, int | float) and type(value) is type(before)
-        if scalar and value == before and value:
-            return
+    def _take(self, index: int, value: Any) -> None:
+        self._bound[index] = value
         if isinstance(value, cla.Array):
+            self._raw[index] = value.data
             self._bytes[index] = value.nbytes
         else:
+            self._raw[index] = value
             self._bytes.pop(index, None)
-        self._kernel.set_arg(index, _argument(value))
-        self._bound[index] = value
 
     def _bound_bytes(self) -> int:
         """Bytes of the buffers that are bound, each counted once."""
         return sum({id(self._bound[i]): size for i, size in self._bytes.items()}.values())
-
-    def _range(self, size: tuple[int, ...]) -> _Range:
-        """Global and local size for so many work items."""
-        local = self._device.group_size(len(size))
-        found = tuple(-(-n // m) * m for n, m in zip(size, local, strict=True)), local
-        self._ranges[size] = found
-        return found
 
     def _enqueue(
         self, size: tuple[int, ...], local: tuple[int, ...], offset: tuple[int, ...] = ()
@@ -153,7 +181,13 @@ class _Program:
 
     name: str
     built: Any
+    file: str
+    options: tuple[str, ...]
     kernels: weakref.WeakSet[Kernel] = field(default_factory=weakref.WeakSet)
+
+    def signature(self, kernel: str) -> tuple[Parameter, ...]:
+        defines = (option[2:].split("=") for option in self.options if option.startswith("-D"))
+        return signature((CL / self.file).read_text(), kernel, dict(defines), CL / "lib")
 
 
 class ComputeDevice:
@@ -245,9 +279,9 @@ class ComputeDevice:
         found = self._programs.pop(key, None)
         if found is None:
             with self.profile.compiling(program):
-                found = _Program(program, self._build(file, options))
+                found = _Program(program, self._build(file, options), file, tuple(options))
         self._programs[key] = found
-        kernel = Kernel(self, cl.Kernel(found.built, name), program)
+        kernel = Kernel(self, cl.Kernel(found.built, name), program, found.signature(name))
         found.kernels.add(kernel)
         self._forget_programs()
         return kernel
@@ -352,7 +386,8 @@ class ComputeDevice:
             event = cl.enqueue_copy(self.queue, array.data, host, is_blocking=False)
         if len(self._in_flight) >= MOST_IN_FLIGHT:
             done = cl.command_execution_status.COMPLETE
-            self._in_flight = [e for e in self._in_flight if e.command_execution_status != done]
+            running = [e for e in self._in_flight if e.command_execution_status != done]
+            self._in_flight[:] = running
         self._in_flight.append(event)
         self.profile.record(event, "write", Kind.TRANSFER, host.nbytes)
 
@@ -395,16 +430,6 @@ def _variant(file: str, defines: Mapping[str, Define] | None) -> tuple[str, list
     ]
     options = ["-cl-std=CL1.2", "-cl-kernel-arg-info", "-I", str(CL / "lib"), *variant]
     return " ".join([file, *variant]), options
-
-
-def _argument(value: Any) -> Any:
-    if isinstance(value, cla.Array):
-        return value.data
-    if isinstance(value, bool | int):
-        return np.int32(value)
-    if isinstance(value, float):
-        return np.float32(value)
-    return value
 
 
 def _literal(value: Define) -> str:

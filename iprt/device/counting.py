@@ -115,15 +115,15 @@ class CountingKernel(Kernel):
     """A kernel of a program that counts; call it as any other."""
 
     def __init__(self, device: CountingDevice, kernel: Kernel) -> None:
-        super().__init__(device, kernel._kernel, kernel._program)
+        super().__init__(device, kernel._kernel, kernel._program, kernel._signature)
         self._counting = device
 
-    def __call__(self, size: tuple[int, ...], *args: Any) -> None:
+    def __call__(self, size: tuple[int, ...], *groups: Mapping[str, Any], **own: Any) -> None:
         device = self._counting
-        if self._kernel.num_args == len(args):  # beside others that count
-            super().__call__(size, *args)
+        if "work" not in self._parameters:  # beside others that count
+            super().__call__(size, *groups, **own)
             return
         device.fill_zero(device._counters)
-        super().__call__(size, *args, device._counters)
+        super().__call__(size, *groups, **own, work=device._counters)
         key = (device.profile.current, self._name)
         device.work[key] = device.work.get(key, Work()) + device.counted(size)

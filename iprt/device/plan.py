@@ -54,7 +54,7 @@ class PlanDevice(ComputeDevice):
     ) -> Callable[..., None]:
         used = {key: value for key, value in (defines or {}).items() if value is not False}
         self.kernels.append((file, name, used))
-        return lambda *_: None
+        return lambda *_, **__: None
 
     def empty(
         self, name: str, shape: tuple[int, ...], dtype: DTypeLike = np.float32

@@ -120,6 +120,8 @@ class Profile:
     ----------
     frames : int
         Those that were recorded and have ended since `reset`.
+    waits : int
+        How often since `reset` the host has waited for the device.
     every_s : float
         Least seconds from the begin of one recorded frame to the next; 0: all are recorded.
     recording : bool
@@ -143,7 +145,7 @@ class Profile:
 
     def reset(self) -> None:
         """Forget passes and frames; compile time stays."""
-        self.frames = self.synchronisations = 0
+        self.frames = self.waits = 0
         self._pending: list[_Launch | Span] = []
         self._current: FrameCosts = {}
         self._current_frame = 0
@@ -232,7 +234,7 @@ class Profile:
 
     def synchronised(self) -> None:
         """The host waits for the device."""
-        self.synchronisations += 1
+        self.waits += 1
 
     def end_frame(self) -> None:
         """What is recorded from now on belongs to the next frame."""

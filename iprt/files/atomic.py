@@ -33,20 +33,16 @@ def replacing(path: Path) -> Iterator[Path]:
         with at_termination(lambda: temporary.unlink(missing_ok=True)):
             try:
                 yield temporary
-                _sync(temporary)
+                # Some file systems report only now that they are full, and after a power cut a name
+                # may stand for a file whose contents never reached the disk.
+                with temporary.open("rb") as file:
+                    os.fsync(file.fileno())
                 os.replace(temporary, path)
             finally:
                 temporary.unlink(missing_ok=True)
     except (OSError, RuntimeError) as error:  # OpenEXR reports system errors as RuntimeError
         reason = getattr(error, "strerror", None) or str(error).replace(str(temporary), path.name)
         raise FormatError(f"{path}: cannot be written: {reason}") from error
-
-
-def _sync(path: Path) -> None:
-    # Some file systems report only now that they are full, and after a power cut a name may stand
-    # for a file whose contents never reached the disk.
-    with path.open("rb") as file:
-        os.fsync(file.fileno())
 
 
 def require_regular(path: Path) -> None:

@@ -106,13 +106,6 @@ def read_depth(path: Path) -> tuple[Image2D, bool]:
     return _decoded(path, image).astype(np.float32), True
 
 
-def read_plane(path: Path) -> Image2D:
-    """The first channel of an EXR picture as (H, W) float32; masks are stored so."""
-    if file_kind(path) != "exr":
-        raise FormatError(f"{path}: not an EXR file")
-    return exr.read_exr(path, [("Y",), ("R",), ("A",), ("*",)])[0].astype(np.float32)
-
-
 def read_normal(path: Path) -> Image2D:
     """World-space normals (H, W, 3) float32 from an EXR picture, R, G, B = x, y, z, as stored."""
     if file_kind(path) != "exr":
@@ -139,8 +132,7 @@ def decode_srgb(coded: NDArray[Any]) -> Image2D:
     steps = np.iinfo(coded.dtype).max
     value = np.arange(steps + 1, dtype=np.float64) / steps
     linear = np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
-    decoded: Image2D = linear.astype(np.float32)[coded]
-    return decoded
+    return np.asarray(linear.astype(np.float32)[coded])
 
 
 def _is_16_bit(image: Image.Image) -> bool:

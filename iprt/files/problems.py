@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from itertools import islice
 from typing import Any
@@ -39,7 +39,7 @@ def problems_error(source: str, problems: Sequence[str]) -> SceneError:
 
 
 def describe(
-    problem: Mapping[str, Any], data: dict[str, Any], models: Iterable[type[BaseModel]]
+    problem: Mapping[str, Any], data: dict[str, Any], table: type[BaseModel] | None
 ) -> str:
     """One line for one pydantic error: the key's path and what is wrong.
 
@@ -49,8 +49,8 @@ def describe(
         An entry of `ValidationError.errors()`.
     data : dict
         The manifest as read.
-    models : iterable of pydantic model classes
-        Tables whose keys an unknown key may have meant.
+    table : pydantic model class or None
+        The table whose keys an unknown key may have meant.
     """
     kind, location, value = problem["type"], list(problem["loc"]), problem["input"]
     if "material" in location:
@@ -60,7 +60,7 @@ def describe(
         del location[2:3]
     key = _key_path(location, data)
     if kind == "extra_forbidden":
-        known = [name for model in models for name in model.model_fields]
+        known = [] if table is None else list(table.model_fields)
         close = get_close_matches(str(location[-1])[:80], known, n=1)
         return f"{key}: unknown key" + (f"; did you mean {close[0]}?" if close else "")
     if kind == "missing":

@@ -20,8 +20,6 @@ MAX_PIXELS = 2**27
 """A picture has no more, nor have all textures of a mesh file together: a 16384 x 8192 panorama."""
 MAX_BYTES = 2**31
 """A file that is read whole has no more, nor has what is decoded from it."""
-MAX_TEXT_BYTES = 2**24
-"""A TOML file has no more."""
 MAX_TRIANGLES = 2**24
 """A mesh has no more: the renderer draws as many."""
 MAX_VERTICES = 3 * MAX_TRIANGLES

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pyopencl.array as cla
 
@@ -94,34 +96,33 @@ class Atrous:
             return signal
         with self._device.profile.section(f"filter {'real' if self._real else self.kind}"):
             variance = self._nothing if variance is None else variance
-            extra: tuple[object, ...] = ()
+            area = {**guide.arguments(), "x0": x0, "y0": y0, "x1": x1, "y1": y1}
+            extra: dict[str, Any] = {}
             if self.kind == "delta":
                 reach = self._taps // 2 * ((1 << settings.levels) - 1)
-                extra = (self._extent.run(signal, variance, reach),)
-            smooth = [guide.current, variance, self._scratch[-1][1]]
+                extra = {"extent": self._extent.run(signal, variance, reach)}
+            lobes = {}
             if self.kind == "specular":
-                smooth += [roughness, self._roughness]
-                extra = (self._roughness, settings.lobe_fraction)
-            self._smooth(size, *smooth, *rect, width, height)
-            variance = self._scratch[-1][1]
-            for level in range(settings.levels):
+                lobes = {"roughness": roughness, "widened": self._roughness}
+                extra = {"roughness": self._roughness, "lobe_fraction": settings.lobe_fraction}
+            smooth = self._scratch[-1][1]
+            self._smooth(size, area, lobes, variance=variance, smooth=smooth)
+            variance = smooth
+            for level, kernel in enumerate(self._levels):
                 signal_out, variance_out = self._scratch[level % 2]
-                self._levels[level](
+                kernel(
                     size,
-                    guide.current,
-                    signal,
-                    variance,
-                    signal_out,
-                    variance_out,
-                    *extra,
-                    1 << level,
-                    settings.normal_sharpness,
-                    settings.plane_sharpness,
-                    settings.deviations**2,
-                    settings.floor,
-                    *rect,
-                    width,
-                    height,
+                    area,
+                    extra,
+                    signal=signal,
+                    variance=variance,
+                    signal_out=signal_out,
+                    variance_out=variance_out,
+                    step=1 << level,
+                    normal_sharpness=settings.normal_sharpness,
+                    plane_sharpness=settings.plane_sharpness,
+                    variance_scale=settings.deviations**2,
+                    floor_fraction=settings.floor,
                 )
                 signal, variance = signal_out, variance_out
         return signal
@@ -146,10 +147,17 @@ class Extent:
 
     def run(self, signal: cla.Array, variance: cla.Array, reach: int) -> cla.Array:
         """(rows, 2) int32: first column and end of what `filter_level` has to write."""
-        width, height = self._guide.layout.width, self._guide.layout.height
+        layout = self._guide.layout
+        size, rows = layout.arguments(), (layout.height,)
         self._now, self._before = self._before, self._now
-        self._find((height,), signal, variance, self._found, width, height)
+        self._find(rows, size, signal=signal, variance=variance, extent=self._found)
         self._grow(
-            (height,), self._found, self._before, self._now, self._used, reach, width, height
+            rows,
+            size,
+            found=self._found,
+            previous=self._before,
+            grown=self._now,
+            extent=self._used,
+            reach=reach,
         )
         return self._used

@@ -39,21 +39,20 @@ class HistoryFix:
 
     def run(self, accumulated: Accumulated, level: cla.Array) -> Accumulated:
         """The same signal, in buffers of this object; `level` is `Mask.level`."""
-        size = (self._guide.layout.width, self._guide.layout.height)
+        layout = self._guide.layout
         with self._device.profile.section("history fix"):
             self._fix(
-                size,
-                self._guide.current,
-                accumulated.signal,
-                accumulated.variance,
-                accumulated.length,
-                level,
-                self._signal,
-                self._variance,
-                min(STRIDE, OF_HEIGHT * size[1]),
-                self._enough,
-                self._settings.normal_sharpness,
-                self._settings.plane_sharpness,
-                *size,
+                layout.size,
+                self._guide.arguments(),
+                signal=accumulated.signal,
+                variance=accumulated.variance,
+                length=accumulated.length,
+                level=level,
+                signal_out=self._signal,
+                variance_out=self._variance,
+                stride=min(STRIDE, OF_HEIGHT * layout.height),
+                enough=self._enough,
+                normal_sharpness=self._settings.normal_sharpness,
+                plane_sharpness=self._settings.plane_sharpness,
             )
         return Accumulated(self._signal, accumulated.length, self._variance)

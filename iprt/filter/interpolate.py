@@ -36,16 +36,14 @@ class Interpolate:
         offset : (int, int)
             What `Mask.run` was given.
         """
-        width, height = self._guide.layout.width, self._guide.layout.height
         with self._device.profile.section("interpolate"):
             self._kernel(
-                (width, height),
-                self._guide.current,
-                level,
-                signal,
-                self.settings.normal_sharpness,
-                self.settings.plane_sharpness,
-                *offset,
-                width,
-                height,
+                self._guide.layout.size,
+                self._guide.arguments(),
+                level=level,
+                signal=signal,
+                normal_sharpness=self.settings.normal_sharpness,
+                plane_sharpness=self.settings.plane_sharpness,
+                offset_x=offset[0],
+                offset_y=offset[1],
             )

@@ -6,17 +6,18 @@ import numpy as np
 import pyopencl.array as cla
 
 from iprt.device.compute import ComputeDevice
+from iprt.device.signature import constant
 from iprt.gbuffer.guide import Guide
 from iprt.settings.features import TOUCHED_FRAMES
 from iprt.settings.filter import MaskSettings
 
-LEVEL_NONE = 255
+LEVEL_NONE = constant("lib/gbuffer/guide.h", "LEVEL_NONE")
 """Level of a pixel where there is nothing to trace."""
 
 STRONG_FRAMES = 2.0 * TOUCHED_FRAMES
 """The same where an object changes much, if pixels that it changes little are told apart."""
 
-_CHUNK = 64
+_CHUNK = constant("filter/mask.cl", "CHUNK")
 
 
 def grid_offset(frame: int) -> tuple[int, int]:
@@ -79,27 +80,30 @@ class Mask:
         metre : float
             Length of a metre in the units of the guide's positions.
         """
-        width, height = self._guide.layout.width, self._guide.layout.height
-        size = (width, height)
+        layout = self._guide.layout
         # Fewer than 4 pixels a side need not hold a point of the coarsest grid.
-        sparse = self.settings.sparse and min(size) >= 4
-        low, high = (self.settings.low, self.settings.high) if sparse else (0.0, 0.0)
+        sparse = self.settings.sparse and min(layout.size) >= 4
         self.touched, self._before = self._before, self.touched
         with self._device.profile.section("mask"):
             self._choose(
-                size,
-                self._guide.current,
-                motion,
-                self._before,
-                self.touched,
-                self.level,
-                self.count,
-                self.settings.sigma_position / metre,
-                low,
-                high,
-                self._faint_frames,
-                width,
-                height,
+                layout.size,
+                self._guide.arguments(),
+                motion=motion,
+                before=self._before,
+                touched=self.touched,
+                level=self.level,
+                count=self.count,
+                sigma_position=self.settings.sigma_position / metre,
+                low=self.settings.low if sparse else 0.0,
+                high=self.settings.high if sparse else 0.0,
+                faint_frames=self._faint_frames,
             )
-            chunks = (-(-width // _CHUNK), height)
-            self._list(chunks, self.level, self.traced, self.count, *offset, width, height)
+            self._list(
+                (-(-layout.width // _CHUNK), layout.height),
+                layout.arguments(),
+                level=self.level,
+                list=self.traced,
+                count=self.count,
+                offset_x=offset[0],
+                offset_y=offset[1],
+            )

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import pyopencl.array as cla
 
@@ -167,38 +168,38 @@ class Temporal:
         self._now, self._before = self._before, self._now
         settings = self.settings
         moved = changed and self.kind in ("diffuse", "specular")
-        limits = (
-            settings.moved_tolerance if moved else settings.plane_tolerance,
-            settings.normal_agreement,
-        )
-        new = (IPRT_FADING if self._published else float(fading), self._rays)
+        fetched = {
+            **self._guide.motion_arguments(),
+            "motion": motion,
+            **_named(self._before, "{}_before"),
+            "plane_tolerance": settings.moved_tolerance if moved else settings.plane_tolerance,
+            "normal_agreement": settings.normal_agreement,
+        }
+        added = {
+            "samples": signal,
+            "level": level,
+            **_named(self._now, "{}"),
+            "scalar": self._scalar,
+            "fading": IPRT_FADING if self._published else fading,
+            "rays": self._rays,
+        }
         with self._device.profile.section("temporal"):
             if self._published:
-                self._add(signal, motion, level, *limits, settings.clamp_sigma, *new)
+                self._run(self._accumulate, fetched, added, clamp_sigma=settings.clamp_sigma)
             elif self._unsettle(changed=changed):
-                self._follow_changes(signal, motion, level, limits)
-                self._add_corrected(signal, level, new)
+                self._follow_changes(fetched, signal, level)
+                self._add_corrected(added)
             else:
-                self._add(signal, motion, level, *limits, *new)
+                self._run(self._accumulate, fetched, added)
             accumulated, length, spread = self._now
-            self._run(self._estimate, self._scalar, spread, length, self._variance)
+            self._run(
+                self._estimate,
+                scalar=self._scalar,
+                spread=spread,
+                length=length,
+                variance=self._variance,
+            )
         return Accumulated(accumulated, length, self._variance)
-
-    def _add(
-        self, signal: cla.Array, motion: cla.Array, level: cla.Array, *settings: float | int
-    ) -> None:
-        self._run(
-            self._accumulate,
-            self._guide.previous,
-            motion,
-            *self._before,
-            signal,
-            level,
-            *self._now,
-            self._scalar,
-            *settings,
-            after=self._guide.camera_argument,
-        )
 
     def _unsettle(self, *, changed: bool) -> bool:
         """Whether changes are so recent that the slow history is compared with the fast one."""
@@ -214,49 +215,46 @@ class Temporal:
         return True
 
     def _follow_changes(
-        self,
-        signal: cla.Array,
-        motion: cla.Array,
-        level: cla.Array,
-        limits: tuple[float, float],
+        self, fetched: Mapping[str, Any], signal: cla.Array, level: cla.Array
     ) -> None:
         """Bring both histories to this picture, and add its samples to the fast one."""
         self._fast, self._fast_before = self._fast_before, self._fast
         self._run(
             self._follow,
-            self._guide.previous,
-            motion,
-            *self._before,
-            *self._fast_before,
-            signal,
-            level,
-            *self._now,
-            *self._fast,
-            self._past_scalar,
-            *limits,
-            FAST_LENGTH,
-            self._fast_frames == 1,
-            after=self._guide.camera_argument,
+            fetched,
+            _named(self._fast_before, "fast_{}_before"),
+            _named(self._now, "{}"),
+            _named(self._fast, "fast_{}"),
+            samples=signal,
+            level=level,
+            scalar=self._past_scalar,
+            limit=FAST_LENGTH,
+            fresh=self._fast_frames == 1,
         )
 
-    def _add_corrected(self, signal: cla.Array, level: cla.Array, new: tuple[float, int]) -> None:
+    def _add_corrected(self, added: Mapping[str, Any]) -> None:
         """Add the samples to the slow history, once it agrees with the fast one."""
         fast, fast_length, _ = self._fast
         self._run(
             self._correct,
-            fast,
-            fast_length,
-            self._past_scalar,
-            signal,
-            level,
-            *self._now,
-            self._scalar,
-            self.settings.antilag_sigma,
-            self.settings.clamp_sigma,
-            not self._fast_again or self._fast_frames >= FAST_LEAST,
-            *new,
+            added,
+            fast_signal=fast,
+            fast_length=fast_length,
+            past_scalar=self._past_scalar,
+            antilag_sigma=self.settings.antilag_sigma,
+            clamp_sigma=self.settings.clamp_sigma,
+            trusted=not self._fast_again or self._fast_frames >= FAST_LEAST,
         )
 
-    def _run(self, kernel: Kernel, *arguments: object, after: tuple[cla.Array, ...] = ()) -> None:
-        size = (self._guide.layout.width, self._guide.layout.height)
-        kernel(size, self._guide.current, *arguments, *size, *after)
+    def _run(self, kernel: Kernel, *groups: Mapping[str, Any], **own: Any) -> None:
+        kernel(self._guide.layout.size, self._guide.arguments(), *groups, **own)
+
+
+def _named(history: Planes, pattern: str) -> dict[str, cla.Array]:
+    """The planes of a history by the names of a kernel's parameters."""
+    signal, length, spread = history
+    return {
+        pattern.format("signal"): signal,
+        pattern.format("length"): length,
+        pattern.format("spread"): spread,
+    }

@@ -68,7 +68,10 @@ class Pairs:
         self._u, self._r = seen * brightness, wanted * brightness
 
     def fit(self) -> Values | None:
-        """The map (3, 3) from `seen` to `wanted` that holds for most pairs; None if not sane."""
+        """The map (3, 3) from `seen` to `wanted` that holds for most pairs.
+
+        None if it is not sane, or explains no majority of them.
+        """
         matrix = np.diag(self._median_scale())
         width = WIDEST
         for _ in range(STEPS):
@@ -77,11 +80,9 @@ class Pairs:
             matrix = _ridge(self._u, self._r, weight, error)
             noise = BEYOND_NOISE * weighted_quantile(error, self._share)
             width = max(NARROWING * width, min(max(noise, NARROWEST), EXPLAINED))
-        return matrix if sane(matrix) else None
-
-    def agree(self, matrix: Values) -> bool:
-        """The map explains most pairs."""
-        return float(self._share[self._errors(matrix) < EXPLAINED].sum()) >= MAJORITY
+        if not sane(matrix) or self._share[self._errors(matrix) < EXPLAINED].sum() < MAJORITY:
+            return None
+        return matrix
 
     def left(self, matrix: Values) -> tuple[float, float]:
         """What a map leaves of the change between the pictures, relative to brightness, at most in

@@ -204,5 +204,4 @@ def _blocks_of_four(plane: NDArray[Any]) -> NDArray[Any]:
     if height % 2 or width % 2:
         plane = np.pad(plane, [(0, height % 2), (0, width % 2)])
     rows = plane[0::2] + plane[1::2]
-    sums: NDArray[Any] = rows[:, 0::2] + rows[:, 1::2]
-    return sums
+    return np.asarray(rows[:, 0::2] + rows[:, 1::2])

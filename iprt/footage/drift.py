@@ -160,19 +160,19 @@ class Drift:
             self._reference = sample
             return
         for reference in (self._reference, self._before):
-            compared = compare(sample, reference)
-            found = None if compared.pairs is None else compared.pairs.fit()
-            if compared.pairs is None or found is None or not compared.pairs.agree(found):
+            pairs, same_place = compare(sample, reference)
+            found = None if pairs is None else pairs.fit()
+            if pairs is None or found is None:
                 continue
             self._reference = reference
-            verdict = judged(compared.pairs, self._map, found)
+            verdict = judged(pairs, self._map, found)
             # Since the reference, light may have changed by more than colours since the last frame.
             if verdict == "drift" or (verdict != "same" and self._drifts_from(sample, reference)):
-                self._map = simplest(compared.pairs, found)
+                self._map = simplest(pairs, found)
             elif verdict == "light":
                 self._reference = sample.mapped(self._map)
             return
-        if compared.same_place < SAME_PLACE:
+        if same_place < SAME_PLACE:
             self._map = None
         self._reference = sample.mapped(self._map)
 
@@ -180,30 +180,23 @@ class Drift:
         """Colours have drifted since the frame before, which is not the reference."""
         if self._before is None or self._before is reference:
             return False
-        pairs = compare(sample, self._before).pairs
+        pairs, _ = compare(sample, self._before)
         found = None if pairs is None else pairs.fit()
-        if pairs is None or found is None or not pairs.agree(found):
+        if pairs is None or found is None:
             return False
         return judged(pairs, self._map, found) == "drift"
 
 
-@dataclass(frozen=True)
-class Comparison:
-    """Two frames: the colours of what both show, and the share of the sphere that shows the same
-    surfaces in both. None: another place, or too little to compare.
+def compare(sample: Sample, reference: Sample) -> tuple[Pairs | None, float]:
+    """Colours of what both show, and the share of the sphere that shows the same surfaces in both.
+
+    None: another place, or too little to compare.
     """
-
-    pairs: Pairs | None
-    same_place: float
-
-
-def compare(sample: Sample, reference: Sample) -> Comparison:
-    """Colours of `sample` and `reference`, of the same surfaces."""
     there, expected = reference.seen_from(sample)
     same = _same_depth(there.depth, expected)
     same_place = float(np.average(same.mean(axis=1), weights=solid_angles(*same.shape[::-1])))
     if same_place < SAME_PLACE:
-        return Comparison(None, same_place)
+        return None, same_place
     side = max(1, len(same) // CELL_ROWS)
     count = _cells(same, side)
     clipped = _cells(~(sample.usable & there.usable), side)
@@ -215,11 +208,11 @@ def compare(sample: Sample, reference: Sample) -> Comparison:
     used &= (seen.mean(-1) > sample.dark) & (wanted.mean(-1) > there.dark)
     weight = np.broadcast_to(solid_angles(*used.shape[::-1])[:, None], used.shape)
     if weight[used].sum() < MIN_SHARE * weight.sum():
-        return Comparison(None, same_place)
+        return None, same_place
     row, column = np.indices(used.shape) // REGION
     region = row * (column.max() + 1) + column
     pairs = Pairs(seen[used], wanted[used], weight[used], region[used], there.dark)
-    return Comparison(pairs, same_place)
+    return pairs, same_place
 
 
 def judged(pairs: Pairs, before: Matrix | None, found: Matrix) -> Verdict:

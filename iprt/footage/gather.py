@@ -11,7 +11,6 @@ where they touch. What lies behind openings is infinitely far away, as the trace
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -224,8 +223,3 @@ def irradiance_of_rest(
     total = np.maximum(factors.sum(1), MIN_OPEN)
     mean = radiance[chosen] / share[chosen, None]
     return np.asarray((factors @ mean) * (left / total)[:, None])
-
-
-def stacked(pictures: Sequence[Float]) -> Float:
-    """(N, 3, K) of K pictures (rows, columns, 3)."""
-    return np.stack([picture.reshape(-1, 3) for picture in pictures], axis=-1)

@@ -81,8 +81,7 @@ def _column_spread(width: int, height: int) -> NDArray[np.intp]:
     """(H,) columns per step of the window: 1 at the equator, up to W / 8 at the poles."""
     sin_theta = np.sin((np.arange(height) + 0.5) / height * np.pi)
     ratio = (width / (2.0 * height)) / sin_theta
-    spread: NDArray[np.intp] = np.clip(np.rint(ratio), 1, max(1, width // 8)).astype(np.intp)
-    return spread
+    return np.clip(np.rint(ratio), 1, max(1, width // 8)).astype(np.intp)
 
 
 @lru_cache(maxsize=4)

@@ -43,8 +43,7 @@ class Holes:
 def solid_angles(width: int, height: int) -> NDArray[np.float64]:
     """(H,) exact solid angle in sr of a texel of each row of an equirect image."""
     edges = np.cos(np.arange(height + 1) / height * np.pi)
-    rows: NDArray[np.float64] = (edges[:-1] - edges[1:]) * (2.0 * np.pi / width)
-    return rows
+    return (edges[:-1] - edges[1:]) * (2.0 * np.pi / width)
 
 
 def classify_holes(hole: Mask, color: NDArray[np.float32]) -> Holes:
@@ -69,7 +68,7 @@ def classify_holes(hole: Mask, color: NDArray[np.float32]) -> Holes:
         np.isin(np.arange(count), of_texel[rows == row]) for row in (0, height - 1)
     )
     is_open = (sr > OPEN_SKY_SR) | (at_zenith & (elevation_deg < OPEN_SKY_ELEVATION_DEG))
-    brightness = _brightness_over_rim(hole, color, rows, columns, of_texel, count)
+    brightness = _brightness_over_rim(hole, color @ LUMINANCE, label, count)
     small = (sr < DROPOUT_SR) & (brightness < DROPOUT_BRIGHTNESS)
     is_dropout = ~is_open & (small | at_nadir)
 
@@ -86,10 +85,8 @@ def components(hole: Mask) -> tuple[NDArray[np.intp], int]:
     height = hole.shape[0]
     label, count = ndimage.label(hole, structure=np.ones((3, 3)))
     pairs = [
-        (label[max(0, -shift) : height - max(0, shift), -1], label[max(0, shift) :, 0])
-        if shift >= 0
-        else (label[-shift:, -1], label[: height + shift, 0])
-        for shift in (-1, 0, 1)
+        (label[up : height - down, -1], label[down : height - up, 0])
+        for up, down in ((1, 0), (0, 0), (0, 1))
     ]
     # The texels of a polar row surround the pole: they all touch there.
     for row in (0, height - 1):
@@ -105,16 +102,12 @@ def components(hole: Mask) -> tuple[NDArray[np.intp], int]:
 
 
 def _brightness_over_rim(
-    hole: Mask,
-    color: NDArray[np.float32],
-    rows: NDArray[np.intp],
-    columns: NDArray[np.intp],
-    of_texel: NDArray[np.intp],
-    count: int,
+    hole: Mask, luminance: NDArray[np.float32], label: NDArray[np.intp], count: int
 ) -> NDArray[np.float64]:
     """(count,) mean luminance of each hole over that of the texels around it; 0 without a rim."""
     height, width = hole.shape
-    luminance = color @ LUMINANCE
+    rows, columns = np.nonzero(hole)
+    of_texel = label[rows, columns]
     total = np.bincount(of_texel, luminance[rows, columns], minlength=count)
     inside = total / np.maximum(np.bincount(of_texel, minlength=count), 1)
     rim_sum, rim_count = np.zeros(count), np.zeros(count)

@@ -71,5 +71,4 @@ def _filled(sums: Image, weight: Image, level: int = 0) -> Image:
 def _halved(image: Image, axis: int) -> Image:
     """Sums over pairs of cells along an axis of even length."""
     shape = (*image.shape[:axis], image.shape[axis] // 2, 2, *image.shape[axis + 1 :])
-    halved: Image = image.reshape(shape).sum(axis + 1)
-    return halved
+    return np.asarray(image.reshape(shape).sum(axis + 1))

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pyopencl.array as cla
 
 from iprt.device.compute import ComputeDevice, Define
+from iprt.device.signature import constant
 from iprt.gbuffer.layout import PAD, PlaneLayout
 
-PLANES = 7
+PLANES = constant("lib/gbuffer/guide.h", "GUIDE_PLANES")
 """Normal x y z, world position x y z in metres, id (0 nothing to trace, -1 outside)."""
 
 
@@ -61,8 +64,18 @@ class Guide:
         """
         self.current, self.previous = self.previous, self.current
         with self._device.profile.section("guide"):
-            width, height = self.layout.width, self.layout.height
-            self._build((width, height), view, normal, depth, ids, self.current, width, height)
+            self._build(
+                self.layout.size,
+                self.arguments(),
+                view=view,
+                normal=normal,
+                depth=depth,
+                id=ids,
+            )
+
+    def arguments(self) -> dict[str, Any]:
+        """Size and `guide` of this picture."""
+        return {"width": self.layout.width, "height": self.layout.height, "guide": self.current}
 
     def defines(self, **others: Define) -> dict[str, Define]:
         """Build flags of every kernel that works on planes of this layout."""
@@ -74,7 +87,7 @@ class Guide:
         """`-D` variant of kernels that compare `current` with `previous`."""
         return {"CAMERA_MOTION": self.camera is not None}
 
-    @property
-    def camera_argument(self) -> tuple[cla.Array, ...]:
-        """Their last argument, where the camera moves."""
-        return () if self.camera is None else (self.camera,)
+    def motion_arguments(self) -> dict[str, Any]:
+        """`guide_previous`, and `camera` where it moves: what compares with the picture before."""
+        camera = {} if self.camera is None else {"camera": self.camera}
+        return {"guide_previous": self.previous, **camera}

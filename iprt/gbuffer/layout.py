@@ -18,6 +18,15 @@ class PlaneLayout:
     width: int
     height: int
 
+    @property
+    def size(self) -> tuple[int, int]:
+        """Of the view, as kernels are enqueued over it."""
+        return self.width, self.height
+
+    def arguments(self) -> dict[str, int]:
+        """`width` and `height` of kernels that work on these planes."""
+        return {"width": self.width, "height": self.height}
+
     def shape(self, channels: int) -> tuple[int, int, int]:
         """(channels, height + 2 PAD, width + 2 PAD), what `cl/lib/gbuffer/planes.h` indexes."""
         return (channels, self.height + 2 * PAD, self.width + 2 * PAD)

@@ -13,6 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
+from iprt.geometry.mesh import cofactors
+
 Float = NDArray[np.float64]
 NO_ROTATION = (0.0, 0.0, 0.0, 1.0)
 
@@ -50,13 +52,13 @@ class Track:
             return self._spline(key, part, duration)
         before, after = self.values[key], self.values[key + 1]
         if self.rotation:
-            turn: Float = Slerp([0.0, 1.0], Rotation.from_quat([before, after]))(part).as_quat()
-            return turn
+            return np.asarray(
+                Slerp([0.0, 1.0], Rotation.from_quat([before, after]))(part).as_quat()
+            )
         return np.asarray(before + part * (after - before))
 
     def _key(self, key: int) -> Float:
-        value: Float = self.values[key] if self.values.ndim == 2 else self.values[key, 1]
-        return value
+        return np.asarray(self.values[key] if self.values.ndim == 2 else self.values[key, 1])
 
     def _spline(self, key: int, s: float, duration: float) -> Float:
         """glTF, Appendix C.5."""
@@ -185,10 +187,8 @@ def moved(
     """
     linear, offset = matrices[:, :, :3], matrices[:, :, 3]
     points = np.einsum("vij,vj->vi", _for_each(linear, positions), positions) + offset
-    # Cofactors: the determinant times the inverse transpose, which flattening maps have too.
-    cofactors = np.stack([np.cross(linear[:, i - 2], linear[:, i - 1]) for i in range(3)], axis=1)
     side = np.where(np.linalg.det(linear) < 0.0, -1.0, 1.0)[:, None, None]
-    turned = np.einsum("vij,vj->vi", _for_each(side * cofactors, normals), normals)
+    turned = np.einsum("vij,vj->vi", _for_each(side * cofactors(linear), normals), normals)
     length = np.linalg.norm(turned, axis=1, keepdims=True)
     unit = np.array(normals, np.float64)
     np.divide(turned, length, out=unit, where=length > 0.0)

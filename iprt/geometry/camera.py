@@ -51,8 +51,7 @@ class View:
         cy, sy, cp, sp = np.cos(yaw), np.sin(yaw), np.cos(pitch), np.sin(pitch)
         turn = np.array([[cy, 0.0, -sy], [0.0, 1.0, 0.0], [sy, 0.0, cy]])
         tilt = np.array([[1.0, 0.0, 0.0], [0.0, cp, -sp], [0.0, sp, cp]])
-        rotation: Float = turn @ tilt
-        return rotation
+        return np.asarray(turn @ tilt)
 
     @property
     def focal_px(self) -> float:

@@ -34,8 +34,7 @@ def fresnel_dielectric(cosine: Array, eta: float) -> Array:
     g = np.sqrt(np.maximum(eta**2 - 1 + c**2, 0))
     s = (c - g) / (c + g)
     p = (eta**2 * c - g) / (eta**2 * c + g)
-    reflectance: Array = 0.5 * (s**2 + p**2)
-    return reflectance
+    return np.asarray(0.5 * (s**2 + p**2))
 
 
 def rough_transmittance(cosine: Array, alpha: float, ior: float) -> Array:

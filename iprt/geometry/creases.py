@@ -145,5 +145,4 @@ def _joined_corners(points: Ints, face: Float, flat: NDArray[np.bool_]) -> Ints:
         pairs += [(at_low[one], at_low[other]), (at_high[one], at_high[other])]
     rows, columns = (np.concatenate(side) for side in zip(*pairs, strict=True))
     graph = coo_array((np.ones(len(rows), np.bool_), (rows, columns)), shape=(count, count))
-    labels: Ints = connected_components(graph, directed=False)[1].astype(np.int64)
-    return labels
+    return np.asarray(connected_components(graph, directed=False)[1].astype(np.int64))

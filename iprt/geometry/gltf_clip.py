@@ -292,8 +292,7 @@ def _unit(quaternions: Float, where: str) -> Float:
     length = np.linalg.norm(quaternions, axis=-1, keepdims=True)
     if not (length > 1e-6).all():
         raise ValueError(f"{where}: a quaternion of no length")
-    unit: Float = quaternions / length
-    return unit
+    return np.asarray(quaternions / length)
 
 
 def _parsed(model: type[Model], value: Any, where: str) -> Model:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import struct
 from typing import Any
 
 INFLUENCES = (0, 1)
@@ -11,19 +10,16 @@ INFLUENCES = (0, 1)
 JOINT_KEYS = tuple(f"_JOINTS_{number}" for number in INFLUENCES)
 WEIGHT_KEYS = tuple(f"_WEIGHTS_{number}" for number in INFLUENCES)
 COLOR_KEY = "_COLOR_0"
+CHUNK = "\0"
+"""An address that no file can have."""
 
 
-def numbered(document: dict[str, Any], chunk: bytes | None) -> bytes:
-    """The file of a document, of which `gltf_check` knows that it is one.
+def numbered(document: dict[str, Any]) -> bytes:
+    """The text of a document, of which `gltf_check` knows that it is one.
 
     Nodes get their numbers for names; trimesh adds to these behind an underscore. It hands on
     attributes of vertices whose names begin with one as they are, which joints, weights and colours
-    get.
-
-    Parameters
-    ----------
-    chunk : bytes or None
-        Binary data: of a .glb file; None: a .gltf file.
+    get. The binary data of a .glb file gets the address `CHUNK`.
     """
     nodes = [
         {key: value for key, value in node.items() if key != "camera"} | {"name": str(number)}
@@ -33,14 +29,8 @@ def numbered(document: dict[str, Any], chunk: bytes | None) -> bytes:
         mesh | {"primitives": [_renamed(primitive) for primitive in mesh["primitives"]]}
         for mesh in document.get("meshes", [])
     ]
-    text = json.dumps(document | {"nodes": nodes, "meshes": meshes}).encode()
-    if chunk is None:
-        return text
-    text += b" " * (-len(text) % 4)
-    body = struct.pack("<I4s", len(text), b"JSON") + text
-    if chunk:
-        body += struct.pack("<I4s", len(chunk), b"BIN\0") + chunk
-    return struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body
+    buffers = [{"uri": CHUNK} | buffer for buffer in document.get("buffers", [])]
+    return json.dumps(document | {"nodes": nodes, "meshes": meshes, "buffers": buffers}).encode()
 
 
 def part_node(name: str) -> int:

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, Literal, Self, TypeVar
 
 import numpy as np
 from pydantic import AfterValidator, Field, PlainValidator, model_validator
+from scipy.spatial.transform import Rotation
 
 from iprt.files.table import Degrees, FieldOfView, Pitch, Point, Table
-from iprt.geometry.animation import NO_ROTATION, Float, Track, transform
+from iprt.geometry.animation import NO_ROTATION, Float, Track
 from iprt.geometry.camera import View
 
 MAX_KEYFRAMES = 2**16
@@ -108,34 +109,25 @@ class ObjectMotion:
     Attributes
     ----------
     to_world : (4, 4) float64
-    translation : Track or None
-        Metres; None: nowhere.
+    tracks : mapping of str to Track
+        The keyed ones of "translation" (metres), "rotation" and "scale".
     """
 
     to_world: Float
-    translation: Track | None = None
-    rotation: Track | None = None
-    scale: Track | None = None
+    tracks: Mapping[str, Track] = field(default_factory=dict)
 
     @classmethod
     def of(cls, to_world: Float, keyframes: Sequence[ObjectKeyframe]) -> ObjectMotion:
-        return cls(
-            to_world,
-            _track(keyframes, "translation"),
-            _track(keyframes, "rotation", rotation=True),
-            _track(keyframes, "scale"),
-        )
+        return cls(to_world, _tracks(keyframes, ("translation", "rotation", "scale")))
 
     def describe(self) -> str | None:
         """The keyed quantities and times in words; None: none."""
-        return _described(
-            {"translation": self.translation, "rotation": self.rotation, "scale": self.scale}
-        )
+        return _described(self.tracks)
 
     @property
     def moves(self) -> bool:
         """There are keyframes."""
-        return any(track is not None for track in (self.translation, self.rotation, self.scale))
+        return bool(self.tracks)
 
     def at(self, time_s: float) -> Float:
         """(4, 4) `to_world` at a time."""
@@ -155,60 +147,57 @@ class ObjectMotion:
 
     def _keyed(self, time_s: float) -> tuple[Float, Float, Float]:
         """Translation (3,), rotation (3, 3) and scale (3,) at a time."""
-        moved = np.zeros(3) if self.translation is None else self.translation.at(time_s)
-        turn = np.array(NO_ROTATION) if self.rotation is None else self.rotation.at(time_s)
-        scale = np.ones(3) if self.scale is None else self.scale.at(time_s)
-        return moved, transform((0.0, 0.0, 0.0), turn, np.ones(3))[:3, :3], scale
+        keyed = {name: track.at(time_s) for name, track in self.tracks.items()}
+        turn = Rotation.from_quat(keyed.get("rotation", NO_ROTATION)).as_matrix()
+        return keyed.get("translation", np.zeros(3)), turn, keyed.get("scale", np.ones(3))
 
 
 @dataclass(frozen=True)
 class ViewMotion:
-    """Where a view looks over time; a track of None: where it always does."""
+    """A view over time.
+
+    Attributes
+    ----------
+    tracks : mapping of str to Track
+        The keyed ones of "yaw_deg", "pitch_deg" and "fov_y_deg".
+    """
 
     view: View
-    yaw_deg: Track | None = None
-    pitch_deg: Track | None = None
-    fov_y_deg: Track | None = None
+    tracks: Mapping[str, Track]
 
     @classmethod
     def of(cls, view: View, keyframes: Sequence[ViewKeyframe]) -> ViewMotion:
-        return cls(view, *(_track(keyframes, key) for key in ("yaw_deg", "pitch_deg", "fov_y_deg")))
+        return cls(view, _tracks(keyframes, ("yaw_deg", "pitch_deg", "fov_y_deg")))
 
     def describe(self) -> str | None:
         """The keyed quantities and times in words; None: none."""
-        return _described({"yaw": self.yaw_deg, "pitch": self.pitch_deg, "fov": self.fov_y_deg})
+        return _described({name.partition("_")[0]: track for name, track in self.tracks.items()})
 
     def at(self, time_s: float) -> View:
-        def value(track: Track | None, otherwise: float) -> float:
-            return otherwise if track is None else float(track.at(time_s)[0])
-
-        return replace(
-            self.view,
-            yaw_deg=value(self.yaw_deg, self.view.yaw_deg),
-            pitch_deg=value(self.pitch_deg, self.view.pitch_deg),
-            fov_y_deg=value(self.fov_y_deg, self.view.fov_y_deg),
-        )
+        """The view at a time."""
+        keyed: Any = {name: float(track.at(time_s)[0]) for name, track in self.tracks.items()}
+        return replace(self.view, **keyed)
 
 
-def _described(tracks: Mapping[str, Track | None]) -> str | None:
-    keyed = {name: track.times for name, track in tracks.items() if track is not None}
-    if not keyed:
+def _described(tracks: Mapping[str, Track]) -> str | None:
+    if not tracks:
         return None
-    first = min(float(times[0]) for times in keyed.values())
-    last = max(float(times[-1]) for times in keyed.values())
-    return f"keyframes of {', '.join(keyed)} from {first:g} to {last:g} s"
+    first = min(float(track.times[0]) for track in tracks.values())
+    last = max(float(track.times[-1]) for track in tracks.values())
+    return f"keyframes of {', '.join(tracks)} from {first:g} to {last:g} s"
 
 
-def _track(keyframes: Sequence[_Keyframe], name: str, *, rotation: bool = False) -> Track | None:
-    """One key of those keyframes that give it."""
-    giving = [keyframe for keyframe in keyframes if getattr(keyframe, name) is not None]
-    if not giving:
-        return None
-    return Track(
-        np.array([keyframe.time for keyframe in giving]),
-        np.array([getattr(keyframe, name) for keyframe in giving], np.float64).reshape(
-            len(giving), -1
-        ),
-        np.array([keyframe.interpolation == "step" for keyframe in giving]),
-        rotation,
-    )
+def _tracks(keyframes: Sequence[_Keyframe], names: Sequence[str]) -> dict[str, Track]:
+    """The tracks of quantities that any keyframe gives, each with the keys that give it."""
+    tracks = {}
+    for name in names:
+        giving = [keyframe for keyframe in keyframes if getattr(keyframe, name) is not None]
+        values = np.array([getattr(keyframe, name) for keyframe in giving], np.float64)
+        if giving:
+            tracks[name] = Track(
+                np.array([keyframe.time for keyframe in giving]),
+                values.reshape(len(giving), -1),
+                np.array([keyframe.interpolation == "step" for keyframe in giving]),
+                rotation=name == "rotation",
+            )
+    return tracks

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,11 @@ MIN_ALPHA = 1e-3
 MATERIAL_ROWS = 9
 """float4 rows per material in the table; `cl/lib/world/brdf.h` documents them."""
 _NODES = 4 * (MATERIAL_ROWS - 1)
-_KINDS: tuple[MaterialKind, ...] = ("diffuse", "conductor", "plastic")
+_KINDS: tuple[MaterialKind, ...] = get_args(MaterialKind)
+
+DIFFUSE_KINDS = ("MATERIAL_DIFFUSE", "MATERIAL_PLASTIC")
+SPECULAR_KINDS = ("MATERIAL_CONDUCTOR", "MATERIAL_MIRROR", "MATERIAL_PLASTIC")
+"""Kinds of reflectance, by their `material_defines`, that have a diffuse or a specular lobe."""
 
 
 @dataclass(frozen=True)

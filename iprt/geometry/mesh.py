@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from iprt.errors import SceneError
 from iprt.geometry.material import Material
 
+Float = NDArray[np.float64]
+
 
 @dataclass(frozen=True)
 class Mesh:
@@ -44,9 +46,21 @@ class Mesh:
     deforms: bool = False
 
 
-def motion_between(
-    previous: NDArray[np.float64], current: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def transformed(matrix: Float, points: NDArray[np.floating]) -> Float:
+    """Points (..., 3) after an affine transform (4, 4)."""
+    return np.asarray(points @ matrix[:3, :3].T + matrix[:3, 3], np.float64)
+
+
+def cofactors(linear: Float) -> Float:
+    """(..., 3, 3): the determinant times the inverse transpose, which flat transforms have too.
+
+    Normals go by it.
+    """
+    rows = [np.cross(linear[..., i - 2, :], linear[..., i - 1, :]) for i in range(3)]
+    return np.stack(rows, axis=-2)
+
+
+def motion_between(previous: Float, current: Float) -> Float:
     """(3, 4) affine map of world points of this frame to the frame before.
 
     Parameters
@@ -74,7 +88,7 @@ class Instance:
 
     name: str
     mesh: Mesh
-    to_world: NDArray[np.float64]
+    to_world: Float
 
 
 def require_same_objects(before: Sequence[Instance], after: Sequence[Instance]) -> None:

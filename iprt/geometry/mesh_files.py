@@ -22,7 +22,7 @@ from iprt.files.path_safety import require_inside
 from iprt.files.toml_text import printable
 from iprt.files.untrusted import MAX_BYTES, decoding, is_file, read_bytes
 from iprt.geometry.gltf_check import Gltf, parsed_gltf
-from iprt.geometry.gltf_numbers import numbered
+from iprt.geometry.gltf_numbers import CHUNK, numbered
 from iprt.geometry.mesh_unread import unread_gltf, unread_obj, unread_ply
 from iprt.geometry.ply_check import check_ply
 from iprt.geometry.stl_check import check_stl, checked_stl_text, has_colors
@@ -78,11 +78,11 @@ class MeshFile:
             raise FormatError(f"{path}: no such mesh file")
         if within is not None:
             require_inside(path, within)
-        if self.suffix == ".ply":
-            self._ply_elements = check_ply(path)
-        if self.suffix == ".stl":
-            check_stl(path)
         self.data = read_bytes(path, MAX_JSON_BYTES if self.suffix == ".gltf" else MAX_BYTES)
+        if self.suffix == ".ply":
+            self._ply_elements = check_ply(path, self.data)
+        if self.suffix == ".stl":
+            check_stl(path, self.data)
         kind = "glTF" if self.suffix in _GLTF_SUFFIXES else self.suffix[1:].upper()
         with decoding(path, f"cut off or damaged {kind} file"):
             self._look_inside()
@@ -95,6 +95,8 @@ class MeshFile:
         FileNotFoundError
             It refers to no such file.
         """
+        if name == CHUNK:
+            return self._gltf_chunk
         for known in (name.strip(), _without_options(name.strip())):
             if known in self.references:
                 return self._contents(self.references[known])
@@ -116,7 +118,7 @@ class MeshFile:
             return checked_stl_text(self.data)
         if self.gltf is None:
             return self.data
-        return numbered(self._gltf_document, self._gltf_chunk if self.suffix == ".glb" else None)
+        return numbered(self._gltf_document)
 
     def buffer(self, number: int) -> bytes:
         """Contents of a glTF file's buffer, which may be shorter than it claims."""

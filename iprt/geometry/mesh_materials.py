@@ -28,7 +28,8 @@ GLOSSY_SPECULAR = 0.04
 """Least specular reflectance (Ks) of an MTL material that gets a coat."""
 MAX_IOR = 4.0
 """The limit of `scene.toml`."""
-_READ_KEYS = {"kd", "ks", "ns", "ni", "pr", "pm", "name", "image", "diffuse", "specular"}
+_READ_KEYS = {"map_kd", "kd", "ks", "ns", "ni", "pr", "pm", "name", "image", "diffuse", "specular"}
+_MAPS = {"bump", "norm", "disp", "refl"}
 _SAYS_NOTHING = {"ambient", "ka", "glossiness", "illum"}
 """Light from nowhere, and which formula MTL's own shading is."""
 
@@ -178,7 +179,7 @@ def _unread_mtl(values: dict[str, Any]) -> Iterator[str]:
     if max(_color(values.get("ke", [0.0, 0.0, 0.0]))) > 0.0:
         yield "emission"
     for key in sorted(set(values) - _READ_KEYS - _SAYS_NOTHING - {"d", "tr", "ke"}):
-        if _is_map(key):
+        if key.startswith("map_") or key in _MAPS:
             yield f"texture {printable(key)}"
         elif key == "tf":
             if min(_color(values[key])) < 1.0:
@@ -201,10 +202,6 @@ def _note_unused_maps(source: Any, dropped: list[str]) -> None:
         dropped.append("emission")
     if source.alphaMode in ("MASK", "BLEND"):
         dropped.append("transparency")
-
-
-def _is_map(key: str) -> bool:
-    return (key.startswith("map_") and key != "map_kd") or key in ("bump", "norm", "disp", "refl")
 
 
 def _color(values: Any) -> tuple[float, float, float]:

@@ -63,17 +63,14 @@ def load_mesh(path: Path, material: Material | None = None, within: Path | None 
     file = MeshFile(path, within)
     dropped = file.unread_parts()
     with decoding(path, "cut off or damaged mesh file"), np.errstate(all="ignore"):
-        parts = _load_parts(file, dropped)
+        placed = placed_geometries(file, dropped).values()
+        parts = [part_of(geometry, transform, dropped) for transform, geometry in placed]
+        if file.suffix == ".stl":
+            parts = [_welded(part) for part in parts]
         mesh = joined(file, parts, material, dropped)
     if mesh.triangles.shape[0] == 0:
         raise FormatError(f"{path}: holds no triangles")
     return mesh
-
-
-def _load_parts(file: MeshFile, dropped: list[str]) -> list[Part]:
-    placed = placed_geometries(file, dropped).values()
-    parts = [part_of(geometry, transform, dropped) for transform, geometry in placed]
-    return [_welded(part) for part in parts] if file.suffix == ".stl" else parts
 
 
 def _welded(part: Part) -> Part:
@@ -106,7 +103,7 @@ def placed_geometries(
         warnings.simplefilter("ignore")
         scene = trimesh.load_scene(
             BytesIO(file.readable_data()),
-            file_type=file.suffix[1:],
+            file_type=file.suffix[1:] if file.gltf is None else "gltf",
             resolver=file,
             process=False,
         )
@@ -226,8 +223,7 @@ def _usable_triangles(
     edges = corners - np.roll(corners, 1, axis=1)
     area = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
     longest = np.einsum("fij,fij->fi", edges, edges).max(axis=1, initial=0.0)
-    usable: NDArray[np.int64] = triangles[finite & (area > 1e-9 * longest) & (longest > 0.0)]
-    return usable
+    return np.asarray(triangles[finite & (area > 1e-9 * longest) & (longest > 0.0)])
 
 
 def _note(dropped: list[str], phrase: str) -> None:

@@ -5,13 +5,12 @@ Format: G. Turk, "The PLY Polygon File Format", 1994.
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass, field
+from io import BytesIO
 from pathlib import Path
-from typing import BinaryIO
 
 from iprt.errors import FormatError
-from iprt.files.untrusted import MAX_BYTES, MAX_TRIANGLES, MAX_VERTICES
+from iprt.files.untrusted import MAX_TRIANGLES, MAX_VERTICES
 
 _BYTES = {
     **dict.fromkeys(("char", "uchar", "int8", "uint8"), 1),
@@ -33,8 +32,8 @@ class _Element:
     properties: set[str] = field(default_factory=set)
 
 
-def check_ply(path: Path) -> list[str]:
-    """Check that the file has a header and is as long as that claims, at the least.
+def check_ply(path: Path, data: bytes) -> list[str]:
+    """Check that the data of a file has a header and is as long as that claims, at the least.
 
     Returns
     -------
@@ -45,15 +44,12 @@ def check_ply(path: Path) -> list[str]:
     ------
     FormatError
     """
-    with path.open("rb") as file:
-        try:
-            elements, is_text = _header(file)
-        except (ValueError, KeyError, IndexError) as error:
-            raise FormatError(f"{path}: cut off or damaged PLY file (its header)") from error
-        size = os.fstat(file.fileno()).st_size
-        present = size - file.tell()
-    if size > MAX_BYTES:
-        raise FormatError(f"{path}: {size} bytes; at most {MAX_BYTES} are read")
+    file = BytesIO(data)
+    try:
+        elements, is_text = _header(file)
+    except (ValueError, KeyError, IndexError) as error:
+        raise FormatError(f"{path}: cut off or damaged PLY file (its header)") from error
+    present = len(data) - file.tell()
     needed = 0
     for element in elements:
         most = MAX_TRIANGLES if element.name == "face" else MAX_VERTICES
@@ -70,7 +66,7 @@ def check_ply(path: Path) -> list[str]:
     return [element.name for element in elements if element.count]
 
 
-def _header(file: BinaryIO) -> tuple[list[_Element], bool]:
+def _header(file: BytesIO) -> tuple[list[_Element], bool]:
     """The elements, and whether the data is text; the file stands at the data afterwards."""
     if file.readline(_MAX_LINE).strip() != b"ply":
         raise ValueError("no PLY")

@@ -33,8 +33,7 @@ class TurnedView(View):
     @property
     def world_from_view(self) -> Float:
         """(3, 3) rotation that takes view-space directions to the capture centre's axes."""
-        rotation: Float = np.reshape(self.capture, (3, 3)) @ super().world_from_view
-        return rotation
+        return np.reshape(self.capture, (3, 3)) @ super().world_from_view
 
 
 def view_from(view: View, pose: Float | None) -> View:
@@ -78,5 +77,4 @@ def camera_motion(before: Float | None, now: Float | None) -> Float:
         raise ValueError("either all frames of a video have poses or none")
     if before is None or now is None or np.array_equal(before, now):
         return np.eye(4)[:3]
-    motion: Float = (inverse_pose(before) @ now)[:3]
-    return motion
+    return (inverse_pose(before) @ now)[:3]

@@ -6,13 +6,12 @@ Format: 3D Systems, "StereoLithography Interface Specification", 1988: text from
 
 from __future__ import annotations
 
-import os
 import re
 from collections import Counter
 from pathlib import Path
 
 from iprt.errors import FormatError
-from iprt.files.untrusted import MAX_BYTES, MAX_TRIANGLES
+from iprt.files.untrusted import MAX_TRIANGLES
 
 MAX_SOLIDS = 1024
 """A text has no more."""
@@ -26,20 +25,16 @@ _LINE = re.compile(
 _NAMED = re.compile(rb"^[ \t]*((?:end)?solid)\b.*$", re.IGNORECASE | re.MULTILINE)
 
 
-def check_stl(path: Path) -> None:
+def check_stl(path: Path, data: bytes) -> None:
     """Check that a binary file is as long as it claims.
 
     Raises
     ------
     FormatError
     """
-    with path.open("rb") as file:
-        head = file.read(_HEADER)
-        size = os.fstat(file.fileno()).st_size
-    if size > MAX_BYTES:
-        raise FormatError(f"{path}: {size} bytes; at most {MAX_BYTES} are read")
+    head, size = data[:_HEADER], len(data)
     count = _claimed(head)
-    if _is_binary(head, size):
+    if _is_binary(data):
         if count > MAX_TRIANGLES:
             raise FormatError(f"{path}: claims {count} triangles; at most {MAX_TRIANGLES} are read")
     elif b"\0" in head or head.lstrip()[:5].lower() != b"solid":
@@ -58,7 +53,7 @@ def checked_stl_text(data: bytes) -> bytes:
     ValueError
         Not all solids, facets and numbers are whole, in one line.
     """
-    if _is_binary(data, len(data)):
+    if _is_binary(data):
         return data
     count = Counter((match[1] or match[2]).lower().decode() for match in _LINE.finditer(data))
     facets, vertices = count["facet"], count["vertex"]
@@ -79,12 +74,12 @@ def checked_stl_text(data: bytes) -> bytes:
 def has_colors(data: bytes) -> bool:
     """Whether triangles of a binary file may have colours, which nothing standardizes."""
     attributes = (data[_HEADER + _TRIANGLE - byte :: _TRIANGLE] for byte in (2, 1))
-    return _is_binary(data, len(data)) and any(map(any, attributes))
+    return _is_binary(data) and any(map(any, attributes))
 
 
 def _claimed(head: bytes) -> int:
     return int.from_bytes(head[_HEADER - 4 : _HEADER], "little")
 
 
-def _is_binary(head: bytes, size: int) -> bool:
-    return len(head) >= _HEADER and size == _HEADER + _claimed(head) * _TRIANGLE
+def _is_binary(data: bytes) -> bool:
+    return len(data) >= _HEADER and len(data) == _HEADER + _claimed(data) * _TRIANGLE

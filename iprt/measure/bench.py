@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
-from statistics import median
+from collections.abc import Callable
+from statistics import fmean, median
 from typing import TYPE_CHECKING
 
-from iprt.geometry.camera import View
-from iprt.measure.camera_motion import Reel, Turn
+from iprt.measure.camera_motion import Reel
 from iprt.measure.cost import Counted, WorkRow
 from iprt.measure.cost_report import CostReport
-from iprt.settings.model import Settings
 
 if TYPE_CHECKING:
     from iprt.device.compute import ComputeDevice
-    from iprt.footage.frame import Frame
-    from iprt.geometry.mesh import Instance
     from iprt.renderer import Renderer
 
 WARM_UP = 16
@@ -27,30 +23,6 @@ COUNTED_FRAMES = 4
 
 Progress = Callable[[int], None]
 """Called with the number of frames done so far, those of the warm-up included."""
-
-
-def benchmark(
-    device: ComputeDevice,
-    frame: Frame,
-    instances: Sequence[Instance],
-    view: View,
-    settings: Settings,
-    *,
-    scene: str,
-    frames: int,
-    progress: Progress | None = None,
-) -> CostReport:
-    """Time `frames` frames after `WARM_UP` others, the view turning by `TURN_DEG` for each.
-
-    Parameters
-    ----------
-    view : View
-        The middle of the turn; an equirect view does not turn, but is made anew for every frame.
-    scene : str
-        Its name.
-    """
-    reel = Turn(frame, instances, view, settings)
-    return timed(device, reel, scene=scene, frames=frames, progress=progress)
 
 
 def timed(
@@ -65,6 +37,8 @@ def timed(
     profile = device.profile
     profile.reset()
     walls: list[float] = []
+    hosts: list[float] = []
+    waits: list[int] = []
     traced: list[float] = []
     count = WARM_UP + frames
     with reel.renderer(device) as renderer, reel.steps(device, count) as steps:
@@ -73,14 +47,17 @@ def timed(
         for index in range(count):
             if index == WARM_UP:
                 profile.reset()
-            start = time.perf_counter()
+            start, of_thread, waited = time.perf_counter(), time.thread_time(), profile.waits
             next(steps)(renderer)
             renderer.step()
+            host, waited = (time.thread_time() - of_thread) * 1e3, profile.waits - waited
             device.wait()
             wall = (time.perf_counter() - start) * 1e3
             profile.finished()
             if index >= WARM_UP:
                 walls.append(wall)
+                hosts.append(host)
+                waits.append(waited)
                 traced += _traced_fraction(renderer)
             if progress is not None:
                 progress(index + 1)
@@ -91,6 +68,8 @@ def timed(
         settings=reel.settings,
         prepare_ms=prepare_ms,
         walls=walls,
+        hosts=hosts,
+        synchronisations=fmean(waits),
         traced=median(traced) if traced else None,
     )
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
+from operator import methodcaller
 from typing import TYPE_CHECKING, Protocol
 
 from iprt.geometry.camera import View
@@ -60,16 +62,14 @@ class Turn:
     settings: Settings
 
     def renderer(self, device: ComputeDevice) -> Renderer:
-        """See `Reel`."""
         from iprt.renderer import Renderer
 
         return Renderer(device, self.frame, self.instances, self.view, self.settings)
 
     @contextmanager
     def steps(self, device: ComputeDevice, count: int) -> Iterator[Iterator[Step]]:
-        """See `Reel`."""
         del device
-        yield (_look(turned(self.view, index)) for index in range(count))
+        yield (methodcaller("look", turned(self.view, index)) for index in range(count))
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,6 @@ class Playback:
 
     @property
     def view(self) -> View:
-        """See `Reel`."""
         return self._view_at(self.scene.frame_indices[0])
 
     def _view_at(self, index: int) -> View:
@@ -123,22 +122,15 @@ class Playback:
             for index in indices:
                 with device.profile.host("read video"):
                     frame = next(frames)
-                yield self._show(index, frame)
+                yield partial(self._show, index, frame)
 
         with self.scene.stream(indices, drift=self.settings.drift) as stream:
             yield play()
 
-    def _show(self, index: int, frame: Frame) -> Step:
-        def step(renderer: Renderer) -> None:
-            renderer.load(frame)
-            renderer.move(self._instances_at(index))
-            renderer.look(self._view_at(index))
-
-        return step
-
-
-def _look(view: View) -> Step:
-    return lambda renderer: renderer.look(view)
+    def _show(self, index: int, frame: Frame, renderer: Renderer) -> None:
+        renderer.load(frame)
+        renderer.move(self._instances_at(index))
+        renderer.look(self._view_at(index))
 
 
 def turned(view: View, index: int) -> View:

@@ -10,7 +10,7 @@ from iprt.errors import IprtError
 from iprt.geometry.camera import View
 from iprt.measure.cost import BLOCKS
 from iprt.measure.cost_report import CostReport
-from iprt.measure.profile_file import OldReport
+from iprt.measure.profile_file import OldReport, OldTime
 from iprt.output.metadata import dotted
 
 FALSE_ALARMS = 0.05
@@ -19,14 +19,6 @@ MIN_ERROR_MS = 1e-3
 """Resolution of device clocks."""
 WALL, FRAME = "wall", "all passes"
 """Rows of the frame as a whole."""
-
-
-@dataclass(frozen=True)
-class Median:
-    """A median over frames, in milliseconds, and its standard error, if known."""
-
-    ms: float
-    error_ms: float | None
 
 
 @dataclass(frozen=True)
@@ -105,7 +97,7 @@ def changed_settings(old: OldReport, new: CostReport) -> list[str]:
 
 
 def _change(
-    place: tuple[str, str], before: Median | None, after: Median | None, count: int
+    place: tuple[str, str], before: OldTime | None, after: OldTime | None, count: int
 ) -> Change:
     from scipy.stats import t
 
@@ -122,18 +114,18 @@ def _change(
     )
 
 
-def _error(before: Median | None, after: Median | None) -> float | None:
+def _error(before: OldTime | None, after: OldTime | None) -> float | None:
     """Standard error of the difference, where it is known."""
     if before is None or after is None or before.error_ms is None or after.error_ms is None:
         return None
     return max(math.hypot(before.error_ms, after.error_ms), MIN_ERROR_MS)
 
 
-def _rows(report: OldReport) -> Iterator[tuple[tuple[str, str], Median]]:
+def _rows(report: OldReport) -> Iterator[tuple[tuple[str, str], OldTime]]:
     if report.wall_ms is not None:
-        yield (WALL, ""), Median(report.wall_ms, report.wall_error_ms)
-    yield (FRAME, ""), Median(report.ms, report.error_ms)
+        yield (WALL, ""), OldTime(ms=report.wall_ms, error_ms=report.wall_error_ms)
+    yield (FRAME, ""), OldTime(ms=report.ms, error_ms=report.error_ms)
     for row in report.passes:
-        yield (row.name, ""), Median(row.ms, row.error_ms)
+        yield (row.name, ""), row
         for part in row.parts:
-            yield (row.name, part.name), Median(part.ms, part.error_ms)
+            yield (row.name, part.name), part

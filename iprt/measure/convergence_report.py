@@ -29,7 +29,14 @@ def convergence_grid(curves: Sequence[Curve]) -> Grid:
     intervals = curves[0].points[0].ssim.half is not None
     return Grid(
         title="Accuracy after so many frames (Mitsuba: samples per pixel)",
-        columns=("view", "settings", "count", "s", *_cut_names(cuts), "SSIM"),
+        columns=(
+            "view",
+            "settings",
+            "count",
+            "s",
+            *(f"SSIM cut {index + 1}" for index in range(cuts)),
+            "SSIM",
+        ),
         rows=tuple(rows),
         notes=(f"±: {CONFIDENCE:.0%} confidence over seeds.",) if intervals else (),
         words=2,
@@ -90,7 +97,3 @@ def _series(curve: Curve, cut: int | None) -> Series:
 def _cuts(curve: Curve) -> list[int | None]:
     """The cuts of a curve's view; of a view without cuts the whole of it."""
     return list(range(len(curve.points[0].ssim_cuts))) or [None]
-
-
-def _cut_names(count: int) -> list[str]:
-    return [f"SSIM cut {index + 1}" for index in range(count)]

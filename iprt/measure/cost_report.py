@@ -38,6 +38,10 @@ class CostReport:
     wall : Timing or None
         From asking for a frame until the device has finished it, as one clock shows it: passes,
         Python, and waiting. The picture stays on the device. None where pictures were read.
+    host : Timing or None
+        Of the processor, for the thread that asks for frames; None where `wall` is.
+    synchronisations : float or None
+        How often per frame, before it ends, that thread waits for the device.
     frame : Timing
         All passes of a frame together.
     traced : float or None
@@ -59,6 +63,8 @@ class CostReport:
     settings: Settings
     frames: int
     wall: Timing | None
+    host: Timing | None
+    synchronisations: float | None
     frame: Timing
     traced: float | None
     prepare_ms: float
@@ -78,14 +84,18 @@ class CostReport:
         settings: Settings,
         prepare_ms: float,
         walls: Sequence[float] = (),
+        hosts: Sequence[float] = (),
+        synchronisations: float | None = None,
         traced: float | None = None,
     ) -> CostReport:
         """Costs of the frames that the device's profile holds, at least one.
 
         Parameters
         ----------
-        walls : sequence of float
-            Milliseconds of each frame; see `wall`.
+        walls, hosts : sequences of float
+            Milliseconds of each frame; see `wall` and `host`.
+        synchronisations : float or None
+            See there.
         """
         profile = device.profile
         frames = profile.kept_frames()
@@ -96,6 +106,8 @@ class CostReport:
             settings=settings,
             frames=profile.frames,
             wall=Timing.of(walls) if walls else None,
+            host=Timing.of(hosts) if hosts else None,
+            synchronisations=synchronisations,
             frame=frame_timing(frames),
             traced=traced,
             prepare_ms=prepare_ms,
@@ -116,6 +128,11 @@ class CostReport:
         return sum(self.compiled.values()) + sum(self.first_launches.values())
 
     @property
+    def launches(self) -> float:
+        """Of kernels, and transfers, per frame."""
+        return sum(row.launches for row in self.passes)
+
+    @property
     def wall_ms(self) -> float:
         """Median. There must be a `wall`."""
         assert self.wall is not None
@@ -134,6 +151,8 @@ class CostReport:
             "height": self.view.height,
             "frames": self.frames,
             **_timing(self.wall, "wall_"),
+            **_timing(self.host, "host_"),
+            "synchronisations": self.synchronisations,
             **_timing(self.frame),
             "traced": self.traced,
             "prepare_ms": self.prepare_ms,

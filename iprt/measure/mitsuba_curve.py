@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from iprt.measure.compare import scored
@@ -52,7 +53,8 @@ def run_mitsuba(
         runs: list[list[Any]] = [[] for _ in range(seeds)]
         for count in counts:
             for index, run in enumerate(runs):
-                seconds, color = _timed(frame, target, instances, parts, count, seed + index)
+                given = (frame, target, instances, parts, count, seed + index)
+                seconds, color = _timed(partial(_render, *given))
                 run.append((seconds, scored(target, color, f"{label}, {count} samples")))
                 done += count
                 if progress is not None:
@@ -60,18 +62,11 @@ def run_mitsuba(
         yield curve(target.name, label, counts, runs)
 
 
-def _timed(
-    frame: Frame,
-    target: Target,
-    instances: Sequence[Instance],
-    parts: Mapping[str, Any] | None,
-    count: int,
-    seed: int,
-) -> tuple[float, Radiance]:
+def _timed(render: Callable[[], Radiance]) -> tuple[float, Radiance]:
     times: list[float] = []
     while len(times) < 2:
         start = time.perf_counter()
-        color = _render(frame, target, instances, parts, count, seed)
+        color = render()
         times.append(time.perf_counter() - start)
         if times[0] > QUICK_S:
             break
@@ -98,5 +93,4 @@ def _render(
     if target.background is None:
         return result.color
     uncovered = 1.0 - result.coverage[..., None]
-    color: Radiance = uncovered * target.background * result.ratio + result.objects
-    return color
+    return uncovered * target.background * result.ratio + result.objects

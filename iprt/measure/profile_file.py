@@ -49,21 +49,24 @@ def write_profile(path: Path, report: CostReport) -> None:
 Milliseconds = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 
 
-class OldPart(BaseModel):
+class OldTime(BaseModel):
+    """A median over frames and its standard error, if known."""
+
+    ms: Milliseconds
+    error_ms: Milliseconds | None
+
+
+class OldPart(OldTime):
     """A kernel, a kind of transfer, or host work, as `PartRow`."""
 
     name: str
     kind: str
-    ms: Milliseconds
-    error_ms: Milliseconds | None
 
 
-class OldPass(BaseModel):
+class OldPass(OldTime):
     """A pass; see `PassRow`."""
 
     name: str
-    ms: Milliseconds
-    error_ms: Milliseconds | None
     parts: list[OldPart]
 
 

@@ -164,18 +164,14 @@ class FlickerMeter:
         motion : (H, W, 2)
             See `compensated`.
         """
-        if self._last is not None:
-            self._add_change(self._last, (shown, reference, kinds), motion)
-        self._last = shown, reference, kinds
-
-    def _add_change(self, before: _Picture, now: _Picture, motion: NDArray[np.floating]) -> None:
-        if before[1] is None or now[1] is None:
+        before, self._last = self._last, (shown, reference, kinds)
+        if before is None or before[1] is None or reference is None:
             return
-        output = np.abs(now[0] - compensated(before[0], motion)[0]).mean(axis=-1)
-        reference = np.abs(now[1] - compensated(before[1], motion)[0]).mean(axis=-1)
+        change = np.abs(shown - compensated(before[0], motion)[0]).mean(axis=-1)
+        expected = np.abs(reference - compensated(before[1], motion)[0]).mean(axis=-1)
         for kind in KINDS:
-            counted = now[2][kind] & was_so(before[2][kind], motion)
-            self._sums[kind] += (output[counted].sum(), reference[counted].sum(), counted.sum())
+            counted = kinds[kind] & was_so(before[2][kind], motion)
+            self._sums[kind] += (change[counted].sum(), expected[counted].sum(), counted.sum())
 
     def result(self, kind: Kind) -> Flicker:
         output, reference, pixels = self._sums[kind]

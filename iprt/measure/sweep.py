@@ -9,7 +9,8 @@ from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any, get_args
 
 from iprt.errors import IprtError
-from iprt.measure.bench import WARM_UP, benchmark
+from iprt.measure.bench import WARM_UP, timed
+from iprt.measure.camera_motion import Turn
 from iprt.measure.compare import render_target, scored
 from iprt.measure.cost_report import CostReport
 from iprt.measure.intervals import Estimate
@@ -206,16 +207,8 @@ def run_sweep(
                 first = color if first is None else first
                 done += frames
             assert first is not None
-            bench = benchmark(
-                device,
-                frame,
-                instances,
-                target.view,
-                combination.settings,
-                scene=scene.name,
-                frames=frames,
-                progress=forward,
-            )
+            turn = Turn(frame, instances, target.view, combination.settings)
+            bench = timed(device, turn, scene=scene.name, frames=frames, progress=forward)
             done += WARM_UP + frames
             yield _outcome(combination, target, bench, scores), first
 

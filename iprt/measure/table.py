@@ -115,6 +115,12 @@ def _notes(report: CostReport) -> tuple[str, ...]:
         notes.append(
             f"wall: {wall.ms:.2f} ms/frame (p95 {wall.p95_ms:.2f}), {1e3 / wall.ms:.1f} frames/s"
         )
+    if report.host is not None:
+        notes.append(
+            f"host: {report.host.ms:.2f} ms/frame of the thread that asks for frames, "
+            f"{report.launches:.4g} launches, "
+            f"{report.synchronisations:.4g} synchronisations with the device"
+        )
     if report.traced is not None:
         notes.append(f"real surfaces relit by rays at {report.traced:.1%} of the pixels")
     notes.append(

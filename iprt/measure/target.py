@@ -229,8 +229,7 @@ def _reduced(image: Radiance, factor: int) -> Radiance:
     """Means of blocks of `factor` x `factor` pixels: what a box filter of that size shows."""
     height, width = image.shape[0] // factor, image.shape[1] // factor
     blocks = image.reshape(height, factor, width, factor, 3)
-    means: Radiance = blocks.mean(axis=(1, 3), dtype=np.float64).astype(np.float32)
-    return means
+    return np.asarray(blocks.mean(axis=(1, 3), dtype=np.float64).astype(np.float32))
 
 
 def reduced_cut(cut: metrics.Cut, factor: int) -> metrics.Cut:

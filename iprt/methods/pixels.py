@@ -73,7 +73,6 @@ class RealPixels:
         if cache is not None:
             cache.run(
                 world.arguments(self._features),
-                world.bounds,
                 self._guide,
                 mask,
                 context.view,

@@ -35,19 +35,15 @@ class ReflectionMotion:
             `View.kernel_constants()` of the previous picture.
         """
         guide = self._guide
-        width, height = guide.layout.width, guide.layout.height
         with self._device.profile.section("temporal"):
             self._kernel(
-                (width, height),
-                guide.current,
-                guide.previous,
-                motion,
-                roughness,
-                hit,
-                previous,
-                self._moved,
-                width,
-                height,
-                *guide.camera_argument,
+                guide.layout.size,
+                guide.arguments(),
+                guide.motion_arguments(),
+                motion=motion,
+                roughness=roughness,
+                hit=hit,
+                view=previous,
+                moved=self._moved,
             )
         return self._moved

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pyopencl.array as cla
 
 from iprt.device.compute import ComputeDevice
@@ -58,16 +60,15 @@ class Relight:
         touched : 1 plane
             `Mask.touched`: written where objects change much; the estimator "ratio" has done that.
         """
-        black = float(BLACK * world.panorama.mean_radiance)
-        width, height = self._guide.layout.width, self._guide.layout.height
+        known: dict[str, Any] = {"black": BLACK * world.panorama.mean_radiance}
+        if cache is not None:
+            known = {**cache.arguments(world.panorama), "touched": touched}
         with self._device.profile.section("relight"):
             self._kernel(
-                (width, height),
-                self._guide.current,
-                signal,
-                colour,
-                self.ratio,
-                *((*cache.arguments(world.panorama), touched) if cache else (black,)),
-                width,
-                height,
+                self._guide.layout.size,
+                self._guide.arguments(),
+                known,
+                signal=signal,
+                colour=colour,
+                ratio=self.ratio,
             )

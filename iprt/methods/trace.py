@@ -17,10 +17,16 @@ from iprt.world.world import World
 
 def traced_arguments(
     guide: Guide, mask: Mask, view: cla.Array, rays: int, seed: int
-) -> tuple[Any, ...]:
-    """What `TRACED_PARAMETERS` of `cl/lib/methods/traced.h` declares, in order."""
-    size = (guide.layout.width, guide.layout.height)
-    return (*size, rays, seed, mask.traced, mask.count, guide.current, view)
+) -> dict[str, Any]:
+    """`TRACED_PARAMETERS` of `cl/lib/methods/traced.h`."""
+    return {
+        **guide.arguments(),
+        "rays": rays,
+        "frame_seed": seed,
+        "list": mask.traced,
+        "count": mask.count,
+        "view": view,
+    }
 
 
 class TraceReal:
@@ -64,12 +70,12 @@ class TraceReal:
         with self._device.profile.section("trace real"):
             self._kernel(
                 (guide.layout.width * guide.layout.height,),
-                *traced_arguments(guide, mask, view, settings.trace.rays, settings.seed),
-                *world.arguments(self._features),
-                *((*cache.arguments(world.panorama), least) if cache else ()),
-                self._samples,
-                self.signal,
-                *(() if cache else (mask.touched,)),
+                traced_arguments(guide, mask, view, settings.trace.rays, settings.seed),
+                world.arguments(self._features),
+                {"touched": mask.touched} if cache is None else cache.arguments(world.panorama),
+                {} if cache is None else {"least": least},
+                samples=self._samples,
+                signal=self.signal,
             )
 
 
@@ -91,7 +97,7 @@ class TraceVirtual:
         self._guide = guide
         self._features = features
         defines = guide.defines(
-            RELIT=features.relit_reflections,
+            **features.relit_defines(),
             JITTER=features.jitter,
             **features.gloss_defines(),
         )
@@ -118,13 +124,11 @@ class TraceVirtual:
         with self._device.profile.section("trace virtual"):
             self._kernel(
                 (guide.layout.width * guide.layout.height,),
-                *traced_arguments(guide, mask, view, settings.trace.object_rays, settings.seed),
-                albedo,
-                history,
-                *world.arguments(self._features),
-                self._samples,
-                self.diffuse,
-                self.specular,
-                self.hit,
-                mask.touched,
+                traced_arguments(guide, mask, view, settings.trace.object_rays, settings.seed),
+                world.arguments(self._features),
+                {"diffuse": self.diffuse, "specular": self.specular, "hit_distance": self.hit},
+                albedo=albedo,
+                history=history,
+                samples=self._samples,
+                touched=mask.touched,
             )

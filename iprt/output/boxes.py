@@ -19,8 +19,6 @@ from iprt.errors import FormatError
 
 CONTAINERS = (b"moov", b"trak", b"mdia", b"minf", b"stbl")
 """Boxes that hold nothing but boxes, down to the tables that are changed here."""
-ENTRY_FIELDS = 78
-"""Bytes of a picture format (`avc1`, `hvc1`) before the boxes in it."""
 _LARGE = 2**32
 _COPY_BYTES = 2**22
 

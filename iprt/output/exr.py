@@ -46,7 +46,8 @@ def write_exr(
     """
     import OpenEXR
 
-    _require_image("color", color)
+    if color.ndim != 3 or color.shape[2] != 3 or color.size == 0:
+        raise FormatError(f"color: expected an image of shape (H, W, 3), got {color.shape}")
     if half:
         pixels: NDArray[Any] = np.clip(color, -_HALF_MAX, _HALF_MAX).astype(np.float16)
     else:
@@ -78,8 +79,3 @@ def _layer_channels(name: str, layer: NDArray[Any]) -> dict[str, NDArray[np.floa
         f"{name}.{suffixes[i]}": np.ascontiguousarray(values[..., i])
         for i in range(values.shape[2])
     }
-
-
-def _require_image(name: str, image: NDArray[Any]) -> None:
-    if image.ndim != 3 or image.shape[2] != 3 or image.size == 0:
-        raise FormatError(f"{name}: expected an image of shape (H, W, 3), got {image.shape}")

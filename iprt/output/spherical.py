@@ -29,11 +29,8 @@ def is_spherical(path: Path) -> bool:
 
 def equirect_boxes() -> dict[bytes, bytes]:
     """Boxes of an equirect video for one eye: additions for `index_first`."""
-    return {b"stsd": _stereo() + _projection(), b"trak": box(b"uuid", XML_ID, _xml().encode())}
-
-
-def _stereo() -> bytes:
-    return full_box(b"st3d", bytes([MONO]))
+    stereo = full_box(b"st3d", bytes([MONO]))
+    return {b"stsd": stereo + _projection(), b"trak": box(b"uuid", XML_ID, _xml().encode())}
 
 
 def _projection() -> bytes:

@@ -12,6 +12,7 @@ from PIL import Image, ImageDraw
 from iprt.files.atomic import replacing
 from iprt.footage.frame import Frame
 from iprt.geometry.camera import View, equirect_pixel
+from iprt.geometry.mesh import transformed
 from iprt.output.tone import developed
 from iprt.scene.scene import Scene
 
@@ -37,11 +38,12 @@ def write_thumbnail(path: Path, scene: Scene, frame: Frame) -> None:
         _label(draw, (x + 4, HEIGHT // 2 + 4), label, _AXIS_COLOR)
     for entry in scene.views.values():
         pixels = equirect_pixel(_border(entry.view), WIDTH, HEIGHT)
-        _polyline(draw, pixels)
+        for start, end in pairwise(pixels):
+            if abs(start[0] - end[0]) < WIDTH / 2:  # does not jump across the seam
+                draw.line([tuple(start), tuple(end)], fill=_VIEW_COLOR, width=2)
         _label(draw, tuple(pixels[0] + (4, 2)), entry.name, _VIEW_COLOR)
     for instance in scene.instances:
-        matrix = instance.to_world
-        center = matrix[:3, :3] @ instance.mesh.positions.mean(axis=0) + matrix[:3, 3]
+        center = transformed(instance.to_world, instance.mesh.positions.mean(axis=0))
         x, y = equirect_pixel(center, WIDTH, HEIGHT)
         draw.ellipse([x - 4, y - 4, x + 4, y + 4], outline=_OBJECT_COLOR, width=2)
         _label(draw, (x + 6, y - 6), instance.name, _OBJECT_COLOR)
@@ -54,15 +56,7 @@ def _border(view: View) -> NDArray[np.float64]:
     t = np.linspace(0.0, 1.0, 65)
     square = [(t, 0 * t), (0 * t + 1, t), (t[::-1], 0 * t + 1), (0 * t, t[::-1])]
     pixels = np.concatenate([np.stack(side, axis=-1) for side in square])
-    directions: NDArray[np.float64] = view.unproject(pixels * (view.width, view.height))
-    return directions
-
-
-def _polyline(draw: ImageDraw.ImageDraw, pixels: NDArray[np.float64]) -> None:
-    """Lines between points, except where they jump across the seam."""
-    for start, end in pairwise(pixels):
-        if abs(start[0] - end[0]) < WIDTH / 2:
-            draw.line([tuple(start), tuple(end)], fill=_VIEW_COLOR, width=2)
+    return view.unproject(pixels * (view.width, view.height))
 
 
 def _label(

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import SceneError
-from iprt.geometry.mesh import Instance, Mesh, motion_between
+from iprt.geometry.mesh import Instance, Mesh, cofactors, motion_between, transformed
 from iprt.raster.region import box_corners
 from iprt.raster.targets import texture_bytes
 
@@ -73,7 +73,7 @@ class Part:
     @property
     def corners(self) -> Float:
         """(8, 3) world-space corners of a box around the part, as `region.box_rects` reads."""
-        return _transform(self.to_world, self.object_box)
+        return transformed(self.to_world, self.object_box)
 
     @property
     def motion(self) -> Float:
@@ -161,15 +161,12 @@ class WorldGeometry:
     def _upload(self, part: Part) -> None:
         """Write one instance's world-space vertices."""
         mesh = part.instance.mesh
-        linear = part.to_world[:3, :3]
-        # Normals go by the inverse transpose. The cofactors are a multiple of it that flattening
-        # transforms have too.
-        cofactors = np.stack([np.cross(linear[i - 2], linear[i - 1]) for i in range(3)])
-        normals = mesh.normals @ (-cofactors if part.mirrored else cofactors).T
+        side = -1.0 if part.mirrored else 1.0
+        normals = mesh.normals @ (side * cofactors(part.to_world[:3, :3])).T
         length = np.linalg.norm(normals, axis=1, keepdims=True)
         texels = np.zeros((len(mesh.positions), 2, 4), np.float32)
         with np.errstate(invalid="ignore", over="ignore"):  # corners of triangles left out
-            texels[:, 0, :3] = _transform(part.to_world, mesh.positions)
+            texels[:, 0, :3] = transformed(part.to_world, mesh.positions)
         corners = texels[:, 0, :3][part.triangles]
         self.positions.write(corners, offset=part.first_triangle * _CORNERS_BYTES)
         np.divide(normals, length, out=texels[:, 1, :3], where=length > 0.0, casting="same_kind")
@@ -248,8 +245,7 @@ def _drawing_order(mesh: Mesh) -> NDArray[np.int64]:
     cells = np.minimum((centres - low) / extent * (1 << _CURVE_BITS), (1 << _CURVE_BITS) - 1)
     bits = cells.astype(np.int64)[:, :, None] >> np.arange(_CURVE_BITS) & 1
     code = (bits << (3 * np.arange(_CURVE_BITS) + np.arange(3)[:, None])).sum(axis=(1, 2))
-    order: NDArray[np.int64] = drawable[np.argsort(code, kind="stable")]
-    return order
+    return drawable[np.argsort(code, kind="stable")]
 
 
 def _affine(name: str, matrix: NDArray[np.floating]) -> Float:
@@ -257,11 +253,6 @@ def _affine(name: str, matrix: NDArray[np.floating]) -> Float:
     if checked.shape != (4, 4) or not np.isfinite(checked).all():
         raise SceneError(f"object {name}: to_world must be 4x4 finite numbers, got {matrix!r}")
     return checked
-
-
-def _transform(matrix: Float, points: NDArray[np.floating]) -> Float:
-    moved: Float = points @ matrix[:3, :3].T + matrix[:3, 3]
-    return moved
 
 
 def _rows(count: int, width: int) -> int:

@@ -168,8 +168,10 @@ class Rasterizer:
             return _nothing(view, shade)
         regions = merge([rect for _, rects in visible for rect in rects])
         frame = _Frame(self._programs_for(view), self._targets_for(view), visible, regions)
+        reach = max(float(np.abs(part.corners).max()) for part in self._geometry.parts)
+        uniforms = _view_uniforms(view) | {"depth_scale": max(1e-30, reach / 16.0)}
         for program in vars(frame.programs).values():
-            set_uniforms(program, _view_uniforms(view) | {"depth_scale": self._depth_scale()})
+            set_uniforms(program, uniforms)
         self._see(frame)
         self._shade(frame)
         targets = frame.targets
@@ -178,7 +180,8 @@ class Rasterizer:
             front = Layer(targets.front.read(0, regions), targets.front.read(1, regions))
             return ObjectLayers(front, back)
 
-        set_uniforms(frame.programs.finish, _previous_uniforms(previous))
+        before = {f"previous_{key}": value for key, value in _view_uniforms(previous).items()}
+        set_uniforms(frame.programs.finish, before)
         for region in regions:
             for tile in region.tiles(_TILE):
                 self._finish(frame, tile)
@@ -287,11 +290,6 @@ class Rasterizer:
             vertices.render(moderngl.TRIANGLES, 3)
         vertices.release()
 
-    def _depth_scale(self) -> float:
-        """A distance around which objects lie, for the depth buffer."""
-        reach = [float(np.abs(part.corners).max()) for part in self._geometry.parts]
-        return max([1e-30, *(r / 16.0 for r in reach)])
-
     def _programs_for(self, view: View) -> Programs:
         if view.projection not in self._programs:
             self._programs[view.projection] = Programs.build(
@@ -331,14 +329,6 @@ def _view_uniforms(view: View) -> dict[str, Any]:
         "focal_px": view.focal_px,
         "view_size": (view.width, view.height),
         "tolerance": COVERAGE_TOLERANCE,
-    }
-
-
-def _previous_uniforms(view: View) -> dict[str, Any]:
-    return {
-        "previous_world_from_view": tuple(view.world_from_view.T.ravel()),
-        "previous_focal_px": view.focal_px,
-        "previous_size": (view.width, view.height),
     }
 
 

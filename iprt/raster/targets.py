@@ -104,13 +104,16 @@ class Targets:
         )
 
     @property
+    def _all(self) -> tuple[Target, ...]:
+        return self.facing, self.away, self.front, self.back, self.display
+
+    @property
     def nbytes(self) -> int:
         """Bytes of all images and of the depth."""
-        targets = (self.facing, self.away, self.front, self.back, self.display)
         width, height = self.size
-        return sum(target.nbytes for target in targets) + DEPTH_BYTES * width * height
+        return sum(target.nbytes for target in self._all) + DEPTH_BYTES * width * height
 
     def release(self) -> None:
-        for target in (self.facing, self.away, self.front, self.back, self.display):
+        for target in self._all:
             target.release()
         self.depth.release()

@@ -17,7 +17,7 @@ from iprt.files.toml_text import parse_toml
 from iprt.files.untrusted import MAX_OBJECTS
 from iprt.geometry.animated_mesh import load_animated_mesh
 from iprt.geometry.gltf_clip import animation_names
-from iprt.geometry.mesh import Instance, Mesh
+from iprt.geometry.mesh import Instance, Mesh, transformed
 from iprt.geometry.mesh_files import MeshFile
 from iprt.geometry.meshes import load_mesh
 from iprt.scene.edit import (
@@ -185,7 +185,7 @@ def _mesh(file: MeshFile, animation: str | int | None, *, allow_outside: bool) -
 def _base(corners: Corners, to_world: NDArray[np.float64]) -> NDArray[np.float64]:
     """The middle of the lower side of the box around the placed mesh."""
     ends = np.stack(np.meshgrid(*np.transpose(corners), indexing="ij"), axis=-1).reshape(-1, 3)
-    placed = ends @ to_world[:3, :3].T + to_world[:3, 3]
+    placed = transformed(to_world, ends)
     middle: NDArray[np.float64] = 0.5 * (placed.min(axis=0) + placed.max(axis=0))
     middle[1] = placed[:, 1].min()
     return middle

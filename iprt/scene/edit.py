@@ -68,7 +68,12 @@ def new_scene(
     require_sources(sources)
     first, last = _frame_range(color)
     if depth is not None and not code.is_known:
-        _require_metres(frame_path(Path(), str(depth), first))
+        picture = frame_path(Path(), str(depth), first)
+        if is_container(Path(), str(picture)) or read_depth(picture)[1]:
+            raise SceneError(
+                f"{picture}: stores integers; give --depth-scale, the metres of one step "
+                "(0.001 for millimetres), or --depth-range, the metres of black and of white"
+            )
     is_video = is_container(Path(), str(color))
     entries: dict[str, Any] = {
         **{key: str(path) for key, path in sources.items()},
@@ -89,19 +94,12 @@ def new_scene(
         for key, path in sources.items()
         for index in source.indices
     }
-    text = _manifest_text(_scene_name(folder), names, code, None if is_video else (first, last))
+    name = re.sub(r"[/\\\n]", "-", folder.resolve().name) or "scene"
+    text = _manifest_text(name, names, code, None if is_video else (first, last))
     parse_manifest(text, str(folder / MANIFEST_NAME))
     with copied(copies), replacing(folder / MANIFEST_NAME) as temporary:
         temporary.write_text(text, encoding="utf-8")
     return len(source.indices)
-
-
-def _require_metres(depth: Path) -> None:
-    if is_container(Path(), str(depth)) or read_depth(depth)[1]:
-        raise SceneError(
-            f"{depth}: stores integers; give --depth-scale, the metres of one step "
-            "(0.001 for millimetres), or --depth-range, the metres of black and of white"
-        )
 
 
 def parse_material(text: str) -> dict[str, Any]:
@@ -209,10 +207,6 @@ def _target_name(key: str, path: Path) -> str:
     conversion = FRAME_PATTERN.search(path.name)
     number = f".{conversion[0]}" if conversion else ""
     return f"{key}{number}{path.suffix.lower()}"
-
-
-def _scene_name(folder: Path) -> str:
-    return re.sub(r"[/\\\n]", "-", folder.resolve().name) or "scene"
 
 
 def table_text(key: str, **values: Any) -> str:

@@ -193,13 +193,8 @@ class _RealMaterialTable(Table, ABC):
         """The reflectance that the kind stands for."""
 
 
-class RealConductorTable(_RealMaterialTable):
-    kind: Literal["conductor"]
-    reflectance: Color
-    alpha: Unit = 0.1
-
-    def material(self) -> Material:
-        return Material("conductor", _triple(self.reflectance), alpha=self.alpha)
+class RealConductorTable(ConductorTable, _RealMaterialTable):
+    """A metal, as objects have them."""
 
 
 class RealPlasticTable(_RealMaterialTable):
@@ -298,37 +293,33 @@ def parse_manifest(text: str, source: str) -> Manifest:
         manifest = Manifest.model_validate(data)
     except ValidationError as error:
         faults = error.errors()[: MAX_PROBLEMS + 1]
-        problems = [describe(fault, data, _models(fault["loc"])) for fault in faults]
+        problems = [describe(fault, data, _table_of(fault["loc"])) for fault in faults]
     problems += islice(cross_problems(data), MAX_PROBLEMS + 1)
     if problems or manifest is None:
         raise problems_error(source, problems)
     return manifest
 
 
-def _models(location: tuple[Any, ...]) -> list[type[BaseModel]]:
-    """The tables whose keys a problem's innermost key may have meant."""
-    kinds: dict[Any, type[BaseModel]] = {
-        "diffuse": DiffuseTable,
-        "conductor": ConductorTable,
-        "plastic": PlasticTable,
-    }
-    if location[0] == "real_materials":
-        real: dict[Any, type[BaseModel]] = {
-            "conductor": RealConductorTable,
-            "plastic": RealPlasticTable,
-            "plane": PlaneTable,
-        }
-        return [real[step] for step in location[:-1] if step in real][-1:]
-    if "keyframes" in location[:-1]:
-        return [ObjectKeyframe if location[0] == "objects" else ViewKeyframe]
-    if "material" in location:
-        return [kinds[step] for step in location if step in kinds][:1]
-    tables: dict[Any, type[BaseModel]] = {
-        "video": VideoTable,
-        "objects": ObjectTable,
-        "views": ViewTable,
-    }
-    return [tables.get(location[0], Manifest) if len(location) > 1 else Manifest]
+_TABLES: dict[tuple[str, str], type[BaseModel]] = {
+    ("video", "video"): VideoTable,
+    ("objects", "objects"): ObjectTable,
+    ("objects", "keyframes"): ObjectKeyframe,
+    ("objects", "diffuse"): DiffuseTable,
+    ("objects", "conductor"): ConductorTable,
+    ("objects", "plastic"): PlasticTable,
+    ("real_materials", "conductor"): RealConductorTable,
+    ("real_materials", "plastic"): RealPlasticTable,
+    ("real_materials", "plane"): PlaneTable,
+    ("views", "views"): ViewTable,
+    ("views", "keyframes"): ViewKeyframe,
+}
+"""Tables by the first and the last name on the way to their keys."""
+
+
+def _table_of(location: tuple[Any, ...]) -> type[BaseModel] | None:
+    """The table whose keys a problem's innermost key may have meant."""
+    names = [step for step in location[:-1] if isinstance(step, str)]
+    return _TABLES.get((names[0], names[-1])) if names else Manifest
 
 
 def _triple(values: list[float]) -> tuple[float, float, float]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -16,8 +17,9 @@ from iprt.geometry.animated_mesh import AnimatedMesh, load_animated_mesh
 from iprt.geometry.keyframes import ObjectMotion
 from iprt.geometry.material import Material
 from iprt.geometry.mesh import Instance, Mesh
+from iprt.geometry.mesh_materials import DEFAULT_MATERIAL
 from iprt.geometry.meshes import load_mesh
-from iprt.scene.manifest import DiffuseTable, Manifest, ObjectTable
+from iprt.scene.manifest import DiffuseTable, Manifest
 
 AnyMesh = Mesh | AnimatedMesh
 
@@ -73,49 +75,29 @@ def load_objects(root: Path, manifest: Manifest, within: Path) -> tuple[SceneObj
     FormatError
         One cannot be read, or all of them together are too large.
     """
-    shelf = _Shelf(root, within)
+    texture = cache(lambda name: read_color(root / name))
+
+    @cache  # objects may share them
+    def mesh(name: str, animation: str | int | None, material: Material | None) -> AnyMesh:
+        if animation is None:
+            return load_mesh(root / name, material, within)
+        return load_animated_mesh(root / name, animation, material, within)
+
     objects: list[SceneObject] = []
     for table in manifest.objects:
+        own, material = table.material, None
+        if isinstance(own, DiffuseTable):
+            material = own.material(None if own.texture is None else texture(own.texture))
+        elif own is not None:
+            material = own.material()
+        loaded = mesh(table.mesh, table.animation, None if own is None else DEFAULT_MATERIAL)
+        if material is not None:
+            loaded = made_of(loaded, material)
         to_world = np.array(table.to_world, np.float64).reshape(4, 4)
         motion = ObjectMotion.of(to_world, table.keyframes)
-        objects.append(SceneObject(table.name, shelf.mesh(table), motion))
+        objects.append(SceneObject(table.name, loaded, motion))
         _require_readable(manifest.name, [entry.bound for entry in objects])
     return tuple(objects)
-
-
-class _Shelf:
-    """Meshes and textures that were read, which objects share."""
-
-    def __init__(self, root: Path, within: Path) -> None:
-        self._root, self._within = root, within
-        self._meshes: dict[tuple[str, bool, str | int | None], AnyMesh] = {}
-        self._textures: dict[str, NDArray[np.float32]] = {}
-
-    def mesh(self, table: ObjectTable) -> AnyMesh:
-        material = self._material(table)
-        key = (table.mesh, material is None, table.animation)
-        if key not in self._meshes:
-            self._meshes[key] = self._loaded(table, material)
-        mesh = self._meshes[key]
-        return mesh if material is None else made_of(mesh, material)
-
-    def _loaded(self, table: ObjectTable, material: Material | None) -> AnyMesh:
-        path = self._root / table.mesh
-        if table.animation is None:
-            return load_mesh(path, material, self._within)
-        return load_animated_mesh(path, table.animation, material, self._within)
-
-    def _material(self, table: ObjectTable) -> Material | None:
-        if table.material is None:
-            return None
-        if isinstance(table.material, DiffuseTable) and table.material.texture is not None:
-            return table.material.material(self._texture(table.material.texture))
-        return table.material.material()
-
-    def _texture(self, name: str) -> NDArray[np.float32]:
-        if name not in self._textures:
-            self._textures[name] = read_color(self._root / name)
-        return self._textures[name]
 
 
 def made_of(mesh: AnyMesh, material: Material) -> AnyMesh:
@@ -126,9 +108,9 @@ def made_of(mesh: AnyMesh, material: Material) -> AnyMesh:
 
 
 def _made_of(mesh: Mesh, material: Material) -> Mesh:
-    if len(mesh.materials) == 1 and mesh.materials[0] is material:
-        return mesh
-    return replace(mesh, materials=(material,), material_index=np.zeros_like(mesh.material_index))
+    one = len(mesh.materials) == 1
+    index = mesh.material_index if one else np.zeros_like(mesh.material_index)
+    return replace(mesh, materials=(material,), material_index=index)
 
 
 def _require_readable(scene: str, meshes: list[Mesh]) -> None:

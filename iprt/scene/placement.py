@@ -15,7 +15,7 @@ from iprt.footage.color_fit import weighted_quantile
 from iprt.footage.frame import Frame
 from iprt.footage.openings import solid_angles
 from iprt.geometry.camera import View, equirect_direction, equirect_texel
-from iprt.geometry.mesh import Instance, Mesh
+from iprt.geometry.mesh import Instance, Mesh, transformed
 from iprt.scene.stance import Stance
 
 Array = NDArray[np.float64]
@@ -162,13 +162,11 @@ class RealSurfaces:
         out = sideways[wall] / length[wall, None]
         depth = radius - np.einsum("ij,ij->i", offset[wall], out)
         worst = int(depth.argmax())
-        shift: Array = out[worst] * max(float(depth[worst]), 0.0)
-        return shift
+        return np.asarray(out[worst] * max(float(depth[worst]), 0.0))
 
     def standing(self, instance: Instance) -> Standing:
         """The place of an object."""
-        matrix = instance.to_world
-        vertices = instance.mesh.positions.astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
+        vertices = transformed(instance.to_world, instance.mesh.positions.astype(np.float64))
         row, column = equirect_texel(vertices, self._frame.width, self._frame.height)
         distance = np.linalg.norm(vertices, axis=1)
         hidden = float(np.mean(distance > 1.02 * self._frame.depth[row, column]))
@@ -317,5 +315,4 @@ def _smoothed(normal: NDArray[np.float32]) -> Array:
     mean = ndimage.uniform_filter(
         normal.astype(np.float64), _SMOOTHING_TEXELS, mode=("nearest", "wrap"), axes=(0, 1)
     )
-    unit: Array = mean / np.maximum(np.linalg.norm(mean, axis=-1, keepdims=True), 1e-12)
-    return unit
+    return np.asarray(mean / np.maximum(np.linalg.norm(mean, axis=-1, keepdims=True), 1e-12))

@@ -21,7 +21,7 @@ from iprt.footage.video.incidents import bad_frames
 from iprt.footage.video.sequence import frame_path
 from iprt.footage.video.source import RawFrame
 from iprt.footage.video.tracks import depth_code
-from iprt.geometry.mesh import Instance
+from iprt.geometry.mesh import Instance, transformed
 from iprt.scene.manifest import MANIFEST_NAME
 from iprt.scene.objects import SceneObject
 from iprt.scene.placement import RealSurfaces
@@ -243,8 +243,8 @@ def _collect(problems: list[str], scene: Scene, action: Callable[[], Any]) -> An
 def _describe_object(
     instance: Instance, entry: SceneObject, surfaces: RealSurfaces
 ) -> ObjectReport:
-    mesh, matrix = instance.mesh, instance.to_world
-    vertices = mesh.positions.astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
+    mesh = instance.mesh
+    vertices = transformed(instance.to_world, mesh.positions.astype(np.float64))
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     return ObjectReport(
         name=instance.name,

@@ -140,10 +140,10 @@ class Scene:
         """Display = sRGB of exposure times radiance."""
         return self.manifest.exposure
 
-    @cached_property
+    @property
     def size(self) -> tuple[int, int]:
         """Width and height of the panorama in pixels."""
-        return self.source.size()
+        return self.source.size
 
     @property
     def width(self) -> int:

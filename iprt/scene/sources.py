@@ -28,7 +28,13 @@ def require_sources(sources: dict[str, Path]) -> None:
     """
     for key, path in sources.items():
         if path.is_dir():
-            raise SceneError(_folder_problem(key, path))
+            pattern = pattern_in(path)
+            raise SceneError(
+                f"--{key} {path}: is a folder; name a picture or a video file in it"
+                if pattern is None
+                else f"--{key} {path}: is a folder; its numbered pictures are named by a pattern: "
+                f"--{key} {path / pattern}"
+            )
         if not FRAME_PATTERN.search(path.name) and not is_file(path):
             raise SceneError(f"--{key} {path}: no such file")
     color = sources["color"]
@@ -49,16 +55,6 @@ def require_frames(pattern: Path, files: list[Path]) -> None:
             f"{pattern}: of {counted(len(files), 'picture')}, {missing[0].name}{more} missing; "
             "number the pictures without gaps"
         )
-
-
-def _folder_problem(key: str, folder: Path) -> str:
-    pattern = pattern_in(folder)
-    if pattern is None:
-        return f"--{key} {folder}: is a folder; name a picture or a video file in it"
-    return (
-        f"--{key} {folder}: is a folder; its numbered pictures are named by a pattern: "
-        f"--{key} {folder / pattern}"
-    )
 
 
 def pattern_in(folder: Path) -> str | None:

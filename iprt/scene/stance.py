@@ -78,8 +78,7 @@ class Stance:
         upright = Rotation.from_euler(*_TO_UP[self.up], degrees=True)
         turned = Rotation.from_euler("y", self.turn_deg, degrees=True) * upright
         # Quarter turns to the digit, so that scene.toml has zeros.
-        matrix: Array = np.round(turned.as_matrix(), 12) + 0.0
-        return matrix
+        return np.asarray(np.round(turned.as_matrix(), 12) + 0.0)
 
     def scale(self, extent: Array, distance: float) -> float:
         """Metres of one unit of the file.

@@ -10,7 +10,12 @@ from iprt.device.compute import Define
 from iprt.footage.footage import Footage
 from iprt.footage.window_environment import OUTSIDE_ROWS
 from iprt.geometry.camera import View
-from iprt.geometry.material import Material, material_defines
+from iprt.geometry.material import (
+    DIFFUSE_KINDS,
+    SPECULAR_KINDS,
+    Material,
+    material_defines,
+)
 from iprt.settings.methods import Needs, method
 from iprt.settings.model import Settings
 
@@ -36,8 +41,8 @@ class Features:
         Something is inserted. Without, the picture is the panorama, resampled.
     tracing : bool
         Rays are traced.
-    diffuse, conductor, mirror, plastic : bool
-        Material kinds among the inserted objects.
+    materials : tuple of (str, bool)
+        `material_defines()` of the inserted objects: which kinds of reflectance they have.
     textured : bool
         One of them has a texture.
     deforming : bool
@@ -64,10 +69,7 @@ class Features:
 
     objects: bool
     tracing: bool
-    diffuse: bool
-    conductor: bool
-    mirror: bool
-    plastic: bool
+    materials: tuple[tuple[str, bool], ...]
     textured: bool
     deforming: bool
     equirect_view: bool
@@ -97,10 +99,7 @@ class Features:
         return cls(
             objects=bool(kinds),
             tracing=tracing,
-            diffuse=any(m.kind == "diffuse" for m in kinds),
-            conductor=any(m.kind == "conductor" and not m.is_mirror for m in kinds),
-            mirror=any(m.is_mirror for m in kinds),
-            plastic=any(m.kind == "plastic" for m in kinds),
+            materials=tuple(material_defines(kinds).items()),
             textured=any(m.texture is not None for m in kinds),
             deforming=deforming,
             equirect_view=view.projection == "equirect",
@@ -116,6 +115,10 @@ class Features:
             settings=settings,
         )
 
+    def has(self, *kinds: str) -> bool:
+        """An object has one of these kinds of reflectance, named as in `material_defines`."""
+        return any(needed for kind, needed in self.materials if kind in kinds)
+
     @property
     def gloss(self) -> bool:
         """Real surfaces reflect objects."""
@@ -124,12 +127,12 @@ class Features:
     @property
     def diffuse_signal(self) -> bool:
         """Objects reflect diffusely."""
-        return self.diffuse or self.plastic
+        return self.has(*DIFFUSE_KINDS)
 
     @property
     def specular_signal(self) -> bool:
         """Objects reflect glossily or as mirrors."""
-        return self.conductor or self.mirror or self.plastic
+        return self.has(*SPECULAR_KINDS)
 
     @property
     def relit(self) -> bool:
@@ -199,6 +202,10 @@ class Features:
             (settings.gloss, settings.irradiance, settings.seed, settings.check_kernels),
         )
 
+    def relit_defines(self) -> dict[str, Define]:
+        """`-D` variants of kernels whose rays meet real surfaces relit."""
+        return {"RELIT": self.relit_reflections, "RELIT_AROUND": self.ratio_map}
+
     def real_defines(self) -> dict[str, Define]:
         """`-D` variants of kernels whose rays meet real surfaces only: they are built alike,
         whatever the objects are made of.
@@ -215,10 +222,7 @@ class Features:
     def trace_defines(self) -> dict[str, Define]:
         """`-D` variants of kernels whose rays meet objects, too."""
         return self.real_defines() | {
-            "MATERIAL_DIFFUSE": self.diffuse,
-            "MATERIAL_CONDUCTOR": self.conductor,
-            "MATERIAL_MIRROR": self.mirror,
-            "MATERIAL_PLASTIC": self.plastic,
+            **dict(self.materials),
             "HAS_DIFFUSE": self.diffuse_signal,
             "HAS_SPECULAR": self.specular_signal,
             "DISTANT_ENVIRONMENT": not self.tracing,
@@ -236,7 +240,7 @@ class Features:
         defines = self.trace_defines()
         real = material_defines(self.real_materials)
         defines |= {name: bool(defines[name]) or needed for name, needed in real.items()}
-        return defines | {"REAL_GLOSS": self.gloss, "CELL": CELL if self.gloss else False}
+        return defines | {"GLOSS": self.gloss, "CELL": CELL if self.gloss else False}
 
     def describe(self) -> dict[str, bool]:
         """What is built and what is not, by name."""
@@ -244,8 +248,8 @@ class Features:
             "relighting of real surfaces (shadows, bounce light)": self.relit,
             "shading of virtual surfaces": self.objects,
             "diffuse reflection": self.diffuse_signal,
-            "glossy reflection": self.conductor or self.plastic,
-            "mirror reflection": self.mirror,
+            "glossy reflection": self.has("MATERIAL_CONDUCTOR", "MATERIAL_PLASTIC"),
+            "mirror reflection": self.has("MATERIAL_MIRROR"),
             "reflections in glossy real surfaces": self.gloss,
             "distant environment behind windows": self.opening_environment,
             "radiance apart from the displayed colour": self.separate_radiance,

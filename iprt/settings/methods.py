@@ -50,7 +50,7 @@ class Needs:
     irradiance : bool
         E_R of real surfaces, cached.
     gloss : bool
-        Highlights of glossy real surfaces are told from their diffuse part.
+        Highlights of glossy real surfaces are split from their diffuse part.
     relit_reflections : bool
         Objects reflect what objects do to real surfaces.
     ratio_rows : int

@@ -105,7 +105,7 @@ def assigned(settings: Settings, assignments: Iterable[Assignment]) -> Settings:
     values = plain_values(settings)
     sources: dict[str, str] = {}
     for item in assignments:
-        _require_knob(item)
+        _require_setting(item)
         values[item.key], sources[item.key] = item.value, item.source
     tables = _nested(values)
     own = tuple(
@@ -165,7 +165,7 @@ def read_settings(path: Path) -> list[Assignment]:
         shown = "{...}" if isinstance(value, dict) else printable(_toml_value(value), 100)
         assignments.append(Assignment(key, value, f"{path}: {printable(key)} = {shown}"))
     for item in assignments:
-        _require_knob(item)
+        _require_setting(item)
     return assignments
 
 
@@ -182,7 +182,7 @@ def parse_assignment(flag: str, text: str) -> Assignment:
     if not equals or not key or not value:
         raise IprtError(f"{flag} {text}: expected KEY=VALUE, such as trace.rays=4")
     item = Assignment(key, plain_value(value), f"{flag} {text}")
-    _require_knob(item)
+    _require_setting(item)
     return item
 
 
@@ -220,7 +220,7 @@ def settings_toml(settings: Settings, title: str) -> str:
     return "\n".join(lines)
 
 
-def _require_knob(item: Assignment) -> None:
+def _require_setting(item: Assignment) -> None:
     if item.key in all_settings():
         return
     if item.key in groups():

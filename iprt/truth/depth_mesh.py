@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from iprt.footage.frame import Frame
 from iprt.geometry.camera import View
 
+Ints = NDArray[np.int64]
+
 STEP = 0.03
 """A step in depth beyond what the tangent plane predicts, in units of the depth, that is a gap."""
 CREASE = 3.0
@@ -29,7 +31,7 @@ class DepthMesh:
     """
 
     positions: NDArray[np.float64]
-    triangles: NDArray[np.int64]
+    triangles: Ints
 
 
 def depth_mesh(frame: Frame) -> DepthMesh:
@@ -40,21 +42,15 @@ def depth_mesh(frame: Frame) -> DepthMesh:
     depth.
     """
     height, width = frame.height, frame.width
-    directions = View(width, height, projection="equirect").directions()
-    finite = np.isfinite(frame.depth)
-    depth = np.where(finite, frame.depth, 1.0).astype(np.float64)
-    normal = frame.normal.astype(np.float64)
+    texels = _Texels(frame)
+    finite, depth = (plane.reshape(height, width) for plane in (texels.finite, texels.depth))
     index = np.arange(height * width).reshape(height, width)
     east = np.roll(index, -1, axis=1)
-    step = max(STEP, CREASE * np.pi / height)
-    flat = (directions.reshape(-1, 3), depth.ravel(), normal.reshape(-1, 3), finite.ravel(), step)
     nw, ne, sw, se = index[:-1], east[:-1], index[1:], east[1:]
-    to_east, to_south = _joined(index, east, *flat), _joined(nw, sw, *flat)
+    to_east, to_south = texels.joined(index, east), texels.joined(nw, sw)
     # Each quad is cut along the diagonal whose ends fit each other better.
-    falling, rising = _misfit(nw, se, *flat[:3]), _misfit(ne, sw, *flat[:3])
-    fall_ok, rise_ok = _joined(nw, se, *flat), _joined(ne, sw, *flat)
-    falls = (falling <= rising) & fall_ok
-    rises = ~falls & rise_ok
+    falls = (texels.misfit(nw, se) <= texels.misfit(ne, sw)) & texels.joined(nw, se)
+    rises = ~falls & texels.joined(ne, sw)
     north, south = to_east[:-1], to_east[1:]
     west, right = to_south, np.roll(to_south, -1, axis=1)
     triangles = [
@@ -74,39 +70,35 @@ def depth_mesh(frame: Frame) -> DepthMesh:
         triangles.append(fan[keep])
         height_m = 1.0 / np.mean(1.0 / depth[row][finite[row]]) if finite[row].any() else 1.0
         caps.append((0.0, height_m if pole == zenith else -height_m, 0.0))
-    positions = (directions * depth[..., None]).reshape(-1, 3)
+    positions = texels.directions * texels.depth[:, None]
     return DepthMesh(np.vstack([positions, caps]), np.concatenate(triangles))
 
 
-def _misfit(
-    a: NDArray[np.int64],
-    b: NDArray[np.int64],
-    directions: NDArray[np.float64],
-    depth: NDArray[np.float64],
-    normal: NDArray[np.float64],
-) -> NDArray[np.float64]:
-    """Distance of one of two texels from the other's tangent plane, relative to the depth."""
+class _Texels:
+    """Texels of a frame by their number, row by row; depth is 1 where there is none."""
 
-    def off(here: NDArray[np.int64], there: NDArray[np.int64]) -> NDArray[np.float64]:
-        n = normal[here]
-        across = np.sum(n * directions[there], axis=-1)
-        along = np.sum(n * directions[here], axis=-1)
+    def __init__(self, frame: Frame) -> None:
+        view = View(frame.width, frame.height, projection="equirect")
+        self.directions = view.directions().reshape(-1, 3)
+        self.finite = np.isfinite(frame.depth).ravel()
+        self.depth = np.where(self.finite, frame.depth.ravel(), 1.0).astype(np.float64)
+        self._normal = frame.normal.reshape(-1, 3).astype(np.float64)
+        self._step = max(STEP, CREASE * np.pi / frame.height)
+
+    def joined(self, a: Ints, b: Ints) -> NDArray[np.bool_]:
+        """Whether pairs of texels lie on one surface."""
+        return self.finite[a] & self.finite[b] & (self.misfit(a, b) <= self._step)
+
+    def misfit(self, a: Ints, b: Ints) -> NDArray[np.float64]:
+        """Distance of one of two texels from the other's tangent plane, relative to the depth."""
+        return np.minimum(self._off(a, b), self._off(b, a))
+
+    def _off(self, here: Ints, there: Ints) -> NDArray[np.float64]:
+        n, depth = self._normal[here], self.depth
+        across = np.sum(n * self.directions[there], axis=-1)
+        along = np.sum(n * self.directions[here], axis=-1)
         # Planes seen from behind or edge-on predict nothing: infinitely off.
         fits = np.minimum(across, along) < -1e-3
         level = along / np.where(fits, across, 1.0)
         predicted = np.where(fits & (along < 0), depth[here] * level, np.inf)
         return np.abs(predicted - depth[there]) / np.minimum(depth[here], depth[there])
-
-    return np.minimum(off(a, b), off(b, a))
-
-
-def _joined(
-    a: NDArray[np.int64],
-    b: NDArray[np.int64],
-    directions: NDArray[np.float64],
-    depth: NDArray[np.float64],
-    normal: NDArray[np.float64],
-    finite: NDArray[np.bool_],
-    step: float,
-) -> NDArray[np.bool_]:
-    return finite[a] & finite[b] & (_misfit(a, b, directions, depth, normal) <= step)

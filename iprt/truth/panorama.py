@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -13,6 +14,7 @@ from iprt.footage.frame import Frame
 from iprt.geometry.camera import View
 from iprt.geometry.mesh import Instance
 from iprt.truth.denoise import denoise
+from iprt.truth.sensor import sensor
 from iprt.truth.shapes import instance_shapes
 
 Image = NDArray[np.float32]
@@ -85,33 +87,18 @@ def render_reference(
     return _render(world, view, spp, seed, clean)
 
 
-@dataclass
-class _Sums:
-    """Sums over samples: (pixels, channels) float64 each."""
-
-    background: Any = 0.0
-    objects: Any = 0.0
-    without: Any = 0.0
-    both: Any = 0.0
-    covered: Any = 0.0
-    hit_object: Any = 0.0
-    albedo: Any = 0.0
-    normal: Any = 0.0
-
-
 def _render(
     world: Any, view: View, spp: int, seed: int, clean: bool, *, ratio_only: bool = False
 ) -> Reference:
     pixels = view.width * view.height
     per_launch = max(1, min(spp, SAMPLES_AT_ONCE // pixels))
-    sums = _Sums()
+    sums: dict[str, Any] = defaultdict(float)
     for start in range(0, spp, per_launch):
         count = min(per_launch, spp - start)
         for name, values in _launch(world, view, count, seed * 65537 + start, ratio_only).items():
-            image = values.reshape(pixels, count, -1).sum(axis=1, dtype=np.float64)
-            setattr(sums, name, getattr(sums, name) + image)
+            sums[name] += values.reshape(pixels, count, -1).sum(axis=1, dtype=np.float64)
     shape = (view.height, view.width, -1)
-    mean = {name: (value / spp).reshape(shape) for name, value in vars(sums).items()}
+    mean = {name: (value / spp).reshape(shape) for name, value in sums.items()}
     coverage = mean["covered"].astype(np.float32)
     real = np.maximum(1.0 - mean["covered"], 1.0 / spp)
     background = (mean["background"] / real).astype(np.float32)
@@ -134,13 +121,15 @@ def _launch(
     world: Any, view: View, count: int, seed: int, ratio_only: bool
 ) -> dict[str, NDArray[np.float32]]:
     """`count` samples of every pixel: arrays (pixels * count, channels)."""
-    from iprt.truth.transport import dr, mi, view_directions
+    from iprt.truth.transport import dr, mi
 
     samples = view.width * view.height * count
     sampler = mi.load_dict({"type": "independent"})
     sampler.seed(seed % 2**32, samples)
-    directions = view_directions(view, sampler, dr.arange(mi.UInt32, samples) // count)
-    ray = mi.Ray3f(mi.Point3f(0.0), directions)
+    pixel, jitter = dr.arange(mi.UInt32, samples) // count, sampler.next_2d()
+    x, y = mi.Float(pixel % view.width) + jitter.x, mi.Float(pixel // view.width) + jitter.y
+    place = mi.Point2f(x / view.width, y / view.height)
+    ray, _ = sensor(view).sample_ray(0.0, 0.0, place, mi.Point2f(0.0))
     everywhere = dr.full(mi.Bool, True, samples)
     real = world.hit_real(ray.o, ray.d, everywhere)
     si = world.objects.ray_intersect(ray, everywhere)

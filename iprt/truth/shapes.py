@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.geometry.material import MIRROR_ALPHA, Material
-from iprt.geometry.mesh import Instance
+from iprt.geometry.mesh import Instance, transformed
 from iprt.truth.backend import mitsuba
 
 
@@ -95,7 +95,7 @@ def instance_shapes(instances: Sequence[Instance]) -> dict[str, Any]:
         mesh, to_world = instance.mesh, instance.to_world
         normals = mesh.normals @ np.linalg.inv(to_world[:3, :3])
         normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
-        positions = mesh.positions @ to_world[:3, :3].T + to_world[:3, 3]
+        positions = transformed(to_world, mesh.positions)
         placed = replace(
             mesh, positions=positions.astype(np.float32), normals=normals.astype(np.float32)
         )

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from iprt.footage.frame import LUMINANCE, Frame
 from iprt.footage.openings import solid_angles
-from iprt.geometry.camera import View
 from iprt.truth.backend import vector_mitsuba
 from iprt.truth.depth_mesh import depth_mesh
 
@@ -65,7 +64,6 @@ class World:
         self.real = mi.load_dict(
             {"type": "scene", "surface": _shape(mesh.positions, mesh.triangles)}
         )
-        self.has_objects = bool(shapes)
         self.objects = mi.load_dict({"type": "scene", **shapes})
         self._color = _texture(frame.radiance)
         self._normal = _texture(frame.normal)
@@ -233,21 +231,6 @@ class World:
         without += dr.select(free, light, 0.0)
         both += dr.select(free & ~hidden, light, 0.0)
         return without, both, blocked | hidden
-
-
-def view_directions(view: View, sampler: Any, pixel: Any) -> Any:
-    """Unit world directions through random points of pixels (row-major indices)."""
-    jitter = sampler.next_2d()
-    x = mi.Float(pixel % view.width) + jitter.x
-    y = mi.Float(pixel // view.width) + jitter.y
-    if view.projection == "equirect":
-        local = _equirect_direction(x / view.width, y / view.height)
-    else:
-        local = dr.normalize(
-            mi.Vector3f(x - 0.5 * view.width, 0.5 * view.height - y, -view.focal_px)
-        )
-    rows = [mi.Vector3f(*map(float, row)) for row in view.world_from_view]
-    return mi.Vector3f(*(dr.dot(row, local) for row in rows))
 
 
 def _shape(positions: NDArray[np.float64], triangles: NDArray[np.int64]) -> Any:

@@ -48,7 +48,7 @@ class Composite:
         defines = plane_defines(
             HAS_RATIO=self._relit,
             HAS_BASE=self._has_base(mapped),
-            HAS_GLOSS=self._gloss,
+            GLOSS=self._gloss,
             COLOR_MAP=mapped,
             HAS_OBJECTS=self._diffuse or self._specular,
             HAS_DIFFUSE=self._diffuse,
@@ -87,21 +87,18 @@ class Composite:
         color_map : (6, 4)
             `ColorMap.rows`: all but `colour` is in the colours that it takes the frame's to.
         """
-        width, height = self._layout.width, self._layout.height
-        parts: list[cla.Array | None] = [ratio] if self._relit else []
-        if self._has_base(color_map is not None):
-            parts.append(base)
-        if self._gloss:
-            parts.append(change)
-        if color_map is not None:
-            parts.append(color_map)
-        if self._diffuse or self._specular:
-            parts.append(coverage)
-        if self._diffuse:
-            parts += [albedo, diffuse]
-        if self._specular:
-            parts.append(specular)
+        given = {
+            "colour": colour,
+            "ratio": ratio,
+            "base": base,
+            "change": change,
+            "coverage": coverage,
+            "albedo": albedo,
+            "diffuse": diffuse,
+            "specular": specular,
+            "maps": color_map,
+        }
         kernel = self._kernel if color_map is None else self._mapped
         assert kernel is not None
         with self._device.profile.section("composite"):
-            kernel((width, height), colour, *parts, self.picture, width, height)
+            kernel(self._layout.size, self._layout.arguments(), given, picture=self.picture)

@@ -36,7 +36,7 @@ class DiffusePart:
             self._planes = device.zeros(f"{name} diffuse", layout.shape(3))
 
     def _variant(self, *, mapped: bool) -> Kernel:
-        defines = plane_defines(HIGHLIGHT=self._gloss, COLOR_MAP=mapped)
+        defines = plane_defines(GLOSS=self._gloss, COLOR_MAP=mapped)
         return self._device.kernel("view/diffuse_part.cl", "diffuse_part", defines)
 
     def run(
@@ -56,7 +56,11 @@ class DiffusePart:
         kernel = self._plain if color_map is None else self._mapped
         if kernel is None:
             return colour
-        parts = [part for part in (color_map, highlight) if part is not None]
-        width, height = self._layout.width, self._layout.height
-        kernel((width, height), colour, *parts, self._planes, width, height)
+        kernel(
+            self._layout.size,
+            self._layout.arguments(),
+            {"maps": color_map, "highlight": highlight},
+            colour=colour,
+            diffuse=self._planes,
+        )
         return self._planes

@@ -46,7 +46,7 @@ class RealLayer:
         their highlights; `radiated`: it shows what surfaces radiate to all sides; `camera`:
         `CameraMotion.rows`, where the camera moves; `color_map`: frames may come with one.
         """
-        self._camera: tuple[cla.Array, ...] = () if camera is None else (camera,)
+        self._camera = {} if camera is None else {"camera": camera}
         self._radiated = radiated
         self._device = device
         self._layout = layout
@@ -97,30 +97,32 @@ class RealLayer:
         color_map : (6, 4) or None
             `ColorMap.rows` of the frame.
         """
-        gloss: tuple[cla.Array | None, ...] = ()
-        if self.gloss is not None:
-            gloss = (panorama.gloss, panorama.highlight, real_materials)
-            gloss += (self.gloss, self.roughness, self._highlight)
-        width, height = self._layout.width, self._layout.height
+        gloss = {
+            "panorama_gloss": panorama.gloss,
+            "panorama_highlight": panorama.highlight,
+            "real_materials": real_materials,
+            "gloss": self.gloss,
+            "roughness": self.roughness,
+            "highlight": self._highlight,
+        }
         with self._device.profile.section("resample"):
             self._kernel(
-                (width, height),
-                width,
-                height,
-                view,
-                previous,
-                panorama.width,
-                panorama.height,
-                panorama.radiated if self._radiated else panorama.color,
-                panorama.surface,
-                panorama.range,
-                self.color,
-                self.normal,
-                self.depth,
-                self.id,
-                self.motion,
-                *gloss,
-                *self._camera,
+                self._layout.size,
+                self._layout.arguments(),
+                gloss,
+                self._camera,
+                view=view,
+                previous=previous,
+                panorama_width=panorama.width,
+                panorama_height=panorama.height,
+                panorama_color=panorama.radiated if self._radiated else panorama.color,
+                panorama_surface=panorama.surface,
+                panorama_range=panorama.range,
+                color=self.color,
+                normal=self.normal,
+                depth=self.depth,
+                id=self.id,
+                motion=self.motion,
             )
             self.diffuse = self._diffuse_part.run(self.color, self._highlight, color_map)
 

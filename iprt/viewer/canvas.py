@@ -18,7 +18,7 @@ from iprt.settings.model import Settings
 from iprt.viewer.convergence import Convergence
 from iprt.viewer.geometry import Geometry
 from iprt.viewer.heap import give_back
-from iprt.world.real.shared import RealWorlds
+from iprt.world.shared import Worlds
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +78,7 @@ class Canvas:
     ----------
     device : ComputeDevice
     wanted : Wanted
-    worlds : RealWorlds
+    worlds : Worlds
         Those that the device's other pictures use.
     expect : callable
         Called with how often the driver will have to compile, before it does.
@@ -93,7 +93,7 @@ class Canvas:
         self,
         device: ComputeDevice,
         wanted: Wanted,
-        worlds: RealWorlds,
+        worlds: Worlds,
         expect: Callable[[int], object],
     ) -> None:
         stage = wanted.stage

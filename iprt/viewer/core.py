@@ -31,7 +31,7 @@ from iprt.viewer.session import AbandonedError, Session
 from iprt.viewer.state import Doing, Playback, Status, World
 from iprt.viewer.video import Video
 from iprt.viewer.work import Work
-from iprt.world.real.shared import RealWorlds
+from iprt.world.shared import Worlds
 
 LOG = logging.getLogger("iprt.viewer")
 Objects = tuple[SceneObject, ...]
@@ -73,7 +73,7 @@ class Core:
     ) -> None:
         self._mailbox, self._make_device, self._clock = mailbox, device, clock
         self._device: ComputeDevice | None = None
-        self._worlds = RealWorlds()
+        self._worlds = Worlds()
         self._lost = False  # the device, since the last picture
         self._compiling = Compiling(self._report_compiling)
         self._problems: dict[str, str] = {}

@@ -15,7 +15,7 @@ from iprt.viewer.canvas import Canvas, Stage, Wanted
 from iprt.viewer.compiling import Compiling
 from iprt.viewer.geometry import Geometry
 from iprt.viewer.state import Request
-from iprt.world.real.shared import RealWorlds
+from iprt.world.shared import Worlds
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,11 +91,11 @@ class Session:
     ----------
     compiling : Compiling
         Counts what will be compiled, until all is there.
-    worlds : RealWorlds
+    worlds : Worlds
         Those of the device, which all sessions share.
     """
 
-    def __init__(self, compiling: Compiling, worlds: RealWorlds) -> None:
+    def __init__(self, compiling: Compiling, worlds: Worlds) -> None:
         self._compiling, self._worlds = compiling, worlds
         self._canvases: list[Canvas] = []  # the last one used comes first
         self._changing: Canvas | None = None  # by the frame under way

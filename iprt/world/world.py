@@ -8,19 +8,11 @@ import pyopencl.array as cla
 
 from iprt.geometry.camera import View
 from iprt.settings.features import Features
-from iprt.world.objects.object_layers import EMPTY, NO_LAYERS, int4
+from iprt.world.objects.object_layers import EMPTY, int4
 from iprt.world.objects.objects import Objects
 from iprt.world.real.irradiance import IrradianceCache
 from iprt.world.real.panorama import Panorama
 from iprt.world.real.real_world import RealWorld
-
-NO_LIGHTS: tuple[Any, ...] = (None, None, None, 0, 1, 1)
-"""In place of `Lights.arguments()` where nothing is aimed at lights."""
-NOT_RELIT: tuple[Any, ...] = (None, None, 0, 0, None, 0)
-"""Where real surfaces radiate what the panorama shows."""
-
-NO_GLOSS: tuple[Any, ...] = (None, None, None, None, 1, 1)
-"""In place of `Highlight.arguments()` where real surfaces are diffuse."""
 
 
 class World:
@@ -35,7 +27,7 @@ class World:
     def __init__(self, real: RealWorld, objects: Objects) -> None:
         self.real = real
         self.objects = objects
-        self.relit: tuple[Any, ...] = NOT_RELIT
+        self._relit: dict[str, Any] = {}
 
     @property
     def panorama(self) -> Panorama:
@@ -67,30 +59,34 @@ class World:
         around : ((2 * rows * rows, 4) float32, rows) or None
             `RatioMap.ratio`; None: the view shows the whole panorama.
         """
-        there = around or (None, 0)
-        self.relit = (screen, constants, view.width, view.height, *there)
+        self._relit = {
+            "relit_screen": screen,
+            "relit_view": constants,
+            "relit_width": view.width,
+            "relit_height": view.height,
+        }
+        if around is not None:
+            self._relit["relit_panorama"], self._relit["relit_rows"] = around
 
-    def arguments(self, features: Features) -> tuple[Any, ...]:
-        """What `WORLD_PARAMETERS` of `cl/lib/world/world.h` declares, in order."""
+    def arguments(self, features: Features) -> dict[str, Any]:
+        """`WORLD_PARAMETERS` of `cl/lib/world/world.h`, of all variants of kernels."""
         trace, real, objects = features.settings.trace, self.real, self.objects
-        return (
-            *self.panorama.layer_arguments(trace.thickness, trace.thickness_ratio),
-            self.panorama.radiated,
-            self.panorama.outside,
-            *self.panorama.background_arguments(),
-            *(objects.bvh.arguments() if objects.bvh else self._layers()),
-            self.bounds,
-            self.bounds.shape[0],
-            objects.materials,
-            *(real.lights.arguments() if real.lights else NO_LIGHTS),
-            *self.relit,
-            *(real.highlight.arguments() if real.highlight else NO_GLOSS),
-        )
+        return {
+            **self.panorama.arguments(trace.thickness, trace.thickness_ratio),
+            "real_color": self.panorama.radiated,
+            **(objects.bvh.arguments() if objects.bvh else self._layers()),
+            "objects_bounds": self.bounds,
+            "objects_count": self.bounds.shape[0],
+            "materials": objects.materials,
+            **(real.lights.arguments() if real.lights else {}),
+            **self._relit,
+            **(real.highlight.arguments() if real.highlight else {}),
+        }
 
-    def _layers(self) -> tuple[Any, ...]:
+    def _layers(self) -> dict[str, Any]:
         screen, equirect = self.objects.screen, self.objects.equirect
-        return (
-            *(screen.arguments() if screen else NO_LAYERS),
-            *(equirect.arguments() if equirect else NO_LAYERS),
-            int4(screen.rect if screen else EMPTY),
-        )
+        return {
+            **(screen.arguments("screen") if screen else {}),
+            **(equirect.arguments("equirect") if equirect else {}),
+            "objects_rectangle": int4(screen.rect if screen else EMPTY),
+        }

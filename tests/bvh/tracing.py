@@ -100,18 +100,17 @@ class BvhTracer:
         point = device.empty("point", (n, 4, 4))
         self._kernel(
             (n,),
-            n,
-            device.upload("origins", four(np.broadcast_to(origins, directions.shape))),
-            device.upload("directions", four(directions)),
-            device.upload("reach", reach),
-            distance,
-            what,
-            point,
-            None,
-            *self._bvh.arguments(),
-            None,
-            0,
-            None,
+            self._bvh.arguments(),
+            n=n,
+            origin=device.upload("origins", four(np.broadcast_to(origins, directions.shape))),
+            direction=device.upload("directions", four(directions)),
+            t_max=device.upload("reach", reach),
+            distance=distance,
+            what=what,
+            point=point,
+            view=None,
+            objects_bounds=None,
+            objects_count=0,
         )
         found, at = device.read(what), device.read(point)
         met = found[:, 0] >= 0

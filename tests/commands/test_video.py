@@ -184,7 +184,7 @@ def test_panoramas_tell_players(
     assert not caplog.messages
     command(output=tmp_path / "a.mkv", view="equirect")
     (line,) = caplog.messages
-    assert "only .mp4 and .mov can tell players that this is a panorama" in line
+    assert "only .mp4 and .mov can mark this as a panorama" in line
     command(output=tmp_path / "b.mp4")
     told = {name: XML_ID in (tmp_path / name).read_bytes() for name in ("a.mp4", "a.mkv", "b.mp4")}
     assert told == {"a.mp4": True, "a.mkv": False, "b.mp4": False}

@@ -55,7 +55,7 @@ def planted(device: ComputeDevice, tmp_path: Path) -> Callable[..., None]:
         source = checks.upload("source", np.ones(COUNT, np.float32))
         victim = checks.empty(name, (7, COUNT // 7))
         with checks.profile.section("some pass"):
-            kernel((COUNT,), source, victim, COUNT)
+            kernel((COUNT,), {"in": source, "out": victim}, count=COUNT)
 
     return launch
 

@@ -83,7 +83,7 @@ def test_arguments_stay_bound_until_they_change(device: ComputeDevice, tmp_path:
         (1, 1, 3.0, True),
         (0, 1, 3.0, 0),
     ):
-        kernel((64,), source[inside], result[out], by, add)
+        kernel((64,), {"in": source[inside]}, out=result[out], by=by, add=add)
         expected = np.float32(by) * np.float32(inside + 1) + np.float32(add)
         assert (device.read(result[out]) == expected).all()
 
@@ -92,25 +92,33 @@ def test_what_has_not_changed_is_not_bound_again(
     device: ComputeDevice, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     kernel = scale(device, tmp_path)
-    source, result = device.zeros("source", (64,)), device.zeros("result", (64,))
-    bound: list[int] = []
-    bind = cl.Kernel.set_arg
+    given = {"in": device.zeros("source", (64,)), "out": device.zeros("result", (64,))}
+    bound: list[Any] = []
+    bind = cl.Kernel.set_args
 
-    def watched(self: cl.Kernel, index: int, value: Any) -> None:
-        bound.append(index)
-        bind(self, index, value)
+    def watched(self: cl.Kernel, *values: Any) -> None:
+        bound.append(values[2:])
+        bind(self, *values)
 
-    monkeypatch.setattr(cl.Kernel, "set_arg", watched)
-    for by in (2.0, float("2"), 3.0):
-        kernel((64,), source, result, by, 1)
-    assert bound == [0, 1, 2, 3, 2]
+    monkeypatch.setattr(cl.Kernel, "set_args", watched)
+    for by in (2.0, 2.0, 3.0):
+        kernel((64,), given, by=by, add=1)
+    assert bound == [(2.0, 1), (3.0, 1)]
 
 
-def test_a_number_of_arguments_that_is_not_the_kernels(
+def test_names_that_are_missing_or_none_of_the_kernels(
     device: ComputeDevice, tmp_path: Path
 ) -> None:
-    with pytest.raises(TypeError, match="'scale' takes 4 arguments, got 2"):
-        scale(device, tmp_path)((64,), 1, 2)
+    """What groups hold besides is for other kernels."""
+    kernel = scale(device, tmp_path)
+    array = device.zeros("array", (64,))
+    group = {"in": array, "out": array, "for others": 5}
+    with pytest.raises(TypeError, match=r"kernel 'scale' of .*scale\.cl is not given 'add'"):
+        kernel((64,), group, by=1.0)
+    with pytest.raises(TypeError, match=r"'scale' of .* has no parameter 'offset'"):
+        kernel((64,), group, by=1.0, add=2, offset=0)
+    kernel((64,), group, by=1.0, add=2)
+    assert (device.read(array) == 2.0).all()
 
 
 def test_a_write_does_not_wait_and_keeps_its_values(device: ComputeDevice) -> None:

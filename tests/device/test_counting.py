@@ -105,13 +105,13 @@ def test_sums_of_steps_need_more_than_32_bits(device: ComputeDevice) -> None:
     """Three of seventy work items march 3 * 2^30 steps each."""
     counting = CountingDevice(device)
     add = build(counting, ADD, "add")
-    add((70,), 3, np.uint32(3 * 2**30))
+    add((70,), count=3, steps=3 * 2**30)
     work = counting.work["other", "add"]
     assert work.real == Rays(3, 9 * 2**30, 3 * 2**30)
     group = counting.group_size(1)[0]
     assert (work.items, work.active) == (70, 3)
     assert (work.groups, work.active_groups) == (-(-70 // group), 1)
-    add((70,), 3, np.uint32(5))
+    add((70,), count=3, steps=5)
     total = counting.work["other", "add"]
     assert total.real == Rays(6, 9 * 2**30 + 15, 3 * 2**30)
     assert Work() + total == total

@@ -28,7 +28,7 @@ device = SimulatedDevice()
 kernel = device.kernel({file!r}, "planted")
 source = device.upload("source", np.ones(70, np.float32))
 result = device.zeros("result", (70,))  # kept: what takes its place would count as written
-kernel((70,), source, result, 70)
+kernel((70,), {{"in": source}}, out=result, count=70)
 unwritten = device.empty("unwritten", (70,))
 device.finish()
 {more}

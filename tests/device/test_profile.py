@@ -136,10 +136,11 @@ class SlowKernel:
     """The first launch takes 30 ms of the host; every one runs for 8 ms of the device's clock."""
 
     function_name = "slow"
-    num_args = 0
 
     def __init__(self, clock: HostClock) -> None:
         self.clock, self.pause = clock, 30.0
+
+    def set_scalar_arg_dtypes(self, _: object) -> None: ...
 
     def enqueue(self) -> FakeEvent:
         self.clock.wait(self.pause)
@@ -159,12 +160,12 @@ def test_what_only_the_first_launch_takes_is_told_by_program(
         program = f"slow.cl -DX={id(slow)}"
         with mock.patch.object(profile, "launched_first", wraps=profile.launched_first) as told:
             for _ in range(3):
-                Kernel(device, slow, program)((64,))
+                Kernel(device, slow, program, ())((64,))
         assert told.call_count == 1
         assert list(profile.first_launches) == [program]
         first = profile.first_launches[program]
         assert first == pytest.approx(30.0 - 8.0)
-        Kernel(device, other, f"{program}1")((64,))
+        Kernel(device, other, f"{program}1", ())((64,))
         with profile.compiling(program):
             clock.wait(10.0)
         assert profile.first_launches[program] == first
@@ -190,7 +191,7 @@ for _ in range(2):
     ranges = device.zeros("ranges", (4 * 2 + 2 * 1, 2))
     tell("built")
     for _ in range(2):
-        kernel((2, 1), 4, 2, 0, 8, ranges)
+        kernel((2, 1), columns=4, rows=2, fine=0, coarse=8, range=ranges)
     device.finish()
     tell("launched")
     assert list(device.profile.first_launches) == list(device.profile.compiled)
@@ -264,7 +265,7 @@ def test_a_device_tells_transfers_from_kernels_and_counts_bytes(device: ComputeD
     kernel = device.kernel("world/real/pyramid.cl", "reduce_range")
     with device.profile.section("some pass"):
         ranges = device.upload("ranges", np.ones((4 * 2 + 2 * 1, 2), np.float32))
-        kernel((2, 1), 4, 2, 0, 8, ranges)
+        kernel((2, 1), columns=4, rows=2, fine=0, coarse=8, range=ranges)
         device.fill_zero(ranges)
         device.read(ranges)
     device.profile.end_frame()

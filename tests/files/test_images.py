@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from iprt.errors import FormatError
-from iprt.files.images import decode_srgb, read_color, read_depth, read_normal, read_plane
+from iprt.files.images import decode_srgb, read_color, read_depth, read_normal
 from tests.scene.files import chunk, write_channels, write_png16, write_png16_grey, write_rgb
 
 RNG = np.random.default_rng(7)
@@ -203,7 +203,7 @@ def test_wrong_files_are_named(tmp_path: Path) -> None:
     (tmp_path / "text.exr").write_text("hello")
     (tmp_path / "folder.exr").mkdir()
     for name in ("none.exr", "empty.exr", "text.exr", "folder.exr"):
-        for read in (read_color, read_depth, read_normal, read_plane):
+        for read in (read_color, read_depth, read_normal):
             with pytest.raises(FormatError) as error:
                 read(tmp_path / name)
             one_line(error, tmp_path / name)

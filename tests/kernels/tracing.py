@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice, Kernel
 from iprt.device.counting import CountingDevice, CountingKernel
+from iprt.device.signature import signature
 from iprt.files.resources import CL
 from iprt.footage.frame import Frame
 from iprt.geometry.camera import View
 from iprt.raster.layers import Layer, ObjectLayers
 from iprt.settings.trace import TraceSettings
-from iprt.world.objects.object_layers import EMPTY, NO_LAYERS, TracedLayers, int4
+from iprt.world.objects.object_layers import EMPTY, TracedLayers, int4
 from iprt.world.real.panorama import Panorama
 from tests.oracles.worlds import Solid
 
@@ -50,7 +51,11 @@ def build(device: ComputeDevice, source: str, name: str, *options: str) -> Kerne
     counting = isinstance(device, CountingDevice)
     flags = ["-cl-std=CL1.2", "-I", str(CL / "lib"), *options, *["-DCOUNT_WORK"] * counting]
     built = cl.Program(device.context, source).build(flags)
-    kernel = Kernel(device, cl.Kernel(built, name), name)
+    defines = (flag[2:].split("=") for flag in flags if flag.startswith("-D"))
+    declared = signature(
+        source, name, {word: (*text, "1")[0] for word, *text in defines}, CL / "lib"
+    )
+    kernel = Kernel(device, cl.Kernel(built, name), name, declared)
     return CountingKernel(device, kernel) if isinstance(device, CountingDevice) else kernel
 
 
@@ -85,7 +90,6 @@ class RealTracer:
         step_cap: int | None = None,
     ) -> None:
         self._device = device
-        self._background = background
         cap = f"#undef MARCH_STEP_CAP\n#define MARCH_STEP_CAP {step_cap}" if step_cap else ""
         options = ["-DBASSRT"] * bassrt + ["-DBACKGROUND"] * background
         self._kernel = build(device, REAL_KERNEL % cap, "trace", *options)
@@ -98,21 +102,18 @@ class RealTracer:
         thickness: float = 0.05,
         ratio: float = 0.05,
     ) -> Hits:
-        """Trace (N, 3) rays; thickness as in `Panorama.layer_arguments`."""
+        """Trace (N, 3) rays; thickness as in `Panorama.arguments`."""
         device, n = self._device, len(directions)
         found = device.empty("found", (n, 4))
         what = device.empty("what", (n, 4), np.int32)
         self._kernel(
             (n,),
-            n,
-            device.upload("origins", four(np.broadcast_to(origins, directions.shape))),
-            device.upload("directions", four(directions)),
-            found,
-            what,
-            *panorama.layer_arguments(thickness, ratio),
-            panorama.color,
-            panorama.outside,
-            *(panorama.background_arguments() if self._background else ()),
+            panorama.arguments(thickness, ratio),
+            n=n,
+            origin=device.upload("origins", four(np.broadcast_to(origins, directions.shape))),
+            direction=device.upload("directions", four(directions)),
+            found=found,
+            what=what,
         )
         f, w = device.read(found), device.read(what)
         return Hits(f[:, 3], w[:, 0], w[:, 1], w[:, 2] > 0, f[:, :3])
@@ -192,18 +193,17 @@ class ObjectTracer:
         what = device.empty("what", (n, 2), np.int32)
         self._kernel(
             (n,),
-            n,
-            device.upload("origins", four(np.broadcast_to(origins, directions.shape))),
-            device.upload("directions", four(directions)),
-            found,
-            what,
-            self._view,
-            *(self.screen.arguments() if self.screen else NO_LAYERS),
-            *self.equirect.arguments(),
-            int4(self.screen.rect if self.screen else EMPTY),
-            self._bounds,
-            len(self._bounds),
-            None,
+            self.screen.arguments("screen") if self.screen else {},
+            self.equirect.arguments("equirect"),
+            n=n,
+            origin=device.upload("origins", four(np.broadcast_to(origins, directions.shape))),
+            direction=device.upload("directions", four(directions)),
+            found=found,
+            what=what,
+            view=self._view,
+            objects_rectangle=int4(self.screen.rect if self.screen else EMPTY),
+            objects_bounds=self._bounds,
+            objects_count=len(self._bounds),
         )
         w = device.read(what)
         return ObjectHits(device.read(found), w[:, 0], w[:, 1])

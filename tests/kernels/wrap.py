@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 import pyopencl as cl
+import pyopencl.array as cla
 from numpy.typing import NDArray
 
-from iprt.device.compute import ComputeDevice
-from iprt.device.compute import _argument as kernel_argument
+from iprt.device.compute import ComputeDevice, Kernel
+from iprt.device.signature import signature
 from iprt.files.resources import CL
 
 _SCALARS = {"float": np.float32, "int": np.int32, "uint": np.uint32}
@@ -28,8 +29,11 @@ def _kind(values: NDArray[Any]) -> str:
 
 
 @lru_cache
-def _kernel(context: cl.Context, source: str, options: tuple[str, ...]) -> cl.Kernel:
-    return cl.Kernel(cl.Program(context, source).build(list(options)), "run")
+def _kernel(device: ComputeDevice, source: str, defines: tuple[str, ...]) -> Kernel:
+    options = ["-cl-std=CL1.2", "-I", str(CL / "lib"), *(f"-D{define}" for define in defines)]
+    kernel = cl.Kernel(cl.Program(device.context, source).build(options), "run")
+    texts = dict((*define.split("="), "1")[:2] for define in defines)
+    return Kernel(device, kernel, "run", signature(source, "run", texts, CL / "lib"))
 
 
 def evaluate(
@@ -41,7 +45,7 @@ def evaluate(
     tables: Mapping[str, NDArray[np.float32]] | None = None,
     defines: Sequence[str] = (),
     parameters: str = "",
-    arguments: Sequence[Any] = (),
+    arguments: Mapping[str, Any] | None = None,
 ) -> dict[str, NDArray[Any]]:
     """Run statements once per row of the inputs.
 
@@ -85,23 +89,16 @@ def evaluate(
             "}",
         ]
     )
-    options = ["-cl-std=CL1.2", "-I", str(CL / "lib"), *(f"-D{name}" for name in defines)]
-    kernel = _kernel(device.context, source, tuple(options))
-
-    read_only = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
-    given = [*tables.values(), *inputs.values()]
-    buffers = [
-        cl.Buffer(device.context, read_only, hostbuf=np.ascontiguousarray(values))
-        for values in given
-    ]
+    kernel = _kernel(device, source, tuple(defines))
+    given = {**tables, **{f"{name}_in": values for name, values in inputs.items()}}
+    arrays = {
+        name: cla.to_device(device.queue, np.ascontiguousarray(v)) for name, v in given.items()
+    }
     results = {}
     for name, kind in outputs.items():
         scalar, width = _scalar_and_width(kind)
         shape = (count, width) if width > 1 else (count,)
-        results[name] = np.empty(shape, _SCALARS[scalar])
-        buffers.append(cl.Buffer(device.context, cl.mem_flags.WRITE_ONLY, results[name].nbytes))
-    given_more = map(kernel_argument, arguments)
-    kernel(device.queue, (-(-count // 64) * 64,), (64,), *buffers, np.int32(count), *given_more)
-    for values, buffer in zip(results.values(), buffers[len(given) :], strict=True):
-        cl.enqueue_copy(device.queue, values, buffer)
-    return results
+        results[name] = cla.empty(device.queue, shape, _SCALARS[scalar])
+    written = {f"{name}_out": array for name, array in results.items()}
+    kernel((count,), arrays, written, arguments or {}, count=count)
+    return {name: array.get() for name, array in results.items()}

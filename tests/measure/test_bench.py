@@ -17,8 +17,8 @@ from iprt.device.profile import Profile
 from iprt.errors import IprtError
 from iprt.geometry.camera import View
 from iprt.measure import bench as bench_module
-from iprt.measure.bench import WARM_UP, benchmark
-from iprt.measure.camera_motion import TURN_DEG, to_and_fro, turned
+from iprt.measure.bench import WARM_UP, timed
+from iprt.measure.camera_motion import TURN_DEG, Turn, to_and_fro, turned
 from iprt.scene.scene import Scene
 from iprt.settings.model import Settings
 from tests.profiles import frame, launch
@@ -78,7 +78,7 @@ def fake(monkeypatch: pytest.MonkeyPatch) -> Any:
 
 
 def test_medians_leave_out_warm_up_and_preparation(fake: Any) -> None:
-    result = benchmark(fake, *NOTHING, VIEW, Settings(), scene="room", frames=6)
+    result = timed(fake, Turn(*NOTHING, VIEW, Settings()), scene="room", frames=6)
     (march,) = result.passes
     assert (march.name, march.ms, march.share, march.launches) == ("march", 3.5, 1.0, 1.0)
     assert result.frame.ms == 3.5
@@ -90,7 +90,7 @@ def test_medians_leave_out_warm_up_and_preparation(fake: Any) -> None:
 
 
 def test_the_head_turns_in_every_frame_and_keeps_the_objects_in_view(fake: Any) -> None:
-    benchmark(fake, *NOTHING, VIEW, Settings(), scene="room", frames=300)
+    timed(fake, Turn(*NOTHING, VIEW, Settings()), scene="room", frames=300)
     yaws = np.array([view.yaw_deg for view in FakeRenderer.seen])
     assert np.allclose(np.abs(np.diff(yaws)), TURN_DEG)
     assert yaws[0] == VIEW.yaw_deg
@@ -120,7 +120,7 @@ def test_every_frame_does_all_that_a_new_direction_asks_for(device: ComputeDevic
     scene = Scene.open(ROOM)
     view = scene.views["room"].view.resized(48, 32)
     given = (scene.frame(), scene.instances, view, Settings())
-    result = benchmark(device, *given, scene=scene.name, frames=3)
+    result = timed(device, Turn(*given), scene=scene.name, frames=3)
     rows = {row.name: row for row in result.passes}
     assert rows["rasterize view"].host_ms > 0.0
     once_a_frame = {"unpack", "trace real", "trace virtual", "relight", "composite"}

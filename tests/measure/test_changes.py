@@ -97,7 +97,7 @@ def test_of_few_frames_nothing_is_said() -> None:
     assert all(row.noise_ms is None and not row.beyond_noise for row in rows)
 
 
-def test_knobs_that_differ_are_told() -> None:
+def test_settings_that_differ_are_named() -> None:
     rng = np.random.default_rng(4)
     before = report(["march"], rng)
     after = report(["march"], rng, settings=Settings.model_validate({"trace": {"rays": 7}}))

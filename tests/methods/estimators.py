@@ -129,7 +129,6 @@ class Kernels:
         cache.place(renderer.real_world.panorama, frame, frame, STILL, changed=0.0, cut=False)
         cache.run(
             renderer.world.arguments(self._features(seed, rays)),
-            renderer.world.bounds,
             renderer.method.real_guide,
             renderer.method.real_pixels.mask,
             self.view,

@@ -64,8 +64,11 @@ class Uniform(Method):
 
     def trace(self, world, context):
         assert self.objects == 1, "nothing moves in a still picture"
-        size = (self.setup.layout.width, self.setup.layout.height)
-        self.kernel(size, self.light, float(self.value), *size)
+        layout = self.setup.layout
+        self.kernel(
+            layout.size, light=self.light, value=self.value, width=layout.width,
+            height=layout.height,
+        )
         return Signals(diffuse=self.light)
 """,
     "uniform/fill.cl": """

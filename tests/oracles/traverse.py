@@ -54,10 +54,11 @@ class FlatLayer:
         texels = panorama.width * panorama.height
         range_ = device.read(panorama.range)[:texels].astype(np.float64)
         range_ = range_.reshape(panorama.height, panorama.width, 2)
-        *_, thick, ratio, bias, _, farthest = panorama.layer_arguments(thickness, ratio)
+        given = panorama.arguments(thickness, ratio)
         return cls(
             surface[..., :3], surface[..., 3].astype(np.int64), range_[..., 0], range_[..., 1],
-            thick, ratio, bias, farthest,
+            given["real_thickness_m"], given["real_thickness_ratio"], given["real_bias"],
+            given["real_farthest"],
         )  # fmt: skip
 
     def thickness_at(self, r: Float) -> Float:

@@ -12,6 +12,8 @@ from iprt.errors import FormatError
 from iprt.output import boxes
 from iprt.output.boxes import Box, box, boxes_in, full_box, index_first, top_boxes
 
+ENTRY_FIELDS = 78
+"""Bytes of a picture format (`avc1`, `hvc1`) before the boxes in it."""
 PICTURES = (b"first picture", b"second", b"third")
 
 
@@ -25,7 +27,7 @@ def movie(kind: bytes = b"stco") -> bytes:
     head = box(b"ftyp", b"isom") + box(b"free")
     start = len(head) + 8
     offsets = [start + sum(map(len, PICTURES[:number])) for number in range(3)]
-    entry = box(b"avc1", bytes(boxes.ENTRY_FIELDS), box(b"avcC", b"how"))
+    entry = box(b"avc1", bytes(ENTRY_FIELDS), box(b"avcC", b"how"))
     stsd = full_box(b"stsd", struct.pack(">I", 1), entry)
     tables = box(b"stbl", stsd, table(kind, offsets))
     track = box(b"trak", box(b"mdia", box(b"minf", tables)))
@@ -37,7 +39,7 @@ def at(data: bytes, *path: bytes) -> tuple[Box, bytes]:
     start, end = 0, len(data)
     for kind in path:
         found = next(each for each in boxes_in(data, start, end) if each.kind == kind)
-        skip = {b"stsd": 8, b"avc1": boxes.ENTRY_FIELDS}.get(kind, 0)
+        skip = {b"stsd": 8, b"avc1": ENTRY_FIELDS}.get(kind, 0)
         start, end = found.body + skip, found.end
     return found, data[found.body : found.end]
 

@@ -19,7 +19,7 @@ from iprt.errors import IprtError
 from iprt.files.images import read_color, read_depth
 from iprt.footage.video.color import linear_color
 from iprt.footage.video.container import video_streams
-from iprt.footage.video.reader import OpenStreams
+from iprt.footage.video.reader import open_streams
 from iprt.geometry.mesh import Mesh
 from iprt.geometry.meshes import load_mesh
 from iprt.scene.scene import Scene
@@ -78,9 +78,9 @@ def read_scene(path: Path) -> None:
 def read_video(path: Path) -> None:
     """Some rows of the first frame of every stream."""
     infos = video_streams(path)
-    with OpenStreams() as streams:
+    with open_streams() as streams:
         for info in infos:
-            frame = streams.reader(info).at(info.start)
+            frame = streams(info).at(info.start)
             linear_color(frame, slice(0, min(frame.height, 16)), path)
             assert info.last >= info.start
             assert info.rate > 0

@@ -48,7 +48,7 @@ def leaves(model: BaseModel, prefix: str = "") -> dict[str, Any]:
     return found
 
 
-def test_every_field_of_the_model_is_a_knob_that_says_what_it_does() -> None:
+def test_every_field_of_the_model_is_a_setting_that_says_what_it_does() -> None:
     assert overrides.all_settings().keys() == leaves(Settings()).keys()
     for setting in overrides.all_settings().values():
         assert setting.help.endswith("."), setting.key
@@ -56,7 +56,7 @@ def test_every_field_of_the_model_is_a_knob_that_says_what_it_does() -> None:
     assert all(about.endswith(".") for about in overrides.groups().values())
 
 
-def test_presets_name_knobs_and_allowed_values() -> None:
+def test_presets_name_settings_and_allowed_values() -> None:
     assert tuple(PRESETS) == QUALITIES
     assert resolved("balanced") == Settings()
     assert len({resolved(quality).model_dump_json() for quality in QUALITIES}) == len(QUALITIES)
@@ -245,7 +245,7 @@ def test_the_verb_prints_what_file_and_flags_come_to(
 
 
 @pytest.mark.parametrize("verb", ["render", "compare", "bench"])
-def test_all_verbs_take_knobs_and_refuse_bad_ones(
+def test_all_verbs_take_settings_and_refuse_bad_ones(
     verb: str, scene: Path, tmp_path: Path, fails: Callable[..., str]
 ) -> None:
     output = ["-o", tmp_path / "a.png"] if verb == "render" else []

@@ -13,18 +13,19 @@ static inline int plane_index(int x, int y, int width)
     return (y + PLANE_PAD) * plane_stride(width) + x + PLANE_PAD;
 }
 
-// Writes the value of pixel p, in column x; in equirect views also where the border repeats it from
-// across the seam, so that neighbours need no wrapping. -DVIEW_NARROW: the border is wider than the
-// view, and repeats it more than once.
-static inline void store_wrapped(__global float *restrict plane, int p, int x, int width, float value)
+// In equirect views, writes the value of pixel p, in column x, where the border repeats it from across
+// the seam. -DVIEW_NARROW: the border is wider than the view, and repeats it more than once.
+static inline void store_border(
+    __global float *restrict plane, int p, int x, int width, float value)
 {
-    plane[p] = value;
 #ifdef VIEW_EQUIRECT
 #ifdef VIEW_NARROW
-    for (int to = x - width; to >= -PLANE_PAD; to -= width)
-        plane[p + to - x] = value;
-    for (int to = x + width; to < width + PLANE_PAD; to += width)
-        plane[p + to - x] = value;
+    for (int turns = 1; turns <= (PLANE_PAD - 1) / width + 1; turns++) {
+        if (x - turns * width >= -PLANE_PAD)
+            plane[p - turns * width] = value;
+        if (x + turns * width < width + PLANE_PAD)
+            plane[p + turns * width] = value;
+    }
 #else
     if (x < PLANE_PAD)
         plane[p + width] = value;
@@ -32,6 +33,14 @@ static inline void store_wrapped(__global float *restrict plane, int p, int x, i
         plane[p - width] = value;
 #endif
 #endif
+}
+
+// Writes it there and at the pixel itself, so that neighbours need no wrapping.
+static inline void store_wrapped(
+    __global float *restrict plane, int p, int x, int width, float value)
+{
+    plane[p] = value;
+    store_border(plane, p, x, width, value);
 }
 
 // Three planes' values at `pixel`.

@@ -3,7 +3,7 @@
 //
 // -D MAX_BOUNCES is how many virtual surfaces a path may meet; the ray after the last one sees real
 // surfaces only (Algorithm 1, lines 4-6).
-// -D REAL_GLOSS lets glossy real surfaces reflect as well, once, what they show being what they radiate
+// -D GLOSS lets glossy real surfaces reflect as well, once, what they show being what they radiate
 // to all sides only (iprt/world/real/highlight.py).
 // -D DISTANT_ENVIRONMENT takes the panorama as infinitely far: image-based lighting.
 #ifndef IPRT_PATH_H
@@ -12,7 +12,7 @@
 #include "world/boxes.h"
 #include "world/brdf.h"
 #include "world/direction.h"
-#ifdef REAL_GLOSS
+#ifdef GLOSS
 #include "world/real/gloss.h"
 #endif
 #include "maths/sampling.h"
@@ -42,10 +42,13 @@ static inline Scatter scatter(const World world, const Material material, float3
     s.light_share = light_share(world, material);
     s.aimed = u.w < s.light_share;
     const float rest = 1.0f - s.light_share;
+#ifdef LIGHT_SAMPLING
     if (s.aimed) {
         s.light = sample_light(world.lights, u.xy);
         s.wi = towards_light(world.real, s.light, x);
-    } else {
+    } else
+#endif
+    {
         const BrdfSample sample = brdf_sample(material, albedo, n, wo, u.xyz);
         s.wi = sample.wi;
         if (sample.specular && !(material.alpha > 0.0f)) {
@@ -73,7 +76,7 @@ typedef struct {
     int met;            // that is an object
 } PathResult;
 
-#ifdef REAL_GLOSS
+#ifdef GLOSS
 // Index + 1 of the material of a glossy real surface that a ray has hit, else 0.
 static inline int gloss_at(const World world, const RealHit hit)
 {
@@ -123,7 +126,7 @@ static inline PathResult trace_path(const World world, float3 o, float3 o_object
     result.distance = INFINITY;
     result.real = result.arriving = (float3)(0.0f);
     float3 throughput = (float3)(1.0f);
-#ifdef REAL_GLOSS
+#ifdef GLOSS
     int reflected = 0;
 #endif
     // One more for a glossy real surface, and one for what is seen in the last.
@@ -173,7 +176,7 @@ static inline PathResult trace_path(const World world, float3 o, float3 o_object
             if (!(share > 0.0f))
                 return result;
             throughput *= share;
-#ifdef REAL_GLOSS
+#ifdef GLOSS
             const int gloss = reflected ? 0 : gloss_at(world, real);
             if (gloss) {
                 // A conductor shows nothing but its reflection.

@@ -1,5 +1,5 @@
-// Parameters of kernels that trace the scene, and the structs made of them. The host passes them
-// in this order (iprt/methods/trace.py).
+// Parameters of kernels that trace the scene, and the structs made of them. The host gives them by
+// name, in groups: `Panorama.arguments`, `Background.arguments`.
 #ifndef IPRT_SCENE_H
 #define IPRT_SCENE_H
 
@@ -16,14 +16,21 @@
 #define BACKGROUND_LAYER
 #endif
 
+#ifdef OPENING_ENVIRONMENT
+#define OUTSIDE_PARAMETERS , __global const float4 *restrict real_outside
+#define OUTSIDE , real_outside
+#else
+#define OUTSIDE_PARAMETERS
+#define OUTSIDE
+#endif
+
 #define REAL_PARAMETERS                                                                            \
     const int real_width, const int real_height, const int real_levels,                            \
         __global const float2 *restrict real_range, __global const float2 *restrict real_column,   \
         __global const float *restrict real_row, __global const float4 *restrict real_surface,     \
         const float real_thickness_m, const float real_thickness_ratio, const float real_bias,     \
         const float real_nearest, const float real_farthest,                                       \
-        __global const float4 *restrict real_color, __global const float4 *restrict real_outside   \
-        BACKGROUND_PARAMETERS
+        __global const float4 *restrict real_color BACKGROUND_PARAMETERS OUTSIDE_PARAMETERS
 
 #define REAL_LAYER                                                                                 \
     {                                                                                              \

@@ -4,7 +4,7 @@
 // Real surfaces are taken as diffuse emitters (IPRT, "Interactive panoramic ray tracing"): the
 // panorama already holds every bounce between them.
 // -D RELIT multiplies real radiance by what objects do to it (UpdateGbuffer): in the view where
-// that shows the surface, else in the panorama.
+// that shows the surface, else, with -D RELIT_AROUND, in the panorama.
 // -D OPENING_ENVIRONMENT lets windows show what is far behind them in the ray's direction, rather
 // than the radiance of the point where the ray crosses them.
 #ifndef IPRT_WORLD_H
@@ -25,8 +25,10 @@ typedef struct {
     __global const float *view;         // lib/gbuffer/view.h; of the screen
     int width;
     int height;
+#ifdef RELIT_AROUND
     __global const float4 *panorama;    // [rows * 2 rows], equirect
     int rows;
+#endif
 } Relit;
 
 // Glossy real surfaces.
@@ -42,33 +44,71 @@ typedef struct {
 typedef struct {
     RealLayer real;
     __global const float4 *color;       // panorama radiance
-    __global const float4 *outside;     // [OUTSIDE_ROWS * 2 OUTSIDE_ROWS], seen through windows
     Objects objects;
     __global const float4 *materials;   // lib/world/brdf.h
+#ifdef OPENING_ENVIRONMENT
+    __global const float4 *outside;     // [OUTSIDE_ROWS * 2 OUTSIDE_ROWS], seen through windows
+#endif
+#ifdef LIGHT_SAMPLING
     Lights lights;
+#endif
+#ifdef RELIT
     Relit relit;
+#endif
+#ifdef GLOSS
     Gloss gloss;
+#endif
 } World;
 
-// What every kernel that traces paths is given, in this order (iprt/world/world.py).
-#define WORLD_PARAMETERS                                                                           \
-    REAL_PARAMETERS, OBJECT_PARAMETERS, LIGHT_PARAMETERS,                                          \
-        __global const float4 *restrict relit_screen, __global const float *restrict relit_view,   \
-        const int relit_width, const int relit_height,                                             \
-        __global const float4 *restrict relit_panorama, const int relit_rows,                      \
-        __global const uchar *restrict real_gloss, __global const float4 *restrict real_materials, \
+#ifdef LIGHT_SAMPLING
+#define WORLD_LIGHT_PARAMETERS , LIGHT_PARAMETERS
+#define WORLD_LIGHTS , LIGHTS
+#else
+#define WORLD_LIGHT_PARAMETERS
+#define WORLD_LIGHTS
+#endif
+
+#ifdef RELIT_AROUND
+#define RELIT_AROUND_PARAMETERS                                                                    \
+    , __global const float4 *restrict relit_panorama, const int relit_rows
+#define RELIT_PANORAMA , relit_panorama, relit_rows
+#else
+#define RELIT_AROUND_PARAMETERS
+#define RELIT_PANORAMA
+#endif
+
+#ifdef RELIT
+#define RELIT_PARAMETERS                                                                           \
+    , __global const float4 *restrict relit_screen, __global const float *restrict relit_view,     \
+        const int relit_width, const int relit_height RELIT_AROUND_PARAMETERS
+#define WORLD_RELIT , {relit_screen, relit_view, relit_width, relit_height RELIT_PANORAMA}
+#else
+#define RELIT_PARAMETERS
+#define WORLD_RELIT
+#endif
+
+#ifdef GLOSS
+#define GLOSS_PARAMETERS                                                                           \
+    , __global const uchar *restrict real_gloss, __global const float4 *restrict real_materials,   \
         __global const float4 *restrict real_reflectance,                                          \
         __global const float4 *restrict real_gain, const int gain_columns, const int gain_rows
+#define WORLD_GLOSS                                                                                \
+    , {real_gloss, real_materials, real_reflectance, real_gain, gain_columns, gain_rows}
+#else
+#define GLOSS_PARAMETERS
+#define WORLD_GLOSS
+#endif
+
+// What every kernel that traces paths is given: `World.arguments` of iprt/world/world.py.
+#define WORLD_PARAMETERS                                                                           \
+    REAL_PARAMETERS, OBJECT_PARAMETERS,                                                            \
+        __global const float4 *restrict materials WORLD_LIGHT_PARAMETERS RELIT_PARAMETERS          \
+        GLOSS_PARAMETERS
 
 #define WORLD(view)                                                                                \
     {                                                                                              \
-        REAL_LAYER, real_color, real_outside, OBJECTS(view), materials, LIGHTS,                    \
-        {                                                                                          \
-            relit_screen, relit_view, relit_width, relit_height, relit_panorama, relit_rows        \
-        },                                                                                         \
-        {                                                                                          \
-            real_gloss, real_materials, real_reflectance, real_gain, gain_columns, gain_rows       \
-        }                                                                                          \
+        REAL_LAYER, real_color, OBJECTS(view), materials OUTSIDE WORLD_LIGHTS WORLD_RELIT          \
+        WORLD_GLOSS                                                                                \
     }
 
 // Where rays leave a real surface.
@@ -88,14 +128,14 @@ static inline float3 sky_radiance(const World world, float3 d)
 // Where d leads from the capture centre.
 static inline float3 relit_factor(const Relit relit, float3 d)
 {
-    if (relit.screen != 0) {
-        const float2 p = view_project(relit.view, d);
-        if (p.x >= 0.0f && p.y >= 0.0f && p.x < relit.width && p.y < relit.height)
-            return relit.screen[(int)p.y * relit.width + (int)p.x].xyz;
-    }
-    if (relit.panorama == 0)
-        return (float3)(1.0f);
+    const float2 p = view_project(relit.view, d);
+    if (p.x >= 0.0f && p.y >= 0.0f && p.x < relit.width && p.y < relit.height)
+        return relit.screen[(int)p.y * relit.width + (int)p.x].xyz;
+#ifdef RELIT_AROUND
     return panorama_bilinear(relit.panorama, 2 * relit.rows, relit.rows, equirect_uv(d));
+#else
+    return (float3)(1.0f);
+#endif
 }
 #endif
 

@@ -31,10 +31,14 @@ TRACING_KERNEL void see_objects(
     const int height,
     __global const float *restrict view,
     OBJECT_PARAMETERS,
-    __global const float4 *restrict displacements,
     __global float4 *restrict front,
-    __global float4 *restrict material,
-    __global float4 *restrict displaced WORK_PARAMETER)
+    __global float4 *restrict material
+#ifdef OBJECTS_DEFORM
+    ,
+    __global const float4 *restrict displacements,
+    __global float4 *restrict displaced
+#endif
+    WORK_PARAMETER)
 {
     const int x = rectangle.x + (int)get_global_id(0), y = rectangle.y + (int)get_global_id(1);
     if (x >= rectangle.z || y >= rectangle.w)
@@ -122,7 +126,9 @@ TRACING_KERNEL void show_objects(
     const int surface_height,
     __global const float4 *restrict front,
     __global const float4 *restrict material,
+#ifdef OBJECTS_DEFORM
     __global const float4 *restrict displaced,
+#endif
     __global float4 *restrict display_front,
     __global float4 *restrict display_material,
     __global float *restrict coverage,

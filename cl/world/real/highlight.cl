@@ -46,13 +46,14 @@ static inline float3 texel_point(const RealLayer layer, int texel)
 }
 
 // What the camera saw, and no objects.
-static inline World captured(
-    const RealLayer layer, __global const float4 *color, __global const float4 *outside)
+static inline World captured(const RealLayer layer, __global const float4 *color OUTSIDE_PARAMETERS)
 {
     World world;
     world.real = layer;
     world.color = color;
-    world.outside = outside;
+#ifdef OPENING_ENVIRONMENT
+    world.outside = real_outside;
+#endif
     return world;
 }
 
@@ -63,7 +64,7 @@ TRACING_KERNEL void sample_highlight(
     const int count,
     __global const uchar *restrict gloss,
     __global const float4 *restrict real_materials, // lib/world/brdf.h
-    __global const float4 *restrict reflectance,    // per real material: of conductors
+    __global const float4 *restrict real_reflectance, // per real material: of conductors
     REAL_PARAMETERS,
     __global float4 *restrict highlight WORK_PARAMETER)
 {
@@ -72,10 +73,10 @@ TRACING_KERNEL void sample_highlight(
         return;
     COUNT_ITEM;
     const RealLayer layer = REAL_LAYER;
-    const World world = captured(layer, real_color, real_outside);
+    const World world = captured(layer, real_color OUTSIDE);
     const int texel = list[item], index = gloss[texel] - 1;
     const Material material = load_material(real_materials, index);
-    const float3 tint = reflectance[index].xyz;
+    const float3 tint = real_reflectance[index].xyz;
     const float3 n = -normalize(layer.surface[texel].xyz);
     const float3 p = texel_point(layer, texel);
     const float distance = length(p);
@@ -180,7 +181,7 @@ TRACING_KERNEL void measure_cells(
         return;
     COUNT_ITEM;
     const RealLayer layer = REAL_LAYER;
-    const World world = captured(layer, real_color, real_outside);
+    const World world = captured(layer, real_color OUTSIDE);
     const int x1 = min((cell_x + 1) * CELL, real_width), y1 = min((cell_y + 1) * CELL, real_height);
     int index = 0, count = 0;
     int texels[CELL * CELL];

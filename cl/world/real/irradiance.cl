@@ -217,11 +217,12 @@ TRACING_KERNEL void refine_cells(
 #ifdef LIGHT_SAMPLING
         s.light_share = world.lights.count > 0 ? 0.5f : 0.0f;
         s.aimed = sobol_1d(first + ray, hash_combine(stream, 1)) < s.light_share;
-#endif
         if (s.aimed) {
             s.light = sample_light(world.lights, u);
             s.wi = towards_light(world.real, s.light, o);
-        } else {
+        } else
+#endif
+        {
             s.wi = frame_to_world(frame, sample_cosine(u));
         }
         const float cosine = dot(n, s.wi);

@@ -50,7 +50,7 @@ def disagreements(
         if stream is None:
             continue
         name, end = stream.path.name, stream.last - stream.start
-        if not _same(stream.rate, clock.fps):
+        if abs(stream.rate - clock.fps) > SAME_RATE * max(stream.rate, clock.fps):
             lines.append(
                 f"video.{key}: {name} has {float(stream.rate):.6g} frames per second, the video "
                 f"{float(clock.fps):.6g}; the nearest in time are shown"
@@ -67,7 +67,3 @@ def disagreements(
                 f"{float(stream.claimed):.2f} s; it may be cut off"
             )
     return lines
-
-
-def _same(a: Fraction, b: Fraction) -> bool:
-    return abs(a - b) <= SAME_RATE * max(a, b)

@@ -102,7 +102,8 @@ def encoding_of(frame: av.VideoFrame, path: Path) -> Encoding:
             f"{path}: its pixel format, {frame.format.name}, is not supported; convert the video, "
             "for example to yuv420p"
         )
-    matrix, transfer, primaries = _codes(frame)
+    matrix, transfer = int(frame.colorspace), int(frame.color_trc)
+    primaries = int(frame.color_primaries)
     if transfer in (0, UNSPECIFIED):
         transfer = _LINEAR if how.is_float else _SRGB
     if primaries in (0, UNSPECIFIED):
@@ -112,9 +113,7 @@ def encoding_of(frame: av.VideoFrame, path: Path) -> Encoding:
     elif matrix in (0, UNSPECIFIED, 3):
         large = frame.width >= 1280 or frame.height > 576
         matrix = 9 if primaries == 9 else 1 if large else 6
-    full = frame.color_range == 2 or how.full
-    if how.kind == "grey" and frame.color_range != 1:
-        full = True
+    full = _is_full(frame, how)
     for code, known, what in (
         (matrix, _LUMA, "colour matrix"),
         (transfer, (*_BT1886, *_GAMMAS, _SRGB, _LINEAR, _PQ, _HLG), "transfer characteristics"),
@@ -139,10 +138,6 @@ def has_highlights(pixels: str, transfer: int) -> bool:
     """
     how = layout(pixels)
     return transfer in (_PQ, _HLG) or (how is not None and how.is_float)
-
-
-def _codes(frame: av.VideoFrame) -> tuple[int, int, int]:
-    return int(frame.colorspace), int(frame.color_trc), int(frame.color_primaries)
 
 
 def linear_color(frame: av.VideoFrame, rows: slice, path: Path) -> Picture:
@@ -184,8 +179,12 @@ def luma(frame: av.VideoFrame, rows: slice, path: Path) -> tuple[Samples, float,
             f"{path}: its pixel format, {frame.format.name}, holds no depth; depth needs grey, "
             "such as gray16le"
         )
-    full = how.full or frame.color_range == 2 or (how.kind == "grey" and frame.color_range != 1)
-    return planes(frame, rows)[0], *_limits(how, full)
+    return planes(frame, rows)[0], *_limits(how, _is_full(frame, how))
+
+
+def _is_full(frame: av.VideoFrame, how: Layout) -> bool:
+    """All codes are used."""
+    return how.full or frame.color_range == 2 or (how.kind == "grey" and frame.color_range != 1)
 
 
 def _limits(how: Layout, full: bool) -> tuple[float, float]:
@@ -276,8 +275,7 @@ def _to_xyz(primaries: int) -> NDArray[np.float64]:
     columns = np.stack(corners, axis=1)
     matrix = columns * np.linalg.solve(columns, white)
     gains = (_BRADFORD @ _xyz(*_D65)) / (_BRADFORD @ white)
-    adapted: NDArray[np.float64] = np.linalg.inv(_BRADFORD) @ np.diag(gains) @ _BRADFORD @ matrix
-    return adapted
+    return np.asarray(np.linalg.inv(_BRADFORD) @ np.diag(gains) @ _BRADFORD @ matrix)
 
 
 def _xyz(x: float, y: float) -> NDArray[np.float64]:

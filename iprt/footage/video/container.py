@@ -102,9 +102,7 @@ def opened(path: Path) -> Iterator[InputContainer]:
 
     av.logging.set_level(None)  # what FFmpeg says of damage is said once in our words
     with open_file(path) as file:
-        with ffmpeg_decoding(
-            path, "not an EXR, PNG, JPEG or PFM file, nor a video that can be read"
-        ):
+        with ffmpeg_decoding(path, NEITHER):
             container = av.open(
                 file,
                 metadata_errors="replace",

@@ -6,7 +6,6 @@ of YUV. It only sorts the samples of formats that are laid out oddly.
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -18,18 +17,6 @@ if TYPE_CHECKING:
 
 Samples = NDArray[Any]
 
-_PACKED_RGB = (
-    "rgb24",
-    "bgr24",
-    "rgba",
-    "bgra",
-    "argb",
-    "abgr",
-    "rgb48",
-    "bgr48",
-    "rgba64",
-    "bgra64",
-)
 _SORTED = {
     "nv12": "yuv420p",
     "nv21": "yuv420p",
@@ -79,25 +66,28 @@ class Layout:
     full: bool = False
 
 
-_YUV = re.compile(r"yuv(j?)a?(\d)(\d)(\d)p(\d*)(?:le|be)?")
-_SUBSAMPLING = {"444": (1, 1), "440": (1, 2), "422": (2, 1), "420": (2, 2), "411": (4, 1)}
+_KINDS = {"yuv": "yuv", "gray": "grey", "gbr": "rgb"}
+_SUBSAMPLING = ((1, 1), (1, 2), (2, 1), (2, 2), (4, 1))
 
 
 def layout(pixels: str) -> Layout | None:
     """The layout of one of FFmpeg's pixel formats; None if it is not read."""
+    import av
+
     name = _SORTED.get(pixels, pixels)
-    if match := _YUV.fullmatch(name):
-        factors = _SUBSAMPLING.get(match[2] + match[3] + match[4])
-        if factors is None:
+    form = av.VideoFormat(name, 16, 16) if name else None
+    if form is None or not form.components or "msb" in name:
+        return None
+    kind = next((kind for start, kind in _KINDS.items() if name.startswith(start)), None)
+    bits, is_float = form.components[0].bits, "f16" in name or "f32" in name
+    if kind == "yuv":
+        across, down = 16 // form.chroma_width(), 16 // form.chroma_height()
+        if not form.is_planar or (across, down) not in _SUBSAMPLING:
             return None
-        return Layout("yuv", int(match[5] or 8), False, *factors, full=bool(match[1]))
-    if match := re.fullmatch(r"gbra?p(f?)(\d*)(?:le|be)?", name):
-        return Layout("rgb", int(match[2] or 8), bool(match[1]), full=True)
-    if match := re.fullmatch(r"gray(f?)(\d*)(?:le|be)?", name):
-        return Layout("grey", int(match[2] or 8), bool(match[1]))
-    if name.removesuffix("le").removesuffix("be") in _PACKED_RGB:
-        return Layout("rgb", 16 if re.search("48|64", name) else 8, full=True)
-    return None
+        return Layout(kind, bits, is_float, across, down, full=name.startswith("yuvj"))
+    if kind is None and form.is_rgb and not form.has_palette and not is_float and bits in (8, 16):
+        kind = "rgb"
+    return None if kind is None else Layout(kind, bits, is_float, full=kind == "rgb")
 
 
 def planes(frame: av.VideoFrame, rows: slice) -> list[Samples]:
@@ -126,14 +116,10 @@ def planes(frame: av.VideoFrame, rows: slice) -> list[Samples]:
     found = []
     for number in range(count):
         down = how.down if how.kind == "yuv" and number else 1
-        found.append(_plane(frame, number, how)[_every(rows, down)])
+        found.append(_plane(frame, number, how)[rows.start // down : -(-rows.stop // down)])
     if how.kind == "rgb":
         found = [found[2], found[0], found[1]]
     return found
-
-
-def _every(rows: slice, down: int) -> slice:
-    return slice(rows.start // down, -(-rows.stop // down))
 
 
 def _plane(frame: av.VideoFrame, number: int, how: Layout) -> Samples:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import ExitStack, suppress
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from fractions import Fraction
-from pathlib import Path
+from functools import cache
 from typing import TYPE_CHECKING, Any, cast
 
 from iprt.errors import FormatError
@@ -187,26 +187,14 @@ class StreamReader:
             yield av.Packet()
 
 
-class OpenStreams:
-    """A context manager that opens streams when they are first asked for, each once."""
+Streams = Callable[[StreamInfo], StreamReader]
 
-    def __enter__(self) -> OpenStreams:
-        self._stack = ExitStack()
-        self._readers: dict[tuple[Path, int], StreamReader] = {}
-        return self
 
-    def __exit__(self, *_: object) -> None:
-        self._stack.close()
+@contextmanager
+def open_streams() -> Iterator[Streams]:
+    """The reader of a stream, which is opened when it is first asked for, once.
 
-    def reader(self, info: StreamInfo) -> StreamReader:
-        """The stream's reader.
-
-        Raises
-        ------
-        FormatError
-        """
-        key = info.path, info.number
-        if key not in self._readers:
-            container = self._stack.enter_context(opened(info.path))
-            self._readers[key] = StreamReader(container, info)
-        return self._readers[key]
+    It raises FormatError where the file cannot be read.
+    """
+    with ExitStack() as stack:
+        yield cache(lambda info: StreamReader(stack.enter_context(opened(info.path)), info))

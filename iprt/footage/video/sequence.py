@@ -16,7 +16,7 @@ from iprt.files.path_safety import require_inside
 from iprt.files.problems import FRAME_PATTERN
 from iprt.files.untrusted import is_file
 from iprt.footage.video.depth_code import DepthCode, unit_problem
-from iprt.footage.video.reader import OpenStreams
+from iprt.footage.video.reader import Streams
 
 Picture = NDArray[np.float32]
 
@@ -82,7 +82,7 @@ class PictureTrack:
     def white(self) -> float:
         return math.inf if file_kind(self.file(self._indices[0])) in FLOAT_KINDS else 1.0
 
-    def reader(self, _: OpenStreams) -> Callable[[int], Picture]:
+    def reader(self, _: Streams) -> Callable[[int], Picture]:
         if FRAME_PATTERN.search(self._pattern):
             return lambda index: self._read(self.file(index))
         kept = cache(self._read)  # one picture for all frames

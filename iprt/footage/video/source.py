@@ -19,7 +19,7 @@ from iprt.footage.depth import sanitise_color, sanitise_depth
 from iprt.footage.frame import Frame
 from iprt.footage.normals import estimate_normals, sanitise_normals
 from iprt.footage.video.poses import read_poses
-from iprt.footage.video.reader import OpenStreams
+from iprt.footage.video.reader import open_streams
 from iprt.footage.video.table import VideoTable
 from iprt.footage.video.tracks import Tracks, open_tracks
 
@@ -181,38 +181,35 @@ class FrameSource:
     def interpolation(self) -> list[str]:
         """At most one line: that depth has fewer values than colour, and what is done about it."""
         stored = self.stored_depth
-        if stored is None or (stored.grid is None and stored.size == self.size()):
+        if stored is None or (stored.grid is None and stored.size == self.size):
             return []
         name = self.files(self.indices[0])["depth"].name
         what = f"video.depth: {name} has {_by(stored.size)} pixels"
         if stored.grid is not None:
             what += f", enlarged from {_by(stored.grid.size)} by repeating them"
-        if stored.size != self.size():
-            what += f"; colour has {_by(self.size())}"
+        if stored.size != self.size:
+            what += f"; colour has {_by(self.size)}"
         return [f"{what}; depth is interpolated along surfaces"]
 
     @cached_property
     def stored_depth(self) -> StoredDepth | None:
         """How depth is stored, by the first frame wherever reading begins; None: it has none."""
         try:
-            with OpenStreams() as streams:
+            with open_streams() as streams:
                 depth = self._tracks.by_key["depth"].reader(streams)(self.indices[0])
         except FormatError:
             return None
         return StoredDepth((depth.shape[1], depth.shape[0]), Grid.of(depth))
 
+    @cached_property
     def size(self) -> tuple[int, int]:
         """Width and height of the first colour picture, from its header."""
-        return self._size
-
-    @cached_property
-    def _size(self) -> tuple[int, int]:
         return self._tracks.by_key["color"].size()
 
     @contextmanager
     def reading(self) -> Iterator[FrameReader]:
         """A reader of frames, quickest in order. Not for several threads at a time."""
-        with OpenStreams() as streams:
+        with open_streams() as streams:
             readers = {key: track.reader(streams) for key, track in self._tracks.by_key.items()}
             yield FrameReader(self, readers, self._video.yaw_offset_deg)
 
@@ -286,7 +283,7 @@ class FrameReader:
 
     def _full_depth(self, path: Path, depth: Picture) -> Picture:
         """Depth at the size of colour."""
-        stored, size = self._source.stored_depth, self._source.size()
+        stored, size = self._source.stored_depth, self._source.size
         columns, rows = own = depth.shape[1], depth.shape[0]
         if columns != 2 * rows or rows > size[1]:
             raise FormatError(
@@ -300,7 +297,7 @@ class FrameReader:
         return at_full_size(depth, None if stored is None else stored.grid, *size)
 
     def _require_size(self, path: Path, picture: Picture, other: str) -> None:
-        size, own = self._source.size(), (picture.shape[1], picture.shape[0])
+        size, own = self._source.size, (picture.shape[1], picture.shape[0])
         if own != size:
             raise FormatError(f"{path}: {_by(own)} pixels, but {other} has {_by(size)}")
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -22,7 +21,7 @@ from iprt.footage.video.clock import Clock, disagreements, frame_count
 from iprt.footage.video.color import has_highlights, linear_color, luma
 from iprt.footage.video.container import StreamInfo, is_container, video_streams
 from iprt.footage.video.depth_code import DepthCode, unit_problem
-from iprt.footage.video.reader import OpenStreams
+from iprt.footage.video.reader import Streams
 from iprt.footage.video.sequence import DepthPictures, PictureTrack
 from iprt.footage.video.table import VideoTable
 
@@ -41,9 +40,11 @@ class Track(Protocol):
 
     def missing(self) -> Iterator[Path]:
         """Files that are not there, by frame."""
+        return iter(())
 
     def problems(self) -> list[str]:
         """Reasons why existing files cannot be read; a line with its key each."""
+        return []
 
     def size(self) -> tuple[int, int]:
         """Width and height of the first picture, from its header."""
@@ -51,11 +52,11 @@ class Track(Protocol):
     def white(self) -> float:
         """Radiance at which its colours end, by its kind; infinite where they do not."""
 
-    def reader(self, streams: OpenStreams) -> Callable[[int], Picture]:
+    def reader(self, streams: Streams) -> Callable[[int], Picture]:
         """A function that reads the picture of a frame; quickest in order."""
 
 
-class StreamTrack:
+class StreamTrack(Track):
     """Pictures in some rows of a video stream.
 
     Parameters
@@ -80,20 +81,14 @@ class StreamTrack:
     def file(self, _: int) -> Path:
         return self._info.path
 
-    def missing(self) -> Iterator[Path]:
-        return iter(())
-
-    def problems(self) -> list[str]:
-        return []
-
     def size(self) -> tuple[int, int]:
         return self._info.width, self._rows.stop - self._rows.start
 
     def white(self) -> float:
         return math.inf if has_highlights(self._info.pixels, self._info.transfer) else 1.0
 
-    def reader(self, streams: OpenStreams) -> Callable[[int], Picture]:
-        info, stream = self._info, streams.reader(self._info)
+    def reader(self, streams: Streams) -> Callable[[int], Picture]:
+        info, stream = self._info, streams(self._info)
 
         def read(index: int) -> Picture:
             frame = stream.at(self._zero + self._clock.time(index))
@@ -194,19 +189,12 @@ def _indices(video: VideoTable, fps: Fraction, color: StreamInfo | None) -> rang
     return range(count)
 
 
-@contextmanager
-def _named(key: str) -> Iterator[None]:
-    """Put the key of `[video]` before what is wrong."""
-    try:
-        yield
-    except FormatError as error:
-        raise FormatError(f"video.{key}: {error}") from error
-
-
 def _streams(key: str, root: Path, name: str, within: Path) -> list[StreamInfo]:
-    with _named(key):
+    try:
         require_inside(root / name, within)
         return video_streams(root / name)
+    except FormatError as error:
+        raise FormatError(f"video.{key}: {error}") from error
 
 
 def _color_stream(

@@ -33,7 +33,7 @@ class TraceGloss:
         self._guide = guide
         self._features = features
         defines = guide.defines(
-            RELIT=features.relit_reflections,
+            **features.relit_defines(),
             **features.gloss_defines(),
         )
         self._kernel = device.kernel("methods/trace_gloss.cl", "trace_gloss", defines)
@@ -46,9 +46,9 @@ class TraceGloss:
         with self._device.profile.section("trace gloss"):
             self._kernel(
                 (guide.layout.width * guide.layout.height,),
-                *traced_arguments(guide, mask, view, settings.trace.rays, settings.seed),
-                *world.arguments(self._features),
-                self._samples,
-                self.change,
-                mask.touched,
+                traced_arguments(guide, mask, view, settings.trace.rays, settings.seed),
+                world.arguments(self._features),
+                samples=self._samples,
+                change=self.change,
+                touched=mask.touched,
             )

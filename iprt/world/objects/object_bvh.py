@@ -13,7 +13,7 @@ from iprt.bvh.scene import INSTANCE_ROWS, SceneBuilder, scene_sizes, shapes_of
 from iprt.bvh.wide import NODE_ROWS
 from iprt.device.compute import ComputeDevice, Define
 from iprt.geometry.material import Material
-from iprt.geometry.mesh import Instance, motion_between
+from iprt.geometry.mesh import Instance, same_places
 from iprt.settings.features import bvh_defines
 
 
@@ -28,9 +28,6 @@ class ObjectBvh:
 
     Attributes
     ----------
-    motion : (3 M, 4) float32
-        Per material of all instances: rows that take world points of its object to where they were
-        before the last `load`, if its vertices had not moved.
     deforming : bool
         There is a mesh that deforms.
     displacements : (V, 4) float32 or None
@@ -61,8 +58,8 @@ class ObjectBvh:
         table, texels = _albedo_table(materials)
         self._albedos = device.upload("bvh albedos", table)
         self._texels = None
-        self.motion = device.empty("bvh motion", (3 * max(len(materials), 1), 4))
-        self._before: Sequence[Instance] | None = None
+        self._loaded: Sequence[Instance] | None = None
+        self._meshes = tuple(instance.mesh for instance in instances)  # `Worlds` knows them by id
         if self._textured:
             self._make("uvs", (rows["vertices"], 2))
             self._texels = device.upload("bvh texels", texels)
@@ -81,10 +78,14 @@ class ObjectBvh:
         return self._buffers.get("displacements")
 
     def load(self, instances: Sequence[Instance]) -> None:
-        """Follow the objects: transforms and vertices may have changed since the last call.
+        """Follow the objects to where they are.
 
-        While objects move, call it once per frame, and once more when they stop.
+        Nothing is done if they are there. Where meshes deform, call it once per frame while
+        vertices move, and once more when they stop.
         """
+        before, self._loaded = self._loaded, instances
+        if before is not None and not self.deforming and same_places(before, instances):
+            return
         with self._device.profile.host("build bvh"):
             scene = self._builder.build(instances)
         with self._device.profile.section("upload"):
@@ -99,15 +100,6 @@ class ObjectBvh:
                 rows[: len(values)] = values
                 self._device.write(buffer, rows)
 
-        moved = [
-            motion_between(old.to_world, new.to_world)
-            for old, new in zip(self._before or instances, instances, strict=True)
-            for _ in new.mesh.materials
-        ]
-        if moved:
-            self._device.write(self.motion, np.concatenate(moved))
-        self._before = instances
-
     def _room_for(self, name: str, rows: int) -> cla.Array:
         """The buffer, larger if need be: objects that shared a tree may come to need their own,
         where one is flattened so far that it has no place in object space.
@@ -121,23 +113,21 @@ class ObjectBvh:
         """`-D` variants of kernels that trace the objects."""
         return bvh_defines(textured=self._textured)
 
-    def arguments(self) -> tuple[Any, ...]:
-        """`OBJECT_PARAMETERS` of `cl/lib/world/objects/objects_bvh.h`, up to the objects' boxes."""
-        return (
-            self._buffers["nodes"],
-            self._buffers["packets"],
-            self._buffers["instances"],
-            self._count,
-            self._buffers["triangles"],
-            self._buffers["normals"],
-            self._buffers.get("uvs"),
-            self._albedos,
-            self._texels,
-        )
-
-
-NO_BVH: tuple[Any, ...] = (None, None, None, 0, None, None, None, None, None)
-"""In place of `ObjectBvh.arguments()` where a kernel variant traces none."""
+    def arguments(self) -> dict[str, Any]:
+        """`OBJECT_PARAMETERS` of `cl/lib/world/objects/objects_bvh.h`, but for the boxes."""
+        textured = {}
+        if self._textured:
+            textured = {"bvh_uvs": self._buffers["uvs"], "bvh_texels": self._texels}
+        return {
+            "bvh_nodes": self._buffers["nodes"],
+            "bvh_packets": self._buffers["packets"],
+            "bvh_instances": self._buffers["instances"],
+            "bvh_count": self._count,
+            "bvh_triangles": self._buffers["triangles"],
+            "bvh_normals": self._buffers["normals"],
+            "bvh_albedos": self._albedos,
+            **textured,
+        }
 
 
 def _albedo_table(

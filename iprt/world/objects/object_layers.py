@@ -61,34 +61,30 @@ class TracedLayers:
         with self._device.profile.section("object surface"):
             self._build(
                 (self.width, self.height),
-                self.width,
-                self.height,
-                float(self.footprint),
-                view,
-                self.geometry,
-                self._planes,
-                self._range,
+                width=self.width,
+                height=self.height,
+                footprint=self.footprint,
+                view=view,
+                geometry=self.geometry,
+                planes=self._planes,
+                range=self._range,
             )
         self._pyramid.run(self._range, self.shape)
 
-    def arguments(self) -> tuple[Any, ...]:
-        """What `LAYER_PARAMETERS` of `cl/lib/world/scene.h` declares, in order."""
-        return (
-            self.width,
-            self.height,
-            self.shape.levels,
-            float(self.footprint),
-            self._range,
-            self._column,
-            self._row,
-            self._planes,
-            self.geometry,
-            self.material,
-        )
-
-
-NO_LAYERS: tuple[Any, ...] = (1, 1, 1, 1.0, None, None, None, None, None, None)
-"""Arguments in place of `TracedLayers.arguments()` where a kernel variant traces none."""
+    def arguments(self, name: str) -> dict[str, Any]:
+        """`LAYER_PARAMETERS(name)` of `cl/lib/world/objects/objects_raster.h`."""
+        return {
+            f"{name}_width": self.width,
+            f"{name}_height": self.height,
+            f"{name}_levels": self.shape.levels,
+            f"{name}_footprint": self.footprint,
+            f"{name}_range": self._range,
+            f"{name}_column": self._column,
+            f"{name}_row": self._row,
+            f"{name}_planes": self._planes,
+            f"{name}_geometry": self.geometry,
+            f"{name}_material": self.material,
+        }
 
 
 class VisibleLayer:
@@ -138,25 +134,23 @@ class VisibleLayer:
     def unpack(self, rect: Rect, view: cla.Array, materials: cla.Array) -> None:
         """Fill the planes from the images, in which `rect` holds all that is covered."""
         self.rect = rect
-        width, height = self._layout.width, self._layout.height
         with self._device.profile.section("unpack"):
             self._kernel(
-                (width, height),
-                width,
-                height,
-                view,
-                self.front,
-                self.material,
-                self.cover,
-                self.moved,
-                materials,
-                self.normal,
-                self.depth,
-                self.id,
-                self.roughness,
-                self.albedo,
-                self.coverage,
-                self.motion,
+                self._layout.size,
+                self._layout.arguments(),
+                view=view,
+                front=self.front,
+                material=self.material,
+                coverage_in=self.cover,
+                motion_in=self.moved,
+                materials=materials,
+                normal=self.normal,
+                depth=self.depth,
+                id=self.id,
+                roughness=self.roughness,
+                albedo=self.albedo,
+                coverage=self.coverage,
+                motion=self.motion,
             )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -57,7 +57,10 @@ class Objects:
         view: View,
         panorama: Panorama,
         features: Features,
+        hierarchy: Callable[[ComputeDevice, Sequence[Instance]], ObjectBvh] = ObjectBvh,
     ) -> None:
+        """`hierarchy`: makes that of the objects, or finds one that other views use."""
+        self._hierarchy = hierarchy
         self._device, self._instances, self._features = device, instances, features
         self.version = 1
         self._panorama = panorama
@@ -72,7 +75,7 @@ class Objects:
             self._place_layers_around(min(panorama.height, MAX_LAYER_ROWS))
         # Primary rays need the hierarchy too, where other rays meet layers.
         self._triangles = (
-            ObjectBvh(device, instances) if features.bvh or features.primary_rays else None
+            hierarchy(device, instances) if features.bvh or features.primary_rays else None
         )
         self.bvh = self._triangles if features.bvh else None
         self._visibility: Visibility | None = None
@@ -92,9 +95,9 @@ class Objects:
 
     def _see_by_rays(self, view: View) -> None:
         if self._triangles is None:
-            self._triangles = ObjectBvh(self._device, self._instances)
+            self._triangles = self._hierarchy(self._device, self._instances)
             self._triangles.load(self._instances)
-        self._visibility = Visibility(self._device, view, self._triangles)
+        self._visibility = Visibility(self._device, view, self._triangles, self._instances)
 
     def move(self, instances: Sequence[Instance]) -> None:
         """Follow the objects from the next `place` on. Nothing is done if none has moved."""
@@ -133,8 +136,11 @@ class Objects:
         DeviceError
             No EGL where rasterized layers are traced.
         """
-        if self._triangles is not None and context.objects_changed:
-            self._triangles.load(self._instances)
+        triangles = self._triangles
+        if triangles is not None and (context.objects_changed or not triangles.deforming):
+            triangles.load(self._instances)
+        if self._visibility is not None and context.objects_changed:
+            self._visibility.follow(self._instances)
         if self._rasterizer is not None and context.objects_changed:
             self._rasterizer.move(self._instances)
         if self._visibility is None or self._features.traced_layers:
@@ -152,6 +158,7 @@ class Objects:
                 context.previous,
                 self._panorama,
                 self.bounds,
+                self.device_bounds,
                 self.materials,
             )
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import reduce
 from typing import Any
 
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from iprt.device.compute import ComputeDevice
 from iprt.gbuffer.guide import plane_defines
 from iprt.geometry.camera import View
+from iprt.geometry.mesh import Instance, motion_between
 from iprt.raster.layers import COVERAGE_TOLERANCE, SAMPLES
 from iprt.raster.region import Rect, box_corners, box_rects, merge
 from iprt.world.objects.object_bvh import ObjectBvh
@@ -25,13 +26,23 @@ class Visibility:
 
     Attributes
     ----------
+    motion : (3 M, 4) float32
+        Per material of all instances: rows that take world points of its object to where they were
+        before the last `follow`, if its vertices had not moved.
     front, material : (H, W, 4) float32
         Planes of the last `run`, before edge pixels are lent surfaces: `iprt.raster.layers.Layer`.
     """
 
-    def __init__(self, device: ComputeDevice, view: View, bvh: ObjectBvh) -> None:
+    def __init__(
+        self, device: ComputeDevice, view: View, bvh: ObjectBvh, instances: Sequence[Instance]
+    ) -> None:
+        """`instances` are those of `bvh`."""
         self._device = device
         self._bvh = bvh
+        self._instances = instances
+        materials = sum(len(instance.mesh.materials) for instance in instances)
+        self.motion = device.empty("object motion rows", (3 * max(materials, 1), 4))
+        self.follow(instances)
         bvh.follow_vertices()
         defines = plane_defines(
             equirect=view.projection == "equirect",
@@ -48,6 +59,17 @@ class Visibility:
         if bvh.deforming:
             self._displaced = device.empty("traced displacement", (view.height, view.width, 4))
 
+    def follow(self, instances: Sequence[Instance]) -> None:
+        """Follow the objects: call it once per frame while they move, and once more."""
+        moved = [
+            motion_between(old.to_world, new.to_world)
+            for old, new in zip(self._instances, instances, strict=True)
+            for _ in new.mesh.materials
+        ]
+        if moved:
+            self._device.write(self.motion, np.concatenate(moved))
+        self._instances = instances
+
     def run(
         self,
         visible: VisibleLayer,
@@ -56,6 +78,7 @@ class Visibility:
         previous: cla.Array,
         panorama: Panorama,
         bounds: NDArray[np.float32],
+        boxes: cla.Array,
         materials: cla.Array,
     ) -> None:
         """Trace the view and unpack it into the planes of `visible`.
@@ -64,19 +87,28 @@ class Visibility:
         ----------
         constants, previous : (16,) float32
             `View.kernel_constants()` of the view and of the frame before.
-        bounds : (N, 2, 4) float32
-            `object_bounds()`.
+        bounds, boxes : (N, 2, 4) float32
+            `object_bounds()`, and the same on the device.
         materials : `material_table()` on the device
         """
-        objects = (*self._bvh.arguments(), None, 0, None)
-        boxes = [box_rects(view, box_corners(low, high)) for low, high in bounds[:, :, :3]]
-        regions = merge([rect for rects in boxes for rect in rects])
+        seen = {
+            **self._bvh.arguments(),
+            "objects_bounds": boxes,
+            "objects_count": boxes.shape[0],
+            "width": view.width,
+            "height": view.height,
+            "view": constants,
+            "front": self.front,
+            "material": self.material,
+            "displacements": self._bvh.displacements,
+            "displaced": self._displaced,
+        }
+        seen_at = [box_rects(view, box_corners(low, high)) for low, high in bounds[:, :, :3]]
+        regions = merge([rect for rects in seen_at for rect in rects])
 
-        def run(kernel: Callable[..., None], *arguments: Any) -> None:
+        def run(kernel: Callable[..., None], **own: Any) -> None:
             for region in regions:
-                kernel(
-                    region.viewport[2:], int4(corners(region)), view.width, view.height, *arguments
-                )
+                kernel(region.viewport[2:], seen, rectangle=int4(corners(region)), **own)
 
         with self._device.profile.section("trace view"):
             for array in (
@@ -88,31 +120,18 @@ class Visibility:
                 visible.cover,
             ):
                 self._device.fill_zero(array)
-            run(
-                self._see,
-                constants,
-                *objects,
-                self._bvh.displacements,
-                self.front,
-                self.material,
-                self._displaced,
-            )
+            run(self._see)
             run(
                 self._show,
-                constants,
-                previous,
-                *objects,
-                self._bvh.motion,
-                panorama.surface,
-                panorama.width,
-                panorama.height,
-                self.front,
-                self.material,
-                self._displaced,
-                visible.front,
-                visible.material,
-                visible.cover,
-                visible.moved,
+                previous=previous,
+                moved=self.motion,
+                surface=panorama.surface,
+                surface_width=panorama.width,
+                surface_height=panorama.height,
+                display_front=visible.front,
+                display_material=visible.material,
+                coverage=visible.cover,
+                motion=visible.moved,
             )
         everywhere = reduce(Rect.union, regions) if regions else Rect(*EMPTY)
         visible.unpack(corners(everywhere), constants, materials)

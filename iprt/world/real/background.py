@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -71,10 +71,14 @@ class Background:
 
     def load(
         self,
-        frame: Sequence[cla.Array],
-        grid: Sequence[cla.Array],
-        first_layer: Sequence[cla.Array],
+        grid: Mapping[str, Any],
         *,
+        depth: cla.Array,
+        normal: cla.Array,
+        marks: cla.Array,
+        radiance: cla.Array,
+        surface: cla.Array,
+        range_: cla.Array,
         scale: float,
         farthest: float,
         forget: bool,
@@ -83,11 +87,12 @@ class Background:
 
         Parameters
         ----------
-        frame : (H, W) depth, (H, W, 3) normals, (H, W) flags, (H, W, 4) radiance
-            On the device.
-        grid : edges and centres of columns and rows, as `cl/world/real/surface.cl` reads them
-        first_layer : `Panorama.surface`, `Panorama.range`
-            Buffers of the frame.
+        grid : mapping
+            Size, edges and centres of columns and rows, as `cl/world/real/surface.cl` takes them.
+        depth, normal, marks, radiance : (H, W), (H, W, 3), (H, W), (H, W, 4)
+            Of the frame, on the device.
+        surface, range_ : arrays
+            `Panorama.surface`, `Panorama.range` of the frame.
         scale, farthest : float
             As `Panorama` has them.
         forget : bool
@@ -99,29 +104,37 @@ class Background:
         with self._device.profile.section("background"):
             self._remember(
                 self._size,
-                *self._size,
-                self.first,
-                float(self._trace.thickness * scale),
-                float(self._trace.thickness_ratio),
-                *frame,
-                self.depth,
-                self.normal,
-                self.color,
-                self.marks,
-                self.hidden_light,
+                width=self._size[0],
+                height=self._size[1],
+                forget=self.first,
+                thickness=self._trace.thickness * scale,
+                thickness_ratio=self._trace.thickness_ratio,
+                depth=depth,
+                normal=normal,
+                marks=marks,
+                radiance=radiance,
+                kept_depth=self.depth,
+                kept_normal=self.normal,
+                kept_color=self.color,
+                kept_marks=self.marks,
+                hidden_light=self.hidden_light,
             )
             self._build(
                 self._size,
-                *self._size,
-                self.depth,
-                self.normal,
-                self.marks,
-                *grid,
-                *first_layer,
-                self.surface,
-                self.range,
+                grid,
+                depth=self.depth,
+                normal=self.normal,
+                marks=self.marks,
+                first_surface=surface,
+                first_range=range_,
+                surface=self.surface,
+                range=self.range,
             )
 
-    def arguments(self) -> tuple[Any, ...]:
-        """What `BACKGROUND_PARAMETERS` of `cl/lib/world/scene.h` declares, in order."""
-        return (self.surface, self.range, self.color)
+    def arguments(self) -> dict[str, Any]:
+        """`BACKGROUND_PARAMETERS` of `cl/lib/world/scene.h`."""
+        return {
+            "back_surface": self.surface,
+            "back_range": self.range,
+            "back_color": self.color,
+        }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -74,64 +75,72 @@ class Highlight:
             count = len(glossy)
             if count:
                 device.write(self._list[:count], glossy)
-                texels = (self._list, count, gloss, self.table)
-                real = (
-                    *panorama.layer_arguments(
-                        settings.trace.thickness, settings.trace.thickness_ratio
-                    ),
-                    panorama.radiance,
-                    panorama.outside,
-                    *panorama.background_arguments(),
-                )
+                trace = settings.trace
+                real = {
+                    **panorama.arguments(trace.thickness, trace.thickness_ratio),
+                    "list": self._list,
+                    "count": count,
+                    "gloss": gloss,
+                    "real_materials": self.table,
+                    "real_reflectance": self.reflectance,
+                }
                 self._sample(
                     (count,),
-                    settings.gloss.rays,
-                    settings.seed,
-                    *texels,
-                    self.reflectance,
-                    *real,
-                    highlight,
+                    real,
+                    most_rays=settings.gloss.rays,
+                    frame_seed=settings.seed,
+                    highlight=highlight,
                 )
                 signal, filtered = highlight, radiated
                 for level in range(LEVELS):
-                    self._filter((count,), 1 << level, *texels, *real, signal, filtered)
+                    self._filter(
+                        (count,), real, step=1 << level, highlight=signal, filtered=filtered
+                    )
                     signal, filtered = filtered, signal
                 self._calibrate(real)
-            size = (panorama.width, panorama.height)
             rows, columns, _ = self.gain.shape
             self._remove(
-                size,
-                *size,
-                gloss,
-                self.table,
-                panorama.radiance,
-                columns,
-                rows,
-                self.gain,
-                self._least,
-                highlight,
-                radiated,
+                (panorama.width, panorama.height),
+                width=panorama.width,
+                height=panorama.height,
+                gloss=gloss,
+                real_materials=self.table,
+                color=panorama.radiance,
+                columns=columns,
+                rows=rows,
+                gain=self.gain,
+                least=self._least,
+                highlight=highlight,
+                radiated=radiated,
             )
 
-    def arguments(self) -> tuple[Any, ...]:
-        """Glossy surfaces, in the order of `WORLD_PARAMETERS` of `cl/lib/world/world.h`."""
+    def arguments(self) -> dict[str, Any]:
+        """`GLOSS_PARAMETERS` of `cl/lib/world/world.h`."""
         rows, columns, _ = self.gain.shape
-        return (self._panorama.gloss, self.table, self.reflectance, self.gain, columns, rows)
+        return {
+            "real_gloss": self._panorama.gloss,
+            "real_materials": self.table,
+            "real_reflectance": self.reflectance,
+            "real_gain": self.gain,
+            "gain_columns": columns,
+            "gain_rows": rows,
+        }
 
-    def _calibrate(self, real: tuple[Any, ...]) -> None:
-        """Fill `gain`; `real` are the arguments that `REAL_PARAMETERS` declares."""
+    def _calibrate(self, real: Mapping[str, Any]) -> None:
+        """Fill `gain`; `real` is what rays meet."""
         rows, columns, _ = self.gain.shape
-        panorama = self._panorama
+        seen_cells, shine_cells, irradiance_cells = self._cells
         self._measure(
             (columns, rows),
-            CELL_RAYS,
-            self._settings.seed,
-            columns,
-            rows,
-            panorama.gloss,
-            *real,
-            panorama.highlight,
-            *self._cells,
+            real,
+            rays=CELL_RAYS,
+            frame_seed=self._settings.seed,
+            columns=columns,
+            rows=rows,
+            highlight=self._panorama.highlight,
+            seen=seen_cells,
+            shine=shine_cells,
+            irradiance=irradiance_cells,
         )
         seen, shine, irradiance = (
             self._device.read(cells).astype(np.float64) for cells in self._cells

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -52,7 +53,9 @@ class IrradianceCache:
         self._features = features
         self.settings = features.settings.irradiance
         self.rows, self.columns = self.settings.rows, 2 * self.settings.rows
-        defines = plane_defines() | features.real_defines()
+        # Where objects are layers, an equirect view has those around it alone.
+        equirect = features.equirect_view and features.traced_layers
+        defines = plane_defines(equirect=equirect) | features.real_defines()
 
         def kernel(name: str) -> Any:
             return device.kernel("world/real/irradiance.cl", name, defines)
@@ -105,18 +108,24 @@ class IrradianceCache:
             They show different things, and nothing that is known holds.
         """
         grid = (self.columns, self.rows)
-        cells = (self.plane, self.mean, self.irradiance)
-        surface = (*grid, panorama.width, panorama.height, panorama.surface)
         still = np.array_equal(motion, STILL)
+        seen = {
+            "columns": self.columns,
+            "rows": self.rows,
+            "real_width": panorama.width,
+            "real_height": panorama.height,
+            "real_surface": panorama.surface,
+        }
         with self._device.profile.section("irradiance"):
             if still:
-                self._place(grid, *surface, 1.0 if cut else FOREVER, *cells)
+                self._place(grid, seen, self._named(""), kept=1.0 if cut else FOREVER)
             else:
-                self._before, cells = cells, self._before
-                self.plane, self.mean, self.irradiance = cells
+                known = self._named("_before")
+                now_held = (self.plane, self.mean, self.irradiance)
+                (self.plane, self.mean, self.irradiance), self._before = self._before, now_held
                 self._device.write(self._camera, motion.astype(np.float32).ravel())
                 kept = 1.0 if cut else MOVED_SAMPLES
-                self._move(grid, *surface, kept, self._camera, *self._before, *cells)
+                self._move(grid, seen, known, self._named(""), kept=kept, camera=self._camera)
         if still and changed > 0.0 and not cut:
             self._relight(*light_change(before, now, self.rows, changed))
 
@@ -136,10 +145,14 @@ class IrradianceCache:
         for grid, values in ((self.plane, plane), (self.mean, mean), (self.irradiance, smooth)):
             self._device.write(grid, values)
 
+    def _named(self, suffix: str) -> dict[str, cla.Array]:
+        """The grids by the names of kernels' parameters."""
+        grids = {"plane": self.plane, "mean": self.mean, "smooth": self.irradiance}
+        return {name + suffix: grid for name, grid in grids.items()}
+
     def run(
         self,
-        traced: tuple[Any, ...],
-        bounds: cla.Array,
+        traced: Mapping[str, Any],
         guide: Guide,
         mask: Mask,
         view: cla.Array,
@@ -148,73 +161,67 @@ class IrradianceCache:
     ) -> None:
         """Refine the cells around the pixels that `mask` has listed.
 
-        `traced` holds `World.arguments`, `bounds` the objects' `object_bounds`.
+        `traced` holds `World.arguments`.
 
         A few rays do where objects have no noticeable influence yet, and none are needed where
         objects span less than `least` sr.
         """
         settings, layout = self.settings, guide.layout
         cells = self.rows * self.columns
+        grid = {
+            "columns": self.columns,
+            "rows": self.rows,
+            **self._named(""),
+            "list": self._cells,
+            "count": self._count,
+        }
         with self._device.profile.section("irradiance"):
             self._want(
                 (layout.width * layout.height,),
-                layout.width,
-                layout.height,
-                mask.traced,
-                mask.count,
-                guide.current,
-                mask.touched,
-                bounds,
-                bounds.shape[0],
-                least,
-                self.columns,
-                self.rows,
-                self.plane,
-                self._wanted,
-                self._count,
+                guide.arguments(),
+                list=mask.traced,
+                count=mask.count,
+                touched=mask.touched,
+                boxes=traced["objects_bounds"],
+                box_count=traced["objects_count"],
+                least=least,
+                columns=self.columns,
+                rows=self.rows,
+                plane=self.plane,
+                wanted=self._wanted,
+                refined=self._count,
             )
             self._list(
                 (cells,),
-                cells,
-                float(settings.first_rays),
-                float(settings.samples),
-                self.mean,
-                self._wanted,
-                self._cells,
-                self._count,
+                grid,
+                cells=cells,
+                first=settings.first_rays,
+                enough=settings.samples,
+                wanted=self._wanted,
             )
             self._refine(
                 (cells,),
-                settings.rays,
-                settings.first_rays,
-                self._features.settings.seed,
-                self._cells,
-                self._count,
-                self.columns,
-                self.plane,
-                view,
-                *traced,
-                self.mean,
+                grid,
+                traced,
+                rays=settings.rays,
+                first_rays=settings.first_rays,
+                seed=self._features.settings.seed,
+                view=view,
             )
-            self._smooth(
-                (cells,),
-                self._cells,
-                self._count,
-                self.columns,
-                self.rows,
-                self.plane,
-                self.mean,
-                self.irradiance,
-            )
+            self._smooth((cells,), grid)
 
     def show(self, panorama: Panorama, guide: Guide) -> cla.Array:
         """E_R / π at a picture's pixels, 3 planes; 0 where no traced pixel has asked for it."""
-        width, height = guide.layout.width, guide.layout.height
         planes = self._device.zeros("irradiance shown", guide.layout.shape(3))
-        self._show((width, height), width, height, guide.current, *self.arguments(panorama), planes)
+        self._show(guide.layout.size, guide.arguments(), self.arguments(panorama), shown=planes)
         return planes
 
-    def arguments(self, panorama: Panorama) -> tuple[Any, ...]:
-        """What `CACHE_PARAMETERS` of `cl/lib/world/real/irradiance.h` declares, in order."""
-        black = BLACK * panorama.mean_radiance
-        return (self.plane, self.irradiance, self.columns, self.rows, float(black))
+    def arguments(self, panorama: Panorama) -> dict[str, Any]:
+        """`CACHE_PARAMETERS` of `cl/lib/world/real/irradiance.h`."""
+        return {
+            "cache_plane": self.plane,
+            "cache_irradiance": self.irradiance,
+            "cache_columns": self.columns,
+            "cache_rows": self.rows,
+            "cache_black": BLACK * panorama.mean_radiance,
+        }

@@ -49,16 +49,16 @@ class Lights:
             self._device.write(self._cell, numbers)
             self._device.write(self._density, density.astype(np.float32))
 
-    def arguments(self) -> tuple[Any, ...]:
-        """What `LIGHT_PARAMETERS` of `cl/lib/world/real/lights.h` declares, in order."""
-        return (
-            self._cumulative,
-            self._cell,
-            self._density,
-            self.count,
-            self.columns,
-            self.rows,
-        )
+    def arguments(self) -> dict[str, Any]:
+        """`LIGHT_PARAMETERS` of `cl/lib/world/real/lights.h`."""
+        return {
+            "light_cumulative": self._cumulative,
+            "light_cell": self._cell,
+            "light_density_table": self._density,
+            "light_count": self.count,
+            "light_columns": self.columns,
+            "light_rows": self.rows,
+        }
 
 
 def light_table(

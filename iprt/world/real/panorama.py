@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
+from iprt.device.signature import constant
 from iprt.footage.frame import Frame
 from iprt.footage.window_environment import OUTSIDE_ROWS, outside_radiance
 from iprt.world.real.background import Background
@@ -18,8 +19,7 @@ if TYPE_CHECKING:
 
 COARSEST_COLUMNS = 8
 """Cells span at most π/4 of azimuth, so that one plane per meridian decides a crossing."""
-SURFACE_OPENING = np.uint8(16)
-"""As in `cl/lib/world/real/real.h`."""
+SURFACE_OPENING = np.uint8(constant("lib/world/real/real.h", "SURFACE_OPENING"))
 START_BIAS = 1e-3
 """Metres, in a room: tolerance of a ray's start against the surface it starts from."""
 
@@ -98,12 +98,14 @@ class Panorama:
         self.column = device.upload("panorama.column", column)
         self.row = device.upload("panorama.row", row)
         azimuth, polar = equirect_centres(self.width, self.height)
-        self._grid = (
-            self.column,
-            self.row,
-            device.upload("panorama.azimuth", azimuth),
-            device.upload("panorama.polar", polar),
-        )
+        self._grid = {
+            "width": self.width,
+            "height": self.height,
+            "column": self.column,
+            "row": self.row,
+            "azimuth": device.upload("panorama.azimuth", azimuth),
+            "polar": device.upload("panorama.polar", polar),
+        }
         self.background: Background | None = None
         if background is not None:
             self.background = Background(device, self.width, self.height, self.shape, background)
@@ -137,10 +139,16 @@ class Panorama:
                 diffuse = np.zeros(frame.depth.shape, np.uint8)
                 gloss = diffuse if frame.gloss is None else frame.gloss
                 self._device.write(self.gloss, self._enlarged(gloss))
-        size = (self.width, self.height)
-        layer = (self._depth, self._normal, self._marks, *self._grid)
         with self._device.profile.section("surface"):
-            self._build(size, *size, *layer, self.surface, self.range)
+            self._build(
+                (self.width, self.height),
+                self._grid,
+                depth=self._depth,
+                normal=self._normal,
+                marks=self._marks,
+                surface=self.surface,
+                range=self.range,
+            )
         self._pyramid.run(self.range, self.shape)
 
     def remember(self, *, forget: bool) -> NDArray[np.float32] | None:
@@ -160,9 +168,13 @@ class Panorama:
             return None
         background = self.background
         background.load(
-            (self._depth, self._normal, self._marks, self.radiance),
             self._grid,
-            (self.surface, self.range),
+            depth=self._depth,
+            normal=self._normal,
+            marks=self._marks,
+            radiance=self.radiance,
+            surface=self.surface,
+            range_=self.range,
             scale=self.scale,
             farthest=self.farthest,
             forget=forget,
@@ -183,26 +195,25 @@ class Panorama:
             return image
         return image.repeat(self._repeat, axis=0).repeat(self._repeat, axis=1)
 
-    def layer_arguments(self, thickness: float, thickness_ratio: float) -> tuple[Any, ...]:
-        """The arguments of `REAL_LAYER_PARAMETERS` in `cl/lib/world/scene.h`, in order."""
-        return (
-            self.width,
-            self.height,
-            self.shape.levels,
-            self.range,
-            self.column,
-            self.row,
-            self.surface,
-            float(thickness * self.scale),
-            float(thickness_ratio),
-            float(START_BIAS * self.scale),
-            self.nearest,
-            self.farthest if self.background is None else self.background.farthest,
-        )
-
-    def background_arguments(self) -> tuple[Any, ...]:
-        """What `BACKGROUND_PARAMETERS` of `cl/lib/world/scene.h` declares: nothing without."""
-        return () if self.background is None else self.background.arguments()
+    def arguments(self, thickness: float, thickness_ratio: float) -> dict[str, Any]:
+        """`REAL_PARAMETERS` of `cl/lib/world/scene.h`, with the radiance that the frame has."""
+        return {
+            "real_width": self.width,
+            "real_height": self.height,
+            "real_levels": self.shape.levels,
+            "real_range": self.range,
+            "real_column": self.column,
+            "real_row": self.row,
+            "real_surface": self.surface,
+            "real_thickness_m": thickness * self.scale,
+            "real_thickness_ratio": thickness_ratio,
+            "real_bias": START_BIAS * self.scale,
+            "real_nearest": self.nearest,
+            "real_farthest": self.farthest if self.background is None else self.background.farthest,
+            "real_color": self.radiance,
+            "real_outside": self.outside,
+            **({} if self.background is None else self.background.arguments()),
+        }
 
     @property
     def scale(self) -> float:

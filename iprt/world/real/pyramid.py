@@ -57,11 +57,11 @@ class Pyramid:
             for level in range(shape.levels - 1):
                 self._reduce(
                     (shape.columns[level + 1], shape.rows[level + 1]),
-                    shape.columns[level],
-                    shape.rows[level],
-                    shape.offsets[level],
-                    shape.offsets[level + 1],
-                    range_,
+                    columns=shape.columns[level],
+                    rows=shape.rows[level],
+                    fine=shape.offsets[level],
+                    coarse=shape.offsets[level + 1],
+                    range=range_,
                 )
 
 

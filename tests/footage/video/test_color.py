@@ -13,7 +13,7 @@ from iprt.errors import FormatError
 from iprt.footage.video.color import linear_color
 from iprt.footage.video.container import video_streams
 from iprt.footage.video.planes import layout
-from iprt.footage.video.reader import OpenStreams
+from iprt.footage.video.reader import open_streams
 from tests.footage.video.encoding import Track, video_frame, write_video
 
 Float = NDArray[np.float64]
@@ -286,6 +286,6 @@ def test_tags_survive_their_way_through_a_file(
         tmp_path / file, Track(codec, pixels, [planes], options=options.get(codec, {}), tags=tags)
     )
     (info,) = video_streams(tmp_path / file)
-    with OpenStreams() as streams:
-        found = linear_color(streams.reader(info).at(info.start), slice(0, 64), info.path)
+    with open_streams() as streams:
+        found = linear_color(streams(info).at(info.start), slice(0, 64), info.path)
     assert np.abs(found - linear).max() < 0.02

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from iprt.footage.video.container import video_streams
-from iprt.footage.video.reader import OpenStreams, StreamReader
+from iprt.footage.video.reader import StreamReader, open_streams
 from tests.footage.video.counting import (
     B_FRAMES,
     FRAMES,
@@ -64,21 +64,21 @@ def test_every_frame_is_found(name: str, encoded: dict[str, Path]) -> None:
     (info,) = video_streams(encoded[name])
     assert (info.width, info.height, info.rate) == (64, 32, 30)
     assert round((info.last - info.start) * 30) == FRAMES - 1
-    with OpenStreams() as streams:
-        reader = streams.reader(info)
+    with open_streams() as streams:
+        reader = streams(info)
         ahead = [number(reader.at(info.start + Fraction(i, 30))) for i in range(FRAMES)]
         assert ahead == list(range(FRAMES))
         assert reader.seeks == 0, "reading in order seeks"
         wild = [int(i) for i in np.random.default_rng(1).integers(0, FRAMES, 20)]
         assert [number(reader.at(info.start + Fraction(i, 30))) for i in wild] == wild
         assert reader.seeks > 0
-        assert reader is streams.reader(info)
+        assert reader is streams(info)
 
 
 def test_jumps_far_ahead_seek(encoded: dict[str, Path]) -> None:
     (info,) = video_streams(encoded["H.264 with B-frames in MP4"])
-    with OpenStreams() as streams:
-        reader = streams.reader(info)
+    with open_streams() as streams:
+        reader = streams(info)
         reader.at(info.start)
         assert number(reader.at(info.last)) == FRAMES - 1
         assert reader.seeks == 0, "not far enough"
@@ -102,11 +102,11 @@ def test_variable_rates_go_by_time(file: str, tmp_path: Path) -> None:
         away = [abs(Fraction(t, 60) - time) for t in times]
         near = [i for i, distance in enumerate(away) if distance <= min(away) + tick]
         expected.append(near)
-    with OpenStreams() as streams:
-        ahead = [number(streams.reader(info).at(info.start + time)) for time in asked]
+    with open_streams() as streams:
+        ahead = [number(streams(info).at(info.start + time)) for time in asked]
     assert all(index in near for index, near in zip(ahead, expected, strict=True))
-    with OpenStreams() as streams:
-        reader = streams.reader(info)
+    with open_streams() as streams:
+        reader = streams(info)
         back = [number(reader.at(info.start + time)) for time in reversed(asked)]
     assert back[::-1] == ahead, "the same, from whichever side"
 
@@ -239,8 +239,8 @@ def test_a_sequence_of_colour_with_a_file_of_depth(tmp_path: Path) -> None:
 
 def test_a_reader_keeps_few_frames(encoded: dict[str, Path]) -> None:
     (info,) = video_streams(encoded["H.264 with B-frames in Matroska"])
-    with OpenStreams() as streams:
-        reader: StreamReader = streams.reader(info)
+    with open_streams() as streams:
+        reader: StreamReader = streams(info)
         for index in itertools.chain(range(FRAMES), range(FRAMES)):
             reader.at(info.start + Fraction(index, 30))
             assert len(reader._window) <= 2

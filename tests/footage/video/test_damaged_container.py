@@ -12,7 +12,7 @@ import pytest
 
 from iprt.errors import FormatError, SceneError
 from iprt.footage.video.container import video_streams
-from iprt.footage.video.reader import OpenStreams
+from iprt.footage.video.reader import open_streams
 from tests.footage.video.counting import ALONE, color_track, depths, scene, told
 from tests.footage.video.encoding import Track, grey16, write_video
 
@@ -62,14 +62,14 @@ def test_damage_hides_one_frame_from_any_side(tmp_path: Path) -> None:
     damaged(tmp_path / "d.mkv", [3])
     (info,) = video_streams(tmp_path / "d.mkv")
     for order in ([2, 3, 4], [4, 3, 2], [3], [7, 3, 5]):
-        with OpenStreams() as streams:
+        with open_streams() as streams:
             for index in order:
                 time = Fraction(index, 30)
                 if index == 3:
                     with pytest.raises(FormatError, match="damaged"):
-                        streams.reader(info).at(time)
+                        streams(info).at(time)
                 else:
-                    assert streams.reader(info).at(time).to_ndarray()[0, 0] == 1000 + 10 * index
+                    assert streams(info).at(time).to_ndarray()[0, 0] == 1000 + 10 * index
 
 
 def test_what_follows_damage_is_not_trusted_up_to_the_next_key_frame(tmp_path: Path) -> None:
@@ -77,13 +77,13 @@ def test_what_follows_damage_is_not_trusted_up_to_the_next_key_frame(tmp_path: P
     write_video(tmp_path / "d.mkv", grey16(noise(16), options=ALONE | {"g": "6"}))
     damaged(tmp_path / "d.mkv", [8])
     (info,) = video_streams(tmp_path / "d.mkv")
-    with OpenStreams() as streams:
+    with open_streams() as streams:
         for index in range(16):
             if 8 <= index < 12:
                 with pytest.raises(FormatError, match="damaged"):
-                    streams.reader(info).at(Fraction(index, 30))
+                    streams(info).at(Fraction(index, 30))
             else:
-                frame = streams.reader(info).at(Fraction(index, 30))
+                frame = streams(info).at(Fraction(index, 30))
                 assert frame.to_ndarray()[0, 0] == 1000 + 10 * index
 
 
@@ -94,8 +94,8 @@ def test_a_file_that_is_cut_off_goes_on_with_its_last_frame(file: str, tmp_path:
     (info,) = video_streams(path)
     left = round((info.last - info.start) * 30) + 1
     assert 5 < left < 20
-    with OpenStreams() as streams:
-        reader = streams.reader(info)
+    with open_streams() as streams:
+        reader = streams(info)
         good = 0
         for index in range(left + 3):
             with suppress(FormatError):

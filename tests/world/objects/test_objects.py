@@ -163,5 +163,4 @@ def test_the_plan_is_what_is_allocated(device: ComputeDevice, view: View) -> Non
         assert own.buffers[name] == size, name
     assert {name for name in plan.buffers if name.startswith("bvh")} == {
         "bvh nodes", "bvh packets", "bvh instances", "bvh triangles", "bvh normals", "bvh albedos",
-        "bvh motion",
     }  # fmt: skip

@@ -83,11 +83,13 @@ class Both:
             self.layers = opened.render(view, turned, shade=True)
         self.drawn.load(self.layers, now, table)
         bvh = ObjectBvh(device, before)
-        visibility = Visibility(device, view, bvh)
+        visibility = Visibility(device, view, bvh, before)
         bvh.load(before)
         bvh.load(instances)
+        visibility.follow(instances)
         bounds = object_bounds(instances, margin=1e-3)
-        visibility.run(self.traced, view, now, then, panorama, bounds, table)
+        boxes = device.upload("boxes", bounds)
+        visibility.run(self.traced, view, now, then, panorama, bounds, boxes, table)
         self._device = device
 
     def images(self, name: str) -> tuple[Float, Float]:
@@ -185,7 +187,9 @@ def test_an_edge_on_the_seam_borrows_across_it(device: ComputeDevice, side: int)
     bvh = ObjectBvh(device, [ball])
     bvh.load([ball])
     bounds = object_bounds([ball], margin=1e-3)
-    Visibility(device, view, bvh).run(layer, view, constants, constants, panorama, bounds, table)
+    boxes = device.upload("boxes", bounds)
+    visibility = Visibility(device, view, bvh, [ball])
+    visibility.run(layer, view, constants, constants, panorama, bounds, boxes, table)
     coverage, depth = image(device, layer, "coverage"), image(device, layer, "depth")
     beyond, before = (0, -1) if side > 0 else (-1, 0)
     assert (coverage[39:41, before] > 0.9).all()
@@ -204,12 +208,13 @@ def test_nothing_in_sight(device: ComputeDevice, view: View) -> None:
     equirect = view.projection == "equirect"
     layer = VisibleLayer(device, PlaneLayout(view.width, view.height), equirect=equirect)
     bvh = ObjectBvh(device, seen)
-    visibility = Visibility(device, view, bvh)
+    visibility = Visibility(device, view, bvh, seen)
     for distance, shown in ((2.0, True), (500.0, False)):  # behind the wall
         there = [replace(seen[0], to_world=placed(sphere(2), (0, 0, -distance), 0.5).to_world)]
         bvh.load(there)
         bounds = object_bounds(there, margin=1e-3)
-        visibility.run(layer, view, constants, constants, panorama, bounds, table)
+        boxes = device.upload("boxes", bounds)
+        visibility.run(layer, view, constants, constants, panorama, bounds, boxes, table)
         assert (image(device, layer, "coverage") > 0.0).any() == shown
         assert (image(device, layer, "id") > 0.0).any() == shown
     assert 0.0 < COVERAGE_TOLERANCE < 0.1

@@ -21,6 +21,17 @@ from iprt.world.world import World
 from tests.kernels.wrap import evaluate
 from tests.variants import variant
 
+NO_LAYERS = {
+    f"{layer}_{name}": value
+    for layer in ("screen", "equirect")
+    for name, value in (
+        *((size, 1) for size in ("width", "height", "levels")),
+        ("footprint", 1.0),
+        *((part, None) for part in ("range", "column", "row", "planes", "geometry", "material")),
+    )
+}
+"""In place of the objects' layers, which these functions do not look at."""
+
 
 class RealWorld:
     """A frame without objects, as `cl/lib/world/path.h` sees it, and `materials` that scatter."""
@@ -86,7 +97,7 @@ class RealWorld:
                 if value is not False
             ],
             parameters="WORLD_PARAMETERS",
-            arguments=self._world.arguments(self._features),
+            arguments={**NO_LAYERS, **self._world.arguments(self._features)},
         )
 
 

@@ -1,7 +1,9 @@
-// The virtual objects as rays see them, in one of two representations with the same functions:
+// The virtual objects as rays see them, in one of two representations with the same functions, or
+// none, which has nothing but `bounds` and `object_lift`:
 //
-//   -D OBJECTS_BVH   objects_bvh.h     triangles, exactly
-//   without          objects_raster.h  what is rasterized from the capture centre
+//   -D OBJECTS_BVH           objects_bvh.h     triangles, exactly
+//   -D DISTANT_ENVIRONMENT   objects_none.h    rays meet nothing
+//   without                  objects_raster.h  what is rasterized from the capture centre
 //
 //   OBJECT_PARAMETERS, OBJECTS(view)   what kernels are given (iprt/world/world.py), and `Objects`
 //                                      made of it, with `bounds`: 2 float4 for each of its `objects`,
@@ -14,6 +16,8 @@
 
 #ifdef OBJECTS_BVH
 #include "world/objects/objects_bvh.h"
+#elif defined(DISTANT_ENVIRONMENT)
+#include "world/objects/objects_none.h"
 #else
 #include "world/objects/objects_raster.h"
 #endif

@@ -21,12 +21,14 @@ typedef struct {
     Bvh bvh;
     __global const int4 *triangles;      // 4 per packet: three vertices, material of the mesh
     __global const float4 *normals;      // per vertex, object space
-    __global const float2 *uvs;          // per vertex
     __global const float4 *albedos;      // 2 per material: rgb; int bits of its texture's first
                                          // texel, width (0: none) and height
-    __global const half *texels;         // 4 per texel: rgb, linear
     __global const float4 *bounds;       // 2 per object: corners of its box, world
     int objects;
+#ifdef OBJECT_TEXTURES
+    __global const float2 *uvs;          // per vertex
+    __global const half *texels;         // 4 per texel: rgb, linear
+#endif
 } Objects;
 
 typedef BvhHit ObjectHit;
@@ -153,18 +155,26 @@ static inline float object_lift(const Objects world, float distance)
     return OBJECT_DEPTH_ERROR * distance;
 }
 
+#ifdef OBJECT_TEXTURES
+#define TEXTURE_PARAMETERS                                                                         \
+    , __global const float2 *restrict bvh_uvs, __global const half *restrict bvh_texels
+#define TEXTURES , bvh_uvs, bvh_texels
+#else
+#define TEXTURE_PARAMETERS
+#define TEXTURES
+#endif
+
 #define OBJECT_PARAMETERS                                                                          \
     __global const float4 *restrict bvh_nodes, __global const float4 *restrict bvh_packets,        \
         __global const float4 *restrict bvh_instances, const int bvh_count,                        \
         __global const int4 *restrict bvh_triangles, __global const float4 *restrict bvh_normals,  \
-        __global const float2 *restrict bvh_uvs, __global const float4 *restrict bvh_albedos,      \
-        __global const half *restrict bvh_texels, __global const float4 *restrict objects_bounds,  \
-        const int objects_count, __global const float4 *restrict materials
+        __global const float4 *restrict bvh_albedos,                                               \
+        __global const float4 *restrict objects_bounds, const int objects_count TEXTURE_PARAMETERS
 
 #define OBJECTS(view)                                                                              \
     {                                                                                              \
         {bvh_nodes, bvh_packets, bvh_instances, bvh_count WORK}, bvh_triangles, bvh_normals,       \
-            bvh_uvs, bvh_albedos, bvh_texels, objects_bounds, objects_count                        \
+            bvh_albedos, objects_bounds, objects_count TEXTURES                                    \
     }
 
 #endif

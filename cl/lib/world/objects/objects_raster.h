@@ -25,7 +25,9 @@ typedef struct {
 } ObjectLayer;
 
 typedef struct {
+#ifndef VIEW_EQUIRECT
     ObjectLayer screen;
+#endif
     ObjectLayer equirect;
     __global const float *view;           // lib/gbuffer/view.h
     int4 rectangle;                       // of the screen that objects cover: x0, y0, x1, y1
@@ -317,26 +319,23 @@ static inline int trace_objects(const Objects world, float3 o, float3 d, float t
 
 static inline Scatterer object_point(const Objects world, const ObjectHit hit, float3 o, float3 d)
 {
-    __global const float4 *geometries = hit.on_screen ? world.screen.geometry
-                                                      : world.equirect.geometry;
-    __global const float4 *materials = hit.on_screen ? world.screen.material
-                                                     : world.equirect.material;
-    const float footprint = hit.on_screen ? world.screen.footprint
-                                          : world.equirect.footprint;
-    const int texels = hit.on_screen
-        ? world.screen.grid.width * world.screen.grid.height
-        : world.equirect.grid.width * world.equirect.grid.height;
+#ifdef VIEW_EQUIRECT
+    const ObjectLayer layer = world.equirect;
+#else
+    const ObjectLayer layer = hit.on_screen ? world.screen : world.equirect;
+#endif
+    const int texels = layer.grid.width * layer.grid.height;
     // Beside the layers, where the solid's flank is, the one that faces the ray stands for it: off
     // the other, the ray would be scattered into the solid.
     const int opposite = hit.index < texels ? hit.index + texels : hit.index - texels;
-    const int flank = dot(geometries[hit.index].xyz, d) > 0.0f
-        && dot(geometries[opposite].xyz, d) < 0.0f;
+    const int flank = dot(layer.geometry[hit.index].xyz, d) > 0.0f
+        && dot(layer.geometry[opposite].xyz, d) < 0.0f;
     const int index = flank ? opposite : hit.index;
-    const float4 geometry = geometries[index];
-    const float4 material = materials[index];
+    const float4 geometry = layer.geometry[index];
+    const float4 material = layer.material[index];
     Scatterer point;
     point.normal = dot(geometry.xyz, d) > 0.0f ? -geometry.xyz : geometry.xyz;
-    point.position = o + hit.t * d + OBJECT_LIFT * footprint * geometry.w * point.normal;
+    point.position = o + hit.t * d + OBJECT_LIFT * layer.footprint * geometry.w * point.normal;
     point.albedo = material.xyz;
     point.material = (int)material.w - 1;
     return point;
@@ -369,12 +368,19 @@ static inline float object_lift(const Objects world, float distance)
             name##_planes, name##_geometry, name##_material, name##_footprint                      \
     }
 
+#ifdef VIEW_EQUIRECT
+#define SCREEN_PARAMETERS
+#define SCREEN_LAYER
+#else
+#define SCREEN_PARAMETERS LAYER_PARAMETERS(screen),
+#define SCREEN_LAYER LAYER(screen),
+#endif
+
 #define OBJECT_PARAMETERS                                                                          \
-    LAYER_PARAMETERS(screen), LAYER_PARAMETERS(equirect), const int4 objects_rectangle,            \
-        __global const float4 *restrict objects_bounds, const int objects_count,                   \
-        __global const float4 *restrict materials
+    SCREEN_PARAMETERS LAYER_PARAMETERS(equirect), const int4 objects_rectangle,                    \
+        __global const float4 *restrict objects_bounds, const int objects_count
 
 #define OBJECTS(view)                                                                              \
-    {LAYER(screen), LAYER(equirect), view, objects_rectangle, objects_bounds, objects_count}
+    {SCREEN_LAYER LAYER(equirect), view, objects_rectangle, objects_bounds, objects_count}
 
 #endif

@@ -14,10 +14,11 @@ from iprt.device.compute import ComputeDevice
 from iprt.footage.frame import Frame
 from iprt.geometry.camera import View
 from iprt.geometry.material import Material
-from iprt.renderer import Renderer
+from iprt.geometry.mesh import Instance
+from iprt.renderer import RenderedFrame, Renderer
 from iprt.settings.model import Settings
 from iprt.world.real.real_world import RealWorld
-from iprt.world.real.shared import RealWorlds
+from iprt.world.shared import Worlds
 from tests.oracles.worlds import World
 from tests.worlds import ball, bright_walls, room_frame
 
@@ -46,7 +47,7 @@ def samples(world: RealWorld) -> np.ndarray:
 def test_a_second_view_finds_irradiance_known(
     device: ComputeDevice, frames: tuple[Frame, Frame]
 ) -> None:
-    worlds = RealWorlds()
+    worlds = Worlds()
     with Renderer(device, frames[0], OBJECTS, VIEW, settings(), worlds=worlds) as first:
         first.render(4)
         known = samples(first.real_world)
@@ -75,7 +76,7 @@ def test_a_second_view_finds_irradiance_known(
 def test_what_rays_find_otherwise_is_not_shared(
     device: ComputeDevice, frames: tuple[Frame, Frame], others: dict[str, Any]
 ) -> None:
-    worlds = RealWorlds()
+    worlds = Worlds()
     with (
         Renderer(device, frames[0], OBJECTS, VIEW, settings(), worlds=worlds) as one,
         Renderer(device, frames[0], OBJECTS, VIEW, settings(**others), worlds=worlds) as other,
@@ -84,7 +85,7 @@ def test_what_rays_find_otherwise_is_not_shared(
 
 
 def test_what_one_view_loads_all_show(device: ComputeDevice, frames: tuple[Frame, Frame]) -> None:
-    worlds = RealWorlds()
+    worlds = Worlds()
     with (
         Renderer(device, frames[0], OBJECTS, VIEW, settings(), worlds=worlds) as one,
         Renderer(device, frames[0], OBJECTS, VIEW, settings(), worlds=worlds) as other,
@@ -101,10 +102,50 @@ def test_what_one_view_loads_all_show(device: ComputeDevice, frames: tuple[Frame
         assert one.real_world.version == 2
 
 
+def test_views_follow_the_objects_each_at_its_pace(
+    device: ComputeDevice, frames: tuple[Frame, Frame]
+) -> None:
+    """One hierarchy, and motion since the view's own last frame."""
+    worlds = Worlds()
+    moved = [replace(OBJECTS[0], to_world=shifted(OBJECTS[0].to_world, 0.1))]
+    further = [replace(OBJECTS[0], to_world=shifted(OBJECTS[0].to_world, 0.3))]
+
+    def play(renderer: Renderer, path: list[list[Instance]]) -> list[RenderedFrame]:
+        pictures = []
+        for instances in path:
+            renderer.move(instances)
+            pictures.append(renderer.render(1, ("depth", "motion", "coverage")))
+        return pictures
+
+    with Renderer(device, frames[0], OBJECTS, VIEW, settings()) as alone:
+        expected = play(alone, [OBJECTS, further])[-1]
+    with (
+        Renderer(device, frames[0], OBJECTS, VIEW, settings(), worlds=worlds) as quick,
+        Renderer(device, frames[0], OBJECTS, VIEW, settings(), worlds=worlds) as slow,
+    ):
+        assert quick.world.objects.bvh is slow.world.objects.bvh
+        play(slow, [OBJECTS])
+        play(quick, [OBJECTS, moved, further])
+        found = play(slow, [further])[-1]
+        rested = play(slow, [further])[-1]
+    for name, picture in expected.aovs.items():
+        np.testing.assert_array_equal(found.aovs[name], picture, name)
+    solid = expected.aovs["coverage"] == 1.0
+    own = np.indices((VIEW.height, VIEW.width))[::-1].transpose(1, 2, 0) + 0.5
+    assert np.abs(found.aovs["motion"] - own)[solid].max() > 1.0
+    np.testing.assert_allclose(rested.aovs["motion"][solid], own[solid], atol=1e-3)
+
+
+def shifted(to_world: np.ndarray, dx: float) -> np.ndarray:
+    there = to_world.copy()
+    there[0, 3] += dx
+    return there
+
+
 def test_a_world_that_no_view_uses_is_released(
     device: ComputeDevice, frames: tuple[Frame, Frame]
 ) -> None:
-    worlds = RealWorlds()
+    worlds = Worlds()
     renderer = Renderer(device, frames[0], OBJECTS, VIEW, settings(), worlds=worlds)
     world = weakref.ref(renderer.real_world)
     renderer.close()
@@ -124,7 +165,7 @@ def test_an_abandoned_update_is_made_up_by_the_next_view(
     def abandon(*_: object, **__: object) -> None:
         raise AbandonedError
 
-    worlds = RealWorlds()
+    worlds = Worlds()
     with (
         Renderer(device, frames[0], OBJECTS, VIEW, settings(), worlds=worlds) as one,
         Renderer(device, frames[0], OBJECTS, VIEW, settings(), worlds=worlds) as other,

@@ -1,0 +1,106 @@
+"""Parameters that are read from sources, against what the driver knows of the same programs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pyopencl as cl
+import pytest
+
+from iprt.device.compute import ComputeDevice
+from iprt.device.plan import PlanDevice
+from iprt.device.signature import Parameter, constant, signature
+from iprt.errors import KernelError
+from iprt.footage.footage import Footage
+from iprt.renderer import Renderer
+from tests.films import entry_points, films
+
+HEADER = """
+#ifndef PAIR_H
+#define PAIR_H
+#define PAIR(name) __global const float4 *restrict name##_low, \\
+    __global const float4 *restrict name##_high   // continued
+#endif
+"""
+SOURCE = """
+#include "pair.h"
+#include "pair.h"
+#if defined(WIDE) && TAPS >= 5 || !defined(TAPS)
+#define LAST , const uint last
+#elif TAPS == 3
+#define LAST , const int three
+#else
+#define LAST
+#endif
+#define ALL PAIR(box) LAST
+static int other(int one) { return one; }
+__kernel void tell(
+    __global float *restrict out,  // (a comment, with things)
+#ifdef WIDE
+    const float width, /* and
+    int more */
+#ifndef TAPS
+    int never,
+#endif
+#endif
+    ALL)
+{
+}
+"""
+
+
+def names(tmp_path: Path, **defines: str) -> list[str]:
+    (tmp_path / "pair.h").write_text(HEADER)
+    return [one.name for one in signature(SOURCE, "tell", defines, tmp_path)]
+
+
+def test_conditions_macros_and_included_files(tmp_path: Path) -> None:
+    boxes = ["box_low", "box_high"]
+    assert names(tmp_path) == ["out", *boxes, "last"]
+    assert names(tmp_path, TAPS="3") == ["out", *boxes, "three"]
+    assert names(tmp_path, TAPS="4") == ["out", *boxes]
+    assert names(tmp_path, TAPS="5", WIDE="1") == ["out", "width", *boxes, "last"]
+    assert names(tmp_path, WIDE="1") == ["out", "width", "never", *boxes, "last"]
+
+
+def test_kinds() -> None:
+    source = "__kernel void k(const int a, uint b, float c, __global int *d, const int4 e) {}"
+    kinds = (np.int32, np.uint32, np.float32, None, None)
+    expected = tuple(Parameter(name, kind) for name, kind in zip("abcde", kinds, strict=True))
+    assert signature(source, "k", {}, Path()) == expected
+
+
+def test_constants_of_headers() -> None:
+    """Those of the files that they include too."""
+    assert constant("lib/gbuffer/guide.h", "LEVEL_NONE") == 255
+    assert constant("filter/mask.cl", "GUIDE_PLANES") == 7
+
+
+def test_no_such_kernel() -> None:
+    with pytest.raises(KernelError, match="no kernel 'missing'"):
+        signature("__kernel void present(int a) {}", "missing", {}, Path())
+
+
+def test_every_variant_of_every_kernel(device: ComputeDevice) -> None:
+    plan = PlanDevice()
+    for film in films().values():
+        footage = Footage.of(film.video[0], static_camera=film.static_camera)
+        Renderer(plan, film.video[0], film.objects, film.view, film.settings, footage=footage)
+    variants = {(file, name, tuple(sorted(d.items()))) for file, name, d in plan.kernels}
+    assert {name for _, name, _ in variants} == entry_points()
+    for file, name, defines in sorted(variants):
+        kernel = device.kernel(file, name, dict(defines))
+        told = [
+            (
+                # PoCL renames what is named like a function of OpenCL.
+                kernel._kernel.get_arg_info(i, cl.kernel_arg_info.NAME).removeprefix("_cl_"),
+                kernel._kernel.get_arg_info(i, cl.kernel_arg_info.TYPE_NAME),
+            )
+            for i in range(kernel._kernel.num_args)
+        ]
+        scalars = {np.int32: "int", np.uint32: "uint", np.float32: "float", None: None}
+        read = [(one.name, scalars[one.scalar]) for one in kernel._signature]
+        assert [name for name, _ in read] == [name for name, _ in told], (file, name, defines)
+        for (_, kind), (_, of_driver) in zip(read, told, strict=True):
+            assert kind == of_driver or (kind is None and of_driver not in scalars.values())

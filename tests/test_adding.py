@@ -1,0 +1,102 @@
+"""The recipes of docs/architecture.md, followed in a copy of the sources: a material, a pass."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+
+MATERIAL = {
+    "iprt/geometry/material.py": [
+        ('"conductor", "plastic"]', '"conductor", "plastic", "charcoal"]'),
+        ("DIFFUSE_KINDS = (", 'DIFFUSE_KINDS = ("MATERIAL_CHARCOAL", '),
+        (
+            '        "MATERIAL_DIFFUSE": any(',
+            '        "MATERIAL_CHARCOAL": any(m.kind == "charcoal" for m in materials),\n'
+            '        "MATERIAL_DIFFUSE": any(',
+        ),
+    ],
+    "cl/lib/world/brdf.h": [
+        ("#define KIND_PLASTIC 2", "#define KIND_PLASTIC 2\n#define KIND_CHARCOAL 3"),
+        (
+            "#if defined(MATERIAL_DIFFUSE) ||",
+            "#if defined(MATERIAL_CHARCOAL) || defined(MATERIAL_DIFFUSE) ||",
+        ),
+        (
+            "float cos_o)\n{\n#ifdef MATERIAL_PLASTIC\n    if (material.kind == KIND_PLASTIC)\n"
+            "        return coat",
+            "float cos_o)\n{\n#ifdef MATERIAL_CHARCOAL\n    if (material.kind == KIND_CHARCOAL)\n"
+            "        return 0.25f;\n#endif\n#ifdef MATERIAL_PLASTIC\n"
+            "    if (material.kind == KIND_PLASTIC)\n        return coat",
+        ),
+    ],
+}
+"""Files -> texts and what replaces them: a matte material that reflects a quarter of its albedo."""
+
+RENDER_MATERIALS = """
+import json
+from iprt.device.choose import choose_device
+from iprt.device.compute import ComputeDevice
+from iprt.geometry.camera import View
+from iprt.geometry.material import Material
+from iprt.settings.model import Settings
+from tests.rendering import render
+from tests.worlds import ball, sphere_frame
+
+device = ComputeDevice(choose_device("cpu"))
+settings = Settings.model_validate({"method": "ibl", "gbuffer": "cl", "atrous": {"levels": 0}})
+means = {}
+for kind in ("diffuse", "charcoal"):
+    object = ball((0.0, 0.0, -1.2), 0.4, Material(kind, (0.8, 0.8, 0.8)))
+    frame = sphere_frame(2.0, 32, 16, 1.0)
+    picture = render(device, frame, [object], View(24, 24), settings)
+    means[kind] = float(picture.color[picture.aovs["coverage"] == 1.0].mean())
+print(json.dumps(means))
+"""
+
+
+@pytest.fixture
+def sources(tmp_path: Path) -> Path:
+    """A copy of all that renders."""
+    for folder in ("iprt", "cl", "glsl", "tests"):
+        skipped = shutil.ignore_patterns("__pycache__")
+        shutil.copytree(ROOT / folder, tmp_path / folder, ignore=skipped)
+    return tmp_path
+
+
+def change(sources: Path, edits: dict[str, list[tuple[str, str]]]) -> None:
+    for name, pairs in edits.items():
+        text = (sources / name).read_text()
+        for before, after in pairs:
+            assert text.count(before) == 1, (name, before)
+            text = text.replace(before, after)
+        (sources / name).write_text(text)
+
+
+def run(sources: Path, code: str) -> dict[str, float]:
+    """What a program that uses these sources prints."""
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=sources,
+        env={**os.environ, "PYTHONPATH": str(sources)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    found: dict[str, float] = json.loads(done.stdout)
+    return found
+
+
+def test_a_material(sources: Path) -> None:
+    change(sources, MATERIAL)
+    means = run(sources, RENDER_MATERIALS)
+    assert means["diffuse"] == pytest.approx(0.8, rel=1e-3)
+    assert means["charcoal"] == pytest.approx(0.2, rel=1e-3)
