@@ -100,3 +100,80 @@ def test_a_material(sources: Path) -> None:
     means = run(sources, RENDER_MATERIALS)
     assert means["diffuse"] == pytest.approx(0.8, rel=1e-3)
     assert means["charcoal"] == pytest.approx(0.2, rel=1e-3)
+
+
+PASS = {
+    "cl/view/dim.cl": """
+// Darkens the picture.
+__kernel void dim(__global float4 *picture, __global const float *share, const int width,
+                  const int height)
+{
+    const int x = get_global_id(0), y = get_global_id(1);
+    if (x < width && y < height)
+        picture[y * width + x].xyz *= share[0];
+}
+""",
+    "iprt/view/dim.py": '''
+"""Darkens the picture."""
+
+import numpy as np
+
+
+class Dim:
+    def __init__(self, device, layout):
+        self._device, self._layout = device, layout
+        self._kernel = device.kernel("view/dim.cl", "dim")
+        self._share = device.upload("dim share", np.array([0.5], np.float32))
+
+    def run(self, picture):
+        width, height = self._layout.size
+        with self._device.profile.section("dim"):
+            self._kernel(
+                (width, height), picture=picture, share=self._share, width=width, height=height
+            )
+''',
+}
+CALL = {
+    "iprt/renderer.py": [
+        ("class Renderer:", "from iprt.view.dim import Dim\n\n\nclass Renderer:"),
+        (
+            "        self.signals = Signals()\n        self._objects",
+            "        self.signals = Signals()\n        self.dim = Dim(device, self.layout)\n"
+            "        self._objects",
+        ),
+        (
+            "        self._composite()\n",
+            "        self._composite()\n        self.dim.run(self.composite.picture)\n",
+        ),
+    ],
+}
+
+RENDER_PASS = """
+import json
+from iprt.device.choose import choose_device
+from iprt.device.compute import ComputeDevice
+from iprt.geometry.camera import View
+from iprt.memory import RenderPlan
+from iprt.renderer import Renderer
+from tests.worlds import sphere_frame
+
+device, view = ComputeDevice(choose_device("cpu")), View(24, 16)
+frame = sphere_frame(2.0, 32, 16, 1.0)
+plan = RenderPlan.of(frame, [], view)
+renderer = Renderer(device, frame, [], view)
+found = {"mean": float(renderer.render().color.mean()), "planned": plan.buffers["dim share"]}
+found["kernels"] = sum(file == "view/dim.cl" for file, _, _ in plan.kernels)
+device.finish()
+found["launches"] = sum(entry.launches for entry in device.profile.passes() if entry.name == "dim")
+print(json.dumps(found))
+"""
+
+
+def test_a_pass(sources: Path) -> None:
+    """It is in the picture, in the profile, and in the plan of kernels and memory."""
+    for name, text in PASS.items():
+        (sources / name).write_text(text.lstrip())
+    change(sources, CALL)
+    found = run(sources, RENDER_PASS)
+    assert found["mean"] == pytest.approx(0.5, rel=1e-3)
+    assert (found["planned"], found["kernels"], found["launches"]) == (4, 1, 1)

@@ -1,7 +1,7 @@
 // Differential rendering (IPRT Eq. 2, with the radiance of glossy objects added):
 //   L = (1 - M) (k_V E_diffuse + L_specular) + M L_cam E_RV / E_R,  M = 1 - coverage.
 //
-// With -DHAS_GLOSS the real layer is L_cam + L_diffuse (E_RV / E_R - 1) + change: only what surfaces
+// With -DGLOSS the real layer is L_cam + L_diffuse (E_RV / E_R - 1) + change: only what surfaces
 // radiate to all sides follows the irradiance, and what they reflect towards the camera changes apart.
 //
 // With -DCOLOR_MAP objects and what they change are in the colours of a reference frame, which a map
@@ -10,7 +10,7 @@
 //   in   colour (3 planes, radiance of the real layer),
 //        -DHAS_RATIO: ratio (float4 per pixel, no border),
 //        -DHAS_BASE: base (3 planes, L_diffuse), with a ratio and gloss or a map,
-//        -DHAS_GLOSS: change (3 planes, radiance of either sign),
+//        -DGLOSS: change (3 planes, radiance of either sign),
 //        -DCOLOR_MAP: maps (lib/world/real/color_map.h),
 //        -DHAS_OBJECTS: coverage (1 plane, [0, 1]),
 //        -DHAS_DIFFUSE: albedo (3 planes), diffuse (3 planes: what albedo is multiplied by),

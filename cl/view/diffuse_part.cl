@@ -3,7 +3,7 @@
 //
 //   in   colour (3 planes, radiance of the real layer),
 //        -DCOLOR_MAP: maps (lib/world/real/color_map.h),
-//        -DHIGHLIGHT: highlight (3 planes, >= 0, may be infinite; in the colours that rays find)
+//        -DGLOSS: highlight (3 planes, >= 0, may be infinite; in the colours that rays find)
 //   out  diffuse (3 planes), >= 0; the bits of the input where there is neither map nor highlight
 #include "gbuffer/planes.h"
 #ifdef COLOR_MAP

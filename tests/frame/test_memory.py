@@ -57,7 +57,7 @@ class Idle(ComputeDevice):
     """Allocates and transfers, but computes nothing: compiling would take minutes."""
 
     def kernel(self, *_: Any) -> Any:
-        return lambda *_: None
+        return lambda *_, **__: None
 
 
 @pytest.mark.parametrize("projection", ["rectilinear", "equirect"])

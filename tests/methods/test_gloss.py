@@ -246,7 +246,7 @@ def test_nothing_is_built_without_real_materials() -> None:
     frame = room_frame(ROOM, 64, 32, bright_walls)
     device = plan(frame)
     built = {define for _, _, used in device.kernels for define in used}
-    assert not {"GLOSS", "HAS_GLOSS", "REAL_GLOSS", "MATERIAL_PLASTIC", "SPECULAR"} & built
+    assert not {"GLOSS", "MATERIAL_PLASTIC", "SPECULAR"} & built
     assert not GLOSS_FILES & {file for file, _, _ in device.kernels}
     words = ("gloss", "highlight", "radiated", "reflectance", "real diffuse", "real roughness")
     assert not [name for name in device.buffers for word in words if word in name]
@@ -262,5 +262,5 @@ def test_real_materials_build_their_own_kinds_only() -> None:
     device = plan(replace(with_floor(frame, COAT), real_materials=(COAT,)))
     assert {file for file, _, _ in device.kernels} >= GLOSS_FILES
     (gloss,) = [used for file, _, used in device.kernels if file == "methods/trace_gloss.cl"]
-    assert {"MATERIAL_DIFFUSE", "MATERIAL_PLASTIC", "REAL_GLOSS"} <= gloss.keys()
+    assert {"MATERIAL_DIFFUSE", "MATERIAL_PLASTIC", "GLOSS"} <= gloss.keys()
     assert "MATERIAL_MIRROR" not in gloss

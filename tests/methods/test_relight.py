@@ -30,9 +30,14 @@ class EvenCache:
         self._plane = device.upload("plane", np.zeros_like(cells))
         self._irradiance = device.upload("irradiance", cells)
 
-    def arguments(self, panorama: Any) -> tuple[Any, ...]:
-        black = float(BLACK_SHARE * panorama.mean_radiance)
-        return (self._plane, self._irradiance, 32, 16, black)
+    def arguments(self, panorama: Any) -> dict[str, Any]:
+        return {
+            "cache_plane": self._plane,
+            "cache_irradiance": self._irradiance,
+            "cache_columns": 32,
+            "cache_rows": 16,
+            "cache_black": float(BLACK_SHARE * panorama.mean_radiance),
+        }
 
 
 def run(

@@ -57,7 +57,9 @@ def test_going_back_and_forth_makes_nothing_anew(
                 picture = alone.render()
             alone.fading = min(SETTINGS.fading, 0.5)
             picture = alone.render()
-        np.testing.assert_array_equal(shown.picture.color, picture.color)
+        # But for E_R, which the small picture has refined too.
+        difference = np.abs(shown.picture.color - picture.color)
+        assert difference.mean() < 5e-3 * picture.color.mean()
 
 
 def test_renderers_of_a_third_kind_take_the_oldest_place(

@@ -14,7 +14,7 @@ from iprt.film import footage_of
 from iprt.footage.frame import Frame
 from iprt.footage.video.stream import Ahead
 from iprt.geometry.material import Material
-from iprt.renderer import Renderer
+from iprt.renderer import RenderedFrame, Renderer
 from iprt.scene.edits import ObjectEdit, flat
 from iprt.scene.scene import Scene
 from iprt.viewer.state import Playback
@@ -94,6 +94,13 @@ def test_what_was_blurred_in_motion_goes_at_rest(scene: Scene, device: ComputeDe
     assert np.array_equal(shown.picture.color, picture.color)
 
 
+def assert_alike(one: RenderedFrame, other: RenderedFrame) -> None:
+    """Of one thing; views share E_R, which is known the better the more of them have looked."""
+    difference = np.abs(one.color - other.color)
+    assert difference.mean() < 5e-3 * other.color.mean()
+    assert difference.max() < 0.2 * other.color.mean()
+
+
 def test_clients_see_what_each_alone_would(scene: Scene, device: ComputeDevice) -> None:
     requests = [
         {"view": VIEW, "frames": 3},
@@ -115,7 +122,7 @@ def test_clients_see_what_each_alone_would(scene: Scene, device: ComputeDevice) 
         assert len(device.built_programs) == built
         together = [driver.shown(client) for client in clients]
     for one, other in zip(alone, together, strict=True):
-        assert np.array_equal(one.picture.color, other.picture.color)
+        assert_alike(one.picture, other.picture)
         assert one.frames == other.frames
     assert set(together[1].picture.aovs) == {"normal"}
 
@@ -183,15 +190,15 @@ def test_edits_are_seen_as_a_renderer_of_them_shows(scene: Scene, device: Comput
         removed = driver.answer(client, edited(driver, ObjectEdit("cube", removed=True)))
         back = driver.answer(client, driver.change(edits=()))
     with renderer_of(scene, device) as renderer:
-        first = renderer.render(1).color
+        first = renderer.render(1)
         renderer.move([moved])
         renderer.fading = SETTINGS.fading
-        assert np.array_equal(placed.picture.color, renderer.render(1).color)
+        assert_alike(placed.picture, renderer.render(1))
     with renderer_of(scene, device, instances=[replace(moved, mesh=mesh)]) as renderer:
-        assert np.array_equal(painted.picture.color, renderer.render(1).color)
+        assert_alike(painted.picture, renderer.render(1))
     with renderer_of(scene, device, instances=[]) as renderer:
         assert np.array_equal(removed.picture.color, renderer.render(1).color)
-    assert np.array_equal(back.picture.color, first)
+    assert_alike(back.picture, first)
 
 
 # The video ------------------------------------------------------------------------------------
