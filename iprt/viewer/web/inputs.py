@@ -11,6 +11,7 @@ from iprt.files.images import decode_srgb
 from iprt.output.display import srgb_encode
 from iprt.viewer.controls import Slider
 from iprt.viewer.fields import REQUIRED, Field
+from iprt.viewer.labels import Label
 from iprt.viewer.web.binding import Binding, show
 from iprt.viewer.web.browser_state import BrowserState
 
@@ -77,7 +78,7 @@ class Inputs:
             given = Field(
                 f"set {field.key}",
                 "switch",
-                lambda: type(label)(f"set {label.name}", f"Else: none. {label.about}"),
+                lambda: Label(f"set {label.name}", f"Else: none. {label.about}"),
                 lambda: field.read() is not None,
                 lambda on: field.write(field.start if on else None),
             )
