@@ -2,9 +2,12 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
+from iprt.scene.scene import Scene
+from tests.clips import write_clip
 from tests.waiting import DEADLINE_S
 
 
@@ -19,3 +22,9 @@ def engines_end() -> Iterator[None]:
     for thread in set(threading.enumerate()) - before:
         if thread.name == "iprt viewer":
             thread.join(DEADLINE_S)
+
+
+@pytest.fixture
+def scene(request: pytest.FixtureRequest, tmp_path: Path) -> Scene:
+    """A clip of `CLIP_FRAMES` frames, a constant of the test's module, or of one frame."""
+    return Scene.open(write_clip(tmp_path / "clip", getattr(request.module, "CLIP_FRAMES", 1)))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,13 +12,7 @@ from iprt.renderer import Renderer
 from iprt.scene.edits import flat
 from iprt.scene.scene import Scene
 from iprt.viewer.session import KEPT
-from tests.clips import write_clip
 from tests.viewer.turns import SETTINGS, VIEW, turns
-
-
-@pytest.fixture
-def scene(tmp_path: Path) -> Scene:
-    return Scene.open(write_clip(tmp_path / "clip", 1))
 
 
 @pytest.fixture

@@ -21,12 +21,9 @@ from iprt.viewer.state import Playback
 from tests.clips import write_clip
 from tests.viewer.turns import SETTINGS, VIEW, Turns, turns
 
+CLIP_FRAMES = 12
+
 STILL = SETTINGS.model_copy(update={"fading": 0.0})
-
-
-@pytest.fixture(scope="module")
-def scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
-    return Scene.open(write_clip(tmp_path_factory.mktemp("clip"), 12))
 
 
 def renderer_of(scene: Scene, device: ComputeDevice, **options: object) -> Renderer:

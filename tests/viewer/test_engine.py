@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,15 +18,11 @@ from iprt.scene.scene import Scene
 from iprt.viewer.convergence import Convergence
 from iprt.viewer.engine import Engine
 from iprt.viewer.state import Playback, Request
-from tests.clips import write_clip
 from tests.scene.files import HIGH, LOW
 from tests.viewer.turns import SETTINGS, VIEW
 from tests.waiting import DEADLINE_S
 
-
-@pytest.fixture
-def scene(tmp_path: Path) -> Scene:
-    return Scene.open(write_clip(tmp_path / "clip", 4))
+CLIP_FRAMES = 4
 
 
 def engine_of(scene: Scene, device: ComputeDevice) -> Engine:

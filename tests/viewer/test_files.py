@@ -7,7 +7,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import pytest
 from PIL import Image
 
 from iprt.device.compute import ComputeDevice
@@ -25,13 +24,10 @@ from tests.clips import clip_color, write_clip
 from tests.scene.files import CUBE, write_rgb
 from tests.viewer.turns import Clock, Turns, turns
 
+CLIP_FRAMES = 3
+
 PLASTIC = Material("plastic", (0.2, 0.5, 0.3), alpha=0.3)
 """For which the clip's kernels need not be compiled again."""
-
-
-@pytest.fixture
-def scene(tmp_path: Path) -> Scene:
-    return Scene.open(write_clip(tmp_path / "clip", 3))
 
 
 def look_again(driver: Turns) -> None:

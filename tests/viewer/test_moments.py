@@ -17,13 +17,9 @@ from iprt.scene.scene import Scene
 from iprt.scene.stance import Stance
 from iprt.viewer.core import POLL_S
 from iprt.viewer.state import Status
-from tests.clips import write_clip
 from tests.viewer.turns import FEWEST, SETTINGS, VIEW, Turns, turns
 
-
-@pytest.fixture
-def scene(tmp_path: Path) -> Scene:
-    return Scene.open(write_clip(tmp_path / "clip", 3))
+CLIP_FRAMES = 3
 
 
 def rewrite(scene: Scene, before: str, after: str) -> None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 from iprt.device.compute import ComputeDevice
@@ -11,13 +9,9 @@ from iprt.scene.scene import Scene
 from iprt.viewer.engine import Engine
 from iprt.viewer.rate import FrameCounter, FrameRate, Rate
 from iprt.viewer.state import Playback
-from tests.clips import write_clip
 from tests.viewer.turns import SETTINGS, Clock, turns
 
-
-@pytest.fixture
-def scene(tmp_path: Path) -> Scene:
-    return Scene.open(write_clip(tmp_path / "clip", 6))
+CLIP_FRAMES = 6
 
 
 def test_every_frame_is_shown_however_slow_the_device_is(

@@ -15,16 +15,10 @@ from iprt.scene.edits import SAVED_VIEW, Look, ObjectEdit, flat
 from iprt.scene.scene import Scene
 from iprt.scene.stance import Stance
 from iprt.viewer.core import POLL_S
-from tests.clips import write_clip
 from tests.scene.files import write_rgb
 from tests.viewer.turns import FEWEST, VIEW, Turns, turns
 
 PLASTIC = Material("plastic", (0.4, 0.2, 0.1), alpha=0.2)
-
-
-@pytest.fixture
-def scene(tmp_path: Path) -> Scene:
-    return Scene.open(write_clip(tmp_path / "clip", 1))
 
 
 def save(driver: Turns, look: Look | None = None) -> None:

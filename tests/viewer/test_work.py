@@ -20,17 +20,11 @@ from iprt.scene.scene import Scene
 from iprt.scene.stance import Stance
 from iprt.viewer.plain import resampled
 from iprt.viewer.state import Status
-from tests.clips import write_clip
 from tests.viewer.turns import FEWEST, SETTINGS, VIEW, Turns, turns
 
 HEAVY = SETTINGS.model_copy(
     update={"trace": SETTINGS.trace.model_copy(update={"rays": SETTINGS.trace.rays + 1})}
 )
-
-
-@pytest.fixture
-def scene(tmp_path: Path) -> Scene:
-    return Scene.open(write_clip(tmp_path / "clip", 1))
 
 
 class Meanwhile:
