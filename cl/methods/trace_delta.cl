@@ -48,7 +48,7 @@ TRACING_KERNEL void trace_delta(
     TRACED_PARAMETERS,
     WORLD_PARAMETERS,
     CACHE_PARAMETERS,
-    const float least,                           // solid angle of objects that matters, sr
+    const float min_solid_angle,                 // solid angle of objects that matters, sr
     __global uint *restrict samples,
     __global float *restrict signal WORK_PARAMETER)
 {
@@ -68,7 +68,7 @@ TRACING_KERNEL void trace_delta(
 
     float3 blocked = (float3)(0.0f), bounce = (float3)(0.0f);
     const uint first = samples[pixel];
-    for (int ray = 0; ray < rays && boxes_matter(boxes, least); ray++) {
+    for (int ray = 0; ray < rays && boxes_matter(boxes, min_solid_angle); ray++) {
         const uint index = first + ray;
         const Scatter s = sample_delta(world, boxes, o, sobol_2d(index, seed),
                                        sobol_2d(index, hash_combine(seed, 1)));

@@ -21,7 +21,7 @@
 // Neighbours whose normals agree so well share their samples by way of the filter.
 #define ALIKE 0.95f
 // A pixel without such neighbours sends so many times as many rays as one amid them.
-#define LONELY_RAYS 4.0f
+#define ISOLATED_PIXEL_RAYS 4.0f
 
 // How many times as many rays a pixel deserves as one whose eight neighbours are like it.
 static inline float isolation(__global const float *restrict guide, int size, int pixel, int stride,
@@ -33,7 +33,7 @@ static inline float isolation(__global const float *restrict guide, int size, in
         alike += i != 4 && guide[6 * size + q] == guide[6 * size + pixel]
             && dot(load_planes(guide, size, q), n) > ALIKE;
     }
-    return fmin(9.0f / alike, LONELY_RAYS);
+    return fmin(9.0f / alike, ISOLATED_PIXEL_RAYS);
 }
 
 TRACING_KERNEL void trace_virtual(

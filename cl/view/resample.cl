@@ -96,16 +96,16 @@ __kernel void resample_panorama(
     const int index = panorama_gloss[texel];
     gloss[pixel] = index;
     roughness[pixel] = 0.0f;
-    float3 shine = (float3)(0.0f);
+    float3 specular = (float3)(0.0f);
     if (index) {
         const Material material = load_material(real_materials, index - 1);
         roughness[pixel] = material.alpha;
-        shine = material.kind == KIND_CONDUCTOR
+        specular = material.kind == KIND_CONDUCTOR
             ? (float3)(INFINITY)
             : panorama_bilinear(panorama_highlight, panorama_width, panorama_height, uv);
     }
-    highlight[pixel] = shine.x;
-    highlight[size + pixel] = shine.y;
-    highlight[2 * size + pixel] = shine.z;
+    highlight[pixel] = specular.x;
+    highlight[size + pixel] = specular.y;
+    highlight[2 * size + pixel] = specular.z;
 #endif
 }

@@ -44,13 +44,13 @@ class RealPixels:
         features: Features,
         *,
         name: str,
-        least: float = 0.0,
+        min_solid_angle: float = 0.0,
     ) -> None:
-        """Objects that span less than `least` sr from a surface need not be taken into account."""
+        """Objects that span less than `min_solid_angle` sr from a surface may be ignored."""
         settings = features.settings
         self._features = features
         self.layer = layer
-        self._least = least
+        self._min_solid_angle = min_solid_angle
         self._guide = guide
         self.mask = Mask(device, guide, settings.mask, name=name, graded=features.delta)
         self._trace = TraceReal(device, guide, features, name=name)
@@ -76,9 +76,9 @@ class RealPixels:
                 self._guide,
                 mask,
                 context.view,
-                least=self._least,
+                min_solid_angle=self._min_solid_angle,
             )
-        self._trace.run(world, mask, context.view, cache, least=self._least)
+        self._trace.run(world, mask, context.view, cache, min_solid_angle=self._min_solid_angle)
         self.change = self._filter.run(self._trace.signal, mask, layer.motion, context)
         self.relight.run(self.change, layer.diffuse, world, cache, mask.touched)
         return self.relight.ratio

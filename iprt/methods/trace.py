@@ -61,10 +61,10 @@ class TraceReal:
         view: cla.Array,
         cache: IrradianceCache | None,
         *,
-        least: float,
+        min_solid_angle: float,
     ) -> None:
         """`cache` holds E_R for the estimator "delta", which ignores objects that span less than
-        `least` sr.
+        `min_solid_angle` sr.
         """
         guide, settings = self._guide, self._features.settings
         with self._device.profile.section("trace real"):
@@ -73,7 +73,7 @@ class TraceReal:
                 traced_arguments(guide, mask, view, settings.trace.rays, settings.seed),
                 world.arguments(self._features),
                 {"touched": mask.touched} if cache is None else cache.arguments(world.panorama),
-                {} if cache is None else {"least": least},
+                {} if cache is None else {"min_solid_angle": min_solid_angle},
                 samples=self._samples,
                 signal=self.signal,
             )

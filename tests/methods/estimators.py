@@ -111,7 +111,7 @@ class Kernels:
             renderer.method.real_pixels.mask,
             self.view,
             renderer.real_world.irradiance,
-            least=0.0,
+            min_solid_angle=0.0,
         )
         signal = self._planes(trace.signal)
         if renderer.real_world.irradiance is None:
@@ -132,7 +132,7 @@ class Kernels:
             renderer.method.real_guide,
             renderer.method.real_pixels.mask,
             self.view,
-            least=0.0,
+            min_solid_angle=0.0,
         )
         mean = self.device.read(cache.mean).astype(np.float64)
         known = mean[:, 3] > 0.0

@@ -16,11 +16,11 @@ typedef struct {
     int above;     // a box reaches above the surface: else no object matters here
 } BoxView;
 
-// Whether objects can matter at the surface: one is above it, and they span more than `least`, about
-// a solid angle.
-static inline int boxes_matter(const BoxView at, float least)
+// Whether objects can matter at the surface: one is above it, and they span about `min_solid_angle`
+// sr or more.
+static inline int boxes_matter(const BoxView at, float min_solid_angle)
 {
-    return at.above && (at.inside || at.total >= least);
+    return at.above && (at.inside || at.total >= min_solid_angle);
 }
 
 static inline float component(float3 v, int axis) { return axis == 0 ? v.x : axis == 1 ? v.y : v.z; }

@@ -183,15 +183,15 @@ static inline PathResult trace_path(const World world, float3 o, float3 o_object
                 if (load_material(world.gloss.materials, gloss - 1).kind != KIND_CONDUCTOR)
                     result.arriving += throughput * real_radiance(world, real, d);
                 const float3 n = -normalize(world.real.surface[real.texel].xyz), p = o + real.t * d;
-                const BrdfSample shine =
+                const BrdfSample specular =
                     reflect_real(world, gloss - 1, p, n, d,
                                  sobol_2d(index, hash_combine(seed, 2 * bounce + 3)));
-                throughput *= shine.weight;
+                throughput *= specular.weight;
                 if (!(throughput.x + throughput.y + throughput.z > 0.0f))
                     return result;
                 o = real_start(world.real, p, n);
                 o_object = p + world.real.bias * n;
-                s = no_scatter(shine.wi);
+                s = no_scatter(specular.wi);
                 reflected = 1;
                 continue;
             }

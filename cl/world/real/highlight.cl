@@ -12,7 +12,7 @@
 //                                                               cells of CELL x CELL texels: color
 //                                                               (w: their gloss, 0 none), highlight,
 //                                                               irradiance / pi
-//   remove_highlight  color, highlight, gain, least (per cell)  highlight, all texels: what is no
+//   remove_highlight  color, highlight, gain, min_base (per cell)  highlight, all texels: what is no
 //                                                               diffuse reflection, within [0, color];
 //                                                               radiated: what rays find there
 //
@@ -172,7 +172,7 @@ TRACING_KERNEL void measure_cells(
     REAL_PARAMETERS,
     __global const float4 *restrict highlight,
     __global float4 *restrict seen,                 // out: columns x rows
-    __global float4 *restrict shine,                // out
+    __global float4 *restrict specular,                // out
     __global float4 *restrict irradiance            // out
     WORK_PARAMETER)
 {
@@ -185,7 +185,7 @@ TRACING_KERNEL void measure_cells(
     const int x1 = min((cell_x + 1) * CELL, real_width), y1 = min((cell_y + 1) * CELL, real_height);
     int index = 0, count = 0;
     int texels[CELL * CELL];
-    float4 seen_sum = (float4)(0.0f), shine_sum = (float4)(0.0f);
+    float4 seen_sum = (float4)(0.0f), specular_sum = (float4)(0.0f);
     for (int y = cell_y * CELL; y < y1; y++)
         for (int x = cell_x * CELL; x < x1; x++) {
             const int texel = y * real_width + x;
@@ -194,7 +194,7 @@ TRACING_KERNEL void measure_cells(
                 continue;
             texels[count++] = texel;
             seen_sum += real_color[texel];
-            shine_sum += highlight[texel];
+            specular_sum += highlight[texel];
         }
     const int cell = cell_y * columns + cell_x;
     const float scale = 1.0f / max(count, 1);
@@ -208,7 +208,7 @@ TRACING_KERNEL void measure_cells(
         sum += real_radiance(world, hit, d);
     }
     seen[cell] = (float4)(scale * seen_sum.xyz, (float)index);
-    shine[cell] = scale * shine_sum;
+    specular[cell] = scale * specular_sum;
     irradiance[cell] = (float4)(sum / (float)rays, 0.0f);
 }
 
@@ -221,7 +221,7 @@ __kernel void remove_highlight(
     const int columns,                           // cells
     const int rows,
     __global const float4 *restrict gain,        // float4 per cell
-    __global const float4 *restrict least,       // float4 per cell: what the highlight leaves
+    __global const float4 *restrict min_base,       // float4 per cell: what the highlight leaves
     __global float4 *restrict highlight,         // in, out
     __global float4 *restrict radiated)          // out
 {
@@ -230,17 +230,17 @@ __kernel void remove_highlight(
         return;
     const int texel = y * width + x;
     const float4 seen = color[texel];
-    float4 shine = (float4)(0.0f), left = seen;
+    float4 specular = (float4)(0.0f), left = seen;
     if (gloss[texel]) {
         const int conductor =
             load_material(real_materials, gloss[texel] - 1).kind == KIND_CONDUCTOR;
         const float2 at = (float2)(x + 0.5f, y + 0.5f);
         const float3 share = gain_at(gain, columns, rows, at);
-        const float3 most = fmax(seen.xyz - gain_at(least, columns, rows, at), 0.0f);
-        shine.xyz = clamp(share * highlight[texel].xyz, (float3)(0.0f), most);
-        shine = conductor ? seen : shine;
-        left = conductor ? seen : seen - shine;
+        const float3 most = fmax(seen.xyz - gain_at(min_base, columns, rows, at), 0.0f);
+        specular.xyz = clamp(share * highlight[texel].xyz, (float3)(0.0f), most);
+        specular = conductor ? seen : specular;
+        left = conductor ? seen : seen - specular;
     }
-    highlight[texel] = shine;
+    highlight[texel] = specular;
     radiated[texel] = left;
 }

@@ -135,7 +135,7 @@ __kernel void want_cells(
     __global const float *restrict touched,
     __global const float4 *restrict boxes,
     const int box_count,
-    const float least,                     // solid angle of objects that matters, sr
+    const float min_solid_angle,                     // solid angle of objects that matters, sr
     const int columns,
     const int rows,
     __global const float4 *restrict plane,
@@ -152,7 +152,8 @@ __kernel void want_cells(
     const int pixel = plane_index(list[item] % width, list[item] / width, width);
     const int size = plane_size(width, height);
     const float3 p = load_planes(guide + 3 * size, size, pixel);
-    if (!boxes_matter(view_boxes(boxes, box_count, p, load_planes(guide, size, pixel)), least))
+    const BoxView seen = view_boxes(boxes, box_count, p, load_planes(guide, size, pixel));
+    if (!boxes_matter(seen, min_solid_angle))
         return;
     float2 past;
     const int2 corner = cache_corner(columns, rows, p, &past);

@@ -16,7 +16,7 @@ from iprt.settings.features import Features
 from iprt.view.real_layer import RealLayer
 from iprt.world.world import World
 
-MAP_LEAST = 0.1
+MIN_SOLID_ANGLE = 0.1
 """sr: what objects do to surfaces from which they look smaller is not worth reflecting."""
 
 MAP_SETTLED, MAP_EVERY = 16, 4
@@ -49,7 +49,7 @@ class RatioMap:
         )
         self._guide = Guide(device, layout, equirect=True, name="ratio map", camera=camera)
         self._pixels = RealPixels(
-            device, layer, self._guide, features, name="ratio map", least=MAP_LEAST
+            device, layer, self._guide, features, name="ratio map", min_solid_angle=MIN_SOLID_ANGLE
         )
         self.ratio = self._pixels.relight.ratio
         self._updates = 0

@@ -14,7 +14,7 @@ SAME_DISTANCE = 0.02
 DARK = 1e-2
 """What is darker, over the panorama's mean radiance, is noise and no light."""
 DISTRUST = 0.5
-"""Share of a change that may be none of the light: shine, screens, noise."""
+"""Share of a change that may be none of the light: highlights, screens, noise."""
 
 
 def light_change(

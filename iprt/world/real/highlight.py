@@ -52,9 +52,9 @@ class Highlight:
         self._list = device.empty("glossy texels", (texels,), np.int32)
         cells = (-(-panorama.height // CELL), -(-panorama.width // CELL), 4)
         self.gain = device.empty("highlight gain", cells)
-        self._least = device.empty("highlight least", cells)
+        self._min_base = device.empty("highlight floor", cells)
         self._cells = [
-            device.empty(f"highlight {name}", cells) for name in ("seen", "shine", "irradiance")
+            device.empty(f"highlight {name}", cells) for name in ("seen", "specular", "irradiance")
         ]
         self.table = device.upload("real materials", material_table(materials))
         # Nothing is known of a conductor but its reflection: there is nothing to compare it with.
@@ -109,7 +109,7 @@ class Highlight:
                 columns=columns,
                 rows=rows,
                 gain=self.gain,
-                least=self._least,
+                min_base=self._min_base,
                 highlight=highlight,
                 radiated=radiated,
             )
@@ -129,7 +129,7 @@ class Highlight:
     def _calibrate(self, real: Mapping[str, Any]) -> None:
         """Fill `gain`; `real` is what rays meet."""
         rows, columns, _ = self.gain.shape
-        seen_cells, shine_cells, irradiance_cells = self._cells
+        seen_cells, specular_cells, irradiance_cells = self._cells
         self._measure(
             (columns, rows),
             real,
@@ -139,18 +139,18 @@ class Highlight:
             rows=rows,
             highlight=self._panorama.highlight,
             seen=seen_cells,
-            shine=shine_cells,
+            specular=specular_cells,
             irradiance=irradiance_cells,
         )
-        seen, shine, irradiance = (
+        seen, specular, irradiance = (
             self._device.read(cells).astype(np.float64) for cells in self._cells
         )
         gloss = seen[..., 3].astype(np.int64)
-        gain, least = highlight_gain(
+        gain, min_base = highlight_gain(
             seen[..., :3],
-            shine[..., :3],
+            specular[..., :3],
             irradiance[..., :3],
             np.where(self._coated[gloss], gloss, 0),
         )
         self._device.write(self.gain, gain)
-        self._device.write(self._least, least)
+        self._device.write(self._min_base, min_base)

@@ -28,13 +28,13 @@ REACH = 1.5
 
 
 def highlight_gain(
-    seen: Cells, shine: Cells, irradiance: Cells, gloss: NDArray[np.integer]
+    seen: Cells, specular: Cells, irradiance: Cells, gloss: NDArray[np.integer]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Factor on the computed highlight, in [0, 1], and what it must leave, per cell and colour.
 
     Parameters
     ----------
-    seen, shine : (rows, columns, 3)
+    seen, specular : (rows, columns, 3)
         Means over a cell's glossy texels: radiance that the camera saw; highlight as computed.
     irradiance : (rows, columns, 3)
         Over π.
@@ -45,34 +45,36 @@ def highlight_gain(
     -------
     gain : (rows, columns, 4) float32
         1 where no cell near has gloss. The fourth is 0.
-    least : (rows, columns, 4) float32
+    min_base : (rows, columns, 4) float32
         Radiance that the highlight leaves wherever that much was seen.
     """
     base = np.zeros(seen.shape)
     for index in range(1, int(gloss.max(initial=0)) + 1):
         cells = (gloss == index) & (irradiance.min(axis=-1) > 0.0)
         if cells.any():
-            reflectance = _reflectance(seen[cells], shine[cells], irradiance[cells])
+            reflectance = _reflectance(seen[cells], specular[cells], irradiance[cells])
             base[cells] = reflectance * irradiance[cells]
     inside = (gloss > 0)[..., None]
-    mean, dark, computed = (_blurred(np.where(inside, part, 0.0)) for part in (seen, base, shine))
+    mean, dark, computed = (
+        _blurred(np.where(inside, part, 0.0)) for part in (seen, base, specular)
+    )
     there = (computed > 0.0) & (mean > 0.0)
     could = np.divide(mean - dark, computed, out=np.ones(seen.shape), where=there)
     # Faint highlights drown in what is uncertain of the base: they are believed.
     strength = np.divide(computed, FAINT * mean, out=np.zeros(seen.shape), where=there)
     trust = np.minimum(strength, 1.0) ** 2
-    gain, least = np.zeros((2, *gloss.shape, 4), np.float32)
+    gain, min_base = np.zeros((2, *gloss.shape, 4), np.float32)
     gain[..., :3] = 1.0 + trust * (np.clip(could, 0.0, 1.0) - 1.0)
-    least[..., :3] = LEAST * base
-    return gain, least
+    min_base[..., :3] = LEAST * base
+    return gain, min_base
 
 
-def _reflectance(seen: Cells, shine: Cells, irradiance: Cells) -> Cells:
+def _reflectance(seen: Cells, specular: Cells, irradiance: Cells) -> Cells:
     """(3,) diffuse reflectance of the darker parts of a material, from cells (N, 3) of it."""
-    faint = shine.sum(axis=-1) <= FAINT * seen.sum(axis=-1)
+    faint = specular.sum(axis=-1) <= FAINT * seen.sum(axis=-1)
     if np.count_nonzero(faint) >= 0.1 * len(seen):
-        seen, shine, irradiance = seen[faint], shine[faint], irradiance[faint]
-    base = np.maximum(seen - shine, 0.0) / irradiance
+        seen, specular, irradiance = seen[faint], specular[faint], irradiance[faint]
+    base = np.maximum(seen - specular, 0.0) / irradiance
     return np.asarray(np.quantile(base, DARKER, axis=0))
 
 

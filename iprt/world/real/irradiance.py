@@ -157,14 +157,14 @@ class IrradianceCache:
         mask: Mask,
         view: cla.Array,
         *,
-        least: float,
+        min_solid_angle: float,
     ) -> None:
         """Refine the cells around the pixels that `mask` has listed.
 
         `traced` holds `World.arguments`.
 
         A few rays do where objects have no noticeable influence yet, and none are needed where
-        objects span less than `least` sr.
+        objects span less than `min_solid_angle` sr.
         """
         settings, layout = self.settings, guide.layout
         cells = self.rows * self.columns
@@ -184,7 +184,7 @@ class IrradianceCache:
                 touched=mask.touched,
                 boxes=traced["objects_bounds"],
                 box_count=traced["objects_count"],
-                least=least,
+                min_solid_angle=min_solid_angle,
                 columns=self.columns,
                 rows=self.rows,
                 plane=self.plane,

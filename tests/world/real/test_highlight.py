@@ -81,12 +81,12 @@ def test_even_light_is_reflected_by_the_albedo_of_the_coat(
         specular_albedo(material, np.array([np.sqrt(1.0 - c * c), 0.0, c]), nodes=100)[0]
         for c in nodes
     ]
-    shine = 2.0 * np.interp(cosine, nodes, albedos)
-    color = np.where(floor, 0.6 + shine, 2.0)[..., None] * np.ones(3)
+    specular = 2.0 * np.interp(cosine, nodes, albedos)
+    color = np.where(floor, 0.6 + specular, 2.0)[..., None] * np.ones(3)
     found = split(device, replace(frame, color=color.astype(np.float32)))
     for low, high in ((0.5, 0.6), (0.7, 0.8), (0.9, 1.0)):
         ring = floor & (cosine > low) & (cosine < high)
-        np.testing.assert_allclose(found.highlight[ring].mean(0), shine[ring].mean(), rtol=0.03)
+        np.testing.assert_allclose(found.highlight[ring].mean(0), specular[ring].mean(), rtol=0.03)
     np.testing.assert_allclose(found.gain, 1.0, atol=0.05)
     total = found.radiated + found.highlight
     np.testing.assert_allclose(total[floor], color[floor], rtol=1e-6)
@@ -192,10 +192,10 @@ def partly_seen_floor(unseen: NDArray[np.int64]) -> tuple[Frame, Float]:
     """
     frame = glossy(room_frame(ROOM, 256, 128, bright_walls), SMOOTH)
     floor = (frame.gloss == 1)[..., None]
-    shine = 30.0 * mirror_image(frame)
-    color = np.where(floor, 3.0 + shine, 30.0 * frame.color)
+    specular = 30.0 * mirror_image(frame)
+    color = np.where(floor, 3.0 + specular, 30.0 * frame.color)
     color[:, unseen] = np.where(floor[:, unseen], 3.0, color[:, unseen])
-    return replace(frame, color=color.astype(np.float32)), shine.mean(-1)
+    return replace(frame, color=color.astype(np.float32)), specular.mean(-1)
 
 
 def mirror_image(frame: Frame) -> Float:
@@ -224,13 +224,13 @@ def roll(frame: Frame, columns: int) -> Frame:
 # The gain -------------------------------------------------------------------------------------
 
 
-def cells(shine: Float, diffuse: float = 0.2) -> tuple[Float, Float, Float, NDArray[np.int64]]:
+def cells(specular: Float, diffuse: float = 0.2) -> tuple[Float, Float, Float, NDArray[np.int64]]:
     """Seen, computed, irradiance and gloss of a floor in even light, in the lower half."""
-    gloss = np.zeros(shine.shape[:2], np.int64)
+    gloss = np.zeros(specular.shape[:2], np.int64)
     gloss[8:] = 1
     irradiance = np.where(gloss[..., None] > 0, 1.5, 0.0) * np.ones(3)
-    seen = np.where(gloss[..., None] > 0, diffuse * irradiance + shine, 0.0)
-    return seen, np.where(gloss[..., None] > 0, shine, 0.0), irradiance, gloss
+    seen = np.where(gloss[..., None] > 0, diffuse * irradiance + specular, 0.0)
+    return seen, np.where(gloss[..., None] > 0, specular, 0.0), irradiance, gloss
 
 
 def glow(peak: tuple[float, float, float]) -> Float:
@@ -240,16 +240,16 @@ def glow(peak: tuple[float, float, float]) -> Float:
 
 
 def test_a_highlight_that_was_seen_stays() -> None:
-    seen, shine, irradiance, gloss = cells(glow((3.0, 2.0, 1.0)))
-    gain, _ = highlight_gain(seen, shine, irradiance, gloss)
-    bright = shine.min(-1) > 0.05
+    seen, specular, irradiance, gloss = cells(glow((3.0, 2.0, 1.0)))
+    gain, _ = highlight_gain(seen, specular, irradiance, gloss)
+    bright = specular.min(-1) > 0.05
     np.testing.assert_allclose(gain[bright][:, :3], 1.0, atol=0.05)
 
 
 def test_a_highlight_is_held_to_what_was_seen_of_it() -> None:
     """The sky in the window's reflection was guessed four times too red, and twice too green."""
-    seen, shine, irradiance, gloss = cells(glow((3.0, 2.0, 1.0)))
-    guessed = shine * (4.0, 2.0, 1.0)
+    seen, specular, irradiance, gloss = cells(glow((3.0, 2.0, 1.0)))
+    guessed = specular * (4.0, 2.0, 1.0)
     gain, least = highlight_gain(seen, guessed, irradiance, gloss)
     np.testing.assert_allclose(gain[12, 10, :3], (0.25, 0.5, 1.0), atol=0.05)
     np.testing.assert_allclose(least[12, 10, :3], 0.5 * 0.2 * 1.5, rtol=0.05)
@@ -257,9 +257,9 @@ def test_a_highlight_is_held_to_what_was_seen_of_it() -> None:
 
 def test_textures_do_not_pass_for_highlights() -> None:
     """Dark and light boards: the gain stays what it is on an even floor."""
-    seen, shine, irradiance, gloss = cells(glow((1.0, 1.0, 1.0)))
+    seen, specular, irradiance, gloss = cells(glow((1.0, 1.0, 1.0)))
     boards = 1.0 + 0.3 * np.sign(np.sin(np.arange(32) * 2.0))[None, :, None]
-    gain, _ = highlight_gain((seen - shine) * boards + shine, shine, irradiance, gloss)
+    gain, _ = highlight_gain((seen - specular) * boards + specular, specular, irradiance, gloss)
     assert gain[10:15, 8:13, :3].min() > 0.9
 
 
