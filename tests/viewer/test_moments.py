@@ -164,9 +164,9 @@ def test_it_is_told_that_a_picture_is_rendered(
         told: list[Status] = []
         launch = module.Kernel.__call__
 
-        def noting(kernel: module.Kernel, *args: Any) -> None:
+        def noting(kernel: module.Kernel, *args: Any, **named: Any) -> None:
             told.append(driver.mailbox.status)
-            launch(kernel, *args)
+            launch(kernel, *args, **named)
 
         monkeypatch.setattr(module.Kernel, "__call__", noting)
         driver.answer(client, driver.ask(client, view=replace(VIEW, yaw_deg=1.0)))
@@ -181,11 +181,11 @@ class Fails:
         self.error: IprtError = DeviceLostError("the device gave up")
         launch = module.Kernel.__call__
 
-        def failing(kernel: module.Kernel, *args: Any) -> None:
+        def failing(kernel: module.Kernel, *args: Any, **named: Any) -> None:
             if self.times and kernel._name == "composite":
                 self.times -= 1
                 raise self.error
-            launch(kernel, *args)
+            launch(kernel, *args, **named)
 
         monkeypatch.setattr(module.Kernel, "__call__", failing)
 

@@ -38,10 +38,10 @@ class Meanwhile:
         monkeypatch.setattr("iprt.device.bands.QUICK_S", -1.0)
         launch = module.Kernel.__call__
 
-        def noting(kernel: module.Kernel, *args: object) -> None:
+        def noting(kernel: module.Kernel, *args: object, **named: object) -> None:
             if kernel._name == "composite" and self.do:
                 self.do.pop(0)()
-            launch(kernel, *args)  # type: ignore[arg-type]
+            launch(kernel, *args, **named)  # type: ignore[arg-type]
             self.finished += kernel._name == "composite"
 
         monkeypatch.setattr(module.Kernel, "__call__", noting)

@@ -226,10 +226,10 @@ def test_a_device_that_is_lost(user: User, monkeypatch: pytest.MonkeyPatch) -> N
     seen, lost = user.picture(), [True]
     launch = Kernel.__call__
 
-    def failing(kernel: Kernel, *args: Any) -> None:
+    def failing(kernel: Kernel, *args: Any, **named: Any) -> None:
         if lost[0] and kernel._name == "composite":
             raise DeviceLostError("the device gave up")
-        launch(kernel, *args)
+        launch(kernel, *args, **named)
 
     monkeypatch.setattr(Kernel, "__call__", failing)
     user.drag((128, 96), (150, 96))
