@@ -26,6 +26,7 @@ CORE = (
     "av",
     "imageio",
     "jinja2",
+    "matplotlib",
     "moderngl",
     "networkx",
     "numpy",

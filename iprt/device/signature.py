@@ -5,8 +5,10 @@ Not every driver tells the parameters of programs that come from its cache.
 
 from __future__ import annotations
 
+import ast
+import operator
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cache, partial
 from pathlib import Path
@@ -23,6 +25,14 @@ _COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.S)
 _DIRECTIVE = re.compile(r"\s*#\s*(\w+)\s*(.*)")
 _MACRO = re.compile(r"(\w+)(\([^)]*\))?\s*(.*)")
 _DEFINED = re.compile(r"defined\s*\(?\s*(\w+)\s*\)?")
+_RELATIONS: dict[type[ast.cmpop], Callable[[int, int], bool]] = {
+    ast.Eq: operator.eq,
+    ast.NotEq: operator.ne,
+    ast.Lt: operator.lt,
+    ast.LtE: operator.le,
+    ast.Gt: operator.gt,
+    ast.GtE: operator.ge,
+}
 _WORD = re.compile(r"\b[A-Za-z_]\w*\b")
 
 
@@ -97,7 +107,7 @@ class _Source:
         number = _WORD.sub(lambda m: self.expanded(m[0]) if m[0] in self.macros else "0", known)
         number = number.replace("&&", " and ").replace("||", " or ")
         number = re.sub(r"!(?!=)", " not ", number)
-        return bool(eval(number, {"__builtins__": {}}))  # numbers and operators of our own files
+        return bool(_value(ast.parse(number.strip(), mode="eval").body))
 
     def expanded(self, text: str) -> str:
         """With macros replaced until there are none."""
@@ -110,6 +120,22 @@ class _Source:
     def _replacement(self, word: str) -> str:
         macro = self.macros.get(word)
         return word if macro is None or macro.parameters is not None else macro.text
+
+
+def _value(node: ast.expr) -> int:
+    """A condition of `#if`, in Python's words."""
+    match node:
+        case ast.Constant(int(value)):
+            return value
+        case ast.BoolOp(ast.And(), parts):
+            return int(all(map(_value, parts)))
+        case ast.BoolOp(ast.Or(), parts):
+            return int(any(map(_value, parts)))
+        case ast.UnaryOp(ast.Not(), part):
+            return int(not _value(part))
+        case ast.Compare(left, [relation], [right]) if type(relation) in _RELATIONS:
+            return int(_RELATIONS[type(relation)](_value(left), _value(right)))
+    raise KernelError(f"a condition of a kernel's #if is not understood: {ast.unparse(node)}")
 
 
 def _called(macro: _Macro, call: re.Match[str]) -> str:

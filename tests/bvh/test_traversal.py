@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from iprt.bvh.scene import SceneBuilder, scene_sizes, shapes_of
+from iprt.bvh.scene import SceneBuilder, object_bounds, scene_sizes, shapes_of
 from iprt.device.compute import ComputeDevice
 from iprt.geometry.material import Material
 from iprt.geometry.mesh import Instance, Mesh
@@ -231,3 +231,14 @@ def test_buffers_are_planned_large_enough() -> None:
     planned, built = scene_sizes(shapes_of(instances)), SceneBuilder().build(instances)
     for name in ("nodes", "packets", "instances"):
         assert getattr(planned, name) >= len(getattr(built, name))
+
+
+def test_boxes_of_objects_hold_them_with_a_margin() -> None:
+    """By a share of the box's diagonal on every side."""
+    instance = instance_of(sphere(2), placed(0.7 * TURN, (0.3, -0.2, 0.5)))
+    points = world_triangles(instance).reshape(-1, 3)
+    low, high = points.min(axis=0), points.max(axis=0)
+    size = 0.1 * np.linalg.norm(high - low)
+    (box,) = object_bounds([instance], margin=0.1)
+    np.testing.assert_allclose(box[0, :3], low - size, rtol=1e-5)
+    np.testing.assert_allclose(box[1, :3], high + size, rtol=1e-5)

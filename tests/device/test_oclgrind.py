@@ -66,9 +66,8 @@ def test_a_planted_defect_is_found(tmp_path: Path, statement: str, says: str) ->
 
 
 def test_unwritten_buffers_are_told_from_zeroed_ones(tmp_path: Path) -> None:
-    found = findings(
-        tmp_path, "out[i] = in[i];", 'kernel((70,), unwritten, device.zeros("copy", (70,)), 70)'
-    )
+    launch = 'kernel((70,), {"in": unwritten}, out=device.zeros("copy", (70,)), count=70)'
+    found = findings(tmp_path, "out[i] = in[i];", launch)
     assert len(found) == 1, found
     assert "Uninitialized value written" in found[0]
 

@@ -122,8 +122,8 @@ def resident() -> int:
 
 
 def at_rest(stream: Ahead[Any]) -> bool:
-    """Whether as many frames lie ready as may, and one more waits for room, or all are made."""
-    return bool(stream._ready.not_full._waiters) or not stream._thread.is_alive()
+    """Whether as many frames lie ready as may, or all are made."""
+    return all(made.done() for made in stream._made)
 
 
 def play(scene: Scene, compute: ComputeDevice, frames: int, method: tuple[str, str]) -> Run:

@@ -47,9 +47,10 @@ GUARDED = {
 
 # Why no test tells a mutant from the program, by its label.
 EQUIVALENT: dict[str, str] = {
-    "iprt/footage/normals.py: spread: NDArray[np.intp] = np.clip(np.rint(ratio), 1, max(1, width "
-    "// 8)).astype(np.intp) -> spread: NDArray[np.intp] = np.clip(np.rint(ratio), 1, max(2, width "
-    "// 8)).astype(np.intp)": ("Panoramas of fewer than 16 columns."),
+    "iprt/footage/normals.py: return np.clip(np.rint(ratio), 1, max(1, width // 8)).astype(np.intp) "
+    "-> return np.clip(np.rint(ratio), 1, max(2, width // 8)).astype(np.intp)": (
+        "Panoramas of fewer than 16 columns."
+    ),
     "iprt/footage/normals.py: surface = np.fmin(before_bend, after_bend) * step <= "
     "GAP_TOLERANCE[1] * self._center -> surface = np.fmin(before_bend, after_bend) * step < "
     "GAP_TOLERANCE[1] * self._center": ("Two computed numbers that are equal by chance."),
@@ -64,11 +65,6 @@ EQUIVALENT: dict[str, str] = {
     "(count == 0) -> coarse_fill = (_blocks_of_four(fill.astype(np.uint8)) >= 0) & (count == 0)": (
         "Where the solver starts from; it ends at the same depths."
     ),
-    "iprt/bvh/scene.py: nodes=wide_count(max(instances, 1)) + sum(wide_count(count) for count in "
-    "packets), -> nodes=wide_count(max(instances, 2)) + sum(wide_count(count) for count in "
-    "packets),": ("A bound that is a little larger."),
-    "iprt/bvh/scene.py: return np.pad(np.concatenate(rows), ((0, 0), (0, 1))) -> "
-    "return np.pad(np.concatenate(rows), ((0, 1), (0, 1)))": ("A row that nothing reads."),
     "iprt/bvh/wide.py: references += np.where(references >= 0, first_node, -first_leaf)"
     ".astype(np.int32) -> references += np.where(references > 0, first_node, -first_leaf)"
     ".astype(np.int32)": ("Node 0 is the root, which no node refers to."),
