@@ -19,7 +19,7 @@ from pydantic import BaseModel, ValidationError
 
 from iprt.errors import IprtError
 from iprt.files.toml_text import parse_toml, printable, read_text
-from iprt.settings.methods import methods
+from iprt.settings.methods import DEFAULT, methods
 from iprt.settings.model import Settings
 from iprt.settings.presets import PRESETS, Quality
 
@@ -195,22 +195,24 @@ def plain_value(text: str) -> Any:
 
 
 def settings_toml(settings: Settings, title: str) -> str:
-    """A file of all settings that sets those whose value in `settings` is not the default.
+    """A file of all settings that sets those whose value in `settings` is not its method's default.
 
     The others are commented out, so that a preset may still choose them.
     """
     values = plain_values(settings)
+    defaults = plain_values(Settings(method=settings.method)) | {"method": DEFAULT}
     lines, group = [f"# {title}", ""], ""
     for setting in all_settings().values():
         if setting.group != group:
             group = setting.group
             lines += [f"[{group}]", *_comment(groups()[group]), ""]
-        default = "" if setting.default is None else f"; default {_toml_value(setting.default)}"
+        usual = defaults[setting.key]
+        default = "" if usual is None else f"; default {_toml_value(usual)}"
         name = setting.key.rpartition(".")[2]
         value = values[setting.key]
         # TOML has no word for nothing.
         line = f"{name} =" if value is None else f"{name} = {_toml_value(value)}"
-        left_out = "#" if value == setting.default else ""
+        left_out = "#" if value == usual else ""
         lines += [
             *_comment(setting.help),
             *_comment(setting.allowed + default),

@@ -229,7 +229,7 @@ def value_of(settings: Settings, key: str) -> Any:
 
 
 def with_value(settings: Settings, key: str, value: Any) -> Settings:
-    """The settings with another value of one setting.
+    """The settings with another value of one setting; a method brings its defaults.
 
     Parameters
     ----------
@@ -242,7 +242,8 @@ def with_value(settings: Settings, key: str, value: Any) -> Settings:
         It is not allowed, or there is no such setting; in one line that says what is.
     """
     shown = printable(_word(value), 100)
-    return assigned(settings, [Assignment(key, value, f"{printable(key)} = {shown}")])
+    now = assigned(settings, [Assignment(key, value, f"{printable(key)} = {shown}")])
+    return changed(settings, {key: value}) if key == "method" else now
 
 
 @dataclass(frozen=True)
