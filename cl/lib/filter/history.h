@@ -1,0 +1,296 @@
+// The history of a pixel: fetched from the previous picture, corrected, clamped, and added to
+// (filter/temporal.cl). Sources are named there.
+//
+// -DSIGNAL_PLANES, -DDIFFERENCE, -DCOMMON as there; -DCAMERA_MOTION: gbuffer/camera.h.
+#ifndef IPRT_HISTORY_H
+#define IPRT_HISTORY_H
+
+#include "gbuffer/camera.h"
+#include "gbuffer/guide.h"
+#include "methods/rays.h"
+#include "filter/signal.h"
+
+#define HUGE 1e30f            // samples from here on, and NaN, are not used
+#define MAX_LENGTH 1e6f
+#define NEAR_STEP 2           // nine pixels so far apart stand for a 5x5 neighbourhood
+
+static inline void load_signal(float *s, __global const float *signal, int size, int p)
+{
+    #pragma unroll
+    for (int c = 0; c < SIGNAL_PLANES; c++)
+        s[c] = signal[c * size + p];
+}
+
+// What is clamped, plane by plane: with -DCOMMON the last three planes by their differences to the
+// first three, with which they share their noise.
+static inline void without_common(float *s)
+{
+#ifdef COMMON
+    #pragma unroll
+    for (int c = 3; c < SIGNAL_PLANES; c++)
+        s[c] -= s[c - 3];
+#endif
+}
+
+static inline bool all_finite(const float *s)
+{
+    float total = 0.0f;
+    #pragma unroll
+    for (int c = 0; c < SIGNAL_PLANES; c++)
+        total += fabs(s[c]);
+    return total < HUGE;
+}
+
+// Loads the sample of pixel p. Returns how many rays it is worth, 0 where it is not to be used:
+// pixels that share one ray have a part of its weight, so a lone hit that was spread over many of
+// them gives way to the rays of their own that follow.
+static inline float load_sample(
+    float *sample, __global const float *samples, __global const float *guide,
+    __global const uchar *level, int size, int p)
+{
+    load_signal(sample, samples, size, p);
+    bool usable = guide[GUIDE_ID * size + p] > 0.0f && all_finite(sample);
+    int spacing = level_spacing(usable ? level[p] : 0);
+    return usable ? 1.0f / (spacing * spacing) : 0.0f;
+}
+
+// What a history of `length` samples of variance `spread` is worth that is off by `bias`: as many
+// samples as have the same mean squared error.
+static inline float worth_of_biased(float length, float spread, float bias_squared)
+{
+    float error = fmax(spread + length * bias_squared, 1e-30f);
+    return bias_squared > 0.0f ? spread * length / error : length;
+}
+
+typedef struct {
+    float signal[SIGNAL_PLANES];
+    float length;   // how many samples it is worth, 0: there is none
+    float spread;   // variance of single samples of g
+} History;
+
+static inline History load_history(
+    __global const float *signal, __global const float *length, __global const float *spread,
+    int size, int p)
+{
+    History history;
+    load_signal(history.signal, signal, size, p);
+    history.length = length[p];
+    history.spread = spread[p];
+    return history;
+}
+
+static inline void store_history(
+    const History *history, __global float *signal, __global float *length, __global float *spread,
+    int size, int p, int x, int width)
+{
+    #pragma unroll
+    for (int c = 0; c < SIGNAL_PLANES; c++)
+        store_wrapped(signal + c * size, p, x, width, history->signal[c]);
+    length[p] = history->length;
+    spread[p] = history->spread;
+}
+
+// What kernels are given that fetch a history: guides of 7 planes, of this and the previous picture;
+// motion, 2 planes; the history's planes; plane distance / depth of one surface, and the smallest
+// cosine between its normals.
+#define FETCH_PARAMETERS                                                                           \
+    __global const float *restrict guide, __global const float *restrict guide_previous,           \
+        __global const float *restrict motion, __global const float *restrict signal_before,       \
+        __global const float *restrict length_before, __global const float *restrict spread_before, \
+        const float plane_tolerance, const float normal_agreement
+
+// The history of what this pixel shows, where the previous picture showed that.
+static inline History fetch_history(FETCH_PARAMETERS, int p, int width, int height CAMERA_PARAMETER)
+{
+    int size = plane_size(width, height);
+    float nx = guide[p], ny = guide[size + p], nz = guide[2 * size + p];
+    float px = guide[3 * size + p], py = guide[4 * size + p], pz = guide[5 * size + p];
+    float id = guide[6 * size + p];
+    float tolerance = plane_tolerance * sqrt(px * px + py * py + pz * pz);
+#ifdef CAMERA_MOTION
+    const float3 normal = camera_before(camera, (float3)(nx, ny, nz), 0.0f);
+    const float3 point = camera_before(camera, (float3)(px, py, pz), 1.0f);
+    nx = normal.x, ny = normal.y, nz = normal.z;
+    px = point.x, py = point.y, pz = point.z;
+#endif
+
+    float past[SIGNAL_PLANES];
+    for (int c = 0; c < SIGNAL_PLANES; c++)
+        past[c] = 0.0f;
+    float weights = 0.0f, samples = 0.0f, variation = 0.0f;
+    float mx = motion[p] - 0.5f, my = motion[size + p] - 0.5f;
+    if (id > 0.0f && fabs(mx) < 1e6f && fabs(my) < 1e6f) {
+        int left = (int)floor(mx), top = (int)floor(my);
+        float fx = mx - left, fy = my - top;
+        for (int i = 0; i < 4; i++) {
+            int tx = wrap_column(left + (i & 1), width), ty = top + (i >> 1);
+            float w = ((i & 1) ? fx : 1.0f - fx) * ((i >> 1) ? fy : 1.0f - fy);
+            if (!(w > 0.0f) || tx < 0 || tx >= width || ty < 0 || ty >= height)
+                continue;
+            int q = plane_index(tx, ty, width);
+            float cosine = nx * guide_previous[q] + ny * guide_previous[size + q]
+                           + nz * guide_previous[2 * size + q];
+            float off_plane = nx * (guide_previous[3 * size + q] - px)
+                              + ny * (guide_previous[4 * size + q] - py)
+                              + nz * (guide_previous[5 * size + q] - pz);
+            if (guide_previous[6 * size + q] != id || !(fabs(off_plane) <= tolerance)
+                || !(cosine >= normal_agreement) || !(length_before[q] > 0.0f))
+                continue;
+            for (int c = 0; c < SIGNAL_PLANES; c++)
+                past[c] += w * signal_before[c * size + q];
+            samples += w * length_before[q];
+            variation += w * spread_before[q];
+            weights += w;
+        }
+    }
+    // A lone tap on the pixel centre has weight 1 and stays exact.
+    bool found = weights > 0.01f;
+    History history;
+    for (int c = 0; c < SIGNAL_PLANES; c++)
+        history.signal[c] = found ? past[c] / weights : 0.0f;
+    history.length = found ? samples / weights : 0.0f;
+    history.spread = found ? variation / weights : 0.0f;
+    return history;
+}
+
+// Antilag: where the fast history's mean over a neighbourhood differs from the slow one's by more
+// than noise explains, the slow one is off by the rest, and gives way to the fast one to the degree
+// that this bias makes it the worse estimate. `scalar` is g of the slow one.
+static inline void correct_history(
+    History *history, __global const float *restrict guide, __global const float *restrict fast,
+    __global const float *restrict fast_length, __global const float *restrict scalar, float sigma,
+    int size, int p, int width)
+{
+    float id = guide[GUIDE_ID * size + p], before = history->length;
+    float count = 0.0f, sum = 0.0f, square = 0.0f;
+    #pragma unroll
+    for (int i = 0; i < 9; i++) {
+        int q = p + NEAR_STEP * (i % 3 - 1 + (i / 3 - 1) * plane_stride(width));
+        float s[SIGNAL_PLANES];
+        load_signal(s, fast, size, q);
+        float same = guide[GUIDE_ID * size + q] == id ? 1.0f : 0.0f;
+        float d = same * (guide_scalar(s) - scalar[q]);
+        count += same;
+        sum += d;
+        square += d * d;
+    }
+    float mean = sum / count;
+    float variance = fmax(square / count - mean * mean, 0.0f) / fmax(count - 1.0f, 1.0f);
+    float bias_squared = fmax(mean * mean - sigma * sigma * variance, 0.0f);
+    float worth = worth_of_biased(before, history->spread, bias_squared);
+    bool stale = id > 0.0f && before > 0.0f && fast_length[p] > 0.0f && worth < before;
+    float share = stale ? 1.0f - worth / before : 0.0f;
+    #pragma unroll
+    for (int c = 0; c < SIGNAL_PLANES; c++) {
+        float past = history->signal[c];
+        history->signal[c] = past + share * (fast[c * size + p] - past);
+    }
+    history->length = before + share * (fmin(fast_length[p], before) - before);
+}
+
+// Clamps the history to mean +- sigma deviations of a neighbourhood, a box that also holds the
+// pixel's own value (IPRT "Filtering"). Where no object has influence the box of what objects do is
+// a point, so an old shadow goes at once: of E_RV (-DCOMMON) by its difference to E_R, although E_R
+// itself is noisy. The length is lowered where g moved.
+static inline void clamp_history(
+    History *history, __global const float *restrict guide, __global const float *restrict nearby,
+    float sigma, int size, int p, int width)
+{
+    float id = guide[GUIDE_ID * size + p];
+    float centre[SIGNAL_PLANES], mean[SIGNAL_PLANES], square[SIGNAL_PLANES];
+    load_signal(centre, nearby, size, p);
+    without_common(centre);
+    bool usable = id > 0.0f && all_finite(centre);
+    #pragma unroll
+    for (int c = 0; c < SIGNAL_PLANES; c++)
+        mean[c] = square[c] = 0.0f;
+    float count = 0.0f;
+    #pragma unroll
+    for (int i = 0; i < 9; i++) {
+        int q = p + NEAR_STEP * (i % 3 - 1 + (i / 3 - 1) * plane_stride(width));
+        float s[SIGNAL_PLANES];
+        load_signal(s, nearby, size, q);
+        without_common(s);
+        bool used = guide[GUIDE_ID * size + q] == id && all_finite(s);
+        count += used ? 1.0f : 0.0f;
+        #pragma unroll
+        for (int c = 0; c < SIGNAL_PLANES; c++) {
+            // About the centre, which may be large against the spread.
+            float d = used ? s[c] - centre[c] : 0.0f;
+            mean[c] += d;
+            square[c] += d * d;
+        }
+    }
+    float value[SIGNAL_PLANES], clamped[SIGNAL_PLANES];
+    float scale = 1.0f / fmax(count, 1.0f);
+    #pragma unroll
+    for (int c = 0; c < SIGNAL_PLANES; c++)
+        value[c] = history->signal[c];
+    without_common(value);
+    bool moved = false;
+    #pragma unroll
+    for (int c = 0; c < SIGNAL_PLANES; c++) {
+        float m = scale * mean[c];
+        float deviation = sigma * sqrt(fmax(scale * square[c] - m * m, 0.0f));
+        float low = centre[c] + fmin(m - deviation, 0.0f);
+        float high = centre[c] + fmax(m + deviation, 0.0f);
+        clamped[c] = fmin(fmax(value[c], low), high);
+        moved = moved || clamped[c] != value[c];
+#ifdef COMMON
+        clamped[c] += c < 3 ? 0.0f : clamped[c - 3];
+#endif
+    }
+    moved = moved && usable;
+    float step = guide_scalar(clamped) - guide_scalar(history->signal);
+    float worth = worth_of_biased(history->length, history->spread, step * step);
+    history->length = moved ? worth : history->length;
+    #pragma unroll
+    for (int c = 0; c < SIGNAL_PLANES; c++)
+        history->signal[c] = moved ? clamped[c] : history->signal[c];
+}
+
+// Adds the sample of pixel p to the mean.
+static inline void add_sample(
+    History *history, __global const float *samples, __global const float *guide,
+    __global const uchar *level, float fading, int rays, int size, int p)
+{
+    float sample[SIGNAL_PLANES], before = history->length, variation = history->spread;
+    // A fading memory is one of so many frames, whatever their rays.
+    float sent = fading > 0.0f ? 1.0f : share_of_rays(before, rays);
+    float worth = sent * load_sample(sample, samples, guide, level, size, p);
+    bool usable = worth > 0.0f, first = !(before > 0.0f);
+    float share = first ? 1.0f : fmax(worth / (before + worth), fading * worth);
+    // Fading makes the mean worth (2 - fading) / fading samples at most: so a later, longer
+    // average goes on from the right weight.
+    float limit = fading > 0.0f ? fmin(2.0f / fading - 1.0f, MAX_LENGTH) : MAX_LENGTH;
+    float step = guide_scalar(sample) - guide_scalar(history->signal);
+    float varied = first ? 0.0f : (1.0f - share) * (variation + share * sent * step * step);
+    #pragma unroll
+    for (int c = 0; c < SIGNAL_PLANES; c++) {
+        float past = history->signal[c];
+        float mean = first ? sample[c] : past + share * (sample[c] - past);
+        history->signal[c] = usable ? mean : past;
+    }
+    history->length = usable ? fmin(before + worth, limit) : before;
+    history->spread = usable ? varied : variation;
+}
+
+// The same for the fast history, which forgets: it is worth `limit` samples at most.
+static inline void add_fast_sample(
+    History *history, __global const float *samples, __global const float *guide,
+    __global const uchar *level, float limit, int size, int p)
+{
+    float sample[SIGNAL_PLANES], before = history->length;
+    float worth = load_sample(sample, samples, guide, level, size, p);
+    bool usable = worth > 0.0f;
+    float share = before > 0.0f ? worth / fmin(before + worth, limit) : 1.0f;
+    #pragma unroll
+    for (int c = 0; c < SIGNAL_PLANES; c++) {
+        float past = history->signal[c];
+        float mean = share < 1.0f ? past + share * (sample[c] - past) : sample[c];
+        history->signal[c] = usable ? mean : past;
+    }
+    history->length = usable ? fmin(before + worth, limit) : before;
+}
+
+#endif
