@@ -19,8 +19,9 @@ import pyopencl as cl
 import pyopencl.array as cla
 from numpy.typing import DTypeLike, NDArray
 
-from iprt.device.compute import ComputeDevice, Define, Kernel
+from iprt.device.compute import ComputeDevice, Kernel
 from iprt.device.plan import PlanDevice
+from iprt.device.program import Define
 from iprt.errors import DefectError
 
 POISON = 0x7FAD

@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-import re
 import time
-import warnings
-import weakref
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -20,18 +16,10 @@ from numpy.typing import DTypeLike, NDArray
 from iprt.device.bands import Bands
 from iprt.device.budget import amount, what_to_lower
 from iprt.device.profile import Kind, Profile
+from iprt.device.program import Define, Program, build, variant
 from iprt.device.recovery import reported, wait
-from iprt.device.signature import Parameter, signature
-from iprt.errors import DeviceError, DeviceHangError, KernelError
-from iprt.files.resources import CL
-
-Define = int | float | bool | str
-
-CACHE_RACE = "unable to rename temporary"
-"""In the log of a build while another process put the same program into PoCL's cache."""
-BUILD_TRIES, BUILD_PAUSE_S = 4, 0.2
-"""How often such a build is tried, and the seconds in between."""
-
+from iprt.device.signature import Parameter
+from iprt.errors import DeviceError, DeviceHangError
 
 MOST_IN_FLIGHT = 64
 """Transfers after which it is asked which of them are done."""
@@ -175,21 +163,6 @@ class Kernel:
         return event
 
 
-@dataclass(frozen=True, eq=False)
-class _Program:
-    """A built program, and its kernels that are in use."""
-
-    name: str
-    built: Any
-    file: str
-    options: tuple[str, ...]
-    kernels: weakref.WeakSet[Kernel] = field(default_factory=weakref.WeakSet)
-
-    def signature(self, kernel: str) -> tuple[Parameter, ...]:
-        defines = (option[2:].split("=") for option in self.options if option.startswith("-D"))
-        return signature((CL / self.file).read_text(), kernel, dict(defines), CL / "lib")
-
-
 class ComputeDevice:
     """Context, profiling queue and named buffers on one OpenCL device.
 
@@ -234,7 +207,7 @@ class ComputeDevice:
         self.building: Callable[[str], None] = lambda file: None
         self.bands: Bands | None = None
         self.most_programs: int | None = None
-        self._programs: dict[tuple[str, str], _Program] = {}  # the last one used comes last
+        self._programs: dict[tuple[str, str], Program] = {}  # the last one used comes last
         self._launched: set[tuple[str, str]] = set()
         self._in_flight: list[Any] = []  # events that keep host memory alive, until it is read
 
@@ -274,12 +247,14 @@ class ComputeDevice:
         KernelError
             The program did not build.
         """
-        program, options = _variant(file, defines)
+        program, options = variant(file, defines)
         key = (file, " ".join(options))
         found = self._programs.pop(key, None)
         if found is None:
+            self.building(file)
             with self.profile.compiling(program):
-                found = _Program(program, self._build(file, options), file, tuple(options))
+                built = build(self.context, file, options)
+            found = Program(program, built, file, tuple(options))
         self._programs[key] = found
         kernel = Kernel(self, cl.Kernel(found.built, name), program, found.signature(name))
         found.kernels.add(kernel)
@@ -293,7 +268,7 @@ class ComputeDevice:
         """
         missing = set()
         for file, name, defines in kernels:
-            program, options = _variant(file, defines)
+            program, options = variant(file, defines)
             if (file, " ".join(options)) not in self._programs:
                 missing.add((program, ""))
             if (program, name) not in self._launched:
@@ -314,33 +289,6 @@ class ComputeDevice:
         first = (program, kernel) not in self._launched
         self._launched.add((program, kernel))
         return first
-
-    def _build(self, file: str, options: list[str], tries: int = BUILD_TRIES) -> Any:
-        source = (CL / file).read_text()
-        self.building(file)
-        try:
-            with warnings.catch_warnings():
-                # Some compilers report success at length; a failure raises with its log.
-                warnings.simplefilter("ignore", cl.CompilerWarning)
-                return cl.Program(self.context, source).build(options)
-        except cl.RuntimeError as error:
-            if tries > 1 and CACHE_RACE in str(error):
-                time.sleep(BUILD_PAUSE_S)
-                return self._build(file, options, tries - 1)
-            raise KernelError(self._build_report(file, options, str(error))) from error
-
-    def _build_report(self, file: str, options: list[str], told: str) -> str:
-        # pyopencl puts the routine's name before the compiler's log, and options after it.
-        log = re.sub(
-            r"\A.*?Build on <[^\n]*>:|^\((options|source saved).*?\)$", "", told, flags=re.S | re.M
-        )
-        return (
-            f"cl/{file} did not build\n"
-            f"  device   {self.name}\n"
-            f"  driver   {self.device.driver_version.strip()}\n"
-            f"  options  {' '.join(options)}\n"
-            f"{log.strip()}"
-        )
 
     @property
     def built_programs(self) -> list[tuple[str, str]]:
@@ -419,22 +367,3 @@ class ComputeDevice:
         """`wait`; times may be read."""
         self.wait()
         self.profile.finished()
-
-
-def _variant(file: str, defines: Mapping[str, Define] | None) -> tuple[str, list[str]]:
-    """A program's name and its compiler's options."""
-    variant = [
-        f"-D{define}={_literal(value)}"
-        for define, value in sorted((defines or {}).items())
-        if value is not False
-    ]
-    options = ["-cl-std=CL1.2", "-cl-kernel-arg-info", "-I", str(CL / "lib"), *variant]
-    return " ".join([file, *variant]), options
-
-
-def _literal(value: Define) -> str:
-    if isinstance(value, bool):
-        return "1"
-    if isinstance(value, float):
-        return f"{np.float32(value)!s}f" if "." in str(np.float32(value)) else f"{value!r}f"
-    return str(value)

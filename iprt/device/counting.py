@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 import pyopencl.array as cla
 
-from iprt.device.compute import ComputeDevice, Define, Kernel
+from iprt.device.compute import ComputeDevice, Kernel
 from iprt.device.profile import Profile
+from iprt.device.program import Define
 from iprt.files.resources import CL
 
 COUNTERS = 9

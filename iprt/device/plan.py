@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from iprt.device.compute import ComputeDevice, Define
+from iprt.device.compute import ComputeDevice
 from iprt.device.profile import Profile
+from iprt.device.program import Define
 
 PlannedKernel = tuple[str, str, dict[str, Define]]
 """File, kernel and defines."""

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 import pyopencl.array as cla
 
-from iprt.device.compute import ComputeDevice, Define
+from iprt.device.compute import ComputeDevice
+from iprt.device.program import Define
 from iprt.filter.temporal import Kind, signal_defines, signal_planes
 from iprt.gbuffer.guide import Guide
 from iprt.settings.filter import AtrousSettings

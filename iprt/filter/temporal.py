@@ -8,7 +8,8 @@ from typing import Any, Literal
 
 import pyopencl.array as cla
 
-from iprt.device.compute import ComputeDevice, Define, Kernel
+from iprt.device.compute import ComputeDevice, Kernel
+from iprt.device.program import Define
 from iprt.gbuffer.guide import Guide
 from iprt.settings.filter import TemporalSettings
 

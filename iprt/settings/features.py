@@ -6,7 +6,7 @@ from collections.abc import Hashable, Iterable
 from dataclasses import dataclass
 
 from iprt.bvh.scene import STACK
-from iprt.device.compute import Define
+from iprt.device.program import Define
 from iprt.footage.footage import Footage
 from iprt.footage.window_environment import OUTSIDE_ROWS
 from iprt.geometry.camera import View

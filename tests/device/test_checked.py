@@ -13,6 +13,7 @@ import pytest
 from iprt.device.checked import INFINITE, CheckedDevice
 from iprt.device.compute import ComputeDevice
 from iprt.device.plan import PlanDevice
+from iprt.device.program import build
 from iprt.errors import DefectError
 from iprt.files.resources import CL
 from iprt.footage.footage import Footage
@@ -154,12 +155,11 @@ def test_the_command_line_says_it_in_one_line(
     assert right in source
     file = tmp_path / "composite.cl"
     file.write_text(source.replace(right, wrong))
-    build = ComputeDevice._build
 
-    def built(self: ComputeDevice, name: str, *rest: Any) -> Any:
-        return build(self, str(file) if name == "view/composite.cl" else name, *rest)
+    def built(context: object, name: str, *rest: Any) -> Any:
+        return build(context, str(file) if name == "view/composite.cl" else name, *rest)
 
-    monkeypatch.setattr(ComputeDevice, "_build", built)
+    monkeypatch.setattr("iprt.device.compute.build", built)
     output = tmp_path / "picture.png"
     words = ("render", scene, "-o", output, "--size", 16, 9, "--accumulate", 1)
     words += ("--device", device.device.platform.name, "--set", "check_kernels=true")

@@ -9,8 +9,9 @@ import numpy as np
 import pyopencl as cl
 import pytest
 
-from iprt.device import compute
-from iprt.device.compute import BUILD_TRIES, CACHE_RACE, ComputeDevice, Kernel
+from iprt.device import program
+from iprt.device.compute import ComputeDevice, Kernel
+from iprt.device.program import BUILD_TRIES, CACHE_RACE
 from iprt.errors import KernelError
 
 RACE = f"clBuildProgram failed: BUILD_PROGRAM_FAILURE\nerror: {CACHE_RACE} 'a' to output file 'b'"
@@ -28,7 +29,7 @@ def builds(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         return build(self, *args, **kwargs)
 
     monkeypatch.setattr(cl.Program, "build", failing)
-    monkeypatch.setattr(compute, "BUILD_PAUSE_S", 0.0)
+    monkeypatch.setattr(program, "BUILD_PAUSE_S", 0.0)
     return failures
 
 
