@@ -22,10 +22,9 @@ FEW_RAYS = {
     "trace.rays": 1,
     "trace.object_rays": 1,
     "iprt.ratio_rows": 16,
-    "irradiance.rows": 64,
-    "irradiance.rays": 1,
 }
-"""What takes time and shows little in motion; none of it compiles kernels."""
+"""What takes time and shows little in motion. None of it compiles kernels, or needs a real world
+other than that of the picture at rest (`Features.of_real_world`), whose E_R is known already."""
 RAYS_SHARE = 0.75
 """Time of a frame with few rays, relative to that with the default settings."""
 SCALES = (1.0, 0.84, 0.71, 0.6, 0.5, 0.42, 0.35, 0.3, 0.25)

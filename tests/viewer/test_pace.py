@@ -14,7 +14,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from iprt.device.compute import ComputeDevice
+from iprt.footage.footage import Footage
+from iprt.geometry.material import Material
 from iprt.scene.scene import Scene
+from iprt.settings.features import Features
 from iprt.settings.model import Settings
 from iprt.settings.overrides import changed, plain_values, resolved
 from iprt.settings.presets import Quality
@@ -132,7 +135,7 @@ def test_going_up_never_overshoots_where_only_the_number_of_pixels_changes() -> 
     """However much of a frame's time its pixels do not change."""
     for fixed in np.linspace(0.0, 0.6, 7):
         base = resolved("draft")
-        pace = Pace(FPS, changed(base, {"irradiance.rays": 1, "iprt.ratio_rows": 16}))
+        pace = Pace(FPS, changed(base, {"iprt.ratio_rows": 16}))
         load = 0.9 / FPS / (fixed + (1.0 - fixed) * 0.25**2)
         device = Simulated(
             pace, lambda i, load=load: load / (1 + 0.002 * i), fixed=fixed, rays=1.0, noise=0.0
@@ -257,3 +260,17 @@ def test_an_engine_follows_down_and_up_again(tmp_path: Path, device: ComputeDevi
     # The light of the picture is the same, however little of it is rendered.
     means = [np.mean([mean for number, mean in seen if number == scale]) for scale in (1.0, 0.5)]
     assert means[1] == pytest.approx(means[0], rel=0.05)
+
+
+@pytest.mark.parametrize("quality", get_args(Quality))
+def test_levels_share_the_real_world_of_the_picture_at_rest(quality: Quality) -> None:
+    """Its panorama and E_R; another would have to be made and to converge when the head moves."""
+
+    def world(settings: Settings) -> object:
+        return Features.of([Material()], VIEW, settings, Footage()).of_real_world
+
+    base = resolved(quality)
+    levels = levels_below(base)
+    assert len(levels) > 3
+    assert {world(level.settings) for level in levels} == {world(base)}
+    assert world(changed(base, {"irradiance.rows": 32})) != world(base)
