@@ -11,7 +11,8 @@ from numpy.typing import DTypeLike, NDArray
 
 from iprt.bvh.scene import INSTANCE_ROWS, SceneBuilder, scene_sizes, shapes_of
 from iprt.bvh.wide import NODE_ROWS
-from iprt.device.compute import ComputeDevice, Define
+from iprt.device.compute import ComputeDevice
+from iprt.device.program import Define
 from iprt.geometry.material import Material
 from iprt.geometry.mesh import Instance, same_places
 from iprt.settings.features import bvh_defines
@@ -83,8 +84,7 @@ class ObjectBvh:
         Nothing is done if they are there. Where meshes deform, call it once per frame while
         vertices move, and once more when they stop.
         """
-        before, self._loaded = self._loaded, instances
-        if before is not None and not self.deforming and same_places(before, instances):
+        if self._holds(instances):
             return
         with self._device.profile.host("build bvh"):
             scene = self._builder.build(instances)
@@ -99,6 +99,14 @@ class ObjectBvh:
                 rows = np.zeros(buffer.shape, buffer.dtype)
                 rows[: len(values)] = values
                 self._device.write(buffer, rows)
+
+        self._loaded = instances
+
+    def _holds(self, instances: Sequence[Instance]) -> bool:
+        loaded = self._loaded
+        if loaded is None or self.deforming:
+            return False
+        return instances is loaded or same_places(loaded, instances)
 
     def _room_for(self, name: str, rows: int) -> cla.Array:
         """The buffer, larger if need be: objects that shared a tree may come to need their own,
