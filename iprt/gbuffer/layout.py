@@ -20,7 +20,7 @@ class PlaneLayout:
 
     @property
     def size(self) -> tuple[int, int]:
-        """Of the view, as kernels are enqueued over it."""
+        """Width and height: kernels are enqueued over them."""
         return self.width, self.height
 
     def arguments(self) -> dict[str, int]:

@@ -129,7 +129,7 @@ class CostReport:
 
     @property
     def launches(self) -> float:
-        """Of kernels, and transfers, per frame."""
+        """Launches of kernels and transfers per frame."""
         return sum(row.launches for row in self.passes)
 
     @property

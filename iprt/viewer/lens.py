@@ -47,7 +47,7 @@ BUFFERS: Mapping[str, Appearance] = {
 }
 """How the values of an auxiliary picture become colours: all of `iprt.aovs.AOVS`, by name."""
 UNITS = {"depth": "m", "motion": "px", "hit_distance": "m", "history_length": "frames"}
-"""Of the values of auxiliary pictures that have one."""
+"""Units of the auxiliary pictures whose values have one."""
 
 
 @dataclass(frozen=True)
