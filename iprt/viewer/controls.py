@@ -14,6 +14,7 @@ from functools import cache
 from typing import Any, Literal
 
 from iprt.files.toml_text import printable
+from iprt.settings.methods import DEFAULT
 from iprt.settings.model import Settings
 from iprt.settings.overrides import (
     Assignment,
@@ -271,15 +272,20 @@ def preset_of(settings: Settings) -> Preset:
     """Which preset the settings are or are nearest to; of equally near ones, the default."""
     now, found = plain_values(settings), []
     for quality in PRESETS:
-        preset = plain_values(with_preset(Settings(), quality))
+        preset = plain_values(with_preset(Settings(method=settings.method), quality))
+        preset["method"] = DEFAULT
         differing = {key: (preset[key], now[key]) for key in now if preset[key] != now[key]}
         found.append(Preset(quality, differing))
     return min(found, key=lambda p: (len(p.differing), bool(PRESETS[p.quality])))
 
 
 def with_preset(settings: Settings, quality: Quality) -> Settings:
-    """The settings with all that presets set as this one has it, and everything else as it is."""
-    shared = {key: all_settings()[key].default for preset in PRESETS.values() for key in preset}
+    """The settings with all that presets set as this one has it, and everything else as it is.
+
+    What this one leaves open gets the default of the settings' method.
+    """
+    defaults = plain_values(Settings(method=settings.method))
+    shared = {key: defaults[key] for preset in PRESETS.values() for key in preset}
     return changed(settings, {**shared, **PRESETS[quality]})
 
 

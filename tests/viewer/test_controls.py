@@ -201,6 +201,15 @@ def test_presets_are_recognised_and_what_differs_is_named(quality: Quality) -> N
     assert preset.text == f"{quality}, but atrous.floor 0.002 -> 0.01"
 
 
+@pytest.mark.parametrize("quality", QUALITIES)
+def test_presets_leave_a_method_its_defaults(quality: Quality) -> None:
+    published = [Assignment("method", "iprt2023", "")]
+    expected = resolved(quality, published)
+    assert preset_of(expected).text == f"{quality}, but method iprt -> iprt2023"
+    for before in QUALITIES:
+        assert with_preset(resolved(before, published), quality) == expected
+
+
 def test_half_way_to_another_preset_is_the_default_one_still() -> None:
     half = dict(list(PRESETS["draft"].items())[: len(PRESETS["draft"]) // 2])
     assert preset_of(changed(Settings(), half)).quality == "balanced"
