@@ -15,8 +15,7 @@ import pyopencl as cl
 import pytest
 
 from iprt import cli
-from iprt.device import compute as module
-from iprt.device import recovery
+from iprt.device import compute, program, recovery
 from iprt.device.compute import ComputeDevice
 from iprt.device.recovery import with_second_try
 from iprt.errors import DeviceError, DeviceHangError, DeviceLostError, KernelError
@@ -93,7 +92,7 @@ def test_a_buffer_that_cannot_be_had_is_one_line(
 
     own = ComputeDevice(device.device)
     own.buffers["irradiance plane"] = 2**20
-    monkeypatch.setattr(module.cla, "empty", refuse)
+    monkeypatch.setattr(compute.cla, "empty", refuse)
     with pytest.raises(DeviceError) as caught:
         own.zeros("picture", (1024, 1024))
     message = str(caught.value)
@@ -259,7 +258,7 @@ def test_a_kernel_that_does_not_build_is_one_report(
     with (sources / "view/composite.cl").open("a") as file:
         file.write("\n#ifdef RELIT\n__kernel void broken(void) { no_such_name = 1; }\n#endif\n")
         file.write("\n#error the end of composite.cl\n")
-    monkeypatch.setattr(module, "CL", sources)
+    monkeypatch.setattr(program, "CL", sources)
     status, picture = render("a.png")
     report = capsys.readouterr().err
     assert status == 3

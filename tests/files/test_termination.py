@@ -155,10 +155,10 @@ def test_an_interrupt_while_kernels_compile(times: int, scene: Path, tmp_path: P
     words += ["--accumulate", "1", "--device", DEVICE]
     code = (
         f"import os; os.environ['POCL_CACHE_DIR'] = {str(tmp_path / 'kernels')!r}\n"
-        "from iprt import cli; from iprt.device.compute import ComputeDevice\n"
-        "build = ComputeDevice._build\n"
+        "from iprt import cli; from iprt.device import compute\n"
+        "build = compute.build\n"
         "def marked(*words):\n print('ready', flush=True); return build(*words)\n"
-        "ComputeDevice._build = marked\n"
+        "compute.build = marked\n"
         f"cli.command({words!r})"
     )
     with child_of(code) as child:

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from iprt.device import compute
+from iprt.device import program
 from iprt.device.choose import choose_device
 from iprt.device.compute import ComputeDevice
 from iprt.files.resources import CL
@@ -36,7 +36,7 @@ def shares(
     file = folder / "trace_delta.cl"
     file.write_text(text)
     with monkeypatch.context() as patched:
-        patched.setattr(compute, "CL", Instead(file))
+        patched.setattr(program, "CL", Instead(file))
         yield ComputeDevice(choose_device("pocl"))
 
 
