@@ -11,14 +11,16 @@
 // a rare event still takes part in what its noisy neighbours found.
 //
 //   in    guide (7 planes, guide.h), signal (SIGNAL_PLANES), variance (1) of g, roughness (1, GGX
-//         alpha; -DSPECULAR), borders wrapped in equirect views
+//         alpha; where specular), borders wrapped in equirect views
 //   out   signal, variance: pixels without a surface are copied
 //
 // Build with -DSIGNAL_PLANES=3|6, -DDIFFERENCE for a real layer (planes E_R rgb, E_RV rgb with
-// -DCOMMON too, else blocked / E_R rgb, bounce / E_R rgb), -DSPECULAR for specular radiance,
+// -DCOMMON too, else blocked / E_R rgb, bounce / E_R rgb), -DSPECULAR=n where the first n signals
+// of the -DBATCH are specular radiance,
 // -DEXTENT to filter only where there is anything but 0, -DTAPS=3|5 in a row, and -DGUIDED, without
 // which luminance does not count (IPRT's joint bilateral filter). Work groups of (n, 1) vectorize
 // best on CPUs.
+#include "gbuffer/batch.h"
 #include "gbuffer/guide.h"
 #include "filter/signal.h"
 
@@ -92,16 +94,17 @@ __kernel void grow_extent(
 #endif
 
 __kernel void filter_level(
-    __global const float *restrict guide,        // 7 planes
-    __global const float *restrict signal,       // SIGNAL_PLANES planes
-    __global const float *restrict variance,     // of the guide scalar's mean
-    __global float *restrict signal_out,         // SIGNAL_PLANES planes
-    __global float *restrict variance_out,       // 1 plane
+    BATCHED(PLANES_IN, guide),                   // 7 planes
+    BATCHED(PLANES_IN, signal),                  // SIGNAL_PLANES planes
+    BATCHED(PLANES_IN, variance),                // of the guide scalar's mean
+    BATCHED(PLANES_OUT, signal_out),             // SIGNAL_PLANES planes
+    BATCHED(PLANES_OUT, variance_out),           // 1 plane
+    BATCHED(const int4, rect),                   // first column and row, end column and row
 #ifdef EXTENT
     __global const int *restrict extent,         // per row first column and end; the rest is 0
 #endif
-#ifdef SPECULAR
-    __global const float *restrict roughness,    // of smooth_variance; below 1e-4 the pixel is copied
+#if SPECULAR
+    BATCHED(PLANES_IN, roughness),               // of smooth_variance; < 1e-4: copied
     float lobe_fraction,                         // of the lobe's half width that taps may span
 #endif
     int step,                                    // tap distance in pixels: 1, 2, 4, 8, 16
@@ -109,20 +112,24 @@ __kernel void filter_level(
     float plane_sharpness,                       // k_d
     float variance_scale,                        // k_v^2
     float floor_fraction,                        // floor, relative to the pixel's luminance
-    int x0,                                      // rectangle's first column
-    int y0,                                      // and row
-    int x1,                                      // end column
-    int y1,                                      // and row
     int width,
     int height)
 {
-    int x = x0 + (int)get_global_id(0), y = y0 + (int)get_global_id(1);
+    const BatchItem item = BATCH_ITEM;
+    const int entry = item.entry, y = item.y;
+    const int4 rect = OF_BATCH(rect);
+    int x = item.x, end = rect.z;
 #ifdef EXTENT
     x += extent[2 * y];
-    x1 = extent[2 * y + 1];
+    end = extent[2 * y + 1];
 #endif
-    if (x >= x1 || y >= y1)
+    if (x >= end || y >= rect.w)
         return;
+    PLANES_IN guide = OF_BATCH(guide);
+    PLANES_IN signal = OF_BATCH(signal);
+    PLANES_IN variance = OF_BATCH(variance);
+    PLANES_OUT signal_out = OF_BATCH(signal_out);
+    PLANES_OUT variance_out = OF_BATCH(variance_out);
     int size = plane_size(width, height), stride = plane_stride(width);
     int p = plane_index(x, y, width);
 
@@ -150,17 +157,16 @@ __kernel void filter_level(
     tolerance = variance_scale * variance[p] + tolerance * tolerance + 1e-30f;
     // No tap matches -2, so that a pixel without a surface keeps what it has.
     float same = id > 0.0f ? id : -2.0f;
-#ifdef SPECULAR
+#if SPECULAR
     // The lobe of half width 2 alpha turns by twice the normal's angle and by the view angle.
+    const bool specular = entry < SPECULAR;
+    PLANES_IN roughness = OF_BATCH(roughness);
     float alpha = roughness[p];
-    same = alpha < MIRROR_ALPHA ? -2.0f : same;
+    same = specular && alpha < MIRROR_ALPHA ? -2.0f : same;
     float span = 2.0f * lobe_fraction * fmax(alpha, MIRROR_ALPHA);
-    float lobe = 0.5f / (span * span);
+    float lobe = specular ? 0.5f / (span * span) : 0.0f;
     normal_sharpness = fmax(normal_sharpness, 8.0f * lobe);
     lobe /= fmax(distance_squared, 1e-30f);
-#endif
-
-#ifdef SPECULAR
 #define LOBE_TERM(DX, DY, DZ) + lobe * ((DX) * (DX) + (DY) * (DY) + (DZ) * (DZ))
 #else
 #define LOBE_TERM(DX, DY, DZ)
@@ -223,7 +229,7 @@ __kernel void filter_level(
     store_wrapped(variance_out, p, x, width, alone ? variance[p] : scale * scale * variances);
 }
 
-#ifdef SPECULAR
+#if SPECULAR
 // GGX alpha of the lobe of a whole pixel: the normals within it turn its reflections too, by twice
 // their angle, as alpha does (Kaplanyan et al. 2016; Tokuyoshi and Kaplanyan 2019, Eq. 1). Where
 // surfaces bend within a pixel, one normal stands for many, and neighbours show what it misses.
@@ -246,23 +252,25 @@ static inline float widened_alpha(
 // What the levels are given. 3x3 binomial mean of the variance over pixels of one id: single
 // estimates are too noisy to steer the weights (Schied et al. 2017, section 4.4).
 __kernel void smooth_variance(
-    __global const float *restrict guide,    // 7 planes
-    __global const float *restrict variance, // 1 plane
-    __global float *restrict smooth,         // out: 1 plane
-#ifdef SPECULAR
-    __global const float *restrict roughness, // GGX alpha
-    __global float *restrict widened,        // out: 1 plane; mirrors stay mirrors
+    BATCHED(PLANES_IN, guide),                   // 7 planes
+    BATCHED(PLANES_IN, variance),                // 1 plane
+    BATCHED(PLANES_OUT, smooth),                 // out: 1 plane
+    BATCHED(const int4, rect),                   // first column and row, end column and row
+#if SPECULAR
+    BATCHED(PLANES_IN, roughness),               // GGX alpha
+    BATCHED(PLANES_OUT, widened),                // out: 1 plane; mirrors stay mirrors
 #endif
-    int x0,                                  // rectangle's first column
-    int y0,                                  // and row
-    int x1,                                  // end column
-    int y1,                                  // and row
     int width,
     int height)
 {
-    int x = x0 + (int)get_global_id(0), y = y0 + (int)get_global_id(1);
-    if (x >= x1 || y >= y1)
+    const BatchItem item = BATCH_ITEM;
+    const int entry = item.entry, x = item.x, y = item.y;
+    const int4 rect = OF_BATCH(rect);
+    if (x >= rect.z || y >= rect.w)
         return;
+    PLANES_IN guide = OF_BATCH(guide);
+    PLANES_IN variance = OF_BATCH(variance);
+    PLANES_OUT smooth = OF_BATCH(smooth);
     int stride = plane_stride(width), p = plane_index(x, y, width);
     __global const float *restrict id = guide + GUIDE_ID * plane_size(width, height);
     float sum = 0.0f, weights = 0.0f;
@@ -278,7 +286,9 @@ __kernel void smooth_variance(
         }
     }
     store_wrapped(smooth, p, x, width, sum / weights);
-#ifdef SPECULAR
-    widened[p] = widened_alpha(guide, roughness[p], plane_size(width, height), stride, p);
+#if SPECULAR
+    if (entry < SPECULAR)
+        OF_BATCH(widened)[p] = widened_alpha(guide, OF_BATCH(roughness)[p],
+                                                    plane_size(width, height), stride, p);
 #endif
 }

@@ -8,7 +8,8 @@
 //           surface; 0 where there is none. Only untraced pixels change and only traced ones
 //           are read, so it is done in place. All planes share one set of weights.
 //
-// Build with -DSIGNAL_PLANES=n and -DVIEW_EQUIRECT for equirect views.
+// Build with -DBATCH=signals, -DSIGNAL_PLANES=n and -DVIEW_EQUIRECT for equirect views.
+#include "gbuffer/batch.h"
 #include "gbuffer/guide.h"
 
 #define SEARCH 3   // from any pixel, the coarsest grid (spacing 4) has a point this near
@@ -32,9 +33,9 @@ static inline int traced_at(
 }
 
 __kernel void interpolate(
-    __global const float *restrict guide, // 7 planes
-    __global const uchar *restrict level, // 1 plane
-    __global float *signal,               // in, out: SIGNAL_PLANES planes
+    BATCHED(PLANES_IN, guide),                   // 7 planes
+    BATCHED(__global const uchar *restrict, level), // 1 plane
+    BATCHED(__global float *, signal),           // in, out: SIGNAL_PLANES planes
     float normal_sharpness,               // falloff per 1 - cos of the normals' angle
     float plane_sharpness,                // falloff per plane distance / depth
     int offset_x,                         // the grid's origin in this frame
@@ -42,9 +43,12 @@ __kernel void interpolate(
     int width,
     int height)
 {
-    int x = get_global_id(0), y = get_global_id(1);
+    int x = get_global_id(0), y = get_global_id(1), entry = get_global_id(2);
     if (x >= width || y >= height)
         return;
+    PLANES_IN guide = OF_BATCH(guide);
+    __global const uchar *restrict level = OF_BATCH(level);
+    __global float *signal = OF_BATCH(signal);
     int size = plane_size(width, height), p = plane_index(x, y, width);
     int own = level[p];
     int2 offset = (int2)(offset_x, offset_y);

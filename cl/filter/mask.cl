@@ -10,7 +10,9 @@
 //   list_traced       level                                       list of y * width + x, its length
 //
 // list_traced runs over CHUNK pixels of a row per work item: one atomic per chunk, and rays that
-// are neighbours in the list are neighbours in the picture. Its order differs between runs.
+// are neighbours in the list are neighbours in the picture. Its order differs between runs. Build
+// with -DBATCH=layers.
+#include "gbuffer/batch.h"
 #include "gbuffer/guide.h"
 
 #define CHUNK 64
@@ -28,26 +30,34 @@ static inline float touched_before(
 }
 
 __kernel void choose_level(
-    __global const float *restrict guide,   // 7 planes
-    __global const float *restrict motion,  // previous pixel position, 2 planes; -1e9 = nowhere
-    __global const float *restrict before,  // 1 plane, touched of the last picture
-    __global float *restrict touched,       // out: 1 plane
-    __global uchar *restrict level,         // out: 1 plane
-    __global int *restrict count,           // out: 0
-    float sigma_position,                   // sigma_p, per unit of the positions
-    float low,                              // delta_1
-    float high,                             // delta_2; 0 traces every pixel
-    float faint_frames,                     // touched for no longer: one ray for 4 pixels will do
+    BATCHED(PLANES_IN, guide),                   // 7 planes
+    BATCHED(PLANES_IN, motion),                  // previous pixel, 2 planes; -1e9 = nowhere
+    BATCHED(PLANES_IN, before),                  // 1 plane, touched of the last picture
+    BATCHED(PLANES_OUT, touched),                // out: 1 plane
+    BATCHED(__global uchar *restrict, level),    // out: 1 plane
+    BATCHED(__global int *restrict, count),      // out: 0
+    BATCHED(float, sigma_position),              // sigma_p, per unit of the positions
+    BATCHED(float, low),                         // delta_1
+    BATCHED(float, high),                        // delta_2; 0 traces every pixel
+    BATCHED(float, faint_frames),                // touched for no longer: one ray for 4 pixels
     int width,
     int height)
 {
-    int x = get_global_id(0), y = get_global_id(1);
+    int x = get_global_id(0), y = get_global_id(1), entry = get_global_id(2);
     if (x >= width || y >= height)
         return;
+    PLANES_IN guide = OF_BATCH(guide);
+    PLANES_IN motion = OF_BATCH(motion);
+    PLANES_IN before = OF_BATCH(before);
+    PLANES_OUT touched = OF_BATCH(touched);
+    const float sigma_position = OF_BATCH(sigma_position);
+    const float low = OF_BATCH(low);
+    const float high = OF_BATCH(high);
+    const float faint_frames = OF_BATCH(faint_frames);
     int size = plane_size(width, height), stride = plane_stride(width);
     int p = plane_index(x, y, width);
     if (x == 0 && y == 0)
-        count[0] = 0;
+        OF_BATCH(count)[0] = 0;
     float nx = guide[p], ny = guide[size + p], nz = guide[2 * size + p];
     float px = guide[3 * size + p], py = guide[4 * size + p], pz = guide[5 * size + p];
     float id = guide[6 * size + p];
@@ -76,27 +86,29 @@ __kernel void choose_level(
     squared = active > faint_frames ? 1.0f
         : active > 0.0f || faint_frames == 0.0f ? fmin(squared, 1.0f) : 0.0f;
     int chosen = squared >= high * high ? 0 : squared >= low * low || active > 0.0f ? 1 : 2;
-    level[p] = id > 0.0f ? chosen : LEVEL_NONE;
+    OF_BATCH(level)[p] = id > 0.0f ? chosen : LEVEL_NONE;
     touched[p] = fmax(touched_before(motion, before, p, width, height) - 1.0f, 0.0f);
 }
 
 __kernel void list_traced(
-    __global const uchar *restrict level, // 1 plane
-    __global int *restrict list,          // out: pixels that get a ray
-    __global int *restrict count,         // in, out: length of the list, 0 at the start
-    int offset_x,                         // the grid's origin in this frame
+    BATCHED(__global const uchar *restrict, level), // 1 plane
+    BATCHED(__global int *restrict, list),       // out: pixels that get a ray
+    BATCHED(__global int *restrict, count),      // in, out: length of the list, 0 at the start
+    int offset_x,                                   // the grid's origin in this frame
     int offset_y,
     int width,
     int height)
 {
-    int x0 = get_global_id(0) * CHUNK, y = get_global_id(1);
+    int x0 = get_global_id(0) * CHUNK, y = get_global_id(1), entry = get_global_id(2);
     if (x0 >= width || y >= height)
         return;
+    __global const uchar *restrict level = OF_BATCH(level);
+    __global int *restrict list = OF_BATCH(list);
     int x1 = min(x0 + CHUNK, width);
     int traced = 0;
     for (int x = x0; x < x1; x++)
         traced += is_traced(level[plane_index(x, y, width)], x - offset_x, y - offset_y);
-    int next = traced > 0 ? atomic_add(count, traced) : 0;
+    int next = traced > 0 ? atomic_add(OF_BATCH(count), traced) : 0;
     for (int x = x0; x < x1; x++)
         if (is_traced(level[plane_index(x, y, width)], x - offset_x, y - offset_y))
             list[next++] = y * width + x;

@@ -24,7 +24,7 @@
 // over E_R), else the signal's. Without correction and fading, and motion that stays on the pixel,
 // the accumulated signal is the plain mean of the samples. A sample that is not finite is dropped.
 // Where all samples are 0, or the first three planes equal the last three, so is the result, bit
-// for bit. Build with -DSIGNAL_PLANES=3|6, -DVIEW_EQUIRECT for equirect views.
+// for bit. Build with -DBATCH=signals, -DSIGNAL_PLANES=3|6, -DVIEW_EQUIRECT for equirect views.
 #include "filter/history.h"
 
 #define SPATIAL_RADIUS 3
@@ -32,13 +32,13 @@
 #define UNSURE 8.0f           // few samples of rare events have too small a variance: 1 + 8 / n
 
 __kernel void accumulate(
-    FETCH_PARAMETERS,
-    __global const float *restrict samples,        // SIGNAL_PLANES planes; -DPUBLISHED: border too
-    __global const uchar *restrict level,          // 1 plane: how densely this picture was traced
-    __global float *restrict signal,               // out: SIGNAL_PLANES planes
-    __global float *restrict length,               // out: 1 plane
-    __global float *restrict spread,               // out: 1 plane
-    __global float *restrict scalar,               // out: 1 plane
+    FETCH_BATCHED,
+    BATCHED(PLANES_IN, samples),                 // SIGNAL_PLANES planes; -DPUBLISHED: border too
+    BATCHED(__global const uchar *restrict, level), // 1 plane: how densely this picture was traced
+    BATCHED(PLANES_OUT, signal),                 // out: SIGNAL_PLANES planes
+    BATCHED(PLANES_OUT, length),                 // out: 1 plane
+    BATCHED(PLANES_OUT, spread),                 // out: 1 plane
+    BATCHED(PLANES_OUT, scalar),                 // out: 1 plane
 #ifdef PUBLISHED
     float clamp_sigma,                             // half width of the box in deviations
 #endif
@@ -47,9 +47,16 @@ __kernel void accumulate(
     int width,
     int height CAMERA_PARAMETER)
 {
-    int x = get_global_id(0), y = get_global_id(1);
+    int x = get_global_id(0), y = get_global_id(1), entry = get_global_id(2);
     if (x >= width || y >= height)
         return;
+    FETCH_ENTRIES;
+    PLANES_IN samples = OF_BATCH(samples);
+    __global const uchar *restrict level = OF_BATCH(level);
+    PLANES_OUT signal = OF_BATCH(signal);
+    PLANES_OUT length = OF_BATCH(length);
+    PLANES_OUT spread = OF_BATCH(spread);
+    PLANES_OUT scalar = OF_BATCH(scalar);
     int size = plane_size(width, height), p = plane_index(x, y, width);
     History history = fetch_history(guide, guide_previous, motion, signal_before, length_before,
                                     spread_before, plane_tolerance, normal_agreement, p, width,
@@ -66,27 +73,40 @@ __kernel void accumulate(
 }
 
 __kernel void follow(
-    FETCH_PARAMETERS,
-    __global const float *restrict fast_signal_before,    // the same of the fast history
-    __global const float *restrict fast_length_before,
-    __global const float *restrict fast_spread_before,
-    __global const float *restrict samples,        // SIGNAL_PLANES planes
-    __global const uchar *restrict level,          // 1 plane: how densely this picture was traced
-    __global float *restrict signal,               // out: SIGNAL_PLANES planes
-    __global float *restrict length,               // out: 1 plane
-    __global float *restrict spread,               // out: 1 plane
-    __global float *restrict fast_signal,                 // out: SIGNAL_PLANES planes
-    __global float *restrict fast_length,          // out: 1 plane
-    __global float *restrict fast_spread,          // out: 1 plane
-    __global float *restrict scalar,               // out: 1 plane, g of the slow history
+    FETCH_BATCHED,
+    BATCHED(PLANES_IN, fast_signal_before),      // the same of the fast history
+    BATCHED(PLANES_IN, fast_length_before),
+    BATCHED(PLANES_IN, fast_spread_before),
+    BATCHED(PLANES_IN, samples),                 // SIGNAL_PLANES planes
+    BATCHED(__global const uchar *restrict, level), // 1 plane: how densely this picture was traced
+    BATCHED(PLANES_OUT, signal),                 // out: SIGNAL_PLANES planes
+    BATCHED(PLANES_OUT, length),                 // out: 1 plane
+    BATCHED(PLANES_OUT, spread),                 // out: 1 plane
+    BATCHED(PLANES_OUT, fast_signal),            // out: SIGNAL_PLANES planes
+    BATCHED(PLANES_OUT, fast_length),            // out: 1 plane
+    BATCHED(PLANES_OUT, fast_spread),            // out: 1 plane
+    BATCHED(PLANES_OUT, scalar),                 // out: 1 plane, g of the slow history
     float limit,                                   // samples that the fast history is worth at most
     int fresh,                                     // the fast history begins with this picture
     int width,
     int height CAMERA_PARAMETER)
 {
-    int x = get_global_id(0), y = get_global_id(1);
+    int x = get_global_id(0), y = get_global_id(1), entry = get_global_id(2);
     if (x >= width || y >= height)
         return;
+    FETCH_ENTRIES;
+    PLANES_IN fast_signal_before = OF_BATCH(fast_signal_before);
+    PLANES_IN fast_length_before = OF_BATCH(fast_length_before);
+    PLANES_IN fast_spread_before = OF_BATCH(fast_spread_before);
+    PLANES_IN samples = OF_BATCH(samples);
+    __global const uchar *restrict level = OF_BATCH(level);
+    PLANES_OUT signal = OF_BATCH(signal);
+    PLANES_OUT length = OF_BATCH(length);
+    PLANES_OUT spread = OF_BATCH(spread);
+    PLANES_OUT fast_signal = OF_BATCH(fast_signal);
+    PLANES_OUT fast_length = OF_BATCH(fast_length);
+    PLANES_OUT fast_spread = OF_BATCH(fast_spread);
+    PLANES_OUT scalar = OF_BATCH(scalar);
     int size = plane_size(width, height), p = plane_index(x, y, width);
     History slow = fetch_history(guide, guide_previous, motion, signal_before, length_before,
                                  spread_before, plane_tolerance, normal_agreement, p, width,
@@ -107,16 +127,16 @@ __kernel void follow(
 }
 
 __kernel void correct(
-    __global const float *restrict guide,       // 7 planes
-    __global const float *restrict fast_signal,        // SIGNAL_PLANES planes, border wrapped
-    __global const float *restrict fast_length, // 1 plane
-    __global const float *restrict past_scalar, // 1 plane, g of the slow history, border wrapped
-    __global const float *restrict samples,     // SIGNAL_PLANES planes
-    __global const uchar *restrict level,       // 1 plane: how densely this picture was traced
-    __global float *restrict signal,            // in, out: SIGNAL_PLANES planes of slow history
-    __global float *restrict length,            // in, out: 1 plane
-    __global float *restrict spread,            // in, out: 1 plane
-    __global float *restrict scalar,            // out: 1 plane
+    BATCHED(PLANES_IN, guide),                   // 7 planes
+    BATCHED(PLANES_IN, fast_signal),             // SIGNAL_PLANES planes, border wrapped
+    BATCHED(PLANES_IN, fast_length),             // 1 plane
+    BATCHED(PLANES_IN, past_scalar),             // 1 plane, g of the slow history, border wrapped
+    BATCHED(PLANES_IN, samples),                 // SIGNAL_PLANES planes
+    BATCHED(__global const uchar *restrict, level), // 1 plane: how densely this picture was traced
+    BATCHED(PLANES_OUT, signal),                 // in, out: SIGNAL_PLANES planes of slow history
+    BATCHED(PLANES_OUT, length),                 // in, out: 1 plane
+    BATCHED(PLANES_OUT, spread),                 // in, out: 1 plane
+    BATCHED(PLANES_OUT, scalar),                 // out: 1 plane
     float antilag_sigma,                        // differences of so many deviations are noise
     float clamp_sigma,                          // half width of the box in deviations
     int trusted,                                // the fast history holds enough to compare with
@@ -125,9 +145,19 @@ __kernel void correct(
     int width,
     int height)
 {
-    int x = get_global_id(0), y = get_global_id(1);
+    int x = get_global_id(0), y = get_global_id(1), entry = get_global_id(2);
     if (x >= width || y >= height)
         return;
+    PLANES_IN guide = OF_BATCH(guide);
+    PLANES_IN fast_signal = OF_BATCH(fast_signal);
+    PLANES_IN fast_length = OF_BATCH(fast_length);
+    PLANES_IN past_scalar = OF_BATCH(past_scalar);
+    PLANES_IN samples = OF_BATCH(samples);
+    __global const uchar *restrict level = OF_BATCH(level);
+    PLANES_OUT signal = OF_BATCH(signal);
+    PLANES_OUT length = OF_BATCH(length);
+    PLANES_OUT spread = OF_BATCH(spread);
+    PLANES_OUT scalar = OF_BATCH(scalar);
     int size = plane_size(width, height), p = plane_index(x, y, width);
     History history = load_history(signal, length, spread, size, p);
     if (trusted) {
@@ -141,17 +171,22 @@ __kernel void correct(
 }
 
 __kernel void estimate_variance(
-    __global const float *restrict guide,  // 7 planes
-    __global const float *restrict scalar, // 1 plane, border wrapped
-    __global const float *restrict spread, // 1 plane
-    __global const float *restrict length, // 1 plane
-    __global float *restrict variance,     // out: 1 plane, of the scalar's mean
+    BATCHED(PLANES_IN, guide),                   // 7 planes
+    BATCHED(PLANES_IN, scalar),                  // 1 plane, border wrapped
+    BATCHED(PLANES_IN, spread),                  // 1 plane
+    BATCHED(PLANES_IN, length),                  // 1 plane
+    BATCHED(PLANES_OUT, variance),               // out: 1 plane, of the scalar's mean
     int width,
     int height)
 {
-    int x = get_global_id(0), y = get_global_id(1);
+    int x = get_global_id(0), y = get_global_id(1), entry = get_global_id(2);
     if (x >= width || y >= height)
         return;
+    PLANES_IN guide = OF_BATCH(guide);
+    PLANES_IN scalar = OF_BATCH(scalar);
+    PLANES_IN spread = OF_BATCH(spread);
+    PLANES_IN length = OF_BATCH(length);
+    PLANES_OUT variance = OF_BATCH(variance);
     int stride = plane_stride(width), p = plane_index(x, y, width);
     __global const float *restrict ids = guide + GUIDE_ID * plane_size(width, height);
     float samples = length[p], result = 0.0f;

@@ -7,22 +7,27 @@
 //   build_guide   normal (3), depth (1, m, 0 = nothing),       guide (7); id 0 without depth
 //                 id (1, 0 = nothing to trace)
 //
-// No work-group contract. Build with -DVIEW_EQUIRECT for equirect views.
+// No work-group contract. Build with -DBATCH=layers and -DVIEW_EQUIRECT for equirect views.
+#include "gbuffer/batch.h"
 #include "gbuffer/guide.h"
 #include "gbuffer/view.h"
 
 __kernel void build_guide(
-    __global const float *restrict view,   // projection and rotation, view.h
-    __global const float *restrict normal, // world-space unit normals, 3 planes
-    __global const float *restrict depth,  // radial distance in metres, 0 = nothing here
-    __global const float *restrict id,     // 0 = nothing to trace, else the surface's id
-    __global float *restrict guide,        // out: 7 planes
+    __global const float *restrict view,            // projection and rotation, view.h
+    BATCHED(PLANES_IN, normal),                  // world-space unit normals, 3 planes
+    BATCHED(PLANES_IN, depth),                   // radial distance in metres, 0 = nothing here
+    BATCHED(PLANES_IN, id),                      // 0 = nothing to trace, else the surface's id
+    BATCHED(PLANES_OUT, guide),                  // out: 7 planes
     int width,
     int height)
 {
-    int x = get_global_id(0), y = get_global_id(1);
+    int x = get_global_id(0), y = get_global_id(1), entry = get_global_id(2);
     if (x >= width || y >= height)
         return;
+    PLANES_IN normal = OF_BATCH(normal);
+    PLANES_IN depth = OF_BATCH(depth);
+    PLANES_IN id = OF_BATCH(id);
+    PLANES_OUT guide = OF_BATCH(guide);
     int size = plane_size(width, height), p = plane_index(x, y, width);
     float3 position = depth[p] * view_direction(view, (float2)(x + 0.5f, y + 0.5f));
     float of_guide[GUIDE_PLANES];

@@ -67,15 +67,17 @@ class Bands:
             return [event]
         self.look()
         events = []
-        rows, row = size[-1] // local[-1], local[-1]
+        groups = [n // m for n, m in zip(size, local, strict=True)]
+        axis = groups.index(max(groups))
+        rows, row = groups[axis], local[axis]
         done, band = 0, max(rows // PARTS, 1)
         while done < rows:
             count = min(band, rows - done)
             begin = time.perf_counter()
             events.append(
                 enqueue(
-                    (*(0 for _ in size[:-1]), done * row),
-                    (*size[:-1], count * row),
+                    tuple(done * row * (i == axis) for i in range(len(size))),
+                    tuple(count * row if i == axis else n for i, n in enumerate(size)),
                 )
             )
             self.look()

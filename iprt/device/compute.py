@@ -237,7 +237,7 @@ class ComputeDevice:
         """One fixed work-group size per dimensionality, so that PoCL compiles each kernel once."""
         if dimensions == 1:
             return (64,) if self.is_cpu else (128,)
-        return (64, 1) if self.is_cpu else (16, 8)
+        return ((64, 1) if self.is_cpu else (16, 8)) + (1,) * (dimensions - 2)
 
     def kernel(self, file: str, name: str, defines: Mapping[str, Define] | None = None) -> Kernel:
         """Build `cl/<file>` with `-D` from `defines` (False omits) and return kernel `name`.

@@ -2,143 +2,156 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import pyopencl.array as cla
+from pyopencl import cltypes
 
 from iprt.device.compute import ComputeDevice
 from iprt.device.program import Define
-from iprt.filter.temporal import Kind, signal_defines, signal_planes
-from iprt.gbuffer.guide import Guide
+from iprt.filter.signals import Signal, signal_defines, signal_planes
+from iprt.gbuffer.batch import Rect, batched, size_over
+from iprt.gbuffer.layout import PlaneLayout
 from iprt.settings.filter import AtrousSettings
 
 ROW_GROUP = 16
 """Rows of a work group, at most: those beyond the picture are read too."""
 
-Rect = tuple[int, int, int, int]
-"""Pixels x0 <= x < x1, y0 <= y < y1, as (x0, y0, x1, y1)."""
-
 
 class Atrous:
-    """Filters one accumulated signal of one layer."""
+    """Filters a batch of accumulated signals."""
 
     def __init__(
         self,
         device: ComputeDevice,
-        guide: Guide,
-        kind: Kind,
+        signals: Sequence[Signal],
         settings: AtrousSettings,
         *,
-        name: str,
         guided: bool = True,
     ) -> None:
         """Without `guided`, luminance does not count: IPRT's joint bilateral filter."""
         self.settings = settings
-        self.kind = kind
+        self._signals = signals
         self._device = device
-        self._guide = guide
-        self._real = kind in ("ratio", "delta")
+        first = signals[0]
+        self._layout = layout = first.guide.layout
+        self._specular = sum(signal.kind == "specular" for signal in signals)
+        self._real = first.kind in ("ratio", "delta")
         self._taps = 3 if self._real and guided else 5
-        channels = signal_planes(kind)
-        defines = guide.defines(
-            **signal_defines(kind),
-            SPECULAR=kind == "specular",
-            EXTENT=kind == "delta",
-            TAPS=self._taps,
-            GUIDED=guided,
-        )
+        defines = signal_defines(signals) | {
+            "SPECULAR": self._specular or False,
+            "EXTENT": first.kind == "delta",
+            "TAPS": self._taps,
+            "GUIDED": guided,
+        }
         self._levels = [
             device.kernel("filter/atrous.cl", "filter_level", defines)
             for _ in range(settings.levels)
         ]
         self._smooth = device.kernel("filter/atrous.cl", "smooth_variance", defines)
-        if kind == "specular":
-            self._roughness = device.zeros(f"{name} widened roughness", guide.layout.shape(1))
-        if kind == "delta":
-            self._extent = Extent(device, guide, defines, name=name)
+
+        def planes(label: str, channels: int = 1) -> list[cla.Array]:
+            shape = layout.shape(channels)
+            return [device.zeros(f"{signal.name} {label}", shape) for signal in signals]
+
+        # Those that have none get another's, which is not used.
+        self._widened = [
+            device.zeros(f"{signal.name} widened roughness", layout.shape(1))
+            for signal in signals[: self._specular]
+        ]
+        self._widened += self._widened[:1] * (len(signals) - self._specular)
+        self._extent = None
+        if first.kind == "delta":
+            self._extent = Extent(device, layout, defines, name=first.name)
         if not guided:
-            self._nothing = device.zeros(f"{name} no variance", guide.layout.shape(1))
+            self._nothing = planes("no variance")
+        channels = signal_planes(first.kind)
         self._scratch = [
-            (
-                device.zeros(f"{name} filtered {i}", guide.layout.shape(channels)),
-                device.zeros(f"{name} filtered variance {i}", guide.layout.shape(1)),
-            )
+            (planes(f"filtered {i}", channels), planes(f"filtered variance {i}"))
             for i in range(2 if settings.levels else 0)
         ]
 
     def run(
         self,
-        signal: cla.Array,
-        variance: cla.Array | None = None,
+        signals: Sequence[cla.Array],
+        variances: Sequence[cla.Array] | None = None,
         *,
-        roughness: cla.Array | None = None,
-        rect: Rect | None = None,
-    ) -> cla.Array:
-        """Return the filtered signal: buffers of this object, or the input if `levels` is 0.
+        roughness: Sequence[cla.Array | None] = (),
+        rects: Sequence[Rect | None] = (),
+    ) -> Sequence[cla.Array]:
+        """Return the filtered signals: buffers of this object, or the inputs if `levels` is 0.
 
         Parameters
         ----------
-        signal : the signal's planes
-        variance : 1 plane
+        signals : the signal's planes each
+        variances : 1 plane each
             Variance of the mean of the scalar that the picture shows. None where not `guided`.
-        roughness : 1 plane
+        roughness : 1 plane or None each
             GGX alpha of the specular lobe, needed by that kind. Mirrors are copied.
-        rect : Rect or None
+        rects : Rect or None each
             Where there are surfaces; outside it the result is undefined. None: everywhere.
         """
-        settings, guide = self.settings, self._guide
-        width, height = guide.layout.width, guide.layout.height
-        if settings.levels == 0:
-            return signal
-        x0, y0, x1, y1 = rect = (0, 0, width, height) if rect is None else rect
-        size = (x1 - x0, y1 - y0)
-        if min(size) <= 0:
-            return signal
-        with self._device.profile.section(f"filter {'real' if self._real else self.kind}"):
-            variance = self._nothing if variance is None else variance
-            area = {**guide.arguments(), "x0": x0, "y0": y0, "x1": x1, "y1": y1}
+        settings, layout = self.settings, self._layout
+        everywhere = (0, 0, *layout.size)
+        areas = [rect or everywhere for rect in rects or [None] * len(signals)]
+        size = size_over(areas, self._device.group_size(2))
+        if settings.levels == 0 or size[0] == 0:
+            return signals
+        with self._device.profile.section(f"filter {'real' if self._real else 'reflected'}"):
+            variances = self._nothing if variances is None else variances
+            area = {
+                **layout.arguments(),
+                **batched(
+                    guide=[signal.guide.current for signal in self._signals],
+                    rect=[cltypes.make_int4(*area) for area in areas],
+                ),
+            }
             extra: dict[str, Any] = {}
-            if self.kind == "delta":
+            if self._extent is not None:
                 reach = self._taps // 2 * ((1 << settings.levels) - 1)
-                extra = {"extent": self._extent.run(signal, variance, reach)}
+                extra = {"extent": self._extent.run(signals[0], variances[0], reach)}
             lobes = {}
-            if self.kind == "specular":
-                lobes = {"roughness": roughness, "widened": self._roughness}
-                extra = {"roughness": self._roughness, "lobe_fraction": settings.lobe_fraction}
+            if self._specular:
+                lobes = batched(roughness=roughness, widened=self._widened)
+                extra = batched(roughness=self._widened)
+                extra["lobe_fraction"] = settings.lobe_fraction
             smooth = self._scratch[-1][1]
-            self._smooth(size, area, lobes, variance=variance, smooth=smooth)
-            variance = smooth
+            self._smooth(size, area, lobes, batched(variance=variances, smooth=smooth))
+            variances = smooth
             for level, kernel in enumerate(self._levels):
-                signal_out, variance_out = self._scratch[level % 2]
+                filtered, filtered_variances = self._scratch[level % 2]
                 kernel(
                     size,
                     area,
                     extra,
-                    signal=signal,
-                    variance=variance,
-                    signal_out=signal_out,
-                    variance_out=variance_out,
+                    batched(
+                        signal=signals,
+                        variance=variances,
+                        signal_out=filtered,
+                        variance_out=filtered_variances,
+                    ),
                     step=1 << level,
                     normal_sharpness=settings.normal_sharpness,
                     plane_sharpness=settings.plane_sharpness,
                     variance_scale=settings.deviations**2,
                     floor_fraction=settings.floor,
                 )
-                signal, variance = signal_out, variance_out
-        return signal
+                signals, variances = filtered, filtered_variances
+        return signals
 
 
 class Extent:
     """Which columns of each row the filter may change: the rest is 0 before and after."""
 
     def __init__(
-        self, device: ComputeDevice, guide: Guide, defines: dict[str, Define], *, name: str
+        self, device: ComputeDevice, layout: PlaneLayout, defines: dict[str, Define], *, name: str
     ) -> None:
-        self._guide = guide
+        self._layout = layout
         self._find = device.kernel("filter/atrous.cl", "find_extent", defines)
         self._grow = device.kernel("filter/atrous.cl", "grow_extent", defines)
-        rows = guide.layout.height + ROW_GROUP
+        rows = layout.height + ROW_GROUP
 
         def columns(label: str) -> cla.Array:
             return device.zeros(f"{name} {label}", (rows, 2), np.int32)
@@ -148,7 +161,7 @@ class Extent:
 
     def run(self, signal: cla.Array, variance: cla.Array, reach: int) -> cla.Array:
         """(rows, 2) int32: first column and end of what `filter_level` has to write."""
-        layout = self._guide.layout
+        layout = self._layout
         size, rows = layout.arguments(), (layout.height,)
         self._now, self._before = self._before, self._now
         self._find(rows, size, signal=signal, variance=variance, extent=self._found)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pyopencl.array as cla
 
 from iprt.device.compute import ComputeDevice
-from iprt.filter.temporal import Accumulated, Kind, signal_defines, signal_planes
-from iprt.gbuffer.guide import Guide
+from iprt.filter.signals import Signal, signal_defines, signal_planes
+from iprt.filter.temporal import Accumulated
 from iprt.settings.filter import AtrousSettings
 
 STRIDE, OF_HEIGHT = 14.0, 1.0 / 36.0
@@ -19,23 +19,22 @@ class HistoryFix:
     def __init__(
         self,
         device: ComputeDevice,
-        guide: Guide,
-        kind: Kind,
+        signal: Signal,
         settings: AtrousSettings,
         enough: float,
-        *,
-        name: str,
     ) -> None:
         """Histories of `enough` samples are left alone; `settings` tell which surfaces are one."""
         self._device = device
-        self._guide = guide
+        self._guide = guide = signal.guide
         self._settings = settings
         self._enough = enough
-        defines = guide.defines(**signal_defines(kind))
+        defines = signal_defines([signal])
         self._fix = device.kernel("filter/history_fix.cl", "fix_history", defines)
         layout = guide.layout
-        self._signal = device.zeros(f"{name} fixed", layout.shape(signal_planes(kind)))
-        self._variance = device.zeros(f"{name} fixed variance", layout.shape(1))
+        self._signal = device.zeros(
+            f"{signal.name} fixed", layout.shape(signal_planes(signal.kind))
+        )
+        self._variance = device.zeros(f"{signal.name} fixed variance", layout.shape(1))
 
     def run(self, accumulated: Accumulated, level: cla.Array) -> Accumulated:
         """The same signal, in buffers of this object; `level` is `Mask.level`."""

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import pyopencl.array as cla
 
 from iprt.device.compute import ComputeDevice
-from iprt.gbuffer.guide import Guide
+from iprt.filter.signals import Signal, signal_defines
+from iprt.gbuffer.batch import batched
 from iprt.settings.filter import InterpolateSettings
 
 
@@ -13,35 +16,42 @@ class Interpolate:
     """Fills the pixels that got no ray from traced ones of their surface, in place."""
 
     def __init__(
-        self, device: ComputeDevice, guide: Guide, channels: int, settings: InterpolateSettings
+        self, device: ComputeDevice, signals: Sequence[Signal], settings: InterpolateSettings
     ) -> None:
         self.settings = settings
         self._device = device
-        self._guide = guide
+        self._guides = [signal.guide for signal in signals]
         self._kernel = device.kernel(
-            "filter/interpolate.cl",
-            "interpolate",
-            guide.defines(SIGNAL_PLANES=channels),
+            "filter/interpolate.cl", "interpolate", signal_defines(signals)
         )
 
-    def run(self, level: cla.Array, signal: cla.Array, offset: tuple[int, int]) -> None:
-        """Complete `signal` in place.
+    def run(
+        self,
+        levels: Sequence[cla.Array],
+        samples: Sequence[cla.Array],
+        offset: tuple[int, int],
+    ) -> None:
+        """Complete the samples of each signal in place.
 
         Parameters
         ----------
-        level : 1 plane uint8
+        levels : 1 plane uint8 each
             `Mask.level`.
-        signal : `channels` planes
-            Holds values at traced pixels; afterwards at every pixel with a surface, else 0.
+        samples : the signal's planes each
+            Hold values at traced pixels; afterwards at every pixel with a surface, else 0.
         offset : (int, int)
-            What `Mask.run` was given.
+            What `Masks.run` was given.
         """
+        layout = self._guides[0].layout
         with self._device.profile.section("interpolate"):
             self._kernel(
-                self._guide.layout.size,
-                self._guide.arguments(),
-                level=level,
-                signal=signal,
+                (*layout.size, len(samples)),
+                layout.arguments(),
+                batched(
+                    guide=[guide.current for guide in self._guides],
+                    level=levels,
+                    signal=samples,
+                ),
                 normal_sharpness=self.settings.normal_sharpness,
                 plane_sharpness=self.settings.plane_sharpness,
                 offset_x=offset[0],

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pyopencl.array as cla
 
 from iprt.device.compute import ComputeDevice
 from iprt.device.signature import constant
+from iprt.gbuffer.batch import batched
 from iprt.gbuffer.guide import Guide
 from iprt.settings.features import TOUCHED_FRAMES
 from iprt.settings.filter import MaskSettings
@@ -30,18 +33,22 @@ def grid_offset(frame: int) -> tuple[int, int]:
 
 
 class Mask:
-    """Chooses tracing levels and lists the pixels that get a ray.
+    """Tracing levels of a layer, and the list of its pixels that get a ray. `Masks` fills it.
 
     Attributes
     ----------
     touched : 1 padded plane float32
         Frames for which an object's influence on the pixel is remembered, in the frames after this
         one. Tracing writes `TOUCHED_FRAMES` where a ray met an object.
+    before : 1 padded plane float32
+        The same of the last picture.
     level : 1 padded plane uint8
         0, 1, 2: one ray per 1, 4, 16 pixels; `LEVEL_NONE` where there is nothing to trace.
     traced : (H * W,) int32
         y * W + x of the pixels that get a ray; the first `count` entries hold.
     count : (1,) int32
+    low, high, faint_frames : float
+        Thresholds of `cl/filter/mask.cl`.
     """
 
     def __init__(
@@ -52,58 +59,74 @@ class Mask:
         *,
         name: str,
         graded: bool = False,
-    ):
+    ) -> None:
         """`graded`: pixels touched for up to `TOUCHED_FRAMES` get one ray for four of them only."""
-        self._faint_frames = TOUCHED_FRAMES if graded else 0.0
         self.settings = settings
-        self._device = device
-        self._guide = guide
+        self.guide = guide
         layout = guide.layout
-        defines = guide.defines()
-        self._choose = device.kernel("filter/mask.cl", "choose_level", defines)
-        self._list = device.kernel("filter/mask.cl", "list_traced", defines)
+        # Fewer than 4 pixels a side need not hold a point of the coarsest grid.
+        sparse = settings.sparse and min(layout.size) >= 4
+        self.low, self.high = (settings.low, settings.high) if sparse else (0.0, 0.0)
+        self.faint_frames = TOUCHED_FRAMES if graded else 0.0
         self.touched = device.zeros(f"{name} touched", layout.shape(1))
-        self._before = device.zeros(f"{name} touched before", layout.shape(1))
+        self.before = device.zeros(f"{name} touched before", layout.shape(1))
         self.level = device.zeros(f"{name} level", layout.shape(1), np.uint8)
         self.traced = device.empty(f"{name} traced", (layout.width * layout.height,), np.int32)
         self.count = device.zeros(f"{name} traced count", (1,), np.int32)
 
-    def run(self, offset: tuple[int, int], motion: cla.Array, *, metre: float = 1.0) -> None:
-        """Fill `level`, `traced` and `count` from the guide's current picture.
+
+class Masks:
+    """Chooses tracing levels of layers of a view, and lists the pixels that get a ray."""
+
+    def __init__(self, device: ComputeDevice, masks: Sequence[Mask]) -> None:
+        self._device, self._masks = device, masks
+        defines = masks[0].guide.defines(BATCH=len(masks))
+        self._choose = device.kernel("filter/mask.cl", "choose_level", defines)
+        self._list = device.kernel("filter/mask.cl", "list_traced", defines)
+
+    def run(
+        self, offset: tuple[int, int], motions: Sequence[cla.Array], *, metre: float = 1.0
+    ) -> None:
+        """Fill `level`, `traced` and `count` of each from the current picture of its guide.
 
         Parameters
         ----------
         offset : (int, int)
             Origin of the grid in 0..3, `grid_offset(frame)`; give it to `Interpolate.run` too.
-        motion : 2 planes
+        motions : 2 planes each
             Previous position of each pixel's surface in pixels, -1e9 = nowhere.
         metre : float
             Length of a metre in the units of the guide's positions.
         """
-        layout = self._guide.layout
-        # Fewer than 4 pixels a side need not hold a point of the coarsest grid.
-        sparse = self.settings.sparse and min(layout.size) >= 4
-        self.touched, self._before = self._before, self.touched
+        masks = self._masks
+        layout = masks[0].guide.layout
+        for mask in masks:
+            mask.touched, mask.before = mask.before, mask.touched
+        listed = batched(
+            level=[mask.level for mask in masks],
+            count=[mask.count for mask in masks],
+        )
         with self._device.profile.section("mask"):
             self._choose(
-                layout.size,
-                self._guide.arguments(),
-                motion=motion,
-                before=self._before,
-                touched=self.touched,
-                level=self.level,
-                count=self.count,
-                sigma_position=self.settings.sigma_position / metre,
-                low=self.settings.low if sparse else 0.0,
-                high=self.settings.high if sparse else 0.0,
-                faint_frames=self._faint_frames,
+                (*layout.size, len(masks)),
+                layout.arguments(),
+                listed,
+                batched(
+                    guide=[mask.guide.current for mask in masks],
+                    motion=motions,
+                    before=[mask.before for mask in masks],
+                    touched=[mask.touched for mask in masks],
+                    sigma_position=[mask.settings.sigma_position / metre for mask in masks],
+                    low=[mask.low for mask in masks],
+                    high=[mask.high for mask in masks],
+                    faint_frames=[mask.faint_frames for mask in masks],
+                ),
             )
             self._list(
-                (-(-layout.width // _CHUNK), layout.height),
+                (-(-layout.width // _CHUNK), layout.height, len(masks)),
                 layout.arguments(),
-                level=self.level,
-                list=self.traced,
-                count=self.count,
+                listed,
+                batched(list=[mask.traced for mask in masks]),
                 offset_x=offset[0],
                 offset_y=offset[1],
             )

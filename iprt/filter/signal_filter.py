@@ -1,6 +1,9 @@
-"""From sparse samples of a signal to a picture of it, without noise."""
+"""From sparse samples of signals to pictures of them, without noise."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import pyopencl.array as cla
 
@@ -9,79 +12,109 @@ from iprt.filter.atrous import Atrous
 from iprt.filter.history_fix import HistoryFix
 from iprt.filter.interpolate import Interpolate
 from iprt.filter.mask import Mask, grid_offset
-from iprt.filter.temporal import Accumulated, Kind, Temporal, signal_planes
+from iprt.filter.signals import Signal
+from iprt.filter.temporal import Accumulated, Temporal
+from iprt.gbuffer.batch import Rect
 from iprt.gbuffer.context import FrameContext
-from iprt.gbuffer.guide import Guide
 from iprt.settings.model import Settings
 
 
-class SignalFilter:
-    """Sparse samples of one signal become a clean picture: interpolate, accumulate, filter.
+@dataclass(frozen=True)
+class Samples:
+    """What a frame knows of a signal.
 
     Attributes
     ----------
-    accumulated : Accumulated or None
-        The signal before the spatial filter, after the first frame; of the published filter, after
-        it.
+    planes : the signal's planes
+        Hold values where `mask` had rays traced.
+    mask : Mask
+    motion : 2 planes
+        Previous position of what each pixel shows, in pixels; -1e9 = nowhere.
+    roughness : 1 plane or None
+        GGX alpha, of specular signals.
+    rect : Rect or None
+        Where there are surfaces. None: everywhere.
+    """
+
+    planes: cla.Array
+    mask: Mask
+    motion: cla.Array
+    roughness: cla.Array | None = None
+    rect: Rect | None = None
+
+
+class SignalFilter:
+    """Sparse samples of signals become clean pictures: interpolate, accumulate, filter.
+
+    Attributes
+    ----------
+    accumulated : list of Accumulated
+        The signals before the spatial filter, after the first frame; of the published filter,
+        after it.
     """
 
     def __init__(
         self,
         device: ComputeDevice,
-        guide: Guide,
-        kind: Kind,
+        signals: Sequence[Signal],
         settings: Settings,
         *,
-        name: str,
         published: bool,
     ) -> None:
-        """`published`: filter in space first, then accumulate a fixed share of each frame."""
+        """`signals`: a batch. `published`: filter in space first, then accumulate a fixed share of
+        each frame.
+        """
         self._published = published
-        self._interpolate = Interpolate(device, guide, signal_planes(kind), settings.interpolate)
-        rays = settings.trace.object_rays if kind in ("diffuse", "specular") else 1
+        self._interpolate = Interpolate(device, signals, settings.interpolate)
+        of_objects = signals[0].kind in ("diffuse", "specular")
+        rays = settings.trace.object_rays if of_objects else 1
         self._temporal = Temporal(
-            device, guide, kind, settings.temporal, name=name, rays=rays, published=published
+            device, signals, settings.temporal, rays=rays, published=published
         )
-        self._atrous = Atrous(device, guide, kind, settings.atrous, name=name, guided=not published)
-        self.accumulated: Accumulated | None = None
-        self._fix: HistoryFix | None = None
+        self._atrous = Atrous(device, signals, settings.atrous, guided=not published)
+        self.accumulated: list[Accumulated] = []
         enough = settings.temporal.enough
-        # Reflections differ too much between far pixels.
-        if enough > 0.0 and settings.atrous.levels and kind != "specular" and not published:
-            self._fix = HistoryFix(device, guide, kind, settings.atrous, enough, name=name)
+        fixed = enough > 0.0 and settings.atrous.levels > 0 and not published
+        self._fixes = [
+            # Reflections differ too much between far pixels.
+            HistoryFix(device, signal, settings.atrous, enough)
+            if fixed and signal.kind != "specular"
+            else None
+            for signal in signals
+        ]
 
     @property
-    def history(self) -> cla.Array:
-        """`Temporal.length` of the signal."""
-        return self._temporal.length
+    def histories(self) -> list[cla.Array]:
+        """`Temporal.lengths` of the signals."""
+        return self._temporal.lengths
 
     def start(self, context: FrameContext) -> None:
         """Begin a frame, before its rays are sent: the history says how many; a cut ends it."""
         if context.cut:
             self._temporal.reset()
 
-    def run(
-        self,
-        signal: cla.Array,
-        mask: Mask,
-        motion: cla.Array,
-        context: FrameContext,
-        *,
-        roughness: cla.Array | None = None,
-        rect: tuple[int, int, int, int] | None = None,
-    ) -> cla.Array:
-        """The filtered planes of `signal`, which holds values where `mask` had rays traced."""
-        self._interpolate.run(mask.level, signal, grid_offset(context.index))
+    def run(self, frame: Sequence[Samples], context: FrameContext) -> Sequence[cla.Array]:
+        """The filtered planes of each signal."""
+        planes: Sequence[cla.Array] = [samples.planes for samples in frame]
+        levels = [samples.mask.level for samples in frame]
+        roughness = [samples.roughness for samples in frame]
+        rects = [samples.rect for samples in frame]
+        self._interpolate.run(levels, planes, grid_offset(context.index))
         if self._published:
-            signal = self._atrous.run(signal, roughness=roughness, rect=rect)
+            planes = self._atrous.run(planes, roughness=roughness, rects=rects)
         accumulated = self._temporal.run(
-            signal, motion, mask.level, fading=context.fading, changed=context.changed
+            planes,
+            [samples.motion for samples in frame],
+            levels,
+            fading=context.fading,
+            changed=context.changed,
         )
-        if self._fix is not None:
-            accumulated = self._fix.run(accumulated, mask.level)
-        self.accumulated = accumulated
+        self.accumulated = [
+            signal if fix is None else fix.run(signal, level)
+            for signal, fix, level in zip(accumulated, self._fixes, levels, strict=True)
+        ]
+        planes = [signal.signal for signal in self.accumulated]
         if self._published:
-            return accumulated.signal
-        return self._atrous.run(
-            accumulated.signal, accumulated.variance, roughness=roughness, rect=rect
-        )
+            return planes
+        variances = [signal.variance for signal in self.accumulated]
+        return self._atrous.run(planes, variances, roughness=roughness, rects=rects)

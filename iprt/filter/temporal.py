@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import pyopencl.array as cla
 
 from iprt.device.compute import ComputeDevice, Kernel
-from iprt.device.program import Define
-from iprt.gbuffer.guide import Guide
+from iprt.filter.signals import Signal, signal_defines, signal_planes
+from iprt.gbuffer.batch import batched
 from iprt.settings.filter import TemporalSettings
-
-Kind = Literal["ratio", "delta", "diffuse", "specular"]
-"""What a signal is. For real surfaces, by estimator: E_R rgb and E_RV rgb; or blocked / E_R rgb and
-bounce / E_R rgb. For objects: irradiance or radiance."""
 
 Planes = tuple[cla.Array, cla.Array, cla.Array]
 """A history: signal, length in samples, and spread, the variance of single samples of g."""
@@ -33,20 +29,6 @@ IPRT_FADING = 0.1
 
 SETTLE_FRAMES = 8
 """Frames after a change in which the slow history is still compared with the fast one."""
-
-
-def signal_planes(kind: Kind) -> int:
-    """Number of planes of a signal."""
-    return 6 if kind in ("ratio", "delta") else 3
-
-
-def signal_defines(kind: Kind) -> dict[str, Define]:
-    """Build flags of kernels that work on signals of a kind."""
-    return {
-        "SIGNAL_PLANES": signal_planes(kind),
-        "DIFFERENCE": kind in ("ratio", "delta"),
-        "COMMON": kind == "ratio",
-    }
 
 
 @dataclass(frozen=True)
@@ -69,7 +51,7 @@ class Accumulated:
 
 
 class Temporal:
-    """Accumulates one signal of one layer over pictures.
+    """Accumulates a batch of signals over pictures.
 
     A slow history holds the mean. From the first picture after a change to the last but
     `SETTLE_FRAMES`, a fast history of `FAST_LENGTH` samples is kept beside it, and the slow one
@@ -79,11 +61,9 @@ class Temporal:
     def __init__(
         self,
         device: ComputeDevice,
-        guide: Guide,
-        kind: Kind,
+        signals: Sequence[Signal],
         settings: TemporalSettings,
         *,
-        name: str,
         rays: int = 1,
         published: bool = False,
     ) -> None:
@@ -94,14 +74,14 @@ class Temporal:
         self.settings = settings
         self._published = published
         self._rays = rays
-        self.kind = kind
+        self._signals = signals
         self._device = device
-        self._guide = guide
         self._unsettled = 0
         # Frames that the fast history holds; whether the scene changed in between, and whether it
         # did so before.
         self._fast_frames, self._fast_stale, self._fast_again = 0, False, False
-        defines = guide.defines(PUBLISHED=published, **signal_defines(kind), **guide.camera_define)
+        guide = signals[0].guide
+        defines = signal_defines(signals) | guide.camera_define | {"PUBLISHED": published}
 
         def kernel(entry: str) -> Kernel:
             return device.kernel("filter/temporal.cl", entry, defines)
@@ -109,16 +89,21 @@ class Temporal:
         self._accumulate = kernel("accumulate")
         self._estimate = kernel("estimate_variance")
 
-        def planes(label: str, channels: int = 1) -> cla.Array:
-            return device.zeros(f"{name} {label}", guide.layout.shape(channels))
+        def planes(label: str, channels: int = 1) -> list[cla.Array]:
+            shape = guide.layout.shape(channels)
+            return [device.zeros(f"{signal.name} {label}", shape) for signal in signals]
 
-        def histories(label: str) -> list[Planes]:
-            """Signal, length, spread: of this picture and of the one before."""
+        def histories(label: str) -> list[list[Planes]]:
+            """Signal, length, spread of each: of this picture and of the one before."""
+            channels = signal_planes(signals[0].kind)
             return [
-                (
-                    planes(f"{label} {i}", signal_planes(kind)),
-                    planes(f"{label} length {i}"),
-                    planes(f"{label} spread {i}"),
+                list(
+                    zip(
+                        planes(f"{label} {i}", channels),
+                        planes(f"{label} length {i}"),
+                        planes(f"{label} spread {i}"),
+                        strict=True,
+                    )
                 )
                 for i in range(2)
             ]
@@ -132,34 +117,33 @@ class Temporal:
             self._fast, self._fast_before = histories("fast history")
 
     @property
-    def length(self) -> cla.Array:
-        """1 plane: how many samples each pixel's mean was worth after the last picture."""
-        return self._now[1]
+    def lengths(self) -> list[cla.Array]:
+        """1 plane each: how many samples each pixel's mean was worth after the last picture."""
+        return [length for _, length, _ in self._now]
 
     def reset(self) -> None:
         """Forget everything, as after a cut."""
-        self._device.fill_zero(self._now[1])
-        if not self._published:
-            self._device.fill_zero(self._fast[1])
+        for _, length, _ in self._now if self._published else [*self._now, *self._fast]:
+            self._device.fill_zero(length)
 
     def run(
         self,
-        signal: cla.Array,
-        motion: cla.Array,
-        level: cla.Array,
+        samples: Sequence[cla.Array],
+        motions: Sequence[cla.Array],
+        levels: Sequence[cla.Array],
         *,
         fading: float,
         changed: bool,
-    ) -> Accumulated:
-        """Add a picture's samples to the history.
+    ) -> list[Accumulated]:
+        """Add a picture's samples of each signal to its history.
 
         Parameters
         ----------
-        signal : the signal's planes
+        samples : the signal's planes each
             Dense samples of this picture; not finite = no sample.
-        motion : 2 planes
+        motions : 2 planes each
             Previous position of each pixel's surface in pixels, -1e9 = nowhere.
-        level : 1 plane uint8
+        levels : 1 plane uint8 each
             `Mask.level`: a sample of level l is worth 1 / 4**l.
         fading : float
             Least share of the new samples: 0 keeps the mean of all (for a still scene).
@@ -168,19 +152,18 @@ class Temporal:
         """
         self._now, self._before = self._before, self._now
         settings = self.settings
-        moved = changed and self.kind in ("diffuse", "specular")
+        guides = [signal.guide for signal in self._signals]
+        moved = changed and self._signals[0].kind in ("diffuse", "specular")
         fetched = {
-            **self._guide.motion_arguments(),
-            "motion": motion,
+            **guides[0].camera_argument,
+            **batched(guide_previous=[guide.previous for guide in guides], motion=motions),
             **_named(self._before, "{}_before"),
             "plane_tolerance": settings.moved_tolerance if moved else settings.plane_tolerance,
             "normal_agreement": settings.normal_agreement,
         }
         added = {
-            "samples": signal,
-            "level": level,
+            **batched(samples=samples, level=levels, scalar=self._scalar),
             **_named(self._now, "{}"),
-            "scalar": self._scalar,
             "fading": IPRT_FADING if self._published else fading,
             "rays": self._rays,
         }
@@ -188,19 +171,15 @@ class Temporal:
             if self._published:
                 self._run(self._accumulate, fetched, added, clamp_sigma=settings.clamp_sigma)
             elif self._unsettle(changed=changed):
-                self._follow_changes(fetched, signal, level)
+                self._follow_changes(fetched, added)
                 self._add_corrected(added)
             else:
                 self._run(self._accumulate, fetched, added)
-            accumulated, length, spread = self._now
-            self._run(
-                self._estimate,
-                scalar=self._scalar,
-                spread=spread,
-                length=length,
-                variance=self._variance,
-            )
-        return Accumulated(accumulated, length, self._variance)
+            self._run(self._estimate, added, batched(variance=self._variance))
+        return [
+            Accumulated(accumulated, length, variance)
+            for (accumulated, length, _), variance in zip(self._now, self._variance, strict=True)
+        ]
 
     def _unsettle(self, *, changed: bool) -> bool:
         """Whether changes are so recent that the slow history is compared with the fast one."""
@@ -215,47 +194,42 @@ class Temporal:
         self._fast_frames += 1
         return True
 
-    def _follow_changes(
-        self, fetched: Mapping[str, Any], signal: cla.Array, level: cla.Array
-    ) -> None:
-        """Bring both histories to this picture, and add its samples to the fast one."""
+    def _follow_changes(self, fetched: Mapping[str, Any], added: Mapping[str, Any]) -> None:
+        """Bring both histories to this picture, and add its samples to the fast ones."""
         self._fast, self._fast_before = self._fast_before, self._fast
         self._run(
             self._follow,
             fetched,
+            added,
             _named(self._fast_before, "fast_{}_before"),
-            _named(self._now, "{}"),
             _named(self._fast, "fast_{}"),
-            samples=signal,
-            level=level,
-            scalar=self._past_scalar,
+            batched(scalar=self._past_scalar),
             limit=FAST_LENGTH,
             fresh=self._fast_frames == 1,
         )
 
     def _add_corrected(self, added: Mapping[str, Any]) -> None:
-        """Add the samples to the slow history, once it agrees with the fast one."""
-        fast, fast_length, _ = self._fast
+        """Add the samples to the slow histories, once they agree with the fast ones."""
         self._run(
             self._correct,
             added,
-            fast_signal=fast,
-            fast_length=fast_length,
-            past_scalar=self._past_scalar,
+            _named(self._fast, "fast_{}"),
+            batched(past_scalar=self._past_scalar),
             antilag_sigma=self.settings.antilag_sigma,
             clamp_sigma=self.settings.clamp_sigma,
             trusted=not self._fast_again or self._fast_frames >= FAST_LEAST,
         )
 
     def _run(self, kernel: Kernel, *groups: Mapping[str, Any], **own: Any) -> None:
-        kernel(self._guide.layout.size, self._guide.arguments(), *groups, **own)
+        guides = [signal.guide for signal in self._signals]
+        layout = guides[0].layout
+        size = (*layout.size, len(guides))
+        guide = batched(guide=[guide.current for guide in guides])
+        kernel(size, layout.arguments(), guide, *groups, **own)
 
 
-def _named(history: Planes, pattern: str) -> dict[str, cla.Array]:
-    """The planes of a history by the names of a kernel's parameters."""
-    signal, length, spread = history
-    return {
-        pattern.format("signal"): signal,
-        pattern.format("length"): length,
-        pattern.format("spread"): spread,
-    }
+def _named(histories: Sequence[Planes], pattern: str) -> dict[str, cla.Array]:
+    """The planes of histories by the names of a kernel's parameters."""
+    planes = zip(*histories, strict=True)
+    names = map(pattern.format, ("signal", "length", "spread"))
+    return batched(**dict(zip(names, planes, strict=True)))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -10,6 +12,7 @@ import pyopencl.array as cla
 from iprt.device.compute import ComputeDevice
 from iprt.device.program import Define
 from iprt.device.signature import constant
+from iprt.gbuffer.batch import batched
 from iprt.gbuffer.layout import PAD, PlaneLayout
 
 PLANES = constant("lib/gbuffer/guide.h", "GUIDE_PLANES")
@@ -22,7 +25,9 @@ def plane_defines(*, equirect: bool = False, **others: Define) -> dict[str, Defi
 
 
 class Guide:
-    """Gathers a layer's G-buffer into the planes of `cl/lib/gbuffer/guide.h`; keeps the last.
+    """A layer's G-buffer as the planes of `cl/lib/gbuffer/guide.h`, and that of the last picture.
+
+    `Guides` fills it.
 
     Attributes
     ----------
@@ -45,34 +50,10 @@ class Guide:
         self.layout = layout
         self.equirect = equirect
         self.camera = camera
-        self._device = device
-        self._build = device.kernel("gbuffer/guide.cl", "build_guide", self.defines())
         outside = np.zeros(layout.shape(PLANES), np.float32)
         outside[-1] = -1.0
         self.current = device.upload(f"{name} guide", outside)
         self.previous = device.upload(f"{name} guide before", outside)
-
-    def run(self, view: cla.Array, normal: cla.Array, depth: cla.Array, ids: cla.Array) -> None:
-        """Make `current` this picture's guide, and `previous` what `current` was.
-
-        Parameters
-        ----------
-        view : (16,) float32
-            `View.kernel_constants()`.
-        normal : 3 planes, world-space unit normals
-        depth : 1 plane, radial metres, 0 = nothing here
-        ids : 1 plane, 0 = nothing to trace; surfaces of different ids never mix
-        """
-        self.current, self.previous = self.previous, self.current
-        with self._device.profile.section("guide"):
-            self._build(
-                self.layout.size,
-                self.arguments(),
-                view=view,
-                normal=normal,
-                depth=depth,
-                id=ids,
-            )
 
     def arguments(self) -> dict[str, Any]:
         """Size and `guide` of this picture."""
@@ -88,7 +69,60 @@ class Guide:
         """`-D` variant of kernels that compare `current` with `previous`."""
         return {"CAMERA_MOTION": self.camera is not None}
 
-    def motion_arguments(self) -> dict[str, Any]:
-        """`guide_previous`, and `camera` where it moves: what compares with the picture before."""
-        camera = {} if self.camera is None else {"camera": self.camera}
-        return {"guide_previous": self.previous, **camera}
+    @property
+    def camera_argument(self) -> dict[str, Any]:
+        """`camera` of these kernels, where it moves."""
+        return {} if self.camera is None else {"camera": self.camera}
+
+
+@dataclass(frozen=True)
+class Layer:
+    """What a guide is made of.
+
+    Attributes
+    ----------
+    normal : 3 planes
+        World-space unit normals.
+    depth : 1 plane
+        Radial metres, 0 = nothing here.
+    ids : 1 plane
+        0 = nothing to trace; surfaces of different ids never mix.
+    """
+
+    normal: cla.Array
+    depth: cla.Array
+    ids: cla.Array
+
+
+class Guides:
+    """Gathers the layers of a view into their guides, in one launch."""
+
+    def __init__(self, device: ComputeDevice, guides: Sequence[Guide]) -> None:
+        self._device, self._guides = device, guides
+        defines = guides[0].defines(BATCH=len(guides))
+        self._build = device.kernel("gbuffer/guide.cl", "build_guide", defines)
+
+    def run(self, view: cla.Array, layers: Sequence[Layer]) -> None:
+        """Make each `current` this picture's guide, and `previous` what `current` was.
+
+        Parameters
+        ----------
+        view : (16,) float32
+            `View.kernel_constants()`.
+        layers : one for each guide
+        """
+        for guide in self._guides:
+            guide.current, guide.previous = guide.previous, guide.current
+        layout = self._guides[0].layout
+        with self._device.profile.section("guide"):
+            self._build(
+                (*layout.size, len(layers)),
+                layout.arguments(),
+                batched(
+                    normal=[layer.normal for layer in layers],
+                    depth=[layer.depth for layer in layers],
+                    id=[layer.ids for layer in layers],
+                    guide=[guide.current for guide in self._guides],
+                ),
+                view=view,
+            )

@@ -1,19 +1,21 @@
-"""The two kinds of pixels of a view: real surfaces that are relit, virtual ones that are shaded."""
+"""The two kinds of pixels of a view: real surfaces that are relit, and those that reflect objects
+or are objects.
+"""
 
 from __future__ import annotations
 
 import pyopencl.array as cla
 
 from iprt.device.compute import ComputeDevice
-from iprt.filter.mask import Mask, grid_offset
-from iprt.filter.signal_filter import SignalFilter
-from iprt.filter.temporal import Accumulated, Kind
+from iprt.filter.mask import Mask
+from iprt.filter.signal_filter import Samples, SignalFilter
+from iprt.filter.signals import Kind, Signal
+from iprt.filter.temporal import Accumulated
 from iprt.gbuffer.context import FrameContext
 from iprt.gbuffer.guide import Guide
-from iprt.gbuffer.layout import PlaneLayout
 from iprt.methods.reflection_motion import ReflectionMotion
 from iprt.methods.relight import Relight
-from iprt.methods.trace import TraceReal, TraceVirtual
+from iprt.methods.trace import TraceGloss, TraceReal, TraceVirtual
 from iprt.settings.features import Features
 from iprt.view.real_layer import RealLayer
 from iprt.world.objects.object_layers import VisibleLayer
@@ -27,13 +29,12 @@ class RealPixels:
     ----------
     layer : RealLayer
         The picture without objects.
+    guide : Guide
     mask : Mask
     relight : Relight
         Holds the ratio.
     change : 6 planes or None
         `TraceReal.signal`, filtered, after the first frame.
-    accumulated : Accumulated or None
-        The same before the spatial filter.
     """
 
     def __init__(
@@ -51,112 +52,133 @@ class RealPixels:
         self._features = features
         self.layer = layer
         self._min_solid_angle = min_solid_angle
-        self._guide = guide
+        self.guide = guide
         self.mask = Mask(device, guide, settings.mask, name=name, graded=features.delta)
         self._trace = TraceReal(device, guide, features, name=name)
-        kind: Kind = "delta" if features.delta else "ratio"
+        signal = Signal(name, "delta" if features.delta else "ratio", guide)
         self._filter = SignalFilter(
-            device, guide, kind, settings, name=name, published=features.needs.published_filter
+            device, [signal], settings, published=features.needs.published_filter
         )
         self.relight = Relight(device, guide, delta=features.delta, name=name)
         self.change: cla.Array | None = None
 
     @property
     def accumulated(self) -> Accumulated | None:
-        return self._filter.accumulated
+        """`change` before the spatial filter; None before the first frame."""
+        return self._filter.accumulated[0] if self._filter.accumulated else None
 
     def run(self, world: World, context: FrameContext) -> cla.Array:
-        """Relight the frame's real pixels and return the ratio per pixel."""
+        """Relight the pixels of `mask` and return the ratio of all."""
         layer, mask, cache = self.layer, self.mask, world.irradiance
         self._filter.start(context)
-        mask.run(grid_offset(context.index), layer.motion, metre=world.panorama.scale)
         if cache is not None:
             cache.run(
                 world.arguments(self._features),
-                self._guide,
+                self.guide,
                 mask,
                 context.view,
                 min_solid_angle=self._min_solid_angle,
             )
         self._trace.run(world, mask, context.view, cache, min_solid_angle=self._min_solid_angle)
-        self.change = self._filter.run(self._trace.signal, mask, layer.motion, context)
+        samples = Samples(self._trace.signal, mask, layer.motion)
+        (self.change,) = self._filter.run([samples], context)
         self.relight.run(self.change, layer.diffuse, world, cache, mask.touched)
         return self.relight.ratio
 
 
-class VirtualPixels:
-    """Light that visible virtual surfaces reflect: Algorithm 1, lines 10-16.
+class ReflectingPixels:
+    """Light that visible virtual surfaces reflect (Algorithm 1, lines 10-16), and what objects
+    change in the reflections of glossy real ones.
 
     Attributes
     ----------
-    reflected : dict of {"diffuse", "specular"} to 3 planes
-        Filtered, after the first frame.
-    hit : 1 plane or None
-        See `TraceVirtual`.
+    mask : Mask
+        Of virtual surfaces.
+    gloss_mask : Mask or None
+        Of glossy real surfaces, where there are any.
+    diffuse, specular : 3 planes or None
+        What objects reflect, filtered, after the first frame.
+    change : 3 planes or None
+        Radiance to add to what the camera saw of real surfaces, of either sign, likewise.
     """
 
     def __init__(
         self,
         device: ComputeDevice,
+        real: RealLayer,
         visible: VisibleLayer,
-        layout: PlaneLayout,
+        guide: Guide,
+        gloss_guide: Guide | None,
         features: Features,
-        *,
-        equirect: bool,
-        camera: cla.Array | None = None,
     ) -> None:
-        """Pixels of `visible`; `camera`: `CameraMotion.rows`, where the camera moves."""
+        """Ids of `gloss_guide` are indices of real materials + 1."""
         settings, published = features.settings, features.needs.published_filter
-        self._visible = visible
-        self._guide = Guide(device, layout, equirect=equirect, name="object", camera=camera)
+        self._real, self._visible = real, visible
         # Eq. 3 measures how alike diffuse pixels are; reflections differ from pixel to pixel.
         sparse = settings.mask.sparse and not features.specular_signal
         mask_settings = settings.mask.model_copy(update={"sparse": sparse})
-        self._mask = Mask(device, self._guide, mask_settings, name="object")
-        self._trace = TraceVirtual(device, self._guide, features)
-        kinds: list[Kind] = ["diffuse"] if features.diffuse_signal else []
-        kinds += ["specular"] if features.specular_signal else []
-        self._filters = {
-            kind: SignalFilter(device, self._guide, kind, settings, name=kind, published=published)
-            for kind in kinds
-        }
+        self.mask = Mask(device, guide, mask_settings, name="object")
+        self._trace = TraceVirtual(device, guide, features)
+        self.gloss_mask: Mask | None = None
+        self._signals = []
+        if gloss_guide is not None:
+            self.gloss_mask = Mask(device, gloss_guide, settings.mask, name="gloss")
+            self._trace_gloss = TraceGloss(device, gloss_guide, features)
+            self._signals.append(Signal("gloss", "specular", gloss_guide))
+        kinds: list[Kind] = ["specular"] if features.specular_signal else []
+        kinds += ["diffuse"] if features.diffuse_signal else []
+        self._signals += [Signal(kind, kind, guide) for kind in kinds]
+        self._filter = SignalFilter(device, self._signals, settings, published=published)
         self._reflections = (
-            ReflectionMotion(device, self._guide)
-            if features.specular_signal and not published
-            else None
+            ReflectionMotion(device, guide) if features.specular_signal and not published else None
         )
-        self.reflected: dict[Kind, cla.Array] = {}
+        self.change: cla.Array | None = None
+        self.diffuse: cla.Array | None = None
+        self.specular: cla.Array | None = None
 
     @property
     def hit(self) -> cla.Array | None:
+        """`TraceVirtual.hit`."""
         return self._trace.hit
 
     @property
-    def accumulated(self) -> tuple[Accumulated, ...]:
-        """Each signal before the spatial filter; empty before the first frame."""
-        found = (signal_filter.accumulated for signal_filter in self._filters.values())
-        return tuple(signal for signal in found if signal is not None)
+    def accumulated(self) -> list[Accumulated]:
+        """Each signal of objects before the spatial filter; none before the first frame."""
+        return self._filter.accumulated[0 if self.gloss_mask is None else 1 :]
 
     def run(self, world: World, context: FrameContext) -> None:
-        """Shade the frame's virtual pixels; `world.relit` is what they reflect."""
-        seen, trace = self._visible, self._trace
-        for signal_filter in self._filters.values():
-            signal_filter.start(context)
-        self._guide.run(context.view, seen.normal, seen.depth, seen.id)
-        self._mask.run(grid_offset(context.index), seen.motion, metre=world.panorama.scale)
-        history = next(iter(self._filters.values())).history
-        trace.run(world, self._mask, context.view, seen.albedo, history)
-        signals = {"diffuse": trace.diffuse, "specular": trace.specular}
-        for kind, signal_filter in self._filters.items():
+        """Shade the pixels of both masks; `world.relit` is what they reflect."""
+        self._filter.start(context)
+        found = {}
+        if self.gloss_mask is not None:
+            self._trace_gloss.run(world, self.gloss_mask, context.view)
+            found["gloss"] = Samples(
+                self._trace_gloss.change,
+                self.gloss_mask,
+                self._real.motion,
+                roughness=self._real.roughness,
+            )
+        found |= self._shade(world, context)
+        frame = [found[signal.name] for signal in self._signals]
+        filtered = self._filter.run(frame, context)
+        named = dict(zip((signal.name for signal in self._signals), filtered, strict=True))
+        self.change = named.get("gloss")
+        self.diffuse, self.specular = named.get("diffuse"), named.get("specular")
+
+    def _shade(self, world: World, context: FrameContext) -> dict[str, Samples]:
+        """Samples of what objects reflect."""
+        seen, trace, mask = self._visible, self._trace, self.mask
+        # All signals of objects have had the same rays.
+        trace.run(world, mask, context.view, seen.albedo, self._filter.histories[-1])
+        found = {}
+        if trace.diffuse is not None:
+            found["diffuse"] = Samples(trace.diffuse, mask, seen.motion, rect=seen.rect)
+        if trace.specular is not None:
             motion = seen.motion
             # A head that turns sees surface and reflection in one direction: they move alike.
-            if kind == "specular" and context.changed and self._reflections is not None:
+            if context.changed and self._reflections is not None:
                 motion = self._reflections.run(motion, seen.roughness, trace.hit, context.previous)
-            self.reflected[kind] = signal_filter.run(
-                signals[kind],
-                self._mask,
-                motion,
-                context,
-                roughness=seen.roughness if kind == "specular" else None,
-                rect=seen.rect,
+            found["specular"] = Samples(
+                trace.specular, mask, motion, roughness=seen.roughness, rect=seen.rect
             )
+        return found

@@ -39,7 +39,8 @@ class ReflectionMotion:
             self._kernel(
                 guide.layout.size,
                 guide.arguments(),
-                guide.motion_arguments(),
+                guide.camera_argument,
+                guide_previous=guide.previous,
                 motion=motion,
                 roughness=roughness,
                 hit=hit,

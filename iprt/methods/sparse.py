@@ -8,10 +8,11 @@ from collections.abc import Callable
 import numpy as np
 import pyopencl.array as cla
 
+from iprt.filter.mask import Mask, Masks, grid_offset
 from iprt.filter.temporal import Accumulated
 from iprt.gbuffer.context import FrameContext
-from iprt.gbuffer.guide import Guide
-from iprt.methods.pixels import RealPixels, VirtualPixels
+from iprt.gbuffer.guide import Guide, Guides, Layer
+from iprt.methods.pixels import RealPixels, ReflectingPixels
 from iprt.methods.protocol import Image, Method, Setup, Signals, in_front
 from iprt.world.world import World
 
@@ -22,60 +23,66 @@ class SparseMethod(Method):
     Attributes
     ----------
     real_pixels : RealPixels or None
-    virtual_pixels : VirtualPixels
+    reflecting_pixels : ReflectingPixels
     """
 
     def __init__(self, setup: Setup) -> None:
         super().__init__(setup)
-        features = setup.features
+        device, features, gbuffer = setup.device, setup.features, setup.gbuffer
+        real, objects = gbuffer.real, gbuffer.objects
         self._world: World | None = None
-        self.real_guide = self.real_pixels = None
+        self._guides: list[Guide] = []
+        self._layers: list[Layer] = []
+        self._motions: list[cla.Array] = []
+        masks: list[Mask] = []
+        self.real_pixels: RealPixels | None = None
         if features.tracing:
-            self.real_guide = self._guide("real")
-            self.real_pixels = RealPixels(
-                setup.device, setup.gbuffer.real, self.real_guide, features, name="real"
-            )
-        self.virtual_pixels = VirtualPixels(
-            setup.device,
-            setup.gbuffer.objects,
-            setup.layout,
-            features,
-            equirect=setup.equirect,
-            camera=setup.camera,
+            guide = self._guide("real", Layer(real.normal, real.depth, real.id), real.motion)
+            self.real_pixels = RealPixels(device, real, guide, features, name="real")
+            masks.append(self.real_pixels.mask)
+        gloss_guide = None
+        if real.gloss is not None:
+            gloss_layer = Layer(real.normal, real.depth, real.gloss)
+            gloss_guide = self._guide("gloss", gloss_layer, real.motion)
+        visible = Layer(objects.normal, objects.depth, objects.id)
+        guide = self._guide("object", visible, objects.motion)
+        self.reflecting_pixels = pixels = ReflectingPixels(
+            device, real, objects, guide, gloss_guide, features
         )
+        masks += [mask for mask in (pixels.gloss_mask, pixels.mask) if mask is not None]
+        self._gather = Guides(device, self._guides)
+        self._masks = Masks(device, masks)
 
-    def _guide(self, name: str) -> Guide:
+    def _guide(self, name: str, layer: Layer, motion: cla.Array) -> Guide:
+        """The guide of one more layer of the view."""
         setup = self.setup
-        return Guide(
+        guide = Guide(
             setup.device, setup.layout, equirect=setup.equirect, name=name, camera=setup.camera
         )
+        self._guides.append(guide)
+        self._layers.append(layer)
+        self._motions.append(motion)
+        return guide
 
     def trace(self, world: World, context: FrameContext) -> Signals:
         self._world = world
-        ratio = self.relight(world, context)
-        change = self.reflect(world, context)
-        self.virtual_pixels.run(world, context)
-        reflected = self.virtual_pixels.reflected
-        return Signals(ratio, change, reflected.get("diffuse"), reflected.get("specular"))
-
-    def relight(self, world: World, context: FrameContext) -> cla.Array | None:
-        """What objects do to real surfaces (`Signals.ratio`); virtual ones may reflect it."""
-        if self.real_pixels is None or self.real_guide is None:
-            return None
-        real = self.setup.gbuffer.real
-        self.real_guide.run(context.view, real.normal, real.depth, real.id)
-        ratio = self.real_pixels.run(world, context)
-        if self.setup.features.relit_reflections:
-            around = self.relight_around(world, context)
-            world.relight(ratio, self.setup.view, context.view, around)
-        return ratio
+        self._gather.run(context.view, self._layers)
+        self._masks.run(grid_offset(context.index), self._motions, metre=world.panorama.scale)
+        ratio = None
+        if self.real_pixels is not None:
+            ratio = self.real_pixels.run(world, context)
+            if self.setup.features.relit_reflections:
+                around = self.relight_around(world, context)
+                world.relight(ratio, self.setup.view, context.view, around)
+        pixels = self.reflecting_pixels
+        pixels.run(world, context)
+        return Signals(ratio, pixels.change, pixels.diffuse, pixels.specular)
 
     def relight_around(self, world: World, context: FrameContext) -> tuple[cla.Array, int] | None:
-        """The same beside the view, as `World.relight` takes it; None: it is not known there."""
-        return None
+        """What objects do to real surfaces beside the view, as `World.relight` takes it.
 
-    def reflect(self, world: World, context: FrameContext) -> cla.Array | None:
-        """What glossy real surfaces reflect of objects (`Signals.change`)."""
+        None: it is not known there.
+        """
         return None
 
     @property
@@ -96,12 +103,12 @@ class SparseMethod(Method):
         return pictures[name]() if name in pictures else None
 
     def _irradiance_real(self) -> Image | None:
-        if self.real_pixels is None or self.real_guide is None or self._world is None:
+        if self.real_pixels is None or self._world is None:
             return None
         cache = self._world.irradiance
         if cache is None:
             return self.read(self.real_pixels.change, slice(0, 3))
-        return self.read(cache.show(self._world.panorama, self.real_guide), slice(0, 3))
+        return self.read(cache.show(self._world.panorama, self.real_pixels.guide), slice(0, 3))
 
     def _irradiance_mixed(self) -> Image | None:
         pixels, real = self.real_pixels, self._irradiance_real()
@@ -116,7 +123,7 @@ class SparseMethod(Method):
         return self.read(self.real_pixels.mask.level, slice(0, 1)) if self.real_pixels else None
 
     def _hit_distance(self) -> Image | None:
-        distance = self.read(self.virtual_pixels.hit, slice(0, 1))
+        distance = self.read(self.reflecting_pixels.hit, slice(0, 1))
         # Beside objects, where no rays start, the plane holds what was there before.
         return self._in_front(distance, None)
 
@@ -136,7 +143,7 @@ class SparseMethod(Method):
         self, read: Callable[[Accumulated], Image | None], both: np.ufunc
     ) -> Image | None:
         """A picture of all signals; `both` joins those of diffuse and specular light of objects."""
-        signals = self.virtual_pixels.accumulated
+        signals = self.reflecting_pixels.accumulated
         virtual = functools.reduce(both, map(read, signals)) if signals else None
         accumulated = self.real_pixels.accumulated if self.real_pixels else None
         return self._in_front(virtual, read(accumulated) if accumulated else None)

@@ -18,6 +18,13 @@ NO_MOTION = -1e9
 """Both motion components where there is no surface."""
 
 
+def blank_display(height: int, width: int) -> NDArray[np.float32]:
+    """`ObjectLayers.display` without objects."""
+    display = np.zeros((3, height, width, 4), np.float32)
+    display[2, ..., 1:3] = NO_MOTION
+    return display
+
+
 @dataclass(frozen=True)
 class Layer:
     """One depth layer of the virtual objects, seen from the capture centre.
@@ -46,12 +53,15 @@ class ObjectLayers:
 
     Attributes
     ----------
+    display : (3, H, W, 4) float32 or None
+        The arrays of `front`, and (coverage, motion x, motion y, 0). None for layers that are only
+        traced.
     coverage : (H, W) float32 or None
         Fraction of the pixel in which an object is in front of the real surface (1 - M of IPRT
         Eq. 2). Where it is positive, `front` holds a surface, borrowed from a neighbour if the
         pixel's own centre misses it; there, and only there, `front` has a surface and `back` has
         none, so that tracing skips these pixels and objects do not grow. Slivers without a
-        neighbour to borrow from count as 0. None for layers that are only traced.
+        neighbour to borrow from count as 0.
     motion : (H, W, 2) float32 or None
         Where the front surface was in the previous frame's picture, in pixels; (-1e9, -1e9)
         where there is none.
@@ -59,5 +69,17 @@ class ObjectLayers:
 
     front: Layer
     back: Layer
-    coverage: NDArray[np.float32] | None = None
-    motion: NDArray[np.float32] | None = None
+    display: NDArray[np.float32] | None = None
+
+    @classmethod
+    def displayed(cls, display: NDArray[np.float32], back: Layer) -> ObjectLayers:
+        """Layers of which the front is shown."""
+        return cls(Layer(display[0], display[1]), back, display)
+
+    @property
+    def coverage(self) -> NDArray[np.float32] | None:
+        return None if self.display is None else self.display[2, ..., 0]
+
+    @property
+    def motion(self) -> NDArray[np.float32] | None:
+        return None if self.display is None else self.display[2, ..., 1:3]

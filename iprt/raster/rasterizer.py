@@ -15,7 +15,7 @@ from iprt.geometry.material import Material
 from iprt.geometry.mesh import Instance
 from iprt.raster.context import bind_textures, create_context, set_uniforms
 from iprt.raster.geometry import Part, WorldGeometry
-from iprt.raster.layers import COVERAGE_TOLERANCE, NO_MOTION, SAMPLES, Layer, ObjectLayers
+from iprt.raster.layers import COVERAGE_TOLERANCE, SAMPLES, Layer, ObjectLayers, blank_display
 from iprt.raster.programs import Programs
 from iprt.raster.region import Rect, box_rects, merge
 from iprt.raster.targets import Target, Targets, texture_bytes
@@ -185,12 +185,10 @@ class Rasterizer:
         for region in regions:
             for tile in region.tiles(_TILE):
                 self._finish(frame, tile)
-        front = Layer(targets.display.read(0, regions), targets.display.read(1, regions))
-        display = targets.display.read(2, regions)
-        motion = np.full((view.height, view.width, 2), NO_MOTION, np.float32)
-        for region in regions:
-            motion[region.pixels] = display[region.pixels][..., 1:3]
-        return ObjectLayers(front, back, np.ascontiguousarray(display[..., 0]), motion)
+        display = blank_display(view.height, view.width)
+        for image, pixels in enumerate(display):
+            targets.display.read_into(pixels, image, regions)
+        return ObjectLayers.displayed(display, back)
 
     def _see(self, frame: _Frame) -> None:
         """Nearest triangles that face the capture centre, and nearest that face away."""
@@ -312,15 +310,10 @@ class Rasterizer:
 
 
 def _nothing(view: View, shade: bool) -> ObjectLayers:
-    shape = (view.height, view.width)
-
-    def empty() -> Layer:
-        return Layer(np.zeros((*shape, 4), np.float32), np.zeros((*shape, 4), np.float32))
-
+    empty = Layer(*np.zeros((2, view.height, view.width, 4), np.float32))
     if not shade:
-        return ObjectLayers(empty(), empty())
-    motion = np.full((*shape, 2), NO_MOTION, np.float32)
-    return ObjectLayers(empty(), empty(), np.zeros(shape, np.float32), motion)
+        return ObjectLayers(empty, empty)
+    return ObjectLayers.displayed(blank_display(view.height, view.width), empty)
 
 
 def _view_uniforms(view: View) -> dict[str, Any]:

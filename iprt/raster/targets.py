@@ -45,11 +45,15 @@ class Target:
         """(H, W, 4) float32 of one image within the regions, 0 elsewhere."""
         width, height = self.framebuffer.size
         pixels = np.zeros((height, width, 4), np.float32)
+        self.read_into(pixels, image, regions)
+        return pixels
+
+    def read_into(self, pixels: NDArray[np.float32], image: int, regions: Sequence[Rect]) -> None:
+        """Overwrite the regions of (H, W, 4) float32 with one image's."""
         for rect in regions:
             data = self.framebuffer.read(rect.viewport, components=4, attachment=image, dtype="f4")
             texels = np.frombuffer(data, np.float32)
             pixels[rect.pixels] = texels.reshape(rect.y1 - rect.y0, rect.x1 - rect.x0, 4)
-        return pixels
 
     @property
     def nbytes(self) -> int:

@@ -9,7 +9,7 @@ import pyopencl.array as cla
 from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
-from iprt.gbuffer.guide import Guide
+from iprt.gbuffer.guide import Guide, Guides, Layer
 from iprt.gbuffer.layout import PAD, PlaneLayout
 from iprt.geometry.camera import View
 
@@ -56,7 +56,8 @@ class GBuffer:
     def fill(self, device: ComputeDevice, guide: Guide) -> None:
         view = device.upload("view", self.view.kernel_constants())
         planes = (self.normal, self.depth[None], self.ids[None])
-        guide.run(view, *(upload(device, self.layout, p) for p in planes))
+        layer = Layer(*(upload(device, self.layout, p) for p in planes))
+        Guides(device, [guide]).run(view, [layer])
 
     def rolled(self, columns: int) -> GBuffer:
         """The same surroundings after a turn of the view that shifts the picture's columns."""

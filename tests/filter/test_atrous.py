@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from iprt.device.compute import ComputeDevice
-from iprt.filter.atrous import Atrous, Rect
-from iprt.filter.temporal import Kind, signal_planes
+from iprt.filter.atrous import Atrous
+from iprt.filter.signals import Kind, Signal, signal_planes
+from iprt.gbuffer.batch import Rect
 from iprt.geometry.camera import View
 from iprt.settings.filter import AtrousSettings
 from tests.filter.gbuffer import SIZES, GBuffer, flat_gbuffer, random_gbuffer, read, upload
@@ -34,10 +35,12 @@ def run(
 ) -> np.ndarray:
     layout = gbuffer.layout
     settings = settings or SETTINGS
-    atrous = Atrous(device, gbuffer.guide(device), kind, settings, name="test", guided=guided)
-    planes = (upload(device, layout, signal), upload(device, layout, variance[None]))
+    signals = [Signal("test", kind, gbuffer.guide(device))]
+    atrous = Atrous(device, signals, settings, guided=guided)
+    planes = ([upload(device, layout, signal)], [upload(device, layout, variance[None])])
     alpha = None if roughness is None else upload(device, layout, roughness[None])
-    return read(device, layout, atrous.run(*planes, roughness=alpha, rect=rect))
+    (filtered,) = atrous.run(*planes, roughness=[alpha], rects=[rect])
+    return read(device, layout, filtered)
 
 
 def twin(
@@ -141,22 +144,22 @@ def test_zeros_stay_zeros(device: ComputeDevice, equirect: bool) -> None:
     if equirect:
         view = View(160, 128, projection="equirect")
         gbuffer = replace(gbuffer, view=view, depth=np.full_like(gbuffer.depth, 2.0))
-    atrous = Atrous(device, gbuffer.guide(device), "delta", SETTINGS, name="test")
+    atrous = Atrous(device, [Signal("test", "delta", gbuffer.guide(device))], SETTINGS)
     rng = np.random.default_rng(11)
     for x, y in [(70, 60), (2, 3), (155, 120), (90, 100)]:
         signal, variance = np.zeros((6, 128, 160)), np.zeros((128, 160))
         signal[:, y - 2 : y + 3, x - 2 : x + 3] = rng.random((6, 5, 5))
         variance[y - 2 : y + 3, x - 2 : x + 3] = 0.1
-        planes = [upload(device, gbuffer.layout, image) for image in (signal, variance[None])]
-        result = read(device, gbuffer.layout, atrous.run(*planes))
+        planes = [[upload(device, gbuffer.layout, image)] for image in (signal, variance[None])]
+        result = read(device, gbuffer.layout, atrous.run(*planes)[0])
         expected = twin(gbuffer, "delta", signal, variance)
         np.testing.assert_allclose(result, expected, rtol=5e-3, atol=1e-6)
         row, column = np.mgrid[:128, :160]
         across = np.abs(column - x)
         across = np.minimum(across, 160 - across) if equirect else across
         assert not result[:, np.maximum(across, np.abs(row - y)) > 2 + 31].any()
-    planes = [upload(device, gbuffer.layout, np.zeros((n, 128, 160))) for n in (6, 1)]
-    assert not read(device, gbuffer.layout, atrous.run(*planes)).any()
+    planes = [[upload(device, gbuffer.layout, np.zeros((n, 128, 160)))] for n in (6, 1)]
+    assert not read(device, gbuffer.layout, atrous.run(*planes)[0]).any()
 
 
 def test_mirror_is_not_touched(device: ComputeDevice) -> None:

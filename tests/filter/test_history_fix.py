@@ -7,7 +7,8 @@ import pytest
 
 from iprt.device.compute import ComputeDevice
 from iprt.filter.history_fix import HistoryFix
-from iprt.filter.temporal import Accumulated, Kind, signal_planes
+from iprt.filter.signals import Kind, Signal, signal_planes
+from iprt.filter.temporal import Accumulated
 from iprt.settings.filter import AtrousSettings
 from tests.filter.gbuffer import SIZES, GBuffer, flat_gbuffer, random_gbuffer, read, upload
 from tests.oracles.guide import Array, falloff, shifted
@@ -28,7 +29,8 @@ def run(
     """`level`: of tracing; None: every pixel."""
     layout = gbuffer.layout
     levels = np.zeros_like(length) if level is None else level
-    fix = HistoryFix(device, gbuffer.guide(device), kind, SETTINGS, ENOUGH, name="test")
+    signal_of_guide = Signal("test", kind, gbuffer.guide(device))
+    fix = HistoryFix(device, signal_of_guide, SETTINGS, ENOUGH)
     fixed = fix.run(
         Accumulated(
             upload(device, layout, signal),

@@ -7,6 +7,7 @@ import pytest
 
 from iprt.device.compute import ComputeDevice
 from iprt.filter.interpolate import Interpolate
+from iprt.filter.signals import Signal
 from iprt.settings.filter import InterpolateSettings
 from tests.filter.gbuffer import SIZES, GBuffer, flat_gbuffer, random_gbuffer, read, upload
 from tests.oracles import interpolate as oracle
@@ -25,8 +26,8 @@ def run(
     layout = gbuffer.layout
     planes = upload(device, layout, signal)
     levels = device.upload("level", layout.padded(level[None].astype(np.uint8)))
-    guide = gbuffer.guide(device)
-    Interpolate(device, guide, len(signal), SETTINGS).run(levels, planes, offset)
+    signals = [Signal("test", "diffuse" if len(signal) == 3 else "delta", gbuffer.guide(device))]
+    Interpolate(device, signals, SETTINGS).run([levels], [planes], offset)
     return read(device, layout, planes)
 
 

@@ -8,15 +8,14 @@ import numpy as np
 import pytest
 
 from iprt.device.compute import ComputeDevice
+from iprt.filter.signals import Kind, Signal, signal_planes
 from iprt.filter.temporal import (
     FAST_FRAMES,
     FAST_LEAST,
     FAST_LENGTH,
     SETTLE_FRAMES,
     Accumulated,
-    Kind,
     Temporal,
-    signal_planes,
 )
 from iprt.settings.filter import TemporalSettings
 from tests.filter.gbuffer import GBuffer, flat_gbuffer, random_gbuffer, read, still_motion, upload
@@ -42,9 +41,8 @@ class Session:
         self.device = device
         self.layout = gbuffer.layout
         self.guide = gbuffer.guide(device)
-        self.temporal = Temporal(
-            device, self.guide, kind, settings, name="test", rays=rays, published=published
-        )
+        signals = [Signal("test", kind, self.guide)]
+        self.temporal = Temporal(device, signals, settings, rays=rays, published=published)
         self.still = still_motion(self.layout.width, self.layout.height)
 
     def add(
@@ -59,13 +57,14 @@ class Session:
     ) -> Accumulated:
         gbuffer.fill(self.device, self.guide)
         levels = np.zeros(self.still.shape[1:]) if level is None else level
-        return self.temporal.run(
-            upload(self.device, self.layout, signal),
-            upload(self.device, self.layout, self.still if motion is None else motion),
-            self.device.upload("level", self.layout.padded(levels[None].astype(np.uint8))),
+        (result,) = self.temporal.run(
+            [upload(self.device, self.layout, signal)],
+            [upload(self.device, self.layout, self.still if motion is None else motion)],
+            [self.device.upload("level", self.layout.padded(levels[None].astype(np.uint8)))],
             fading=fading,
             changed=changed,
         )
+        return result
 
     def image(self, planes: object) -> np.ndarray:
         return read(self.device, self.layout, planes)

@@ -138,7 +138,7 @@ def test_a_camera_that_turns_shows_the_still_picture(
             renderer.step()
         picture = renderer.render(0, AOVS)
         length = renderer.layout.interior(
-            renderer.device.read(renderer.method.real_pixels._filter.history)
+            renderer.device.read(renderer.method.real_pixels.accumulated.length)
         )
     np.testing.assert_allclose(picture.aovs["background"], still.aovs["background"], atol=0.02)
     np.testing.assert_allclose(picture.aovs["coverage"], still.aovs["coverage"], atol=0.07)

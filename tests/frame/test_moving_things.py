@@ -106,7 +106,7 @@ def test_what_a_real_thing_uncovers_is_as_new(device: ComputeDevice) -> None:
             renderer.step()
         found, _ = shown(renderer)
         history = renderer.layout.interior(
-            device.read(renderer.method.real_pixels._filter.history)
+            device.read(renderer.method.real_pixels.accumulated.length)
         )[0]
     real = truth[1] == 0.0
     assert rms((found - truth[0])[real]) < rms((fresh - truth[0])[real])

@@ -18,9 +18,9 @@ import pyopencl.array as cla
 from scipy.stats import norm, t
 
 from iprt.device.compute import ComputeDevice
-from iprt.filter.mask import Mask
+from iprt.filter.mask import Mask, Masks
 from iprt.footage.frame import Frame
-from iprt.gbuffer.guide import Guide
+from iprt.gbuffer.guide import Guide, Guides, Layer
 from iprt.geometry.camera import View
 from iprt.geometry.mesh import Instance
 from iprt.methods.trace import TraceReal, TraceVirtual
@@ -80,7 +80,7 @@ class Kernels:
 
     def receivers(self) -> tuple[Float, Float]:
         """(H, W, 3) where rays of the real pixels towards objects start, and normals there."""
-        guide = self._planes(self.renderer.method.real_guide.current)
+        guide = self._planes(self.renderer.method.real_pixels.guide.current)
         lift = START_BIAS * self.renderer.real_world.panorama.scale
         return guide[..., 3:6] + lift * guide[..., :3], guide[..., :3]
 
@@ -104,7 +104,7 @@ class Kernels:
     def _real(self, seed: int, rays: int) -> tuple[Float, Float, Float]:
         renderer = self.renderer
         trace = TraceReal(
-            self.device, renderer.method.real_guide, self._features(seed, rays), name="run"
+            self.device, renderer.method.real_pixels.guide, self._features(seed, rays), name="run"
         )
         trace.run(
             renderer.world,
@@ -117,7 +117,7 @@ class Kernels:
         if renderer.real_world.irradiance is None:
             return signal[..., :3], signal[..., 3:], np.ones(3)
         shown = renderer.real_world.irradiance.show(
-            renderer.real_world.panorama, renderer.method.real_guide
+            renderer.real_world.panorama, renderer.method.real_pixels.guide
         )
         return signal[..., :3], signal[..., 3:], self._planes(shown)
 
@@ -129,7 +129,7 @@ class Kernels:
         cache.place(renderer.real_world.panorama, frame, frame, STILL, changed=0.0, cut=False)
         cache.run(
             renderer.world.arguments(self._features(seed, rays)),
-            renderer.method.real_guide,
+            renderer.method.real_pixels.guide,
             renderer.method.real_pixels.mask,
             self.view,
             min_solid_angle=0.0,
@@ -145,9 +145,9 @@ class Kernels:
         device, renderer = self.device, self.renderer
         seen, layout = renderer.visible, renderer.layout
         guide = Guide(device, layout, equirect=False, name="run")
-        guide.run(self.view, seen.normal, seen.depth, seen.id)
+        Guides(device, [guide]).run(self.view, [Layer(seen.normal, seen.depth, seen.id)])
         mask = Mask(device, guide, MaskSettings(sparse=False), name="run")
-        mask.run((0, 0), seen.motion)
+        Masks(device, [mask]).run((0, 0), [seen.motion])
         return guide, mask, device.zeros("run history", layout.shape(1))
 
     def reflected(self, seed: int, rays: int) -> dict[str, Float]:

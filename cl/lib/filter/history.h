@@ -5,6 +5,7 @@
 #ifndef IPRT_HISTORY_H
 #define IPRT_HISTORY_H
 
+#include "gbuffer/batch.h"
 #include "gbuffer/camera.h"
 #include "gbuffer/guide.h"
 #include "methods/rays.h"
@@ -90,7 +91,7 @@ static inline void store_history(
     spread[p] = history->spread;
 }
 
-// What kernels are given that fetch a history: guides of 7 planes, of this and the previous picture;
+// What it takes to fetch a history: guides of 7 planes, of this and the previous picture;
 // motion, 2 planes; the history's planes; plane distance / depth of one surface, and the smallest
 // cosine between its normals.
 #define FETCH_PARAMETERS                                                                           \
@@ -98,6 +99,20 @@ static inline void store_history(
         __global const float *restrict motion, __global const float *restrict signal_before,       \
         __global const float *restrict length_before, __global const float *restrict spread_before, \
         const float plane_tolerance, const float normal_agreement
+
+// The same for kernels, of each signal, and the variables that hold those of the work item's.
+#define FETCH_BATCHED                                                                              \
+    BATCHED(PLANES_IN, guide), BATCHED(PLANES_IN, guide_previous), BATCHED(PLANES_IN, motion),     \
+        BATCHED(PLANES_IN, signal_before), BATCHED(PLANES_IN, length_before),                      \
+        BATCHED(PLANES_IN, spread_before), const float plane_tolerance,                            \
+        const float normal_agreement
+#define FETCH_ENTRIES                                                                              \
+    PLANES_IN guide = OF_BATCH(guide);                                                             \
+    PLANES_IN guide_previous = OF_BATCH(guide_previous);                                           \
+    PLANES_IN motion = OF_BATCH(motion);                                                           \
+    PLANES_IN signal_before = OF_BATCH(signal_before);                                             \
+    PLANES_IN length_before = OF_BATCH(length_before);                                             \
+    PLANES_IN spread_before = OF_BATCH(spread_before)
 
 // The history of what this pixel shows, where the previous picture showed that.
 static inline History fetch_history(FETCH_PARAMETERS, int p, int width, int height CAMERA_PARAMETER)

@@ -1,9 +1,8 @@
 // The visible virtual layer of the view: from rasterized texels to the planes that passes read.
 //
-// in   front     [H*W]     geometry: world normal, radial distance; 0: nothing
-//      material  [H*W]     albedo, 1 + material index
-//      coverage  [H*W]     fraction of the pixel where an object is in front
-//      motion    [H*W]     previous image point, pixels
+// in   display   [3*H*W]   three images: world normal, radial distance (0: nothing); albedo,
+//                          1 + material index; fraction of the pixel where an object is in front,
+//                          previous image point in pixels
 //      materials           material table (lib/world/brdf.h)
 // out  normal 3, depth 1 (0: not visible), id 1 (1 + material index), roughness 1 (GGX alpha; 1:
 //      diffuse), albedo 3, coverage 1, motion 2 planes
@@ -17,10 +16,7 @@ __kernel void unpack_objects(
     const int width,
     const int height,
     __global const float *restrict view,
-    __global const float4 *restrict front,
-    __global const float4 *restrict material,
-    __global const float *restrict coverage_in,
-    __global const float2 *restrict motion_in,
+    __global const float4 *restrict display,
     __global const float4 *restrict materials,
     __global float *restrict normal,
     __global float *restrict depth,
@@ -35,10 +31,11 @@ __kernel void unpack_objects(
         return;
     const int texel = y * width + x;
     const int pixel = plane_index(x, y, width), size = plane_size(width, height);
-    const float covered = coverage_in[texel];
+    const float4 shown = display[2 * width * height + texel];
+    const float covered = shown.x;
     const int visible = covered > 0.0f;
-    const float4 geometry = visible ? front[texel] : (float4)(0.0f);
-    const float4 surface = visible ? material[texel] : (float4)(0.0f);
+    const float4 geometry = visible ? display[texel] : (float4)(0.0f);
+    const float4 surface = visible ? display[width * height + texel] : (float4)(0.0f);
     const float3 v = view_direction(view, (float2)(x + 0.5f, y + 0.5f));
     const float away = fmax(dot(geometry.xyz, v), 0.0f);
     const float3 n = visible ? normalize(geometry.xyz - (away + away) * v) : (float3)(0.0f);
@@ -53,6 +50,6 @@ __kernel void unpack_objects(
     albedo[size + pixel] = surface.y;
     albedo[2 * size + pixel] = surface.z;
     coverage[pixel] = covered;
-    motion[pixel] = visible ? motion_in[texel].x : -1e9f;
-    motion[size + pixel] = visible ? motion_in[texel].y : -1e9f;
+    motion[pixel] = visible ? shown.y : -1e9f;
+    motion[size + pixel] = visible ? shown.z : -1e9f;
 }

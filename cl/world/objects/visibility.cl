@@ -6,12 +6,12 @@
 //                 displacements: per vertex, to where it   radial distance (0: nothing); material:
 //                 was, object space (-D OBJECTS_DEFORM)    albedo, 1 + material index; displaced:
 //                                                          the same of the surface, world space
-//   show_objects  objects; front and material, which       display_front, display_material: the
-//                 nothing else reads; surface: tangent     same, edge pixels lent a surface; coverage:
+//   show_objects  objects; front and material, which       display, three images: the same, edge
+//                 nothing else reads; surface: tangent     pixels lent a surface; and coverage:
 //                 planes of the panorama; previous view    fraction of the pixel in which an object
-//                 (lib/gbuffer/view.h); motion: 3 float4 per       is in front of the real surface; motion:
-//                 material, rows of this frame's world     image point in the previous view, pixels,
-//                 to the previous frame's                  (-1e9, -1e9): nowhere
+//                 (lib/gbuffer/view.h); moved: 3 float4    is in front of the real surface, motion:
+//                 per material, rows of this frame's       image point in the previous view, pixels,
+//                 world to the previous frame's            (-1e9, -1e9): nowhere; 0
 //
 // Pixel centres are at integer + 0.5. Both run over a rectangle; outside, nothing is written.
 // -D SAMPLES: coverage takes SAMPLES x SAMPLES rays a pixel. -D COVERAGE_TOLERANCE: an object is in
@@ -129,10 +129,7 @@ TRACING_KERNEL void show_objects(
 #ifdef OBJECTS_DEFORM
     __global const float4 *restrict displaced,
 #endif
-    __global float4 *restrict display_front,
-    __global float4 *restrict display_material,
-    __global float *restrict coverage,
-    __global float2 *restrict motion WORK_PARAMETER)
+    __global float4 *restrict display WORK_PARAMETER)
 {
     const int x = rectangle.x + (int)get_global_id(0), y = rectangle.y + (int)get_global_id(1);
     if (x >= rectangle.z || y >= rectangle.w)
@@ -156,16 +153,17 @@ TRACING_KERNEL void show_objects(
         seen = (float4)(lent.xyz, lent.w * (ratio > 0.0f ? moderate : 1.0f));
         its_material = material[from];
     }
-    display_front[pixel] = seen;
-    display_material[pixel] = its_material;
-    coverage[pixel] = seen.w > 0.0f ? visible / (float)(SAMPLES * SAMPLES) : 0.0f;
-    motion[pixel] = (float2)(-1e9f);
+    const float coverage = seen.w > 0.0f ? visible / (float)(SAMPLES * SAMPLES) : 0.0f;
+    float2 motion = (float2)(-1e9f);
     if (seen.w > 0.0f) {
         float3 point = seen.w * d;
 #ifdef OBJECTS_DEFORM
         point += displaced[from >= 0 ? from : pixel].xyz;
 #endif
         const float3 before = bvh_transform(moved + 3 * ((int)its_material.w - 1), point, 1.0f);
-        motion[pixel] = view_project(previous, before);
+        motion = view_project(previous, before);
     }
+    display[pixel] = seen;
+    display[width * height + pixel] = its_material;
+    display[2 * width * height + pixel] = (float4)(coverage, motion, 0.0f);
 }

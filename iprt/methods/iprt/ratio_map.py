@@ -7,8 +7,9 @@ from dataclasses import replace
 import pyopencl.array as cla
 
 from iprt.device.compute import ComputeDevice
+from iprt.filter.mask import Masks, grid_offset
 from iprt.gbuffer.context import FrameContext
-from iprt.gbuffer.guide import Guide
+from iprt.gbuffer.guide import Guide, Guides, Layer
 from iprt.gbuffer.layout import PlaneLayout
 from iprt.geometry.camera import View
 from iprt.methods.pixels import RealPixels
@@ -47,10 +48,12 @@ class RatioMap:
         layer = RealLayer(
             device, layout, equirect=True, name="ratio map", radiated=True, camera=camera
         )
-        self._guide = Guide(device, layout, equirect=True, name="ratio map", camera=camera)
+        guide = Guide(device, layout, equirect=True, name="ratio map", camera=camera)
+        self._guides = Guides(device, [guide])
         self._pixels = RealPixels(
-            device, layer, self._guide, features, name="ratio map", min_solid_angle=MIN_SOLID_ANGLE
+            device, layer, guide, features, name="ratio map", min_solid_angle=MIN_SOLID_ANGLE
         )
+        self._masks = Masks(device, [self._pixels.mask])
         self.ratio = self._pixels.relight.ratio
         self._updates = 0
         self._follows_camera = camera is not None
@@ -70,5 +73,7 @@ class RatioMap:
                 self._pixels.layer.run(world.panorama, self._constants, self._constants)
             self._in_motion = self._follows_camera and context.changed
             layer = self._pixels.layer
-            self._guide.run(self._constants, layer.normal, layer.depth, layer.id)
+            self._guides.run(self._constants, [Layer(layer.normal, layer.depth, layer.id)])
+            metre = world.panorama.scale
+            self._masks.run(grid_offset(here.index), [layer.motion], metre=metre)
             self._pixels.run(world, here)

@@ -94,8 +94,8 @@ class VisibleLayer:
     ----------
     normal, depth, id, roughness, albedo, coverage, motion : 3, 1, 1, 1, 3, 1, 2 planes
         See `cl/world/objects/unpack.cl`.
-    front, material, cover, moved : (H, W, 4), (H, W, 4), (H, W), (H, W, 2) float32
-        What is unpacked: images as in `ObjectLayers`.
+    display : (3, H, W, 4) float32
+        What is unpacked: `ObjectLayers.display`.
     rect : (x0, y0, x1, y1)
         No object is visible outside of it.
     """
@@ -106,11 +106,7 @@ class VisibleLayer:
         self._kernel = device.kernel(
             "world/objects/unpack.cl", "unpack_objects", plane_defines(equirect=equirect)
         )
-        pixels = (layout.height, layout.width)
-        self.front = device.empty("visible front", (*pixels, 4))
-        self.material = device.empty("visible material", (*pixels, 4))
-        self.cover = device.empty("visible coverage", pixels)
-        self.moved = device.empty("visible motion", (*pixels, 2))
+        self.display = device.empty("object display", (3, layout.height, layout.width, 4))
         self.normal = device.zeros("object normal", layout.shape(3))
         self.depth = device.zeros("object depth", layout.shape(1))
         self.id = device.zeros("object id", layout.shape(1))
@@ -122,27 +118,21 @@ class VisibleLayer:
 
     def load(self, layers: ObjectLayers, view: cla.Array, materials: cla.Array) -> None:
         """Upload and unpack layers rasterized with `shade=True`."""
+        assert layers.display is not None
         assert layers.coverage is not None
-        assert layers.motion is not None
         with self._device.profile.section("upload"):
-            self._device.write(self.front, layers.front.geometry)
-            self._device.write(self.material, layers.front.material)
-            self._device.write(self.cover, layers.coverage)
-            self._device.write(self.moved, layers.motion)
+            self._device.write(self.display, layers.display)
         self.unpack(covered_rect(layers.coverage), view, materials)
 
     def unpack(self, rect: Rect, view: cla.Array, materials: cla.Array) -> None:
-        """Fill the planes from the images, in which `rect` holds all that is covered."""
+        """Fill the planes from `display`, in which `rect` holds all that is covered."""
         self.rect = rect
         with self._device.profile.section("unpack"):
             self._kernel(
                 self._layout.size,
                 self._layout.arguments(),
                 view=view,
-                front=self.front,
-                material=self.material,
-                coverage_in=self.cover,
-                motion_in=self.moved,
+                display=self.display,
                 materials=materials,
                 normal=self.normal,
                 depth=self.depth,

@@ -115,9 +115,7 @@ class Visibility:
                 self.front,
                 self.material,
                 *(() if self._displaced is None else (self._displaced,)),
-                visible.front,
-                visible.material,
-                visible.cover,
+                visible.display,
             ):
                 self._device.fill_zero(array)
             run(self._see)
@@ -128,10 +126,7 @@ class Visibility:
                 surface=panorama.surface,
                 surface_width=panorama.width,
                 surface_height=panorama.height,
-                display_front=visible.front,
-                display_material=visible.material,
-                coverage=visible.cover,
-                motion=visible.moved,
+                display=visible.display,
             )
         everywhere = reduce(Rect.union, regions) if regions else Rect(*EMPTY)
         visible.unpack(corners(everywhere), constants, materials)

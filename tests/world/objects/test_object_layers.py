@@ -15,7 +15,7 @@ from iprt.gbuffer.layout import PlaneLayout
 from iprt.geometry.camera import View
 from iprt.geometry.material import Material, material_table
 from iprt.geometry.mesh import Instance
-from iprt.raster.layers import Layer, ObjectLayers
+from iprt.raster.layers import Layer, ObjectLayers, blank_display
 from iprt.world.objects.object_layers import EMPTY, TracedLayers, VisibleLayer
 from iprt.world.real.panorama import Panorama
 from tests.oracles.worlds import Box, Solid, Sphere, World
@@ -336,8 +336,7 @@ def test_nothing_in_sight(device: ComputeDevice, view: View) -> None:
     """After a picture with objects, one without leaves nothing of them."""
     some = rasterized(view, instances())
     empty = Layer(np.zeros_like(some.front.geometry), np.zeros_like(some.front.material))
-    nowhere = np.full((view.height, view.width, 2), -1e9, np.float32)
-    none = ObjectLayers(empty, empty, np.zeros((view.height, view.width), np.float32), nowhere)
+    none = ObjectLayers.displayed(blank_display(view.height, view.width), empty)
     seen, back = visible(device, some, view), traced(device, some, view)
     assert EMPTY not in (seen.rect, back.rect)
     constants = device.upload("view", view.kernel_constants())

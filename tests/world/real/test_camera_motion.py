@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from iprt.device.compute import ComputeDevice
+from iprt.filter.signals import Signal
 from iprt.filter.temporal import Temporal
 from iprt.gbuffer.guide import Guide
 from iprt.gbuffer.layout import PlaneLayout
@@ -125,7 +126,7 @@ def test_histories_are_fetched_in_the_axes_they_were_kept_in(
         device, before.layout, equirect=equirect, name="test",
         camera=followed(device, *STEPS["both"]).rows,
     )  # fmt: skip
-    temporal = Temporal(device, guide, "diffuse", TemporalSettings(), name="test")
+    temporal = Temporal(device, [Signal("test", "diffuse", guide)], TemporalSettings())
     level = device.upload("level", before.layout.padded(np.zeros((1, height, width), np.uint8)))
     y, x = np.mgrid[:height, :width] + 0.5
     fetched = np.stack([x, y]) + rng.normal(size=(2, height, width)) * 0.8
@@ -134,12 +135,13 @@ def test_histories_are_fetched_in_the_axes_they_were_kept_in(
 
     before.fill(device, guide)
     still = upload(device, before.layout, np.stack([x, y]))
-    temporal.run(upload(device, before.layout, first), still, level, fading=0.0, changed=False)
+    samples = [upload(device, before.layout, first)]
+    temporal.run(samples, [still], [level], fading=0.0, changed=False)
     guide.current, guide.previous = guide.previous, guide.current
     planes = np.concatenate([normal, position, before.seen_ids[None]])
     device.write(guide.current, before.layout.padded(planes).astype(np.float32))
-    result = temporal.run(
-        upload(device, before.layout, lost), upload(device, before.layout, fetched), level,
+    (result,) = temporal.run(
+        [upload(device, before.layout, lost)], [upload(device, before.layout, fetched)], [level],
         fading=0.0, changed=False,
     )  # fmt: skip
     ids = before.seen_ids

@@ -1,0 +1,48 @@
+"""What is filtered: signals, of one layer's pixels each."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from iprt.device.program import Define
+from iprt.gbuffer.guide import Guide
+
+Kind = Literal["ratio", "delta", "diffuse", "specular"]
+"""What a signal is. For real surfaces, by estimator: E_R rgb and E_RV rgb; or blocked / E_R rgb and
+bounce / E_R rgb. For objects: irradiance or radiance."""
+
+
+@dataclass(frozen=True)
+class Signal:
+    """One signal of a batch; all of a batch have the same planes, specular ones come first.
+
+    Attributes
+    ----------
+    name : str
+        Tells buffers apart.
+    kind : Kind
+    guide : Guide
+        What its pixels are compared by.
+    """
+
+    name: str
+    kind: Kind
+    guide: Guide
+
+
+def signal_planes(kind: Kind) -> int:
+    """Number of planes of a signal."""
+    return 6 if kind in ("ratio", "delta") else 3
+
+
+def signal_defines(signals: Sequence[Signal]) -> dict[str, Define]:
+    """Build flags of kernels that work on a batch of signals."""
+    first = signals[0]
+    return first.guide.defines(
+        BATCH=len(signals),
+        SIGNAL_PLANES=signal_planes(first.kind),
+        DIFFERENCE=first.kind in ("ratio", "delta"),
+        COMMON=first.kind == "ratio",
+    )

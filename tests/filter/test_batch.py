@@ -1,0 +1,122 @@
+"""Layers and signals of a batch get the bits that each gets alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pyopencl.array as cla
+import pytest
+from numpy.typing import NDArray
+
+from iprt.device.compute import ComputeDevice
+from iprt.filter.mask import Mask, Masks, grid_offset
+from iprt.filter.signal_filter import Samples, SignalFilter
+from iprt.filter.signals import Kind, Signal
+from iprt.gbuffer.context import FrameContext
+from iprt.gbuffer.guide import Guide, Guides, Layer
+from iprt.settings.filter import MaskSettings
+from iprt.settings.model import Settings
+from tests.filter.gbuffer import GBuffer, random_gbuffer, read, still_motion, upload
+
+WIDTH, HEIGHT = 37, 22
+LAYERS = (0, 1, 1)
+"""Which G-buffer each signal is of."""
+KINDS: tuple[Kind, ...] = ("specular", "specular", "diffuse")
+RECTS = (None, (3, 2, 30, 19), (5, 4, 20, 22))
+FRAMES = 5
+Image = NDArray[np.generic]
+
+
+class Frames:
+    """The same frames for every selection of the signals, the fourth with a change."""
+
+    def __init__(self, device: ComputeDevice, *, equirect: bool) -> None:
+        self.device = device
+        self.gbuffers = [random_gbuffer(WIDTH, HEIGHT, equirect=equirect, seed=s) for s in (1, 2)]
+        rng = np.random.default_rng(4)
+        shape = (FRAMES, len(LAYERS))
+        self.samples = rng.gamma(2.0, 0.5, (*shape, 3, HEIGHT, WIDTH))
+        self.motion = still_motion(WIDTH, HEIGHT) + rng.normal(size=(*shape, 2, HEIGHT, WIDTH))
+        self.touched = 12.0 * (rng.random((2, HEIGHT, WIDTH)) < 0.1)
+        self.roughness = rng.choice([0.0, 0.02, 0.3], (len(LAYERS), HEIGHT, WIDTH))
+
+    def planes(self, image: NDArray[np.float64]) -> cla.Array:
+        return upload(self.device, self.gbuffers[0].layout, image)
+
+    def masks(self, guides: Sequence[Guide], used: Sequence[int]) -> list[Mask]:
+        """Chosen in one launch, by other settings for each layer."""
+        made = []
+        for layer in used:
+            settings = MaskSettings(sigma_position=0.2 + layer, high=0.6 - 0.2 * layer)
+            mask = Mask(self.device, guides[layer], settings, name="test", graded=layer == 0)
+            padded = self.gbuffers[layer].layout.padded(self.touched[layer][None])
+            self.device.write(mask.touched, padded.astype(np.float32))
+            made.append(mask)
+        return made
+
+    def run(self, chosen: Sequence[int], published: bool) -> dict[str, Image]:
+        """What becomes of some of the signals, which are filtered together."""
+        device = self.device
+        used = sorted({LAYERS[i] for i in chosen})
+        guides = [Guide(device, g.layout, equirect=g.equirect, name="test") for g in self.gbuffers]
+        masks = self.masks(guides, used)
+        gather, choose = Guides(device, [guides[i] for i in used]), Masks(device, masks)
+        signals = [Signal(f"signal {i}", KINDS[i], guides[LAYERS[i]]) for i in chosen]
+        signal_filter = SignalFilter(device, signals, Settings(), published=published)
+        view = device.upload("view", self.gbuffers[0].view.kernel_constants())
+        for frame in range(FRAMES):
+            gather.run(view, [layer_of(self, self.gbuffers[i]) for i in used])
+            motions = [self.planes(self.motion[frame, i]) for i in used]
+            choose.run(grid_offset(frame), motions)
+            filtered = signal_filter.run(
+                [
+                    Samples(
+                        self.planes(self.samples[frame, i]),
+                        masks[used.index(LAYERS[i])],
+                        self.planes(self.motion[frame, i]),
+                        self.planes(self.roughness[i][None]) if KINDS[i] == "specular" else None,
+                        RECTS[i],
+                    )
+                    for i in chosen
+                ],
+                replace(still_frame(view), index=frame, objects_changed=frame == 3),
+            )
+        layout = self.gbuffers[0].layout
+        result = {}
+        for i, planes, accumulated in zip(chosen, filtered, signal_filter.accumulated, strict=True):
+            x0, y0, x1, y1 = RECTS[i] or (0, 0, WIDTH, HEIGHT)
+            result[f"filtered {i}"] = read(device, layout, planes)[:, y0:y1, x0:x1]
+            result[f"accumulated {i}"] = read(device, layout, accumulated.signal)
+            result[f"variance {i}"] = read(device, layout, accumulated.variance)
+        for layer, mask in zip(used, masks, strict=True):
+            result[f"level {layer}"] = read(device, layout, mask.level)
+            result[f"touched {layer}"] = read(device, layout, mask.touched)
+            count = int(device.read(mask.count)[0])
+            result[f"traced {layer}"] = np.sort(device.read(mask.traced)[:count])
+        return result
+
+
+def layer_of(frames: Frames, gbuffer: GBuffer) -> Layer:
+    planes = (gbuffer.normal, gbuffer.depth[None], gbuffer.ids[None])
+    return Layer(*map(frames.planes, planes))
+
+
+def still_frame(view: cla.Array) -> FrameContext:
+    return FrameContext(
+        0, view, view, view_changed=False, video_changed=False, objects_changed=False, fading=0.0
+    )
+
+
+@pytest.mark.parametrize("published", [False, True])
+@pytest.mark.parametrize("equirect", [False, True])
+def test_signals_together_and_alone(device: ComputeDevice, equirect: bool, published: bool) -> None:
+    frames = Frames(device, equirect=equirect)
+    alone = frames.run([0], published) | frames.run([1], published) | frames.run([2], published)
+    for batch in ([0, 1, 2], [1, 2]):
+        together = frames.run(batch, published)
+        assert {int(name[-1]) for name in together if name[:8] == "filtered"} == set(batch)
+        for name, image in together.items():
+            assert np.array_equal(image, alone[name]), (batch, name)
+            assert np.ptp(image) > 0, name
