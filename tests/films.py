@@ -16,7 +16,8 @@ from unittest import mock
 import numpy as np
 
 from iprt.aovs import AOVS
-from iprt.device.compute import ComputeDevice, Kernel
+from iprt.device.compute import ComputeDevice
+from iprt.device.kernel import Kernel
 from iprt.files.resources import CL
 from iprt.footage.footage import Footage
 from iprt.footage.frame import Frame

@@ -19,7 +19,8 @@ import pyopencl as cl
 import pyopencl.array as cla
 from numpy.typing import DTypeLike, NDArray
 
-from iprt.device.compute import ComputeDevice, Kernel
+from iprt.device.compute import ComputeDevice
+from iprt.device.kernel import Kernel
 from iprt.device.plan import PlanDevice
 from iprt.device.program import Define
 from iprt.errors import DefectError
@@ -108,16 +109,22 @@ class CheckedKernel(Kernel):
     """A kernel whose launches are checked; call it as any other."""
 
     def __init__(self, device: CheckedDevice, kernel: Kernel, file: str) -> None:
-        super().__init__(device, kernel._kernel, kernel._program, kernel._signature)
+        super().__init__(device, kernel.make, kernel.program, kernel.signature)
         self._checks = device
-        self._writer = f"kernel '{self._kernel.function_name}' of cl/{file}"
-        self._written = [_may_write(self._kernel, i) for i in range(self._kernel.num_args)]
+        self._writer = f"kernel '{self.name}' of cl/{file}"
+        made = self.make()
+        self._written = [
+            parameter.name
+            for i, parameter in enumerate(self.signature)
+            if parameter.scalar is None and _may_write(made, i)
+        ]
 
     def __call__(self, size: tuple[int, ...], *groups: Mapping[str, Any], **own: Any) -> None:
         super().__call__(size, *groups, **own)
-        for argument, written in zip(self._bound, self._written, strict=True):
-            if written and isinstance(argument, GuardedArray):
-                self._checks.check(self._writer, argument)
+        buffers = self.buffers
+        for name in self._written:
+            if isinstance(buffers[name], GuardedArray):
+                self._checks.check(self._writer, buffers[name])
 
 
 def _may_write(kernel: cl.Kernel, index: int) -> bool:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections import deque
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import AbstractContextManager
 from functools import cached_property
 from typing import Any
@@ -15,152 +15,14 @@ from numpy.typing import DTypeLike, NDArray
 
 from iprt.device.bands import Bands
 from iprt.device.budget import amount, what_to_lower
+from iprt.device.kernel import Kernel
 from iprt.device.profile import Kind, Profile
 from iprt.device.program import Define, Program, build, variant
 from iprt.device.recovery import reported, wait
-from iprt.device.signature import Parameter
 from iprt.errors import DeviceError, DeviceHangError
 
-MOST_IN_FLIGHT = 64
-"""Transfers after which it is asked which of them are done."""
-
-_Range = tuple[tuple[int, ...], tuple[int, ...]]
-_UNBOUND = object()
 _HUNG: list[Any] = []
 """What devices that hang may still read, until the program ends."""
-
-
-class Kernel:
-    """A built kernel of one call site. Its arguments stay bound from call to call.
-
-    Parameters
-    ----------
-    device : ComputeDevice
-    kernel : pyopencl.Kernel
-        Nobody else sets its arguments.
-    program : str
-        The name of its program in the profile.
-    parameters : sequence of Parameter
-        `iprt.device.signature.signature` of the kernel.
-    """
-
-    def __init__(
-        self, device: ComputeDevice, kernel: Any, program: str, parameters: Sequence[Parameter]
-    ) -> None:
-        self._device = device
-        self._kernel = kernel
-        self._program = program
-        self._name: str = kernel.function_name
-        self._signature = parameters
-        self._parameters = [parameter.name for parameter in parameters]
-        self._known = frozenset(self._parameters)
-        self._described = f"kernel '{self._name}' of cl/{program}"
-        kernel.set_scalar_arg_dtypes([parameter.scalar for parameter in parameters])
-        self._bound: list[Any] = [_UNBOUND] * len(parameters)
-        self._raw: list[Any] = [None] * len(parameters)  # the same as pyopencl takes them
-        self._bytes: dict[int, int] = {}  # of the buffers, by index
-        self._size: tuple[int, ...] = ()
-        self._range: _Range = ((), ())
-        self._launched = False
-
-    def __call__(self, size: tuple[int, ...], *groups: Mapping[str, Any], **own: Any) -> None:
-        """Enqueue over `size` work items, x first; the kernel guards the grid's edge.
-
-        Parameters
-        ----------
-        size : tuple of int
-        groups : mappings of str to object
-            What several kernels take, by the names of their parameters; this one takes what it
-            needs of it. Ints and floats, arrays for buffers, None for a null pointer.
-        own : the kernel's own parameters
-
-        Raises
-        ------
-        TypeError
-            A parameter is given nothing, or `own` holds what is none.
-        """
-        self._bind(groups, own)
-        device = self._device
-        if size != self._size:
-            local = device.group_size(len(size))
-            rounded = tuple(-(-n // m) * m for n, m in zip(size, local, strict=True))
-            self._size, self._range = size, (rounded, local)
-        global_size, local = self._range
-        first = not self._launched and device.is_first_launch(self._program, self._name)
-        self._launched = True
-        if first:
-            events = [self._launch_first(global_size, local)]
-        elif device.bands is not None:
-            events = device.bands.launch(
-                (self._program, self._name),
-                global_size,
-                local,
-                lambda offset, part: self._enqueue(part, local, offset),
-            )
-        else:
-            events = [self._enqueue(global_size, local)]
-        profile = device.profile
-        if profile.recording:
-            size_bytes = self._bound_bytes()
-            for event in events:
-                profile.record(event, self._name, Kind.KERNEL, size_bytes)
-
-    def _bind(self, groups: tuple[Mapping[str, Any], ...], own: dict[str, Any]) -> None:
-        given: dict[str, Any] = {}
-        for group in groups:
-            given.update(group)
-        given.update(own)
-        try:
-            values = [given[name] for name in self._parameters]
-        except KeyError as error:
-            raise TypeError(f"{self._described} is not given {error}") from None
-        if not own.keys() <= self._known:
-            unknown = ", ".join(own.keys() - self._known)
-            raise TypeError(f"{self._described} has no parameter '{unknown}'")
-        changed = False
-        bound = self._bound
-        for index, value in enumerate(values):
-            if value is not bound[index]:
-                self._take(index, value)
-                changed = True
-        if changed:
-            self._kernel.set_args(*self._raw)
-
-    def _take(self, index: int, value: Any) -> None:
-        self._bound[index] = value
-        if isinstance(value, cla.Array):
-            self._raw[index] = value.data
-            self._bytes[index] = value.nbytes
-        else:
-            self._raw[index] = value
-            self._bytes.pop(index, None)
-
-    def _bound_bytes(self) -> int:
-        """Bytes of the buffers that are bound, each counted once."""
-        return sum({id(self._bound[i]): size for i, size in self._bytes.items()}.values())
-
-    def _enqueue(
-        self, size: tuple[int, ...], local: tuple[int, ...], offset: tuple[int, ...] = ()
-    ) -> Any:
-        # PoCL compiles kernels with an offset anew, also one of zeros.
-        start = offset if any(offset) else None
-        try:
-            return cl.enqueue_nd_range_kernel(self._device.queue, self._kernel, size, local, start)
-        except cl.Error as error:
-            with self._device.reported(self._name):
-                raise error
-
-    def _launch_first(self, size: tuple[int, ...], local: tuple[int, ...]) -> Any:
-        """With nothing else on the queue, so that what it takes to compile is seen."""
-        device = self._device
-        device.building(self._program.partition(" ")[0])
-        device.wait()
-        start = time.perf_counter()
-        event = self._enqueue(size, local)
-        device.wait()
-        elapsed = (time.perf_counter() - start) * 1e3
-        device.profile.launched_first(self._program, event, elapsed)
-        return event
 
 
 class ComputeDevice:
@@ -209,7 +71,7 @@ class ComputeDevice:
         self.most_programs: int | None = None
         self._programs: dict[tuple[str, str], Program] = {}  # the last one used comes last
         self._launched: set[tuple[str, str]] = set()
-        self._in_flight: list[Any] = []  # events that keep host memory alive, until it is read
+        self._in_flight: deque[Any] = deque()  # events that keep host memory alive
 
     @cached_property
     def name(self) -> str:
@@ -256,7 +118,8 @@ class ComputeDevice:
                 built = build(self.context, file, options)
             found = Program(program, built, file, tuple(options))
         self._programs[key] = found
-        kernel = Kernel(self, cl.Kernel(found.built, name), program, found.signature(name))
+        built = found.built
+        kernel = Kernel(self, lambda: cl.Kernel(built, name), program, found.signature(name))
         found.kernels.add(kernel)
         self._forget_programs()
         return kernel
@@ -332,12 +195,13 @@ class ComputeDevice:
         host = np.ascontiguousarray(values, dtype=array.dtype).reshape(array.shape)
         with self.reported("a transfer"):
             event = cl.enqueue_copy(self.queue, array.data, host, is_blocking=False)
-        if len(self._in_flight) >= MOST_IN_FLIGHT:
-            done = cl.command_execution_status.COMPLETE
-            running = [e for e in self._in_flight if e.command_execution_status != done]
-            self._in_flight[:] = running
+        done = cl.command_execution_status.COMPLETE
+        while self._in_flight and self._in_flight[0].command_execution_status == done:
+            self._in_flight.popleft()
         self._in_flight.append(event)
-        self.profile.record(event, "write", Kind.TRANSFER, host.nbytes)
+        # The profile, which reads many events at once, is not to keep the values alive.
+        timed = cl.Event.from_int_ptr(event.int_ptr)
+        self.profile.record(timed, "write", Kind.TRANSFER, host.nbytes)
 
     def read(self, array: cla.Array) -> NDArray[Any]:
         """A host copy of a buffer, after all enqueued work on it."""

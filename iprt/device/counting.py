@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 import pyopencl.array as cla
 
-from iprt.device.compute import ComputeDevice, Kernel
+from iprt.device.compute import ComputeDevice
+from iprt.device.kernel import Kernel
 from iprt.device.profile import Profile
 from iprt.device.program import Define
 from iprt.files.resources import CL
@@ -116,15 +117,15 @@ class CountingKernel(Kernel):
     """A kernel of a program that counts; call it as any other."""
 
     def __init__(self, device: CountingDevice, kernel: Kernel) -> None:
-        super().__init__(device, kernel._kernel, kernel._program, kernel._signature)
+        super().__init__(device, kernel.make, kernel.program, kernel.signature)
         self._counting = device
 
     def __call__(self, size: tuple[int, ...], *groups: Mapping[str, Any], **own: Any) -> None:
         device = self._counting
-        if "work" not in self._parameters:  # beside others that count
+        if "work" not in self.parameters:  # beside others that count
             super().__call__(size, *groups, **own)
             return
         device.fill_zero(device._counters)
         super().__call__(size, *groups, **own, work=device._counters)
-        key = (device.profile.current, self._name)
+        key = (device.profile.current, self.name)
         device.work[key] = device.work.get(key, Work()) + device.counted(size)

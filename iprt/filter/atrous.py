@@ -7,12 +7,11 @@ from typing import Any
 
 import numpy as np
 import pyopencl.array as cla
-from pyopencl import cltypes
 
 from iprt.device.compute import ComputeDevice
 from iprt.device.program import Define
 from iprt.filter.signals import Signal, signal_defines, signal_planes
-from iprt.gbuffer.batch import Rect, batched, size_over
+from iprt.gbuffer.batch import Rect, batched, int4, size_over
 from iprt.gbuffer.layout import PlaneLayout
 from iprt.settings.filter import AtrousSettings
 
@@ -105,7 +104,7 @@ class Atrous:
                 **layout.arguments(),
                 **batched(
                     guide=[signal.guide.current for signal in self._signals],
-                    rect=[cltypes.make_int4(*area) for area in areas],
+                    rect=[int4(area) for area in areas],
                 ),
             }
             extra: dict[str, Any] = {}

@@ -8,7 +8,8 @@ from typing import Any
 
 import pyopencl.array as cla
 
-from iprt.device.compute import ComputeDevice, Kernel
+from iprt.device.compute import ComputeDevice
+from iprt.device.kernel import Kernel
 from iprt.filter.signals import Signal, signal_defines, signal_planes
 from iprt.gbuffer.batch import batched
 from iprt.settings.filter import TemporalSettings

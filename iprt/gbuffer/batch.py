@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Any
+
+from pyopencl import cltypes
 
 MOST = 3
 """Entries of a batch, at most: real surfaces, what glossy ones reflect, and objects."""
@@ -11,6 +14,12 @@ MOST = 3
 
 Rect = tuple[int, int, int, int]
 """Pixels x0 <= x < x1, y0 <= y < y1, as (x0, y0, x1, y1)."""
+
+
+@lru_cache(maxsize=256)
+def int4(rect: Rect) -> Any:
+    """A rectangle as kernels take it; of the same one, the same object."""
+    return cltypes.make_int4(*rect)
 
 
 def size_over(rects: Sequence[Rect], group: Sequence[int]) -> tuple[int, int]:

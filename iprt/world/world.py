@@ -6,9 +6,10 @@ from typing import Any
 
 import pyopencl.array as cla
 
+from iprt.gbuffer.batch import int4
 from iprt.geometry.camera import View
 from iprt.settings.features import Features
-from iprt.world.objects.object_layers import EMPTY, int4
+from iprt.world.objects.object_layers import EMPTY
 from iprt.world.objects.objects import Objects
 from iprt.world.real.irradiance import IrradianceCache
 from iprt.world.real.panorama import Panorama

@@ -10,7 +10,8 @@ import pyopencl as cl
 import pytest
 
 from iprt.device import program
-from iprt.device.compute import ComputeDevice, Kernel
+from iprt.device.compute import ComputeDevice
+from iprt.device.kernel import Kernel
 from iprt.device.program import BUILD_TRIES, CACHE_RACE
 from iprt.errors import KernelError
 
@@ -94,17 +95,37 @@ def test_what_has_not_changed_is_not_bound_again(
 ) -> None:
     kernel = scale(device, tmp_path)
     given = {"in": device.zeros("source", (64,)), "out": device.zeros("result", (64,))}
-    bound: list[Any] = []
-    bind = cl.Kernel.set_args
+    bound: list[int] = []
+    bind = cl.Kernel.set_arg
 
-    def watched(self: cl.Kernel, *values: Any) -> None:
-        bound.append(values[2:])
-        bind(self, *values)
+    def watched(self: cl.Kernel, index: int, value: Any) -> None:
+        bound.append(index)
+        bind(self, index, value)
 
-    monkeypatch.setattr(cl.Kernel, "set_args", watched)
-    for by in (2.0, 2.0, 3.0):
+    monkeypatch.setattr(cl.Kernel, "set_arg", watched)
+    for by in (2.0, float("2"), 3.0):
         kernel((64,), given, by=by, add=1)
-    assert bound == [(2.0, 1), (3.0, 1)]
+    assert bound == [0, 1, 2, 3, 2]
+
+
+def test_buffers_that_take_turns_are_bound_once_each_way(
+    device: ComputeDevice, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kernel = scale(device, tmp_path)
+    one, other = device.upload("one", np.ones(64, np.float32)), device.zeros("other", (64,))
+    bound: list[int] = []
+    bind = cl.Kernel.set_arg
+
+    def watched(self: cl.Kernel, index: int, value: Any) -> None:
+        bound.append(index)
+        bind(self, index, value)
+
+    monkeypatch.setattr(cl.Kernel, "set_arg", watched)
+    for turn in range(8):
+        source, result = (one, other) if turn % 2 == 0 else (other, one)
+        kernel((64,), {"in": source, "out": result}, by=2.0, add=turn // 2)
+        assert (device.read(result) == [2, 4, 9, 19, 40, 82, 167, 337][turn]).all()
+    assert bound == [0, 1, 2, 3, 0, 1, 2, 3, *[3] * 6]
 
 
 def test_names_that_are_missing_or_none_of_the_kernels(

@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from iprt.device import profile as profile_module
-from iprt.device.compute import ComputeDevice, Kernel
+from iprt.device.compute import ComputeDevice
+from iprt.device.kernel import Kernel
 from iprt.device.profile import MOST_FRAMES, MOST_PENDING, Key, Kind, PassTime, Profile
 from tests.profiles import MS, FakeEvent, frame, launch
 
@@ -140,8 +141,6 @@ class SlowKernel:
     def __init__(self, clock: HostClock) -> None:
         self.clock, self.pause = clock, 30.0
 
-    def set_scalar_arg_dtypes(self, _: object) -> None: ...
-
     def enqueue(self) -> FakeEvent:
         self.clock.wait(self.pause)
         self.pause = 0.0
@@ -160,12 +159,12 @@ def test_what_only_the_first_launch_takes_is_told_by_program(
         program = f"slow.cl -DX={id(slow)}"
         with mock.patch.object(profile, "launched_first", wraps=profile.launched_first) as told:
             for _ in range(3):
-                Kernel(device, slow, program, ())((64,))
+                Kernel(device, lambda: slow, program, ())((64,))
         assert told.call_count == 1
         assert list(profile.first_launches) == [program]
         first = profile.first_launches[program]
         assert first == pytest.approx(30.0 - 8.0)
-        Kernel(device, other, f"{program}1", ())((64,))
+        Kernel(device, lambda: other, f"{program}1", ())((64,))
         with profile.compiling(program):
             clock.wait(10.0)
         assert profile.first_launches[program] == first

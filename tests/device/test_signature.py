@@ -91,16 +91,17 @@ def test_every_variant_of_every_kernel(device: ComputeDevice) -> None:
     assert {name for _, name, _ in variants} == entry_points()
     for file, name, defines in sorted(variants):
         kernel = device.kernel(file, name, dict(defines))
-        told = [
+        made = kernel.make()
+        declared = [
             (
                 # PoCL renames what is named like a function of OpenCL.
-                kernel._kernel.get_arg_info(i, cl.kernel_arg_info.NAME).removeprefix("_cl_"),
-                kernel._kernel.get_arg_info(i, cl.kernel_arg_info.TYPE_NAME),
+                made.get_arg_info(i, cl.kernel_arg_info.NAME).removeprefix("_cl_"),
+                made.get_arg_info(i, cl.kernel_arg_info.TYPE_NAME),
             )
-            for i in range(kernel._kernel.num_args)
+            for i in range(made.num_args)
         ]
         scalars = {np.int32: "int", np.uint32: "uint", np.float32: "float", None: None}
-        read = [(one.name, scalars[one.scalar]) for one in kernel._signature]
-        assert [name for name, _ in read] == [name for name, _ in told], (file, name, defines)
-        for (_, kind), (_, of_driver) in zip(read, told, strict=True):
+        read = [(one.name, scalars[one.scalar]) for one in kernel.signature]
+        assert [name for name, _ in read] == [name for name, _ in declared], (file, name, defines)
+        for (_, kind), (_, of_driver) in zip(read, declared, strict=True):
             assert kind == of_driver or (kind is None and of_driver not in scalars.values())

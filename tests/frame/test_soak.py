@@ -22,7 +22,8 @@ import pytest
 
 from iprt.device import profile
 from iprt.device.choose import choose_device
-from iprt.device.compute import ComputeDevice, Kernel
+from iprt.device.compute import ComputeDevice
+from iprt.device.kernel import Kernel
 from iprt.film import Film
 from iprt.footage.video.stream import Ahead
 from iprt.scene.scene import Scene
@@ -147,6 +148,7 @@ def play(scene: Scene, compute: ComputeDevice, frames: int, method: tuple[str, s
             digest.update(picture.color)
             if number % EVERY == EVERY - 1:
                 until(lambda: at_rest(streams[-1]))
+                device.profile.resolve()  # events that wait to be read are many or few
                 gc.collect()
                 run.digests.append(digest.hexdigest())
                 run.used.append(in_use())

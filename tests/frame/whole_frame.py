@@ -99,11 +99,12 @@ def remembered(renderer: Renderer) -> Iterator[tuple[str, NDArray[np.float32]]]:
     """Everything that later frames build on, by name."""
     device = renderer.device
     for index, temporal in enumerate(temporals(renderer, set())):
-        layout = temporal._guide.layout
         for state in ("_now", "_before", "_fast", "_fast_before"):
-            for part, planes in enumerate(getattr(temporal, state, ())):
-                name = f"{temporal.kind} {index} {state} {part}"
-                yield name, layout.interior(device.read(planes))
+            histories = getattr(temporal, state, [])
+            for signal, history in zip(temporal._signals, histories, strict=bool(histories)):
+                for part, planes in enumerate(history):
+                    name = f"{signal.name} {index} {state} {part}"
+                    yield name, signal.guide.layout.interior(device.read(planes))
     if renderer.real_world.irradiance is not None:
         yield "irradiance mean", device.read(renderer.real_world.irradiance.mean)
         yield "irradiance", device.read(renderer.real_world.irradiance.irradiance)

@@ -9,15 +9,17 @@ import numpy as np
 import pyopencl as cl
 from numpy.typing import NDArray
 
-from iprt.device.compute import ComputeDevice, Kernel
+from iprt.device.compute import ComputeDevice
 from iprt.device.counting import CountingDevice, CountingKernel
+from iprt.device.kernel import Kernel
 from iprt.device.signature import signature
 from iprt.files.resources import CL
 from iprt.footage.frame import Frame
+from iprt.gbuffer.batch import int4
 from iprt.geometry.camera import View
 from iprt.raster.layers import Layer, ObjectLayers
 from iprt.settings.trace import TraceSettings
-from iprt.world.objects.object_layers import EMPTY, TracedLayers, int4
+from iprt.world.objects.object_layers import EMPTY, TracedLayers
 from iprt.world.real.panorama import Panorama
 from tests.oracles.worlds import Solid
 
@@ -55,7 +57,7 @@ def build(device: ComputeDevice, source: str, name: str, *options: str) -> Kerne
     declared = signature(
         source, name, {word: (*text, "1")[0] for word, *text in defines}, CL / "lib"
     )
-    kernel = Kernel(device, cl.Kernel(built, name), name, declared)
+    kernel = Kernel(device, lambda: cl.Kernel(built, name), name, declared)
     return CountingKernel(device, kernel) if isinstance(device, CountingDevice) else kernel
 
 

@@ -11,7 +11,8 @@ import pyopencl as cl
 import pyopencl.array as cla
 from numpy.typing import NDArray
 
-from iprt.device.compute import ComputeDevice, Kernel
+from iprt.device.compute import ComputeDevice
+from iprt.device.kernel import Kernel
 from iprt.device.signature import signature
 from iprt.files.resources import CL
 
@@ -31,9 +32,10 @@ def _kind(values: NDArray[Any]) -> str:
 @lru_cache
 def _kernel(device: ComputeDevice, source: str, defines: tuple[str, ...]) -> Kernel:
     options = ["-cl-std=CL1.2", "-I", str(CL / "lib"), *(f"-D{define}" for define in defines)]
-    kernel = cl.Kernel(cl.Program(device.context, source).build(options), "run")
+    built = cl.Program(device.context, source).build(options)
     texts = dict((*define.split("="), "1")[:2] for define in defines)
-    return Kernel(device, kernel, "run", signature(source, "run", texts, CL / "lib"))
+    declared = signature(source, "run", texts, CL / "lib")
+    return Kernel(device, lambda: cl.Kernel(built, "run"), "run", declared)
 
 
 def evaluate(

@@ -182,7 +182,7 @@ class Fails:
         launch = module.Kernel.__call__
 
         def failing(kernel: module.Kernel, *args: Any, **named: Any) -> None:
-            if self.times and kernel._name == "composite":
+            if self.times and kernel.name == "composite":
                 self.times -= 1
                 raise self.error
             launch(kernel, *args, **named)

@@ -39,10 +39,10 @@ class Meanwhile:
         launch = module.Kernel.__call__
 
         def noting(kernel: module.Kernel, *args: object, **named: object) -> None:
-            if kernel._name == "composite" and self.do:
+            if kernel.name == "composite" and self.do:
                 self.do.pop(0)()
             launch(kernel, *args, **named)  # type: ignore[arg-type]
-            self.finished += kernel._name == "composite"
+            self.finished += kernel.name == "composite"
 
         monkeypatch.setattr(module.Kernel, "__call__", noting)
 

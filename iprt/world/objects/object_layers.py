@@ -5,18 +5,17 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import pyopencl as cl
 import pyopencl.array as cla
 from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
+from iprt.gbuffer.batch import Rect
 from iprt.gbuffer.guide import plane_defines
 from iprt.gbuffer.layout import PlaneLayout
 from iprt.geometry.camera import View
 from iprt.raster.layers import ObjectLayers
 from iprt.world.real.pyramid import Pyramid, PyramidShape, equirect_edges
 
-Rect = tuple[int, int, int, int]
 EMPTY: Rect = (0, 0, 0, 0)
 
 
@@ -151,7 +150,3 @@ def covered_rect(image: NDArray[np.float32]) -> Rect:
     if rows.size == 0:
         return EMPTY
     return int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1
-
-
-def int4(rect: Rect) -> Any:
-    return cl.cltypes.make_int4(*rect)

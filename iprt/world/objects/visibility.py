@@ -11,13 +11,14 @@ import pyopencl.array as cla
 from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
+from iprt.gbuffer.batch import int4
 from iprt.gbuffer.guide import plane_defines
 from iprt.geometry.camera import View
 from iprt.geometry.mesh import Instance, motion_between
 from iprt.raster.layers import COVERAGE_TOLERANCE, SAMPLES
 from iprt.raster.region import Rect, box_corners, box_rects, merge
 from iprt.world.objects.object_bvh import ObjectBvh
-from iprt.world.objects.object_layers import EMPTY, VisibleLayer, int4
+from iprt.world.objects.object_layers import EMPTY, VisibleLayer
 from iprt.world.real.panorama import Panorama
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from iprt.device.compute import Kernel
+from iprt.device.kernel import Kernel
 from iprt.errors import DeviceLostError
 from iprt.viewer import core as core_module
 from tests.scene.files import CUBE
@@ -227,7 +227,7 @@ def test_a_device_that_is_lost(user: User, monkeypatch: pytest.MonkeyPatch) -> N
     launch = Kernel.__call__
 
     def failing(kernel: Kernel, *args: Any, **named: Any) -> None:
-        if lost[0] and kernel._name == "composite":
+        if lost[0] and kernel.name == "composite":
             raise DeviceLostError("the device gave up")
         launch(kernel, *args, **named)
 
