@@ -20,7 +20,7 @@ import pyopencl.array as cla
 from numpy.typing import DTypeLike, NDArray
 
 from iprt.device.compute import ComputeDevice
-from iprt.device.kernel import Kernel
+from iprt.device.kernel import Kernel, KernelWrapper
 from iprt.device.plan import PlanDevice
 from iprt.device.program import Define
 from iprt.errors import DefectError
@@ -70,15 +70,16 @@ class CheckedDevice(ComputeDevice):
 
     def __init__(self, device: ComputeDevice) -> None:
         vars(self).update(vars(device))
+        self._inside = device
 
     def kernel(self, file: str, name: str, defines: Mapping[str, Define] | None = None) -> Kernel:
-        return CheckedKernel(self, super().kernel(file, name, defines), file)
+        return CheckedKernel(self, self._inside.kernel(file, name, defines), file)
 
     def empty(
         self, name: str, shape: tuple[int, ...], dtype: DTypeLike = np.float32
     ) -> GuardedArray:
         size = int(np.prod(shape)) * np.dtype(dtype).itemsize
-        whole = super().empty(name, (_guarded_bytes(size),), np.uint8)
+        whole = self._inside.empty(name, (_guarded_bytes(size),), np.uint8)
         cl.enqueue_fill_buffer(self.queue, whole.data, np.uint16(POISON), 0, whole.nbytes)
         inside = whole.data.get_sub_region(GUARD_BYTES, whole.nbytes - 2 * GUARD_BYTES)
         array = GuardedArray(self.queue, shape, dtype, data=inside)
@@ -105,11 +106,11 @@ class CheckedDevice(ComputeDevice):
             raise DefectError(f"pass '{self.profile.current}': {writer} {found} ({self.name})")
 
 
-class CheckedKernel(Kernel):
-    """A kernel whose launches are checked; call it as any other."""
+class CheckedKernel(KernelWrapper):
+    """A kernel whose launches are checked."""
 
     def __init__(self, device: CheckedDevice, kernel: Kernel, file: str) -> None:
-        super().__init__(device, kernel.make, kernel.program, kernel.signature)
+        super().__init__(kernel)
         self._checks = device
         self._writer = f"kernel '{self.name}' of cl/{file}"
         made = self.make()

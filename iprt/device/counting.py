@@ -13,9 +13,10 @@ from typing import Any
 
 import numpy as np
 import pyopencl.array as cla
+from numpy.typing import DTypeLike
 
 from iprt.device.compute import ComputeDevice
-from iprt.device.kernel import Kernel
+from iprt.device.kernel import Kernel, KernelWrapper
 from iprt.device.profile import Profile
 from iprt.device.program import Define
 from iprt.files.resources import CL
@@ -90,15 +91,20 @@ class CountingDevice(ComputeDevice):
 
     def __init__(self, device: ComputeDevice) -> None:
         vars(self).update(vars(device))
+        self._inside = device
         self.profile = Profile()
         self.work: dict[tuple[str, str], Work] = {}
         self._counters = cla.zeros(self.queue, COUNTERS, np.uint32)
 
     def kernel(self, file: str, name: str, defines: Mapping[str, Define] | None = None) -> Kernel:
-        if "WORK_PARAMETER" not in (CL / file).read_text():
-            return super().kernel(file, name, defines)
-        counting = super().kernel(file, name, {**(defines or {}), "COUNT_WORK": True})
-        return CountingKernel(self, counting)
+        if "WORK_PARAMETER" in (CL / file).read_text():
+            defines = {**(defines or {}), "COUNT_WORK": True}
+        kernel = self._inside.kernel(file, name, defines)
+        kernel.run_on(self)  # whose profile is another
+        return CountingKernel(self, kernel)
+
+    def empty(self, name: str, shape: tuple[int, ...], dtype: DTypeLike = np.float32) -> cla.Array:
+        return self._inside.empty(name, shape, dtype)
 
     def counted(self, size: tuple[int, ...]) -> Work:
         """What the launch over `size` that was enqueued last has counted."""
@@ -113,11 +119,11 @@ class CountingDevice(ComputeDevice):
         return Work(items, active, groups, filled, real, objects)
 
 
-class CountingKernel(Kernel):
-    """A kernel of a program that counts; call it as any other."""
+class CountingKernel(KernelWrapper):
+    """A kernel whose work is counted, if it counts."""
 
     def __init__(self, device: CountingDevice, kernel: Kernel) -> None:
-        super().__init__(device, kernel.make, kernel.program, kernel.signature)
+        super().__init__(kernel)
         self._counting = device
 
     def __call__(self, size: tuple[int, ...], *groups: Mapping[str, Any], **own: Any) -> None:

@@ -144,6 +144,10 @@ class Kernel:
             for event in events:
                 profile.record(event, self.name, Kind.KERNEL, size_bytes)
 
+    def run_on(self, device: ComputeDevice) -> None:
+        """Belong to a device that shares queue and programs with the one that it is of."""
+        self.device = device
+
     @property
     def buffers(self) -> Mapping[str, Any]:
         """What the last launch was given but for its scalars, by parameter."""
@@ -211,3 +215,22 @@ class Kernel:
         elapsed = (time.perf_counter() - start) * 1e3
         device.profile.launched_first(self.program, event, elapsed)
         return event
+
+
+class KernelWrapper(Kernel):
+    """A kernel that does more when it is called; all else is that of the kernel inside.
+
+    Wrappers may be put around each other.
+    """
+
+    def __init__(self, inside: Kernel) -> None:
+        self._inside = inside
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._inside, name)
+
+    def run_on(self, device: ComputeDevice) -> None:
+        self._inside.run_on(device)
+
+    def __call__(self, size: tuple[int, ...], *groups: Mapping[str, Any], **own: Any) -> None:
+        self._inside(size, *groups, **own)

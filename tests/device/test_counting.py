@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import tempfile
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from iprt.device.checked import CheckedDevice
 from iprt.device.compute import ComputeDevice
 from iprt.device.counting import CountingDevice, Rays, Work
+from iprt.errors import DefectError
 from iprt.geometry.material import Material
 from iprt.geometry.mesh import Instance, Mesh
 from iprt.raster.layers import SAMPLES as COVERAGE_SAMPLES
@@ -151,3 +156,38 @@ def test_every_kernel_that_counts_leaves_the_picture_as_it_is(
     counting, film = CountingDevice(device), films(gbuffer="cl")[name]
     np.testing.assert_array_equal(play(counting, film).color, play(device, film).color)
     assert bool(counting.work) == (name != "nothing")
+
+
+@pytest.mark.gl
+@pytest.mark.slow
+def test_counting_and_checking_go_together(device: ComputeDevice) -> None:
+    """Whichever is put around the other."""
+    film = films(gbuffer="cl")["triangles"]
+    alone, inside = CountingDevice(device), CountingDevice(device)
+    around = CountingDevice(CheckedDevice(device))
+    picture = play(alone, film).color
+    for counting, used in ((inside, CheckedDevice(inside)), (around, around)):
+        assert np.array_equal(play(used, film).color, picture)
+        assert counting.work == alone.work
+        assert counting.profile.totals()
+    with pytest.raises(DefectError, match="kernel 'overrun' of"):
+        overrun(CountingDevice(CheckedDevice(device)))
+
+
+OVERRUN = """
+#include "maths/work.h"
+__kernel void overrun(__global float *out WORK_PARAMETER)
+{
+    COUNT_ITEM;
+    if (get_global_id(0) == 0)
+        out[64] = 1.0f;
+}
+"""
+
+
+def overrun(device: ComputeDevice) -> None:
+    """Write beside a buffer."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "overrun.cl"
+        file.write_text(OVERRUN)
+        device.kernel(str(file), "overrun")((64,), out=device.zeros("out", (64,)))
