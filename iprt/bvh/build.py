@@ -10,12 +10,15 @@ from numpy.typing import NDArray
 
 from iprt.bvh.tree import Tree, build_tree, fit
 from iprt.bvh.wide import widen
+from iprt.files.kernel_source import constant
 from iprt.geometry.mesh import Mesh
 
 Floats = NDArray[np.float32]
 
 PACKET = 4
 """Triangles that are tested at once; a leaf is a packet."""
+PACKET_ROWS = constant("lib/world/objects/bvh.h", "BVH_PACKET_ROWS")
+"""float4 per packet: each coordinate of its corners."""
 MESH_DEPTH = 22
 """Levels of a mesh's tree at most."""
 MAX_TRIANGLES = PACKET << MESH_DEPTH
@@ -112,9 +115,9 @@ def _fitted(
     low, high = np.empty_like(corners[:, 0]), np.empty_like(corners[:, 0])
     low[tree.order], high[tree.order] = corners.min(axis=1), corners.max(axis=1)
     padding = _PADDING * float(np.abs(corners).max())
-    hittable = np.full((len(slots), 9), np.nan, np.float32)
-    hittable[filled] = np.where(_has_area(corners), corners.reshape(-1, 9), np.nan)
+    hittable = np.full((len(slots), PACKET_ROWS), np.nan, np.float32)
+    hittable[filled] = np.where(_has_area(corners), corners.reshape(-1, PACKET_ROWS), np.nan)
     # (packet, place, corner and axis) to (packet, corner and axis, place).
-    packets = hittable.reshape(-1, PACKET, 9).transpose(0, 2, 1)
+    packets = hittable.reshape(-1, PACKET, PACKET_ROWS).transpose(0, 2, 1)
     nodes = widen(tree, *fit(tree, low - np.float32(padding), high + np.float32(padding)))
     return nodes, np.ascontiguousarray(packets)

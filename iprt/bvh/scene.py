@@ -8,7 +8,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.bvh.build import MAX_TRIANGLES, MESH_DEPTH, MeshBvh, build_mesh, drawable, packet_count
+from iprt.bvh.build import (
+    MAX_TRIANGLES,
+    MESH_DEPTH,
+    PACKET_ROWS,
+    MeshBvh,
+    build_mesh,
+    drawable,
+    packet_count,
+)
 from iprt.bvh.cache import cached_tree
 from iprt.bvh.tree import build_tree, fit
 from iprt.bvh.wide import (
@@ -20,6 +28,7 @@ from iprt.bvh.wide import (
     widen,
 )
 from iprt.errors import SceneError
+from iprt.files.kernel_source import constant
 from iprt.files.untrusted import MAX_OBJECTS
 from iprt.geometry.mesh import Instance, Mesh, cofactors, transformed
 
@@ -28,7 +37,7 @@ Float = NDArray[np.float64]
 
 SCENE_DEPTH = (MAX_OBJECTS - 1).bit_length()
 """Levels of the tree over instances at most."""
-INSTANCE_ROWS = 7
+INSTANCE_ROWS = constant("lib/world/objects/bvh.h", "BVH_INSTANCE_ROWS")
 STACK = STACK_PER_LEVEL * (-(-MESH_DEPTH // 2) + -(-SCENE_DEPTH // 2))
 """Places on a ray's stack, `-D BVH_STACK`: what both trees together may need."""
 _SPREAD = 4.0
@@ -238,7 +247,7 @@ def _assemble(
     """Join the trees; `numbers` are those of the `present` instances."""
     first_node, first_packet, first_vertex = wide_count(max(len(present), 1)), 0, 0
     upper = np.zeros((first_node, NODE_ROWS, 4), np.float32)
-    nodes, packets = [upper], [np.zeros((0, 9, 4), np.float32)]
+    nodes, packets = [upper], [np.zeros((0, PACKET_ROWS, 4), np.float32)]
     triangles, normals = [np.zeros((0, 4), np.int32)], [np.zeros((0, 4), np.float32)]
     uvs, slots = [np.zeros((0, 2), np.float32)], [np.zeros(0, np.int32)]
     roots = []

@@ -6,10 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.bvh.tree import Tree
+from iprt.files.kernel_source import constant
 
 Floats = NDArray[np.float32]
 
-NODE_ROWS = 7
+NODE_ROWS = constant("lib/world/objects/bvh.h", "BVH_NODE_ROWS")
 STACK_PER_LEVEL = 3
 
 

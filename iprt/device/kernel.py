@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager
 from operator import is_, itemgetter
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import pyopencl as cl
 import pyopencl.array as cla
 
-from iprt.device.profile import Kind
+from iprt.device.bands import Bands
+from iprt.device.profile import Kind, Profile
 from iprt.device.signature import Parameter
-
-if TYPE_CHECKING:
-    from iprt.device.compute import ComputeDevice
 
 MOST_BOUND = 2
 """OpenCL kernels of a call site: passes that read one of two histories and write the other bind
@@ -22,6 +21,23 @@ each way once."""
 
 _Range = tuple[tuple[int, ...], tuple[int, ...]]
 _UNBOUND = object()
+
+
+class Queue(Protocol):
+    """What a kernel needs of its device: see `iprt.device.compute.ComputeDevice`."""
+
+    queue: Any
+    profile: Profile
+    bands: Bands | None
+    building: Callable[[str], None]
+
+    def group_size(self, dimensions: int) -> tuple[int, ...]: ...
+
+    def is_first_launch(self, program: str, kernel: str) -> bool: ...
+
+    def reported(self, what: str) -> AbstractContextManager[None]: ...
+
+    def wait(self) -> None: ...
 
 
 class _Bound:
@@ -67,7 +83,7 @@ class Kernel:
 
     Parameters
     ----------
-    device : ComputeDevice
+    device : Queue
     make : callable
         A new `pyopencl.Kernel`, of which nobody else sets arguments.
     program : str
@@ -78,7 +94,7 @@ class Kernel:
 
     def __init__(
         self,
-        device: ComputeDevice,
+        device: Queue,
         make: Callable[[], Any],
         program: str,
         parameters: Sequence[Parameter],
@@ -144,7 +160,7 @@ class Kernel:
             for event in events:
                 profile.record(event, self.name, Kind.KERNEL, size_bytes)
 
-    def run_on(self, device: ComputeDevice) -> None:
+    def run_on(self, device: Queue) -> None:
         """Belong to a device that shares queue and programs with the one that it is of."""
         self.device = device
 
@@ -229,7 +245,7 @@ class KernelWrapper(Kernel):
     def __getattr__(self, name: str) -> Any:
         return getattr(self._inside, name)
 
-    def run_on(self, device: ComputeDevice) -> None:
+    def run_on(self, device: Queue) -> None:
         self._inside.run_on(device)
 
     def __call__(self, size: tuple[int, ...], *groups: Mapping[str, Any], **own: Any) -> None:

@@ -11,7 +11,7 @@ import pyopencl.array as cla
 
 from iprt.device.compute import ComputeDevice
 from iprt.device.program import Define
-from iprt.device.signature import constant
+from iprt.files.kernel_source import constant
 from iprt.gbuffer.batch import batched
 from iprt.gbuffer.layout import PAD, PlaneLayout
 

@@ -9,6 +9,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from iprt.files.kernel_source import constant
 from iprt.geometry.coat import internal_reflectance, rough_transmittance
 
 MaterialKind = Literal["diffuse", "conductor", "plastic"]
@@ -16,10 +17,11 @@ MIRROR_ALPHA = 1e-4
 """GGX roughness below which a surface is a perfect mirror."""
 MIN_ALPHA = 1e-3
 """Least GGX roughness of what is not: below it, single precision cannot resolve the lobe."""
-MATERIAL_ROWS = 9
+_BRDF = "lib/world/brdf.h"
+MATERIAL_ROWS = constant(_BRDF, "MATERIAL_ROWS")
 """float4 rows per material in the table; `cl/lib/world/brdf.h` documents them."""
-_NODES = 4 * (MATERIAL_ROWS - 1)
-_KINDS: tuple[MaterialKind, ...] = get_args(MaterialKind)
+_NODES = constant(_BRDF, "MATERIAL_NODES")
+_KINDS = {kind: constant(_BRDF, f"KIND_{kind.upper()}") for kind in get_args(MaterialKind)}
 
 DIFFUSE_KINDS = ("MATERIAL_DIFFUSE", "MATERIAL_PLASTIC")
 SPECULAR_KINDS = ("MATERIAL_CONDUCTOR", "MATERIAL_MIRROR", "MATERIAL_PLASTIC")
@@ -69,7 +71,7 @@ def material_table(materials: Sequence[Material]) -> NDArray[np.float32]:
     cosine = np.linspace(0, 1, _NODES) ** 2
     for row, material in zip(rows, materials, strict=True):
         alpha = 0.0 if material.alpha < MIRROR_ALPHA else max(material.alpha, MIN_ALPHA)
-        row[0, :3] = _KINDS.index(material.kind), alpha, material.ior
+        row[0, :3] = _KINDS[material.kind], alpha, material.ior
         if material.kind == "plastic":
             escaping = 1 - internal_reflectance(alpha, material.ior)
             row[0, 3] = 1 / (material.ior**2 * escaping)

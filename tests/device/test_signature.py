@@ -10,8 +10,9 @@ import pytest
 
 from iprt.device.compute import ComputeDevice
 from iprt.device.plan import PlanDevice
-from iprt.device.signature import Parameter, constant, signature
+from iprt.device.signature import Parameter, signature
 from iprt.errors import KernelError
+from iprt.files.kernel_source import constant
 from iprt.footage.footage import Footage
 from iprt.renderer import Renderer
 from tests.films import entry_points, films

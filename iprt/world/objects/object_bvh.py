@@ -9,6 +9,7 @@ import numpy as np
 import pyopencl.array as cla
 from numpy.typing import DTypeLike, NDArray
 
+from iprt.bvh.build import PACKET_ROWS
 from iprt.bvh.scene import INSTANCE_ROWS, SceneBuilder, scene_sizes, shapes_of
 from iprt.bvh.wide import NODE_ROWS
 from iprt.device.compute import ComputeDevice
@@ -52,7 +53,7 @@ class ObjectBvh:
         self._count = sizes.instances
         self._buffers: dict[str, cla.Array] = {}
         self._make("nodes", (rows["nodes"], NODE_ROWS, 4))
-        self._make("packets", (rows["packets"], 9, 4))
+        self._make("packets", (rows["packets"], PACKET_ROWS, 4))
         self._make("instances", (rows["instances"], INSTANCE_ROWS, 4))
         self._make("triangles", (4 * rows["packets"], 4), np.int32)
         self._make("normals", (rows["vertices"], 4))
