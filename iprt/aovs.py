@@ -18,7 +18,7 @@ from iprt.world.real.real_world import RealWorld
 
 
 class RenderedView(Protocol):
-    """What auxiliary pictures are read from: a `Renderer` after a frame, see there."""
+    """Source of auxiliary pictures: a `Renderer` after a frame, see there."""
 
     device: ComputeDevice
     layout: PlaneLayout

@@ -50,7 +50,7 @@ VERBS = {
 """Words after `iprt` -> the function that does it. It returns the exit code, or None for 0."""
 
 GROUPS = {"scene": "Look at, check and write scenes."}
-"""What the first words of two-word verbs are about."""
+"""Subject of the first word of each two-word verb."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -134,7 +134,7 @@ def _verb(words: list[str]) -> int | None:
 
 
 def versions() -> str:
-    """What a report of a defect has to name, in one line."""
+    """Versions and platform for a report of a defect, in one line."""
     import platform
     from importlib.metadata import PackageNotFoundError, version
 

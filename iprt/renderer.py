@@ -55,7 +55,7 @@ class RenderedFrame:
 
 @dataclass(frozen=True)
 class _Seen:
-    """What the last view frame showed: versions of the worlds, and the camera.
+    """State of the last view frame: versions of the worlds, and the camera.
 
     Attributes
     ----------
@@ -220,7 +220,7 @@ class Renderer:
         self.device.profile.end_frame()
 
     def _look(self) -> _Seen:
-        """What this frame shows."""
+        """State of the worlds and of the camera in this frame."""
         view = view_from(self.view, self.real_world.frame.pose)
         before, objects = self._seen, 0 if self._objects is None else self._objects.version
         return _Seen(

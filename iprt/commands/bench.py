@@ -15,7 +15,7 @@ from iprt.errors import IprtError
 MAX_FRAMES = 100_000
 MAX_SEEDS = 100
 FRAMES, SEEDS, LEVELS = 30, 3, "0.8,0.85,0.9,0.95"
-"""What --frames, --seeds and --reach are when they are not given."""
+"""Defaults of --frames, --seeds and --reach."""
 
 
 def bench(

@@ -34,7 +34,7 @@ MANY = 10
 
 @dataclass(frozen=True)
 class Plan:
-    """What is measured, and on what."""
+    """Subject and device of a measurement."""
 
     scene: Scene
     targets: tuple[Target, ...]

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class VideoFlags:
-    """What is asked of a video besides; a still picture takes none of it."""
+    """Options of videos, which still pictures do not take."""
 
     play: Annotated[FrameSpan, plain_default()] = None
     """First and last frame of the video to play. Default: all."""

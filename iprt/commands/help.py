@@ -46,5 +46,5 @@ def unwrapped(text: str) -> str:
 
 
 def _default(value: str) -> str:
-    """What stands behind the explanation; texts say themselves what no value means."""
+    """Default value that follows an explanation; texts say themselves what no value means."""
     return "" if value in ("", "None", "False", "True") else f"(default: {value})"

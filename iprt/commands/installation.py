@@ -1,4 +1,4 @@
-"""What this machine offers iprt, what is missing, and the commands that install it."""
+"""Drivers and packages on this machine, and the commands that install missing ones."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What `iprt render` has been asked for."""
+"""The job of `iprt render`."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class Job:
     profiled: bool
 
     def film(self, compute: ComputeDevice) -> Film:
-        """What renders it."""
+        """The film that renders it."""
         compute.profile.every_s = 0.0 if self.profiled else SAMPLED_S
         return Film(
             self.scene,

@@ -47,7 +47,7 @@ def probe(name: str, timeout_s: float = TIMEOUT_S) -> Record:
 
 
 def read_record(status: int, stdout: str, stderr: str) -> Record:
-    """What a child said: the JSON object in the last line of `stdout`, if it ended well."""
+    """Answer of a child process: the JSON object in the last line of `stdout`, if it ended well."""
     if status < 0:
         return {"error": f"the process was ended by {signal.Signals(-status).name}"}
     try:

@@ -167,7 +167,7 @@ def render(
 
 
 def _check_files(output: Path, profile: Path | None, aovs: Sequence[str], *, video: bool) -> None:
-    """What can be said of the outputs before the scene is read."""
+    """Checks of the outputs before the scene is read."""
     from iprt.aovs import AOVS
     from iprt.files.atomic import require_writable
     from iprt.output.picture import check_output

@@ -1,4 +1,4 @@
-"""What `iprt scene info` and `iprt scene check` say about a scene, as lines of text."""
+"""Reports of `iprt scene info` and `iprt scene check`, as lines of text."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def first_look(folder: Path) -> list[str]:
-    """What the first frame of a new scene shows, for its maker to compare with the real place."""
+    """Facts about the first frame of a new scene, for its maker to compare with the real place."""
     from iprt.footage.surroundings import Surroundings
     from iprt.scene.report import unlikely
     from iprt.scene.scene import Scene
@@ -55,7 +55,7 @@ def memory_lines(
 
 
 def render_plan(scene: Scene, frame: Frame) -> dict[str, dict[str, object]]:
-    """What the renderer builds for each view of a scene and the memory that takes, by name."""
+    """Passes and memory of each view of a scene, by name."""
     from iprt.film import film_plan
 
     plan: dict[str, dict[str, object]] = {}

@@ -49,7 +49,7 @@ class SettingFlags:
         return resolved(self.quality, self.assignments(still=still, **short))
 
     def assignments(self, *, still: bool = False, **short: object) -> list[Assignment]:
-        """What file and flags set, in the order in which it counts; see `resolved`."""
+        """Settings of file and flags, later ones override; see `resolved`."""
         from iprt.settings.overrides import Assignment, parse_assignment, read_settings
 
         file = [] if self.settings is None else read_settings(self.settings)
@@ -65,7 +65,7 @@ class SettingFlags:
 
 
 def fixed_when_still(given: Sequence[Assignment]) -> list[Assignment]:
-    """What pictures in which nothing moves set, whatever a settings file says.
+    """Settings of pictures in which nothing moves, whatever a settings file says.
 
     Raises
     ------

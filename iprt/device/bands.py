@@ -98,6 +98,6 @@ class Bands:
 
 
 def seconds(event: Any) -> float:
-    """That the device spent on a launch, which is done."""
+    """Seconds that the device spent on a launch, which is done."""
     told = event.get_profiling_info
     return float(told(profiling_info.END) - told(profiling_info.START)) * 1e-9

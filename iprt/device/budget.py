@@ -21,12 +21,12 @@ WORTH_NAMING = 0.1
 
 
 def remedy(buffer: str) -> str:
-    """What makes the buffer of that name smaller."""
+    """The remedy that makes the buffer of that name smaller."""
     return next((what for start, what in REMEDIES.items() if buffer.startswith(start)), PICTURE)
 
 
 def what_to_lower(buffers: Mapping[str, int]) -> str:
-    """What takes most of the memory, and how to make it smaller, in words."""
+    """The largest parts of the memory, and how to make them smaller, in words."""
     shares: dict[str, int] = {}
     for name, size in buffers.items():
         shares[remedy(name)] = shares.get(remedy(name), 0) + size

@@ -23,7 +23,7 @@ ORDER = "GPU, Intel's CPU runtime, PoCL, others"
 
 @dataclass(frozen=True)
 class DeviceInfo:
-    """What a choice needs to know of a device.
+    """Properties of a device by which it is chosen.
 
     Attributes
     ----------

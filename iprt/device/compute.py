@@ -22,7 +22,7 @@ from iprt.device.recovery import reported, wait
 from iprt.errors import DeviceError, DeviceHangError
 
 _HUNG: list[Any] = []
-"""What devices that hang may still read, until the program ends."""
+"""Host memory that devices which hang may still read, until the program ends."""
 
 
 class ComputeDevice:

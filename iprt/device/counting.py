@@ -49,7 +49,7 @@ class Rays:
 
 @dataclass(frozen=True)
 class Work:
-    """What launches of a kernel had to do.
+    """Work of a kernel's launches.
 
     Attributes
     ----------
@@ -107,7 +107,7 @@ class CountingDevice(ComputeDevice):
         return self._inside.empty(name, shape, dtype)
 
     def counted(self, size: tuple[int, ...]) -> Work:
-        """What the launch over `size` that was enqueued last has counted."""
+        """Work of the launch over `size` that was enqueued last."""
         active, *rays = map(int, self.read(self._counters))
         real, objects = (
             Rays(count, low + (high << 32), most) for count, low, high, most in (rays[:4], rays[4:])

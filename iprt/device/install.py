@@ -24,7 +24,7 @@ def pip_command(*features: str) -> str:
 
 
 def requirements(extra: str) -> list[str]:
-    """What an extra of iprt asks for, as pip takes it."""
+    """Requirements of an extra of iprt, as pip takes them."""
     found = (text.partition(";") for text in metadata.requires("iprt") or ())
     return [name.strip() for name, _, when in found if f"{extra}'" in when.replace('"', "'")]
 

@@ -24,7 +24,7 @@ _UNBOUND = object()
 
 
 class Queue(Protocol):
-    """What a kernel needs of its device: see `iprt.device.compute.ComputeDevice`."""
+    """The part of `iprt.device.compute.ComputeDevice` that a kernel uses."""
 
     queue: Any
     profile: Profile
@@ -72,7 +72,7 @@ class _Bound:
 
 
 def _getter(names: Sequence[str]) -> Callable[[Mapping[str, Any]], tuple[Any, ...]]:
-    """What takes the values of these keys."""
+    """A function that takes the values of these keys."""
     if len(names) > 1:
         return itemgetter(*names)
     return lambda given: tuple(given[name] for name in names)
@@ -166,7 +166,7 @@ class Kernel:
 
     @property
     def buffers(self) -> Mapping[str, Any]:
-        """What the last launch was given but for its scalars, by parameter."""
+        """Buffers and vectors of the last launch, by parameter."""
         return dict(zip(self._buffers, self._bound[-1].buffers, strict=True))
 
     def _bind(self, groups: tuple[Mapping[str, Any], ...], own: dict[str, Any]) -> None:

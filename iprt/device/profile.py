@@ -26,18 +26,18 @@ MOST_PENDING = 1024
 
 
 class Kind(StrEnum):
-    """What takes the time."""
+    """Kinds of costs."""
 
     KERNEL = "kernel"
     TRANSFER = "transfer"
     HOST = "host"
     """Work of the host that a pass consists of, such as rasterization."""
     ENQUEUE = "enqueue"
-    """What the host spends on a pass of the device, which meanwhile may run."""
+    """Host time spent on a pass of the device, which meanwhile may run."""
 
 
 class Key(NamedTuple):
-    """What a cost is of: a kernel, a kind of transfer or a host section of a pass."""
+    """Source of a cost: a kernel, a kind of transfer or a host section of a pass."""
 
     pass_name: str
     name: str
@@ -46,7 +46,7 @@ class Key(NamedTuple):
 
 @dataclass(slots=True)
 class Cost:
-    """What it took in a frame.
+    """Cost in a frame.
 
     Attributes
     ----------
@@ -237,7 +237,7 @@ class Profile:
         self.waits += 1
 
     def end_frame(self) -> None:
-        """What is recorded from now on belongs to the next frame."""
+        """End the frame: later records belong to the next one."""
         if self.recording:
             self.frames += 1
         now = time.perf_counter()
@@ -332,7 +332,7 @@ class Profile:
 
 
 class _Section:
-    """What is recorded inside belongs to a pass. Generators would take twice the time."""
+    """Context of a pass, to which recorded costs belong. A generator would take twice the time."""
 
     __slots__ = ("_name", "_profile", "_start")
 

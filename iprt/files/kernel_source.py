@@ -36,7 +36,7 @@ class _Macro:
 
 @dataclass
 class KernelSource:
-    """What is left of a file after preprocessing, and the macros that are defined there.
+    """A file after preprocessing, and the macros that are defined there.
 
     Attributes
     ----------

@@ -21,7 +21,7 @@ from iprt.settings.model import Settings
 
 @dataclass(frozen=True)
 class Samples:
-    """What a frame knows of a signal.
+    """Samples of a signal in a frame.
 
     Attributes
     ----------

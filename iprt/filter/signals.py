@@ -1,4 +1,4 @@
-"""What is filtered: signals, of one layer's pixels each."""
+"""Signals to be filtered, of one layer's pixels each."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from iprt.device.program import Define
 from iprt.gbuffer.guide import Guide
 
 Kind = Literal["ratio", "delta", "diffuse", "specular"]
-"""What a signal is. For real surfaces, by estimator: E_R rgb and E_RV rgb; or blocked / E_R rgb and
+"""Kind of a signal. For real surfaces, by estimator: E_R rgb and E_RV rgb; or blocked / E_R rgb and
 bounce / E_R rgb. For objects: irradiance or radiance."""
 
 

@@ -85,8 +85,10 @@ class Pairs:
         return matrix
 
     def left(self, matrix: Values) -> tuple[float, float]:
-        """What a map leaves of the change between the pictures, relative to brightness, at most in
-        most regions; and the standard error of that, by how pairs within regions differ.
+        """Residual of a map, and its standard error by how pairs within regions differ.
+
+        The residual is the change between the pictures, relative to brightness, that the map leaves
+        in most regions.
 
         The mean over a region has little noise, but all of a change of light.
         """

@@ -33,7 +33,7 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class Holes:
-    """What each texel without depth is; all (H, W) bool and disjoint."""
+    """Kinds of texels without depth; all (H, W) bool and disjoint."""
 
     open_sky: Mask
     opening: Mask

@@ -77,7 +77,7 @@ class Guide:
 
 @dataclass(frozen=True)
 class Layer:
-    """What a guide is made of.
+    """Source planes of a guide.
 
     Attributes
     ----------

@@ -75,7 +75,7 @@ def timed(
 
 
 def count_work(device: ComputeDevice, reel: Reel, progress: Progress | None = None) -> Counted:
-    """What kernels have to do per frame, in the `COUNTED_FRAMES` after `WARM_UP` others."""
+    """Work of kernels per frame, in the `COUNTED_FRAMES` after `WARM_UP` others."""
     from iprt.device.counting import CountingDevice
 
     counting = CountingDevice(device)

@@ -1,4 +1,4 @@
-"""What changed between two runs of frames, and whether that is more than noise."""
+"""Changes between two runs of frames, and whether they exceed the noise."""
 
 from __future__ import annotations
 

@@ -18,18 +18,18 @@ Image = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 Kind = Literal["untouched", "relit", "object"]
-"""What objects do to a pixel: nothing, to the last bit; they light or darken it; they cover it."""
+"""Pixels by the objects' effect: none, to the last bit; lit or darkened; covered."""
 KINDS: tuple[Kind, ...] = get_args(Kind)
 
 Cause = Literal["object", "real", "light"]
-"""What can leave a pixel: an object, a real thing, or the shadow or light of an object."""
+"""Things that leave a pixel: an object, a real thing, or the shadow or light of an object."""
 CAUSES: tuple[Cause, ...] = get_args(Cause)
 
 NEIGHBOURHOOD = 3
 """Side in pixels of the squares over which errors are averaged before trails are looked for: a
 trail is the same in neighbours, noise is not."""
 LEVEL = 1.0 / 255.0
-"""What changes a picture by less than one step of an 8-bit display is not seen."""
+"""One step of an 8-bit display: smaller changes of a picture are not seen."""
 SURE = 2.0
 """Standard errors by which a ghost must exceed what noise alone could make it."""
 MOVED_DEPTH = 0.05
@@ -244,7 +244,7 @@ class Age:
 
 @dataclass(frozen=True)
 class Trail:
-    """What is still seen of things that have left.
+    """Ghosts of things that have left.
 
     Attributes
     ----------

@@ -23,7 +23,7 @@ from iprt.world.world import World
 
 
 class RealPixels:
-    """What objects do to the real surfaces of a picture: Algorithm 1, lines 1-9.
+    """Real surfaces of a picture, relit: Algorithm 1, lines 1-9.
 
     Attributes
     ----------

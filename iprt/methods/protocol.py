@@ -1,4 +1,4 @@
-"""What a relighting method is to the renderer.
+"""The protocol between the renderer and relighting methods.
 
 The renderer prepares the worlds and draws the G-buffer; the method turns them into signals, and the
 renderer composites these. Sparse tracing masks and the filter (`iprt.filter`) are services that a
@@ -28,7 +28,7 @@ Image = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class GBuffer:
-    """What the view shows, each as planes.
+    """G-buffer of the view, as planes.
 
     Attributes
     ----------
@@ -44,7 +44,7 @@ class GBuffer:
 
 @dataclass(frozen=True)
 class Setup:
-    """What a method is built for: one view of a scene on a device.
+    """Setup of a method: one view of a scene on a device.
 
     Attributes
     ----------
@@ -76,7 +76,7 @@ class Setup:
 
 @dataclass(frozen=True)
 class Signals:
-    """What the picture is composed of, without noise. The buffers belong to the method.
+    """Parts of the picture, without noise. The buffers belong to the method.
 
     Attributes
     ----------

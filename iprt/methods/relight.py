@@ -15,7 +15,7 @@ from iprt.world.world import World
 
 
 class Relight:
-    """What objects make of each pixel's radiance, as a factor.
+    """Ratio of each pixel's radiance with objects to that without.
 
     Attributes
     ----------

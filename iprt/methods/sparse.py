@@ -1,4 +1,4 @@
-"""What IPRT and its relatives have in common: sparse samples of two kinds of pixels, filtered."""
+"""The common part of IPRT and its relatives: sparse samples of two kinds of pixels, filtered."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ class SparseMethod(Method):
         return Signals(ratio, pixels.change, pixels.diffuse, pixels.specular)
 
     def relight_around(self, world: World, context: FrameContext) -> tuple[cla.Array, int] | None:
-        """What objects do to real surfaces beside the view, as `World.relight` takes it.
+        """Relighting of real surfaces beside the view, as `World.relight` takes it.
 
         None: it is not known there.
         """

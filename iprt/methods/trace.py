@@ -30,7 +30,7 @@ def traced_arguments(
 
 
 class TraceReal:
-    """What objects do to the irradiance at the traced pixels of a real layer.
+    """Changes of irradiance by objects, at the traced pixels of a real layer.
 
     Attributes
     ----------
@@ -80,7 +80,7 @@ class TraceReal:
 
 
 class TraceVirtual:
-    """What the visible virtual surfaces reflect, at the traced pixels.
+    """Light that visible virtual surfaces reflect, at the traced pixels.
 
     Attributes
     ----------

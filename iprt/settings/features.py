@@ -1,4 +1,4 @@
-"""What a scene, a view and settings require: which passes, kernel variants and buffers exist."""
+"""Features that scene, view and settings require: they decide which passes and kernels exist."""
 
 from __future__ import annotations
 
@@ -171,7 +171,7 @@ class Features:
 
     @property
     def primary_rays(self) -> bool:
-        """What the view shows of objects is found by rays rather than by OpenGL."""
+        """Primary rays find the objects in the view, rather than OpenGL."""
         return self.objects and self.settings.gbuffer == "cl"
 
     @property
@@ -243,7 +243,7 @@ class Features:
         return defines | {"GLOSS": self.gloss, "CELL": CELL if self.gloss else False}
 
     def describe(self) -> dict[str, bool]:
-        """What is built and what is not, by name."""
+        """Features by name, and whether they are built."""
         return {
             "relighting of real surfaces (shadows, bounce light)": self.relit,
             "shading of virtual surfaces": self.objects,

@@ -37,7 +37,7 @@ class MethodSettings(BaseModel):
 
 @dataclass(frozen=True)
 class Needs:
-    """What a method asks of the worlds, in a scene that has objects.
+    """Requirements of a method in a scene that has objects.
 
     Attributes
     ----------

@@ -74,7 +74,7 @@ def all_settings() -> dict[str, Setting]:
 
 @cache
 def groups() -> dict[str, str]:
-    """What each group of settings is about, by name."""
+    """Description of each group of settings, by name."""
     return {setting.group: about for setting, about in _walk() if setting.group}
 
 

@@ -8,7 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 
 class TraceSettings(BaseModel):
-    """What rays assume of the scene, and how far paths go."""
+    """Assumptions of rays about the scene, and the length of paths."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 

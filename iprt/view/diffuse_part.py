@@ -1,4 +1,4 @@
-"""What real surfaces in the view radiate to all sides."""
+"""Diffuse part of the radiance of real surfaces in the view."""
 
 from __future__ import annotations
 

@@ -47,7 +47,7 @@ class Stage:
 
 @dataclass(frozen=True, eq=False)
 class Wanted:
-    """What a picture is to show.
+    """The contents of a picture.
 
     Attributes
     ----------

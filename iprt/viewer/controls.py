@@ -225,7 +225,7 @@ def slider_of(schema: Schema, default: float | None) -> Slider:
 
 
 def value_of(settings: Settings, key: str) -> Any:
-    """What a setting is set to, as plain data."""
+    """A setting's value, as plain data."""
     return plain_values(settings)[key]
 
 

@@ -272,7 +272,7 @@ class Core:
     # The world --------------------------------------------------------------------------------
 
     def _staged(self, wanted: Wanted) -> Stage | None:
-        """What there is to see now; None: nothing yet."""
+        """The newest picture; None: there is none yet."""
         loaded = self._files.loaded
         if loaded is None:
             return None
@@ -319,7 +319,7 @@ class Core:
         return known[2]
 
     def _footage_of(self, loaded: Loaded, frame: Frame, settings: Settings) -> Footage:
-        """What the video's frames may have, by the first one that was shown."""
+        """Footage of the video, by the first frame that was shown."""
         known = self._footage
         if known is None or known[0] is not loaded or known[1] != settings:
             several = len(loaded.scene.frame_indices) > 1
@@ -336,7 +336,7 @@ class Core:
         return None if loaded is None else loaded.scene
 
     def object_names(self) -> set[str]:
-        """Those of the scene's objects, and of those that were added."""
+        """Instances of the scene's objects, and of those that were added."""
         loaded = self._files.loaded
         objects = () if loaded is None else loaded.objects
         edits = self._mailbox.world.edits

@@ -83,7 +83,7 @@ class Developer:
         baseline: Shown | None,
         edits: Sequence[ObjectEdit],
     ) -> Developed:
-        """What a window shows of a picture.
+        """A picture as a window shows it.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""What a window shows, and what one of its pixels holds."""
+"""The picture in a window, and its pixels' values."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from iprt.viewer.session import Shown
 
 @dataclass(frozen=True, eq=False)
 class DisplayedFrame:
-    """What a window shows.
+    """The picture in a window.
 
     Attributes
     ----------
@@ -56,7 +56,7 @@ class DisplayedFrame:
 
 @dataclass(frozen=True, eq=False)
 class Readout:
-    """What a pixel holds.
+    """Values of a pixel.
 
     Attributes
     ----------

@@ -149,7 +149,7 @@ class Engine:
 
     @property
     def world(self) -> World:
-        """What all clients share, as it was asked for."""
+        """The state that all clients share, as requested."""
         return self._mailbox.world
 
     @property

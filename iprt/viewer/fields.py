@@ -185,7 +185,7 @@ def place_fields(ui: UiState) -> tuple[Field, ...]:
 
 
 def material_fields(ui: UiState) -> tuple[Field, ...]:
-    """What the selected object is made of."""
+    """Fields of the selected object's material."""
 
     def material() -> Material:
         return PLASTIC if ui.state is None else ui.state.materials[0]

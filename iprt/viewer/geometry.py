@@ -1,4 +1,4 @@
-"""What is at a pixel of a picture: read with the picture, so that pointing never waits."""
+"""Surfaces at the pixels of a picture, read with it, so that pointing never waits."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ class Geometry:
         return self.names[self.owners[material - 1]]
 
     def seen(self, x: int, y: int) -> Surface | None:
-        """What a pixel shows, object or not; None: open sky."""
+        """The surface at a pixel, of an object or not; None: open sky."""
         if self.object_at(x, y) is None:
             return self.real(x, y)
         return self._surface(x, y, float(self.depth[y, x]), self.normal[y, x])

@@ -13,7 +13,7 @@ from iprt.viewer.state import PlaybackMode
 
 @dataclass(frozen=True)
 class Label:
-    """What something is called.
+    """A name for users.
 
     Attributes
     ----------

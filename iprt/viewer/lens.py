@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from iprt.output.tone import Bytes, Curve, developed
 
 Against = Literal["input", "ibl", "truth"]
-"""What a picture is compared with: the video without objects, the baseline that is lit by the
+"""Pictures to compare with: the video without objects, the baseline that is lit by the
 panorama as distant environment, or the path-traced truth of a view of the scene."""
 
 Appearance = Literal[
@@ -77,7 +77,7 @@ class Lens:
     error: bool = False
 
     def factor(self, exposure: float) -> float:
-        """What radiance is multiplied by, where the scene's exposure is `exposure`."""
+        """Factor of radiance in a scene of this exposure."""
         return exposure * float(2.0**self.exposure_ev)
 
     def develop(self, radiance: NDArray[np.float32], exposure: float) -> Bytes:

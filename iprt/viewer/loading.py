@@ -1,4 +1,4 @@
-"""What takes long and needs no device, beside the engine: scenes and meshes are read on threads."""
+"""Scenes and meshes are read on threads of their own, since they take long and need no device."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Loader:
 
     @property
     def running(self) -> tuple[str, ...]:
-        """What is loaded now."""
+        """The files being loaded."""
         with self._lock:
             return tuple(self._running)
 

@@ -43,7 +43,7 @@ class Wanted:
 
 
 class Mailbox:
-    """What is wanted, and what is shown. Any thread may call any method."""
+    """Requests to the engine, and its pictures. Any thread may call any method."""
 
     def __init__(self, world: World, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
@@ -179,7 +179,7 @@ class Mailbox:
     # The engine calls these -------------------------------------------------------------------
 
     def take(self) -> Wanted:
-        """What is wanted now: the engine will have looked."""
+        """The newest request, which counts as taken."""
         with self._condition:
             self._stirred = False
             return self.wanted

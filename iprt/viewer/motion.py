@@ -1,4 +1,4 @@
-"""What a window asks for while something moves: less, if that is needed to hold a frame rate."""
+"""Requests while something moves: of less quality, if that is needed to hold a frame rate."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class Motion:
         return self._rate.value if self.lively else None
 
     def level(self, base: Settings, *, playing: bool) -> Level | None:
-        """What to render now in place of `base`; None: that, at full resolution.
+        """The request to make in place of `base`; None: `base`, at full resolution.
 
         Parameters
         ----------
@@ -92,11 +92,11 @@ class Motion:
             self._pace.observe(shown.seconds, shown.compiled)
 
     def preview(self, shown: Shown) -> Preview | None:
-        """What a picture lacks to hold the frame rate; None: nothing."""
+        """Quality given up to hold the frame rate; None: none."""
         level = self._level_of(shown)
         return None if level is None else level.preview
 
     def _level_of(self, shown: Shown) -> Level | None:
-        """That a picture was asked for on."""
+        """The level at which a picture was asked for."""
         levels = () if self._pace is None else self._pace.levels
         return next((n for n in levels if n.settings is shown.request.settings), None)

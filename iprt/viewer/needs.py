@@ -1,4 +1,4 @@
-"""What the viewers need: asked by `iprt view` before they start, and by `iprt doctor`."""
+"""Requirements of the viewers, which `iprt view` and `iprt doctor` check."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def require_browser() -> None:
 
 
 def lacking(names: Sequence[str]) -> list[str]:
-    """What is wrong with modules, a clause for each that cannot be imported."""
+    """Errors of modules, a clause for each that cannot be imported."""
     problems = []
     for name in names:
         try:

@@ -1,4 +1,4 @@
-"""What viewers need to know of the objects: to list them, to draw gizmos, to edit materials."""
+"""Objects as viewers list them, draw their gizmos and edit their materials."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class ObjectState:
         return self.motion.moves
 
     def placed(self, to_world: Float) -> Float:
-        """What to give to `Engine.place` for the object to be at `to_world` in this frame."""
+        """The argument of `Engine.place` that puts the object at `to_world` in this frame."""
         return self.motion.before(to_world, self.time_s)
 
     def edited(self, edit: ObjectEdit) -> ObjectState | None:

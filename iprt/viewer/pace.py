@@ -45,7 +45,7 @@ UP_S, MOST_UP_S = 2.0, 64.0
 
 @dataclass(frozen=True)
 class Preview:
-    """What a picture in motion lacks.
+    """Quality that a picture in motion does without.
 
     Attributes
     ----------
@@ -125,7 +125,7 @@ class Pace:
 
     @property
     def level(self) -> Level:
-        """What is to be rendered now."""
+        """Settings and size to render now."""
         return self.levels[self._now]
 
     def observe(self, seconds: float, compiled: bool) -> None:

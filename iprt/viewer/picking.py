@@ -1,4 +1,4 @@
-"""What is at a place of a window's picture."""
+"""Picking: the pixel and the surfaces at a place of a window's picture."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Picking:
             self._at_rest = shown.geometry, shown.frame
 
     def readout(self, x: float, y: float, buffer: str | None) -> Readout | None:
-        """What the picture holds at a place; None: there is none, or it is outside.
+        """The picture's pixel at a place; None: there is no picture, or it is outside.
 
         Parameters
         ----------
@@ -76,7 +76,7 @@ class Picking:
         return shown, int(x * width), int(y * height)
 
     def _surfaces(self, x: float, y: float) -> tuple[Geometry, int, int] | None:
-        """What is known of the surfaces that are seen, and the pixel of a place there.
+        """Geometry of the picture, and the pixel of a place there.
 
         Pictures in motion may have none of their own: what is real has stayed where it was, as long
         as neither the view nor the video moves.

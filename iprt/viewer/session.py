@@ -1,4 +1,4 @@
-"""What one client sees: renderers that follow the newest request."""
+"""One client's session: renderers that follow the newest request."""
 
 from __future__ import annotations
 
@@ -170,7 +170,7 @@ class Session:
         )
 
     def _drop_changing(self) -> None:
-        """What the next frames would be built on is half of this frame's by now."""
+        """Close the canvas of an abandoned frame: its histories are half of that frame's."""
         if self._changing is not None:
             self._canvases.remove(self._changing)
             self._changing.close()

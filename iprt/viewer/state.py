@@ -1,4 +1,4 @@
-"""What viewers ask for and get: immutable, so that threads may share it."""
+"""Requests and answers of viewers: immutable, so that threads may share them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ REST_FRAMES = 64
 
 @dataclass(frozen=True)
 class Request:
-    """What one client wants to see.
+    """The picture that one client asks for.
 
     Attributes
     ----------
@@ -81,7 +81,7 @@ class Playback:
 
 @dataclass(frozen=True)
 class World:
-    """What all clients share.
+    """The state that all clients share.
 
     Attributes
     ----------
@@ -122,7 +122,7 @@ Doing = Literal["loading", "compiling", "rendering", "waiting", "closed"]
 
 @dataclass(frozen=True)
 class Status:
-    """What the engine does, and what went wrong.
+    """The engine's work, and its errors.
 
     Attributes
     ----------
@@ -146,7 +146,7 @@ class Status:
 
     @property
     def text(self) -> str:
-        """What the engine does, in a few words."""
+        """The engine's work, in a few words."""
         if self.doing == "compiling":
             return f"compiling {self.built} of {self.to_build}"
         if self.doing == "loading":

@@ -1,4 +1,4 @@
-"""What the parts of one window share, whatever draws them: the viewport and the selection."""
+"""State shared by the parts of one window, whatever draws them: viewport and selection."""
 
 from __future__ import annotations
 

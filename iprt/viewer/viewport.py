@@ -298,7 +298,7 @@ class Viewport:
     # What is at a place -----------------------------------------------------------------------
 
     def readout(self, x: float, y: float) -> Readout | None:
-        """What the last picture holds at a place; None: there is none, or it is outside."""
+        """The last picture's pixel at a place; None: there is no picture, or it is outside."""
         return self._picking.readout(
             x, y, None if self._displayed is None else self._displayed.buffer
         )

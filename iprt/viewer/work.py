@@ -16,7 +16,7 @@ ABANDON_S = 0.25
 
 @dataclass(frozen=True, eq=False)
 class Work:
-    """What is being rendered.
+    """The picture being rendered.
 
     Attributes
     ----------
@@ -59,7 +59,7 @@ class Work:
 
 
 def _needs(world: World, request: Request) -> tuple[object, ...]:
-    """What a renderer is made for."""
+    """Everything that requires another renderer when it changes."""
     view = request.view
     made = [(edit.material, edit.removed, edit.path) for edit in world.edits]
     return (

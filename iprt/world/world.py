@@ -1,4 +1,4 @@
-"""What rays meet: the real scene and the virtual objects, as kernel arguments."""
+"""The world that rays meet, real scene and virtual objects, as kernel arguments."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from iprt.world.real.real_world import RealWorld
 
 
 class World:
-    """What rays meet in one view: the real scene and the objects, as kernel arguments.
+    """The world that rays meet in one view: real scene and objects, as kernel arguments.
 
     Attributes
     ----------

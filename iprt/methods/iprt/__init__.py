@@ -9,7 +9,7 @@ from iprt.settings.model import Settings
 
 
 class IprtSettings(MethodSettings):
-    """What objects reflect of what objects do to real surfaces."""
+    """Reflections of relit real surfaces in objects."""
 
     relight_reflections: bool = Field(
         default=True, description="Objects reflect shadows and light that objects cast."

@@ -1,4 +1,4 @@
-"""What objects do to real surfaces beside the view."""
+"""Relighting of real surfaces beside the view."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ MAP_SETTLED, MAP_EVERY = 16, 4
 
 
 class RatioMap:
-    """What objects do to all real surfaces around the capture centre, coarsely.
+    """Relighting ratio of all real surfaces around the capture centre, at low resolution.
 
     Virtual surfaces reflect real ones relit by it where the view does not show these.
 

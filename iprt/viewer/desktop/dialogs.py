@@ -22,7 +22,7 @@ _FIXED = (
 
 
 def draw_help(ui: DesktopState) -> None:
-    """What keys and the mouse do."""
+    """Help on keys and mouse."""
     if not ui.help:
         return
     _centre()

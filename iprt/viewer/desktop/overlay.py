@@ -1,4 +1,4 @@
-"""What lies over the picture: tools, the outline of what is selected, captions, values."""
+"""Overlay of the picture: tools, the outline of the selection, captions, values."""
 
 from __future__ import annotations
 

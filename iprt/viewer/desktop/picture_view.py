@@ -209,7 +209,7 @@ class PictureView:
             ui.viewport.drop(ui.selected, *place, upright=not ui.align)
 
     def _gizmo(self) -> overlay.Box | None:
-        """What the selected object is moved by, where it is wanted; what it takes up there."""
+        """Let the gizmo, if wanted, move the selected object; the box that it takes up."""
         state, camera = self._ui.state, self._camera()
         if state is None or camera is None:
             return None

@@ -68,7 +68,7 @@ ELSEWHERE = (
     ("drag the selected object", "slide it over surfaces"),
     ("drop a file", "add a mesh at the cursor"),
 )
-"""What does not go through this table."""
+"""Shortcuts that are handled elsewhere."""
 
 
 def act_on_keys(ui: DesktopState, presses: Sequence[KeyPress]) -> None:

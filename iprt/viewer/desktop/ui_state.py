@@ -1,4 +1,4 @@
-"""What the window's parts share, and all that keys and buttons do."""
+"""State shared by the window's parts, and the actions of keys and buttons."""
 
 from __future__ import annotations
 

@@ -96,7 +96,7 @@ def toggle(icon: str, on: bool, about: str) -> bool:
 
 @contextmanager
 def disabled(off: bool) -> Iterator[None]:
-    """What is drawn inside cannot be used."""
+    """Widgets drawn inside are disabled."""
     imgui.begin_disabled(off)
     try:
         yield

@@ -180,7 +180,7 @@ class Window:
         self._stirred_s = time.monotonic()
 
     def take_keys(self) -> list[KeyPress]:
-        """What was pressed since this was called last.
+        """Keys pressed since the last call.
 
         With the modifiers of the very event. imgui knows only those that are held when it draws,
         and a quick Ctrl+S may begin and end between two frames.
@@ -243,7 +243,7 @@ class Window:
 
 
 def _written(key: int) -> str:
-    """What a key has on it: by the layout, or by its place where that has no Latin letter there."""
+    """The letter on a key: by the layout, or by its place where the layout has no Latin ones."""
     if key in _NAMED_KEYS:
         return _NAMED_KEYS[key]
     name = glfw.get_key_name(key, 0) or ""

@@ -64,7 +64,7 @@ class Camera:
 
 
 class Browser(BrowserState):
-    """What one browser sees, from when it connects until it is gone.
+    """One browser's session, from its connection until it is gone.
 
     Parameters
     ----------

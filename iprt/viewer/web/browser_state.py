@@ -1,4 +1,4 @@
-"""What panels and the gizmo of one browser share."""
+"""State shared by the panels and the gizmo of one browser."""
 
 from __future__ import annotations
 

@@ -105,7 +105,7 @@ class Gate:
     run: str = field(repr=False)
 
     def answer(self, _connection: Any, request: Request) -> Response | None:
-        """What `websockets` is to send; None: a WebSocket that may be opened."""
+        """The answer for `websockets` to send; None: the WebSocket may be opened."""
         parts = urlsplit(request.path)
         host = _only(request.headers, "Host")
         # A page of elsewhere whose name was made to mean this machine has that name here.

@@ -66,7 +66,7 @@ class Host:
 
     @property
     def browsers(self) -> tuple[Browser, ...]:
-        """Those that are connected."""
+        """Browsers that are connected."""
         with self._lock:
             return tuple(self._browsers.values())
 

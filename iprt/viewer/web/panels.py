@@ -58,7 +58,7 @@ class Panels:
 
 
 class Status:
-    """What is shown, how good it is, what goes on, and what went wrong.
+    """Panel of the picture, its quality, the engine's work and its errors.
 
     Its height is fixed, so that what is below it stays where it is: what has no room
     in a line is cut off and shown in full where the mouse rests on it; the rest is scrolled to.

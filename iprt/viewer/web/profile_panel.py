@@ -15,7 +15,7 @@ COLORS = ("#868e96", "#4dabf7", "#ffa94d", "#69db7c", "#f783ac", "#ffd43b")
 EVERY_S = 0.5
 """Between two updates, which are of some size."""
 MOST_PASSES = len(COLORS) - 2
-"""That have a line of their own."""
+"""Passes that have a line of their own, at most."""
 
 
 class ProfilePanel:

@@ -1,4 +1,4 @@
-"""What the view shows of the objects, by rays: in place of the rasterizer."""
+"""Primary rays: the objects in the view, in place of the rasterizer."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What moving things hide: the farthest surfaces that a static camera's video has shown."""
+"""The background: the farthest surfaces that a static camera's video has shown."""
 
 from __future__ import annotations
 

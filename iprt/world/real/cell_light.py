@@ -12,7 +12,7 @@ TEXELS = 4
 SAME_DISTANCE = 0.02
 """Relative distance up to which a texel's surface is the one it was."""
 DARK = 1e-2
-"""What is darker, over the panorama's mean radiance, is noise and no light."""
+"""Radiance over the panorama's mean below which a cell is noise and no light."""
 DISTRUST = 0.5
 """Share of a change that may be none of the light: highlights, screens, noise."""
 
