@@ -72,17 +72,6 @@ class Choice:
     reason: str
 
 
-def list_devices() -> list[cl.Device]:
-    """All OpenCL devices, in the loader's order.
-
-    Raises
-    ------
-    DeviceError
-        There is none; the message holds the command that installs one.
-    """
-    return [info.handle for info in describe_devices()]
-
-
 def choose_device(spec: str | None = None) -> cl.Device:
     """The device that `spec` names; see `choose`."""
     return choose(spec).info.handle

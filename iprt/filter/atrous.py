@@ -61,6 +61,14 @@ class Atrous:
             for signal in signals[: self._specular]
         ]
         self._widened += self._widened[:1] * (len(signals) - self._specular)
+        self._constants = {
+            **layout.arguments(),
+            "normal_sharpness": settings.normal_sharpness,
+            "plane_sharpness": settings.plane_sharpness,
+            "variance_scale": settings.deviations**2,
+            "floor_fraction": settings.floor,
+            "lobe_fraction": settings.lobe_fraction,
+        }
         self._extent = None
         if first.kind == "delta":
             self._extent = Extent(device, layout, defines, name=first.name)
@@ -71,6 +79,25 @@ class Atrous:
             (planes(f"filtered {i}", channels), planes(f"filtered variance {i}"))
             for i in range(2 if settings.levels else 0)
         ]
+        # Of each level that reads what the one before has written, and so is given the same always.
+        self._later = [
+            self._level(*self._scratch[(level - 1) % 2], level)
+            for level in range(1, settings.levels)
+        ]
+
+    def _level(
+        self, signals: Sequence[cla.Array], variances: Sequence[cla.Array], level: int
+    ) -> dict[str, Any]:
+        """Arguments of a level that differ from those of the others."""
+        filtered, filtered_variances = self._scratch[level % 2]
+        planes = batched(
+            signal=signals,
+            variance=variances,
+            signal_out=filtered,
+            variance_out=filtered_variances,
+            roughness=self._widened or [None] * len(signals),
+        )
+        return {**planes, "step": 1 << level}
 
     def run(
         self,
@@ -101,44 +128,22 @@ class Atrous:
         with self._device.profile.section(f"filter {'real' if self._real else 'reflected'}"):
             variances = self._nothing if variances is None else variances
             area = {
-                **layout.arguments(),
+                **self._constants,
                 **batched(
                     guide=[signal.guide.current for signal in self._signals],
                     rect=[int4(area) for area in areas],
                 ),
             }
-            extra: dict[str, Any] = {}
             if self._extent is not None:
                 reach = self._taps // 2 * ((1 << settings.levels) - 1)
-                extra = {"extent": self._extent.run(signals[0], variances[0], reach)}
-            lobes = {}
-            if self._specular:
-                lobes = batched(roughness=roughness, widened=self._widened)
-                extra = batched(roughness=self._widened)
-                extra["lobe_fraction"] = settings.lobe_fraction
+                area["extent"] = self._extent.run(signals[0], variances[0], reach)
             smooth = self._scratch[-1][1]
+            lobes = batched(roughness=roughness, widened=self._widened) if self._specular else {}
             self._smooth(size, area, lobes, batched(variance=variances, smooth=smooth))
-            variances = smooth
-            for level, kernel in enumerate(self._levels):
-                filtered, filtered_variances = self._scratch[level % 2]
-                kernel(
-                    size,
-                    area,
-                    extra,
-                    batched(
-                        signal=signals,
-                        variance=variances,
-                        signal_out=filtered,
-                        variance_out=filtered_variances,
-                    ),
-                    step=1 << level,
-                    normal_sharpness=settings.normal_sharpness,
-                    plane_sharpness=settings.plane_sharpness,
-                    variance_scale=settings.deviations**2,
-                    floor_fraction=settings.floor,
-                )
-                signals, variances = filtered, filtered_variances
-        return signals
+            first = self._level(signals, smooth, 0)
+            for kernel, planes in zip(self._levels, (first, *self._later), strict=True):
+                kernel(size, area, planes)
+        return self._scratch[(settings.levels - 1) % 2][0]
 
 
 class Extent:

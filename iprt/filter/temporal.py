@@ -163,7 +163,7 @@ class Temporal:
             "normal_agreement": settings.normal_agreement,
         }
         added = {
-            **batched(samples=samples, level=levels, scalar=self._scalar),
+            **batched(samples=samples, level=levels, scalar=self._scalar, variance=self._variance),
             **_named(self._now, "{}"),
             "fading": IPRT_FADING if self._published else fading,
             "rays": self._rays,
@@ -176,7 +176,7 @@ class Temporal:
                 self._add_corrected(added)
             else:
                 self._run(self._accumulate, fetched, added)
-            self._run(self._estimate, added, batched(variance=self._variance))
+            self._run(self._estimate, added)
         return [
             Accumulated(accumulated, length, variance)
             for (accumulated, length, _), variance in zip(self._now, self._variance, strict=True)

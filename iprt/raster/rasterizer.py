@@ -62,8 +62,6 @@ class Rasterizer:
         Materials of all instances, one after the other; `Layer.material[..., 3] - 1` indexes it.
     material_object : (M,) int32
         Index of the instance that each material belongs to.
-    device_name : str
-        The OpenGL renderer.
     memory : dict of str to int
         Bytes by name of what it holds now; always the same dict.
 
@@ -78,7 +76,6 @@ class Rasterizer:
     def __init__(self, instances: Sequence[Instance]) -> None:
         self._context = create_context()
         self._deforming = any(instance.mesh.deforms for instance in instances)
-        self.device_name: str = self._context.info["GL_RENDERER"]
         with self._context:
             self._geometry = WorldGeometry(self._context, instances)
             self._samples = self._context.depth_texture((_TILE * SAMPLES,) * 2)

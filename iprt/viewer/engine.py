@@ -63,10 +63,6 @@ class Client:
         """The first picture from now on that answers `number`; None: there was none in time."""
         return self._mailbox.wait(self._number, lambda s: s.number >= number, timeout_s)
 
-    def wait_for_newer(self, step: int, timeout_s: float) -> Shown | None:
-        """The first picture after view frame `step`; None: there was none in time."""
-        return self._mailbox.wait(self._number, lambda s: s.step > step, timeout_s)
-
     def close(self) -> None:
         """Disconnect."""
         self._mailbox.leave(self._number)
