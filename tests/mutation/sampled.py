@@ -65,6 +65,12 @@ EQUIVALENT: dict[str, str] = {
     "(count == 0) -> coarse_fill = (_blocks_of_four(fill.astype(np.uint8)) >= 0) & (count == 0)": (
         "Where the solver starts from; it ends at the same depths."
     ),
+    "iprt/bvh/scene.py: leaves = references < 0 -> leaves = references <= 0": (
+        "Node 0 is the root, which no node refers to."
+    ),
+    "iprt/bvh/wide.py: references += np.where(references >= 0, first_node, -first_leaf)"
+    ".astype(np.int32) -> references += np.where(references >= 1, first_node, -first_leaf)"
+    ".astype(np.int32)": ("Node 0 is the root, which no node refers to."),
     "iprt/bvh/cache.py: most = fixed[-1] + MESH_DEPTH + 1 -> most = fixed[-1] + MESH_DEPTH + 2": (
         "A bound on what is read, one number larger; what is no tree is refused afterwards."
     ),
