@@ -30,7 +30,8 @@ static inline int2 groups_over(int4 rect)
 
 static inline BatchItem batch_item(BATCHED(const int4, rect))
 {
-    int entry = 0, number = get_group_id(0) + get_global_offset(0) / get_local_size(0);
+    // Not get_group_id, which knows no offset of a launch in parts.
+    int entry = 0, number = (get_global_id(0) - get_local_id(0)) / get_local_size(0);
     // Without branches, which would keep compilers for CPUs from vectorizing what follows.
 #if BATCH > 1
     const int2 first = groups_over(rect_0);
