@@ -9,7 +9,7 @@ import pyopencl as cl
 import pytest
 
 from iprt.device import choose as module
-from iprt.device.choose import DeviceInfo, choose, choose_device, list_devices, select
+from iprt.device.choose import DeviceInfo, choose, choose_device, describe_devices, select
 from iprt.errors import DeviceError
 
 POCL = DeviceInfo(
@@ -159,9 +159,10 @@ def test_environment_goes_before_the_order_but_not_before_a_spec(
 
 
 def test_the_real_list_is_in_the_loaders_order() -> None:
-    devices = list_devices()
-    assert devices == [device for p in cl.get_platforms() for device in p.get_devices()]
-    for info, device in zip(module.describe_devices(), devices, strict=True):
+    infos = describe_devices()
+    devices = [device for p in cl.get_platforms() for device in p.get_devices()]
+    assert [info.handle for info in infos] == devices
+    for info, device in zip(infos, devices, strict=True):
         assert info.problem or choose_device(info.index) == device
 
 
