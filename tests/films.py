@@ -136,7 +136,7 @@ def launches() -> Iterator[set[str]]:
     launch = Kernel.__call__
 
     def record(self: Kernel, *groups: Any, **own: Any) -> None:
-        names.add(self._kernel.function_name)
+        names.add(self.name)
         launch(self, *groups, **own)
 
     with mock.patch.object(Kernel, "__call__", record):
