@@ -79,7 +79,7 @@ class Atrous:
             (planes(f"filtered {i}", channels), planes(f"filtered variance {i}"))
             for i in range(2 if settings.levels else 0)
         ]
-        # Of each level that reads what the one before has written, and so is given the same always.
+        # Levels after the first read what the one before wrote: their arguments never change.
         self._later = [
             self._level(*self._scratch[(level - 1) % 2], level)
             for level in range(1, settings.levels)

@@ -8,10 +8,6 @@ from typing import Any
 
 from pyopencl import cltypes
 
-MOST = 3
-"""Entries of a batch, at most: real surfaces, what glossy ones reflect, and objects."""
-
-
 Rect = tuple[int, int, int, int]
 """Pixels x0 <= x < x1, y0 <= y < y1, as (x0, y0, x1, y1)."""
 

@@ -47,7 +47,7 @@ class Stage:
 
 @dataclass(frozen=True, eq=False)
 class Wanted:
-    """The contents of a picture.
+    """Description of a picture to render.
 
     Attributes
     ----------

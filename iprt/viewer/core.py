@@ -272,7 +272,7 @@ class Core:
     # The world --------------------------------------------------------------------------------
 
     def _staged(self, wanted: Wanted) -> Stage | None:
-        """The newest picture; None: there is none yet."""
+        """The stage to render on; None: the scene or its frame is not there yet."""
         loaded = self._files.loaded
         if loaded is None:
             return None
@@ -336,7 +336,7 @@ class Core:
         return None if loaded is None else loaded.scene
 
     def object_names(self) -> set[str]:
-        """Instances of the scene's objects, and of those that were added."""
+        """Names of the scene's objects, and of those that were added."""
         loaded = self._files.loaded
         objects = () if loaded is None else loaded.objects
         edits = self._mailbox.world.edits

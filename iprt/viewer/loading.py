@@ -33,7 +33,7 @@ class Loader:
 
     @property
     def running(self) -> tuple[str, ...]:
-        """The files being loaded."""
+        """Names of the jobs under way."""
         with self._lock:
             return tuple(self._running)
 

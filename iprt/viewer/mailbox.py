@@ -179,7 +179,7 @@ class Mailbox:
     # The engine calls these -------------------------------------------------------------------
 
     def take(self) -> Wanted:
-        """The newest request, which counts as taken."""
+        """The newest requests, which count as seen."""
         with self._condition:
             self._stirred = False
             return self.wanted

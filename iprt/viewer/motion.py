@@ -63,7 +63,7 @@ class Motion:
         return self._rate.value if self.lively else None
 
     def level(self, base: Settings, *, playing: bool) -> Level | None:
-        """The request to make in place of `base`; None: `base`, at full resolution.
+        """The level to render at in place of `base`; None: `base`, at full resolution.
 
         Parameters
         ----------

@@ -45,7 +45,7 @@ UP_S, MOST_UP_S = 2.0, 64.0
 
 @dataclass(frozen=True)
 class Preview:
-    """Quality that a picture in motion does without.
+    """Description of the quality that a picture in motion does without.
 
     Attributes
     ----------

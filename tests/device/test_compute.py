@@ -90,37 +90,35 @@ def test_arguments_stay_bound_until_they_change(device: ComputeDevice, tmp_path:
         assert (device.read(result[out]) == expected).all()
 
 
-def test_what_has_not_changed_is_not_bound_again(
-    device: ComputeDevice, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    kernel = scale(device, tmp_path)
-    given = {"in": device.zeros("source", (64,)), "out": device.zeros("result", (64,))}
-    bound: list[int] = []
+@pytest.fixture
+def bound(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Indices of the arguments that kernels bind, one after the other."""
+    indices: list[int] = []
     bind = cl.Kernel.set_arg
 
     def watched(self: cl.Kernel, index: int, value: Any) -> None:
-        bound.append(index)
+        indices.append(index)
         bind(self, index, value)
 
     monkeypatch.setattr(cl.Kernel, "set_arg", watched)
+    return indices
+
+
+def test_what_has_not_changed_is_not_bound_again(
+    device: ComputeDevice, tmp_path: Path, bound: list[int]
+) -> None:
+    kernel = scale(device, tmp_path)
+    given = {"in": device.zeros("source", (64,)), "out": device.zeros("result", (64,))}
     for by in (2.0, float("2"), 3.0):
         kernel((64,), given, by=by, add=1)
     assert bound == [0, 1, 2, 3, 2]
 
 
 def test_buffers_that_take_turns_are_bound_once_each_way(
-    device: ComputeDevice, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    device: ComputeDevice, tmp_path: Path, bound: list[int]
 ) -> None:
     kernel = scale(device, tmp_path)
     one, other = device.upload("one", np.ones(64, np.float32)), device.zeros("other", (64,))
-    bound: list[int] = []
-    bind = cl.Kernel.set_arg
-
-    def watched(self: cl.Kernel, index: int, value: Any) -> None:
-        bound.append(index)
-        bind(self, index, value)
-
-    monkeypatch.setattr(cl.Kernel, "set_arg", watched)
     for turn in range(8):
         source, result = (one, other) if turn % 2 == 0 else (other, one)
         kernel((64,), {"in": source, "out": result}, by=2.0, add=turn // 2)

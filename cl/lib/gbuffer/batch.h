@@ -11,9 +11,11 @@
 #elif BATCH == 2
 #define BATCHED(TYPE, NAME) TYPE NAME##_0, TYPE NAME##_1
 #define OF_BATCH(NAME) (entry == 0 ? NAME##_0 : NAME##_1)
-#else
+#elif BATCH == 3
 #define BATCHED(TYPE, NAME) TYPE NAME##_0, TYPE NAME##_1, TYPE NAME##_2
 #define OF_BATCH(NAME) (entry == 0 ? NAME##_0 : entry == 1 ? NAME##_1 : NAME##_2)
+#else
+#error "a batch has one to three entries"
 #endif
 
 // Entries of rectangles of their own (x0, y0, x1, y1) are launched over one row of work groups: so
