@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import weakref
 from pathlib import Path
 from typing import Any
 
@@ -150,3 +151,18 @@ def test_a_write_does_not_wait_and_keeps_its_values(device: ComputeDevice) -> No
         device.write(array, np.full(array.shape, value, np.float32))
     held.set_status(cl.command_execution_status.COMPLETE)
     assert (device.read(array) == 2.0).all()
+
+
+def test_what_was_written_is_not_kept(device: ComputeDevice) -> None:
+    """Neither by the device, once it has come so far, nor for times that are yet to be read."""
+    own = fresh(device)
+    array = own.empty("array", (1 << 16,))
+    values = np.ones(1 << 16, np.float32)
+    kept = weakref.ref(values)
+    own.write(array, values)
+    del values
+    own.wait()
+    assert kept() is None
+    own.finish()
+    own.profile.resolve()
+    assert sum(cost.launches for cost in own.profile.totals().values()) == 1
