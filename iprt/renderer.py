@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from iprt.aovs import read_aov
 from iprt.device.checked import checked
 from iprt.device.compute import ComputeDevice
+from iprt.filter.mask import tracing_grids
 from iprt.footage.footage import Footage
 from iprt.footage.frame import Frame
 from iprt.gbuffer.context import FrameContext
@@ -152,6 +153,7 @@ class Renderer:
         worlds = worlds or Worlds()
         self.real_world = worlds.real(device, frame, features)
         self._view_constants = [device.zeros(f"view {i}", (16,)) for i in range(2)]
+        self._grids = tracing_grids(device)
         self.real = RealLayer(
             device,
             self.layout,
@@ -252,6 +254,7 @@ class Renderer:
             # Their motion ends in the frame after the last one that moves them.
             objects_changed=before is None or now.objects_moved or before.objects_moved,
             fading=self.fading,
+            grids=self._grids,
             cut=before is not None and real.cut_version > before.real,
         )
 

@@ -122,15 +122,12 @@ import numpy as np
 class Dim:
     def __init__(self, device, layout):
         self._device, self._layout = device, layout
-        self._kernel = device.kernel("view/dim.cl", "dim")
-        self._share = device.upload("dim share", np.array([0.5], np.float32))
+        share = device.upload("dim share", np.array([0.5], np.float32))
+        self._kernel = device.kernel("view/dim.cl", "dim").fixed(layout.arguments(), share=share)
 
     def run(self, picture):
-        width, height = self._layout.size
         with self._device.profile.section("dim"):
-            self._kernel(
-                (width, height), picture=picture, share=self._share, width=width, height=height
-            )
+            self._kernel(self._layout.size, picture=picture)
 ''',
 }
 CALL = {

@@ -38,8 +38,7 @@ __kernel void interpolate(
     BATCHED(__global float *, signal),           // in, out: SIGNAL_PLANES planes
     float normal_sharpness,               // falloff per 1 - cos of the normals' angle
     float plane_sharpness,                // falloff per plane distance / depth
-    int offset_x,                         // the grid's origin in this frame
-    int offset_y,
+    __global const int *restrict origin,  // x y of the tracing grid in this frame
     int width,
     int height)
 {
@@ -51,8 +50,8 @@ __kernel void interpolate(
     __global float *signal = OF_BATCH(signal);
     int size = plane_size(width, height), p = plane_index(x, y, width);
     int own = level[p];
-    int2 offset = (int2)(offset_x, offset_y);
-    if (is_traced(own, x - offset_x, y - offset_y)) {
+    int2 offset = vload2(0, origin);
+    if (is_traced(own, x - offset.x, y - offset.y)) {
         for (int c = 0; c < SIGNAL_PLANES; c++)
             store_border(signal + c * size, p, x, width, signal[c * size + p]);
         return;
@@ -63,7 +62,7 @@ __kernel void interpolate(
     float weights = 0.0f;
     if (own != LEVEL_NONE) {
         int spacing = level_spacing(own);
-        int left = x - ((x - offset_x) & (spacing - 1)), top = y - ((y - offset_y) & (spacing - 1));
+        int left = x - ((x - offset.x) & (spacing - 1)), top = y - ((y - offset.y) & (spacing - 1));
         // A corner of the level-1 grid that lies in a level-2 area may have no ray.
         for (int i = 0; i < 4 && spacing == 2; i++) {
             int cx = left + 2 * (i & 1), cy = top + 2 * (i >> 1);
@@ -71,8 +70,8 @@ __kernel void interpolate(
                 && traced_at(level, cx, cy, offset, width, height) < 0)
                 spacing = 4;
         }
-        left = x - ((x - offset_x) & (spacing - 1));
-        top = y - ((y - offset_y) & (spacing - 1));
+        left = x - ((x - offset.x) & (spacing - 1));
+        top = y - ((y - offset.y) & (spacing - 1));
         float nx = guide[p], ny = guide[size + p], nz = guide[2 * size + p];
         float px = guide[3 * size + p], py = guide[4 * size + p], pz = guide[5 * size + p];
         float id = guide[6 * size + p];

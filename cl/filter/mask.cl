@@ -94,8 +94,7 @@ __kernel void list_traced(
     BATCHED(__global const uchar *restrict, level), // 1 plane
     BATCHED(__global int *restrict, list),       // out: pixels that get a ray
     BATCHED(__global int *restrict, count),      // in, out: length of the list, 0 at the start
-    int offset_x,                                   // the grid's origin in this frame
-    int offset_y,
+    __global const int *restrict origin,            // x y of the tracing grid in this frame
     int width,
     int height)
 {
@@ -104,12 +103,13 @@ __kernel void list_traced(
         return;
     __global const uchar *restrict level = OF_BATCH(level);
     __global int *restrict list = OF_BATCH(list);
+    int2 offset = vload2(0, origin);
     int x1 = min(x0 + CHUNK, width);
     int traced = 0;
     for (int x = x0; x < x1; x++)
-        traced += is_traced(level[plane_index(x, y, width)], x - offset_x, y - offset_y);
+        traced += is_traced(level[plane_index(x, y, width)], x - offset.x, y - offset.y);
     int next = traced > 0 ? atomic_add(OF_BATCH(count), traced) : 0;
     for (int x = x0; x < x1; x++)
-        if (is_traced(level[plane_index(x, y, width)], x - offset_x, y - offset_y))
+        if (is_traced(level[plane_index(x, y, width)], x - offset.x, y - offset.y))
             list[next++] = y * width + x;
 }

@@ -119,7 +119,7 @@ class ComputeDevice:
             found = Program(program, built, file, tuple(options))
         self._programs[key] = found
         built = found.built
-        kernel = Kernel(self, lambda: cl.Kernel(built, name), program, found.signature(name))
+        kernel = Kernel(self, lambda: cl.Kernel(built, name), name, program, found.signature(name))
         found.kernels.add(kernel)
         self._forget_programs()
         return kernel
@@ -199,9 +199,10 @@ class ComputeDevice:
         while self._in_flight and self._in_flight[0].command_execution_status == done:
             self._in_flight.popleft()
         self._in_flight.append(event)
-        # The profile, which reads many events at once, is not to keep the values alive.
-        timed = cl.Event.from_int_ptr(event.int_ptr)
-        self.profile.record(timed, "write", Kind.TRANSFER, host.nbytes)
+        if self.profile.recording:
+            # The profile, which reads many events at once, is not to keep the values alive.
+            timed = cl.Event.from_int_ptr(event.int_ptr)
+            self.profile.record(timed, "write", Kind.TRANSFER, host.nbytes)
 
     def read(self, array: cla.Array) -> NDArray[Any]:
         """A host copy of a buffer, after all enqueued work on it."""

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import AbstractContextManager
 from operator import is_, itemgetter
-from typing import Any, Protocol
+from typing import Any, Protocol, Self
 
 import pyopencl as cl
 import pyopencl.array as cla
@@ -15,10 +15,12 @@ from iprt.device.bands import Bands
 from iprt.device.profile import Kind, Profile
 from iprt.device.signature import Parameter
 
-MOST_BOUND = 2
+MOST_BOUND = 4
 """OpenCL kernels of a call site: passes that read one of two histories and write the other bind
-each way once."""
+each way once, also where two pictures use them in turn."""
 
+_Bindable = tuple[int, Any]
+"""Index of a parameter, and the numpy type of a scalar; None: a buffer or a vector."""
 _Range = tuple[tuple[int, ...], tuple[int, ...]]
 _UNBOUND = object()
 
@@ -41,7 +43,7 @@ class Queue(Protocol):
 
 
 class _Bound:
-    """An OpenCL kernel, and what its parameters are bound to.
+    """An OpenCL kernel, and what those of its parameters that vary are bound to.
 
     Attributes
     ----------
@@ -49,25 +51,30 @@ class _Bound:
         In the order of the parameters of these kinds.
     """
 
-    def __init__(self, kernel: Any, buffers: Sequence[int], scalars: Sequence[tuple[int, Any]]):
-        """Indices of the buffers, and those of the scalars with their types."""
+    def __init__(self, kernel: Any, buffers: int, scalars: int) -> None:
+        """`buffers`, `scalars`: how many parameters of these kinds vary."""
         self.kernel = kernel
-        self._buffer_indices, self._scalar_indices = buffers, scalars
-        self.buffers: tuple[Any, ...] = (_UNBOUND,) * len(buffers)
-        self.scalars: tuple[Any, ...] = (_UNBOUND,) * len(scalars)
+        self.buffers: tuple[Any, ...] = (_UNBOUND,) * buffers
+        self.scalars: tuple[Any, ...] = (_UNBOUND,) * scalars
 
-    def take_buffers(self, buffers: tuple[Any, ...]) -> None:
-        for index, new, old in zip(self._buffer_indices, buffers, self.buffers, strict=True):
+    def take(self, parameter: _Bindable, value: Any) -> None:
+        index, scalar = parameter
+        if scalar is not None:
+            value = scalar(value)
+        elif isinstance(value, cla.Array):
+            value = value.data
+        self.kernel.set_arg(index, value)
+
+    def take_buffers(self, parameters: Sequence[_Bindable], buffers: tuple[Any, ...]) -> None:
+        for parameter, new, old in zip(parameters, buffers, self.buffers, strict=True):
             if new is not old:
-                self.kernel.set_arg(index, new.data if isinstance(new, cla.Array) else new)
+                self.take(parameter, new)
         self.buffers = buffers
 
-    def take_scalars(self, scalars: tuple[Any, ...]) -> None:
-        for (index, kind), new, old in zip(
-            self._scalar_indices, scalars, self.scalars, strict=True
-        ):
+    def take_scalars(self, parameters: Sequence[_Bindable], scalars: tuple[Any, ...]) -> None:
+        for parameter, new, old in zip(parameters, scalars, self.scalars, strict=True):
             if new != old:
-                self.kernel.set_arg(index, kind(new))
+                self.take(parameter, new)
         self.scalars = scalars
 
 
@@ -78,6 +85,14 @@ def _getter(names: Sequence[str]) -> Callable[[Mapping[str, Any]], tuple[Any, ..
     return lambda given: tuple(given[name] for name in names)
 
 
+def _merged(groups: tuple[Mapping[str, Any], ...], own: Mapping[str, Any]) -> dict[str, Any]:
+    given: dict[str, Any] = {}
+    for group in groups:
+        given.update(group)
+    given.update(own)
+    return given
+
+
 class Kernel:
     """A built kernel of one call site. Its arguments stay bound from call to call.
 
@@ -86,6 +101,8 @@ class Kernel:
     device : Queue
     make : callable
         A new `pyopencl.Kernel`, of which nobody else sets arguments.
+    name : str
+        Its name.
     program : str
         The name of its program in the profile.
     parameters : sequence of Parameter
@@ -96,24 +113,19 @@ class Kernel:
         self,
         device: Queue,
         make: Callable[[], Any],
+        name: str,
         program: str,
         parameters: Sequence[Parameter],
     ) -> None:
         self.device = device
-        self.program = program
+        self.name, self.program = name, program
         self.make = make
         self.signature = parameters
-        self._indices = (
-            [i for i, parameter in enumerate(parameters) if parameter.scalar is None],
-            [(i, parameter.scalar) for i, parameter in enumerate(parameters) if parameter.scalar],
-        )
-        self._buffers = [one.name for one in parameters if one.scalar is None]
-        self._get_buffers = _getter(self._buffers)
-        self._get_scalars = _getter([one.name for one in parameters if one.scalar is not None])
-        self._bound = [_Bound(make(), *self._indices)]  # the last one used comes last
-        self.name: str = self._bound[0].kernel.function_name
         self.parameters = [parameter.name for parameter in parameters]
-        self._known = frozenset(self.parameters)
+        self._bindable = {one.name: (i, one.scalar) for i, one in enumerate(parameters)}
+        self._fixed: dict[str, Any] = {}
+        self._bound: list[_Bound] = []  # the last one used comes last
+        self._divide()
         self._size: tuple[int, ...] = ()
         self._range: _Range = ((), ())
         self._launched = False
@@ -160,6 +172,34 @@ class Kernel:
             for event in events:
                 profile.record(event, self.name, Kind.KERNEL, size_bytes)
 
+    def fixed(self, *groups: Mapping[str, Any], **own: Any) -> Self:
+        """Give what is the same in all launches, which are then given the rest only.
+
+        Raises
+        ------
+        TypeError
+            `own` holds what is no parameter.
+        """
+        assert not self._bound, "before the first launch"
+        self._require_known(own, self._bindable)
+        given = _merged(groups, own)
+        self._fixed |= {name: value for name, value in given.items() if name in self._bindable}
+        self._divide()
+        return self
+
+    def _divide(self) -> None:
+        """Tell parameters that vary from those that do not, and buffers from scalars."""
+        varying = {name: one for name, one in self._bindable.items() if name not in self._fixed}
+        self._varying = frozenset(varying)
+        self._buffers = [name for name, (_, scalar) in varying.items() if scalar is None]
+        self._scalars = [name for name, (_, scalar) in varying.items() if scalar is not None]
+        self._get_buffers, self._get_scalars = _getter(self._buffers), _getter(self._scalars)
+
+    def _require_known(self, own: Mapping[str, Any], known: Collection[str]) -> None:
+        unknown = [name for name in own if name not in known]
+        if unknown:
+            raise TypeError(f"{self._described} has no parameter '{', '.join(unknown)}'")
+
     def run_on(self, device: Queue) -> None:
         """Belong to a device that shares queue and programs with the one that it is of."""
         self.device = device
@@ -167,36 +207,38 @@ class Kernel:
     @property
     def buffers(self) -> Mapping[str, Any]:
         """Buffers and vectors of the last launch, by parameter."""
-        return dict(zip(self._buffers, self._bound[-1].buffers, strict=True))
+        fixed = {
+            name: value for name, value in self._fixed.items() if self._bindable[name][1] is None
+        }
+        return fixed | dict(zip(self._buffers, self._bound[-1].buffers, strict=True))
 
     def _bind(self, groups: tuple[Mapping[str, Any], ...], own: dict[str, Any]) -> None:
-        given: dict[str, Any] = {}
-        for group in groups:
-            given.update(group)
-        given.update(own)
+        given = _merged(groups, own)
         try:
             buffers, scalars = self._get_buffers(given), self._get_scalars(given)
         except KeyError as error:
             raise TypeError(f"{self._described} is not given {error}") from None
-        if not own.keys() <= self._known:
-            unknown = ", ".join(own.keys() - self._known)
-            raise TypeError(f"{self._described} has no parameter '{unknown}'")
         for bound in self._bound:
             if all(map(is_, buffers, bound.buffers)):
                 break
         else:
+            self._require_known(own, self._varying)
             bound = self._rebound(buffers)
         if bound.scalars != scalars:
-            bound.take_scalars(scalars)
+            bound.take_scalars([self._bindable[name] for name in self._scalars], scalars)
         if bound is not self._bound[-1]:
-            self._bound.reverse()
+            self._bound.remove(bound)
+            self._bound.append(bound)
 
     def _rebound(self, buffers: tuple[Any, ...]) -> _Bound:
-        """One that was bound to other buffers, longest ago."""
-        if self._launched and len(self._bound) < MOST_BOUND:
-            self._bound.insert(0, _Bound(self.make(), *self._indices))
+        """A new one, or that which was bound to other buffers, longest ago."""
+        if len(self._bound) < MOST_BOUND:
+            new = _Bound(self.make(), len(self._buffers), len(self._scalars))
+            for name, value in self._fixed.items():
+                new.take(self._bindable[name], value)
+            self._bound.insert(0, new)
         bound = self._bound[0]
-        bound.take_buffers(buffers)
+        bound.take_buffers([self._bindable[name] for name in self._buffers], buffers)
         return bound
 
     @property
@@ -205,7 +247,7 @@ class Kernel:
 
     def _bound_bytes(self) -> int:
         """Bytes of the buffers that are bound, each counted once."""
-        arrays = [value for value in self._bound[-1].buffers if isinstance(value, cla.Array)]
+        arrays = [value for value in self.buffers.values() if isinstance(value, cla.Array)]
         return sum({id(array): array.nbytes for array in arrays}.values())
 
     def _enqueue(
@@ -244,6 +286,10 @@ class KernelWrapper(Kernel):
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._inside, name)
+
+    def fixed(self, *groups: Mapping[str, Any], **own: Any) -> Self:
+        self._inside.fixed(*groups, **own)
+        return self
 
     def run_on(self, device: Queue) -> None:
         self._inside.run_on(device)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
@@ -33,6 +33,16 @@ class PlannedBuffer:
         return int(np.prod(self.shape)) * self.dtype.itemsize
 
 
+class UnbuiltKernel:
+    """Does nothing when it is launched."""
+
+    def fixed(self, *_: Mapping[str, Any], **__: Any) -> Self:
+        return self
+
+    def __call__(self, *_: Any, **__: Any) -> None:
+        pass
+
+
 class PlanDevice(ComputeDevice):
     """Stands in for a `ComputeDevice` while a renderer is constructed, on any machine.
 
@@ -52,10 +62,10 @@ class PlanDevice(ComputeDevice):
 
     def kernel(  # type: ignore[override]
         self, file: str, name: str, defines: Mapping[str, Define] | None = None
-    ) -> Callable[..., None]:
+    ) -> UnbuiltKernel:
         used = {key: value for key, value in (defines or {}).items() if value is not False}
         self.kernels.append((file, name, used))
-        return lambda *_, **__: None
+        return UnbuiltKernel()
 
     def empty(
         self, name: str, shape: tuple[int, ...], dtype: DTypeLike = np.float32

@@ -16,6 +16,8 @@ QUEUED, START, END = profiling_info.QUEUED, profiling_info.START, profiling_info
 
 OTHER = "other"
 """The pass of what no section names."""
+_OUTER = nullcontext()
+"""A section inside another: events belong to that one."""
 MOST_FRAMES = 1024
 """Frames whose costs are kept one by one; of more, so many chosen at random."""
 SAMPLED_S = 0.05
@@ -136,6 +138,7 @@ class Profile:
         self.first_launches: dict[str, float] = {}
         self._pass = OTHER
         self._keys: dict[tuple[Any, ...], Key] = {}
+        self._sections: dict[str, _Section] = {}
         self._trace: list[Span] | None = None
         self._clock_ns: int | None = None  # of the host, less that of the device's events
         self.every_s = 0.0
@@ -169,7 +172,9 @@ class Profile:
 
     def section(self, name: str) -> AbstractContextManager[None]:
         """Device events recorded inside belong to the pass `name`, or to the one around it."""
-        return _Section(self, name) if self._pass == OTHER else nullcontext()
+        if self._pass != OTHER:
+            return _OUTER
+        return self._sections.get(name) or self._sections.setdefault(name, _Section(self, name))
 
     @contextmanager
     def host(self, name: str) -> Iterator[None]:
@@ -342,11 +347,13 @@ class _Section:
 
     def __enter__(self) -> None:
         self._profile._pass = self._name
-        self._start = time.perf_counter_ns()
+        if self._profile.recording:
+            self._start = time.perf_counter_ns()
 
     def __exit__(self, *_: object) -> None:
         self._profile._pass = OTHER
-        self._profile._host(self._name, Kind.ENQUEUE, self._start)
+        if self._profile.recording:
+            self._profile._host(self._name, Kind.ENQUEUE, self._start)
 
 
 def by_pass(costs: FrameCosts) -> dict[str, FrameCosts]:

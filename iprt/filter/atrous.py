@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pyopencl.array as cla
 
 from iprt.device.compute import ComputeDevice
+from iprt.device.kernel import Kernel
 from iprt.device.program import Define
 from iprt.filter.signals import Signal, signal_defines, signal_planes
-from iprt.gbuffer.batch import Rect, batched, int4, size_over
+from iprt.gbuffer.batch import Rect, batched, enlarged, int4, size_over
 from iprt.gbuffer.layout import PlaneLayout
 from iprt.settings.filter import AtrousSettings
 
@@ -45,11 +45,6 @@ class Atrous:
             "TAPS": self._taps,
             "GUIDED": guided,
         }
-        self._levels = [
-            device.kernel("filter/atrous.cl", "filter_level", defines)
-            for _ in range(settings.levels)
-        ]
-        self._smooth = device.kernel("filter/atrous.cl", "smooth_variance", defines)
 
         def planes(label: str, channels: int = 1) -> list[cla.Array]:
             shape = layout.shape(channels)
@@ -61,14 +56,6 @@ class Atrous:
             for signal in signals[: self._specular]
         ]
         self._widened += self._widened[:1] * (len(signals) - self._specular)
-        self._constants = {
-            **layout.arguments(),
-            "normal_sharpness": settings.normal_sharpness,
-            "plane_sharpness": settings.plane_sharpness,
-            "variance_scale": settings.deviations**2,
-            "floor_fraction": settings.floor,
-            "lobe_fraction": settings.lobe_fraction,
-        }
         self._extent = None
         if first.kind == "delta":
             self._extent = Extent(device, layout, defines, name=first.name)
@@ -79,25 +66,34 @@ class Atrous:
             (planes(f"filtered {i}", channels), planes(f"filtered variance {i}"))
             for i in range(2 if settings.levels else 0)
         ]
-        # Levels after the first read what the one before wrote: their arguments never change.
-        self._later = [
-            self._level(*self._scratch[(level - 1) % 2], level)
-            for level in range(1, settings.levels)
-        ]
+        if settings.levels:
+            self._smooth = device.kernel("filter/atrous.cl", "smooth_variance", defines).fixed(
+                layout.arguments(), batched(smooth=self._scratch[-1][1], widened=self._widened)
+            )
+        self._levels = [self._level(level, defines) for level in range(settings.levels)]
 
-    def _level(
-        self, signals: Sequence[cla.Array], variances: Sequence[cla.Array], level: int
-    ) -> dict[str, Any]:
-        """Arguments of a level that differ from those of the others."""
-        filtered, filtered_variances = self._scratch[level % 2]
-        planes = batched(
-            signal=signals,
-            variance=variances,
-            signal_out=filtered,
-            variance_out=filtered_variances,
-            roughness=self._widened or [None] * len(signals),
+    def _level(self, level: int, defines: Mapping[str, Define]) -> Kernel:
+        """The kernel of a level: the first reads signals, later ones what the one before wrote."""
+        settings = self.settings
+        signal, variance = self._scratch[(level - 1) % 2]
+        signal_out, variance_out = self._scratch[level % 2]
+        kernel = self._device.kernel("filter/atrous.cl", "filter_level", defines).fixed(
+            self._layout.arguments(),
+            batched(
+                variance=variance,
+                signal_out=signal_out,
+                variance_out=variance_out,
+                roughness=self._widened,
+            ),
+            step=1 << level,
+            normal_sharpness=settings.normal_sharpness,
+            plane_sharpness=settings.plane_sharpness,
+            variance_scale=settings.deviations**2,
+            floor_fraction=settings.floor,
         )
-        return {**planes, "step": 1 << level}
+        if self._specular:
+            kernel.fixed(lobe_fraction=settings.lobe_fraction)
+        return kernel.fixed(batched(signal=signal)) if level else kernel
 
     def run(
         self,
@@ -121,28 +117,26 @@ class Atrous:
         """
         settings, layout = self.settings, self._layout
         everywhere = (0, 0, *layout.size)
-        areas = [rect or everywhere for rect in rects or [None] * len(signals)]
+        areas = [
+            everywhere if rect is None else enlarged(rect, layout.size)
+            for rect in rects or [None] * len(signals)
+        ]
         size = size_over(areas, self._device.group_size(2))
         if settings.levels == 0 or size[0] == 0:
             return signals
         with self._device.profile.section(f"filter {'real' if self._real else 'reflected'}"):
             variances = self._nothing if variances is None else variances
-            area = {
-                **self._constants,
-                **batched(
-                    guide=[signal.guide.current for signal in self._signals],
-                    rect=[int4(area) for area in areas],
-                ),
-            }
+            area = batched(
+                guide=[signal.guide.current for signal in self._signals],
+                rect=[int4(area) for area in areas],
+            )
             if self._extent is not None:
                 reach = self._taps // 2 * ((1 << settings.levels) - 1)
                 area["extent"] = self._extent.run(signals[0], variances[0], reach)
-            smooth = self._scratch[-1][1]
-            lobes = batched(roughness=roughness, widened=self._widened) if self._specular else {}
-            self._smooth(size, area, lobes, batched(variance=variances, smooth=smooth))
-            first = self._level(signals, smooth, 0)
-            for kernel, planes in zip(self._levels, (first, *self._later), strict=True):
-                kernel(size, area, planes)
+            lobes = batched(roughness=roughness) if self._specular else {}
+            self._smooth(size, area, lobes, batched(variance=variances))
+            for kernel in self._levels:
+                kernel(size, area, batched(signal=signals))
         return self._scratch[(settings.levels - 1) % 2][0]
 
 
@@ -153,8 +147,6 @@ class Extent:
         self, device: ComputeDevice, layout: PlaneLayout, defines: dict[str, Define], *, name: str
     ) -> None:
         self._layout = layout
-        self._find = device.kernel("filter/atrous.cl", "find_extent", defines)
-        self._grow = device.kernel("filter/atrous.cl", "grow_extent", defines)
         rows = layout.height + ROW_GROUP
 
         def columns(label: str) -> cla.Array:
@@ -162,20 +154,18 @@ class Extent:
 
         self._found, self._used = columns("extent found"), columns("extent used")
         self._now, self._before = columns("extent"), columns("extent before")
+        size = layout.arguments()
+        self._find = device.kernel("filter/atrous.cl", "find_extent", defines).fixed(
+            size, extent=self._found
+        )
+        self._grow = device.kernel("filter/atrous.cl", "grow_extent", defines).fixed(
+            size, found=self._found, extent=self._used
+        )
 
     def run(self, signal: cla.Array, variance: cla.Array, reach: int) -> cla.Array:
         """(rows, 2) int32: first column and end of what `filter_level` has to write."""
-        layout = self._layout
-        size, rows = layout.arguments(), (layout.height,)
+        rows = (self._layout.height,)
         self._now, self._before = self._before, self._now
-        self._find(rows, size, signal=signal, variance=variance, extent=self._found)
-        self._grow(
-            rows,
-            size,
-            found=self._found,
-            previous=self._before,
-            grown=self._now,
-            extent=self._used,
-            reach=reach,
-        )
+        self._find(rows, signal=signal, variance=variance)
+        self._grow(rows, previous=self._before, grown=self._now, reach=reach)
         return self._used

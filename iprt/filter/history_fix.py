@@ -26,32 +26,31 @@ class HistoryFix:
         """Histories of `enough` samples are left alone; `settings` tell which surfaces are one."""
         self._device = device
         self._guide = guide = signal.guide
-        self._settings = settings
-        self._enough = enough
-        defines = signal_defines([signal])
-        self._fix = device.kernel("filter/history_fix.cl", "fix_history", defines)
         layout = guide.layout
         self._signal = device.zeros(
             f"{signal.name} fixed", layout.shape(signal_planes(signal.kind))
         )
         self._variance = device.zeros(f"{signal.name} fixed variance", layout.shape(1))
+        defines = signal_defines([signal])
+        self._fix = device.kernel("filter/history_fix.cl", "fix_history", defines).fixed(
+            layout.arguments(),
+            signal_out=self._signal,
+            variance_out=self._variance,
+            stride=min(STRIDE, OF_HEIGHT * layout.height),
+            enough=enough,
+            normal_sharpness=settings.normal_sharpness,
+            plane_sharpness=settings.plane_sharpness,
+        )
 
     def run(self, accumulated: Accumulated, level: cla.Array) -> Accumulated:
         """The same signal, in buffers of this object; `level` is `Mask.level`."""
-        layout = self._guide.layout
         with self._device.profile.section("history fix"):
             self._fix(
-                layout.size,
-                self._guide.arguments(),
+                self._guide.layout.size,
+                guide=self._guide.current,
                 signal=accumulated.signal,
                 variance=accumulated.variance,
                 length=accumulated.length,
                 level=level,
-                signal_out=self._signal,
-                variance_out=self._variance,
-                stride=min(STRIDE, OF_HEIGHT * layout.height),
-                enough=self._enough,
-                normal_sharpness=self._settings.normal_sharpness,
-                plane_sharpness=self._settings.plane_sharpness,
             )
         return Accumulated(self._signal, accumulated.length, self._variance)

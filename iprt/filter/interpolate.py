@@ -23,13 +23,17 @@ class Interpolate:
         self._guides = [signal.guide for signal in signals]
         self._kernel = device.kernel(
             "filter/interpolate.cl", "interpolate", signal_defines(signals)
+        ).fixed(
+            signals[0].guide.layout.arguments(),
+            normal_sharpness=settings.normal_sharpness,
+            plane_sharpness=settings.plane_sharpness,
         )
 
     def run(
         self,
         levels: Sequence[cla.Array],
         samples: Sequence[cla.Array],
-        offset: tuple[int, int],
+        grid: cla.Array,
     ) -> None:
         """Complete the samples of each signal in place.
 
@@ -39,21 +43,17 @@ class Interpolate:
             `Mask.level`.
         samples : the signal's planes each
             Hold values at traced pixels; afterwards at every pixel with a surface, else 0.
-        offset : (int, int)
+        grid : (2,) int32
             What `Masks.run` was given.
         """
         layout = self._guides[0].layout
         with self._device.profile.section("interpolate"):
             self._kernel(
                 (*layout.size, len(samples)),
-                layout.arguments(),
                 batched(
                     guide=[guide.current for guide in self._guides],
                     level=levels,
                     signal=samples,
                 ),
-                normal_sharpness=self.settings.normal_sharpness,
-                plane_sharpness=self.settings.plane_sharpness,
-                offset_x=offset[0],
-                offset_y=offset[1],
+                origin=grid,
             )

@@ -32,6 +32,13 @@ def grid_offset(frame: int) -> tuple[int, int]:
     return 2 * bit[0] + bit[2], 2 * (bit[0] ^ bit[1]) + (bit[2] ^ bit[3])
 
 
+def tracing_grids(device: ComputeDevice) -> list[cla.Array]:
+    """(2,) int32 each: `grid_offset` of 16 frames. Buffers cost less to bind than numbers."""
+    return [
+        device.upload(f"tracing grid {i}", np.array(grid_offset(i), np.int32)) for i in range(16)
+    ]
+
+
 class Mask:
     """Tracing levels of a layer, and the list of its pixels that get a ray. `Masks` fills it.
 
@@ -81,18 +88,31 @@ class Masks:
     def __init__(self, device: ComputeDevice, masks: Sequence[Mask]) -> None:
         self._device, self._masks = device, masks
         defines = masks[0].guide.defines(BATCH=len(masks))
-        self._choose = device.kernel("filter/mask.cl", "choose_level", defines)
-        self._list = device.kernel("filter/mask.cl", "list_traced", defines)
+        size = masks[0].guide.layout.arguments()
+        listed = batched(
+            level=[mask.level for mask in masks],
+            count=[mask.count for mask in masks],
+        )
+        self._choose = device.kernel("filter/mask.cl", "choose_level", defines).fixed(
+            size,
+            listed,
+            batched(
+                low=[mask.low for mask in masks],
+                high=[mask.high for mask in masks],
+                faint_frames=[mask.faint_frames for mask in masks],
+            ),
+        )
+        self._list = device.kernel("filter/mask.cl", "list_traced", defines).fixed(
+            size, listed, batched(list=[mask.traced for mask in masks])
+        )
 
-    def run(
-        self, offset: tuple[int, int], motions: Sequence[cla.Array], *, metre: float = 1.0
-    ) -> None:
+    def run(self, grid: cla.Array, motions: Sequence[cla.Array], *, metre: float = 1.0) -> None:
         """Fill `level`, `traced` and `count` of each from the current picture of its guide.
 
         Parameters
         ----------
-        offset : (int, int)
-            Origin of the grid in 0..3, `grid_offset(frame)`; give it to `Interpolate.run` too.
+        grid : (2,) int32
+            Origin of the tracing grid, `FrameContext.grid`; give it to `Interpolate.run` too.
         motions : 2 planes each
             Previous position of each pixel's surface in pixels, -1e9 = nowhere.
         metre : float
@@ -102,31 +122,18 @@ class Masks:
         layout = masks[0].guide.layout
         for mask in masks:
             mask.touched, mask.before = mask.before, mask.touched
-        listed = batched(
-            level=[mask.level for mask in masks],
-            count=[mask.count for mask in masks],
-        )
         with self._device.profile.section("mask"):
             self._choose(
                 (*layout.size, len(masks)),
-                layout.arguments(),
-                listed,
                 batched(
                     guide=[mask.guide.current for mask in masks],
                     motion=motions,
                     before=[mask.before for mask in masks],
                     touched=[mask.touched for mask in masks],
                     sigma_position=[mask.settings.sigma_position / metre for mask in masks],
-                    low=[mask.low for mask in masks],
-                    high=[mask.high for mask in masks],
-                    faint_frames=[mask.faint_frames for mask in masks],
                 ),
             )
             self._list(
                 (-(-layout.width // _CHUNK), layout.height, len(masks)),
-                layout.arguments(),
-                listed,
-                batched(list=[mask.traced for mask in masks]),
-                offset_x=offset[0],
-                offset_y=offset[1],
+                origin=grid,
             )

@@ -11,7 +11,7 @@ from iprt.device.compute import ComputeDevice
 from iprt.filter.atrous import Atrous
 from iprt.filter.history_fix import HistoryFix
 from iprt.filter.interpolate import Interpolate
-from iprt.filter.mask import Mask, grid_offset
+from iprt.filter.mask import Mask
 from iprt.filter.signals import Signal
 from iprt.filter.temporal import Accumulated, Temporal
 from iprt.gbuffer.batch import Rect
@@ -84,7 +84,7 @@ class SignalFilter:
         ]
 
     @property
-    def histories(self) -> list[cla.Array]:
+    def histories(self) -> Sequence[cla.Array]:
         """`Temporal.lengths` of the signals."""
         return self._temporal.lengths
 
@@ -99,7 +99,7 @@ class SignalFilter:
         levels = [samples.mask.level for samples in frame]
         roughness = [samples.roughness for samples in frame]
         rects = [samples.rect for samples in frame]
-        self._interpolate.run(levels, planes, grid_offset(context.index))
+        self._interpolate.run(levels, planes, context.grid)
         if self._published:
             planes = self._atrous.run(planes, roughness=roughness, rects=rects)
         accumulated = self._temporal.run(

@@ -14,9 +14,6 @@ from iprt.filter.signals import Signal, signal_defines, signal_planes
 from iprt.gbuffer.batch import batched
 from iprt.settings.filter import TemporalSettings
 
-Planes = tuple[cla.Array, cla.Array, cla.Array]
-"""A history: signal, length in samples, and spread, the variance of single samples of g."""
-
 FAST_LENGTH = 6.0
 """Samples that the fast history is worth at most, as in ReLAX."""
 
@@ -51,6 +48,38 @@ class Accumulated:
     variance: cla.Array
 
 
+class _History:
+    """Histories of a batch of signals.
+
+    Attributes
+    ----------
+    signals, lengths, spreads : lists of buffers
+        Means, their lengths in samples, and the variances of single samples of g.
+    """
+
+    def __init__(
+        self,
+        signals: Sequence[cla.Array],
+        lengths: Sequence[cla.Array],
+        spreads: Sequence[cla.Array],
+    ) -> None:
+        self.signals, self.lengths, self.spreads = signals, lengths, spreads
+        self._named: dict[str, dict[str, cla.Array]] = {}
+
+    def arguments(self, pattern: str) -> dict[str, cla.Array]:
+        """The buffers by names of parameters: `pattern` with "signal", "length" and "spread"."""
+        named = self._named.get(pattern)
+        if named is None:
+            buffers = zip(
+                ("signal", "length", "spread"),
+                (self.signals, self.lengths, self.spreads),
+                strict=True,
+            )
+            named = batched(**{pattern.format(name): planes for name, planes in buffers})
+            self._named[pattern] = named
+        return named
+
+
 class Temporal:
     """Accumulates a batch of signals over pictures.
 
@@ -74,7 +103,6 @@ class Temporal:
         """
         self.settings = settings
         self._published = published
-        self._rays = rays
         self._signals = signals
         self._device = device
         self._unsettled = 0
@@ -84,48 +112,62 @@ class Temporal:
         guide = signals[0].guide
         defines = signal_defines(signals) | guide.camera_define | {"PUBLISHED": published}
 
-        def kernel(entry: str) -> Kernel:
-            return device.kernel("filter/temporal.cl", entry, defines)
-
-        self._accumulate = kernel("accumulate")
-        self._estimate = kernel("estimate_variance")
-
         def planes(label: str, channels: int = 1) -> list[cla.Array]:
             shape = guide.layout.shape(channels)
             return [device.zeros(f"{signal.name} {label}", shape) for signal in signals]
 
-        def histories(label: str) -> list[list[Planes]]:
-            """Signal, length, spread of each: of this picture and of the one before."""
+        def histories(label: str) -> list[_History]:
+            """Those of this picture and of the one before."""
             channels = signal_planes(signals[0].kind)
             return [
-                list(
-                    zip(
-                        planes(f"{label} {i}", channels),
-                        planes(f"{label} length {i}"),
-                        planes(f"{label} spread {i}"),
-                        strict=True,
-                    )
+                _History(
+                    planes(f"{label} {i}", channels),
+                    planes(f"{label} length {i}"),
+                    planes(f"{label} spread {i}"),
                 )
                 for i in range(2)
             ]
 
-        self._scalar = planes("scalar")
         self._variance = planes("variance")
         self._now, self._before = histories("history")
-        if not published:
-            self._follow, self._correct = kernel("follow"), kernel("correct")
-            self._past_scalar = planes("past scalar")
+        fixed = {
+            **guide.layout.arguments(),
+            **guide.camera_argument,
+            **batched(scalar=planes("scalar"), variance=self._variance),
+            "normal_agreement": settings.normal_agreement,
+            "rays": rays,
+        }
+
+        def kernel(entry: str, **own: Any) -> Kernel:
+            return device.kernel("filter/temporal.cl", entry, defines).fixed(fixed, own)
+
+        self._estimate = kernel("estimate_variance")
+        if published:
+            self._accumulate = kernel(
+                "accumulate", clamp_sigma=settings.clamp_sigma, fading=IPRT_FADING
+            )
+        else:
+            self._accumulate = kernel("accumulate")
             self._fast, self._fast_before = histories("fast history")
+            past_scalar = planes("past scalar")
+            self._follow = kernel("follow", **batched(scalar=past_scalar), limit=FAST_LENGTH)
+            self._correct = kernel(
+                "correct",
+                **batched(past_scalar=past_scalar),
+                antilag_sigma=settings.antilag_sigma,
+                clamp_sigma=settings.clamp_sigma,
+            )
 
     @property
-    def lengths(self) -> list[cla.Array]:
+    def lengths(self) -> Sequence[cla.Array]:
         """1 plane each: how many samples each pixel's mean was worth after the last picture."""
-        return [length for _, length, _ in self._now]
+        return self._now.lengths
 
     def reset(self) -> None:
         """Forget everything, as after a cut."""
-        for _, length, _ in self._now if self._published else [*self._now, *self._fast]:
-            self._device.fill_zero(length)
+        for history in [self._now] if self._published else [self._now, self._fast]:
+            for length in history.lengths:
+                self._device.fill_zero(length)
 
     def run(
         self,
@@ -156,22 +198,17 @@ class Temporal:
         guides = [signal.guide for signal in self._signals]
         moved = changed and self._signals[0].kind in ("diffuse", "specular")
         fetched = {
-            **guides[0].camera_argument,
             **batched(guide_previous=[guide.previous for guide in guides], motion=motions),
-            **_named(self._before, "{}_before"),
+            **self._before.arguments("{}_before"),
             "plane_tolerance": settings.moved_tolerance if moved else settings.plane_tolerance,
-            "normal_agreement": settings.normal_agreement,
         }
         added = {
-            **batched(samples=samples, level=levels, scalar=self._scalar, variance=self._variance),
-            **_named(self._now, "{}"),
-            "fading": IPRT_FADING if self._published else fading,
-            "rays": self._rays,
+            **batched(samples=samples, level=levels),
+            **self._now.arguments("{}"),
+            "fading": fading,
         }
         with self._device.profile.section("temporal"):
-            if self._published:
-                self._run(self._accumulate, fetched, added, clamp_sigma=settings.clamp_sigma)
-            elif self._unsettle(changed=changed):
+            if not self._published and self._unsettle(changed=changed):
                 self._follow_changes(fetched, added)
                 self._add_corrected(added)
             else:
@@ -179,7 +216,9 @@ class Temporal:
             self._run(self._estimate, added)
         return [
             Accumulated(accumulated, length, variance)
-            for (accumulated, length, _), variance in zip(self._now, self._variance, strict=True)
+            for accumulated, length, variance in zip(
+                self._now.signals, self._now.lengths, self._variance, strict=True
+            )
         ]
 
     def _unsettle(self, *, changed: bool) -> bool:
@@ -202,10 +241,8 @@ class Temporal:
             self._follow,
             fetched,
             added,
-            _named(self._fast_before, "fast_{}_before"),
-            _named(self._fast, "fast_{}"),
-            batched(scalar=self._past_scalar),
-            limit=FAST_LENGTH,
+            self._fast_before.arguments("fast_{}_before"),
+            self._fast.arguments("fast_{}"),
             fresh=self._fast_frames == 1,
         )
 
@@ -214,23 +251,11 @@ class Temporal:
         self._run(
             self._correct,
             added,
-            _named(self._fast, "fast_{}"),
-            batched(past_scalar=self._past_scalar),
-            antilag_sigma=self.settings.antilag_sigma,
-            clamp_sigma=self.settings.clamp_sigma,
+            self._fast.arguments("fast_{}"),
             trusted=not self._fast_again or self._fast_frames >= FAST_LEAST,
         )
 
     def _run(self, kernel: Kernel, *groups: Mapping[str, Any], **own: Any) -> None:
         guides = [signal.guide for signal in self._signals]
-        layout = guides[0].layout
-        size = (*layout.size, len(guides))
-        guide = batched(guide=[guide.current for guide in guides])
-        kernel(size, layout.arguments(), guide, *groups, **own)
-
-
-def _named(histories: Sequence[Planes], pattern: str) -> dict[str, cla.Array]:
-    """The planes of histories by the names of a kernel's parameters."""
-    planes = zip(*histories, strict=True)
-    names = map(pattern.format, ("signal", "length", "spread"))
-    return batched(**dict(zip(names, planes, strict=True)))
+        size = (*guides[0].layout.size, len(guides))
+        kernel(size, batched(guide=[guide.current for guide in guides]), *groups, **own)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import pyopencl.array as cla
@@ -27,6 +28,8 @@ class FrameContext:
         Objects moved since the frame before.
     fading : float
         Least share of this frame in the temporal means; 0: what the mean of all gives it.
+    grids : 16 of (2,) int32
+        Origins of the tracing grid in so many frames.
     cut : bool
         The video shows something else: nothing that was accumulated holds.
     """
@@ -38,7 +41,13 @@ class FrameContext:
     video_changed: bool
     objects_changed: bool
     fading: float
+    grids: Sequence[cla.Array]
     cut: bool = False
+
+    @property
+    def grid(self) -> cla.Array:
+        """(2,) int32: the origin of the tracing grid in this frame."""
+        return self.grids[self.index % len(self.grids)]
 
     @property
     def changed(self) -> bool:

@@ -97,32 +97,35 @@ class Layer:
 class Guides:
     """Gathers the layers of a view into their guides, in one launch."""
 
-    def __init__(self, device: ComputeDevice, guides: Sequence[Guide]) -> None:
+    def __init__(
+        self, device: ComputeDevice, guides: Sequence[Guide], layers: Sequence[Layer]
+    ) -> None:
+        """`layers`: one for each guide."""
         self._device, self._guides = device, guides
         defines = guides[0].defines(BATCH=len(guides))
-        self._build = device.kernel("gbuffer/guide.cl", "build_guide", defines)
+        self._build = device.kernel("gbuffer/guide.cl", "build_guide", defines).fixed(
+            guides[0].layout.arguments(),
+            batched(
+                normal=[layer.normal for layer in layers],
+                depth=[layer.depth for layer in layers],
+                id=[layer.ids for layer in layers],
+            ),
+        )
 
-    def run(self, view: cla.Array, layers: Sequence[Layer]) -> None:
+    def run(self, view: cla.Array) -> None:
         """Make each `current` this picture's guide, and `previous` what `current` was.
 
         Parameters
         ----------
         view : (16,) float32
             `View.kernel_constants()`.
-        layers : one for each guide
         """
         for guide in self._guides:
             guide.current, guide.previous = guide.previous, guide.current
         layout = self._guides[0].layout
         with self._device.profile.section("guide"):
             self._build(
-                (*layout.size, len(layers)),
-                layout.arguments(),
-                batched(
-                    normal=[layer.normal for layer in layers],
-                    depth=[layer.depth for layer in layers],
-                    id=[layer.ids for layer in layers],
-                    guide=[guide.current for guide in self._guides],
-                ),
+                (*layout.size, len(self._guides)),
+                batched(guide=[guide.current for guide in self._guides]),
                 view=view,
             )

@@ -7,6 +7,7 @@ World: right-handed, +Y up, metres, origin at the capture centre. View space: +X
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -44,7 +45,7 @@ class View:
     def resized(self, width: int, height: int) -> View:
         return replace(self, width=width, height=height)
 
-    @property
+    @cached_property
     def world_from_view(self) -> Float:
         """(3, 3) rotation that takes view-space to world-space directions."""
         yaw, pitch = np.deg2rad(self.yaw_deg), np.deg2rad(self.pitch_deg)
@@ -95,16 +96,10 @@ class View:
 
     def kernel_constants(self) -> NDArray[np.float32]:
         """(16,) float32 for `cl/lib/gbuffer/view.h`: rotation rows, focal length, centre, size."""
-        constants = np.zeros(16, np.float32)
-        constants[:9] = self.world_from_view.ravel()
-        constants[9:14] = (
-            self.focal_px,
-            0.5 * self.width,
-            0.5 * self.height,
-            self.width,
-            self.height,
-        )
-        return constants
+        size = (self.width, self.height)
+        centre = (0.5 * self.width, 0.5 * self.height)
+        rotation = self.world_from_view.ravel().tolist()
+        return np.array([*rotation, self.focal_px, *centre, *size, 0.0, 0.0], np.float32)
 
 
 def equirect_direction(pixels: Float, width: int, height: int) -> Float:

@@ -7,7 +7,8 @@ transform from there to the world, therefore moves objects and turns views.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +31,7 @@ class TurnedView(View):
 
     capture: tuple[float, ...] = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 
-    @property
+    @cached_property
     def world_from_view(self) -> Float:
         """(3, 3) rotation that takes view-space directions to the capture centre's axes."""
         return np.reshape(self.capture, (3, 3)) @ super().world_from_view
@@ -44,7 +45,7 @@ def view_from(view: View, pose: Float | None) -> View:
     if pose is None or view.projection == "equirect" or np.array_equal(pose[:3, :3], np.eye(3)):
         return view
     capture = tuple(float(value) for value in pose[:3, :3].T.ravel())
-    return TurnedView(**vars(view), capture=capture)
+    return TurnedView(**asdict(view), capture=capture)
 
 
 def seen_from(instances: Iterable[Instance], pose: Float | None) -> tuple[Instance, ...]:

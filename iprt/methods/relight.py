@@ -33,9 +33,11 @@ class Relight:
             FAINT_FRAMES=TOUCHED_FRAMES,
             STRONG_FRAMES=STRONG_FRAMES,
         )
-        self._kernel = device.kernel("methods/relight.cl", "relight", defines)
         pixels = guide.layout.width * guide.layout.height
         self.ratio = device.empty(f"{name} relighting ratio", (pixels, 4))
+        self._kernel = device.kernel("methods/relight.cl", "relight", defines).fixed(
+            guide.layout.arguments(), ratio=self.ratio
+        )
 
     def run(
         self,
@@ -66,9 +68,8 @@ class Relight:
         with self._device.profile.section("relight"):
             self._kernel(
                 self._guide.layout.size,
-                self._guide.arguments(),
                 known,
+                guide=self._guide.current,
                 signal=signal,
                 colour=colour,
-                ratio=self.ratio,
             )

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import pyopencl.array as cla
 
-from iprt.filter.mask import Mask, Masks, grid_offset
+from iprt.filter.mask import Mask, Masks
 from iprt.filter.temporal import Accumulated
 from iprt.gbuffer.context import FrameContext
 from iprt.gbuffer.guide import Guide, Guides, Layer
@@ -32,42 +32,42 @@ class SparseMethod(Method):
         real, objects = gbuffer.real, gbuffer.objects
         self._world: World | None = None
         self._guides: list[Guide] = []
-        self._layers: list[Layer] = []
         self._motions: list[cla.Array] = []
+        layers: list[Layer] = []
         masks: list[Mask] = []
         self.real_pixels: RealPixels | None = None
         if features.tracing:
-            guide = self._guide("real", Layer(real.normal, real.depth, real.id), real.motion)
+            guide = self._guide("real", real.motion)
+            layers.append(Layer(real.normal, real.depth, real.id))
             self.real_pixels = RealPixels(device, real, guide, features, name="real")
             masks.append(self.real_pixels.mask)
         gloss_guide = None
         if real.gloss is not None:
-            gloss_layer = Layer(real.normal, real.depth, real.gloss)
-            gloss_guide = self._guide("gloss", gloss_layer, real.motion)
-        visible = Layer(objects.normal, objects.depth, objects.id)
-        guide = self._guide("object", visible, objects.motion)
+            gloss_guide = self._guide("gloss", real.motion)
+            layers.append(Layer(real.normal, real.depth, real.gloss))
+        guide = self._guide("object", objects.motion)
+        layers.append(Layer(objects.normal, objects.depth, objects.id))
         self.reflecting_pixels = pixels = ReflectingPixels(
             device, real, objects, guide, gloss_guide, features
         )
         masks += [mask for mask in (pixels.gloss_mask, pixels.mask) if mask is not None]
-        self._gather = Guides(device, self._guides)
+        self._gather = Guides(device, self._guides, layers)
         self._masks = Masks(device, masks)
 
-    def _guide(self, name: str, layer: Layer, motion: cla.Array) -> Guide:
+    def _guide(self, name: str, motion: cla.Array) -> Guide:
         """The guide of one more layer of the view."""
         setup = self.setup
         guide = Guide(
             setup.device, setup.layout, equirect=setup.equirect, name=name, camera=setup.camera
         )
         self._guides.append(guide)
-        self._layers.append(layer)
         self._motions.append(motion)
         return guide
 
     def trace(self, world: World, context: FrameContext) -> Signals:
         self._world = world
-        self._gather.run(context.view, self._layers)
-        self._masks.run(grid_offset(context.index), self._motions, metre=world.panorama.scale)
+        self._gather.run(context.view)
+        self._masks.run(context.grid, self._motions, metre=world.panorama.scale)
         ratio = None
         if self.real_pixels is not None:
             ratio = self.real_pixels.run(world, context)

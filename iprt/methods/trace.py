@@ -15,17 +15,14 @@ from iprt.world.real.irradiance import IrradianceCache
 from iprt.world.world import World
 
 
-def traced_arguments(
-    guide: Guide, mask: Mask, view: cla.Array, rays: int, seed: int
-) -> dict[str, Any]:
-    """`TRACED_PARAMETERS` of `cl/lib/methods/traced.h`."""
+def traced_arguments(guide: Guide, mask: Mask, view: cla.Array) -> dict[str, Any]:
+    """Those of `TRACED_PARAMETERS` (`cl/lib/methods/traced.h`) that vary from frame to frame."""
     return {
-        **guide.arguments(),
-        "rays": rays,
-        "frame_seed": seed,
+        "guide": guide.current,
         "list": mask.traced,
         "count": mask.count,
         "view": view,
+        "touched": mask.touched,
     }
 
 
@@ -49,10 +46,15 @@ class TraceReal:
         equirect = guide.equirect and features.traced_layers
         defines = plane_defines(equirect=equirect, **features.trace_defines())
         kernel = "trace_delta" if features.delta else "trace_real"
-        self._kernel = device.kernel(f"methods/{kernel}.cl", kernel, defines)
         layout = guide.layout
         self.signal = device.zeros(f"{name} signal", layout.shape(6))
-        self._samples = device.zeros(f"{name} samples", layout.shape(1), np.uint32)
+        self._kernel = device.kernel(f"methods/{kernel}.cl", kernel, defines).fixed(
+            layout.arguments(),
+            rays=features.settings.trace.rays,
+            frame_seed=features.settings.seed,
+            samples=device.zeros(f"{name} samples", layout.shape(1), np.uint32),
+            signal=self.signal,
+        )
 
     def run(
         self,
@@ -66,16 +68,14 @@ class TraceReal:
         """`cache` holds E_R for the estimator "delta", which ignores objects that span less than
         `min_solid_angle` sr.
         """
-        guide, settings = self._guide, self._features.settings
+        guide = self._guide
         with self._device.profile.section("trace real"):
             self._kernel(
                 (guide.layout.width * guide.layout.height,),
-                traced_arguments(guide, mask, view, settings.trace.rays, settings.seed),
+                traced_arguments(guide, mask, view),
                 world.arguments(self._features),
-                {"touched": mask.touched} if cache is None else cache.arguments(world.panorama),
+                {} if cache is None else cache.arguments(world.panorama),
                 {} if cache is None else {"min_solid_angle": min_solid_angle},
-                samples=self._samples,
-                signal=self.signal,
             )
 
 
@@ -101,7 +101,6 @@ class TraceVirtual:
             JITTER=features.jitter,
             **features.gloss_defines(),
         )
-        self._kernel = device.kernel("methods/trace_virtual.cl", "trace_virtual", defines)
         layout = guide.layout
         self.diffuse = self.specular = self.hit = None
         if features.diffuse_signal:
@@ -109,7 +108,13 @@ class TraceVirtual:
         if features.specular_signal:
             self.specular = device.zeros("specular signal", layout.shape(3))
             self.hit = device.zeros("specular hit distance", layout.shape(1))
-        self._samples = device.zeros("object samples", layout.shape(1), np.uint32)
+        self._kernel = device.kernel("methods/trace_virtual.cl", "trace_virtual", defines).fixed(
+            layout.arguments(),
+            {"diffuse": self.diffuse, "specular": self.specular, "hit_distance": self.hit},
+            rays=features.settings.trace.object_rays,
+            frame_seed=features.settings.seed,
+            samples=device.zeros("object samples", layout.shape(1), np.uint32),
+        )
 
     def run(
         self,
@@ -120,17 +125,14 @@ class TraceVirtual:
         history: cla.Array,
     ) -> None:
         """`history` is the `Temporal.length` of the signals."""
-        guide, settings = self._guide, self._features.settings
+        guide = self._guide
         with self._device.profile.section("trace virtual"):
             self._kernel(
                 (guide.layout.width * guide.layout.height,),
-                traced_arguments(guide, mask, view, settings.trace.object_rays, settings.seed),
+                traced_arguments(guide, mask, view),
                 world.arguments(self._features),
-                {"diffuse": self.diffuse, "specular": self.specular, "hit_distance": self.hit},
                 albedo=albedo,
                 history=history,
-                samples=self._samples,
-                touched=mask.touched,
             )
 
 
@@ -157,19 +159,21 @@ class TraceGloss:
             **features.relit_defines(),
             **features.gloss_defines(),
         )
-        self._kernel = device.kernel("methods/trace_gloss.cl", "trace_gloss", defines)
         layout = guide.layout
         self.change = device.zeros("gloss signal", layout.shape(3))
-        self._samples = device.zeros("gloss samples", layout.shape(1), np.uint32)
+        self._kernel = device.kernel("methods/trace_gloss.cl", "trace_gloss", defines).fixed(
+            layout.arguments(),
+            rays=features.settings.trace.rays,
+            frame_seed=features.settings.seed,
+            samples=device.zeros("gloss samples", layout.shape(1), np.uint32),
+            change=self.change,
+        )
 
     def run(self, world: World, mask: Mask, view: cla.Array) -> None:
-        guide, settings = self._guide, self._features.settings
+        guide = self._guide
         with self._device.profile.section("trace gloss"):
             self._kernel(
                 (guide.layout.width * guide.layout.height,),
-                traced_arguments(guide, mask, view, settings.trace.rays, settings.seed),
+                traced_arguments(guide, mask, view),
                 world.arguments(self._features),
-                samples=self._samples,
-                change=self.change,
-                touched=mask.touched,
             )

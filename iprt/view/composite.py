@@ -40,10 +40,10 @@ class Composite:
         self._gloss = gloss
         self._diffuse = diffuse
         self._specular = specular
+        self.picture = device.empty("picture", (layout.height, layout.width, 4))
         self._kernel = self._variant(mapped=False)
         # A kernel of its own, so that frames without a map are as in a video without any.
         self._mapped = self._variant(mapped=True) if color_map else None
-        self.picture = device.empty("picture", (layout.height, layout.width, 4))
 
     def _variant(self, *, mapped: bool) -> Kernel:
         defines = plane_defines(
@@ -55,7 +55,8 @@ class Composite:
             HAS_DIFFUSE=self._diffuse,
             HAS_SPECULAR=self._specular,
         )
-        return self._device.kernel("view/composite.cl", "composite", defines)
+        kernel = self._device.kernel("view/composite.cl", "composite", defines)
+        return kernel.fixed(self._layout.arguments(), picture=self.picture)
 
     def _has_base(self, mapped: bool) -> bool:
         return self._relit and (self._gloss or mapped)
@@ -102,4 +103,4 @@ class Composite:
         kernel = self._kernel if color_map is None else self._mapped
         assert kernel is not None
         with self._device.profile.section("composite"):
-            kernel(self._layout.size, self._layout.arguments(), given, picture=self.picture)
+            kernel(self._layout.size, given)

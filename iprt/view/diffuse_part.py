@@ -30,15 +30,16 @@ class DiffusePart:
     ) -> None:
         self._device, self._layout = device, layout
         self._gloss = gloss
-        self._plain = self._variant(mapped=False) if gloss else None
-        self._mapped = self._variant(mapped=True) if color_map else None
         self._planes: cla.Array | None = None
         if gloss or color_map:
             self._planes = device.zeros(f"{name} diffuse", layout.shape(3))
+        self._plain = self._variant(mapped=False) if gloss else None
+        self._mapped = self._variant(mapped=True) if color_map else None
 
     def _variant(self, *, mapped: bool) -> Kernel:
         defines = plane_defines(GLOSS=self._gloss, COLOR_MAP=mapped)
-        return self._device.kernel("view/diffuse_part.cl", "diffuse_part", defines)
+        kernel = self._device.kernel("view/diffuse_part.cl", "diffuse_part", defines)
+        return kernel.fixed(self._layout.arguments(), diffuse=self._planes)
 
     def run(
         self, colour: cla.Array, highlight: cla.Array | None, color_map: cla.Array | None
@@ -57,11 +58,5 @@ class DiffusePart:
         kernel = self._plain if color_map is None else self._mapped
         if kernel is None:
             return colour
-        kernel(
-            self._layout.size,
-            self._layout.arguments(),
-            {"maps": color_map, "highlight": highlight},
-            colour=colour,
-            diffuse=self._planes,
-        )
+        kernel(self._layout.size, {"maps": color_map, "highlight": highlight}, colour=colour)
         return self._planes

@@ -46,21 +46,9 @@ class RealLayer:
         their highlights; `radiated`: it shows what surfaces radiate to all sides; `camera`:
         `CameraMotion.rows`, where the camera moves; `color_map`: frames may come with one.
         """
-        self._camera = {} if camera is None else {"camera": camera}
         self._radiated = radiated
         self._device = device
         self._layout = layout
-        self._kernel = device.kernel(
-            "view/resample.cl",
-            "resample_panorama",
-            plane_defines(
-                equirect=equirect,
-                GLOSS=gloss,
-                MATERIAL_PLASTIC=gloss,
-                MATERIAL_CONDUCTOR=gloss,
-                CAMERA_MOTION=camera is not None,
-            ),
-        )
         self.color = device.zeros(f"{name} color", layout.shape(3))
         self.normal = device.zeros(f"{name} normal", layout.shape(3))
         self.depth = device.zeros(f"{name} depth", layout.shape(1))
@@ -75,6 +63,26 @@ class RealLayer:
             self.gloss = device.zeros(f"{name} gloss", layout.shape(1))
             self.roughness = device.zeros(f"{name} roughness", layout.shape(1))
             self._highlight = device.zeros(f"{name} highlight", layout.shape(3))
+        self._kernel = device.kernel(
+            "view/resample.cl",
+            "resample_panorama",
+            plane_defines(
+                equirect=equirect,
+                GLOSS=gloss,
+                MATERIAL_PLASTIC=gloss,
+                MATERIAL_CONDUCTOR=gloss,
+                CAMERA_MOTION=camera is not None,
+            ),
+        ).fixed(
+            layout.arguments(),
+            {} if camera is None else {"camera": camera},
+            {"gloss": self.gloss, "roughness": self.roughness, "highlight": self._highlight},
+            color=self.color,
+            normal=self.normal,
+            depth=self.depth,
+            id=self.id,
+            motion=self.motion,
+        )
 
     def run(
         self,
@@ -101,16 +109,11 @@ class RealLayer:
             "panorama_gloss": panorama.gloss,
             "panorama_highlight": panorama.highlight,
             "real_materials": real_materials,
-            "gloss": self.gloss,
-            "roughness": self.roughness,
-            "highlight": self._highlight,
         }
         with self._device.profile.section("resample"):
             self._kernel(
                 self._layout.size,
-                self._layout.arguments(),
                 gloss,
-                self._camera,
                 view=view,
                 previous=previous,
                 panorama_width=panorama.width,
@@ -118,11 +121,6 @@ class RealLayer:
                 panorama_color=panorama.radiated if self._radiated else panorama.color,
                 panorama_surface=panorama.surface,
                 panorama_range=panorama.range,
-                color=self.color,
-                normal=self.normal,
-                depth=self.depth,
-                id=self.id,
-                motion=self.motion,
             )
             self.diffuse = self._diffuse_part.run(self.color, self._highlight, color_map)
 

@@ -127,6 +127,25 @@ def test_buffers_that_take_turns_are_bound_once_each_way(
     assert bound == [0, 1, 2, 3, 0, 1, 2, 3, *[3] * 6]
 
 
+def test_what_is_fixed_is_bound_once_and_not_given(
+    device: ComputeDevice, tmp_path: Path, bound: list[int]
+) -> None:
+    """Also by the second of the OpenCL kernels that a call site has."""
+    one, other = device.upload("one", np.ones(64, np.float32)), device.zeros("other", (64,))
+    kernel = scale(device, tmp_path).fixed({"by": 2.0, "for others": 5}).fixed(add=1)
+    assert not bound
+    for turn in range(4):
+        source, result = (one, other) if turn % 2 == 0 else (other, one)
+        kernel((64,), {"in": source, "out": result, "by": 0.0})
+        assert (device.read(result) == [3, 7, 15, 31][turn]).all()
+    assert sorted(bound) == [0, 0, 1, 1, 2, 2, 3, 3]
+    assert kernel.buffers == {"in": other, "out": one}
+    with pytest.raises(TypeError, match=r"'scale' of .* has no parameter 'offset'"):
+        scale(device, tmp_path).fixed(offset=0)
+    with pytest.raises(TypeError, match=r"'scale' of .* has no parameter 'add'"):
+        scale(device, tmp_path).fixed(add=1)((64,), {"in": one, "out": other, "by": 1.0}, add=2)
+
+
 def test_names_that_are_missing_or_none_of_the_kernels(
     device: ComputeDevice, tmp_path: Path
 ) -> None:

@@ -140,7 +140,7 @@ def test_rays_of_a_picture_are_those_asked_for(device: ComputeDevice) -> None:
     assert refined.active > 0
     assert refined.real.count == refined.active * settings.irradiance.first_rays
     assert refined.objects == Rays()
-    assert work["irradiance", "want_cells"].active == listed
+    assert work["irradiance", "list_cells"].active == listed
     assert work["irradiance", "smooth_cells"].active == refined.active
     seen, shown = (work["trace view", kernel] for kernel in ("see_objects", "show_objects"))
     assert seen.active == seen.objects.count > 0

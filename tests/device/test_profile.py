@@ -136,8 +136,6 @@ def test_what_a_first_launch_ran_is_not_compiling() -> None:
 class SlowKernel:
     """The first launch takes 30 ms of the host; every one runs for 8 ms of the device's clock."""
 
-    function_name = "slow"
-
     def __init__(self, clock: HostClock) -> None:
         self.clock, self.pause = clock, 30.0
 
@@ -159,12 +157,12 @@ def test_what_only_the_first_launch_takes_is_told_by_program(
         program = f"slow.cl -DX={id(slow)}"
         with mock.patch.object(profile, "launched_first", wraps=profile.launched_first) as told:
             for _ in range(3):
-                Kernel(device, lambda: slow, program, ())((64,))
+                Kernel(device, lambda: slow, "slow", program, ())((64,))
         assert told.call_count == 1
         assert list(profile.first_launches) == [program]
         first = profile.first_launches[program]
         assert first == pytest.approx(30.0 - 8.0)
-        Kernel(device, lambda: other, f"{program}1", ())((64,))
+        Kernel(device, lambda: other, "slow", f"{program}1", ())((64,))
         with profile.compiling(program):
             clock.wait(10.0)
         assert profile.first_launches[program] == first

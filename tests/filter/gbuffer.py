@@ -57,7 +57,7 @@ class GBuffer:
         view = device.upload("view", self.view.kernel_constants())
         planes = (self.normal, self.depth[None], self.ids[None])
         layer = Layer(*(upload(device, self.layout, p) for p in planes))
-        Guides(device, [guide]).run(view, [layer])
+        Guides(device, [guide], [layer]).run(view)
 
     def rolled(self, columns: int) -> GBuffer:
         """The same surroundings after a turn of the view that shifts the picture's columns."""
@@ -69,6 +69,10 @@ class GBuffer:
             depth=np.roll(self.depth, columns, -1),
             ids=np.roll(self.ids, columns, -1),
         )
+
+
+def tracing_grid(device: ComputeDevice, offset: tuple[int, int]) -> cla.Array:
+    return device.upload("tracing grid", np.array(offset, np.int32))
 
 
 def random_gbuffer(width: int, height: int, *, equirect: bool, seed: int = 0) -> GBuffer:

@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
-from iprt.filter.mask import Mask, Masks, grid_offset
+from iprt.filter.mask import Mask, Masks, tracing_grids
 from iprt.filter.signal_filter import Samples, SignalFilter
 from iprt.filter.signals import Kind, Signal
 from iprt.gbuffer.context import FrameContext
@@ -62,14 +62,18 @@ class Frames:
         used = sorted({LAYERS[i] for i in chosen})
         guides = [Guide(device, g.layout, equirect=g.equirect, name="test") for g in self.gbuffers]
         masks = self.masks(guides, used)
-        gather, choose = Guides(device, [guides[i] for i in used]), Masks(device, masks)
+        layers = [layer_of(self, self.gbuffers[i]) for i in used]
+        gather = Guides(device, [guides[i] for i in used], layers)
+        choose = Masks(device, masks)
         signals = [Signal(f"signal {i}", KINDS[i], guides[LAYERS[i]]) for i in chosen]
         signal_filter = SignalFilter(device, signals, Settings(), published=published)
         view = device.upload("view", self.gbuffers[0].view.kernel_constants())
+        still = still_frame(device, view)
         for frame in range(FRAMES):
-            gather.run(view, [layer_of(self, self.gbuffers[i]) for i in used])
+            context = replace(still, index=frame, objects_changed=frame == 3)
+            gather.run(view)
             motions = [self.planes(self.motion[frame, i]) for i in used]
-            choose.run(grid_offset(frame), motions)
+            choose.run(context.grid, motions)
             filtered = signal_filter.run(
                 [
                     Samples(
@@ -81,7 +85,7 @@ class Frames:
                     )
                     for i in chosen
                 ],
-                replace(still_frame(view), index=frame, objects_changed=frame == 3),
+                context,
             )
         layout = self.gbuffers[0].layout
         result = {}
@@ -103,9 +107,16 @@ def layer_of(frames: Frames, gbuffer: GBuffer) -> Layer:
     return Layer(*map(frames.planes, planes))
 
 
-def still_frame(view: cla.Array) -> FrameContext:
+def still_frame(device: ComputeDevice, view: cla.Array) -> FrameContext:
     return FrameContext(
-        0, view, view, view_changed=False, video_changed=False, objects_changed=False, fading=0.0
+        0,
+        view,
+        view,
+        view_changed=False,
+        video_changed=False,
+        objects_changed=False,
+        fading=0.0,
+        grids=tracing_grids(device),
     )
 
 

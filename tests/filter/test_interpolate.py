@@ -9,7 +9,15 @@ from iprt.device.compute import ComputeDevice
 from iprt.filter.interpolate import Interpolate
 from iprt.filter.signals import Signal
 from iprt.settings.filter import InterpolateSettings
-from tests.filter.gbuffer import SIZES, GBuffer, flat_gbuffer, random_gbuffer, read, upload
+from tests.filter.gbuffer import (
+    SIZES,
+    GBuffer,
+    flat_gbuffer,
+    random_gbuffer,
+    read,
+    tracing_grid,
+    upload,
+)
 from tests.oracles import interpolate as oracle
 from tests.oracles import mask as mask_oracle
 
@@ -27,7 +35,7 @@ def run(
     planes = upload(device, layout, signal)
     levels = device.upload("level", layout.padded(level[None].astype(np.uint8)))
     signals = [Signal("test", "diffuse" if len(signal) == 3 else "delta", gbuffer.guide(device))]
-    Interpolate(device, signals, SETTINGS).run([levels], [planes], offset)
+    Interpolate(device, signals, SETTINGS).run([levels], [planes], tracing_grid(device, offset))
     return read(device, layout, planes)
 
 

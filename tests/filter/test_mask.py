@@ -18,6 +18,7 @@ from tests.filter.gbuffer import (
     random_gbuffer,
     read,
     still_motion,
+    tracing_grid,
     upload,
 )
 from tests.oracles import mask as oracle
@@ -40,7 +41,7 @@ def run(
     settings = MaskSettings(sigma_position=sigma)
     mask = Mask(device, gbuffer.guide(device), settings, name="test", graded=graded)
     device.write(mask.touched, layout.padded(touched[None]))
-    Masks(device, [mask]).run(offset, [still(device, layout)])
+    Masks(device, [mask]).run(tracing_grid(device, offset), [still(device, layout)])
     count = int(device.read(mask.count)[0])
     listed = np.bincount(device.read(mask.traced)[:count], minlength=layout.width * layout.height)
     assert listed.max(initial=0) <= 1
@@ -83,7 +84,7 @@ def test_influence_is_remembered_for_ten_pictures(device: ComputeDevice) -> None
     dense = []
     for _ in range(12):
         dense.append(int((level == 0).sum()))
-        Masks(device, [mask]).run((0, 0), [still(device, gbuffer.layout)])
+        Masks(device, [mask]).run(tracing_grid(device, (0, 0)), [still(device, gbuffer.layout)])
         level = read(device, gbuffer.layout, mask.level)[0]
     assert dense == [9] * 10 + [0, 0]
     assert (read(device, gbuffer.layout, mask.touched) == 0.0).all()
@@ -98,7 +99,7 @@ def test_faint_influence_takes_a_quarter_of_the_rays(device: ComputeDevice) -> N
     seen = []
     for _ in range(22):
         seen.append([int((level == number).sum()) for number in (0, 1)])
-        Masks(device, [mask]).run((0, 0), [still(device, gbuffer.layout)])
+        Masks(device, [mask]).run(tracing_grid(device, (0, 0)), [still(device, gbuffer.layout)])
         level = read(device, gbuffer.layout, mask.level)[0]
     assert seen == [[9, 9]] * 10 + [[0, 9]] * 10 + [[0, 0]] * 2
 
@@ -111,7 +112,9 @@ def test_influence_moves_with_the_picture(device: ComputeDevice) -> None:
     motion = np.full((2, 24, 32), -1e9)
     motion[:, 12, 20] = 16.4, 10.6
     motion[:, 4, 3] = -0.4, 4.5  # from beside the picture
-    Masks(device, [mask]).run((0, 0), [upload(device, gbuffer.layout, motion)])
+    Masks(device, [mask]).run(
+        tracing_grid(device, (0, 0)), [upload(device, gbuffer.layout, motion)]
+    )
     level = read(device, gbuffer.layout, mask.level)[0]
     expected = np.full((24, 32), 2)
     expected[11:14, 19:22] = 0
@@ -134,7 +137,7 @@ def test_grid_visits_every_pixel_within_sixteen_frames() -> None:
 def test_dense_setting_traces_all(device: ComputeDevice) -> None:
     gbuffer = random_gbuffer(31, 17, equirect=False)
     mask = Mask(device, gbuffer.guide(device), MaskSettings(sparse=False), name="test")
-    Masks(device, [mask]).run((1, 1), [still(device, gbuffer.layout)])
+    Masks(device, [mask]).run(tracing_grid(device, (1, 1)), [still(device, gbuffer.layout)])
     assert device.read(mask.count)[0] == (gbuffer.seen_ids > 0.0).sum()
 
 

@@ -13,6 +13,7 @@ import pytest
 from iprt import cli
 from iprt.device.budget import PICTURE, REMEDIES, remedy, what_to_lower
 from iprt.device.compute import ComputeDevice
+from iprt.device.plan import UnbuiltKernel
 from iprt.footage.footage import Footage
 from iprt.footage.frame import Frame
 from iprt.geometry.camera import View
@@ -57,7 +58,7 @@ class Idle(ComputeDevice):
     """Allocates and transfers, but computes nothing: compiling would take minutes."""
 
     def kernel(self, *_: Any) -> Any:
-        return lambda *_, **__: None
+        return UnbuiltKernel()
 
 
 @pytest.mark.parametrize("projection", ["rectilinear", "equirect"])

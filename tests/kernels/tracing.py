@@ -57,7 +57,7 @@ def build(device: ComputeDevice, source: str, name: str, *options: str) -> Kerne
     declared = signature(
         source, name, {word: (*text, "1")[0] for word, *text in defines}, CL / "lib"
     )
-    kernel = Kernel(device, lambda: cl.Kernel(built, name), name, declared)
+    kernel = Kernel(device, lambda: cl.Kernel(built, name), name, name, declared)
     return CountingKernel(device, kernel) if isinstance(device, CountingDevice) else kernel
 
 

@@ -35,7 +35,7 @@ def _kernel(device: ComputeDevice, source: str, defines: tuple[str, ...]) -> Ker
     built = cl.Program(device.context, source).build(options)
     texts = dict((*define.split("="), "1")[:2] for define in defines)
     declared = signature(source, "run", texts, CL / "lib")
-    return Kernel(device, lambda: cl.Kernel(built, "run"), "run", declared)
+    return Kernel(device, lambda: cl.Kernel(built, "run"), "run", "run", declared)
 
 
 def evaluate(

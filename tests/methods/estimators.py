@@ -30,6 +30,7 @@ from iprt.settings.filter import MaskSettings
 from iprt.world.real.camera_motion import STILL
 from iprt.world.real.irradiance import IrradianceCache
 from iprt.world.real.panorama import START_BIAS
+from tests.filter.gbuffer import tracing_grid
 from tests.variants import variant
 from tests.worlds import Float, landscape_frame, sphere_frame
 
@@ -145,9 +146,9 @@ class Kernels:
         device, renderer = self.device, self.renderer
         seen, layout = renderer.visible, renderer.layout
         guide = Guide(device, layout, equirect=False, name="run")
-        Guides(device, [guide]).run(self.view, [Layer(seen.normal, seen.depth, seen.id)])
+        Guides(device, [guide], [Layer(seen.normal, seen.depth, seen.id)]).run(self.view)
         mask = Mask(device, guide, MaskSettings(sparse=False), name="run")
-        Masks(device, [mask]).run((0, 0), [seen.motion])
+        Masks(device, [mask]).run(tracing_grid(device, (0, 0)), [seen.motion])
         return guide, mask, device.zeros("run history", layout.shape(1))
 
     def reflected(self, seed: int, rays: int) -> dict[str, Float]:

@@ -8,9 +8,8 @@
 //                                                               forget what is elsewhere now
 //   move_cells     panorama, camera (lib/gbuffer/camera.h), plane,      the same, fetched from where the
 //                  mean and smooth as they were                 surfaces were
-//   want_cells     pixels that are traced (list, count, guide,  wanted: 1 at the cells around them,
-//                  touched), objects' boxes                     2 where objects have influence
-//   list_cells     wanted, mean                                 cells to refine; wanted cleared
+//   list_cells     pixels that are traced (list, count, guide,  cells around them that know less
+//                  touched), objects' boxes, mean               than they should, each once
 //   refine_cells   cells, world (lib/world/world.h)                    mean: rgb / pi, w samples
 //   smooth_cells   cells, mean                                  smooth: joint filter of mean, ever
 //                                                               narrower as samples come in
@@ -126,7 +125,7 @@ __kernel void move_cells(
     plane[cell] = now;
 }
 
-__kernel void want_cells(
+__kernel void list_cells(
     const int width,
     const int height,
     __global const int *restrict list,
@@ -138,14 +137,19 @@ __kernel void want_cells(
     const float min_solid_angle,                     // solid angle of objects that matters, sr
     const int columns,
     const int rows,
+    const float first,                     // samples that do where objects have no influence yet
+    const float enough,                    // and samples after which a cell is not refined further
     __global const float4 *restrict plane,
-    __global int *restrict wanted,         // out
-    __global int *restrict refined         // out: 0, the length of the list of list_cells
+    __global const float4 *restrict mean,
+    __global int *restrict listed,         // in, out: 1 at the cells of the list
+    __global int *restrict cells,          // out
+    __global int *restrict cell_count,     // in, out: length of the list, 0 at the start
+    __global int *restrict next_count      // out: 0, that of the next frame
     WORK_PARAMETER)
 {
     const int item = get_global_id(0);
     if (item == 0)
-        refined[0] = 0;
+        next_count[0] = 0;
     if (item >= count[0])
         return;
     COUNT_ITEM;
@@ -155,31 +159,14 @@ __kernel void want_cells(
     const BoxView seen = view_boxes(boxes, box_count, p, load_planes(guide, size, pixel));
     if (!boxes_matter(seen, min_solid_angle))
         return;
+    const float samples = touched[pixel] > 0.0f ? enough : fmin(first, enough);
     float2 past;
     const int2 corner = cache_corner(columns, rows, p, &past);
     for (int i = 0; i < 4; i++) {
         const int cell = cache_cell(columns, rows, corner.x + (i & 1), corner.y + (i >> 1));
-        if (plane[cell].w > 0.0f)
-            atomic_max(wanted + cell, touched[pixel] > 0.0f ? 2 : 1);
+        if (plane[cell].w > 0.0f && mean[cell].w < samples && atomic_xchg(listed + cell, 1) == 0)
+            cells[atomic_inc(cell_count)] = cell;
     }
-}
-
-__kernel void list_cells(
-    const int cells,
-    const float first,                     // samples that do without influence
-    const float enough,                    // samples after which a cell is not refined further
-    __global const float4 *restrict mean,
-    __global int *restrict wanted,         // in, out
-    __global int *restrict list,           // out
-    __global int *restrict count)          // in, out: 0 at the start
-{
-    const int cell = get_global_id(0);
-    if (cell >= cells || wanted[cell] == 0)
-        return;
-    const float samples = wanted[cell] == 1 ? first : enough;
-    wanted[cell] = 0;
-    if (mean[cell].w < samples)
-        list[atomic_inc(count)] = cell;
 }
 
 TRACING_KERNEL void refine_cells(
@@ -246,6 +233,7 @@ __kernel void smooth_cells(
     const int rows,
     __global const float4 *restrict plane,
     __global const float4 *restrict mean,
+    __global int *restrict listed,         // out: 0
     __global float4 *restrict smooth       // out
     WORK_PARAMETER)
 {
@@ -254,6 +242,7 @@ __kernel void smooth_cells(
         return;
     COUNT_ITEM;
     const int cell = list[item], x = cell % columns, y = cell / columns;
+    listed[cell] = 0;
     const float3 g = plane[cell].xyz, n = -normalize(g);
     const float3 v = texel_direction(x, y, columns, rows);
     const float3 p = v / fmax(dot(g, v), 1e-30f);

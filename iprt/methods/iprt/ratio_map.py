@@ -7,7 +7,7 @@ from dataclasses import replace
 import pyopencl.array as cla
 
 from iprt.device.compute import ComputeDevice
-from iprt.filter.mask import Masks, grid_offset
+from iprt.filter.mask import Masks
 from iprt.gbuffer.context import FrameContext
 from iprt.gbuffer.guide import Guide, Guides, Layer
 from iprt.gbuffer.layout import PlaneLayout
@@ -49,7 +49,7 @@ class RatioMap:
             device, layout, equirect=True, name="ratio map", radiated=True, camera=camera
         )
         guide = Guide(device, layout, equirect=True, name="ratio map", camera=camera)
-        self._guides = Guides(device, [guide])
+        self._guides = Guides(device, [guide], [Layer(layer.normal, layer.depth, layer.id)])
         self._pixels = RealPixels(
             device, layer, guide, features, name="ratio map", min_solid_angle=MIN_SOLID_ANGLE
         )
@@ -73,7 +73,7 @@ class RatioMap:
                 self._pixels.layer.run(world.panorama, self._constants, self._constants)
             self._in_motion = self._follows_camera and context.changed
             layer = self._pixels.layer
-            self._guides.run(self._constants, [Layer(layer.normal, layer.depth, layer.id)])
+            self._guides.run(self._constants)
             metre = world.panorama.scale
-            self._masks.run(grid_offset(here.index), [layer.motion], metre=metre)
+            self._masks.run(here.grid, [layer.motion], metre=metre)
             self._pixels.run(world, here)

@@ -102,9 +102,6 @@ class VisibleLayer:
     def __init__(self, device: ComputeDevice, layout: PlaneLayout, *, equirect: bool) -> None:
         self._device = device
         self._layout = layout
-        self._kernel = device.kernel(
-            "world/objects/unpack.cl", "unpack_objects", plane_defines(equirect=equirect)
-        )
         self.display = device.empty("object display", (3, layout.height, layout.width, 4))
         self.normal = device.zeros("object normal", layout.shape(3))
         self.depth = device.zeros("object depth", layout.shape(1))
@@ -113,6 +110,19 @@ class VisibleLayer:
         self.albedo = device.zeros("object albedo", layout.shape(3))
         self.coverage = device.zeros("object coverage", layout.shape(1))
         self.motion = device.zeros("object motion", layout.shape(2))
+        self._kernel = device.kernel(
+            "world/objects/unpack.cl", "unpack_objects", plane_defines(equirect=equirect)
+        ).fixed(
+            layout.arguments(),
+            display=self.display,
+            normal=self.normal,
+            depth=self.depth,
+            id=self.id,
+            roughness=self.roughness,
+            albedo=self.albedo,
+            coverage=self.coverage,
+            motion=self.motion,
+        )
         self.rect = EMPTY
 
     def load(self, layers: ObjectLayers, view: cla.Array, materials: cla.Array) -> None:
@@ -127,20 +137,7 @@ class VisibleLayer:
         """Fill the planes from `display`, in which `rect` holds all that is covered."""
         self.rect = rect
         with self._device.profile.section("unpack"):
-            self._kernel(
-                self._layout.size,
-                self._layout.arguments(),
-                view=view,
-                display=self.display,
-                materials=materials,
-                normal=self.normal,
-                depth=self.depth,
-                id=self.id,
-                roughness=self.roughness,
-                albedo=self.albedo,
-                coverage=self.coverage,
-                motion=self.motion,
-            )
+            self._kernel(self._layout.size, view=view, materials=materials)
 
 
 def covered_rect(image: NDArray[np.float32]) -> Rect:

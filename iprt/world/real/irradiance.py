@@ -61,20 +61,34 @@ class IrradianceCache:
             return device.kernel("world/real/irradiance.cl", name, defines)
 
         self._place = kernel("place_cells")
-        self._want = kernel("want_cells")
-        self._list = kernel("list_cells")
-        self._refine = kernel("refine_cells")
-        self._smooth = kernel("smooth_cells")
-        self._show = kernel("show_cells")
         cells = self.rows * self.columns
         self.plane, self.mean, self.irradiance = self._grids("")
         if features.moving_camera:
             self._move = kernel("move_cells")
             self._before = self._grids(" before")
             self._camera = device.zeros("irradiance camera motion", (12,))
-        self._wanted = device.zeros("irradiance wanted", (cells,), np.int32)
+        self._listed = device.zeros("irradiance listed", (cells,), np.int32)
         self._cells = device.empty("irradiance cells", (cells,), np.int32)
-        self._count = device.zeros("irradiance count", (1,), np.int32)
+        self._count, self._next_count = (
+            device.zeros(f"irradiance count {i}", (1,), np.int32) for i in range(2)
+        )
+        settings, grid = self.settings, {"columns": self.columns, "rows": self.rows}
+        self._list = kernel("list_cells").fixed(
+            grid,
+            first=settings.first_rays,
+            enough=settings.samples,
+            listed=self._listed,
+            cells=self._cells,
+        )
+        self._refine = kernel("refine_cells").fixed(
+            grid,
+            rays=settings.rays,
+            first_rays=settings.first_rays,
+            seed=features.settings.seed,
+            list=self._cells,
+        )
+        self._smooth = kernel("smooth_cells").fixed(grid, list=self._cells, listed=self._listed)
+        self._show = kernel("show_cells")
 
     def _grids(self, when: str) -> tuple[cla.Array, cla.Array, cla.Array]:
         names = ("irradiance plane", "irradiance mean", "irradiance")
@@ -166,17 +180,12 @@ class IrradianceCache:
         A few rays do where objects have no noticeable influence yet, and none are needed where
         objects span less than `min_solid_angle` sr.
         """
-        settings, layout = self.settings, guide.layout
+        layout = guide.layout
         cells = self.rows * self.columns
-        grid = {
-            "columns": self.columns,
-            "rows": self.rows,
-            **self._named(""),
-            "list": self._cells,
-            "count": self._count,
-        }
+        self._count, self._next_count = self._next_count, self._count
+        known = {**self._named(""), "count": self._count}
         with self._device.profile.section("irradiance"):
-            self._want(
+            self._list(
                 (layout.width * layout.height,),
                 guide.arguments(),
                 list=mask.traced,
@@ -185,30 +194,13 @@ class IrradianceCache:
                 boxes=traced["objects_bounds"],
                 box_count=traced["objects_count"],
                 min_solid_angle=min_solid_angle,
-                columns=self.columns,
-                rows=self.rows,
                 plane=self.plane,
-                wanted=self._wanted,
-                refined=self._count,
+                mean=self.mean,
+                cell_count=self._count,
+                next_count=self._next_count,
             )
-            self._list(
-                (cells,),
-                grid,
-                cells=cells,
-                first=settings.first_rays,
-                enough=settings.samples,
-                wanted=self._wanted,
-            )
-            self._refine(
-                (cells,),
-                grid,
-                traced,
-                rays=settings.rays,
-                first_rays=settings.first_rays,
-                seed=self._features.settings.seed,
-                view=view,
-            )
-            self._smooth((cells,), grid)
+            self._refine((cells,), known, traced, view=view)
+            self._smooth((cells,), known)
 
     def show(self, panorama: Panorama, guide: Guide) -> cla.Array:
         """E_R / π at a picture's pixels, 3 planes; 0 where no traced pixel has asked for it."""
