@@ -39,6 +39,27 @@ def test_the_unit_circle_keeps_its_stated_error(device):
     assert np.abs(p - np.stack([np.cos(turn), np.sin(turn)], 1)).max() < 3e-7
 
 
+def test_atan2_keeps_its_stated_error_in_every_octant(device):
+    angle = np.linspace(-np.pi, np.pi, 100_001)
+    length = np.geomspace(1e-12, 1e12, angle.size)
+    y, x = np.float32([np.sin(angle) * length, np.cos(angle) * length])
+    body, given = "a = fast_atan2(y, x);", {"y": y, "x": x}
+    found = evaluate(device, ["maths/maths.h"], body, given, {"a": "float"})["a"]
+    error = found - np.arctan2(y.astype(np.float64), x.astype(np.float64))
+    assert np.abs(error).max() < 3e-7
+    small = np.abs(angle) < 1e-3  # relative there, so that texels of any panorama stay apart
+    np.testing.assert_allclose(found[small], np.arctan2(y[small], x[small]), rtol=2e-7)
+
+
+def test_atan2_on_the_axes(device):
+    y, x = np.float32([[0, 1, 0, -1, 0, -0.0, 1e-40], [1, 0, -1, 0, 0, -1, 0]])
+    body, given = "a = fast_atan2(y, x);", {"y": y, "x": x}
+    found = evaluate(device, ["maths/maths.h"], body, given, {"a": "float"})["a"]
+    expected = np.pi * np.array([0, 0.5, 1, -0.5, 0, -1])
+    np.testing.assert_allclose(found[:6], expected, atol=3e-7)
+    assert np.isfinite(found[6])
+
+
 def test_luminance_is_that_of_linear_rec709(device):
     rgb = np.float32([[1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1]])
     y = evaluate(device, ["maths/maths.h"], "y = luminance(c);", {"c": rgb}, {"y": "float"})["y"]

@@ -3,6 +3,8 @@
 #ifndef IPRT_EQUIRECT_H
 #define IPRT_EQUIRECT_H
 
+#include "maths/maths.h"
+
 #define IPRT_PI 3.14159265358979f
 
 // Unit direction of uv.
@@ -23,8 +25,8 @@ static inline float3 texel_direction(int column, int row, int width, int height)
 // uv of a direction of any length.
 static inline float2 equirect_uv(float3 d)
 {
-    float u = atan2(d.x, -d.z) * (0.5f / IPRT_PI) + 0.5f;
-    float v = atan2(sqrt(d.x * d.x + d.z * d.z), d.y) * (1.0f / IPRT_PI);
+    float u = fast_atan2(d.x, -d.z) * (0.5f / IPRT_PI) + 0.5f;
+    float v = fast_atan2(sqrt(d.x * d.x + d.z * d.z), d.y) * (1.0f / IPRT_PI);
     return (float2)(u - floor(u), v);
 }
 

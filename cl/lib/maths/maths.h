@@ -27,6 +27,26 @@ static inline float falloff(float x)
     return w * w;
 }
 
+// atan2(y, x) to 3e-7: the minimax polynomial of atan(sqrt(s)) / sqrt(s) on [0, 1], which is off by
+// 1.4e-8, then mirrored by octant. 0 where both are 0.
+static inline float fast_atan2(float y, float x)
+{
+    const float ax = fabs(x), ay = fabs(y);
+    const float t = fmin(ax, ay) / fmax(fmax(ax, ay), 1e-37f), s = t * t;
+    float p = 0.0029035560f;
+    p = p * s - 0.016283022f;
+    p = p * s + 0.043039389f;
+    p = p * s - 0.075336777f;
+    p = p * s + 0.10654678f;
+    p = p * s - 0.14207134f;
+    p = p * s + 0.19993055f;
+    p = p * s - 0.33333093f;
+    p = p * s * t + t;
+    p = ay > ax ? 1.57079633f - p : p;
+    p = x < 0.0f ? 3.14159265f - p : p;
+    return copysign(p, y);
+}
+
 // (cos, sin) of 2 pi u for u in [0, 1], to 3e-7 absolute: the Taylor series within an eighth of a
 // turn of the nearest quarter, then exchanged and negated by quadrant.
 static inline float2 unit_circle(float u)
