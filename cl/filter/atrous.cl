@@ -17,7 +17,7 @@
 // Build with -DSIGNAL_PLANES=3|6, -DDIFFERENCE for a real layer (planes E_R rgb, E_RV rgb with
 // -DCOMMON too, else blocked / E_R rgb, bounce / E_R rgb), -DSPECULAR=n where the first n signals
 // of the -DBATCH are specular radiance,
-// -DEXTENT to filter only where there is anything but 0, -DTAPS=3|5 in a row, and -DGUIDED, without
+// -DEXTENT for kernels that find where there is anything but 0, -DTAPS=3|5 in a row, and -DGUIDED, without
 // which luminance does not count (IPRT's joint bilateral filter). Work groups of (n, 1) vectorize
 // best on CPUs.
 #include "gbuffer/batch.h"
@@ -66,7 +66,7 @@ __kernel void grow_extent(
     __global const int *restrict found,    // per row first column and end, of find_extent
     __global const int *restrict previous, // `grown` of the previous picture
     __global int *restrict grown,          // out: per row
-    __global int *restrict extent,         // out: per row, what to filter
+    __global int *restrict extent,         // out: per row, what to filter: spans of filter_level
     int reach,                             // of all levels together
     int width,
     int height)
@@ -99,10 +99,7 @@ __kernel void filter_level(
     BATCHED(PLANES_IN, variance),                // of the guide scalar's mean
     BATCHED(PLANES_OUT, signal_out),             // SIGNAL_PLANES planes
     BATCHED(PLANES_OUT, variance_out),           // 1 plane
-    BATCHED(const int4, rect),                   // first column and row, end column and row
-#ifdef EXTENT
-    __global const int *restrict extent,         // per row first column and end; the rest is 0
-#endif
+    SPAN_PARAMETERS,                             // where there are surfaces; the rest is 0
 #if SPECULAR
     BATCHED(PLANES_IN, roughness),               // of smooth_variance; < 1e-4: copied
     float lobe_fraction,                         // of the lobe's half width that taps may span
@@ -115,15 +112,12 @@ __kernel void filter_level(
     int width,
     int height)
 {
-    const BatchItem item = BATCH_ITEM;
-    const int entry = item.entry, y = item.y;
-    const int4 rect = OF_BATCH(rect);
-    int x = item.x, end = rect.z;
-#ifdef EXTENT
-    x += extent[2 * y];
-    end = extent[2 * y + 1];
-#endif
-    if (x >= end || y >= rect.w)
+    const int y = get_global_id(1), entry = get_global_id(2);
+    const int2 columns = GROUP_SPAN;
+    if (columns.x >= columns.y)
+        return;
+    const int x = columns.x + get_local_id(0);
+    if (x >= columns.y)
         return;
     PLANES_IN guide = OF_BATCH(guide);
     PLANES_IN signal = OF_BATCH(signal);
@@ -255,7 +249,7 @@ __kernel void smooth_variance(
     BATCHED(PLANES_IN, guide),                   // 7 planes
     BATCHED(PLANES_IN, variance),                // 1 plane
     BATCHED(PLANES_OUT, smooth),                 // out: 1 plane
-    BATCHED(const int4, rect),                   // first column and row, end column and row
+    SPAN_PARAMETERS,                             // where there are surfaces
 #if SPECULAR
     BATCHED(PLANES_IN, roughness),               // GGX alpha
     BATCHED(PLANES_OUT, widened),                // out: 1 plane; mirrors stay mirrors
@@ -263,10 +257,12 @@ __kernel void smooth_variance(
     int width,
     int height)
 {
-    const BatchItem item = BATCH_ITEM;
-    const int entry = item.entry, x = item.x, y = item.y;
-    const int4 rect = OF_BATCH(rect);
-    if (x >= rect.z || y >= rect.w)
+    const int y = get_global_id(1), entry = get_global_id(2);
+    const int2 columns = GROUP_SPAN;
+    if (columns.x >= columns.y)
+        return;
+    const int x = columns.x + get_local_id(0);
+    if (x >= columns.y)
         return;
     PLANES_IN guide = OF_BATCH(guide);
     PLANES_IN variance = OF_BATCH(variance);

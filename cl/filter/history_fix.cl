@@ -10,6 +10,7 @@
 // A neighbour weighs as much as its history is worth, times the falloff of the à-trous filter with
 // normal and plane. Taps outside the picture are left out, across the seam they wrap
 // (-DVIEW_EQUIRECT). Build with -DSIGNAL_PLANES=3|6.
+#include "gbuffer/batch.h"
 #include "gbuffer/guide.h"
 #include "filter/signal.h"
 
@@ -19,6 +20,8 @@
 
 __kernel void fix_history(
     __global const float *restrict guide,    // 7 planes
+    __global const int *restrict spans,      // of all layers: where there are surfaces
+    int layer,
     __global const float *restrict signal,   // SIGNAL_PLANES planes
     __global const float *restrict variance, // 1 plane
     __global const float *restrict length,   // 1 plane
@@ -32,8 +35,12 @@ __kernel void fix_history(
     int width,
     int height)
 {
-    int x = get_global_id(0), y = get_global_id(1);
-    if (x >= width || y >= height)
+    const int y = get_global_id(1);
+    const int2 columns = group_span(spans, layer, y, height);
+    if (columns.x >= columns.y)
+        return;
+    const int x = columns.x + get_local_id(0);
+    if (x >= columns.y)
         return;
     int size = plane_size(width, height), p = plane_index(x, y, width);
     float nx = guide[p], ny = guide[size + p], nz = guide[2 * size + p];

@@ -34,6 +34,7 @@ static inline int traced_at(
 
 __kernel void interpolate(
     BATCHED(PLANES_IN, guide),                   // 7 planes
+    SPAN_PARAMETERS,                             // where there are surfaces
     BATCHED(__global const uchar *restrict, level), // 1 plane
     BATCHED(__global float *, signal),           // in, out: SIGNAL_PLANES planes
     float normal_sharpness,               // falloff per 1 - cos of the normals' angle
@@ -42,8 +43,12 @@ __kernel void interpolate(
     int width,
     int height)
 {
-    int x = get_global_id(0), y = get_global_id(1), entry = get_global_id(2);
-    if (x >= width || y >= height)
+    const int y = get_global_id(1), entry = get_global_id(2);
+    const int2 columns = GROUP_SPAN;
+    if (columns.x >= columns.y)
+        return;
+    const int x = columns.x + get_local_id(0);
+    if (x >= columns.y)
         return;
     PLANES_IN guide = OF_BATCH(guide);
     __global const uchar *restrict level = OF_BATCH(level);

@@ -33,6 +33,7 @@
 
 __kernel void accumulate(
     FETCH_BATCHED,
+    SPAN_PARAMETERS,                             // where there are surfaces
     BATCHED(PLANES_IN, samples),                 // SIGNAL_PLANES planes; -DPUBLISHED: border too
     BATCHED(__global const uchar *restrict, level), // 1 plane: how densely this picture was traced
     BATCHED(PLANES_OUT, signal),                 // out: SIGNAL_PLANES planes
@@ -47,8 +48,12 @@ __kernel void accumulate(
     int width,
     int height CAMERA_PARAMETER)
 {
-    int x = get_global_id(0), y = get_global_id(1), entry = get_global_id(2);
-    if (x >= width || y >= height)
+    const int y = get_global_id(1), entry = get_global_id(2);
+    const int2 columns = GROUP_SPAN;
+    if (columns.x >= columns.y)
+        return;
+    const int x = columns.x + get_local_id(0);
+    if (x >= columns.y)
         return;
     FETCH_ENTRIES;
     PLANES_IN samples = OF_BATCH(samples);
@@ -74,6 +79,7 @@ __kernel void accumulate(
 
 __kernel void follow(
     FETCH_BATCHED,
+    SPAN_PARAMETERS,                             // where there are surfaces
     BATCHED(PLANES_IN, fast_signal_before),      // the same of the fast history
     BATCHED(PLANES_IN, fast_length_before),
     BATCHED(PLANES_IN, fast_spread_before),
@@ -91,8 +97,12 @@ __kernel void follow(
     int width,
     int height CAMERA_PARAMETER)
 {
-    int x = get_global_id(0), y = get_global_id(1), entry = get_global_id(2);
-    if (x >= width || y >= height)
+    const int y = get_global_id(1), entry = get_global_id(2);
+    const int2 columns = GROUP_SPAN;
+    if (columns.x >= columns.y)
+        return;
+    const int x = columns.x + get_local_id(0);
+    if (x >= columns.y)
         return;
     FETCH_ENTRIES;
     PLANES_IN fast_signal_before = OF_BATCH(fast_signal_before);
@@ -128,6 +138,7 @@ __kernel void follow(
 
 __kernel void correct(
     BATCHED(PLANES_IN, guide),                   // 7 planes
+    SPAN_PARAMETERS,                             // where there are surfaces
     BATCHED(PLANES_IN, fast_signal),             // SIGNAL_PLANES planes, border wrapped
     BATCHED(PLANES_IN, fast_length),             // 1 plane
     BATCHED(PLANES_IN, past_scalar),             // 1 plane, g of the slow history, border wrapped
@@ -145,8 +156,12 @@ __kernel void correct(
     int width,
     int height)
 {
-    int x = get_global_id(0), y = get_global_id(1), entry = get_global_id(2);
-    if (x >= width || y >= height)
+    const int y = get_global_id(1), entry = get_global_id(2);
+    const int2 columns = GROUP_SPAN;
+    if (columns.x >= columns.y)
+        return;
+    const int x = columns.x + get_local_id(0);
+    if (x >= columns.y)
         return;
     PLANES_IN guide = OF_BATCH(guide);
     PLANES_IN fast_signal = OF_BATCH(fast_signal);
@@ -172,6 +187,7 @@ __kernel void correct(
 
 __kernel void estimate_variance(
     BATCHED(PLANES_IN, guide),                   // 7 planes
+    SPAN_PARAMETERS,                             // where there are surfaces
     BATCHED(PLANES_IN, scalar),                  // 1 plane, border wrapped
     BATCHED(PLANES_IN, spread),                  // 1 plane
     BATCHED(PLANES_IN, length),                  // 1 plane
@@ -179,8 +195,12 @@ __kernel void estimate_variance(
     int width,
     int height)
 {
-    int x = get_global_id(0), y = get_global_id(1), entry = get_global_id(2);
-    if (x >= width || y >= height)
+    const int y = get_global_id(1), entry = get_global_id(2);
+    const int2 columns = GROUP_SPAN;
+    if (columns.x >= columns.y)
+        return;
+    const int x = columns.x + get_local_id(0);
+    if (x >= columns.y)
         return;
     PLANES_IN guide = OF_BATCH(guide);
     PLANES_IN scalar = OF_BATCH(scalar);

@@ -6,6 +6,7 @@
 //   kernel        in                                           out
 //   build_guide   normal (3), depth (1, m, 0 = nothing),       guide (7); id 0 without depth
 //                 id (1, 0 = nothing to trace)
+//   find_spans    guide, past                                  spans: columns where there are surfaces
 //
 // No work-group contract. Build with -DBATCH=layers and -DVIEW_EQUIRECT for equirect views.
 #include "gbuffer/batch.h"
@@ -39,4 +40,33 @@ __kernel void build_guide(
     of_guide[GUIDE_ID] = depth[p] > 0.0f ? fmax(id[p], 0.0f) : 0.0f;
     for (int c = 0; c < GUIDE_PLANES; c++)
         store_wrapped(guide + c * size, p, x, width, of_guide[c]);
+}
+
+// The columns of each row between which a layer has surfaces in this picture, or had in the two before:
+// passes that work on these alone have written 0 to all others, also where buffers take turns.
+__kernel void find_spans(
+    BATCHED(PLANES_IN, guide),                   // 7 planes
+    BATCHED(const int, layer),
+    __global int *restrict past,                 // in, out: per layer and row first column and end in
+                                                 // the last picture, and in that before
+    __global int *restrict spans,                // out: per layer and row first column and end
+    int width,
+    int height)
+{
+    int y = get_global_id(0), entry = get_global_id(1);
+    if (y >= height)
+        return;
+    PLANES_IN id = OF_BATCH(guide) + GUIDE_ID * plane_size(width, height);
+    const int row = OF_BATCH(layer) * height + y;
+    int first = width, end = 0;
+    for (int x = 0; x < width; x++) {
+        bool surface = id[plane_index(x, y, width)] > 0.0f;
+        first = surface ? min(first, x) : first;
+        end = surface ? x + 1 : end;
+    }
+    const int4 before = vload4(row, past);
+    vstore4((int4)(first, end, before.xy), row, past);
+    first = before.x < before.y ? min(first, before.x) : first;
+    first = before.z < before.w ? min(first, before.z) : first;
+    vstore2((int2)(first, max(end, max(before.y, before.w))), row, spans);
 }

@@ -68,7 +68,8 @@ class Bands:
         self.look()
         events = []
         groups = [n // m for n, m in zip(size, local, strict=True)]
-        axis = groups.index(max(groups))
+        # Work groups of a picture's row tell their columns by their number.
+        axis = max(range(len(groups) > 1, len(groups)), key=groups.__getitem__)
         rows, row = groups[axis], local[axis]
         done, band = 0, max(rows // PARTS, 1)
         while done < rows:

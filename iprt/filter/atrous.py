@@ -11,12 +11,10 @@ from iprt.device.compute import ComputeDevice
 from iprt.device.kernel import Kernel
 from iprt.device.program import Define
 from iprt.filter.signals import Signal, signal_defines, signal_planes
-from iprt.gbuffer.batch import Rect, batched, enlarged, int4, size_over
+from iprt.gbuffer.batch import batched
+from iprt.gbuffer.guide import span_arguments
 from iprt.gbuffer.layout import PlaneLayout
 from iprt.settings.filter import AtrousSettings
-
-ROW_GROUP = 16
-"""Rows of a work group, at most: those beyond the picture are read too."""
 
 
 class Atrous:
@@ -56,6 +54,7 @@ class Atrous:
             for signal in signals[: self._specular]
         ]
         self._widened += self._widened[:1] * (len(signals) - self._specular)
+        self._spans = span_arguments([signal.guide for signal in signals])
         self._extent = None
         if first.kind == "delta":
             self._extent = Extent(device, layout, defines, name=first.name)
@@ -68,7 +67,9 @@ class Atrous:
         ]
         if settings.levels:
             self._smooth = device.kernel("filter/atrous.cl", "smooth_variance", defines).fixed(
-                layout.arguments(), batched(smooth=self._scratch[-1][1], widened=self._widened)
+                layout.arguments(),
+                self._spans,
+                batched(smooth=self._scratch[-1][1], widened=self._widened),
             )
         self._levels = [self._level(level, defines) for level in range(settings.levels)]
 
@@ -79,6 +80,7 @@ class Atrous:
         signal_out, variance_out = self._scratch[level % 2]
         kernel = self._device.kernel("filter/atrous.cl", "filter_level", defines).fixed(
             self._layout.arguments(),
+            self._spans if self._extent is None else {"spans": self._extent.used, "layer_0": 0},
             batched(
                 variance=variance,
                 signal_out=signal_out,
@@ -101,7 +103,6 @@ class Atrous:
         variances: Sequence[cla.Array] | None = None,
         *,
         roughness: Sequence[cla.Array | None] = (),
-        rects: Sequence[Rect | None] = (),
     ) -> Sequence[cla.Array]:
         """Return the filtered signals: buffers of this object, or the inputs if `levels` is 0.
 
@@ -112,60 +113,55 @@ class Atrous:
             Variance of the mean of the scalar that the picture shows. None where not `guided`.
         roughness : 1 plane or None each
             GGX alpha of the specular lobe, needed by that kind. Mirrors are copied.
-        rects : Rect or None each
-            Where there are surfaces; outside it the result is undefined. None: everywhere.
         """
         settings, layout = self.settings, self._layout
-        everywhere = (0, 0, *layout.size)
-        areas = [
-            everywhere if rect is None else enlarged(rect, layout.size)
-            for rect in rects or [None] * len(signals)
-        ]
-        size = size_over(areas, self._device.group_size(2))
-        if settings.levels == 0 or size[0] == 0:
+        size = (*layout.size, len(signals))
+        if settings.levels == 0:
             return signals
         with self._device.profile.section(f"filter {'real' if self._real else 'reflected'}"):
             variances = self._nothing if variances is None else variances
-            area = batched(
-                guide=[signal.guide.current for signal in self._signals],
-                rect=[int4(area) for area in areas],
-            )
+            guide = batched(guide=[signal.guide.current for signal in self._signals])
             if self._extent is not None:
                 reach = self._taps // 2 * ((1 << settings.levels) - 1)
-                area["extent"] = self._extent.run(signals[0], variances[0], reach)
+                self._extent.run(signals[0], variances[0], reach)
             lobes = batched(roughness=roughness) if self._specular else {}
-            self._smooth(size, area, lobes, batched(variance=variances))
+            self._smooth(size, guide, lobes, batched(variance=variances))
             for kernel in self._levels:
-                kernel(size, area, batched(signal=signals))
+                kernel(size, guide, batched(signal=signals))
         return self._scratch[(settings.levels - 1) % 2][0]
 
 
 class Extent:
-    """Which columns of each row the filter may change: the rest is 0 before and after."""
+    """Which columns of each row the filter may change: the rest is 0 before and after.
+
+    Attributes
+    ----------
+    used : (rows, 2) int32
+        First column and end of what `filter_level` has to write.
+    """
 
     def __init__(
         self, device: ComputeDevice, layout: PlaneLayout, defines: dict[str, Define], *, name: str
     ) -> None:
         self._layout = layout
-        rows = layout.height + ROW_GROUP
+        rows = layout.height
 
         def columns(label: str) -> cla.Array:
             return device.zeros(f"{name} {label}", (rows, 2), np.int32)
 
-        self._found, self._used = columns("extent found"), columns("extent used")
+        self._found, self.used = columns("extent found"), columns("extent used")
         self._now, self._before = columns("extent"), columns("extent before")
         size = layout.arguments()
         self._find = device.kernel("filter/atrous.cl", "find_extent", defines).fixed(
             size, extent=self._found
         )
         self._grow = device.kernel("filter/atrous.cl", "grow_extent", defines).fixed(
-            size, found=self._found, extent=self._used
+            size, found=self._found, extent=self.used
         )
 
-    def run(self, signal: cla.Array, variance: cla.Array, reach: int) -> cla.Array:
-        """(rows, 2) int32: first column and end of what `filter_level` has to write."""
+    def run(self, signal: cla.Array, variance: cla.Array, reach: int) -> None:
+        """Fill `used`."""
         rows = (self._layout.height,)
         self._now, self._before = self._before, self._now
         self._find(rows, signal=signal, variance=variance)
         self._grow(rows, previous=self._before, grown=self._now, reach=reach)
-        return self._used

@@ -34,6 +34,8 @@ class HistoryFix:
         defines = signal_defines([signal])
         self._fix = device.kernel("filter/history_fix.cl", "fix_history", defines).fixed(
             layout.arguments(),
+            spans=guide.spans.rows,
+            layer=guide.layer,
             signal_out=self._signal,
             variance_out=self._variance,
             stride=min(STRIDE, OF_HEIGHT * layout.height),

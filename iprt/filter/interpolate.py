@@ -9,6 +9,7 @@ import pyopencl.array as cla
 from iprt.device.compute import ComputeDevice
 from iprt.filter.signals import Signal, signal_defines
 from iprt.gbuffer.batch import batched
+from iprt.gbuffer.guide import span_arguments
 from iprt.settings.filter import InterpolateSettings
 
 
@@ -25,6 +26,7 @@ class Interpolate:
             "filter/interpolate.cl", "interpolate", signal_defines(signals)
         ).fixed(
             signals[0].guide.layout.arguments(),
+            span_arguments([signal.guide for signal in signals]),
             normal_sharpness=settings.normal_sharpness,
             plane_sharpness=settings.plane_sharpness,
         )

@@ -14,7 +14,6 @@ from iprt.filter.interpolate import Interpolate
 from iprt.filter.mask import Mask
 from iprt.filter.signals import Signal
 from iprt.filter.temporal import Accumulated, Temporal
-from iprt.gbuffer.batch import Rect
 from iprt.gbuffer.context import FrameContext
 from iprt.settings.model import Settings
 
@@ -32,15 +31,12 @@ class Samples:
         Previous position of what each pixel shows, in pixels; -1e9 = nowhere.
     roughness : 1 plane or None
         GGX alpha, of specular signals.
-    rect : Rect or None
-        Where there are surfaces. None: everywhere.
     """
 
     planes: cla.Array
     mask: Mask
     motion: cla.Array
     roughness: cla.Array | None = None
-    rect: Rect | None = None
 
 
 class SignalFilter:
@@ -98,10 +94,9 @@ class SignalFilter:
         planes: Sequence[cla.Array] = [samples.planes for samples in frame]
         levels = [samples.mask.level for samples in frame]
         roughness = [samples.roughness for samples in frame]
-        rects = [samples.rect for samples in frame]
         self._interpolate.run(levels, planes, context.grid)
         if self._published:
-            planes = self._atrous.run(planes, roughness=roughness, rects=rects)
+            planes = self._atrous.run(planes, roughness=roughness)
         accumulated = self._temporal.run(
             planes,
             [samples.motion for samples in frame],
@@ -117,4 +112,4 @@ class SignalFilter:
         if self._published:
             return planes
         variances = [signal.variance for signal in self.accumulated]
-        return self._atrous.run(planes, variances, roughness=roughness, rects=rects)
+        return self._atrous.run(planes, variances, roughness=roughness)

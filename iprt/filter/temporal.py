@@ -12,6 +12,7 @@ from iprt.device.compute import ComputeDevice
 from iprt.device.kernel import Kernel
 from iprt.filter.signals import Signal, signal_defines, signal_planes
 from iprt.gbuffer.batch import batched
+from iprt.gbuffer.guide import span_arguments
 from iprt.settings.filter import TemporalSettings
 
 FAST_LENGTH = 6.0
@@ -133,6 +134,7 @@ class Temporal:
         fixed = {
             **guide.layout.arguments(),
             **guide.camera_argument,
+            **span_arguments([signal.guide for signal in signals]),
             **batched(scalar=planes("scalar"), variance=self._variance),
             "normal_agreement": settings.normal_agreement,
             "rays": rays,

@@ -24,6 +24,41 @@ def plane_defines(*, equirect: bool = False, **others: Define) -> dict[str, Defi
     return {"PLANE_PAD": PAD, "VIEW_EQUIRECT": equirect, **others}
 
 
+class Spans:
+    """Where the layers of a view have surfaces: `Guides` finds it.
+
+    Attributes
+    ----------
+    rows : (layers, H, 2) int32
+        First column and end of each row between which there are surfaces, or were in one of the
+        last two pictures.
+    past : (layers, H, 4) int32
+        The same of these two alone.
+    """
+
+    def __init__(
+        self, device: ComputeDevice, layout: PlaneLayout, *, name: str, layers: int = 1
+    ) -> None:
+        self.rows = device.zeros(f"{name} spans", (layers, layout.height, 2), np.int32)
+        self.past = device.zeros(f"{name} past spans", (layers, layout.height, 4), np.int32)
+        self._taken = 0
+
+    def take(self) -> int:
+        """The index of one more layer."""
+        self._taken += 1
+        assert self._taken <= self.rows.shape[0]
+        return self._taken - 1
+
+
+def span_arguments(guides: Sequence[Guide]) -> dict[str, Any]:
+    """`SPAN_PARAMETERS` of `cl/lib/gbuffer/batch.h`."""
+    assert all(guide.spans is guides[0].spans for guide in guides)
+    return {
+        "spans": guides[0].spans.rows,
+        **batched(layer=[guide.layer for guide in guides]),
+    }
+
+
 class Guide:
     """A layer's G-buffer as the planes of `cl/lib/gbuffer/guide.h`, and that of the last picture.
 
@@ -33,6 +68,9 @@ class Guide:
     ----------
     current, previous : (7, H + 2 PAD, W + 2 PAD) float32
         Before the second picture, `previous` holds no surface.
+    spans : Spans
+    layer : int
+        Its own of these.
     camera : (12,) float32 or None
         `CameraMotion.rows`, from the axes of `current` to those of `previous`; None: they are one.
     """
@@ -45,8 +83,11 @@ class Guide:
         equirect: bool,
         name: str,
         camera: cla.Array | None = None,
+        spans: Spans | None = None,
     ) -> None:
-        """`equirect` views are adjacent across the ±180° seam; `name` tells layers apart."""
+        """`equirect` views are adjacent across the ±180° seam; `name` tells layers apart; layers
+        whose passes share launches share `spans`.
+        """
         self.layout = layout
         self.equirect = equirect
         self.camera = camera
@@ -54,6 +95,8 @@ class Guide:
         outside[-1] = -1.0
         self.current = device.upload(f"{name} guide", outside)
         self.previous = device.upload(f"{name} guide before", outside)
+        self.spans = spans or Spans(device, layout, name=name)
+        self.layer = self.spans.take()
 
     def arguments(self) -> dict[str, Any]:
         """Size and `guide` of this picture."""
@@ -112,6 +155,12 @@ class Guides:
             ),
         )
 
+        self._find_spans = device.kernel("gbuffer/guide.cl", "find_spans", defines).fixed(
+            guides[0].layout.arguments(),
+            span_arguments(guides),
+            past=guides[0].spans.past,
+        )
+
     def run(self, view: cla.Array) -> None:
         """Make each `current` this picture's guide, and `previous` what `current` was.
 
@@ -123,9 +172,11 @@ class Guides:
         for guide in self._guides:
             guide.current, guide.previous = guide.previous, guide.current
         layout = self._guides[0].layout
+        current = batched(guide=[guide.current for guide in self._guides])
         with self._device.profile.section("guide"):
             self._build(
                 (*layout.size, len(self._guides)),
-                batched(guide=[guide.current for guide in self._guides]),
+                current,
                 view=view,
             )
+            self._find_spans((layout.height, len(self._guides)), current)

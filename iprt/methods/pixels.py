@@ -172,13 +172,11 @@ class ReflectingPixels:
         trace.run(world, mask, context.view, seen.albedo, self._filter.histories[-1])
         found = {}
         if trace.diffuse is not None:
-            found["diffuse"] = Samples(trace.diffuse, mask, seen.motion, rect=seen.rect)
+            found["diffuse"] = Samples(trace.diffuse, mask, seen.motion)
         if trace.specular is not None:
             motion = seen.motion
             # A head that turns sees surface and reflection in one direction: they move alike.
             if context.changed and self._reflections is not None:
                 motion = self._reflections.run(motion, seen.roughness, trace.hit, context.previous)
-            found["specular"] = Samples(
-                trace.specular, mask, motion, roughness=seen.roughness, rect=seen.rect
-            )
+            found["specular"] = Samples(trace.specular, mask, motion, roughness=seen.roughness)
         return found

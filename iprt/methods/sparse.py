@@ -11,7 +11,7 @@ import pyopencl.array as cla
 from iprt.filter.mask import Mask, Masks
 from iprt.filter.temporal import Accumulated
 from iprt.gbuffer.context import FrameContext
-from iprt.gbuffer.guide import Guide, Guides, Layer
+from iprt.gbuffer.guide import Guide, Guides, Layer, Spans
 from iprt.methods.pixels import RealPixels, ReflectingPixels
 from iprt.methods.protocol import Image, Method, Setup, Signals, in_front
 from iprt.world.world import World
@@ -32,6 +32,7 @@ class SparseMethod(Method):
         real, objects = gbuffer.real, gbuffer.objects
         self._world: World | None = None
         self._guides: list[Guide] = []
+        self._spans = Spans(device, setup.layout, name="view", layers=3)
         self._motions: list[cla.Array] = []
         layers: list[Layer] = []
         masks: list[Mask] = []
@@ -58,7 +59,12 @@ class SparseMethod(Method):
         """The guide of one more layer of the view."""
         setup = self.setup
         guide = Guide(
-            setup.device, setup.layout, equirect=setup.equirect, name=name, camera=setup.camera
+            setup.device,
+            setup.layout,
+            equirect=setup.equirect,
+            name=name,
+            camera=setup.camera,
+            spans=self._spans,
         )
         self._guides.append(guide)
         self._motions.append(motion)

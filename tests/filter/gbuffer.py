@@ -40,6 +40,13 @@ class GBuffer:
         return np.where(self.depth > 0.0, self.ids, 0.0)
 
     @property
+    def spanned(self) -> NDArray[np.bool_]:
+        """Pixels between the first and the last surface of their row: signals are 0 elsewhere."""
+        surface = self.seen_ids > 0.0
+        from_left = np.logical_or.accumulate(surface, 1)
+        return from_left & np.logical_or.accumulate(surface[:, ::-1], 1)[:, ::-1]
+
+    @property
     def position(self) -> Array:
         return np.moveaxis(self.view.directions(), -1, 0) * self.depth
 

@@ -15,7 +15,7 @@ from iprt.filter.mask import Mask, Masks, tracing_grids
 from iprt.filter.signal_filter import Samples, SignalFilter
 from iprt.filter.signals import Kind, Signal
 from iprt.gbuffer.context import FrameContext
-from iprt.gbuffer.guide import Guide, Guides, Layer
+from iprt.gbuffer.guide import Guide, Guides, Layer, Spans
 from iprt.settings.filter import MaskSettings
 from iprt.settings.model import Settings
 from tests.filter.gbuffer import GBuffer, random_gbuffer, read, still_motion, upload
@@ -24,7 +24,6 @@ WIDTH, HEIGHT = 37, 22
 LAYERS = (0, 1, 1)
 """Which G-buffer each signal is of."""
 KINDS: tuple[Kind, ...] = ("specular", "specular", "diffuse")
-RECTS = (None, (3, 2, 30, 19), (5, 4, 20, 22))
 FRAMES = 5
 Image = NDArray[np.generic]
 
@@ -60,7 +59,12 @@ class Frames:
         """What becomes of some of the signals, which are filtered together."""
         device = self.device
         used = sorted({LAYERS[i] for i in chosen})
-        guides = [Guide(device, g.layout, equirect=g.equirect, name="test") for g in self.gbuffers]
+        layout = self.gbuffers[0].layout
+        spans = Spans(device, layout, name="test", layers=len(self.gbuffers))
+        guides = [
+            Guide(device, layout, equirect=g.equirect, name="test", spans=spans)
+            for g in self.gbuffers
+        ]
         masks = self.masks(guides, used)
         layers = [layer_of(self, self.gbuffers[i]) for i in used]
         gather = Guides(device, [guides[i] for i in used], layers)
@@ -81,17 +85,14 @@ class Frames:
                         masks[used.index(LAYERS[i])],
                         self.planes(self.motion[frame, i]),
                         self.planes(self.roughness[i][None]) if KINDS[i] == "specular" else None,
-                        RECTS[i],
                     )
                     for i in chosen
                 ],
                 context,
             )
-        layout = self.gbuffers[0].layout
         result = {}
         for i, planes, accumulated in zip(chosen, filtered, signal_filter.accumulated, strict=True):
-            x0, y0, x1, y1 = RECTS[i] or (0, 0, WIDTH, HEIGHT)
-            result[f"filtered {i}"] = read(device, layout, planes)[:, y0:y1, x0:x1]
+            result[f"filtered {i}"] = read(device, layout, planes)
             result[f"accumulated {i}"] = read(device, layout, accumulated.signal)
             result[f"variance {i}"] = read(device, layout, accumulated.variance)
         for layer, mask in zip(used, masks, strict=True):

@@ -47,7 +47,7 @@ def scene(
     gbuffer = random_gbuffer(width, height, equirect=equirect)
     level = np.kron(rng.integers(0, 3, (height // 6 + 1, width // 6 + 1)), np.ones((6, 6)))
     level = np.where(gbuffer.seen_ids > 0.0, level[:height, :width], 255).astype(np.uint8)
-    return gbuffer, level, rng.random((6, height, width)) + 0.5
+    return gbuffer, level, gbuffer.spanned * (rng.random((6, height, width)) + 0.5)
 
 
 @pytest.mark.parametrize("equirect", [False, True])
@@ -102,6 +102,7 @@ def test_equal_planes_stay_equal(device: ComputeDevice) -> None:
 
 def test_equirect_picture_turns_with_the_view(device: ComputeDevice) -> None:
     gbuffer, level, signal = scene(64, 32, True)
+    signal *= gbuffer.seen_ids > 0.0
     result = run(device, gbuffer, level, signal, (1, 2))
     turned = run(device, gbuffer.rolled(4), np.roll(level, 4, 1), np.roll(signal, 4, 2), (1, 2))
     np.testing.assert_allclose(np.roll(result, 4, 2), turned, rtol=2e-3, atol=1e-5)

@@ -18,54 +18,22 @@
 #error "a batch has one to three entries"
 #endif
 
-// Entries of rectangles of their own (x0, y0, x1, y1) are launched over one row of work groups: so
-// many as cover all of them.
-typedef struct {
-    int entry, x, y; // the work item's pixel; beyond the rectangle at its edges
-} BatchItem;
-
-static inline int2 groups_over(int4 rect)
-{
-    const int2 group = (int2)(get_local_size(0), get_local_size(1));
-    return (rect.zw - rect.xy + group - 1) / group;
-}
-
-static inline BatchItem batch_item(BATCHED(const int4, rect))
-{
-    // Not get_group_id, which knows no offset of a launch in parts.
-    int entry = 0, number = (get_global_id(0) - get_local_id(0)) / get_local_size(0);
-    // Without branches, which would keep compilers for CPUs from vectorizing what follows.
-#if BATCH > 1
-    const int2 first = groups_over(rect_0);
-    const int second_from = first.x * first.y;
-    entry = number >= second_from;
-#if BATCH > 2
-    const int2 second = groups_over(rect_1);
-    const int third_from = second_from + second.x * second.y;
-    entry += number >= third_from;
-    number -= entry == 2 ? third_from - second_from : 0;
-#endif
-    number -= entry > 0 ? second_from : 0;
-#endif
-    const int4 rect = OF_BATCH(rect);
-    const int columns = max(groups_over(rect).x, 1);
-    const BatchItem item = {
-        entry,
-        rect.x + number % columns * (int)get_local_size(0) + (int)get_local_id(0),
-        rect.y + number / columns * (int)get_local_size(1) + (int)get_local_id(1),
-    };
-    return item;
-}
-
-#if BATCH == 1
-#define BATCH_ITEM batch_item(rect_0)
-#elif BATCH == 2
-#define BATCH_ITEM batch_item(rect_0, rect_1)
-#else
-#define BATCH_ITEM batch_item(rect_0, rect_1, rect_2)
-#endif
-
 #define PLANES_IN __global const float *restrict
 #define PLANES_OUT __global float *restrict
+
+// Spans (gbuffer/guide.cl) of all layers in one buffer, and which layers' are those of the batch. One
+// buffer for all entries: compilers for CPUs do not vectorize what follows if they cannot tell that
+// nobody writes it.
+#define SPAN_PARAMETERS __global const int *restrict spans, BATCHED(const int, layer)
+
+// First column and end of what a work group has to do in its row, where the first group begins with
+// the span; nothing below the picture. A group with nothing to do returns by this, which is the same
+// for all of its items: where each item decides for itself, vectorized groups go on.
+#define GROUP_SPAN group_span(spans, OF_BATCH(layer), y, height)
+static inline int2 group_span(__global const int *restrict spans, int layer, int y, int height)
+{
+    const int2 span = vload2(layer * height + min(y, height - 1), spans);
+    return (int2)(span.x + (int)(get_group_id(0) * get_local_size(0)), y < height ? span.y : 0);
+}
 
 #endif

@@ -95,8 +95,6 @@ class VisibleLayer:
         See `cl/world/objects/unpack.cl`.
     display : (3, H, W, 4) float32
         What is unpacked: `ObjectLayers.display`.
-    rect : (x0, y0, x1, y1)
-        No object is visible outside of it.
     """
 
     def __init__(self, device: ComputeDevice, layout: PlaneLayout, *, equirect: bool) -> None:
@@ -123,19 +121,16 @@ class VisibleLayer:
             coverage=self.coverage,
             motion=self.motion,
         )
-        self.rect = EMPTY
 
     def load(self, layers: ObjectLayers, view: cla.Array, materials: cla.Array) -> None:
         """Upload and unpack layers rasterized with `shade=True`."""
         assert layers.display is not None
-        assert layers.coverage is not None
         with self._device.profile.section("upload"):
             self._device.write(self.display, layers.display)
-        self.unpack(covered_rect(layers.coverage), view, materials)
+        self.unpack(view, materials)
 
-    def unpack(self, rect: Rect, view: cla.Array, materials: cla.Array) -> None:
-        """Fill the planes from `display`, in which `rect` holds all that is covered."""
-        self.rect = rect
+    def unpack(self, view: cla.Array, materials: cla.Array) -> None:
+        """Fill the planes from `display`."""
         with self._device.profile.section("unpack"):
             self._kernel(self._layout.size, view=view, materials=materials)
 

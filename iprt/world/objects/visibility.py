@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -18,7 +17,7 @@ from iprt.geometry.mesh import Instance, motion_between
 from iprt.raster.layers import COVERAGE_TOLERANCE, SAMPLES
 from iprt.raster.region import Rect, box_corners, box_rects, merge
 from iprt.world.objects.object_bvh import ObjectBvh
-from iprt.world.objects.object_layers import EMPTY, VisibleLayer
+from iprt.world.objects.object_layers import VisibleLayer
 from iprt.world.real.panorama import Panorama
 
 
@@ -129,8 +128,7 @@ class Visibility:
                 surface_height=panorama.height,
                 display=visible.display,
             )
-        everywhere = reduce(Rect.union, regions) if regions else Rect(*EMPTY)
-        visible.unpack(corners(everywhere), constants, materials)
+        visible.unpack(constants, materials)
 
 
 def corners(rect: Rect) -> tuple[int, int, int, int]:

@@ -188,7 +188,6 @@ def test_coverage_is_the_area(device: ComputeDevice, view: View) -> None:
     for name in ("depth", "id", "normal", "albedo"):
         assert not image(device, layer, name)[~covered].any()
     assert (image(device, layer, "motion")[~covered] == -1e9).all()
-    assert layer.rect == bounding(covered)
 
 
 @views
@@ -338,11 +337,11 @@ def test_nothing_in_sight(device: ComputeDevice, view: View) -> None:
     empty = Layer(np.zeros_like(some.front.geometry), np.zeros_like(some.front.material))
     none = ObjectLayers.displayed(blank_display(view.height, view.width), empty)
     seen, back = visible(device, some, view), traced(device, some, view)
-    assert EMPTY not in (seen.rect, back.rect)
+    assert back.rect != EMPTY
     constants = device.upload("view", view.kernel_constants())
     seen.load(none, constants, device.upload("materials", material_table(MATERIALS)))
     back.load(none, constants)
-    assert seen.rect == back.rect == EMPTY
+    assert back.rect == EMPTY
     for name in ("depth", "id", "normal", "albedo", "coverage"):
         assert not image(device, seen, name).any()
     assert not device.read(back._planes).any()

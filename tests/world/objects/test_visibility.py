@@ -21,7 +21,7 @@ from iprt.world.objects.visibility import Visibility
 from tests.kernels.tracing import panorama_of
 from tests.oracles.worlds import Box, World
 from tests.raster.shapes import mesh, placed, quad, rasterizer, sphere
-from tests.world.objects.test_object_layers import bounding, image
+from tests.world.objects.test_object_layers import image
 from tests.worlds import Float, bright_walls, room_frame
 
 pytestmark = pytest.mark.gl
@@ -162,14 +162,6 @@ def test_motion(both: Both) -> None:
     np.testing.assert_allclose(traced[same], drawn[same], atol=2e-3)
     pixels = np.indices(same.shape)[::-1].transpose(1, 2, 0) + 0.5
     assert np.abs(drawn - pixels)[same].max() > 3.0
-
-
-def test_rectangle(both: Both) -> None:
-    """It holds all that is covered, and little else: the boxes of the objects."""
-    x0, y0, x1, y1 = bounding(both.images("coverage")[1] > 0.0)
-    left, top, right, bottom = both.traced.rect
-    assert (left <= x0, top <= y0, x1 <= right, y1 <= bottom) == (True,) * 4
-    assert (right - left) * (bottom - top) < 3 * (x1 - x0) * (y1 - y0)
 
 
 @pytest.mark.parametrize("side", [-1, 1])
