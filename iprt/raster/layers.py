@@ -49,7 +49,7 @@ class ObjectLayers:
 
     `front` is the nearest surface of any orientation, `back` the nearest surface that faces away
     at or beyond it (so [front, back] is the first solid interval of a closed mesh). Real surfaces
-    hide nothing here: what they hide still casts shadows.
+    hide nothing here: what they hide still casts shadows. None: it was not asked for.
 
     Attributes
     ----------
@@ -68,11 +68,11 @@ class ObjectLayers:
     """
 
     front: Layer
-    back: Layer
+    back: Layer | None
     display: NDArray[np.float32] | None = None
 
     @classmethod
-    def displayed(cls, display: NDArray[np.float32], back: Layer) -> ObjectLayers:
+    def displayed(cls, display: NDArray[np.float32], back: Layer | None) -> ObjectLayers:
         """Layers of which the front is shown."""
         return cls(Layer(display[0], display[1]), back, display)
 

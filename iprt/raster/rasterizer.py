@@ -131,7 +131,9 @@ class Rasterizer:
                 self.memory["OpenGL surface"] = texture_bytes(self._surface)
             self._surface.write(np.ascontiguousarray(surface, np.float32))
 
-    def render(self, view: View, previous: View | None = None, *, shade: bool) -> ObjectLayers:
+    def render(
+        self, view: View, previous: View | None = None, *, shade: bool, back: bool = True
+    ) -> ObjectLayers:
         """Render the objects' layers in a view.
 
         Parameters
@@ -142,6 +144,8 @@ class Rasterizer:
             The previous frame's view, of the same projection; by default `view` itself.
         shade : bool
             Whether to add coverage and motion, and to borrow surfaces for covered edge pixels.
+        back : bool
+            Whether to render the back layer, which only rays need that march through layers.
 
         Returns
         -------
@@ -152,13 +156,13 @@ class Rasterizer:
         if previous.projection != view.projection:
             raise ValueError("the previous view must have the same projection")
         with self._context:
-            return self._render(view, previous, shade)
+            return self._render(view, previous, shade=shade, back=back)
 
     def close(self) -> None:
         """Free the context and all that it holds."""
         self._context.release()
 
-    def _render(self, view: View, previous: View, shade: bool) -> ObjectLayers:
+    def _render(self, view: View, previous: View, *, shade: bool, back: bool) -> ObjectLayers:
         placed = [(part, box_rects(view, part.corners)) for part in self._geometry.parts]
         visible = [(part, rects) for part, rects in placed if rects]
         if not visible:
@@ -170,12 +174,11 @@ class Rasterizer:
         for program in vars(frame.programs).values():
             set_uniforms(program, uniforms)
         self._see(frame)
-        self._shade(frame)
         targets = frame.targets
-        back = Layer(targets.back.read(0, regions), targets.back.read(1, regions))
+        self._shade(frame, [targets.front, targets.back] if back else [targets.front])
+        behind = _read(targets.back, regions) if back else None
         if not shade:
-            front = Layer(targets.front.read(0, regions), targets.front.read(1, regions))
-            return ObjectLayers(front, back)
+            return ObjectLayers(_read(targets.front, regions), behind)
 
         before = {f"previous_{key}": value for key, value in _view_uniforms(previous).items()}
         set_uniforms(frame.programs.finish, before)
@@ -185,7 +188,7 @@ class Rasterizer:
         display = blank_display(view.height, view.width)
         for image, pixels in enumerate(display):
             targets.display.read_into(pixels, image, regions)
-        return ObjectLayers.displayed(display, back)
+        return ObjectLayers.displayed(display, behind)
 
     def _see(self, frame: _Frame) -> None:
         """Nearest triangles that face the capture centre, and nearest that face away."""
@@ -218,8 +221,8 @@ class Rasterizer:
             vertices.render(moderngl.TRIANGLES, count, first=first)
         vertices.release()
 
-    def _shade(self, frame: _Frame) -> None:
-        """Both layers from their visible triangles; then again where a material has a texture."""
+    def _shade(self, frame: _Frame, layers: Sequence[Target]) -> None:
+        """Layers from their visible triangles; then again where a material has a texture."""
         geometry, programs, targets = self._geometry, frame.programs, frame.targets
         textures = {
             "triangles": geometry.triangles,
@@ -230,7 +233,7 @@ class Rasterizer:
         }
         if geometry.displacements is not None:
             textures["displacements"] = geometry.displacements
-        for layer in (targets.front, targets.back):
+        for layer in layers:
             which = {"back_layer": layer is targets.back}
             bind_textures(programs.shade, textures)
             self._fill(programs.shade, layer, frame.regions, which)
@@ -325,3 +328,7 @@ def _view_uniforms(view: View) -> dict[str, Any]:
 def _window(x: int, y: int, samples_per_pixel: int, size: tuple[int, int]) -> dict[str, Any]:
     """Uniforms of a target of `size` samples: from pixel (x, y), so many samples per pixel."""
     return {"window": (x, y, samples_per_pixel), "target_size": size}
+
+
+def _read(layer: Target, regions: Sequence[Rect]) -> Layer:
+    return Layer(layer.read(0, regions), layer.read(1, regions))

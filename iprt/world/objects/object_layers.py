@@ -52,6 +52,7 @@ class TracedLayers:
 
     def load(self, layers: ObjectLayers, view: cla.Array) -> None:
         """Upload rasterized layers; `view` holds the constants of the view they were made for."""
+        assert layers.back is not None
         self.rect = covered_rect(layers.front.geometry[..., 3])
         with self._device.profile.section("upload"):
             pair = (layers.front, layers.back)

@@ -176,7 +176,9 @@ class Objects:
             rasterizer.set_surface(self._device.read(self._panorama.surface))
         if previous is not None:
             with profile.host("rasterize view"):
-                layers = rasterizer.render(view, previous, shade=True)
+                layers = rasterizer.render(
+                    view, previous, shade=True, back=self._features.traced_layers
+                )
             if self._visibility is None:
                 visible.load(layers, context.view, self.materials)
             traced = self.equirect if self._equirect_view else self.screen
