@@ -66,7 +66,7 @@ __kernel void find_spans(
     }
     const int4 before = vload4(row, past);
     vstore4((int4)(first, end, before.xy), row, past);
-    first = before.x < before.y ? min(first, before.x) : first;
-    first = before.z < before.w ? min(first, before.z) : first;
-    vstore2((int2)(first, max(end, max(before.y, before.w))), row, spans);
+    first = min(first, min(before.x, before.z));
+    end = max(end, max(before.y, before.w));
+    vstore2((int2)(first, end), row, spans);
 }

@@ -40,7 +40,8 @@ class Spans:
         self, device: ComputeDevice, layout: PlaneLayout, *, name: str, layers: int = 1
     ) -> None:
         self.rows = device.zeros(f"{name} spans", (layers, layout.height, 2), np.int32)
-        self.past = device.zeros(f"{name} past spans", (layers, layout.height, 4), np.int32)
+        nothing = np.tile(np.array([layout.width, 0] * 2, np.int32), (layers, layout.height, 1))
+        self.past = device.upload(f"{name} past spans", nothing)
         self._taken = 0
 
     def take(self) -> int:
