@@ -100,11 +100,12 @@ def remembered(renderer: Renderer) -> Iterator[tuple[str, NDArray[np.float32]]]:
     device = renderer.device
     for index, temporal in enumerate(temporals(renderer, set())):
         for state in ("_now", "_before", "_fast", "_fast_before"):
-            histories = getattr(temporal, state, [])
-            for signal, history in zip(temporal._signals, histories, strict=bool(histories)):
-                for part, planes in enumerate(history):
-                    name = f"{signal.name} {index} {state} {part}"
-                    yield name, signal.guide.layout.interior(device.read(planes))
+            history = getattr(temporal, state, None)
+            if history is None:  # the published filter has one only
+                continue
+            layout = temporal._signals[0].guide.layout
+            for part, planes in history.arguments(f"{index} {state} {{}}").items():
+                yield part, layout.interior(device.read(planes))
     if renderer.real_world.irradiance is not None:
         yield "irradiance mean", device.read(renderer.real_world.irradiance.mean)
         yield "irradiance", device.read(renderer.real_world.irradiance.irradiance)
