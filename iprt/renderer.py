@@ -153,7 +153,7 @@ class Renderer:
         worlds = worlds or Worlds()
         self.real_world = worlds.real(device, frame, features)
         self._view_constants = [device.zeros(f"view {i}", (16,)) for i in range(2)]
-        self._grids = tracing_grids(device)
+        self._grids = tracing_grids(device) if features.objects else []
         self.real = RealLayer(
             device,
             self.layout,

@@ -18,6 +18,7 @@ import numpy as np
 from iprt.aovs import AOVS
 from iprt.device.compute import ComputeDevice
 from iprt.device.kernel import Kernel
+from iprt.device.plan import PlanDevice, PlannedKernel
 from iprt.files.resources import CL
 from iprt.footage.footage import Footage
 from iprt.footage.frame import Frame
@@ -141,6 +142,17 @@ def launches() -> Iterator[set[str]]:
 
     with mock.patch.object(Kernel, "__call__", record):
         yield names
+
+
+def planned_kernels() -> list[PlannedKernel]:
+    """File, kernel and defines of all that the films build, each once."""
+    plan = PlanDevice()
+    for film in films().values():
+        frame = film.video[0]
+        footage = Footage.of(frame, static_camera=film.static_camera)
+        Renderer(plan, frame, film.objects, film.view, film.settings, footage=footage)
+    found = {(file, name, tuple(sorted(defines.items()))) for file, name, defines in plan.kernels}
+    return [(file, name, dict(defines)) for file, name, defines in sorted(found)]
 
 
 def entry_points() -> set[str]:

@@ -9,13 +9,10 @@ import pyopencl as cl
 import pytest
 
 from iprt.device.compute import ComputeDevice
-from iprt.device.plan import PlanDevice
 from iprt.device.signature import Parameter, signature
 from iprt.errors import KernelError
 from iprt.files.kernel_source import constant
-from iprt.footage.footage import Footage
-from iprt.renderer import Renderer
-from tests.films import entry_points, films
+from tests.films import entry_points, planned_kernels
 
 HEADER = """
 #ifndef PAIR_H
@@ -84,14 +81,10 @@ def test_no_such_kernel() -> None:
 
 
 def test_every_variant_of_every_kernel(device: ComputeDevice) -> None:
-    plan = PlanDevice()
-    for film in films().values():
-        footage = Footage.of(film.video[0], static_camera=film.static_camera)
-        Renderer(plan, film.video[0], film.objects, film.view, film.settings, footage=footage)
-    variants = {(file, name, tuple(sorted(d.items()))) for file, name, d in plan.kernels}
+    variants = planned_kernels()
     assert {name for _, name, _ in variants} == entry_points()
-    for file, name, defines in sorted(variants):
-        kernel = device.kernel(file, name, dict(defines))
+    for file, name, defines in variants:
+        kernel = device.kernel(file, name, defines)
         made = kernel.make()
         declared = [
             (
