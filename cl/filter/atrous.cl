@@ -16,10 +16,9 @@
 //
 // Build with -DSIGNAL_PLANES=3|6, -DDIFFERENCE for a real layer (planes E_R rgb, E_RV rgb with
 // -DCOMMON too, else blocked / E_R rgb, bounce / E_R rgb), -DSPECULAR=n where the first n signals
-// of the -DBATCH are specular radiance,
-// -DEXTENT for kernels that find where there is anything but 0, -DTAPS=3|5 in a row, and -DGUIDED, without
-// which luminance does not count (IPRT's joint bilateral filter). Work groups of (n, 1) vectorize
-// best on CPUs.
+// of the -DBATCH are specular radiance, -DEXTENT for kernels that find where there is anything but 0,
+// -DTAPS=3|5 in a row, and -DGUIDED, without which luminance does not count (IPRT's joint bilateral
+// filter). Work groups of (n, 1) vectorize best on CPUs.
 #include "gbuffer/batch.h"
 #include "gbuffer/guide.h"
 #include "filter/signal.h"
@@ -112,13 +111,7 @@ __kernel void filter_level(
     int width,
     int height)
 {
-    const int y = get_global_id(1), entry = get_global_id(2);
-    const int2 columns = GROUP_SPAN;
-    if (columns.x >= columns.y)
-        return;
-    const int x = columns.x + get_local_id(0);
-    if (x >= columns.y)
-        return;
+    SPAN_ITEM;
     PLANES_IN guide = OF_BATCH(guide);
     PLANES_IN signal = OF_BATCH(signal);
     PLANES_IN variance = OF_BATCH(variance);
@@ -257,13 +250,7 @@ __kernel void smooth_variance(
     int width,
     int height)
 {
-    const int y = get_global_id(1), entry = get_global_id(2);
-    const int2 columns = GROUP_SPAN;
-    if (columns.x >= columns.y)
-        return;
-    const int x = columns.x + get_local_id(0);
-    if (x >= columns.y)
-        return;
+    SPAN_ITEM;
     PLANES_IN guide = OF_BATCH(guide);
     PLANES_IN variance = OF_BATCH(variance);
     PLANES_OUT smooth = OF_BATCH(smooth);

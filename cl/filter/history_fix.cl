@@ -20,8 +20,7 @@
 
 __kernel void fix_history(
     __global const float *restrict guide,    // 7 planes
-    __global const int *restrict spans,      // of all layers: where there are surfaces
-    int layer,
+    SPAN_PARAMETERS,                         // where there are surfaces
     __global const float *restrict signal,   // SIGNAL_PLANES planes
     __global const float *restrict variance, // 1 plane
     __global const float *restrict length,   // 1 plane
@@ -35,13 +34,7 @@ __kernel void fix_history(
     int width,
     int height)
 {
-    const int y = get_global_id(1);
-    const int2 columns = group_span(spans, layer, y, height);
-    if (columns.x >= columns.y)
-        return;
-    const int x = columns.x + get_local_id(0);
-    if (x >= columns.y)
-        return;
+    SPAN_ITEM;
     int size = plane_size(width, height), p = plane_index(x, y, width);
     float nx = guide[p], ny = guide[size + p], nz = guide[2 * size + p];
     float px = guide[3 * size + p], py = guide[4 * size + p], pz = guide[5 * size + p];

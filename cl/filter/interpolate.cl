@@ -43,13 +43,7 @@ __kernel void interpolate(
     int width,
     int height)
 {
-    const int y = get_global_id(1), entry = get_global_id(2);
-    const int2 columns = GROUP_SPAN;
-    if (columns.x >= columns.y)
-        return;
-    const int x = columns.x + get_local_id(0);
-    if (x >= columns.y)
-        return;
+    SPAN_ITEM;
     PLANES_IN guide = OF_BATCH(guide);
     __global const uchar *restrict level = OF_BATCH(level);
     __global float *signal = OF_BATCH(signal);

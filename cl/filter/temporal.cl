@@ -48,13 +48,7 @@ __kernel void accumulate(
     int width,
     int height CAMERA_PARAMETER)
 {
-    const int y = get_global_id(1), entry = get_global_id(2);
-    const int2 columns = GROUP_SPAN;
-    if (columns.x >= columns.y)
-        return;
-    const int x = columns.x + get_local_id(0);
-    if (x >= columns.y)
-        return;
+    SPAN_ITEM;
     FETCH_ENTRIES;
     PLANES_IN samples = OF_BATCH(samples);
     __global const uchar *restrict level = OF_BATCH(level);
@@ -97,13 +91,7 @@ __kernel void follow(
     int width,
     int height CAMERA_PARAMETER)
 {
-    const int y = get_global_id(1), entry = get_global_id(2);
-    const int2 columns = GROUP_SPAN;
-    if (columns.x >= columns.y)
-        return;
-    const int x = columns.x + get_local_id(0);
-    if (x >= columns.y)
-        return;
+    SPAN_ITEM;
     FETCH_ENTRIES;
     PLANES_IN fast_signal_before = OF_BATCH(fast_signal_before);
     PLANES_IN fast_length_before = OF_BATCH(fast_length_before);
@@ -156,13 +144,7 @@ __kernel void correct(
     int width,
     int height)
 {
-    const int y = get_global_id(1), entry = get_global_id(2);
-    const int2 columns = GROUP_SPAN;
-    if (columns.x >= columns.y)
-        return;
-    const int x = columns.x + get_local_id(0);
-    if (x >= columns.y)
-        return;
+    SPAN_ITEM;
     PLANES_IN guide = OF_BATCH(guide);
     PLANES_IN fast_signal = OF_BATCH(fast_signal);
     PLANES_IN fast_length = OF_BATCH(fast_length);
@@ -195,13 +177,7 @@ __kernel void estimate_variance(
     int width,
     int height)
 {
-    const int y = get_global_id(1), entry = get_global_id(2);
-    const int2 columns = GROUP_SPAN;
-    if (columns.x >= columns.y)
-        return;
-    const int x = columns.x + get_local_id(0);
-    if (x >= columns.y)
-        return;
+    SPAN_ITEM;
     PLANES_IN guide = OF_BATCH(guide);
     PLANES_IN scalar = OF_BATCH(scalar);
     PLANES_IN spread = OF_BATCH(spread);

@@ -69,7 +69,7 @@ class Bands:
         events = []
         groups = [n // m for n, m in zip(size, local, strict=True)]
         # Work groups of a picture's row tell their columns by their number.
-        axis = max(range(len(groups) > 1, len(groups)), key=groups.__getitem__)
+        axis = max(range(1, len(groups)), key=groups.__getitem__, default=0)
         rows, row = groups[axis], local[axis]
         done, band = 0, max(rows // PARTS, 1)
         while done < rows:

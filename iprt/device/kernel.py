@@ -15,9 +15,9 @@ from iprt.device.bands import Bands
 from iprt.device.profile import Kind, Profile
 from iprt.device.signature import Parameter
 
-MOST_BOUND = 4
+MOST_BOUND = 2
 """OpenCL kernels of a call site: passes that read one of two histories and write the other bind
-each way once, also where two pictures use them in turn."""
+each way once. More would keep more buffers alive of views that are gone."""
 
 _Bindable = tuple[int, Any]
 """Index of a parameter, and the numpy type of a scalar; None: a buffer or a vector."""
@@ -227,8 +227,7 @@ class Kernel:
         if bound.scalars != scalars:
             bound.take_scalars([self._bindable[name] for name in self._scalars], scalars)
         if bound is not self._bound[-1]:
-            self._bound.remove(bound)
-            self._bound.append(bound)
+            self._bound.reverse()
 
     def _rebound(self, buffers: tuple[Any, ...]) -> _Bound:
         """A new one, or that which was bound to other buffers, longest ago."""

@@ -7,6 +7,7 @@ import pyopencl.array as cla
 from iprt.device.compute import ComputeDevice
 from iprt.filter.signals import Signal, signal_defines, signal_planes
 from iprt.filter.temporal import Accumulated
+from iprt.gbuffer.guide import span_arguments
 from iprt.settings.filter import AtrousSettings
 
 STRIDE, OF_HEIGHT = 14.0, 1.0 / 36.0
@@ -34,8 +35,7 @@ class HistoryFix:
         defines = signal_defines([signal])
         self._fix = device.kernel("filter/history_fix.cl", "fix_history", defines).fixed(
             layout.arguments(),
-            spans=guide.spans.rows,
-            layer=guide.layer,
+            span_arguments([guide]),
             signal_out=self._signal,
             variance_out=self._variance,
             stride=min(STRIDE, OF_HEIGHT * layout.height),

@@ -29,7 +29,7 @@ class FrameContext:
     fading : float
         Least share of this frame in the temporal means; 0: what the mean of all gives it.
     grids : 16 of (2,) int32
-        Origins of the tracing grid in so many frames.
+        Origins of the tracing grid, which recur after 16 frames.
     cut : bool
         The video shows something else: nothing that was accumulated holds.
     """

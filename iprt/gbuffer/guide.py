@@ -139,7 +139,7 @@ class Layer:
 
 
 class Guides:
-    """Gathers the layers of a view into their guides, in one launch."""
+    """Gathers the layers of a view into their guides, and finds what they span."""
 
     def __init__(
         self, device: ComputeDevice, guides: Sequence[Guide], layers: Sequence[Layer]
@@ -155,7 +155,6 @@ class Guides:
                 id=[layer.ids for layer in layers],
             ),
         )
-
         self._find_spans = device.kernel("gbuffer/guide.cl", "find_spans", defines).fixed(
             guides[0].layout.arguments(),
             span_arguments(guides),

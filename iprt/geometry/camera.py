@@ -47,7 +47,7 @@ class View:
 
     @cached_property
     def world_from_view(self) -> Float:
-        """(3, 3) rotation that takes view-space to world-space directions."""
+        """(3, 3) rotation that takes view-space to world-space directions; not to be changed."""
         yaw, pitch = np.deg2rad(self.yaw_deg), np.deg2rad(self.pitch_deg)
         cy, sy, cp, sp = np.cos(yaw), np.sin(yaw), np.cos(pitch), np.sin(pitch)
         turn = np.array([[cy, 0.0, -sy], [0.0, 1.0, 0.0], [sy, 0.0, cy]])

@@ -32,7 +32,8 @@ class SparseMethod(Method):
         real, objects = gbuffer.real, gbuffer.objects
         self._world: World | None = None
         self._guides: list[Guide] = []
-        self._spans = Spans(device, setup.layout, name="view", layers=3)
+        count = 1 + features.tracing + (real.gloss is not None)
+        self._spans = Spans(device, setup.layout, name="view", layers=count)
         self._motions: list[cla.Array] = []
         layers: list[Layer] = []
         masks: list[Mask] = []

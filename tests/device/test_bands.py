@@ -61,6 +61,13 @@ def test_parts_cover_all_items_once_and_none_takes_long(monkeypatch: pytest.Monk
         slow.looks = 0
 
 
+def test_rows_of_a_picture_are_not_split(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Their work groups tell the column by their number."""
+    slow = Slow(monkeypatch)
+    slow.bands.launch(("program", "kernel"), (6400, 3), (64, 1), slow.enqueue)
+    assert slow.parts == [(0, 1), (1, 1), (2, 1)]
+
+
 def test_what_is_quick_is_launched_as_a_whole(monkeypatch: pytest.MonkeyPatch) -> None:
     """Once that is known; and after enough of it there is a look all the same."""
     slow = Slow(monkeypatch)

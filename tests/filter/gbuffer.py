@@ -9,6 +9,8 @@ import pyopencl.array as cla
 from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
+from iprt.filter.mask import tracing_grids
+from iprt.gbuffer.context import FrameContext
 from iprt.gbuffer.guide import Guide, Guides, Layer
 from iprt.gbuffer.layout import PAD, PlaneLayout
 from iprt.geometry.camera import View
@@ -80,6 +82,20 @@ class GBuffer:
 
 def tracing_grid(device: ComputeDevice, offset: tuple[int, int]) -> cla.Array:
     return device.upload("tracing grid", np.array(offset, np.int32))
+
+
+def still_frame(device: ComputeDevice, view: cla.Array) -> FrameContext:
+    """The first frame; nothing has changed."""
+    return FrameContext(
+        0,
+        view,
+        view,
+        view_changed=False,
+        video_changed=False,
+        objects_changed=False,
+        fading=0.0,
+        grids=tracing_grids(device),
+    )
 
 
 def random_gbuffer(width: int, height: int, *, equirect: bool, seed: int = 0) -> GBuffer:

@@ -11,14 +11,13 @@ import pytest
 from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
-from iprt.filter.mask import Mask, Masks, tracing_grids
+from iprt.filter.mask import Mask, Masks
 from iprt.filter.signal_filter import Samples, SignalFilter
 from iprt.filter.signals import Kind, Signal
-from iprt.gbuffer.context import FrameContext
 from iprt.gbuffer.guide import Guide, Guides, Layer, Spans
 from iprt.settings.filter import MaskSettings
 from iprt.settings.model import Settings
-from tests.filter.gbuffer import GBuffer, random_gbuffer, read, still_motion, upload
+from tests.filter.gbuffer import GBuffer, random_gbuffer, read, still_frame, still_motion, upload
 
 WIDTH, HEIGHT = 37, 22
 LAYERS = (0, 1, 1)
@@ -106,19 +105,6 @@ class Frames:
 def layer_of(frames: Frames, gbuffer: GBuffer) -> Layer:
     planes = (gbuffer.normal, gbuffer.depth[None], gbuffer.ids[None])
     return Layer(*map(frames.planes, planes))
-
-
-def still_frame(device: ComputeDevice, view: cla.Array) -> FrameContext:
-    return FrameContext(
-        0,
-        view,
-        view,
-        view_changed=False,
-        video_changed=False,
-        objects_changed=False,
-        fading=0.0,
-        grids=tracing_grids(device),
-    )
 
 
 @pytest.mark.parametrize("published", [False, True])

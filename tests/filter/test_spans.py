@@ -8,13 +8,12 @@ import numpy as np
 import pytest
 
 from iprt.device.compute import ComputeDevice
-from iprt.filter.mask import Mask, Masks, tracing_grids
+from iprt.filter.mask import Mask, Masks
 from iprt.filter.signal_filter import Samples, SignalFilter
 from iprt.filter.signals import Kind, Signal, signal_planes
-from iprt.gbuffer.context import FrameContext
 from iprt.gbuffer.guide import Guide
 from iprt.settings.model import Settings
-from tests.filter.gbuffer import GBuffer, random_gbuffer, read, still_motion, upload
+from tests.filter.gbuffer import GBuffer, random_gbuffer, read, still_frame, still_motion, upload
 
 WIDTH, HEIGHT = 150, 20
 
@@ -68,16 +67,7 @@ def test_what_is_left_out_is_what_it_was(
         view = device.upload("view", gbuffers[0].view.kernel_constants())
         traced = device.zeros("traced", layout.shape(signal_planes(kind)))
         roughness = upload(device, layout, np.full((1, HEIGHT, WIDTH), 0.2))
-        still = FrameContext(
-            0,
-            view,
-            view,
-            view_changed=False,
-            video_changed=False,
-            objects_changed=False,
-            fading=0.0,
-            grids=tracing_grids(device),
-        )
+        still = still_frame(device, view)
         pictures = []
         for frame, gbuffer in enumerate(gbuffers):
             gbuffer.fill(device, guide)

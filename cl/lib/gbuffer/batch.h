@@ -27,13 +27,23 @@
 #define SPAN_PARAMETERS __global const int *restrict spans, BATCHED(const int, layer)
 
 // First column and end of what a work group has to do in its row, where the first group begins with
-// the span; nothing below the picture. A group with nothing to do returns by this, which is the same
-// for all of its items: where each item decides for itself, vectorized groups go on.
-#define GROUP_SPAN group_span(spans, OF_BATCH(layer), y, height)
+// the span; nothing below the picture.
 static inline int2 group_span(__global const int *restrict spans, int layer, int y, int height)
 {
     const int2 span = vload2(layer * height + min(y, height - 1), spans);
     return (int2)(span.x + (int)(get_group_id(0) * get_local_size(0)), y < height ? span.y : 0);
 }
+
+// The pixel x, y and the entry of a work item whose row has something to do; the others end. A group
+// without any ends by what is the same for all of its items: where each item decides for itself,
+// vectorized groups go on.
+#define SPAN_ITEM                                                                                  \
+    const int y = get_global_id(1), entry = get_global_id(2);                                      \
+    const int2 columns = group_span(spans, OF_BATCH(layer), y, height);                            \
+    if (columns.x >= columns.y)                                                                    \
+        return;                                                                                    \
+    const int x = columns.x + get_local_id(0);                                                     \
+    if (x >= columns.y)                                                                            \
+        return
 
 #endif
