@@ -23,7 +23,12 @@ static inline int boxes_matter(const BoxView at, float min_solid_angle)
     return at.above && (at.inside || at.total >= min_solid_angle);
 }
 
-static inline float component(float3 v, int axis) { return axis == 0 ? v.x : axis == 1 ? v.y : v.z; }
+// By bits: compilers for GPUs put vectors that are indexed on the stack.
+static inline float component(float3 v, int axis)
+{
+    const int3 chosen = as_int3(v) & ((int3)(axis) == (int3)(0, 1, 2));
+    return as_float(chosen.x | chosen.y | chosen.z);
+}
 
 static inline float3 with_component(float3 v, int axis, float value)
 {
@@ -43,7 +48,7 @@ static inline float face_weight(const BoxView at, float3 low, float3 high, int a
     middle = with_component(middle, axis, to_low > 0.0f ? gap : -gap);
     if (!(dot(at.n, middle) + dot(fabs(at.n), half_size) > 0.0f))
         return 0.0f;
-    const float area = axis == 0 ? size.y * size.z : axis == 1 ? size.x * size.z : size.x * size.y;
+    const float area = component(size.yxx * size.zzy, axis);
     const float distance2 = dot(middle, middle);
     return area * gap / (distance2 * sqrt(distance2) + area * gap * (1.0f / 6.0f) + 1e-30f);
 }
@@ -101,7 +106,7 @@ static inline float box_density(__global const float4 *restrict boxes, int count
             continue;
         const int axis = enter == near.x ? 0 : enter == near.y ? 1 : 2;
         const float3 size = high - low;
-        const float area = axis == 0 ? size.y * size.z : axis == 1 ? size.x * size.z : size.x * size.y;
+        const float area = component(size.yxx * size.zzy, axis);
         density += face_weight(at, low, high, axis) * enter * enter
             / (area * fabs(component(d, axis)));
     }

@@ -115,7 +115,7 @@ static inline BrdfSample reflect_real(const World world, int index, float3 p, fl
 // -D WITHOUT_OBJECTS also fills `real`, which costs tracing past the objects.
 // -D DELTA is for what objects change only: paths whose first surface is none are not followed,
 // and `real` is what the first object hides. `boxes` are seen from o_object.
-static inline PathResult trace_path(const World world, float3 o, float3 o_object, Scatter s,
+__attribute__((always_inline)) static inline PathResult trace_path(const World world, float3 o, float3 o_object, Scatter s,
 #ifdef DELTA
                                     const BoxView boxes,
 #endif
@@ -130,6 +130,7 @@ static inline PathResult trace_path(const World world, float3 o, float3 o_object
     int reflected = 0;
 #endif
     // One more for a glossy real surface, and one for what is seen in the last.
+    #pragma unroll 1
     for (int bounce = 0; bounce < MAX_BOUNCES + 2; bounce++) {
         const float3 d = s.wi;
         ObjectHit hit;

@@ -54,9 +54,11 @@ typedef struct {
     int kx, ky, kz;
 } BvhRay;
 
-static inline float bvh_axis(float3 v, int axis)
+// Components kx, ky, kz of v, whole vectors at a time: compilers for GPUs put vectors that are indexed
+// one by one on the stack.
+static inline float3 bvh_permuted(float3 v, int kz)
 {
-    return axis == 0 ? v.x : axis == 1 ? v.y : v.z;
+    return kz == 2 ? v : kz == 1 ? v.zxy : v.yzx;
 }
 
 static inline BvhRay bvh_ray(float3 o, float3 d)
@@ -67,11 +69,11 @@ static inline BvhRay bvh_ray(float3 o, float3 d)
     ray.kx = ray.kz == 2 ? 0 : ray.kz + 1;
     ray.ky = ray.kx == 2 ? 0 : ray.kx + 1;
     ray.o = o;
-    ray.sheared.z = 1.0f / bvh_axis(d, ray.kz);
-    ray.sheared.x = bvh_axis(d, ray.kx) * ray.sheared.z;
-    ray.sheared.y = bvh_axis(d, ray.ky) * ray.sheared.z;
+    const float3 permuted = bvh_permuted(d, ray.kz);
+    ray.sheared.z = 1.0f / permuted.z;
+    ray.sheared.xy = permuted.xy * ray.sheared.z;
     // Along an axis to which it is perpendicular the ray moves next to nothing: no 0 times infinity.
-    const float least = 1e-18f * bvh_axis(size, ray.kz);
+    const float least = 1e-18f * fabs(permuted.z);
     ray.inverse.x = 1.0f / (size.x > least ? d.x : copysign(least, d.x));
     ray.inverse.y = 1.0f / (size.y > least ? d.y : copysign(least, d.y));
     ray.inverse.z = 1.0f / (size.z > least ? d.z : copysign(least, d.z));
@@ -102,7 +104,8 @@ static inline int4 bvh_enter(__global const float4 *node, const BvhRay ray, floa
 
 static inline float bvh_column(float4 v, int column)
 {
-    return column == 0 ? v.x : column == 1 ? v.y : column == 2 ? v.z : v.w;
+    const float2 half_of = column & 2 ? v.zw : v.xy;
+    return column & 1 ? half_of.y : half_of.x;
 }
 
 // Nearest hit among the four triangles of a packet, if it is nearer than hit->t.
@@ -111,15 +114,14 @@ static inline int bvh_packet(const Bvh bvh, const BvhRay ray, int packet, BvhHit
 // The edge functions of neighbours must be each other's negative, bit for bit.
 #pragma OPENCL FP_CONTRACT OFF
     __global const float4 *a = bvh.packets + BVH_PACKET_ROWS * packet, *b = a + 3, *c = a + 6;
-    const float ox = bvh_axis(ray.o, ray.kx), oy = bvh_axis(ray.o, ray.ky);
-    const float oz = bvh_axis(ray.o, ray.kz);
-    const float4 az = a[ray.kz] - oz, bz = b[ray.kz] - oz, cz = c[ray.kz] - oz;
-    const float4 ax = (a[ray.kx] - ox) - ray.sheared.x * az;
-    const float4 bx = (b[ray.kx] - ox) - ray.sheared.x * bz;
-    const float4 cx = (c[ray.kx] - ox) - ray.sheared.x * cz;
-    const float4 ay = (a[ray.ky] - oy) - ray.sheared.y * az;
-    const float4 by = (b[ray.ky] - oy) - ray.sheared.y * bz;
-    const float4 cy = (c[ray.ky] - oy) - ray.sheared.y * cz;
+    const float3 o = bvh_permuted(ray.o, ray.kz);
+    const float4 az = a[ray.kz] - o.z, bz = b[ray.kz] - o.z, cz = c[ray.kz] - o.z;
+    const float4 ax = (a[ray.kx] - o.x) - ray.sheared.x * az;
+    const float4 bx = (b[ray.kx] - o.x) - ray.sheared.x * bz;
+    const float4 cx = (c[ray.kx] - o.x) - ray.sheared.x * cz;
+    const float4 ay = (a[ray.ky] - o.y) - ray.sheared.y * az;
+    const float4 by = (b[ray.ky] - o.y) - ray.sheared.y * bz;
+    const float4 cy = (c[ray.ky] - o.y) - ray.sheared.y * cz;
     const float4 u = cx * by - cy * bx, v = ax * cy - ay * cx, w = bx * ay - by * ax;
     const int4 inside = ((u >= 0.0f) & (v >= 0.0f) & (w >= 0.0f))
         | ((u <= 0.0f) & (v <= 0.0f) & (w <= 0.0f));

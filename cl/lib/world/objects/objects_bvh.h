@@ -72,8 +72,8 @@ static inline float3 object_albedo(const Objects world, int material, int4 verti
 
 static inline float3 packet_corner(__global const float4 *rows, int corner, int column)
 {
-    return (float3)(bvh_column(rows[3 * corner], column), bvh_column(rows[3 * corner + 1], column),
-                    bvh_column(rows[3 * corner + 2], column));
+    __global const float *x = (__global const float *)(rows + 3 * corner) + column;
+    return (float3)(x[0], x[4], x[8]);
 }
 
 // In world space, of unit length: by the inverse transpose of world from object.

@@ -15,7 +15,7 @@
 // Cells are carried as integers. A descent takes the child next to the edge just crossed (the
 // other axis by sign tests), an ascent happens only when the parent changes.
 
-static int MARCH_NAME(const MARCH_LAYER layer, const PolarRay ray, float t_min, float t_max,
+__attribute__((always_inline)) static inline int MARCH_NAME(const MARCH_LAYER layer, const PolarRay ray, float t_min, float t_max,
                       MARCH_STATE state, MARCH_HIT *hit)
 {
     const int width = layer.grid.width, height = layer.grid.height;
