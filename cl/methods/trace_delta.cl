@@ -52,9 +52,7 @@ TRACING_KERNEL void trace_delta(
     __global uint *restrict samples,
     __global float *restrict signal WORK_PARAMETER)
 {
-    const int item = get_global_id(0);
-    if (item >= count[0])
-        return;
+    LIST_ITEM(count[0]);
     COUNT_ITEM;
     const World world = WORLD(view);
     const IrradianceCache cache = CACHE;

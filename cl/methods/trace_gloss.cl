@@ -21,9 +21,7 @@ TRACING_KERNEL void trace_gloss(
     __global float *restrict change,
     __global float *restrict touched WORK_PARAMETER)
 {
-    const int item = get_global_id(0);
-    if (item >= count[0])
-        return;
+    LIST_ITEM(count[0]);
     COUNT_ITEM;
     const World world = WORLD(view);
     const TracedPixel at = TRACED_PIXEL(item, 0x676c6f73u);

@@ -51,9 +51,7 @@ TRACING_KERNEL void trace_virtual(
 #endif
     __global float *restrict touched WORK_PARAMETER)
 {
-    const int item = get_global_id(0);
-    if (item >= count[0])
-        return;
+    LIST_ITEM(count[0]);
     COUNT_ITEM;
     const World world = WORLD(view);
     const TracedPixel at = TRACED_PIXEL(item, 0x76697274u);

@@ -2,7 +2,7 @@
 
 A kernel that is known to be quick is enqueued as a whole. Of others a small part goes first; how
 long that took tells how large the next parts are. Kernels know nothing of it: a part has a global
-offset, and no kernel asks for the global size.
+offset, and whatever a kernel makes of the number of its groups stays within the part.
 """
 
 from __future__ import annotations

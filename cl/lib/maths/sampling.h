@@ -7,17 +7,9 @@
 #ifndef IPRT_SAMPLING_H
 #define IPRT_SAMPLING_H
 
+#include "maths/bits.h"
 #include "maths/maths.h"
 #include "maths/rng.h"
-
-static inline uint reverse_bits(uint x)
-{
-    x = (x >> 16) | (x << 16);
-    x = ((x >> 8) & 0x00ff00ffu) | ((x & 0x00ff00ffu) << 8);
-    x = ((x >> 4) & 0x0f0f0f0fu) | ((x & 0x0f0f0f0fu) << 4);
-    x = ((x >> 2) & 0x33333333u) | ((x & 0x33333333u) << 2);
-    return ((x >> 1) & 0x55555555u) | ((x & 0x55555555u) << 1);
-}
 
 // Owen scrambling of a number whose bits are reversed: each bit is flipped by a hash of the bits
 // below it (Burley, Listing 2: the Laine-Karras permutation with the constants found there).

@@ -3,6 +3,7 @@
 #define IPRT_TRACED_H
 
 #include "gbuffer/planes.h"
+#include "maths/list.h"
 #include "maths/rng.h"
 
 // Passed by traced_arguments() of iprt/methods/trace.py. `list` holds y * width + x of `count` pixels,

@@ -35,6 +35,11 @@ static inline float3 with_component(float3 v, int axis, float value)
     return (float3)(axis == 0 ? value : v.x, axis == 1 ? value : v.y, axis == 2 ? value : v.z);
 }
 
+static inline float face_area(float3 size, int axis)
+{
+    return component(size.yxx * size.zzy, axis);
+}
+
 // About the solid angle, in 6 / 2 pi sr at most, of the face of a box across `axis` that looks at x;
 // 0 where none does, or where it lies below the surface.
 static inline float face_weight(const BoxView at, float3 low, float3 high, int axis)
@@ -48,7 +53,7 @@ static inline float face_weight(const BoxView at, float3 low, float3 high, int a
     middle = with_component(middle, axis, to_low > 0.0f ? gap : -gap);
     if (!(dot(at.n, middle) + dot(fabs(at.n), half_size) > 0.0f))
         return 0.0f;
-    const float area = component(size.yxx * size.zzy, axis);
+    const float area = face_area(size, axis);
     const float distance2 = dot(middle, middle);
     return area * gap / (distance2 * sqrt(distance2) + area * gap * (1.0f / 6.0f) + 1e-30f);
 }
@@ -106,7 +111,7 @@ static inline float box_density(__global const float4 *restrict boxes, int count
             continue;
         const int axis = enter == near.x ? 0 : enter == near.y ? 1 : 2;
         const float3 size = high - low;
-        const float area = component(size.yxx * size.zzy, axis);
+        const float area = face_area(size, axis);
         density += face_weight(at, low, high, axis) * enter * enter
             / (area * fabs(component(d, axis)));
     }

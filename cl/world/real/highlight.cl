@@ -26,6 +26,7 @@
 //
 // A conductor only reflects. What it sends elsewhere is not known; rays that meet one find
 // what the camera saw, which is what it reflects from another side, and nearer to that than black.
+#include "maths/list.h"
 #include "world/brdf.h"
 #include "world/real/gloss.h"
 #include "world/world.h"
@@ -68,9 +69,7 @@ TRACING_KERNEL void sample_highlight(
     REAL_PARAMETERS,
     __global float4 *restrict highlight WORK_PARAMETER)
 {
-    const int item = get_global_id(0);
-    if (item >= count)
-        return;
+    LIST_ITEM(count);
     COUNT_ITEM;
     const RealLayer layer = REAL_LAYER;
     const World world = captured(layer, real_color OUTSIDE);
@@ -120,9 +119,7 @@ __kernel void filter_highlight(
     __global const float4 *restrict highlight,
     __global float4 *restrict filtered WORK_PARAMETER)
 {
-    const int item = get_global_id(0);
-    if (item >= count)
-        return;
+    LIST_ITEM(count);
     COUNT_ITEM;
     const RealLayer layer = REAL_LAYER;
     const int texel = list[item], column = texel % real_width, row = texel / real_width;

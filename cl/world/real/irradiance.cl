@@ -19,6 +19,7 @@
 #include "world/direction.h"
 #include "world/real/irradiance.h"
 #include "gbuffer/planes.h"
+#include "maths/list.h"
 #include "maths/sampling.h"
 
 #define SMOOTH_RADIUS 3
@@ -147,11 +148,9 @@ __kernel void list_cells(
     __global int *restrict next_count      // out: 0, that of the next frame
     WORK_PARAMETER)
 {
-    const int item = get_global_id(0);
-    if (item == 0)
+    if (get_global_id(0) == 0)
         next_count[0] = 0;
-    if (item >= count[0])
-        return;
+    LIST_ITEM(count[0]);
     COUNT_ITEM;
     const int pixel = plane_index(list[item] % width, list[item] / width, width);
     const int size = plane_size(width, height);
@@ -182,9 +181,7 @@ TRACING_KERNEL void refine_cells(
     __global float4 *restrict mean         // in, out
     WORK_PARAMETER)
 {
-    const int item = get_global_id(0);
-    if (item >= count[0])
-        return;
+    LIST_ITEM(count[0]);
     COUNT_ITEM;
     const World world = WORLD(view);
     const int cell = list[item];
@@ -237,9 +234,7 @@ __kernel void smooth_cells(
     __global float4 *restrict smooth       // out
     WORK_PARAMETER)
 {
-    const int item = get_global_id(0);
-    if (item >= count[0])
-        return;
+    LIST_ITEM(count[0]);
     COUNT_ITEM;
     const int cell = list[item], x = cell % columns, y = cell / columns;
     listed[cell] = 0;

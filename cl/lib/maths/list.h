@@ -1,0 +1,25 @@
+// Kernels that work on the items of a list, whose length only the device knows: the launch has as many
+// work items as the list may have entries.
+#ifndef IPRT_LIST_H
+#define IPRT_LIST_H
+
+#include "maths/bits.h"
+
+// The place in the list that a work item works on. Groups that follow one another take places far
+// apart, by bit reversal (the van der Corput sequence): runtimes for CPUs hand hundreds of consecutive
+// groups to a thread, and the first ones would hold the whole list.
+static inline int list_place(void)
+{
+    const uint groups = get_num_groups(0), group = get_group_id(0), zeros = clz(groups);
+    // As many groups as a power of two allows; the rest stay where they are.
+    const uint place = group >> (31 - zeros) ? group : reverse_bits(group) >> 1 >> zeros;
+    return get_global_offset(0) + place * get_local_size(0) + get_local_id(0);
+}
+
+// The `item` of a work item; those beyond the end of the list return.
+#define LIST_ITEM(count)                                                                           \
+    const int item = list_place();                                                                 \
+    if (item >= (count))                                                                           \
+        return
+
+#endif
