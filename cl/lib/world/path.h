@@ -112,14 +112,16 @@ static inline BrdfSample reflect_real(const World world, int index, float3 p, fl
 #endif
 
 // All of a path is one loop with one call of each march, because OpenCL compilers inline them.
+// Always inlined: a call would copy the world to the stack of each work item.
 // -D WITHOUT_OBJECTS also fills `real`, which costs tracing past the objects.
 // -D DELTA is for what objects change only: paths whose first surface is none are not followed,
 // and `real` is what the first object hides. `boxes` are seen from o_object.
-__attribute__((always_inline)) static inline PathResult trace_path(const World world, float3 o, float3 o_object, Scatter s,
+static inline __attribute__((always_inline)) PathResult trace_path(
+    const World world, float3 o, float3 o_object, Scatter s,
 #ifdef DELTA
-                                    const BoxView boxes,
+    const BoxView boxes,
 #endif
-                                    uint seed, uint index)
+    uint seed, uint index)
 {
     PathResult result;
     result.met = 0;
@@ -130,7 +132,6 @@ __attribute__((always_inline)) static inline PathResult trace_path(const World w
     int reflected = 0;
 #endif
     // One more for a glossy real surface, and one for what is seen in the last.
-    #pragma unroll 1
     for (int bounce = 0; bounce < MAX_BOUNCES + 2; bounce++) {
         const float3 d = s.wi;
         ObjectHit hit;

@@ -260,7 +260,8 @@ static inline int radial_real(const RealLayer layer, const PolarRay ray, int tex
 
 // Nearest real surface along the ray, up to t_max. Always fills the hit: a ray that leaves the
 // scene takes what the panorama shows in its own direction.
-__attribute__((always_inline)) static inline RealHit trace_real_layer(const RealLayer layer, float3 o, float3 d, float t_max)
+static inline __attribute__((always_inline)) RealHit trace_real_layer(
+    const RealLayer layer, float3 o, float3 d, float t_max)
 {
     RealHit hit;
     if (!is_ray(o, d)) {
