@@ -5,13 +5,15 @@
 //        or, with -DDELTA, blocked / E_R rgb, bounce / E_R rgb, and the cache that holds E_R
 //        (irradiance.h): L = L_cam (1 + (bounce - blocked) / E_R)
 //   out  ratio, float4 per pixel (height x width, no border, row 0 the top), w = 1; exactly 1 where
-//        E_R and E_RV are equal or nothing is blocked or bounced, where E_R is black or not finite, and where no real surface is lit
-//        (nothing there, or an opening: id 0)
+//        E_R and E_RV are equal or nothing is blocked or bounced, where E_R is black or not finite,
+//        and where no real surface is lit (nothing there, or an opening: id 0); not written outside
+//        the spans. Build with -DBATCH=1.
 //
 // No diffuse surface reflects more than it receives. Where the camera saw more than E_R, the rest
 // came from light that the panorama does not hold (a clipped window) or shone at the camera only (a
 // highlight). Objects are taken to block as much of it as of the known light, without colour, and
 // never to add to it; otherwise such spots would light themselves up by way of objects near them.
+#include "gbuffer/batch.h"
 #include "gbuffer/guide.h"
 #ifdef DELTA
 #include "world/real/irradiance.h"
@@ -39,6 +41,7 @@ static inline float channel_ratio(
 }
 
 __kernel void relight(
+    SPAN_PARAMETERS,                       // where the signal is, or was in the last picture, not 0
     __global const float *restrict guide,  // 7 planes
     __global const float *restrict signal, // 6 planes
     __global const float *restrict colour, // 3 planes
@@ -53,9 +56,7 @@ __kernel void relight(
     int width,
     int height)
 {
-    int x = get_global_id(0), y = get_global_id(1);
-    if (x >= width || y >= height)
-        return;
+    SPAN_ITEM;
     int size = plane_size(width, height), p = plane_index(x, y, width);
     float3 seen = load_planes(colour, size, p);
 #ifdef DELTA

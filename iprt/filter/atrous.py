@@ -18,7 +18,13 @@ from iprt.settings.filter import AtrousSettings
 
 
 class Atrous:
-    """Filters a batch of accumulated signals."""
+    """Filters a batch of accumulated signals.
+
+    Attributes
+    ----------
+    spans : dict
+        `SPAN_PARAMETERS` of where filtered signals are, or were in the last picture, not 0.
+    """
 
     def __init__(
         self,
@@ -54,10 +60,11 @@ class Atrous:
             for signal in signals[: self._specular]
         ]
         self._widened += self._widened[:1] * (len(signals) - self._specular)
-        self._spans = span_arguments([signal.guide for signal in signals])
+        self.spans = span_arguments([signal.guide for signal in signals])
         self._extent = None
-        if first.kind == "delta":
+        if first.kind == "delta" and settings.levels:
             self._extent = Extent(device, layout, defines, name=first.name)
+            self.spans = {"spans": self._extent.used, "layer_0": 0}
         if not guided:
             self._nothing = planes("no variance")
         channels = signal_planes(first.kind)
@@ -68,7 +75,7 @@ class Atrous:
         if settings.levels:
             self._smooth = device.kernel("filter/atrous.cl", "smooth_variance", defines).fixed(
                 layout.arguments(),
-                self._spans,
+                self.spans,
                 batched(smooth=self._scratch[-1][1], widened=self._widened),
             )
         self._levels = [self._level(level, defines) for level in range(settings.levels)]
@@ -80,7 +87,7 @@ class Atrous:
         signal_out, variance_out = self._scratch[level % 2]
         kernel = self._device.kernel("filter/atrous.cl", "filter_level", defines).fixed(
             self._layout.arguments(),
-            self._spans if self._extent is None else {"spans": self._extent.used, "layer_0": 0},
+            self.spans,
             batched(
                 variance=variance,
                 signal_out=signal_out,

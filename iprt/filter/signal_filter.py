@@ -44,6 +44,8 @@ class SignalFilter:
 
     Attributes
     ----------
+    spans : dict
+        `Atrous.spans`.
     accumulated : list of Accumulated
         The signals before the spatial filter, after the first frame; of the published filter,
         after it.
@@ -68,6 +70,7 @@ class SignalFilter:
             device, signals, settings.temporal, rays=rays, published=published
         )
         self._atrous = Atrous(device, signals, settings.atrous, guided=not published)
+        self.spans = self._atrous.spans
         self.accumulated: list[Accumulated] = []
         enough = settings.temporal.enough
         fixed = enough > 0.0 and settings.atrous.levels > 0 and not published

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
 import pyopencl.array as cla
 
 from iprt.device.compute import ComputeDevice
@@ -24,19 +26,32 @@ class Relight:
         exactly where E_R and E_RV are equal, E_R is black or not finite, or no surface is lit.
     """
 
-    def __init__(self, device: ComputeDevice, guide: Guide, *, delta: bool, name: str) -> None:
-        """`delta`: signals are relative to a cached E_R."""
+    def __init__(
+        self,
+        device: ComputeDevice,
+        guide: Guide,
+        spans: Mapping[str, Any],
+        *,
+        delta: bool,
+        name: str,
+    ) -> None:
+        """`spans`: `Atrous.spans` of the signal; elsewhere the ratio stays 1. `delta`: signals are
+        relative to a cached E_R.
+        """
         self._device = device
         self._guide = guide
         defines = guide.defines(
+            BATCH=1,
             DELTA=delta,
             FAINT_FRAMES=TOUCHED_FRAMES,
             STRONG_FRAMES=STRONG_FRAMES,
         )
         pixels = guide.layout.width * guide.layout.height
-        self.ratio = device.empty(f"{name} relighting ratio", (pixels, 4))
+        self.ratio = device.upload(
+            f"{name} relighting ratio", np.ones((pixels, 4), np.float32)
+        )
         self._kernel = device.kernel("methods/relight.cl", "relight", defines).fixed(
-            guide.layout.arguments(), ratio=self.ratio
+            guide.layout.arguments(), spans, ratio=self.ratio
         )
 
     def run(

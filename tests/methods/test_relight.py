@@ -10,6 +10,7 @@ import pytest
 
 from iprt.device.compute import ComputeDevice
 from iprt.filter.mask import STRONG_FRAMES
+from iprt.gbuffer.guide import span_arguments
 from iprt.methods.relight import Relight
 from iprt.settings.features import TOUCHED_FRAMES
 from iprt.world.real.irradiance import BLACK as BLACK_SHARE
@@ -53,7 +54,9 @@ def run(
     With an `irradiance`, one colour, the signal is relative to it. `touched` is written to.
     """
     layout = gbuffer.layout
-    relight = Relight(device, gbuffer.guide(device), delta=irradiance is not None, name="test")
+    guide = gbuffer.guide(device)
+    delta = irradiance is not None
+    relight = Relight(device, guide, span_arguments([guide]), delta=delta, name="test")
     colour = np.tile(seen[:, None, None], (1, *signal.shape[1:]))
     planes, seen_planes = (upload(device, layout, image) for image in (signal, colour))
     cache: Any = None if irradiance is None else EvenCache(device, irradiance)
