@@ -59,9 +59,7 @@ class RealPixels:
         self._filter = SignalFilter(
             device, [signal], settings, published=features.needs.published_filter
         )
-        self.relight = Relight(
-            device, guide, self._filter.spans, delta=features.delta, name=name
-        )
+        self.relight = Relight(device, guide, self._filter.spans, delta=features.delta, name=name)
         self.change: cla.Array | None = None
 
     @property

@@ -47,9 +47,7 @@ class Relight:
             STRONG_FRAMES=STRONG_FRAMES,
         )
         pixels = guide.layout.width * guide.layout.height
-        self.ratio = device.upload(
-            f"{name} relighting ratio", np.ones((pixels, 4), np.float32)
-        )
+        self.ratio = device.upload(f"{name} relighting ratio", np.ones((pixels, 4), np.float32))
         self._kernel = device.kernel("methods/relight.cl", "relight", defines).fixed(
             guide.layout.arguments(), spans, ratio=self.ratio
         )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,9 +12,11 @@ from iprt.device.compute import ComputeDevice
 from iprt.filter.mask import Mask, Masks
 from iprt.filter.signal_filter import Samples, SignalFilter
 from iprt.filter.signals import Kind, Signal, signal_planes
-from iprt.gbuffer.guide import Guide
+from iprt.gbuffer.guide import Guide, span_arguments
+from iprt.methods.relight import Relight
 from iprt.settings.model import Settings
 from tests.filter.gbuffer import GBuffer, random_gbuffer, read, still_frame, still_motion, upload
+from tests.methods.even_cache import WORLD, EvenCache
 
 WIDTH, HEIGHT = 150, 20
 
@@ -67,6 +70,10 @@ def test_what_is_left_out_is_what_it_was(
         view = device.upload("view", gbuffers[0].view.kernel_constants())
         traced = device.zeros("traced", layout.shape(signal_planes(kind)))
         roughness = upload(device, layout, np.full((1, HEIGHT, WIDTH), 0.2))
+        spans = span_arguments([guide]) if everywhere else signal_filter.spans
+        relight = Relight(device, guide, spans, delta=True, name="test")
+        black = device.zeros("black", layout.shape(3))
+        cache: Any = EvenCache(device, np.ones(3))
         still = still_frame(device, view)
         pictures = []
         for frame, gbuffer in enumerate(gbuffers):
@@ -83,6 +90,9 @@ def test_what_is_left_out_is_what_it_was(
             glossy = roughness if kind == "specular" else None
             (filtered,) = signal_filter.run([Samples(traced, mask, moved, glossy)], context)
             pictures.append(read(device, layout, filtered))
+            if kind == "delta":
+                relight.run(filtered, black, WORLD, cache, mask.touched)
+                pictures.append(device.read(relight.ratio))
         return pictures
 
     for part, whole in zip(run(everywhere=False), run(everywhere=True), strict=True):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -13,32 +12,11 @@ from iprt.filter.mask import STRONG_FRAMES
 from iprt.gbuffer.guide import span_arguments
 from iprt.methods.relight import Relight
 from iprt.settings.features import TOUCHED_FRAMES
-from iprt.world.real.irradiance import BLACK as BLACK_SHARE
 from tests.filter.gbuffer import SIZES, GBuffer, flat_gbuffer, random_gbuffer, read, upload
+from tests.methods.even_cache import WORLD, EvenCache
 
 BLACK = np.zeros(3)
-MEAN_RADIANCE = 2.0
-WORLD: Any = SimpleNamespace(panorama=SimpleNamespace(mean_radiance=MEAN_RADIANCE))
 ESTIMATORS = ["delta", "ratio"]
-
-
-class EvenCache:
-    """Knows the same E_R / π everywhere."""
-
-    def __init__(self, device: ComputeDevice, irradiance: np.ndarray) -> None:
-        cells = np.ones((16 * 32, 4), np.float32)
-        cells[:, :3] = irradiance
-        self._plane = device.upload("plane", np.zeros_like(cells))
-        self._irradiance = device.upload("irradiance", cells)
-
-    def arguments(self, panorama: Any) -> dict[str, Any]:
-        return {
-            "cache_plane": self._plane,
-            "cache_irradiance": self._irradiance,
-            "cache_columns": 32,
-            "cache_rows": 16,
-            "cache_black": float(BLACK_SHARE * panorama.mean_radiance),
-        }
 
 
 def run(

@@ -1,0 +1,33 @@
+"""A world that is lit evenly."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from iprt.device.compute import ComputeDevice
+from iprt.world.real.irradiance import BLACK
+
+MEAN_RADIANCE = 2.0
+WORLD: Any = SimpleNamespace(panorama=SimpleNamespace(mean_radiance=MEAN_RADIANCE))
+
+
+class EvenCache:
+    """Knows the same E_R / π everywhere."""
+
+    def __init__(self, device: ComputeDevice, irradiance: np.ndarray) -> None:
+        cells = np.ones((16 * 32, 4), np.float32)
+        cells[:, :3] = irradiance
+        self._plane = device.upload("plane", np.zeros_like(cells))
+        self._irradiance = device.upload("irradiance", cells)
+
+    def arguments(self, panorama: Any) -> dict[str, Any]:
+        return {
+            "cache_plane": self._plane,
+            "cache_irradiance": self._irradiance,
+            "cache_columns": 32,
+            "cache_rows": 16,
+            "cache_black": float(BLACK * panorama.mean_radiance),
+        }
