@@ -39,7 +39,7 @@ __kernel void fix_history(
     float nx = guide[p], ny = guide[size + p], nz = guide[2 * size + p];
     float px = guide[3 * size + p], py = guide[4 * size + p], pz = guide[5 * size + p];
     float id = guide[GUIDE_ID * size + p], own = length[p];
-    bool fixed = id > 0.0f && own > 0.0f && own < (level[p] < SPARSEST ? enough : SPARSE * enough);
+    bool fixed = id > 0.0f && own > 0.0f && own < (level[p] == SPARSEST ? SPARSE * enough : enough);
     float plane_scale = plane_sharpness / sqrt(fmax(px * px + py * py + pz * pz, 1e-30f));
 
     float centre[SIGNAL_PLANES], sum[SIGNAL_PLANES];

@@ -4,9 +4,10 @@
 // Pixel (x, y) has its centre at (x + 0.5, y + 0.5); row 0 is the top.
 //
 //   kernel            in                                          out
-//   choose_level      guide (7 planes), motion, touched of the    level (1 plane of uchar: 0, 1, 2;
-//                     last picture (1 plane: frames for which     255 = nothing to trace); touched at
-//                     an object's influence is remembered)        this picture's pixels, less one
+//   choose_level      guide (7 planes), motion, touched of the    level (1 plane of uchar, guide.h);
+//                     last picture (1 plane: frames for which     touched at this picture's pixels,
+//                     an object's influence is remembered),       less one
+//                     length of the history
 //   list_traced       level                                       list of y * width + x, its length
 //
 // list_traced runs over CHUNK pixels of a row per work item: one atomic per chunk, and rays that
@@ -14,25 +15,28 @@
 // with -DBATCH=layers.
 #include "gbuffer/batch.h"
 #include "gbuffer/guide.h"
+#include "methods/rays.h"
 
 #define CHUNK 64
 
-// How long the influence on the surface in a pixel is remembered: `touched` where it was before.
-static inline float touched_before(
-    __global const float *restrict motion, __global const float *restrict touched, int p, int width,
+// Value of a plane of the last picture where it showed the surface of this pixel; 0 where it did not.
+static inline float value_before(
+    __global const float *restrict motion, __global const float *restrict plane, int p, int width,
     int height)
 {
     float mx = motion[p], my = motion[plane_size(width, height) + p];
     if (!(fabs(mx) < 1e6f && my >= 0.0f && my < height))
         return 0.0f;
     int column = wrap_column((int)floor(mx), width);
-    return column >= 0 && column < width ? touched[plane_index(column, (int)my, width)] : 0.0f;
+    return column >= 0 && column < width ? plane[plane_index(column, (int)my, width)] : 0.0f;
 }
 
 __kernel void choose_level(
     BATCHED(PLANES_IN, guide),                   // 7 planes
     BATCHED(PLANES_IN, motion),                  // previous pixel, 2 planes; -1e9 = nowhere
     BATCHED(PLANES_IN, before),                  // 1 plane, touched of the last picture
+    BATCHED(PLANES_IN, length),                  // 1 plane, what histories were worth then
+    BATCHED(const int, keep),                    // where that is long, a quarter of the rays do
     BATCHED(PLANES_OUT, touched),                // out: 1 plane
     BATCHED(__global uchar *restrict, level),    // out: 1 plane
     BATCHED(__global int *restrict, count),      // out: 0
@@ -40,6 +44,7 @@ __kernel void choose_level(
     BATCHED(float, low),                         // delta_1
     BATCHED(float, high),                        // delta_2; 0 traces every pixel
     BATCHED(float, faint_frames),                // touched for no longer: one ray for 4 pixels
+    __global const int *restrict origin,         // x y of the tracing grid in this frame
     int width,
     int height)
 {
@@ -77,7 +82,7 @@ __kernel void choose_level(
             apart = fmax(apart, same ? bx * bx + by * by + bz * bz : 0.0f);
             if (abs(dx) <= 1 && abs(dy) <= 1 && inside) {
                 int of_motion = plane_index(wrap_column(x + dx, width), y + dy, width);
-                active = fmax(active, touched_before(motion, before, of_motion, width, height));
+                active = fmax(active, value_before(motion, before, of_motion, width, height));
             }
         }
     }
@@ -86,8 +91,11 @@ __kernel void choose_level(
     squared = active > faint_frames ? 1.0f
         : active > 0.0f || faint_frames == 0.0f ? fmin(squared, 1.0f) : 0.0f;
     int chosen = squared >= high * high ? 0 : squared >= low * low || active > 0.0f ? 1 : 2;
+    bool waits = ((x - origin[0]) | (y - origin[1])) & 1;
+    bool known = value_before(motion, OF_BATCH(length), p, width, height) > SETTLED_HISTORY;
+    chosen = chosen == 0 && OF_BATCH(keep) && known && waits ? LEVEL_KEPT : chosen;
     OF_BATCH(level)[p] = id > 0.0f ? chosen : LEVEL_NONE;
-    touched[p] = fmax(touched_before(motion, before, p, width, height) - 1.0f, 0.0f);
+    touched[p] = fmax(value_before(motion, before, p, width, height) - 1.0f, 0.0f);
 }
 
 __kernel void list_traced(

@@ -14,6 +14,9 @@ from iprt.gbuffer.guide import Guide
 from iprt.settings.features import TOUCHED_FRAMES
 from iprt.settings.filter import MaskSettings
 
+LEVEL_KEPT = constant("lib/gbuffer/guide.h", "LEVEL_KEPT")
+"""Level of a pixel of level 0 that waits for its turn."""
+
 LEVEL_NONE = constant("lib/gbuffer/guide.h", "LEVEL_NONE")
 """Level of a pixel where there is nothing to trace."""
 
@@ -50,7 +53,7 @@ class Mask:
     before : 1 padded plane float32
         The same of the last picture.
     level : 1 padded plane uint8
-        0, 1, 2: one ray per 1, 4, 16 pixels; `LEVEL_NONE` where there is nothing to trace.
+        0, 1, 2: one ray per 1, 4, 16 pixels; `LEVEL_KEPT`, `LEVEL_NONE`.
     traced : (H * W,) int32
         y * W + x of the pixels that get a ray; the first `count` entries hold.
     count : (1,) int32
@@ -106,7 +109,14 @@ class Masks:
             size, listed, batched(list=[mask.traced for mask in masks])
         )
 
-    def run(self, grid: cla.Array, motions: Sequence[cla.Array], *, metre: float = 1.0) -> None:
+    def run(
+        self,
+        grid: cla.Array,
+        motions: Sequence[cla.Array],
+        histories: Sequence[cla.Array | None] | None = None,
+        *,
+        metre: float = 1.0,
+    ) -> None:
         """Fill `level`, `traced` and `count` of each from the current picture of its guide.
 
         Parameters
@@ -115,11 +125,15 @@ class Masks:
             Origin of the tracing grid, `FrameContext.grid`; give it to `Interpolate.run` too.
         motions : 2 planes each
             Previous position of each pixel's surface in pixels, -1e9 = nowhere.
+        histories : 1 plane or None each, optional
+            `Temporal.lengths` after the last picture, where pixels with a long history need fewer
+            rays.
         metre : float
             Length of a metre in the units of the guide's positions.
         """
         masks = self._masks
         layout = masks[0].guide.layout
+        lengths = histories or [None] * len(masks)
         for mask in masks:
             mask.touched, mask.before = mask.before, mask.touched
         with self._device.profile.section("mask"):
@@ -130,8 +144,15 @@ class Masks:
                     motion=motions,
                     before=[mask.before for mask in masks],
                     touched=[mask.touched for mask in masks],
+                    # Without a history another plane is bound, which is not used.
+                    length=[
+                        mask.before if length is None else length
+                        for mask, length in zip(masks, lengths, strict=True)
+                    ],
+                    keep=[length is not None for length in lengths],
                     sigma_position=[mask.settings.sigma_position / metre for mask in masks],
                 ),
+                origin=grid,
             )
             self._list(
                 (-(-layout.width // _CHUNK), layout.height, len(masks)),

@@ -87,6 +87,11 @@ class SignalFilter:
         """`Temporal.lengths` of the signals."""
         return self._temporal.lengths
 
+    def known(self, context: FrameContext) -> Sequence[cla.Array] | None:
+        """`histories`, if these can be relied upon in the frame; else all rays are needed."""
+        still = self._temporal.settled and not context.changed and context.fading > 0.0
+        return self.histories if still else None
+
     def start(self, context: FrameContext) -> None:
         """Begin a frame, before its rays are sent: the history says how many; a cut ends it."""
         if context.cut:

@@ -165,6 +165,11 @@ class Temporal:
         """1 plane each: how many samples each pixel's mean was worth after the last picture."""
         return self._now.lengths
 
+    @property
+    def settled(self) -> bool:
+        """The last change of the scene is so long ago that the slow history is trusted alone."""
+        return not self._unsettled
+
     def reset(self) -> None:
         """Forget everything, as after a cut."""
         for history in [self._now] if self._published else [self._now, self._fast]:

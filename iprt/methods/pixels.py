@@ -67,6 +67,11 @@ class RealPixels:
         """`change` before the spatial filter; None before the first frame."""
         return self._filter.accumulated[0] if self._filter.accumulated else None
 
+    def history(self, context: FrameContext) -> cla.Array | None:
+        """What `Masks.run` is given."""
+        known = self._filter.known(context) if self._features.delta else None
+        return known[0] if known else None
+
     def run(self, world: World, context: FrameContext) -> cla.Array:
         """Relight the pixels of `mask` and return the ratio of all."""
         layer, mask, cache = self.layer, self.mask, world.irradiance
@@ -145,6 +150,11 @@ class ReflectingPixels:
     def accumulated(self) -> list[Accumulated]:
         """Each signal of objects before the spatial filter; none before the first frame."""
         return self._filter.accumulated[0 if self.gloss_mask is None else 1 :]
+
+    def gloss_history(self, context: FrameContext) -> cla.Array | None:
+        """What `Masks.run` is given for `gloss_mask`."""
+        known = self._filter.known(context)
+        return known[0] if known else None
 
     def run(self, world: World, context: FrameContext) -> None:
         """Shade the pixels of both masks; `world.relit` is what they reflect."""

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import pyopencl.array as cla
 
-from iprt.filter.mask import Mask, Masks
+from iprt.filter.mask import LEVEL_KEPT, Mask, Masks
 from iprt.filter.temporal import Accumulated
 from iprt.gbuffer.context import FrameContext
 from iprt.gbuffer.guide import Guide, Guides, Layer, Spans
@@ -37,12 +37,14 @@ class SparseMethod(Method):
         self._motions: list[cla.Array] = []
         layers: list[Layer] = []
         masks: list[Mask] = []
+        self._histories: list[Callable[[FrameContext], cla.Array | None] | None] = []
         self.real_pixels: RealPixels | None = None
         if features.tracing:
             guide = self._guide("real", real.motion)
             layers.append(Layer(real.normal, real.depth, real.id))
             self.real_pixels = RealPixels(device, real, guide, features, name="real")
             masks.append(self.real_pixels.mask)
+            self._histories.append(self.real_pixels.history)
         gloss_guide = None
         if real.gloss is not None:
             gloss_guide = self._guide("gloss", real.motion)
@@ -52,7 +54,11 @@ class SparseMethod(Method):
         self.reflecting_pixels = pixels = ReflectingPixels(
             device, real, objects, guide, gloss_guide, features
         )
-        masks += [mask for mask in (pixels.gloss_mask, pixels.mask) if mask is not None]
+        if pixels.gloss_mask is not None:
+            masks.append(pixels.gloss_mask)
+            self._histories.append(pixels.gloss_history)
+        masks.append(pixels.mask)
+        self._histories.append(None)
         self._gather = Guides(device, self._guides, layers)
         self._masks = Masks(device, masks)
 
@@ -74,7 +80,8 @@ class SparseMethod(Method):
     def trace(self, world: World, context: FrameContext) -> Signals:
         self._world = world
         self._gather.run(context.view)
-        self._masks.run(context.grid, self._motions, metre=world.panorama.scale)
+        histories = [None if of is None else of(context) for of in self._histories]
+        self._masks.run(context.grid, self._motions, histories, metre=world.panorama.scale)
         ratio = None
         if self.real_pixels is not None:
             ratio = self.real_pixels.run(world, context)
@@ -127,7 +134,9 @@ class SparseMethod(Method):
         return np.asarray(real * (1.0 - first + second), np.float32)
 
     def _tracing_level(self) -> Image | None:
-        return self.read(self.real_pixels.mask.level, slice(0, 1)) if self.real_pixels else None
+        level = self.read(self.real_pixels.mask.level, slice(0, 1)) if self.real_pixels else None
+        # Pixels that wait for their turn send a quarter of the rays.
+        return None if level is None else np.where(level == LEVEL_KEPT, np.float32(1.0), level)
 
     def _hit_distance(self) -> Image | None:
         distance = self.read(self.reflecting_pixels.hit, slice(0, 1))

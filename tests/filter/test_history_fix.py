@@ -48,7 +48,7 @@ def twin(
     """Tap by tap over whole pictures, once for each stride that some pixel takes."""
     equirect, normal, position = gbuffer.equirect, gbuffer.normal, gbuffer.position
     ids = gbuffer.seen_ids
-    fixed = (ids > 0) & (length > 0) & (length < np.where(level < 2, ENOUGH, ENOUGH / 6.0))
+    fixed = (ids > 0) & (length > 0) & (length < np.where(level == 2, ENOUGH / 6.0, ENOUGH))
     widest = min(14.0, len(length) / 36.0)
     strides = np.maximum(np.floor(widest / (1.0 + length) + 0.5).astype(int), 1)
     result, varied = signal.copy(), variance.copy()
@@ -84,7 +84,7 @@ def test_equals_twin(
     signal = gbuffer.spanned * rng.gamma(4.0, 0.25, (signal_planes(kind), height, width))
     variance = gbuffer.spanned * rng.gamma(2.0, 0.05, (height, width))
     length = rng.choice([0.0, 1 / 16, 0.2, 0.3, 1.0, 2.0, 40.0], (height, width))
-    level = rng.choice([0, 1, 2, 255], (height, width))
+    level = rng.choice([0, 1, 2, 3, 255], (height, width))
     fixed = run(device, gbuffer, kind, signal, variance, length, level)
     wanted = twin(gbuffer, signal, variance, length, level)
     for result, expected in zip(fixed, wanted, strict=True):

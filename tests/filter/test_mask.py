@@ -35,13 +35,15 @@ def run(
     touched: np.ndarray,
     sigma: float = 0.1,
     graded: bool = False,
+    history: np.ndarray | None = None,
 ) -> tuple[Mask, np.ndarray, np.ndarray]:
     """Mask, (H, W) level, and (H, W) bool of the listed pixels."""
     layout = gbuffer.layout
     settings = MaskSettings(sigma_position=sigma)
     mask = Mask(device, gbuffer.guide(device), settings, name="test", graded=graded)
     device.write(mask.touched, layout.padded(touched[None]))
-    Masks(device, [mask]).run(tracing_grid(device, offset), [still(device, layout)])
+    histories = None if history is None else [upload(device, layout, history[None])]
+    Masks(device, [mask]).run(tracing_grid(device, offset), [still(device, layout)], histories)
     count = int(device.read(mask.count)[0])
     listed = np.bincount(device.read(mask.traced)[:count], minlength=layout.width * layout.height)
     assert listed.max(initial=0) <= 1
@@ -49,17 +51,19 @@ def run(
     return mask, level, listed.reshape(layout.height, layout.width) > 0
 
 
+@pytest.mark.parametrize("known", [False, True], ids=["no history", "history"])
 @pytest.mark.parametrize("graded", [False, True], ids=["all alike", "graded"])
 @pytest.mark.parametrize("equirect", [False, True])
 @pytest.mark.parametrize(("width", "height"), SIZES)
 def test_equals_twin(
-    device: ComputeDevice, width: int, height: int, equirect: bool, graded: bool
+    device: ComputeDevice, width: int, height: int, equirect: bool, graded: bool, known: bool
 ) -> None:
     gbuffer = random_gbuffer(width, height, equirect=equirect)
     rng = np.random.default_rng(1)
     touched = (rng.random((height, width)) < 0.01) * rng.choice([3.0, 10.0, 11.0], (height, width))
     sigma = 0.7 if equirect else 2.0
-    _, level, listed = run(device, gbuffer, (1, 2), touched, sigma, graded)
+    history = rng.choice([0.0, 7.0, 8.0, 300.0], (height, width)) if known else None
+    _, level, listed = run(device, gbuffer, (1, 2), touched, sigma, graded, history)
     weight = oracle.tracing_weight(
         gbuffer.normal, gbuffer.position, gbuffer.seen_ids, touched, sigma, equirect,
         TOUCHED_FRAMES if graded else 0.0,
@@ -70,10 +74,12 @@ def test_equals_twin(
         weight = np.where(near, weight, 0.0)
     clear = np.minimum(abs(weight - low), abs(weight - high)) > 1e-4
     expected = oracle.levels(weight, gbuffer.seen_ids, low, high, near)
+    if history is not None:
+        expected = oracle.waiting(expected, history, (1, 2))
     assert np.array_equal(level[clear], expected[clear])
     assert np.array_equal(listed, oracle.traced(level, (1, 2)))
     if width == 64:
-        assert set(np.unique(level)) == {0, 1, 2, LEVEL_NONE}
+        assert set(np.unique(level)) == {0, 1, 2, LEVEL_NONE} | ({3} if known else set())
 
 
 def test_influence_is_remembered_for_ten_pictures(device: ComputeDevice) -> None:
@@ -132,6 +138,33 @@ def test_grid_visits_every_pixel_within_sixteen_frames() -> None:
     assert {(x % 2, y % 2) for x, y in offsets[:4]} == {(0, 0)}
     assert len({(x // 2, y // 2) for x, y in offsets[:4]}) == 4
     assert grid_offset(16) == offsets[0]
+
+
+def test_a_long_history_takes_a_quarter_of_the_rays_from_all_pixels(device: ComputeDevice) -> None:
+    gbuffer = flat_gbuffer(32, 24)
+    touched, history = np.full((24, 32), TOUCHED_FRAMES), np.full((24, 32), 8.0)
+    rays = np.zeros((24, 32), int)
+    for frame in range(16):
+        _, _, listed = run(device, gbuffer, grid_offset(frame), touched, history=history)
+        rays += listed
+    assert (rays == 4).all()
+
+
+def test_a_history_is_looked_up_where_the_surface_was(device: ComputeDevice) -> None:
+    gbuffer = flat_gbuffer(32, 24)
+    layout = gbuffer.layout
+    mask = Mask(device, gbuffer.guide(device), MaskSettings(sparse=False), name="test")
+    history = np.zeros((24, 32))
+    history[10, 16] = 8.0
+    motion = np.full((2, 24, 32), -1e9)
+    motion[:, 12, 21] = 16.4, 10.6
+    Masks(device, [mask]).run(
+        tracing_grid(device, (0, 0)),
+        [upload(device, layout, motion)],
+        [upload(device, layout, history[None])],
+    )
+    level = read(device, layout, mask.level)[0]
+    assert np.argwhere(level == 3).tolist() == [[12, 21]]
 
 
 def test_dense_setting_traces_all(device: ComputeDevice) -> None:

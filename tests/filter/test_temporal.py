@@ -109,7 +109,7 @@ def test_equals_twin(
         motion[:, rng.random((height, width)) < 0.05] = -1e9
         ids = np.where(rng.random((height, width)) < 0.02, 0.0, gbuffer.ids)
         now = replace(gbuffer, ids=ids)
-        level = rng.integers(0, 3, (height, width))
+        level = rng.integers(0, 4, (height, width))
         result = session.add(now, signal, motion, level, fading=fading, changed=changed)
         tolerance = SETTINGS.plane_tolerance
         if changed and kind == "diffuse":

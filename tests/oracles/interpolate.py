@@ -40,7 +40,7 @@ def interpolate(
         result[:, y, x] = 0.0
         if level[y, x] == 255:
             continue
-        spacing = 2 ** int(level[y, x])
+        spacing = {1: 2, 2: 4, 3: 2}[int(level[y, x])]
         for cx, cy in corners(x, y, spacing):
             at = pixel(cx, cy)
             if at is not None and level[at] == 2 and not has_ray[at]:

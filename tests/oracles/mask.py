@@ -44,6 +44,15 @@ def levels(weight: Array, ids: Array, low: float, high: float, touched: NDArray[
     return np.asarray(np.where(ids > 0.0, chosen, 255))
 
 
+def waiting(level: Array, history: Array, offset: tuple[int, int]) -> Array:
+    """The levels, 3 in place of 0 where the history is worth so many samples that a pixel waits
+    until the tracing grid of spacing 2 comes by.
+    """
+    y, x = np.mgrid[: level.shape[0], : level.shape[1]]
+    on_grid = ((x - offset[0]) % 2 == 0) & ((y - offset[1]) % 2 == 0)
+    return np.where((level == 0) & (history > 7.5) & ~on_grid, 3, level)
+
+
 def near(touched: Array, equirect: bool) -> NDArray[np.bool_]:
     """(H, W) bool, pixels of which one of 3x3 is touched."""
     found = np.zeros(touched.shape, bool)
@@ -58,4 +67,4 @@ def traced(level: Array, offset: tuple[int, int]) -> Array:
     y, x = np.mgrid[: level.shape[0], : level.shape[1]]
     spacing = np.where(level == 255, 1, 2 ** np.minimum(level, 2))
     on_grid = ((x - offset[0]) % spacing == 0) & ((y - offset[1]) % spacing == 0)
-    return np.asarray(on_grid & (level != 255))
+    return np.asarray(on_grid & (level < 3))

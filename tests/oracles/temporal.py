@@ -69,9 +69,14 @@ def worth(length: Array, spread: Array, bias: Array) -> Array:
     return np.where(bias > 0.0, spread / np.maximum(error, 1e-30), length)
 
 
+def sample_worth(past: History, level: Array) -> Array:
+    """Rays: 1 / 4**level; of a pixel that waits (3), 1 / 4 if it knows nothing, else 0."""
+    return np.where(level == 3, np.where(past.length > 0.0, 0.0, 0.25), 0.25**level)
+
+
 def follow(past: History, signal: Array, ids: Array, level: Array, limit: float) -> History:
-    """Add samples worth w = 1 / 4**level to a mean that is worth `limit` at most."""
-    weight = 0.25**level
+    """Add samples of `sample_worth` to a mean that is worth `limit` at most."""
+    weight = sample_worth(past, level)
     total = np.minimum(past.length + weight, limit)
     share = np.where(past.length > 0.0, np.minimum(weight / total, 1.0), 1.0)
     here = ids > 0.0
@@ -134,8 +139,8 @@ def clamp(
 
 
 def accumulate(past: History, signal: Array, ids: Array, level: Array, fading: float) -> History:
-    """Add samples worth w = 1 / 4**level, with the larger of w / (length + w) and w fading."""
-    worth = 0.25**level
+    """Add samples of `sample_worth` w, with the larger of w / (length + w) and w fading."""
+    worth = sample_worth(past, level)
     share = np.maximum(worth / (past.length + worth), fading * worth)
     step = shown(signal) - shown(past.signal)
     first = past.length <= 0.0
@@ -144,7 +149,12 @@ def accumulate(past: History, signal: Array, ids: Array, level: Array, fading: f
     limit = 2.0 / fading - 1.0 if fading > 0.0 else 1e6
     length = np.minimum(past.length + worth, limit)
     here = ids > 0.0
-    return History(np.where(here, mean, 0.0), np.where(here, length, 0.0), here * spread)
+    kept = here & (worth == 0.0)
+    return History(
+        np.where(kept, past.signal, np.where(here, mean, 0.0)),
+        np.where(kept, past.length, np.where(here, length, 0.0)),
+        np.where(kept, past.spread, here * spread),
+    )
 
 
 def variance(now: History, ids: Array, equirect: bool) -> Array:

@@ -44,13 +44,15 @@ static inline bool all_finite(const float *s)
 
 // Loads the sample of pixel p. Returns how many rays it is worth, 0 where it is not to be used:
 // pixels that share one ray have a part of its weight, so a lone hit that was spread over many of
-// them gives way to the rays of their own that follow.
+// them gives way to the rays of their own that follow. A pixel that waits for its turn takes what
+// others found only if it is the `first` sample.
 static inline float load_sample(
     float *sample, __global const float *samples, __global const float *guide,
-    __global const uchar *level, int size, int p)
+    __global const uchar *level, bool first, int size, int p)
 {
     load_signal(sample, samples, size, p);
-    bool usable = guide[GUIDE_ID * size + p] > 0.0f && all_finite(sample);
+    bool usable = guide[GUIDE_ID * size + p] > 0.0f && all_finite(sample)
+                  && (first || level[p] != LEVEL_KEPT);
     int spacing = level_spacing(usable ? level[p] : 0);
     return usable ? 1.0f / (spacing * spacing) : 0.0f;
 }
@@ -272,8 +274,9 @@ static inline void add_sample(
     float sample[SIGNAL_PLANES], before = history->length, variation = history->spread;
     // A fading memory is one of so many frames, whatever their rays.
     float sent = fading > 0.0f ? 1.0f : share_of_rays(before, rays);
-    float worth = sent * load_sample(sample, samples, guide, level, size, p);
-    bool usable = worth > 0.0f, first = !(before > 0.0f);
+    bool first = !(before > 0.0f);
+    float worth = sent * load_sample(sample, samples, guide, level, first, size, p);
+    bool usable = worth > 0.0f;
     float share = first ? 1.0f : fmax(worth / (before + worth), fading * worth);
     // Fading makes the mean worth (2 - fading) / fading samples at most: so a later, longer
     // average goes on from the right weight.
@@ -296,7 +299,7 @@ static inline void add_fast_sample(
     __global const uchar *level, float limit, int size, int p)
 {
     float sample[SIGNAL_PLANES], before = history->length;
-    float worth = load_sample(sample, samples, guide, level, size, p);
+    float worth = load_sample(sample, samples, guide, level, !(before > 0.0f), size, p);
     bool usable = worth > 0.0f;
     float share = before > 0.0f ? worth / fmin(before + worth, limit) : 1.0f;
     #pragma unroll
