@@ -10,10 +10,11 @@
 // groups to a thread, and the first ones would hold the whole list.
 static inline int list_place(void)
 {
-    const uint groups = get_num_groups(0), group = get_group_id(0), zeros = clz(groups);
+    const uint groups = get_num_groups(0), zeros = clz(groups);
+    const int group = get_group_id(0);
     // As many groups as a power of two allows; the rest stay where they are.
-    const uint place = group >> (31 - zeros) ? group : reverse_bits(group) >> 1 >> zeros;
-    return get_global_offset(0) + place * get_local_size(0) + get_local_id(0);
+    const int place = group >> (31 - zeros) ? group : reverse_bits(group) >> 1 >> zeros;
+    return (int)get_global_id(0) + (place - group) * (int)get_local_size(0);
 }
 
 // The `item` of a work item; those beyond the end of the list return.
