@@ -21,7 +21,7 @@ from iprt.files.wording import counted
 from iprt.measure.convergence import Curve, parse_counts, run_convergence
 from iprt.measure.convergence_report import convergence_grid, convergence_plots, reach_grid
 from iprt.measure.report import Report
-from iprt.measure.sweep import Combination, Outcome, frames_per_outcome, run_sweep
+from iprt.measure.sweep import Combination, Outcome, frames_per_view, run_sweep
 from iprt.measure.sweep_report import passes_grid, sweep_figures, sweep_grid, sweep_plots
 from iprt.measure.target import Background, Target, read_target, views_with_truth
 from iprt.output.grid import Grid, print_grid
@@ -128,7 +128,7 @@ def measure_sweep(plan: Plan, frames: int, output: Output) -> int:
     plan.announce(f"{counted(frames, 'frame')} each")
     report = Report(f"{plan.scene.name}: speed and accuracy", plan.lines())
     outcomes: list[Outcome] = []
-    total = len(plan.chosen) * len(plan.targets) * frames_per_outcome(frames, plan.seeds)
+    total = len(plan.targets) * frames_per_view(len(plan.chosen), frames, plan.seeds)
 
     def finish() -> None:
         grids = [sweep_grid(outcomes)]

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
 from statistics import fmean, median
 from typing import TYPE_CHECKING
 
-from iprt.measure.camera_motion import Reel
+from iprt.measure.camera_motion import Reel, Step
 from iprt.measure.cost import Counted, WorkRow
 from iprt.measure.cost_report import CostReport
+from iprt.measure.intervals import Ratio
 
 if TYPE_CHECKING:
     from iprt.device.compute import ComputeDevice
@@ -25,6 +28,55 @@ Progress = Callable[[int], None]
 """Called with the number of frames done so far, those of the warm-up included."""
 
 
+@dataclass
+class _Run:
+    """A reel that is shown, and what its frames took: see `CostReport`."""
+
+    device: ComputeDevice
+    renderer: Renderer
+    steps: Iterator[Step]
+    walls: list[float] = field(default_factory=list)
+    hosts: list[float] = field(default_factory=list)
+    waits: list[int] = field(default_factory=list)
+    traced: list[float] = field(default_factory=list)
+
+    @classmethod
+    @contextmanager
+    def of(cls, device: ComputeDevice, reel: Reel, count: int) -> Iterator[_Run]:
+        with reel.renderer(device) as renderer, reel.steps(device, count) as steps:
+            device.finish()
+            yield cls(device, renderer, steps)
+
+    def frame(self, *, counts: bool) -> None:
+        """Show the next frame; the first ones do not count."""
+        profile = self.device.profile
+        start, of_thread, waited = time.perf_counter(), time.thread_time(), profile.waits
+        next(self.steps)(self.renderer)
+        self.renderer.step()
+        host, waited = (time.thread_time() - of_thread) * 1e3, profile.waits - waited
+        self.device.wait()
+        wall = (time.perf_counter() - start) * 1e3
+        profile.finished()
+        if counts:
+            self.walls.append(wall)
+            self.hosts.append(host)
+            self.waits.append(waited)
+            self.traced += _traced_fraction(self.renderer)
+
+    def report(self, reel: Reel, scene: str, prepare_ms: float) -> CostReport:
+        return CostReport.of(
+            self.device,
+            scene=scene,
+            view=reel.view,
+            settings=reel.settings,
+            prepare_ms=prepare_ms,
+            walls=self.walls,
+            hosts=self.hosts,
+            synchronisations=fmean(self.waits),
+            traced=median(self.traced) if self.traced else None,
+        )
+
+
 def timed(
     device: ComputeDevice,
     reel: Reel,
@@ -36,42 +88,54 @@ def timed(
     """Time `frames` frames of `reel`, of the scene of that name, after `WARM_UP` others."""
     profile = device.profile
     profile.reset()
-    walls: list[float] = []
-    hosts: list[float] = []
-    waits: list[int] = []
-    traced: list[float] = []
     count = WARM_UP + frames
-    with reel.renderer(device) as renderer, reel.steps(device, count) as steps:
-        device.finish()
+    with _Run.of(device, reel, count) as run:
         prepare_ms = profile.prepared()
         for index in range(count):
             if index == WARM_UP:
                 profile.reset()
-            start, of_thread, waited = time.perf_counter(), time.thread_time(), profile.waits
-            next(steps)(renderer)
-            renderer.step()
-            host, waited = (time.thread_time() - of_thread) * 1e3, profile.waits - waited
-            device.wait()
-            wall = (time.perf_counter() - start) * 1e3
-            profile.finished()
-            if index >= WARM_UP:
-                walls.append(wall)
-                hosts.append(host)
-                waits.append(waited)
-                traced += _traced_fraction(renderer)
+            run.frame(counts=index >= WARM_UP)
             if progress is not None:
                 progress(index + 1)
-    return CostReport.of(
-        device,
-        scene=scene,
-        view=reel.view,
-        settings=reel.settings,
-        prepare_ms=prepare_ms,
-        walls=walls,
-        hosts=hosts,
-        synchronisations=fmean(waits),
-        traced=median(traced) if traced else None,
-    )
+    return run.report(reel, scene, prepare_ms)
+
+
+def timed_against(
+    device: ComputeDevice,
+    base: Reel,
+    reel: Reel,
+    *,
+    scene: str,
+    frames: int,
+    progress: Progress | None = None,
+) -> tuple[CostReport, Ratio]:
+    """Time `reel` as `timed` does, each of its frames after one of `base`.
+
+    What slows the machine down slows both, so that their ratio holds where times do not.
+
+    Returns
+    -------
+    report : CostReport
+        Of `reel` alone.
+    ratio : Ratio
+        Of the wall times of `reel` to those of `base`.
+    """
+    profile = device.profile
+    profile.reset()
+    count = WARM_UP + frames
+    with _Run.of(device, base, count) as beside:
+        profile.reset()
+        with _Run.of(device, reel, count) as run:
+            prepare_ms = profile.prepared()
+            for index in range(count):
+                if index == WARM_UP:
+                    profile.reset()
+                profile.recording = False  # until this frame ends
+                beside.frame(counts=index >= WARM_UP)
+                run.frame(counts=index >= WARM_UP)
+                if progress is not None:
+                    progress(2 * (index + 1))
+    return run.report(reel, scene, prepare_ms), Ratio.of(run.walls, beside.walls)
 
 
 def count_work(device: ComputeDevice, reel: Reel, progress: Progress | None = None) -> Counted:

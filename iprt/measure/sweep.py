@@ -6,14 +6,14 @@ import itertools
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, Any, TypedDict, get_args
 
 from iprt.errors import IprtError
-from iprt.measure.bench import WARM_UP, timed
+from iprt.measure.bench import WARM_UP, Progress, timed, timed_against
 from iprt.measure.camera_motion import Turn
 from iprt.measure.compare import render_target, scored
 from iprt.measure.cost_report import CostReport
-from iprt.measure.intervals import Estimate
+from iprt.measure.intervals import Estimate, Ratio
 from iprt.measure.pareto import pareto_front
 from iprt.measure.target import Radiance, Scores, Target, with_frames
 from iprt.settings.model import Settings
@@ -27,6 +27,14 @@ if TYPE_CHECKING:
 QUALITY = "quality"
 """The key of the preset in sweeps; all others are settings."""
 MAX_COMBINATIONS = 1000
+
+
+class _Timed(TypedDict):
+    """What runs of frames are given."""
+
+    scene: str
+    frames: int
+    progress: Progress
 
 
 @dataclass(frozen=True)
@@ -50,6 +58,12 @@ class Outcome:
     ----------
     bench : CostReport
         Times of a head that turns.
+    ratio : Ratio or None
+        Of these times to those of the first combination, measured frame by frame beside it; None
+        of that itself.
+    ms : float
+        Median time of a frame of the first combination, times the ratio: what disturbs the machine
+        in one of the runs drops out.
     ssim, rmse : Estimate
         Over seeds, of the still picture; see `Scores`.
     flip : Estimate or None
@@ -59,6 +73,8 @@ class Outcome:
     combination: Combination
     target: Target
     bench: CostReport
+    ratio: Ratio | None
+    ms: float
     ssim: Estimate
     ssim_cuts: tuple[Estimate, ...]
     rmse: Estimate
@@ -76,6 +92,8 @@ class Outcome:
             **self.bench.record(),
             "view": self.target.name,
             "values": dict(self.combination.values),
+            "ratio": None if self.ratio is None else asdict(self.ratio),
+            "ms_by_ratio": self.ms,
             "ssim": asdict(self.ssim),
             "ssim_cuts": [asdict(cut) for cut in self.ssim_cuts],
             "rmse": asdict(self.rmse),
@@ -159,9 +177,9 @@ def value_text(value: object) -> str:
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
-def frames_per_outcome(frames: int, seeds: int) -> int:
-    """Frames rendered for one combination on one view."""
-    return WARM_UP + frames + seeds * frames
+def frames_per_view(combinations: int, frames: int, seeds: int) -> int:
+    """Frames rendered of one view: all but the first combination are timed beside that."""
+    return combinations * seeds * frames + (2 * combinations - 1) * (WARM_UP + frames)
 
 
 def run_sweep(
@@ -198,6 +216,8 @@ def run_sweep(
 
     for target, frame in with_frames(scene, targets):
         instances = scene.instances_named(target.objects)
+        base = Turn(frame, instances, target.view, chosen[0].settings)
+        base_ms = 0.0
         for combination in chosen:
             scores, first = [], None
             for seed in range(seeds):
@@ -207,10 +227,16 @@ def run_sweep(
                 first = color if first is None else first
                 done += frames
             assert first is not None
-            turn = Turn(frame, instances, target.view, combination.settings)
-            bench = timed(device, turn, scene=scene.name, frames=frames, progress=forward)
-            done += WARM_UP + frames
-            yield _outcome(combination, target, bench, scores), first
+            given: _Timed = {"scene": scene.name, "frames": frames, "progress": forward}
+            if combination is chosen[0]:
+                bench, ratio = timed(device, base, **given), None
+                base_ms = bench.wall_ms
+                done += WARM_UP + frames
+            else:
+                turn = Turn(frame, instances, target.view, combination.settings)
+                bench, ratio = timed_against(device, base, turn, **given)
+                done += 2 * (WARM_UP + frames)
+            yield _outcome(combination, target, bench, ratio, base_ms, scores), first
 
 
 def still_settings(settings: Settings, seed: int) -> Settings:
@@ -222,6 +248,8 @@ def _outcome(
     combination: Combination,
     target: Target,
     bench: CostReport,
+    ratio: Ratio | None,
+    base_ms: float,
     scores: Sequence[Scores],
 ) -> Outcome:
     flips = [score.flip for score in scores if score.flip is not None]
@@ -229,6 +257,8 @@ def _outcome(
         combination=combination,
         target=target,
         bench=bench,
+        ratio=ratio,
+        ms=base_ms if ratio is None else base_ms * ratio.value,
         ssim=Estimate.of([score.ssim for score in scores]),
         ssim_cuts=cut_estimates(scores),
         rmse=Estimate.of([score.rmse for score in scores]),
@@ -246,7 +276,7 @@ def on_front(outcomes: Sequence[Outcome]) -> list[bool]:
     marks = [False] * len(outcomes)
     for name in dict.fromkeys(outcome.target.name for outcome in outcomes):
         places = [i for i, outcome in enumerate(outcomes) if outcome.target.name == name]
-        points = [(outcomes[i].bench.wall_ms, outcomes[i].error) for i in places]
+        points = [(outcomes[i].ms, outcomes[i].error) for i in places]
         for place, mark in zip(places, pareto_front(points), strict=True):
             marks[place] = mark
     return marks

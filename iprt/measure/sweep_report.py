@@ -28,6 +28,7 @@ def sweep_grid(outcomes: Sequence[Outcome]) -> Grid:
     columns = (
         *lead,
         "ms/frame",
+        "ratio",
         *(f"SSIM cut {i + 1}" for i in range(cuts)),
         "SSIM",
         "RMSE",
@@ -45,7 +46,8 @@ def sweep_grid(outcomes: Sequence[Outcome]) -> Grid:
                 str(number),
                 *([outcome.target.name] if several else []),
                 *words,
-                f"{outcome.bench.wall_ms:.1f}",
+                f"{outcome.ms:.1f}",
+                "1" if outcome.ratio is None else outcome.ratio.text(),
                 *shown,
                 outcome.ssim.text(),
                 outcome.rmse.text(),
@@ -59,6 +61,8 @@ def sweep_grid(outcomes: Sequence[Outcome]) -> Grid:
         columns=columns,
         rows=tuple(rows),
         notes=(
+            f"ratio: of times to those of the view's first row, frame by frame beside it, with its "
+            f"{CONFIDENCE:.0%} confidence interval.",
             f"{FRONT}: on the Pareto front of time and SSIM of the cuts.",
             *([f"±: {CONFIDENCE:.0%} confidence over seeds."] if intervals else []),
         ),
@@ -89,10 +93,10 @@ def sweep_plots(outcomes: Sequence[Outcome]) -> list[Plot]:
         mine = [entry for entry in numbered if entry[1].target.name == view]
         points = tuple(
             Mark(
-                x=outcome.bench.wall_ms,
+                x=outcome.ms,
                 y=1.0 - outcome.error,
                 half=_half(outcome),
-                hint=f"{number}: {outcome.combination.label}: {outcome.bench.wall_ms:.1f} ms",
+                hint=f"{number}: {outcome.combination.label}: {outcome.ms:.1f} ms",
                 label=str(number),
                 solid=mark,
             )
@@ -115,7 +119,7 @@ def sweep_figures(number: int, outcome: Outcome, color: Radiance) -> Figures:
     cuts = " / ".join(cut.text() for cut in outcome.ssim_cuts)
     return Figures(
         title=f"{number}: {outcome.target.name}, {outcome.combination.label}",
-        caption=f"{outcome.bench.wall_ms:.1f} ms/frame, SSIM of the cuts {cuts or '-'}",
+        caption=f"{outcome.ms:.1f} ms/frame, SSIM of the cuts {cuts or '-'}",
         pictures=scored_pictures(outcome.target, color, crop=True),
     )
 

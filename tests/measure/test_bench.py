@@ -17,7 +17,7 @@ from iprt.device.profile import Profile
 from iprt.errors import IprtError
 from iprt.geometry.camera import View
 from iprt.measure import bench as bench_module
-from iprt.measure.bench import WARM_UP, timed
+from iprt.measure.bench import WARM_UP, timed, timed_against
 from iprt.measure.camera_motion import TURN_DEG, Turn, to_and_fro, turned
 from iprt.scene.scene import Scene
 from iprt.settings.model import Settings
@@ -75,6 +75,38 @@ def fake(monkeypatch: pytest.MonkeyPatch) -> Any:
         finish=lambda: None,
         wait=lambda: None,
     )
+
+
+class SlowingRenderer(FakeRenderer):
+    """Frames of seed 0 take 2 ms, of others 3, and longer and longer."""
+
+    def __init__(self, device: Any, *given: Any) -> None:
+        super().__init__(device)
+        self.ms = 3.0 if given[3].seed else 2.0
+
+    def look(self, view: View) -> None:
+        del view
+
+    def step(self) -> None:
+        ms = self.ms * (1.0 + 5.0 * FakeRenderer.now_s)
+        frame(self.device.profile, {"march": self.ms})
+        FakeRenderer.now_s += 1e-3 * ms
+
+
+def test_a_machine_that_slows_down_leaves_the_ratio(
+    fake: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys.modules["iprt.renderer"], "Renderer", SlowingRenderer)
+    base, other = (Turn(*NOTHING, VIEW, Settings(seed=seed)) for seed in (0, 1))
+    report, ratio = timed_against(fake, base, other, scene="room", frames=48)
+    # The second of a pair comes a little later.
+    assert 1.5 < ratio.value < 1.52
+    first, second = (timed(fake, turn, scene="room", frames=48) for turn in (base, other))
+    assert second.wall_ms / first.wall_ms > 1.7
+    # Passes are those of the other's frames alone.
+    assert report.frames == 48
+    (march,) = (row for row in report.passes if row.name == "march")
+    assert march.ms == pytest.approx(3.0)
 
 
 def test_medians_leave_out_warm_up_and_preparation(fake: Any) -> None:
