@@ -93,7 +93,7 @@ __kernel void choose_level(
     int chosen = squared >= high * high ? 0 : squared >= low * low || active > 0.0f ? 1 : 2;
     bool waits = ((x - origin[0]) | (y - origin[1])) & 1;
     bool known = value_before(motion, OF_BATCH(length), p, width, height) > SETTLED_HISTORY;
-    chosen = chosen == 0 && OF_BATCH(keep) && known && waits ? LEVEL_KEPT : chosen;
+    chosen = chosen == 0 && OF_BATCH(keep) && known && waits ? LEVEL_WAITING : chosen;
     OF_BATCH(level)[p] = id > 0.0f ? chosen : LEVEL_NONE;
     touched[p] = fmax(value_before(motion, before, p, width, height) - 1.0f, 0.0f);
 }

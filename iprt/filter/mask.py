@@ -14,7 +14,7 @@ from iprt.gbuffer.guide import Guide
 from iprt.settings.features import TOUCHED_FRAMES
 from iprt.settings.filter import MaskSettings
 
-LEVEL_KEPT = constant("lib/gbuffer/guide.h", "LEVEL_KEPT")
+LEVEL_WAITING = constant("lib/gbuffer/guide.h", "LEVEL_WAITING")
 """Level of a pixel of level 0 that waits for its turn."""
 
 LEVEL_NONE = constant("lib/gbuffer/guide.h", "LEVEL_NONE")
@@ -53,7 +53,7 @@ class Mask:
     before : 1 padded plane float32
         The same of the last picture.
     level : 1 padded plane uint8
-        0, 1, 2: one ray per 1, 4, 16 pixels; `LEVEL_KEPT`, `LEVEL_NONE`.
+        0, 1, 2: one ray per 1, 4, 16 pixels; `LEVEL_WAITING`, `LEVEL_NONE`.
     traced : (H * W,) int32
         y * W + x of the pixels that get a ray; the first `count` entries hold.
     count : (1,) int32

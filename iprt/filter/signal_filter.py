@@ -88,9 +88,13 @@ class SignalFilter:
         return self._temporal.lengths
 
     def known(self, context: FrameContext) -> Sequence[cla.Array] | None:
-        """`histories`, if these can be relied upon in the frame; else all rays are needed."""
-        still = self._temporal.settled and not context.changed and context.fading > 0.0
-        return self.histories if still else None
+        """`histories`, where pixels with a long one need fewer rays in this frame.
+
+        A mean that fades holds so many samples, whatever their age. All rays are needed for the
+        mean of all frames, while histories follow a change, and by the published method.
+        """
+        settled = self._temporal.settled and not context.changed
+        return self.histories if settled and context.fading > 0.0 and not self._published else None
 
     def start(self, context: FrameContext) -> None:
         """Begin a frame, before its rays are sent: the history says how many; a cut ends it."""

@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 QUALITY = "quality"
 """The key of the preset in sweeps; all others are settings."""
 MAX_COMBINATIONS = 1000
+LEAST_TIMED = 40
+"""Frames that are timed at least: a ratio of fewer is known to 10% at best."""
 
 
 class _Timed(TypedDict):
@@ -179,7 +181,8 @@ def value_text(value: object) -> str:
 
 def frames_per_view(combinations: int, frames: int, seeds: int) -> int:
     """Frames rendered of one view: all but the first combination are timed beside that."""
-    return combinations * seeds * frames + (2 * combinations - 1) * (WARM_UP + frames)
+    timed_frames = WARM_UP + max(frames, LEAST_TIMED)
+    return combinations * seeds * frames + (2 * combinations - 1) * timed_frames
 
 
 def run_sweep(
@@ -197,7 +200,8 @@ def run_sweep(
     Parameters
     ----------
     frames : int
-        Frames timed, and frames accumulated in each picture that is scored.
+        Frames accumulated in each picture that is scored, and frames timed, if not fewer than
+        `LEAST_TIMED`.
     seeds : int
         Pictures per combination and view: with the settings' seed and those after it.
     progress : callable, optional
@@ -227,15 +231,16 @@ def run_sweep(
                 first = color if first is None else first
                 done += frames
             assert first is not None
-            given: _Timed = {"scene": scene.name, "frames": frames, "progress": forward}
+            timed_frames = max(frames, LEAST_TIMED)
+            given: _Timed = {"scene": scene.name, "frames": timed_frames, "progress": forward}
             if combination is chosen[0]:
                 bench, ratio = timed(device, base, **given), None
                 base_ms = bench.wall_ms
-                done += WARM_UP + frames
+                done += WARM_UP + timed_frames
             else:
                 turn = Turn(frame, instances, target.view, combination.settings)
                 bench, ratio = timed_against(device, base, turn, **given)
-                done += 2 * (WARM_UP + frames)
+                done += 2 * (WARM_UP + timed_frames)
             yield _outcome(combination, target, bench, ratio, base_ms, scores), first
 
 

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import pyopencl.array as cla
 
-from iprt.filter.mask import LEVEL_KEPT, Mask, Masks
+from iprt.filter.mask import LEVEL_WAITING, Mask, Masks
 from iprt.filter.temporal import Accumulated
 from iprt.gbuffer.context import FrameContext
 from iprt.gbuffer.guide import Guide, Guides, Layer, Spans
@@ -136,7 +136,7 @@ class SparseMethod(Method):
     def _tracing_level(self) -> Image | None:
         level = self.read(self.real_pixels.mask.level, slice(0, 1)) if self.real_pixels else None
         # Pixels that wait for their turn send a quarter of the rays.
-        return None if level is None else np.where(level == LEVEL_KEPT, np.float32(1.0), level)
+        return None if level is None else np.where(level == LEVEL_WAITING, np.float32(1.0), level)
 
     def _hit_distance(self) -> Image | None:
         distance = self.read(self.reflecting_pixels.hit, slice(0, 1))

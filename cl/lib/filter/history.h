@@ -52,7 +52,7 @@ static inline float load_sample(
 {
     load_signal(sample, samples, size, p);
     bool usable = guide[GUIDE_ID * size + p] > 0.0f && all_finite(sample)
-                  && (first || level[p] != LEVEL_KEPT);
+                  && (first || level[p] != LEVEL_WAITING);
     int spacing = level_spacing(usable ? level[p] : 0);
     return usable ? 1.0f / (spacing * spacing) : 0.0f;
 }

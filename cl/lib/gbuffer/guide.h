@@ -15,16 +15,16 @@
 
 // Tracing levels beyond 0, 1, 2: a pixel of level 0 that waits for its turn, as its history knows
 // enough; nothing to trace.
-#define LEVEL_KEPT 3
+#define LEVEL_WAITING 3
 #define LEVEL_NONE 255
 
 // Spacing in pixels of the rays at a tracing level (IPRT Eq. 4 and Figure 5).
-static inline int level_spacing(int level) { return level == LEVEL_KEPT ? 2 : 1 << level; }
+static inline int level_spacing(int level) { return level == LEVEL_WAITING ? 2 : 1 << level; }
 
 // Whether the pixel (x, y), relative to the grid's origin of this frame, gets a ray.
 static inline bool is_traced(int level, int x, int y)
 {
-    return level < LEVEL_KEPT && ((x | y) & (level_spacing(level) - 1)) == 0;
+    return level < LEVEL_WAITING && ((x | y) & (level_spacing(level) - 1)) == 0;
 }
 
 // Column of a neighbour: wrapped around the seam in equirect views.
