@@ -127,7 +127,7 @@ class Masks:
             Previous position of each pixel's surface in pixels, -1e9 = nowhere.
         histories : 1 plane or None each, optional
             `Temporal.lengths` after the last picture, where pixels with a long history need fewer
-            rays.
+            rays: those of sparse masks.
         metre : float
             Length of a metre in the units of the guide's positions.
         """
@@ -149,7 +149,10 @@ class Masks:
                         mask.before if length is None else length
                         for mask, length in zip(masks, lengths, strict=True)
                     ],
-                    keep=[length is not None for length in lengths],
+                    keep=[
+                        length is not None and mask.settings.sparse
+                        for mask, length in zip(masks, lengths, strict=True)
+                    ],
                     sigma_position=[mask.settings.sigma_position / metre for mask in masks],
                 ),
                 origin=grid,

@@ -11,7 +11,9 @@ class MaskSettings(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     sparse: bool = Field(
-        default=True, description="Trace fewer rays on flat surfaces; off: one ray per pixel."
+        default=True,
+        description="Trace fewer rays on flat surfaces, and where a mean that fades holds many "
+        "samples; off: one ray per pixel.",
     )
     sigma_position: float = Field(
         default=10.0,

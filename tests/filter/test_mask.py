@@ -153,7 +153,8 @@ def test_a_long_history_takes_a_quarter_of_the_rays_from_all_pixels(device: Comp
 def test_a_history_is_looked_up_where_the_surface_was(device: ComputeDevice) -> None:
     gbuffer = flat_gbuffer(32, 24)
     layout = gbuffer.layout
-    mask = Mask(device, gbuffer.guide(device), MaskSettings(sparse=False), name="test")
+    mask = Mask(device, gbuffer.guide(device), MaskSettings(), name="test")
+    device.write(mask.touched, np.full(mask.touched.shape, TOUCHED_FRAMES, np.float32))
     history = np.zeros((24, 32))
     history[10, 16] = 8.0
     motion = np.full((2, 24, 32), -1e9)
