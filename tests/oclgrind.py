@@ -103,7 +103,7 @@ def watch(program: str) -> Watched:
             "OCLGRIND_NUM_THREADS": "1",
             "OCLGRIND_LOG": str(folder / "log"),
             # It does not know all that LLVM's optimizer makes of a kernel.
-            "OCLGRIND_BUILD_OPTIONS": "-cl-opt-disable",
+            "OCLGRIND_BUILD_OPTIONS": "-cl-opt-disable -DWITHOUT_INLINING",
             "PYOPENCL_NO_CACHE": "1",
         }
         child = subprocess.run(

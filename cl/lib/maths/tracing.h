@@ -1,4 +1,4 @@
-// How kernels that trace rays are declared.
+// How kernels that trace rays, and what they call, are declared.
 #ifndef IPRT_TRACING_H
 #define IPRT_TRACING_H
 
@@ -11,6 +11,14 @@
 #endif
 #ifndef TRACING_KERNEL
 #define TRACING_KERNEL __kernel
+#endif
+
+// Functions that are given the world by value: a call would copy it to the stack of each work item.
+// -D WITHOUT_INLINING is for a simulator, Oclgrind, that does not know all that inlining leaves.
+#ifdef WITHOUT_INLINING
+#define ALWAYS_INLINE
+#else
+#define ALWAYS_INLINE __attribute__((always_inline))
 #endif
 
 #endif

@@ -112,11 +112,10 @@ static inline BrdfSample reflect_real(const World world, int index, float3 p, fl
 #endif
 
 // All of a path is one loop with one call of each march, because OpenCL compilers inline them.
-// Always inlined: a call would copy the world to the stack of each work item.
 // -D WITHOUT_OBJECTS also fills `real`, which costs tracing past the objects.
 // -D DELTA is for what objects change only: paths whose first surface is none are not followed,
 // and `real` is what the first object hides. `boxes` are seen from o_object.
-static inline __attribute__((always_inline)) PathResult trace_path(
+static inline ALWAYS_INLINE PathResult trace_path(
     const World world, float3 o, float3 o_object, Scatter s,
 #ifdef DELTA
     const BoxView boxes,

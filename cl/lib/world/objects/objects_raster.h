@@ -5,6 +5,7 @@
 #define IPRT_OBJECTS_RASTER_H
 
 #include "maths/grid.h"
+#include "maths/tracing.h"
 #include "world/objects/scatterer.h"
 #include "gbuffer/view.h"
 

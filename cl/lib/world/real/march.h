@@ -12,12 +12,10 @@
 // The function returns 1 on a hit, 0 when the ray leaves [t_min, t_max] without one, and -1 when
 // it reaches the step cap.
 //
-// Always inlined: a call would copy the layer to the stack of each work item.
-//
 // Cells are carried as integers. A descent takes the child next to the edge just crossed (the
 // other axis by sign tests), an ascent happens only when the parent changes.
 
-static inline __attribute__((always_inline)) int MARCH_NAME(
+static inline ALWAYS_INLINE int MARCH_NAME(
     const MARCH_LAYER layer, const PolarRay ray, float t_min, float t_max, MARCH_STATE state,
     MARCH_HIT *hit)
 {

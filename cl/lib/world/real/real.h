@@ -10,6 +10,7 @@
 #define IPRT_REAL_H
 
 #include "maths/grid.h"
+#include "maths/tracing.h"
 
 #define SURFACE_EAST 1      // connected with the neighbour in that direction
 #define SURFACE_WEST 2
@@ -260,7 +261,7 @@ static inline int radial_real(const RealLayer layer, const PolarRay ray, int tex
 
 // Nearest real surface along the ray, up to t_max. Always fills the hit: a ray that leaves the
 // scene takes what the panorama shows in its own direction.
-static inline __attribute__((always_inline)) RealHit trace_real_layer(
+static inline ALWAYS_INLINE RealHit trace_real_layer(
     const RealLayer layer, float3 o, float3 d, float t_max)
 {
     RealHit hit;
