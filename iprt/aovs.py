@@ -11,6 +11,7 @@ import pyopencl.array as cla
 from iprt.device.compute import ComputeDevice
 from iprt.gbuffer.layout import PlaneLayout
 from iprt.geometry.camera import View
+from iprt.light_view import LightView
 from iprt.methods.protocol import Image, Method, Signals, in_front
 from iprt.view.real_layer import RealLayer
 from iprt.world.objects.object_layers import VisibleLayer
@@ -27,6 +28,7 @@ class RenderedView(Protocol):
     real_world: RealWorld
     visible: VisibleLayer | None
     method: Method | None
+    light: LightView | None
     signals: Signals
 
 
@@ -112,7 +114,9 @@ def _of_method(name: str) -> Reader:
     """A picture that not every method has."""
 
     def image(renderer: RenderedView) -> Image | None:
-        return renderer.method.aov(name) if renderer.method else None
+        found = renderer.method.aov(name) if renderer.method else None
+        light = renderer.light
+        return found if found is None or light is None else light.repeated(found)
 
     return image
 

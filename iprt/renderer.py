@@ -20,11 +20,12 @@ from iprt.device.compute import ComputeDevice
 from iprt.filter.mask import tracing_grids
 from iprt.footage.footage import Footage
 from iprt.footage.frame import Frame
-from iprt.gbuffer.context import FrameContext
+from iprt.gbuffer.context import FrameContext, ViewConstants
 from iprt.gbuffer.layout import PlaneLayout
 from iprt.geometry.camera import View
 from iprt.geometry.mesh import Instance, require_same_objects
 from iprt.geometry.pose import seen_from, view_from
+from iprt.light_view import LightView
 from iprt.methods.protocol import GBuffer, Method, Setup, Signals
 from iprt.settings.features import Features
 from iprt.settings.methods import method
@@ -105,6 +106,8 @@ class Renderer:
         What lights the objects; None: there are none.
     visible : VisibleLayer or None
         Surfaces of the objects in the view.
+    light : LightView or None
+        What the method sees, where light has fewer pixels than the view.
     signals : Signals
         What the picture is composed of, after a frame.
 
@@ -152,7 +155,7 @@ class Renderer:
         self.layout = PlaneLayout(view.width, view.height)
         worlds = worlds or Worlds()
         self.real_world = worlds.real(device, frame, features)
-        self._view_constants = [device.zeros(f"view {i}", (16,)) for i in range(2)]
+        self._view_constants = ViewConstants(device, "view")
         self._grids = tracing_grids(device) if features.objects else []
         self.real = RealLayer(
             device,
@@ -173,14 +176,17 @@ class Renderer:
             color_map=features.color_map,
         )
         self.visible: VisibleLayer | None = None
+        self.light: LightView | None = None
         self.method: Method | None = None
         self.signals = Signals()
         self._objects: Objects | None = None
         if features.objects:
             self.visible = VisibleLayer(device, self.layout, equirect=view.projection == "equirect")
-            setup = Setup(
-                device, view, self.layout, features, GBuffer(self.real, self.visible), camera
-            )
+            gbuffer = GBuffer(self.real, self.visible)
+            setup = Setup(device, view, self.layout, features, gbuffer, camera)
+            if self.settings.light_scale > 1:
+                self.light = light = LightView(device, gbuffer, view, features, camera)
+                setup = Setup(device, light.view, light.layout, features, light.gbuffer, camera)
             self.method = method(self.settings.method).load()(setup)
             placed = seen_from(self.instances, frame.pose)
             self._objects = Objects(
@@ -215,7 +221,7 @@ class Renderer:
         self.signals = Signals()
         if self.method is not None and self.visible is not None and objects is not None:
             objects.place(self.visible, seen.view, seen.previous, context)
-            self.signals = self._light(self.method, context)
+            self.signals = self._light(self.method, seen, context)
         self._composite()
         self._frame_index += 1
         self._seen = seen
@@ -234,21 +240,15 @@ class Renderer:
         )
 
     def _context(self, now: _Seen) -> FrameContext:
-        real, before = self.real_world, self._seen
-        turned = before is None or (now.view, now.previous) != (before.view, before.previous)
-        if turned:
-            # What was the view in the frame before is on the device.
-            self._view_constants.reverse()
-            self.device.write(self._view_constants[0], now.view.kernel_constants())
-            if before is None:
-                self.device.write(self._view_constants[1], now.previous.kernel_constants())
+        real, before, constants = self.real_world, self._seen, self._view_constants
+        turned = constants.follow(now.view, now.previous)
         carried = False
         if self._camera is not None and real.frame.pose is not None:
             carried = self._camera.step(real.frame.pose)
         return FrameContext(
             self._frame_index,
-            view=self._view_constants[0],
-            previous=self._view_constants[1],
+            view=constants.current,
+            previous=constants.previous,
             view_changed=turned or carried,
             video_changed=before is None or now.real != before.real,
             # Their motion ends in the frame after the last one that moves them.
@@ -262,21 +262,19 @@ class Renderer:
         real = self.real_world
         real.split_highlights()
         if context.view_changed or context.video_changed:
-            self.real.run(
-                real.panorama,
-                *self._view_constants,
-                real_materials=None if real.highlight is None else real.highlight.table,
-                color_map=real.color_map,
-            )
+            self.real.show(real, context)
             if self.background is not None:
                 self.real.replace_color(self.background, real.color_map)
 
-    def _light(self, method: Method, context: FrameContext) -> Signals:
+    def _light(self, method: Method, seen: _Seen, context: FrameContext) -> Signals:
         if context.video_changed:
             method.prepare_video(self.world)
         if context.objects_changed:
             method.prepare_objects(self.world)
-        return method.trace(self.world, context)
+        if self.light is None:
+            return method.trace(self.world, context)
+        reduced = self.light.prepare(self.real_world, seen.view, seen.previous, context)
+        return self.light.enlarge(method.trace(self.world, reduced), context.view)
 
     def _composite(self) -> None:
         visible, signals = self.visible, self.signals

@@ -41,7 +41,7 @@ __kernel void resample_panorama(
     __global float *restrict motion
 #ifdef GLOSS
     ,
-    __global const uchar *restrict panorama_gloss,
+    __global const int *restrict panorama_gloss,
     __global const float4 *restrict panorama_highlight,
     __global const float4 *restrict real_materials,
     __global float *restrict gloss,
@@ -71,15 +71,18 @@ __kernel void resample_panorama(
     color[size + pixel] = radiance.y;
     color[2 * size + pixel] = radiance.z;
 
-    const float4 surface = panorama_surface[texel];
-    const int flags = (int)surface.w;
+    __global const float *restrict surface = (__global const float *)panorama_surface + 4 * texel;
+    const float gx = surface[0], gy = surface[1], gz = surface[2];
+    const int flags = (int)surface[3];
     const int visible = !(flags & SURFACE_NONE);
-    const float3 n = visible ? -normalize(surface.xyz) : (float3)(0.0f);
-    normal[pixel] = n.x;
-    normal[size + pixel] = n.y;
-    normal[2 * size + pixel] = n.z;
-    const float radius = visible
-        ? surface_radius(0.0f, dot(surface.xyz, v), 1.0f, 1.0f, panorama_range[texel]) : 0.0f;
+    const float facing = visible ? -1.0f / sqrt(gx * gx + gy * gy + gz * gz) : 0.0f;
+    normal[pixel] = facing * gx;
+    normal[size + pixel] = facing * gy;
+    normal[2 * size + pixel] = facing * gz;
+    __global const float *restrict near_far = (__global const float *)panorama_range + 2 * texel;
+    const float2 range = (float2)(near_far[0], near_far[1]);
+    const float inverse = gx * v.x + gy * v.y + gz * v.z;
+    const float radius = visible ? surface_radius(0.0f, inverse, 1.0f, 1.0f, range) : 0.0f;
     depth[pixel] = radius;
     id[pixel] = visible && !(flags & SURFACE_OPENING) ? 1.0f : 0.0f;
 #ifdef CAMERA_MOTION
@@ -94,18 +97,14 @@ __kernel void resample_panorama(
 
 #ifdef GLOSS
     const int index = panorama_gloss[texel];
+    const Material material = load_material(real_materials, max(index - 1, 0));
+    const float3 shown
+        = panorama_bilinear(panorama_highlight, panorama_width, panorama_height, uv);
+    const int all = material.kind == KIND_CONDUCTOR;
     gloss[pixel] = index;
-    roughness[pixel] = 0.0f;
-    float3 specular = (float3)(0.0f);
-    if (index) {
-        const Material material = load_material(real_materials, index - 1);
-        roughness[pixel] = material.alpha;
-        specular = material.kind == KIND_CONDUCTOR
-            ? (float3)(INFINITY)
-            : panorama_bilinear(panorama_highlight, panorama_width, panorama_height, uv);
-    }
-    highlight[pixel] = specular.x;
-    highlight[size + pixel] = specular.y;
-    highlight[2 * size + pixel] = specular.z;
+    roughness[pixel] = index ? material.alpha : 0.0f;
+    highlight[pixel] = index ? (all ? INFINITY : shown.x) : 0.0f;
+    highlight[size + pixel] = index ? (all ? INFINITY : shown.y) : 0.0f;
+    highlight[2 * size + pixel] = index ? (all ? INFINITY : shown.z) : 0.0f;
 #endif
 }

@@ -7,6 +7,42 @@ from dataclasses import dataclass
 
 import pyopencl.array as cla
 
+from iprt.device.compute import ComputeDevice
+from iprt.geometry.camera import View
+
+
+class ViewConstants:
+    """The constants of a view, and of that of the frame before, on the device.
+
+    Attributes
+    ----------
+    current, previous : (16,) float32
+        `View.kernel_constants()`.
+    """
+
+    def __init__(self, device: ComputeDevice, name: str) -> None:
+        self._device = device
+        self.current, self.previous = (device.zeros(f"{name} {i}", (16,)) for i in range(2))
+        self._held: tuple[View, View] | None = None
+
+    def follow(self, view: View, previous: View) -> bool:
+        """Go on to the next frame; `previous` was the view of the last one, if there was any.
+
+        Returns
+        -------
+        bool
+            Either differs from what it was in the last frame.
+        """
+        held, self._held = self._held, (view, previous)
+        if held == self._held:
+            return False
+        # What was the view in the frame before is on the device.
+        self.current, self.previous = self.previous, self.current
+        self._device.write(self.current, view.kernel_constants())
+        if held is None:
+            self._device.write(self.previous, previous.kernel_constants())
+        return True
+
 
 @dataclass(frozen=True)
 class FrameContext:

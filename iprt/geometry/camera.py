@@ -45,6 +45,16 @@ class View:
     def resized(self, width: int, height: int) -> View:
         return replace(self, width=width, height=height)
 
+    def reduced(self, scale: int) -> View:
+        """The same picture with a pixel for every `scale` x `scale` pixels, the last ones in part.
+
+        Perspective views of a size that `scale` does not divide show a little more at all sides.
+        """
+        width, height = -(-self.width // scale), -(-self.height // scale)
+        half = 0.5 * height * scale / self.focal_px
+        fov = float(np.rad2deg(2.0 * np.arctan(half)))
+        return replace(self, width=width, height=height, fov_y_deg=fov)
+
     @cached_property
     def world_from_view(self) -> Float:
         """(3, 3) rotation that takes view-space to world-space directions; not to be changed."""

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 SAMPLES = 4
-"""Coverage takes SAMPLES x SAMPLES sub-samples per pixel."""
+"""Coverage takes so many sub-samples a side of a pixel, unless other is asked for."""
 
 COVERAGE_TOLERANCE = 0.005
 """An object is in front of the real surface up to this fraction of the distance behind it: noise

@@ -8,7 +8,6 @@ import moderngl
 
 from iprt.geometry.camera import Projection
 from iprt.raster.context import load_program
-from iprt.raster.layers import SAMPLES
 
 
 @dataclass(frozen=True)
@@ -31,9 +30,9 @@ class Programs:
 
     @classmethod
     def build(
-        cls, context: moderngl.Context, projection: Projection, *, deforming: bool
+        cls, context: moderngl.Context, projection: Projection, *, samples: int, deforming: bool
     ) -> Programs:
-        """`deforming`: of objects some of which bend."""
+        """`samples`: of coverage, a side of a pixel; `deforming`: some objects bend."""
         defines = {"EQUIRECT": 1} if projection == "equirect" else {}
         bent = {"DEFORMING": 1} if deforming else {}
         stages = f"visibility_{projection}"
@@ -55,5 +54,5 @@ class Programs:
             visibility(DEPTH_ONLY=1),
             screen("shade.frag", **bent),
             screen("shade.frag", TEXTURED=1, **bent),
-            screen("finish.frag", SAMPLES=SAMPLES, **bent),
+            screen("finish.frag", SAMPLES=samples, **bent),
         )

@@ -55,6 +55,8 @@ class Rasterizer:
     ----------
     instances : sequence of Instance
         Meshes and textures are uploaded here.
+    samples : int
+        Coverage takes so many a side of a pixel.
 
     Attributes
     ----------
@@ -73,12 +75,13 @@ class Rasterizer:
         A transform is not 4x4 finite numbers, or there are more than 2^24 triangles.
     """
 
-    def __init__(self, instances: Sequence[Instance]) -> None:
+    def __init__(self, instances: Sequence[Instance], samples: int = SAMPLES) -> None:
         self._context = create_context()
+        self._samples_a_side = samples
         self._deforming = any(instance.mesh.deforms for instance in instances)
         with self._context:
             self._geometry = WorldGeometry(self._context, instances)
-            self._samples = self._context.depth_texture((_TILE * SAMPLES,) * 2)
+            self._samples = self._context.depth_texture((_TILE * samples,) * 2)
             self._samples.compare_func = ""
             self._samples.filter = (moderngl.NEAREST, moderngl.NEAREST)
             self._samples_target = self._context.framebuffer(depth_attachment=self._samples)
@@ -173,7 +176,7 @@ class Rasterizer:
         uniforms = _view_uniforms(view) | {"depth_scale": max(1e-30, reach / 16.0)}
         for program in vars(frame.programs).values():
             set_uniforms(program, uniforms)
-        self._see(frame)
+        self._see(frame, back=back)
         targets = frame.targets
         self._shade(frame, [targets.front, targets.back] if back else [targets.front])
         behind = _read(targets.back, regions) if back else None
@@ -190,15 +193,18 @@ class Rasterizer:
             targets.display.read_into(pixels, image, regions)
         return ObjectLayers.displayed(display, behind)
 
-    def _see(self, frame: _Frame) -> None:
-        """Nearest triangles that face the capture centre, and nearest that face away."""
+    def _see(self, frame: _Frame, *, back: bool) -> None:
+        """Nearest triangles that face the capture centre, and nearest that face away; without the
+        back layer those of either side at once.
+        """
         program, targets = frame.programs.visibility, frame.targets
         set_uniforms(program, _window(0, 0, 1, targets.size))
-        for target, side in ((targets.facing, -1), (targets.away, 1)):
+        for target, side in ((targets.away, 1), (targets.facing, -1 if back else 0)):
             for region in frame.regions:
                 target.framebuffer.clear(depth=0.0, viewport=region.viewport)
-            target.framebuffer.use()
-            self._draw(program, [part for part, _ in frame.visible], side)
+            if back or target is targets.facing:
+                target.framebuffer.use()
+                self._draw(program, [part for part, _ in frame.visible], side)
 
     def _draw(self, program: moderngl.Program, parts: Sequence[Part], side: int) -> None:
         """Draw triangles into the bound target; `program` knows its window.
@@ -248,12 +254,13 @@ class Rasterizer:
     def _finish(self, frame: _Frame, tile: Rect) -> None:
         """The displayed layer within a tile: sub-sampled distances first, then the rest."""
         _, _, width, height = tile.viewport
-        window = (0, 0, width * SAMPLES, height * SAMPLES)
+        side = self._samples_a_side
+        window = (0, 0, width * side, height * side)
         samples, distances = self._samples_target, frame.programs.distances
         samples.clear(depth=0.0, viewport=window)
         samples.scissor = window
         samples.use()
-        set_uniforms(distances, _window(tile.x0, tile.y0, SAMPLES, samples.size))
+        set_uniforms(distances, _window(tile.x0, tile.y0, side, samples.size))
         parts = [p for p, rects in frame.visible if any(rect.touches(tile) for rect in rects)]
         self._draw(distances, parts, side=0)
 
@@ -291,7 +298,10 @@ class Rasterizer:
     def _programs_for(self, view: View) -> Programs:
         if view.projection not in self._programs:
             self._programs[view.projection] = Programs.build(
-                self._context, view.projection, deforming=self._deforming
+                self._context,
+                view.projection,
+                samples=self._samples_a_side,
+                deforming=self._deforming,
             )
         return self._programs[view.projection]
 

@@ -58,6 +58,21 @@ class Settings(BaseModel):
         description="What draws the objects that the view shows: OpenGL, or rays in OpenCL, which "
         "is also taken where OpenGL is missing.",
     )
+    light_scale: int = Field(
+        default=1,
+        ge=1,
+        le=8,
+        description="Side of the blocks of pixels for which light is computed once, and then "
+        "blended along surfaces; outlines and textures stay sharp.",
+        json_schema_extra={"unit": "px"},
+    )
+    coverage_samples: int = Field(
+        default=4,
+        ge=1,
+        le=8,
+        description="Samples a side of a pixel by which outlines of objects are smoothed.",
+        json_schema_extra={"unit": "samples"},
+    )
     check_kernels: bool = Field(
         default=False,
         description="Check all that kernels write, and stop at the first NaN, infinity or write "

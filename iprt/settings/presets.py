@@ -10,10 +10,11 @@ Quality = Literal["draft", "balanced", "accurate"]
 
 PRESETS: Mapping[Quality, Mapping[str, object]] = MappingProxyType(
     {
-        # What is missed least: rays of objects, coarse maps of E_R and of shadows off screen, a
-        # shorter filter.
+        # A sixteenth of the pixels have light; outlines and textures stay sharp. The filter reaches
+        # as far across the picture as with all of them.
         "draft": {
-            "trace.object_rays": 1,
+            "light_scale": 4,
+            "coverage_samples": 2,
             "iprt.ratio_rows": 32,
             "irradiance.rows": 64,
             "atrous.levels": 3,

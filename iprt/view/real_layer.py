@@ -7,10 +7,12 @@ import pyopencl.array as cla
 from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
+from iprt.gbuffer.context import FrameContext
 from iprt.gbuffer.guide import plane_defines
 from iprt.gbuffer.layout import PlaneLayout
 from iprt.view.diffuse_part import DiffusePart
 from iprt.world.real.panorama import Panorama
+from iprt.world.real.real_world import RealWorld
 
 
 class RealLayer:
@@ -123,6 +125,16 @@ class RealLayer:
                 panorama_range=panorama.range,
             )
             self.diffuse = self._diffuse_part.run(self.color, self._highlight, color_map)
+
+    def show(self, world: RealWorld, context: FrameContext) -> None:
+        """Fill the planes with what the view of a frame shows of the world."""
+        self.run(
+            world.panorama,
+            context.view,
+            context.previous,
+            real_materials=None if world.highlight is None else world.highlight.table,
+            color_map=world.color_map,
+        )
 
     def replace_color(
         self, background: NDArray[np.float32], color_map: cla.Array | None = None

@@ -6,6 +6,8 @@
 
 #include "maths/equirect.h"
 
+// No arithmetic of vectors: PoCL vectorizes kernels of scalars only.
+
 static inline float3 view_rotate_to_world(__global const float *restrict view, float3 v)
 {
     return (float3)(view[0] * v.x + view[1] * v.y + view[2] * v.z,
@@ -13,10 +15,12 @@ static inline float3 view_rotate_to_world(__global const float *restrict view, f
                     view[6] * v.x + view[7] * v.y + view[8] * v.z);
 }
 
+// Not the same sum twice in a row: the compiler would add up both as a vector of two, which keeps PoCL
+// from vectorizing the kernel.
 static inline float3 view_rotate_to_local(__global const float *restrict view, float3 v)
 {
     return (float3)(view[0] * v.x + view[3] * v.y + view[6] * v.z,
-                    view[1] * v.x + view[4] * v.y + view[7] * v.z,
+                    view[7] * v.z + view[4] * v.y + view[1] * v.x,
                     view[2] * v.x + view[5] * v.y + view[8] * v.z);
 }
 
@@ -26,7 +30,9 @@ static inline float3 view_direction(__global const float *restrict view, float2 
 #ifdef VIEW_EQUIRECT
     float3 local_dir = equirect_direction(p.x / view[12], p.y / view[13]);
 #else
-    float3 local_dir = normalize((float3)(p.x - view[10], view[11] - p.y, -view[9]));
+    const float right = p.x - view[10], up = view[11] - p.y, back = -view[9];
+    const float inverse = 1.0f / sqrt(right * right + up * up + back * back);
+    float3 local_dir = (float3)(right * inverse, up * inverse, back * inverse);
 #endif
     return view_rotate_to_world(view, local_dir);
 }
@@ -39,9 +45,9 @@ static inline float2 view_project(__global const float *restrict view, float3 po
     float2 uv = equirect_uv(p);
     return (float2)(uv.x * view[12], uv.y * view[13]);
 #else
-    if (!(p.z < 0.0f))
-        return (float2)(-1e9f);
-    return (float2)(view[10] - view[9] * p.x / p.z, view[11] + view[9] * p.y / p.z);
+    const int in_front = p.z < 0.0f;
+    return (float2)(in_front ? view[10] - view[9] * p.x / p.z : -1e9f,
+                    in_front ? view[11] + view[9] * p.y / p.z : -1e9f);
 #endif
 }
 

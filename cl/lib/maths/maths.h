@@ -28,10 +28,11 @@ static inline float falloff(float x)
 }
 
 // atan2(y, x) to 3e-7: the minimax polynomial of atan(sqrt(s)) / sqrt(s) on [0, 1], which is off by
-// 1.4e-8, then mirrored by octant. 0 where both are 0.
+// 1.4e-8, then mirrored by octant. 0 where both are 0. Two calls of fabs side by side would become one
+// of a vector of two, which keeps PoCL from vectorizing the kernel.
 static inline float fast_atan2(float y, float x)
 {
-    const float ax = fabs(x), ay = fabs(y);
+    const float ax = fmax(x, -x), ay = fabs(y);
     const float t = fmin(ax, ay) / fmax(fmax(ax, ay), 1e-37f), s = t * t;
     float p = 0.0029035560f;
     p = p * s - 0.016283022f;

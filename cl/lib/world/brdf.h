@@ -73,9 +73,8 @@ typedef struct {
 
 static inline Material load_material(__global const float4 *restrict materials, int index)
 {
-    __global const float4 *row = materials + index * MATERIAL_ROWS;
-    const float4 head = row[0];
-    Material material = {(int)head.x, head.y, head.z, head.w, (__global const float *)(row + 1)};
+    __global const float *row = (__global const float *)(materials + index * MATERIAL_ROWS);
+    Material material = {(int)row[0], row[1], row[2], row[3], row + 4};
     return material;
 }
 

@@ -33,7 +33,7 @@ typedef struct {
 
 // Glossy real surfaces.
 typedef struct {
-    __global const uchar *map;              // per texel: 0 diffuse, else 1 + index of the material
+    __global const int *map;              // per texel: 0 diffuse, else 1 + index of the material
     __global const float4 *materials;       // lib/world/brdf.h
     __global const float4 *reflectance;     // per material: of conductors
     __global const float4 *gain;            // per cell (lib/world/real/gloss.h): what was seen of highlights
@@ -89,7 +89,7 @@ typedef struct {
 
 #ifdef GLOSS
 #define GLOSS_PARAMETERS                                                                           \
-    , __global const uchar *restrict real_gloss, __global const float4 *restrict real_materials,   \
+    , __global const int *restrict real_gloss, __global const float4 *restrict real_materials,   \
         __global const float4 *restrict real_reflectance,                                          \
         __global const float4 *restrict real_gain, const int gain_columns, const int gain_rows
 #define WORLD_GLOSS                                                                                \

@@ -63,7 +63,7 @@ TRACING_KERNEL void sample_highlight(
     const int frame_seed,
     __global const int *restrict list,
     const int count,
-    __global const uchar *restrict gloss,
+    __global const int *restrict gloss,
     __global const float4 *restrict real_materials, // lib/world/brdf.h
     __global const float4 *restrict real_reflectance, // per real material: of conductors
     REAL_PARAMETERS,
@@ -113,7 +113,7 @@ __kernel void filter_highlight(
     const int step,                              // tap distance in texels
     __global const int *restrict list,
     const int count,
-    __global const uchar *restrict gloss,
+    __global const int *restrict gloss,
     __global const float4 *restrict real_materials,
     REAL_PARAMETERS,
     __global const float4 *restrict highlight,
@@ -165,7 +165,7 @@ TRACING_KERNEL void measure_cells(
     const int frame_seed,
     const int columns,
     const int rows,
-    __global const uchar *restrict gloss,
+    __global const int *restrict gloss,
     REAL_PARAMETERS,
     __global const float4 *restrict highlight,
     __global float4 *restrict seen,                 // out: columns x rows
@@ -212,7 +212,7 @@ TRACING_KERNEL void measure_cells(
 __kernel void remove_highlight(
     const int width,
     const int height,
-    __global const uchar *restrict gloss,
+    __global const int *restrict gloss,
     __global const float4 *restrict real_materials,
     __global const float4 *restrict color,       // float4 per texel: what the camera saw
     const int columns,                           // cells

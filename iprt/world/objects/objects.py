@@ -97,7 +97,13 @@ class Objects:
         if self._triangles is None:
             self._triangles = self._hierarchy(self._device, self._instances)
             self._triangles.load(self._instances)
-        self._visibility = Visibility(self._device, view, self._triangles, self._instances)
+        self._visibility = Visibility(
+            self._device,
+            view,
+            self._triangles,
+            self._instances,
+            self._features.settings.coverage_samples,
+        )
 
     def move(self, instances: Sequence[Instance]) -> None:
         """Follow the objects from the next `place` on. Nothing is done if none has moved."""
@@ -198,7 +204,8 @@ class Objects:
 
         try:
             with self._device.profile.compiling("OpenGL"):
-                self._rasterizer = Rasterizer(self._instances)
+                samples = self._features.settings.coverage_samples
+                self._rasterizer = Rasterizer(self._instances, samples)
             self._device.opengl = self._rasterizer.memory
         except DeviceError as error:
             if self._features.traced_layers:

@@ -14,7 +14,7 @@ from iprt.gbuffer.batch import int4
 from iprt.gbuffer.guide import plane_defines
 from iprt.geometry.camera import View
 from iprt.geometry.mesh import Instance, motion_between
-from iprt.raster.layers import COVERAGE_TOLERANCE, SAMPLES
+from iprt.raster.layers import COVERAGE_TOLERANCE
 from iprt.raster.region import Rect, box_corners, box_rects, merge
 from iprt.world.objects.object_bvh import ObjectBvh
 from iprt.world.objects.object_layers import VisibleLayer
@@ -34,9 +34,14 @@ class Visibility:
     """
 
     def __init__(
-        self, device: ComputeDevice, view: View, bvh: ObjectBvh, instances: Sequence[Instance]
+        self,
+        device: ComputeDevice,
+        view: View,
+        bvh: ObjectBvh,
+        instances: Sequence[Instance],
+        samples: int,
     ) -> None:
-        """`instances` are those of `bvh`."""
+        """`instances` are those of `bvh`; coverage takes `samples` a side of a pixel."""
         self._device = device
         self._bvh = bvh
         self._instances = instances
@@ -46,7 +51,7 @@ class Visibility:
         bvh.follow_vertices()
         defines = plane_defines(
             equirect=view.projection == "equirect",
-            SAMPLES=SAMPLES,
+            SAMPLES=samples,
             COVERAGE_TOLERANCE=COVERAGE_TOLERANCE,
             OBJECTS_DEFORM=bvh.deforming,
             **bvh.defines(),

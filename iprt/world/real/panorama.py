@@ -88,7 +88,7 @@ class Panorama:
         self.gloss = self.highlight = None
         self.radiated = self.radiance
         if gloss:
-            self.gloss = device.empty("panorama.gloss", texels, np.uint8)
+            self.gloss = device.empty("panorama.gloss", texels, np.int32)
             self.highlight = device.empty("panorama.highlight", (*texels, 4))
             self.radiated = device.empty("panorama.radiated", (*texels, 4))
         self._depth = device.empty("panorama.depth", texels)
@@ -136,9 +136,9 @@ class Panorama:
             self._device.write(self._normal, self._enlarged(frame.normal))
             self._device.write(self._marks, SURFACE_OPENING * self._enlarged(frame.opening))
             if self.gloss is not None:
-                diffuse = np.zeros(frame.depth.shape, np.uint8)
+                diffuse = np.zeros(frame.depth.shape, np.int32)
                 gloss = diffuse if frame.gloss is None else frame.gloss
-                self._device.write(self.gloss, self._enlarged(gloss))
+                self._device.write(self.gloss, self._enlarged(gloss).astype(np.int32))
         with self._device.profile.section("surface"):
             self._build(
                 (self.width, self.height),

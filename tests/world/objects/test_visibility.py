@@ -14,7 +14,7 @@ from iprt.gbuffer.layout import PlaneLayout
 from iprt.geometry.camera import View
 from iprt.geometry.material import Material, material_table
 from iprt.geometry.mesh import Instance
-from iprt.raster.layers import COVERAGE_TOLERANCE
+from iprt.raster.layers import COVERAGE_TOLERANCE, SAMPLES
 from iprt.world.objects.object_bvh import ObjectBvh
 from iprt.world.objects.object_layers import VisibleLayer
 from iprt.world.objects.visibility import Visibility
@@ -83,7 +83,7 @@ class Both:
             self.layers = opened.render(view, turned, shade=True)
         self.drawn.load(self.layers, now, table)
         bvh = ObjectBvh(device, before)
-        visibility = Visibility(device, view, bvh, before)
+        visibility = Visibility(device, view, bvh, before, SAMPLES)
         bvh.load(before)
         bvh.load(instances)
         visibility.follow(instances)
@@ -180,7 +180,7 @@ def test_an_edge_on_the_seam_borrows_across_it(device: ComputeDevice, side: int)
     bvh.load([ball])
     bounds = object_bounds([ball], margin=1e-3)
     boxes = device.upload("boxes", bounds)
-    visibility = Visibility(device, view, bvh, [ball])
+    visibility = Visibility(device, view, bvh, [ball], SAMPLES)
     visibility.run(layer, view, constants, constants, panorama, bounds, boxes, table)
     coverage, depth = image(device, layer, "coverage"), image(device, layer, "depth")
     beyond, before = (0, -1) if side > 0 else (-1, 0)
@@ -200,7 +200,7 @@ def test_nothing_in_sight(device: ComputeDevice, view: View) -> None:
     equirect = view.projection == "equirect"
     layer = VisibleLayer(device, PlaneLayout(view.width, view.height), equirect=equirect)
     bvh = ObjectBvh(device, seen)
-    visibility = Visibility(device, view, bvh, seen)
+    visibility = Visibility(device, view, bvh, seen, SAMPLES)
     for distance, shown in ((2.0, True), (500.0, False)):  # behind the wall
         there = [replace(seen[0], to_world=placed(sphere(2), (0, 0, -distance), 0.5).to_world)]
         bvh.load(there)

@@ -1,0 +1,174 @@
+"""The view with a pixel for each block of pixels, for which light is computed, and the way back."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pyopencl.array as cla
+from pyopencl import cltypes
+
+from iprt.device.compute import ComputeDevice
+from iprt.device.kernel import Kernel
+from iprt.gbuffer.context import FrameContext, ViewConstants
+from iprt.gbuffer.guide import plane_defines
+from iprt.gbuffer.layout import PlaneLayout
+from iprt.geometry.camera import View
+from iprt.methods.protocol import GBuffer, Image, Signals
+from iprt.settings.features import Features
+from iprt.view.real_layer import RealLayer
+from iprt.world.objects.object_layers import VisibleLayer
+from iprt.world.real.real_world import RealWorld
+
+_COMPARED = "normal", "depth", "id"
+_OBJECT_PLANES = (*_COMPARED, "roughness", "albedo", "coverage", "motion")
+
+
+def block_map(view: View, reduced: View) -> tuple[float, float, float, float]:
+    """Scale x y and offset x y that take image points of a view to those of the reduced one."""
+    if view.projection == "equirect":
+        return reduced.width / view.width, reduced.height / view.height, 0.0, 0.0
+    # Both have the same centre.
+    scale = reduced.focal_px / view.focal_px
+    x = 0.5 * (reduced.width - view.width * scale)
+    y = 0.5 * (reduced.height - view.height * scale)
+    return scale, scale, x, y
+
+
+class LightView:
+    """Light at a fraction of the view's resolution: signals are enlarged along surfaces.
+
+    Outlines and textures keep the view's resolution, as only signals are enlarged: what they are
+    multiplied by is not in them.
+
+    Attributes
+    ----------
+    view : View
+        `View.reduced` of the view.
+    layout : PlaneLayout
+    gbuffer : GBuffer
+        Surfaces at the centres of blocks; of objects, at the covered pixel nearest to the centre.
+    """
+
+    def __init__(
+        self,
+        device: ComputeDevice,
+        full: GBuffer,
+        view: View,
+        features: Features,
+        camera: cla.Array | None,
+    ) -> None:
+        """`full`: the G-buffer of the view."""
+        self._device, self._full, self._full_view = device, full, view
+        self._scale = features.settings.light_scale
+        self.view = view.reduced(self._scale)
+        self.layout = PlaneLayout(self.view.width, self.view.height)
+        self._constants = ViewConstants(device, "light view")
+        equirect = view.projection == "equirect"
+        self.gbuffer = GBuffer(
+            RealLayer(
+                device,
+                self.layout,
+                equirect=equirect,
+                name="light",
+                gloss=features.gloss,
+                camera=camera,
+                color_map=features.color_map and features.relit,
+            ),
+            VisibleLayer(device, self.layout, equirect=equirect),
+        )
+        layout = PlaneLayout(view.width, view.height)
+        pixels, planes = layout.width * layout.height, layout.shape(3)
+        self.signals = Signals(
+            device.empty("enlarged ratio", (pixels, 4)) if features.relit else None,
+            device.zeros("enlarged change", planes) if features.gloss else None,
+            device.zeros("enlarged diffuse", planes) if features.diffuse_signal else None,
+            device.zeros("enlarged specular", planes) if features.specular_signal else None,
+        )
+        self._map = block_map(view, self.view)
+        to_block = cltypes.make_float4(*self._map)
+        defines = plane_defines(equirect=equirect)
+        objects, of_blocks = full.objects, self.gbuffer.objects
+        self._reduce = device.kernel("view/reduce.cl", "reduce_objects", defines).fixed(
+            self.layout.arguments(),
+            {f"full_{name}": getattr(objects, name) for name in _OBJECT_PLANES},
+            {name: getattr(of_blocks, name) for name in _OBJECT_PLANES},
+            full_width=view.width,
+            full_height=view.height,
+            to_block=to_block,
+        )
+        common = {
+            "block_width": self.view.width,
+            "block_height": self.view.height,
+            "to_block": to_block,
+        }
+
+        def enlarging(light: cla.Array | None, full: Any, blocks: Any, ids: str) -> Kernel | None:
+            """The kernel for a signal of a layer, whose `ids` belong together."""
+            if light is None:
+                return None
+            ratio = light is self.signals.ratio
+            kernel = device.kernel("view/enlarge.cl", "enlarge", {**defines, "RATIO": ratio})
+            return kernel.fixed(
+                layout.arguments(),
+                common,
+                normal=full.normal,
+                depth=full.depth,
+                id=getattr(full, ids),
+                block_normal=blocks.normal,
+                block_depth=blocks.depth,
+                block_id=getattr(blocks, ids),
+                light=light,
+            )
+
+        surfaces = full.real, self.gbuffer.real
+        signals = self.signals
+        self._kernels = {
+            "ratio": enlarging(signals.ratio, *surfaces, "id"),
+            "change": enlarging(signals.change, *surfaces, "gloss"),
+            "diffuse": enlarging(signals.diffuse, objects, of_blocks, "id"),
+            "specular": enlarging(signals.specular, objects, of_blocks, "id"),
+        }
+
+    def prepare(
+        self, world: RealWorld, view: View, previous: View, context: FrameContext
+    ) -> FrameContext:
+        """Fill `gbuffer` and return the frame as it is at this resolution.
+
+        Parameters
+        ----------
+        world : RealWorld
+        view, previous : View
+            Those of `context`, in the view's own resolution.
+        """
+        scale = self._scale
+        self._constants.follow(view.reduced(scale), previous.reduced(scale))
+        here = replace(context, view=self._constants.current, previous=self._constants.previous)
+        shown_anew = context.view_changed or context.video_changed
+        if shown_anew:
+            self.gbuffer.real.show(world, here)
+        if shown_anew or context.objects_changed:
+            with self._device.profile.section("reduce"):
+                self._reduce(self.layout.size, view=here.view, full_view=context.view)
+        return here
+
+    def enlarge(self, signals: Signals, view: cla.Array) -> Signals:
+        """`signals` for each pixel of the view, whose constants on the device `view` are."""
+        with self._device.profile.section("enlarge"):
+            for name, kernel in self._kernels.items():
+                if kernel is not None:
+                    kernel(
+                        (self._full_view.width, self._full_view.height),
+                        view=view,
+                        block_view=self._constants.current,
+                        block_light=getattr(signals, name),
+                    )
+        return self.signals
+
+    def repeated(self, image: Image) -> Image:
+        """A picture of blocks (h, w) or (h, w, C) as one of pixels."""
+        view, (x_scale, y_scale, x_offset, y_offset) = self._full_view, self._map
+        columns = ((np.arange(view.width) + 0.5) * x_scale + x_offset).astype(np.intp)
+        rows = ((np.arange(view.height) + 0.5) * y_scale + y_offset).astype(np.intp)
+        return image[np.ix_(rows, columns)]

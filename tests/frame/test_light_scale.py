@@ -1,0 +1,114 @@
+"""Light for blocks of pixels: what stays as it is, and how near the rest comes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from iprt.aovs import AOVS
+from iprt.device.compute import ComputeDevice
+from iprt.geometry.camera import View
+from iprt.renderer import RenderedFrame, Renderer
+from iprt.settings.model import Settings
+from tests.frame.whole_frame import CLAY, ROOM, still_life, two_frames
+from tests.rendering import render
+from tests.worlds import ball, bright_walls, landscape_frame, room_frame
+
+pytestmark = pytest.mark.gl
+
+VIEW = View(96, 72, pitch_deg=-35.0)
+SMALL: dict[str, Any] = {"iprt": {"ratio_rows": 16}, "irradiance": {"rows": 32}, "fading": 0.0}
+SHARP = "background", "normal", "depth", "albedo", "coverage", "motion"
+"""Auxiliary pictures that have nothing to do with light."""
+
+
+def settings(scale: int, **others: Any) -> Settings:
+    return Settings.model_validate({**SMALL, "light_scale": scale, **others})
+
+
+def pictures(
+    device: ComputeDevice, view: View, *scales: int, frames: int = 2, **others: Any
+) -> list[RenderedFrame]:
+    frame, objects = two_frames()[0], still_life()
+    return [
+        render(device, frame, objects, view, settings(scale, **others), frames, AOVS)
+        for scale in scales
+    ]
+
+
+def test_only_light_is_coarse(device: ComputeDevice) -> None:
+    fine, coarse = pictures(device, VIEW, 1, 4)
+    for name in SHARP:
+        np.testing.assert_array_equal(coarse.aovs[name], fine.aovs[name], err_msg=name)
+    assert (coarse.aovs["ratio"] != fine.aovs["ratio"]).any()
+
+
+@pytest.mark.parametrize(
+    ("view", "scale"),
+    [
+        (View(50, 37, pitch_deg=-35.0), 4),
+        (View(50, 37, pitch_deg=-35.0), 7),
+        (View(3, 2, pitch_deg=-35.0), 8),
+        (View(64, 32, projection="equirect"), 2),
+        (View(67, 33, projection="equirect"), 4),
+    ],
+)
+def test_any_size(device: ComputeDevice, view: View, scale: int) -> None:
+    (picture,) = pictures(device, view, scale)
+    assert np.isfinite(picture.color).all()
+    for name, image in picture.aovs.items():
+        assert image.shape[:2] == (view.height, view.width), name
+        assert np.isfinite(image).all(), name
+
+
+def test_light_comes_near_that_of_every_pixel(device: ComputeDevice) -> None:
+    """What a light of half the resolution loses is little beside what objects change."""
+    frame, objects = room_frame(ROOM, 256, 128, bright_walls), still_life()
+    fine, half, quarter = (
+        render(device, frame, objects, VIEW, settings(scale), 48, ["background"])
+        for scale in (1, 2, 4)
+    )
+    changed = np.sqrt(np.mean((fine.color - fine.aovs["background"]) ** 2))
+    lost = [np.sqrt(np.mean((fine.color - coarse.color) ** 2)) for coarse in (half, quarter)]
+    assert lost[0] < 0.12 * changed
+    assert lost[1] < 0.25 * changed
+    assert abs(fine.color.mean() - half.color.mean()) < 0.01 * fine.color.mean()
+
+
+def test_nothing_changes_without_influence(device: ComputeDevice) -> None:
+    """The sky, which no object lights or shades, keeps its bits."""
+    frame = landscape_frame(256, 128)
+    view = View(64, 48, pitch_deg=30.0)
+    thing = ball((0.0, -1.2, -4.0), 0.2, CLAY)
+    picture = render(device, frame, [thing], view, settings(4), 2, ["background"])
+    np.testing.assert_array_equal(picture.color, picture.aovs["background"])
+
+
+def test_the_head_turns(device: ComputeDevice) -> None:
+    """A picture after a turn is that of a head that was there from the start, but for its noise."""
+    frame, objects = room_frame(ROOM, 256, 128, bright_walls), still_life()
+    with Renderer(device, frame, objects, replace(VIEW, yaw_deg=6.0), settings(4)) as renderer:
+        renderer.render(2)
+        for turn in (4.0, 2.0, 0.0):
+            renderer.look(replace(VIEW, yaw_deg=turn))
+            turned = renderer.render(1)
+        turned = renderer.render(24)
+    still = render(device, frame, objects, VIEW, settings(4), 24, ["background"])
+    changed = np.sqrt(np.mean((still.color - still.aovs["background"]) ** 2))
+    assert np.sqrt(np.mean((turned.color - still.color) ** 2)) < 0.1 * changed
+
+
+def test_coverage_takes_as_many_samples_as_asked_for(device: ComputeDevice) -> None:
+    """Sixteenths, quarters, or all or nothing; of the same mean."""
+    means = []
+    for samples in (1, 2, 4):
+        (picture,) = pictures(device, VIEW, 1, frames=1, coverage_samples=samples)
+        coverage = picture.aovs["coverage"]
+        steps = coverage * samples**2
+        np.testing.assert_allclose(steps, np.round(steps), atol=1e-5)
+        assert (len(np.unique(coverage)) > 2) == (samples > 1)
+        means.append(coverage.mean())
+    np.testing.assert_allclose(means, means[-1], rtol=0.02)
