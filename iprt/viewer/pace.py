@@ -1,19 +1,20 @@
-"""Holds a target frame rate in motion by fewer rays and less resolution, as far as is needed.
+"""Holds a target frame rate in motion by less light and less resolution, as far as is needed.
 
-Level 0 is what the user asked for, level 1 has few rays, and each one after it fewer pixels. The
-time of a frame is a + b·pixels, with a and b that no one knows. Taken for b·pixels alone, it says
-too little of a level with fewer pixels, where another step down follows, and too much of one with
-more: going up never overshoots. A change makes buffers anew and histories begin afresh, so there
-is a band between going down and up, and each step up that turns out wrong doubles the wait for the
-next one.
+Level 0 is what the user asked for, level 1 has few rays, the next ones have light for blocks of
+pixels, and each one after them fewer pixels. The time of a frame is a + b·pixels, with a and b
+that no one knows. Taken for b·pixels alone, it says too little of a level with fewer pixels, where
+another step down follows, and too much of one with more: going up never overshoots. A change makes
+buffers anew and histories begin afresh, so there is a band between going down and up, and each step
+up that turns out wrong doubles the wait for the next one.
 """
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from statistics import fmean, median
+from typing import Any
 
 from iprt.settings.model import Settings
 from iprt.settings.overrides import changed, plain_values
@@ -23,11 +24,15 @@ FEW_RAYS = {
     "trace.object_rays": 1,
     "iprt.ratio_rows": 16,
 }
-"""What takes time and shows little in motion. None of it compiles kernels, or needs a real world
-other than that of the picture at rest (`Features.of_real_world`), whose E_R is known already."""
+"""What takes time and shows little in motion. None of it needs a real world other than that of
+the picture at rest (`Features.of_real_world`), whose E_R is known already."""
 RAYS_SHARE = 0.75
 """Time of a frame with few rays, relative to that with the default settings."""
-SCALES = (1.0, 0.84, 0.71, 0.6, 0.5, 0.42, 0.35, 0.3, 0.25)
+LIGHT_SHARES = {1: 1.0, 2: 0.55, 4: 0.32}
+"""The same of a frame by its `light_scale`. Outlines and the panorama stay sharp."""
+FILTER_LEVELS = {1: 5, 2: 4, 4: 3}
+"""`atrous.levels` at most: the filter reaches as far across the picture."""
+SCALES = (0.84, 0.71, 0.6, 0.5, 0.42, 0.35, 0.3, 0.25)
 """Sides of the picture relative to the window's: each has 1/sqrt(2) of the pixels before."""
 SKIPPED = 2
 """Frames after a change that do not count: buffers are made, histories and caches begin."""
@@ -85,19 +90,37 @@ def levels_below(base: Settings) -> tuple[Level, ...]:
     """From what was asked for down. None has more of anything than `base`."""
     own = plain_values(base)
     given_up = {key: value for key, value in FEW_RAYS.items() if value < own[key]}
-    words = [f"{key} {value} instead of {own[key]}" for key, value in given_up.items()]
-    rays_share = RAYS_SHARE if given_up else 1.0
     found = [Level(base, 1.0, 1.0, None)]
-    for scale in SCALES if given_up else SCALES[1:]:
-        size = [f"{100.0 * scale:.0f}% resolution"] if scale < 1.0 else []
-        preview = Preview(
-            f"Preview at {(*size, 'reduced quality')[0]}",
-            "\n".join(
-                [*size, *words, "The picture gets its full quality as soon as nothing moves."]
-            ),
-        )
-        found.append(Level(changed(base, given_up), scale, rays_share * scale**2, preview))
+    share = 1.0
+    if given_up:
+        share = RAYS_SHARE
+        found.append(_preview(base, given_up, 1.0, share))
+    lit = LIGHT_SHARES[max(scale for scale in LIGHT_SHARES if scale <= base.light_scale)]
+    for scale, of_frame in LIGHT_SHARES.items():
+        if scale > base.light_scale:
+            levels = min(FILTER_LEVELS[scale], base.atrous.levels)
+            given_up = given_up | {"light_scale": scale, "atrous.levels": levels}
+            share *= of_frame / lit
+            lit = of_frame
+            found.append(_preview(base, given_up, 1.0, share))
+    found += [_preview(base, given_up, scale, share * scale**2) for scale in SCALES]
     return tuple(found)
+
+
+def _preview(base: Settings, given_up: Mapping[str, Any], scale: float, share: float) -> Level:
+    """A level with other settings and sides of the picture relative to the window's."""
+    own = plain_values(base)
+    size = [f"{100.0 * scale:.0f}% resolution"] if scale < 1.0 else []
+    words = [
+        f"{key} {value} instead of {own[key]}"
+        for key, value in given_up.items()
+        if value != own[key]
+    ]
+    last = "The picture gets its full quality as soon as nothing moves."
+    preview = Preview(
+        f"Preview at {(*size, 'reduced quality')[0]}", "\n".join([*size, *words, last])
+    )
+    return Level(changed(base, given_up), scale, share, preview)
 
 
 class Pace:

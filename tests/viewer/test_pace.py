@@ -22,7 +22,7 @@ from iprt.settings.model import Settings
 from iprt.settings.overrides import changed, plain_values, resolved
 from iprt.settings.presets import Quality
 from iprt.viewer.engine import Engine
-from iprt.viewer.pace import MOST_UP_S, SCALES, UP_S, Level, Pace, levels_below
+from iprt.viewer.pace import LIGHT_SHARES, MOST_UP_S, SCALES, UP_S, Level, Pace, levels_below
 from iprt.viewer.state import Request
 from tests.clips import write_clip
 from tests.viewer.turns import SETTINGS, VIEW
@@ -55,7 +55,9 @@ class Simulated:
 
     def share(self, level: Level) -> float:
         rays = self.rays if level.preview is not None else 1.0
-        return self.fixed + (1.0 - self.fixed) * rays * level.scale**2
+        own = self.pace.base.light_scale
+        light = LIGHT_SHARES[level.settings.light_scale] / LIGHT_SHARES[own]
+        return self.fixed + (1.0 - self.fixed) * rays * light * level.scale**2
 
     def play(self, frames: int) -> None:
         for _ in range(frames):
@@ -216,7 +218,9 @@ def test_levels_start_from_what_was_asked_for_and_never_exceed_it(quality: Quali
         assert below.scale <= above.scale
         assert below.settings is not above.settings
         now = plain_values(below.settings)
-        assert all(now[k] <= own[k] for k in own if now[k] != own[k])
+        assert now["light_scale"] >= own["light_scale"]
+        fewer = own.keys() - {"light_scale"}
+        assert all(now[k] <= own[k] for k in fewer if now[k] != own[k])
         assert below.preview is not None
         lines = below.preview.details.splitlines()
         named = {line.split()[0]: line for line in lines if " instead of " in line}
@@ -225,12 +229,20 @@ def test_levels_start_from_what_was_asked_for_and_never_exceed_it(quality: Quali
             assert line == f"{key} {now[key]} instead of {own[key]}"
         smaller = f"Preview at {100 * below.scale:.0f}% resolution"
         assert (below.preview.short == smaller) == (below.scale < 1.0)
-    assert [level.scale for level in levels[1:]] == list(SCALES)
+    assert [level.scale for level in levels if level.scale < 1.0] == list(SCALES)
+
+
+@pytest.mark.parametrize("own", [1, 2, 3, 4, 8])
+def test_the_picture_is_sharp_as_long_as_light_can_be_coarser(own: int) -> None:
+    levels = levels_below(changed(Settings(), {"light_scale": own}))
+    scales = [level.settings.light_scale for level in levels if level.scale == 1.0]
+    assert scales == [own, own, *(scale for scale in (2, 4) if scale > own)]
+    assert all(level.settings.light_scale >= 4 for level in levels if level.scale < 1.0)
 
 
 def test_who_asked_for_few_rays_is_left_with_resolution() -> None:
     few = levels_below(resolved("draft"))[1].settings
-    assert [level.scale for level in levels_below(few)] == list(SCALES)
+    assert [level.scale for level in levels_below(few)] == [1.0, *SCALES]
     assert all(level.settings == few for level in levels_below(few))
 
 
@@ -252,13 +264,15 @@ def test_an_engine_follows_down_and_up_again(tmp_path: Path, device: ComputeDevi
             assert shown is not None, engine.status
             assert shown.picture.color.shape == (height, width, 3)
             assert shown.request.settings is level.settings
-            seen.append((level.scale, shown.picture.color.mean()))
+            quality = level.settings.light_scale, level.scale
+            seen.append((quality, shown.picture.color.mean()))
             pace.observe(seconds * level.share, shown.compiled)
         assert not engine.status.problems
-    assert [scale for scale, _ in groupby(scale for scale, _ in seen)] == [1.0, 0.5, 0.6, 1.0]
+    qualities = [quality for quality, _ in groupby(quality for quality, _ in seen)]
+    assert qualities == [(1, 1.0), (4, 0.84), (4, 1.0), (1, 1.0)]
     assert pace.level.settings is base
     # The light of the picture is the same, however little of it is rendered.
-    means = [np.mean([mean for number, mean in seen if number == scale]) for scale in (1.0, 0.5)]
+    means = [np.mean([mean for of, mean in seen if of == quality]) for quality in qualities[:2]]
     assert means[1] == pytest.approx(means[0], rel=0.05)
 
 
