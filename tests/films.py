@@ -95,6 +95,8 @@ def films(**settings: Any) -> dict[str, Film]:
             LAYERS,
         ),
         "gloss": (glossy, (clay,), LOOK, SEEN_ONLY),
+        "blocks": (glossy, (clay, brass), LOOK, {**SEEN_ONLY, "light_scale": 2}),
+        "blocks around": (_drifting(room), (plastic,), AROUND, {"light_scale": 4}),
         "walk": (_carried(room), (clay, brass), LOOK, {}),
         "remembered": (_glossy(_passing(30, 15)), (clay,), LOOK, SEEN_ONLY),
         "environment": (room, _objects(), LOOK, {"method": "ibl"}),

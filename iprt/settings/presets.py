@@ -23,8 +23,8 @@ PRESETS: Mapping[Quality, Mapping[str, object]] = MappingProxyType(
         "balanced": {},
         # Rays: nothing else gains as much. A finer map of E_R for the corners of rooms.
         "accurate": {
-            "trace.rays": 2,
-            "trace.object_rays": 16,
+            "trace.rays": 8,
+            "trace.object_rays": 64,
             "iprt.ratio_rows": 128,
             "irradiance.rows": 256,
             "irradiance.samples": 1024,

@@ -68,7 +68,7 @@ def test_light_comes_near_that_of_every_pixel(device: ComputeDevice) -> None:
     """What a light of half the resolution loses is little beside what objects change."""
     frame, objects = room_frame(ROOM, 256, 128, bright_walls), still_life()
     fine, half, quarter = (
-        render(device, frame, objects, VIEW, settings(scale), 48, ["background"])
+        render(device, frame, objects, VIEW, settings(scale), 32, ["background"])
         for scale in (1, 2, 4)
     )
     changed = np.sqrt(np.mean((fine.color - fine.aovs["background"]) ** 2))

@@ -220,7 +220,8 @@ def test_a_method_brings_its_defaults() -> None:
     assert published.trace.bounces == 1
     assert Settings(method="iprt2023") == published
     assert resolved("balanced", flags("trace.bounces=3", "method=iprt2023")).trace.bounces == 3
-    assert resolved("accurate", flags("method=iprt2023")).trace.object_rays == 16
+    accurate = resolved("accurate", flags("method=iprt2023"))
+    assert accurate.trace.object_rays == PRESETS["accurate"]["trace.object_rays"]
     assert changed(published, {"method": "iprt"}) == Settings()
     kept = changed(changed(Settings(), {"trace.rays": 7}), {"method": "iprt2023"})
     assert (kept.trace.rays, kept.trace.bounces) == (7, 1)
