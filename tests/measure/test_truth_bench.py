@@ -341,8 +341,8 @@ def test_what_was_measured_before_a_signal_is_printed(results: str, printed: str
     code = (
         "import os, signal, time; from iprt.files.termination import end_on_signals\n"
         "signal.signal(signal.SIGINT, signal.default_int_handler); end_on_signals()\n"
-        "from iprt.commands.bench_truth import _printed_at_last\n"
-        f"with _printed_at_last([{results}], lambda: print('table')):\n"
+        "from iprt.commands.bench_truth import printed_at_last\n"
+        f"with printed_at_last([{results}], lambda: print('table')):\n"
         "    os.kill(os.getpid(), signal.SIGINT); time.sleep(1000)"
     )
     words = [sys.executable, "-c", code]
