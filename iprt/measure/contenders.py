@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
@@ -68,7 +68,7 @@ class Contender(Protocol):
 
 
 class Entry(Protocol):
-    """A contender on paper: what a process needs to become it."""
+    """What a process needs to know to become a contender; it can be pickled."""
 
     @property
     def label(self) -> str: ...
@@ -102,7 +102,7 @@ class FullEntry:
     """Mitsuba's path tracer in the full geometry, that of the Python module `model`."""
 
     model: str
-    label: str = FULL
+    label: str = field(default=FULL, init=False)
 
     def contender(self, subject: Subject) -> Contender:
         return _Full(self.model, subject)
@@ -112,7 +112,7 @@ class FullEntry:
 class PanoramaEntry:
     """Mitsuba in the world that the panorama describes, over the target's background."""
 
-    label: str = PANORAMA
+    label: str = field(default=PANORAMA, init=False)
 
     def contender(self, subject: Subject) -> Contender:
         return _Panorama(subject)

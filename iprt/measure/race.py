@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
+from statistics import median
 
 from iprt.errors import IprtError
 from iprt.files.termination import at_termination
@@ -19,7 +20,7 @@ from iprt.measure.target import Radiance, Scores, Target
 Picture = tuple[float, Radiance]
 """Seconds and linear radiance; see `Contender.picture`."""
 QUICK_S, TRIES = 4.0, 3
-"""Pictures made in less are made so often, and the least time counts: they are easily disturbed."""
+"""Pictures made in less are made so often, and the median time counts: little disturbs them."""
 
 
 @dataclass(frozen=True)
@@ -169,10 +170,10 @@ def run_race(
 
 
 def _timed(racer: Racer, count: int, seed: int) -> Picture:
-    """A picture and the least seconds that it took; it is the same each time."""
+    """A picture and the seconds that it took; it is the same each time."""
     seconds, color = racer.picture(count, seed)
     if seconds < QUICK_S:
-        seconds = min(seconds, *(racer.picture(count, seed)[0] for _ in range(TRIES - 1)))
+        seconds = median([seconds, *(racer.picture(count, seed)[0] for _ in range(TRIES - 1))])
     return seconds, color
 
 
