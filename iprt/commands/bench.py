@@ -14,7 +14,7 @@ from iprt.errors import IprtError
 
 MAX_FRAMES = 100_000
 MAX_SEEDS = 100
-FRAMES, SEEDS, LEVELS, COUNTS = 30, 3, "0.9,0.93,0.95", "1,2,...,128"
+FRAMES, SEEDS, LEVELS, COUNTS = 30, 3, "0.9,0.93,0.95", "1,2,...,64"
 """Defaults of --frames, --seeds, --reach, and with --against of --convergence."""
 
 
@@ -75,7 +75,7 @@ def bench(
         With --sweep: change one setting at a time, instead of all combinations.
     convergence
         Frames after which the picture is scored, such as 1,2,4,8 or 1,2,...,256. With --against,
-        of Mitsuba it is samples per pixel, and 1,2,...,128 is the default.
+        of Mitsuba it is samples per pixel, and 1,2,...,64 is the default.
     reach
         With --convergence and --against: values of SSIM in the cuts; a table shows the time until
         each is reached. Default: 0.9,0.93,0.95.
