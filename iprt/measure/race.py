@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import multiprocessing
+import signal
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
 from statistics import median
 
@@ -92,13 +94,17 @@ class Racer:
 @contextmanager
 def racing(entry: Entry, subject: Subject) -> Iterator[Racer]:
     """Start a contender's process, and end it after the block."""
+    # It lets signals through when it starts, which `end_on_signals` keeps from all threads.
+    kept = signal.pthread_sigmask(signal.SIG_BLOCK, ())
+    resource_tracker.ensure_running()
+    signal.pthread_sigmask(signal.SIG_SETMASK, kept)
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
     process = context.Process(target=_serve, args=(theirs, entry, subject), daemon=True)
     start = time.perf_counter()
     process.start()
     theirs.close()  # or its end would go unnoticed
-    # The process has inherited that signals are kept from its threads.
+    # Signals are kept from the process too.
     with ours, at_termination(process.kill):
         try:
             yield Racer(entry.label, ours, start)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import subprocess
 import sys
 import time
 from collections.abc import Callable
@@ -30,6 +31,7 @@ from iprt.scene.scene import Scene
 from iprt.settings.overrides import parse_assignment
 from tests.measure.tiny import write_tiny
 
+ROOT = Path(__file__).parents[2]
 BLACK = np.zeros((36, 48, 3), np.float32)
 
 
@@ -166,6 +168,30 @@ def test_what_goes_wrong_there_is_told_here(scene: Path, fault: str, message: st
     entries = [Pretender("b"), Pretender("a", fault)]
     with pytest.raises(IprtError, match=message):
         list(run_race([subject_of(scene)], entries, [1], enough=1.0, seeds=1))
+
+
+def test_a_signal_ends_the_processes_too(scene: Path) -> None:
+    """With one line; the output is open as long as one of them lives."""
+    code = (
+        "import os, signal, time; from pathlib import Path\n"
+        "from iprt.files.termination import end_on_signals\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler); end_on_signals()\n"
+        "from iprt.measure.race import racing\n"
+        "from tests.measure.test_race import Pretender, subject_of\n"
+        f"with racing(Pretender('a'), subject_of(Path({str(scene)!r}))) as racer:\n"
+        "    print(racer.label, flush=True)\n"
+        "    os.killpg(0, signal.SIGINT); time.sleep(1000)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+        start_new_session=True,
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (130, "a\n", "iprt: interrupted\n")
 
 
 # Contenders ------------------------------------------------------------------------------------
