@@ -124,6 +124,7 @@ SMALLER: dict[str, tuple[str, ...]] = {
     "bench": (*SIZE, "--frames", "1"),
     "bench --sweep": (*SIZE, "--view", "table", "--frames", "1", "--seeds", "1"),
     "bench --convergence": (*SIZE, "--convergence", "1,2", "--seeds", "1"),
+    "bench --against": (*SIZE, "--convergence", "1,2", "--seeds", "1"),
     "profile": (*SIZE, "--frames", "1"),
     "reference": (*SIZE, "--spp", "1"),
 }
@@ -133,7 +134,7 @@ NOT_HERE = {
     "iprt view": "waits for a user; tests/viewer/screen/ opens it",
     "./run": "sets up what is there already; .ci/run begins with it, word for word",
     ".ci/run": "runs these tests",
-    "docs/measure.py": "takes ten minutes; tests/test_docs.py checks its commands",
+    "docs/measure.py": "takes fifteen minutes; tests/test_docs.py checks its commands",
     "source": "the tests' environment is active",
     "pip install": "the tests' environment is complete, or the commands that need it are left out",
 }
@@ -150,7 +151,7 @@ PARTS = [
 
 
 def is_here(command: str) -> bool:
-    if command.startswith("iprt reference"):
+    if command.startswith("iprt reference") or " --against" in command:
         return find_spec("mitsuba") is not None
     return not any(command.startswith(start) for start in NOT_HERE)
 

@@ -14,8 +14,8 @@ from iprt.errors import IprtError
 
 MAX_FRAMES = 100_000
 MAX_SEEDS = 100
-FRAMES, SEEDS, LEVELS = 30, 3, "0.8,0.85,0.9,0.95"
-"""Defaults of --frames, --seeds and --reach."""
+FRAMES, SEEDS, LEVELS, COUNTS = 30, 3, "0.9,0.93,0.95", "1,2,...,64"
+"""Defaults of --frames, --seeds, --reach, and with --against of --convergence."""
 
 
 def bench(
@@ -31,7 +31,7 @@ def bench(
     one_at_a_time: bool = False,
     convergence: str | None = None,
     reach: str | None = None,
-    against: Literal["mitsuba"] | None = None,
+    against: bool = False,
     model: str | None = None,
     seeds: int | None = None,
     background: Literal["panorama", "truth"] | None = None,
@@ -41,13 +41,14 @@ def bench(
     html: Path | None = None,
     allow_outside: bool = False,
 ) -> int:
-    """Time the frames of a head that turns slowly; with --sweep or --convergence, score them too.
+    """Time the frames of a head that turns slowly, or score still pictures against seconds.
 
     Every frame is rendered for a new direction, rasterization included; the video and the objects
     stand still. Times are medians over the frames, after a warm-up. --sweep times every combination
     of settings, scores still pictures made with them against the truth, and marks the combinations
     that none other beats in both (the Pareto front). --convergence scores a still picture again and
-    again while it gets better, and shows the seconds spent.
+    again while it gets better, and shows the seconds spent. --against does so beside Mitsuba on the
+    same cores, and shows the seconds that each needs.
 
     Parameters
     ----------
@@ -55,11 +56,12 @@ def bench(
         Scene folder.
     view
         Name of a view of the scene, or `equirect` for the whole panorama, which is rendered anew
-        for every frame instead of turning. Default: the scene's first view. With --sweep and
-        --convergence it may be given several times; default: all views that have a truth.
+        for every frame instead of turning. Default: the scene's first view. With --sweep,
+        --convergence and --against it may be given several times; default: all views that have a
+        truth.
     size
-        Width and height in pixels. Default: the view's own. With --sweep and --convergence, the
-        size of the truth divided by a whole number.
+        Width and height in pixels. Default: the view's own. With --sweep, --convergence and
+        --against, the size of the truth divided by a whole number.
     frames
         Frames to time; with --sweep also the frames accumulated in each picture. Default: 30.
     method
@@ -72,16 +74,17 @@ def bench(
     one_at_a_time
         With --sweep: change one setting at a time, instead of all combinations.
     convergence
-        Frames after which the picture is scored, such as 1,2,4,8 or 1,2,...,256.
+        Frames after which the picture is scored, such as 1,2,4,8 or 1,2,...,256. With --against,
+        of Mitsuba it is samples per pixel, and 1,2,...,64 is the default.
     reach
-        With --convergence: values of SSIM in the cuts; a table shows the time until each is
-        reached. Default: 0.8,0.85,0.9,0.95.
+        With --convergence and --against: values of SSIM in the cuts; a table shows the time until
+        each is reached. Default: 0.9,0.93,0.95.
     against
-        With --convergence: another renderer to measure in the same way, by samples per pixel:
-        Mitsuba with Open Image Denoise.
+        Measure Mitsuba with Open Image Denoise too, in the world that the panorama describes and,
+        with --model, in the full geometry. Each renderer has its own process, and they take turns.
+        Seconds are those of a picture; what a process does once is shown apart.
     model
-        For Mitsuba: Python module with the scene's full geometry, as for `iprt reference`. Default:
-        the world that the panorama describes.
+        With --against: Python module with the scene's full geometry, as for `iprt reference`.
     seeds
         Pictures per combination, each from another seed, for means and confidence intervals.
         Default: 3.
@@ -111,37 +114,51 @@ def bench(
         raise IprtError(f"--seeds {seeds}: expected 1 to {MAX_SEEDS}")
     if json and markdown:
         raise IprtError("--json and --markdown: give one of them")
-    against_truth = bool(sweep) or convergence is not None
+    followed = against or convergence is not None
+    against_truth = bool(sweep) or followed
     of_truth = {
         "--html": html,
         "--markdown": markdown,
         "--seeds": seeds,
         "--background": background,
     }
-    _require_use(against_truth, "--sweep or --convergence", of_truth)
+    _require_use(against_truth, "--sweep, --convergence or --against", of_truth)
     _require_use(bool(sweep), "--sweep", {"--one-at-a-time": one_at_a_time})
-    curve = {"--against": against, "--reach": reach}
-    _require_use(convergence is not None, "--convergence", curve)
-    _require_use(against is not None, "--against", {"--model": model})
-    if convergence is not None and frames is not None:
+    _require_use(followed, "--convergence or --against", {"--reach": reach})
+    _require_use(against, "--against", {"--model": model})
+    if followed and frames is not None:
         raise IprtError(f"--frames {frames}: has no effect; --convergence says how many frames")
     frames = frames or FRAMES
     if not against_truth:
         return _time(scene, view, size, frames, method, setting_flags, device, json, allow_outside)
 
+    from iprt.commands.bench_against import measure_against
     from iprt.commands.bench_truth import Output, Plan, measure_convergence, measure_sweep
     from iprt.measure.sweep import combinations
     from iprt.scene.scene import Scene
+    from iprt.truth.backend import require_reference
 
     assignments = setting_flags.assignments(method=method)
     chosen = combinations(setting_flags.quality, assignments, sweep, one_at_a_time=one_at_a_time)
+    if against:
+        require_reference()
     opened = Scene.open(scene, allow_outside=allow_outside)
     plan = Plan.of(opened, view, size, background or "truth", device, chosen, seeds or SEEDS)
     output = Output(json=json, markdown=markdown, html=html)
     output.require_writable(plan.scene)
+    if against:
+        return measure_against(
+            plan,
+            convergence or COUNTS,
+            reach or LEVELS,
+            model,
+            output,
+            device=device,
+            allow_outside=allow_outside,
+        )
     if convergence is None:
         return measure_sweep(plan, frames, output)
-    return measure_convergence(plan, convergence, reach or LEVELS, against, model, output)
+    return measure_convergence(plan, convergence, reach or LEVELS, output)
 
 
 def _require_use(used: bool, flag: str, needing: Mapping[str, object]) -> None:
@@ -175,7 +192,8 @@ def _time(
 
     if len(views) > 1:
         raise IprtError(
-            f"--view {views[1]}: only one view is timed, unless --sweep or --convergence is given"
+            f"--view {views[1]}: only one view is timed, unless --sweep, --convergence or "
+            "--against is given"
         )
     settings = setting_flags.resolved(method=method)
     opened = Scene.open(scene, allow_outside=allow_outside)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import logging
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence, Sized
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -137,7 +137,7 @@ def measure_sweep(plan: Plan, frames: int, output: Output) -> int:
         rows = [outcome.record() for outcome in outcomes]
         output.print({**plan.record(), "frames": frames, "rows": rows}, grids)
 
-    with _printed_at_last(outcomes, finish), progress_bar("sweeping", total) as progress:
+    with printed_at_last(outcomes, finish), progress_bar("sweeping", total) as progress:
         for outcome, color in run_sweep(
             plan.scene,
             plan.targets,
@@ -156,12 +156,9 @@ def measure_sweep(plan: Plan, frames: int, output: Output) -> int:
     return 0
 
 
-def measure_convergence(
-    plan: Plan, text: str, reach: str, against: str | None, model: str | None, output: Output
-) -> int:
+def measure_convergence(plan: Plan, text: str, reach: str, output: Output) -> int:
     """Follow pictures as they get better, print, and write the page anew after every curve."""
     counts, levels = parse_counts(text), parse_levels(reach)
-    rival = None if against is None else _mitsuba(plan, counts, model)
     plan.announce(f"{counted(counts[-1], 'frame')} each")
     report = Report(f"{plan.scene.name}: accuracy against time", plan.lines())
     curves: list[Curve] = []
@@ -170,30 +167,22 @@ def measure_convergence(
         record = {**plan.record(), "curves": [curve.record() for curve in curves]}
         output.print(record, [convergence_grid(curves), reach_grid(curves, levels)])
 
-    def collect(found: Iterator[Curve]) -> None:
-        for curve in found:
+    runs = len(plan.targets) * plan.seeds
+    total = len(plan.chosen) * runs * counts[-1]
+    with printed_at_last(curves, finish), progress_bar("rendering", total) as progress:
+        for curve in run_convergence(
+            plan.scene,
+            plan.targets,
+            plan.chosen,
+            counts,
+            device=plan.device,
+            seeds=plan.seeds,
+            progress=progress,
+        ):
             curves.append(curve)
             report.grids = [reach_grid(curves, levels), convergence_grid(curves)]
             report.plots = convergence_plots(curves)
             output.write(report)
-
-    runs = len(plan.targets) * plan.seeds
-    with _printed_at_last(curves, finish):
-        with progress_bar("rendering", len(plan.chosen) * runs * counts[-1]) as progress:
-            collect(
-                run_convergence(
-                    plan.scene,
-                    plan.targets,
-                    plan.chosen,
-                    counts,
-                    device=plan.device,
-                    seeds=plan.seeds,
-                    progress=progress,
-                )
-            )
-        if rival is not None:
-            with progress_bar("path tracing", runs * sum(counts), "samples") as progress:
-                collect(rival(progress))
     return 0
 
 
@@ -216,29 +205,8 @@ def parse_levels(text: str) -> list[float]:
     return levels
 
 
-def _mitsuba(
-    plan: Plan, counts: Sequence[int], model: str | None
-) -> Callable[[Callable[[int], None]], Iterator[Curve]]:
-    """The rival, ready to run; what it lacks is said before anything is measured."""
-    from iprt.measure.mitsuba_curve import run_mitsuba
-    from iprt.truth.backend import mitsuba
-    from iprt.truth.model import load_parts
-
-    mitsuba()
-    parts = None if model is None else load_parts(model)
-    return lambda progress: run_mitsuba(
-        plan.scene,
-        plan.targets,
-        counts,
-        parts=parts,
-        seeds=plan.seeds,
-        seed=plan.chosen[0].settings.seed,
-        progress=progress,
-    )
-
-
 @contextmanager
-def _printed_at_last(results: Sequence[object], finish: Callable[[], None]) -> Iterator[None]:
+def printed_at_last(results: Sized, finish: Callable[[], None]) -> Iterator[None]:
     """Print what there is at the end, be it a signal or an error: no result is lost."""
 
     def finish_early() -> None:

@@ -95,11 +95,10 @@ def reference(
 
         color, layers = _with_model(load_parts(model), instances, chosen, spp, seed, denoise)
     else:
-        from iprt.truth.panorama import render_reference
+        from iprt.truth.panorama import load_world, render_reference
 
-        result = render_reference(
-            opened.frame(), instances, chosen, spp=spp, seed=seed, clean=denoise
-        )
+        world = load_world(opened.frame(), instances)
+        result = render_reference(world, chosen, spp=spp, seed=seed, clean=denoise)
         color = result.color
         layers = {
             name: getattr(result, name) for name in ("ratio", "background", "objects", "coverage")
@@ -123,11 +122,12 @@ def _with_model(
     seed: int,
     clean: bool,
 ) -> Layers:
-    from iprt.truth.model import render_color, render_mask
+    from iprt.truth.model import load_scene, render_color, render_mask
     from iprt.truth.shapes import instance_shapes
 
     shapes = instance_shapes(instances)
-    color = render_color({**parts, **shapes}, view, spp=spp, seed=seed, clean=clean)
-    background = render_color(parts, view, spp=spp, seed=seed, clean=clean)
+    both = load_scene({**parts, **shapes})
+    color = render_color(both, view, spp=spp, seed=seed, clean=clean)
+    background = render_color(load_scene(parts), view, spp=spp, seed=seed, clean=clean)
     coverage = render_mask(parts, shapes, view, seed=seed)
     return color, {"background": background, "coverage": coverage}

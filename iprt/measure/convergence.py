@@ -185,12 +185,12 @@ def _pictures(
 
 
 def seconds_to(points: Sequence[Point], cut: int | None, ssim: float) -> float | None:
-    """Seconds until a curve first reaches an SSIM; None if it does not.
+    """The least seconds after which a curve has an SSIM; None if it never has.
 
     Between two pictures SSIM is taken as linear in the logarithm of time.
     """
     before: Point | None = None
-    for point in points:
+    for point in sorted(points, key=lambda point: point.seconds.mean):
         high = point.reached(cut)
         if high >= ssim:
             if before is None:

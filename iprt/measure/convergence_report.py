@@ -47,12 +47,12 @@ def reach_grid(curves: Sequence[Curve], levels: Sequence[float]) -> Grid:
     """Seconds until each cut has an SSIM of each of the levels; a row per curve and cut."""
     rows = []
     for curve in curves:
-        for cut in _cuts(curve):
+        for cut in cuts_of(curve):
             times = [seconds_to(curve.points, cut, level) for level in levels]
             rows.append(
                 (
                     curve.view,
-                    "whole view" if cut is None else f"cut {cut + 1}",
+                    cut_name(cut),
                     curve.label,
                     *("-" if seconds is None else f"{seconds:.2f}" for seconds in times),
                     f"{max(point.reached(cut) for point in curve.points):.4f}",
@@ -72,16 +72,15 @@ def convergence_plots(curves: Sequence[Curve]) -> list[Plot]:
     plots = []
     for view in dict.fromkeys(curve.view for curve in curves):
         mine = [curve for curve in curves if curve.view == view]
-        for cut in _cuts(mine[0]):
-            what = "whole view" if cut is None else f"cut {cut + 1}"
-            plots.append(
-                Plot(
-                    title=f"{view}, {what}: accuracy against time",
-                    x_label="seconds",
-                    y_label="SSIM",
-                    series=tuple(_series(curve, cut) for curve in mine),
-                )
+        plots += [
+            Plot(
+                title=f"{view}, {cut_name(cut)}: accuracy against time",
+                x_label="seconds",
+                y_label="SSIM",
+                series=tuple(_series(curve, cut) for curve in mine),
             )
+            for cut in cuts_of(mine[0])
+        ]
     return plots
 
 
@@ -94,6 +93,11 @@ def _series(curve: Curve, cut: int | None) -> Series:
     return Series(curve.label, tuple(marks))
 
 
-def _cuts(curve: Curve) -> list[int | None]:
+def cuts_of(curve: Curve) -> list[int | None]:
     """The cuts of a curve's view; of a view without cuts the whole of it."""
     return list(range(len(curve.points[0].ssim_cuts))) or [None]
+
+
+def cut_name(cut: int | None) -> str:
+    """`cut 1` for 0."""
+    return "whole view" if cut is None else f"cut {cut + 1}"

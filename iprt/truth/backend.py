@@ -12,6 +12,7 @@ import re
 import subprocess
 import sys
 from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +38,19 @@ ray = mi.Ray3f(mi.Point3f(mi.Float([0, 1]), 0, -3), mi.Vector3f(0, 0, 1))
 distance = dr.maximum(scene.ray_intersect(ray).t, 0)  # LLVM 15 has no code for a maximum
 assert distance.numpy()[0] == 2
 """
+
+
+def require_reference() -> None:
+    """Fail before anything is done if path tracing or denoising would.
+
+    Raises
+    ------
+    IprtError
+        Mitsuba or pyoidn is not installed.
+    """
+    for module in ("mitsuba", "pyoidn"):
+        if find_spec(module) is None:
+            raise IprtError(f"no module {module}: pip install 'iprt[reference]'")
 
 
 @cache

@@ -52,12 +52,18 @@ def load_parts(module: str) -> Parts:
     return parts
 
 
-def render_color(parts: Parts, view: View, *, spp: int, seed: int, clean: bool = True) -> Image:
+def load_scene(parts: Parts) -> Any:
+    """A Mitsuba scene, ready for rays, of parts: Mitsuba dictionaries or objects by name."""
+    return mitsuba().load_dict({"type": "scene", **parts})
+
+
+def render_color(scene: Any, view: View, *, spp: int, seed: int, clean: bool = True) -> Image:
     """Radiance (H, W, 3) of a view, box-filtered, by unidirectional path tracing.
 
     Parameters
     ----------
-    parts : mapping of name to Mitsuba dict or object
+    scene : Mitsuba scene
+        From `load_scene`.
     spp : int
         Paths per pixel.
     seed : int
@@ -66,7 +72,6 @@ def render_color(parts: Parts, view: View, *, spp: int, seed: int, clean: bool =
         Denoise with albedo and normal guides.
     """
     mi = mitsuba()
-    scene = mi.load_dict({"type": "scene", **parts})
     paths = mi.load_dict({"type": "path", "max_depth": MAX_DEPTH, "rr_depth": 5})
     color = _render(scene, sensor(view), paths, spp, seed)[..., :3]
     if not clean:
@@ -82,10 +87,8 @@ def render_geometry(parts: Parts, view: View) -> tuple[Image, Image]:
 
     Both are 0 where the ray meets no surface. Normals face the capture centre.
     """
-    mi = mitsuba()
-    scene = mi.load_dict({"type": "scene", **parts})
-    layers = mi.load_dict({"type": "aov", "aovs": "d:depth,n:geo_normal"})
-    image = _render(scene, sensor(view, pixel_centres=True), layers, 1, 0)
+    layers = mitsuba().load_dict({"type": "aov", "aovs": "d:depth,n:geo_normal"})
+    image = _render(load_scene(parts), sensor(view, pixel_centres=True), layers, 1, 0)
     normal = image[..., 1:4]
     facing = np.sum(normal * view.directions(), axis=-1, keepdims=True) > 0.0
     return image[..., 0], np.where(facing, -normal, normal)
@@ -96,7 +99,7 @@ def render_mask(parts: Parts, objects: Parts, view: View, *, seed: int) -> Image
 
     The `objects` are Mitsuba shapes, not dictionaries: they are recognised by identity.
     """
-    scene = mitsuba().load_dict({"type": "scene", **parts, **objects})
+    scene = load_scene({**parts, **objects})
     return _render(scene, sensor(view), _coverage(list(objects.values())), MASK_SAMPLES, seed)[
         ..., 0
     ]

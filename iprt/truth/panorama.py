@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,9 @@ from iprt.geometry.mesh import Instance
 from iprt.truth.denoise import denoise
 from iprt.truth.sensor import sensor
 from iprt.truth.shapes import instance_shapes
+
+if TYPE_CHECKING:
+    from iprt.truth.transport import World
 
 Image = NDArray[np.float32]
 SAMPLES_AT_ONCE = 1 << 21
@@ -47,14 +50,23 @@ class Reference:
     coverage: Image
 
 
+def load_world(frame: Frame, instances: Sequence[Instance]) -> World:
+    """The world that a panorama describes, with objects in it, ready for rays.
+
+    Raises
+    ------
+    IprtError
+        If Mitsuba is not installed.
+    DeviceError
+        If Mitsuba's vectorized variant does not work.
+    """
+    from iprt.truth.transport import World
+
+    return World(frame, instance_shapes(instances))
+
+
 def render_reference(
-    frame: Frame,
-    instances: Sequence[Instance],
-    view: View,
-    *,
-    spp: int,
-    seed: int = 0,
-    clean: bool = True,
+    world: World, view: View, *, spp: int, seed: int = 0, clean: bool = True
 ) -> Reference:
     """Path-trace the objects in the world that the panorama describes.
 
@@ -65,6 +77,8 @@ def render_reference(
 
     Parameters
     ----------
+    world : World
+        From `load_world`.
     spp : int
         Samples per pixel.
     clean : bool
@@ -73,22 +87,18 @@ def render_reference(
     Raises
     ------
     IprtError
-        If Mitsuba, or pyoidn for denoising, is not installed.
-    DeviceError
-        If Mitsuba's vectorized variant does not work.
+        If pyoidn, for denoising, is not installed.
     """
-    from iprt.truth.transport import World
-
-    world = World(frame, instance_shapes(instances))
-    if instances:
-        width = min(RATIO_MAP_WIDTH, frame.width)
+    if not world.empty:
+        world.relight(None)
+        width = min(RATIO_MAP_WIDTH, world.width)
         whole = View(width, width // 2, projection="equirect")
         world.relight(_render(world, whole, spp, seed + 1, clean, ratio_only=True).ratio)
     return _render(world, view, spp, seed, clean)
 
 
 def _render(
-    world: Any, view: View, spp: int, seed: int, clean: bool, *, ratio_only: bool = False
+    world: World, view: View, spp: int, seed: int, clean: bool, *, ratio_only: bool = False
 ) -> Reference:
     pixels = view.width * view.height
     per_launch = max(1, min(spp, SAMPLES_AT_ONCE // pixels))
@@ -96,7 +106,7 @@ def _render(
     for start in range(0, spp, per_launch):
         count = min(per_launch, spp - start)
         for name, values in _launch(world, view, count, seed * 65537 + start, ratio_only).items():
-            sums[name] += values.reshape(pixels, count, -1).sum(axis=1, dtype=np.float64)
+            sums[name] += values
     shape = (view.height, view.width, -1)
     mean = {name: (value / spp).reshape(shape) for name, value in sums.items()}
     coverage = mean["covered"].astype(np.float32)
@@ -109,7 +119,8 @@ def _render(
     if clean:
         guides = [mean[name].astype(np.float32) for name in ("albedo", "normal")]
         wrap = view.projection == "equirect"
-        objects = np.where(coverage > 0.0, denoise(objects, *guides, wrap=wrap), 0.0)
+        if coverage.any():
+            objects = np.where(coverage > 0.0, denoise(objects, *guides, wrap=wrap), 0.0)
         smooth = denoise(ratio, np.ones_like(ratio), guides[1], wrap=wrap)
         ratio = np.where(usable, np.maximum(smooth, 0.0), 1.0).astype(np.float32)
         objects = np.maximum(objects, 0.0).astype(np.float32)
@@ -118,15 +129,18 @@ def _render(
 
 
 def _launch(
-    world: Any, view: View, count: int, seed: int, ratio_only: bool
-) -> dict[str, NDArray[np.float32]]:
-    """`count` samples of every pixel: arrays (pixels * count, channels)."""
+    world: World, view: View, count: int, seed: int, ratio_only: bool
+) -> dict[str, NDArray[np.float64]]:
+    """Sums over `count` samples of every pixel: arrays (pixels, channels)."""
     from iprt.truth.transport import dr, mi
 
-    samples = view.width * view.height * count
+    pixels = view.width * view.height
+    samples = pixels * count
     sampler = mi.load_dict({"type": "independent"})
     sampler.seed(seed % 2**32, samples)
-    pixel, jitter = dr.arange(mi.UInt32, samples) // count, sampler.next_2d()
+    # Opaque, so that one compiled kernel serves all counts.
+    pixel = dr.arange(mi.UInt32, samples) // dr.opaque(mi.UInt32, count)
+    jitter = sampler.next_2d()
     x, y = mi.Float(pixel % view.width) + jitter.x, mi.Float(pixel // view.width) + jitter.y
     place = mi.Point2f(x / view.width, y / view.height)
     ray, _ = sensor(view).sample_ray(0.0, 0.0, place, mi.Point2f(0.0))
@@ -153,5 +167,9 @@ def _launch(
         "normal": mi.Color3f(dr.select(virtual, si.sh_frame.n, normal)),
         "albedo": dr.select(virtual, si.bsdf().eval_diffuse_reflectance(si, virtual), zero),
     }
-    dr.eval(result)
-    return {name: np.asarray(value).T.reshape(samples, -1) for name, value in result.items()}
+    dr.eval(result)  # once: each sum would trace the rays anew
+    sums = {name: dr.block_sum(value, count) for name, value in result.items()}
+    dr.eval(sums)
+    return {
+        name: np.asarray(value, np.float64).T.reshape(pixels, -1) for name, value in sums.items()
+    }

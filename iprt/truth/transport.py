@@ -55,7 +55,13 @@ class RealHit:
 
 
 class World:
-    """A frame and virtual objects, Mitsuba shapes by name, ready for rays."""
+    """A frame and virtual objects, Mitsuba shapes by name, ready for rays.
+
+    Attributes
+    ----------
+    empty : bool
+        There are no objects.
+    """
 
     def __init__(self, frame: Frame, shapes: dict[str, Any]) -> None:
         self.scale = frame.median_depth
@@ -64,21 +70,25 @@ class World:
         self.real = mi.load_dict(
             {"type": "scene", "surface": _shape(mesh.positions, mesh.triangles)}
         )
+        self.empty = not shapes
         self.objects = mi.load_dict({"type": "scene", **shapes})
         self._color = _texture(frame.radiance)
         self._normal = _texture(frame.normal)
         receives = np.isfinite(frame.depth) & ~frame.opening
         self._receives = _texture(receives[..., None].astype(np.float32), nearest=True)
-        self._ratio = _texture(np.ones((2, 4, 3), np.float32))
+        self.relight(None)
         weight = frame.radiance.astype(np.float64) @ LUMINANCE
         weight = (weight + 0.05 * weight.mean() + 1e-30) * solid_angles(self.width, self.height)[
             :, None
         ]
         self._texels = mi.DiscreteDistribution(mi.Float(weight.ravel().astype(np.float32)))
 
-    def relight(self, ratio: NDArray[np.float32]) -> None:
-        """From now on, what objects see of real surfaces is multiplied by `ratio` (h, w, 3)."""
-        self._ratio = _texture(ratio)
+    def relight(self, ratio: NDArray[np.float32] | None) -> None:
+        """From now on, what objects see of real surfaces is multiplied by `ratio` (h, w, 3).
+
+        None: by 1.
+        """
+        self._ratio = _texture(np.ones((2, 4, 3), np.float32) if ratio is None else ratio)
 
     def radiance(self, direction: Any, *, relit: Any) -> Any:
         """Panorama radiance; with what objects do to it where `relit`."""

@@ -17,7 +17,7 @@ import numpy as np
 from iprt.geometry.camera import View
 from iprt.geometry.material import Material
 from iprt.output.exr import write_exr
-from iprt.truth.model import Parts, render_color, render_geometry, render_mask
+from iprt.truth.model import Parts, load_scene, render_color, render_geometry, render_mask
 from iprt.truth.shapes import bsdf_of, mitsuba_mesh
 from scenes360.files import cuts, rounded, toml_matrix, write_planes
 from scenes360.modelling import Solid, write_ply
@@ -85,7 +85,7 @@ def main() -> None:
     LOG.info("panorama")
     write_exr(
         options.out / "color.exr",
-        render_color(parts, PANORAMA, spp=options.spp, seed=SEED),
+        render_color(load_scene(parts), PANORAMA, spp=options.spp, seed=SEED),
         half=True,
     )
     write_planes(options.out / "depth.exr", {"Z": rounded(render_geometry(parts, PANORAMA)[0])})
@@ -109,8 +109,8 @@ def render_view(
     folder: Path, name: str, view: View, parts: Parts, inserted: Parts, spp: int
 ) -> list[list[int]]:
     """Write truth, background and mask of a view; the cuts around its objects."""
-    truth = render_color({**parts, **inserted}, view, spp=spp, seed=SEED)
-    background = render_color(parts, view, spp=spp, seed=SEED)
+    truth = render_color(load_scene({**parts, **inserted}), view, spp=spp, seed=SEED)
+    background = render_color(load_scene(parts), view, spp=spp, seed=SEED)
     mask = render_mask(parts, inserted, view, seed=SEED)
     write_exr(folder / f"{name}.exr", truth, half=True)
     write_exr(folder / f"{name}_background.exr", background, half=True)

@@ -19,7 +19,7 @@ from iprt.geometry.camera import View
 from iprt.geometry.keyframes import ObjectKeyframe, ObjectMotion
 from iprt.geometry.material import Material
 from iprt.output.exr import write_exr
-from iprt.truth.model import render_color, render_geometry
+from iprt.truth.model import load_scene, render_color, render_geometry
 from iprt.truth.shapes import bsdf_of, mitsuba_mesh
 from scenes360.files import write_planes
 from scenes360.modelling import Solid, sphere, torus_knot, write_ply
@@ -100,7 +100,7 @@ def render_frame(folder: Path, index: int, spp: int) -> None:
         return
     LOG.info("frame %d", index)
     parts = model.build(index / plan.FPS)
-    write_exr(color, render_color(parts, PANORAMA, spp=spp, seed=SEED))
+    write_exr(color, render_color(load_scene(parts), PANORAMA, spp=spp, seed=SEED))
     write_planes(depth, {"Z": render_geometry(parts, PANORAMA)[0]})
 
 

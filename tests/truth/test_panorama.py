@@ -46,14 +46,13 @@ def test_furnace(
     mi: Any, material: Material, expected: tuple[float, float, float], tolerance: float
 ) -> None:
     """In constant light an object shows its reflectance times the light."""
-    from iprt.truth.panorama import render_reference
+    from iprt.truth.panorama import load_world, render_reference
 
     # A far wall, so that the object's own shadow on it does not matter.
     frame = sphere_frame(np.full((32, 64, 3), 2.0, np.float32), 40.0)
     view = View(24, 24, fov_y_deg=30.0)
-    result = render_reference(
-        frame, [ball(material, (0.0, 0.0, -2.0), 0.4)], view, spp=64, clean=False
-    )
+    world = load_world(frame, [ball(material, (0.0, 0.0, -2.0), 0.4)])
+    result = render_reference(world, view, spp=64, clean=False)
     inside = result.coverage == 1.0
     assert inside.sum() > 100
     mean = result.objects[inside].mean(axis=0)
@@ -63,12 +62,12 @@ def test_furnace(
 
 
 def test_white_object_in_white_room_is_invisible(mi: Any) -> None:
-    from iprt.truth.panorama import render_reference
+    from iprt.truth.panorama import load_world, render_reference
 
     frame = sphere_frame(np.full((32, 64, 3), 0.7, np.float32), 3.0)
     white = ball(Material("diffuse", (1.0, 1.0, 1.0)), (0.0, -0.9, -1.5), 0.5)
     view = View(24, 24, pitch_deg=-30.0, fov_y_deg=70.0)
-    result = render_reference(frame, [white], view, spp=256, clean=False)
+    result = render_reference(load_world(frame, [white]), view, spp=256, clean=False)
     assert result.coverage.max() == 1.0
     # BOUNCES virtual surfaces and a convex object: nothing is cut off.
     np.testing.assert_allclose(result.color, 0.7, rtol=0.08)
@@ -76,13 +75,13 @@ def test_white_object_in_white_room_is_invisible(mi: Any) -> None:
 
 
 def test_white_objects_that_shade_and_light_each_other_are_invisible(mi: Any) -> None:
-    from iprt.truth.panorama import render_reference
+    from iprt.truth.panorama import load_world, render_reference
 
     frame = sphere_frame(np.full((32, 64, 3), 0.7, np.float32), 3.0)
     white = Material("diffuse", (1.0, 1.0, 1.0))
     pair = [ball(white, (x, 0.0, -1.5), 0.4) for x in (-0.42, 0.42)]
     view = View(24, 16, fov_y_deg=40.0)
-    result = render_reference(frame, pair, view, spp=256, clean=False)
+    result = render_reference(load_world(frame, pair), view, spp=256, clean=False)
     between = result.color[7:9, 10:14]
     assert result.coverage[7:9, 10:14].mean() > 0.7
     # Paths end after BOUNCES surfaces, which few that start between the balls reach.
@@ -116,14 +115,15 @@ def shadow_of_black_ball(
 
 @pytest.mark.parametrize("lamp", [0.0, 60.0], ids=["constant light", "a lamp"])
 def test_shadow_of_a_black_ball_is_the_blocked_light(mi: Any, lamp: float) -> None:
-    from iprt.truth.panorama import render_reference
+    from iprt.truth.panorama import load_world, render_reference
 
     color = np.full((64, 128, 3), 0.5, np.float32)
     color[8:13, 70:80] += lamp
     centre, r = np.array([0.5, -1.4, -0.6]), 0.4
     black = ball(Material("diffuse", (0.0, 0.0, 0.0)), tuple(centre), r)
     view = View(32, 16, projection="equirect")
-    result = render_reference(sphere_frame(color, 2.5), [black], view, spp=512, clean=False)
+    world = load_world(sphere_frame(color, 2.5), [black])
+    result = render_reference(world, view, spp=512, clean=False)
     expected = shadow_of_black_ball(color, 2.5, centre, r, view)
     seen = result.coverage == 0.0
     error = result.ratio[..., 0][seen] - expected[seen]
@@ -138,25 +138,26 @@ def test_shadow_of_a_black_ball_is_the_blocked_light(mi: Any, lamp: float) -> No
 def test_openings_take_no_shadow_and_cast_light(mi: Any) -> None:
     from dataclasses import replace
 
-    from iprt.truth.panorama import render_reference
+    from iprt.truth.panorama import load_world, render_reference
 
     frame = sphere_frame(np.full((32, 64, 3), 0.5, np.float32), 2.5)
     opening = np.zeros((32, 64), bool)
     opening[16:] = True
     black = ball(Material("diffuse", (0.0, 0.0, 0.0)), (0.0, -1.5, 0.0), 0.5)
     view = View(32, 16, projection="equirect")
-    result = render_reference(replace(frame, opening=opening), [black], view, spp=32, clean=False)
+    world = load_world(replace(frame, opening=opening), [black])
+    result = render_reference(world, view, spp=32, clean=False)
     assert (result.ratio[9:] == 1.0).all()
     assert result.ratio[6].min() < 1.0
 
 
 def test_without_objects_the_panorama_is_shown(mi: Any) -> None:
-    from iprt.truth.panorama import render_reference
+    from iprt.truth.panorama import load_world, render_reference
 
     rng = np.random.default_rng(3)
     color = rng.uniform(0.1, 1.0, (16, 32, 3)).astype(np.float32)
     view = View(32, 16, projection="equirect")
-    result = render_reference(sphere_frame(color, 2.0), [], view, spp=64, clean=True)
+    result = render_reference(load_world(sphere_frame(color, 2.0), []), view, spp=64, clean=True)
     assert (result.ratio == 1.0).all()
     assert not result.coverage.any()
     # Each pixel averages a bilinear interpolation: close to its texel, not equal.

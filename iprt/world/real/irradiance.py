@@ -143,6 +143,11 @@ class IrradianceCache:
         if still and changed > 0.0 and not cut:
             self._relight(*light_change(before, now, self.rows, changed))
 
+    def forget(self) -> None:
+        """Forget all samples, as if no view had asked for any."""
+        for grid in (self.mean, self.irradiance):
+            self._device.fill_zero(grid)
+
     def _relight(self, factor: NDArray[np.float32], error: NDArray[np.float32]) -> None:
         """Change E_R by (cells, 3) factors, known to (cells,) relative errors.
 

@@ -1,0 +1,226 @@
+"""Renderers that make the same picture: iprt and Mitsuba, each with all that it keeps in memory."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+
+from iprt.measure.sweep import Combination, still_settings
+from iprt.measure.target import Radiance, Target
+
+if TYPE_CHECKING:
+    from iprt.device.compute import ComputeDevice
+    from iprt.footage.frame import Frame
+    from iprt.geometry.mesh import Instance
+    from iprt.renderer import Renderer
+    from iprt.scene.scene import Scene
+
+OURS = "iprt"
+FULL, PANORAMA = "Mitsuba, full geometry", "Mitsuba, panorama"
+
+
+@dataclass(frozen=True)
+class Subject:
+    """What is to be shown: a view of a scene folder.
+
+    Attributes
+    ----------
+    root : Path
+    allow_outside : bool
+        As for `Scene.open`.
+    target : Target
+    """
+
+    root: Path
+    allow_outside: bool
+    target: Target
+
+    @cached_property
+    def _scene(self) -> Scene:
+        from iprt.scene.scene import Scene
+
+        return Scene.open(self.root, allow_outside=self.allow_outside)
+
+    def frame(self) -> Frame:
+        """The frame of the video, read."""
+        return self._scene.frame(self.target.index)
+
+    def instances(self) -> tuple[Instance, ...]:
+        """The objects, read."""
+        return self._scene.instances_named(self.target.objects)
+
+
+class Contender(Protocol):
+    """A renderer with a scene in memory."""
+
+    def prepare(self, seed: int) -> None:
+        """Do once what need not be done for each picture of this seed, by making one."""
+
+    def picture(self, count: int, seed: int) -> tuple[float, Radiance]:
+        """A picture of `count` frames or samples per pixel, linear, and its seconds.
+
+        They count from what is in memory after `prepare` to the picture in memory. Nothing that
+        was sampled for another picture enters.
+        """
+
+
+class Entry(Protocol):
+    """What a process needs to know to become a contender; it can be pickled."""
+
+    @property
+    def label(self) -> str: ...
+
+    def contender(self, subject: Subject) -> Contender:
+        """Import, load and build all that it takes."""
+
+
+@dataclass(frozen=True)
+class IprtEntry:
+    """iprt with these settings. `device` is as for `choose_device`."""
+
+    combination: Combination
+    device: str | None
+
+    @property
+    def label(self) -> str:
+        """`iprt`, and what was changed."""
+        changed = self.combination.values
+        return f"{OURS}, {self.combination.label}" if changed else OURS
+
+    def contender(self, subject: Subject) -> Contender:
+        from iprt.device.choose import choose_device
+        from iprt.device.compute import ComputeDevice
+
+        return _Iprt(self.combination, ComputeDevice(choose_device(self.device)), subject)
+
+
+@dataclass(frozen=True)
+class FullEntry:
+    """Mitsuba's path tracer in the full geometry, that of the Python module `model`."""
+
+    model: str
+    label: str = field(default=FULL, init=False)
+
+    def contender(self, subject: Subject) -> Contender:
+        return _Full(self.model, subject)
+
+
+@dataclass(frozen=True)
+class PanoramaEntry:
+    """Mitsuba in the world that the panorama describes, over the target's background."""
+
+    label: str = field(default=PANORAMA, init=False)
+
+    def contender(self, subject: Subject) -> Contender:
+        return _Panorama(subject)
+
+
+class _Iprt:
+    """A picture goes on where the last one ended, if that has fewer frames and the same seed."""
+
+    def __init__(self, combination: Combination, device: ComputeDevice, subject: Subject) -> None:
+        from iprt.world.shared import Worlds
+
+        self._combination, self._device, self._target = combination, device, subject.target
+        self._frame, self._instances = subject.frame(), subject.instances()
+        self._worlds = Worlds()
+        self._kept: Any = None
+        self._renderer: Renderer | None = None
+        self._seed, self._done, self._seconds = -1, 0, 0.0
+
+    def prepare(self, seed: int) -> None:
+        from iprt.memory import require_memory
+
+        self._drop()
+        self._seed = seed
+        settings = still_settings(self._combination.settings, seed)
+        require_memory(self._device, self._frame, self._instances, self._target.view, settings)
+        renderer = self._renderer = self._new()
+        renderer.render(1)
+        # `_worlds` forgets what nobody else refers to.
+        self._kept = renderer.world if self._instances else renderer.real_world
+        self._drop()
+
+    def picture(self, count: int, seed: int) -> tuple[float, Radiance]:
+        if seed != self._seed:
+            self.prepare(seed)
+        if count <= self._done:
+            self._drop()
+        start = time.perf_counter()
+        if self._renderer is None:
+            self._renderer = self._new()
+        color = self._renderer.render(count - self._done).color
+        self._seconds += time.perf_counter() - start
+        self._done = count
+        self._device.profile.reset()  # else the events of all frames are kept
+        return self._seconds, color
+
+    def _new(self) -> Renderer:
+        from iprt.renderer import Renderer
+
+        renderer = Renderer(
+            self._device,
+            self._frame,
+            self._instances,
+            self._target.view,
+            still_settings(self._combination.settings, self._seed),
+            background=self._target.background,
+            worlds=self._worlds,
+        )
+        if renderer.real_world.irradiance is not None:
+            renderer.real_world.irradiance.forget()
+        return renderer
+
+    def _drop(self) -> None:
+        if self._renderer is not None:
+            self._renderer.close()
+        # Gone before there is another one, which finds the memory mapped.
+        self._renderer, self._done, self._seconds = None, 0, 0.0
+
+
+class _Full:
+    """All of the picture is path-traced, the background too."""
+
+    def __init__(self, model: str, subject: Subject) -> None:
+        from iprt.truth.model import load_parts, load_scene
+        from iprt.truth.shapes import instance_shapes
+
+        self._view = subject.target.view
+        self._scene = load_scene({**load_parts(model), **instance_shapes(subject.instances())})
+
+    def prepare(self, seed: int) -> None:
+        self.picture(1, seed)
+
+    def picture(self, count: int, seed: int) -> tuple[float, Radiance]:
+        from iprt.truth.model import render_color
+
+        start = time.perf_counter()
+        color = render_color(self._scene, self._view, spp=count, seed=seed)
+        return time.perf_counter() - start, color
+
+
+class _Panorama:
+    """Differential: what objects change of the target's background, and the objects."""
+
+    def __init__(self, subject: Subject) -> None:
+        from iprt.truth.panorama import load_world
+
+        self._target = subject.target
+        self._world = load_world(subject.frame(), subject.instances())
+
+    def prepare(self, seed: int) -> None:
+        self.picture(1, seed)
+
+    def picture(self, count: int, seed: int) -> tuple[float, Radiance]:
+        from iprt.truth.panorama import render_reference
+
+        start = time.perf_counter()
+        result = render_reference(self._world, self._target.view, spp=count, seed=seed)
+        color = result.color
+        if self._target.background is not None:
+            uncovered = 1.0 - result.coverage[..., None]
+            color = uncovered * self._target.background * result.ratio + result.objects
+        return time.perf_counter() - start, color
