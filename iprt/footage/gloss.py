@@ -103,7 +103,7 @@ def _on_plane(frame: Frame, plane: Plane) -> Mask:
     directions = View(frame.width, frame.height, projection="equirect").directions()
     reach = np.where(np.isfinite(frame.depth), frame.depth, 0.0)
     offset = reach * (directions @ np.asarray(plane.normal)) - np.dot(plane.point, plane.normal)
-    facing = np.abs(frame.normal @ np.asarray(plane.normal))
+    facing = np.abs(frame.fitted_normal @ np.asarray(plane.normal))
     return np.asarray((np.abs(offset) <= plane.tolerance) & (facing >= PARALLEL))
 
 

@@ -15,7 +15,9 @@ WIDE_LEVELS = 4
 Image = NDArray[np.float64]
 
 
-def outside_radiance(color: NDArray[np.float32], opening: NDArray[np.bool_]) -> NDArray[np.float32]:
+def outside_radiance(
+    light: NDArray[np.floating], opening: NDArray[np.bool_]
+) -> NDArray[np.float32]:
     """Environment of all openings, extrapolated smoothly to where none was seen.
 
     Directions that openings cover keep their mean radiance; the others are filled by push-pull:
@@ -24,10 +26,10 @@ def outside_radiance(color: NDArray[np.float32], opening: NDArray[np.bool_]) -> 
 
     Parameters
     ----------
-    color : (H, W, 3) float32
-        Linear radiance of the panorama.
+    light : (N, 3) float
+        Linear radiance of the texels of all openings, row by row.
     opening : (H, W) bool
-        `Frame.opening`; at least one True.
+        `Frame.opening`; N of them are True, at least one.
 
     Returns
     -------
@@ -35,17 +37,16 @@ def outside_radiance(color: NDArray[np.float32], opening: NDArray[np.bool_]) -> 
         Equirect, in the panorama's convention.
     """
     height, width = opening.shape
-    sine = np.sin((np.arange(height) + 0.5) / height * np.pi)[:, None]
-    weight = np.where(opening, sine, 0.0)
-    rows = np.arange(height) * OUTSIDE_ROWS // height
-    columns = np.arange(width) * 2 * OUTSIDE_ROWS // width
-    cell = (rows[:, None] * 2 * OUTSIDE_ROWS + columns)[opening]
+    texel = np.flatnonzero(opening)
+    row, column = texel // width, texel % width
+    weight = np.sin((np.arange(height) + 0.5) / height * np.pi)[row]
+    cell = row * OUTSIDE_ROWS // height * 2 * OUTSIDE_ROWS + column * 2 * OUTSIDE_ROWS // width
     size = 2 * OUTSIDE_ROWS**2
-    light = weight[opening][:, None] * color[opening]
+    weighted = weight[:, None] * light
     shape = (OUTSIDE_ROWS, 2 * OUTSIDE_ROWS)
-    total = np.bincount(cell, weight[opening], size).astype(np.float64).reshape(shape)
+    total = np.bincount(cell, weight, size).astype(np.float64).reshape(shape)
     sums = np.stack(
-        [np.bincount(cell, light[:, c], size).astype(np.float64).reshape(shape) for c in range(3)],
+        [np.bincount(cell, weighted[:, c], size).astype(np.float64).reshape(shape) for c in range(3)],
         axis=-1,
     )
     return _filled(sums, total[..., None]).astype(np.float32)

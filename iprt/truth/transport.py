@@ -66,7 +66,7 @@ class World:
         )
         self.objects = mi.load_dict({"type": "scene", **shapes})
         self._color = _texture(frame.radiance)
-        self._normal = _texture(frame.normal)
+        self._normal = _texture(frame.fitted_normal)
         receives = np.isfinite(frame.depth) & ~frame.opening
         self._receives = _texture(receives[..., None].astype(np.float32), nearest=True)
         self._ratio = _texture(np.ones((2, 4, 3), np.float32))

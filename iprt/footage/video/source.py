@@ -17,7 +17,6 @@ from iprt.files.path_safety import require_inside
 from iprt.footage.coarse_depth import Grid, at_full_size
 from iprt.footage.depth import sanitise_color, sanitise_depth
 from iprt.footage.frame import Frame
-from iprt.footage.normals import estimate_normals, sanitise_normals
 from iprt.footage.video.poses import read_poses
 from iprt.footage.video.reader import open_streams
 from iprt.footage.video.table import VideoTable
@@ -50,13 +49,12 @@ class RawFrame:
     pose: NDArray[np.float64] | None = None
 
     def sanitised(self) -> Frame:
-        """Fill holes and find normals; see `sanitise_depth` and `estimate_normals`."""
+        """Fill holes; see `sanitise_depth`."""
         color = sanitise_color(self.color)
         clean = sanitise_depth(self.depth, color)
-        normal = estimate_normals(clean.depth, clean.opening.astype(np.uint8))
-        if self.normal is not None:
-            normal = sanitise_normals(self.normal, normal)
-        return Frame(color, clean.depth, clean.opening, normal, index=self.index, pose=self.pose)
+        return Frame(
+            color, clean.depth, clean.opening, self.normal, index=self.index, pose=self.pose
+        )
 
 
 @dataclass(frozen=True)
