@@ -46,7 +46,10 @@ def outside_radiance(
     shape = (OUTSIDE_ROWS, 2 * OUTSIDE_ROWS)
     total = np.bincount(cell, weight, size).astype(np.float64).reshape(shape)
     sums = np.stack(
-        [np.bincount(cell, weighted[:, c], size).astype(np.float64).reshape(shape) for c in range(3)],
+        [
+            np.bincount(cell, weighted[:, c], size).astype(np.float64).reshape(shape)
+            for c in range(3)
+        ],
         axis=-1,
     )
     return _filled(sums, total[..., None]).astype(np.float32)

@@ -106,7 +106,9 @@ class RealSurfaces:
         self._smooth = _smoothed(frame.fitted_normal[rows, columns])
         self.normals = self._smooth[kept]
         # Averages alone would take the foot of a wall for floor; single normals, noise.
-        upright = np.minimum(frame.fitted_normal[rows, columns][..., 1], self._smooth[..., 1]) > UPRIGHT
+        upright = (
+            np.minimum(frame.fitted_normal[rows, columns][..., 1], self._smooth[..., 1]) > UPRIGHT
+        )
         self._upward = upright[kept]
         # What faces up, and how far apart its points are.
         self._level = self.points[self._upward]

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pyopencl.array as cla
 from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
-
-if TYPE_CHECKING:
-    from iprt.world.real.panorama import Panorama
 
 LIGHT_ROWS = 256
 """Rows of the table, at most: cells of 0.7 degrees."""
@@ -39,15 +37,19 @@ class Lights:
         )
         self.count = 0
 
-    def load(self, panorama: Panorama) -> None:
-        """Make the table of the frame that a panorama holds, and of what it remembers."""
+    def load(self, radiance: cla.Array, hidden: cla.Array | None = None) -> None:
+        """Make the table of a panorama (H, W, 4), linear radiance.
+
+        `hidden` (H, W) is the luminance of lights that are remembered behind it, else 0.
+        """
+        height, width, _ = radiance.shape
         with self._device.profile.section("lights"):
             self._sum(
                 (self.columns, self.rows),
-                width=panorama.width,
-                height=panorama.height,
-                texels=panorama.radiance,
-                hidden_light=panorama.hidden_light,
+                width=width,
+                height=height,
+                texels=radiance,
+                hidden_light=hidden,
             )
         density, cells, cumulative = light_table(self._device.read(self._luminance))
         self.count = len(cells)

@@ -58,7 +58,9 @@ class RealWorld:
         )
         self._color_map = ColorMap(device) if features.color_map else None
         self.lights = Lights(device, frame.width, frame.height) if features.light_sampling else None
-        self.irradiance = IrradianceCache(device, self.panorama, features) if features.delta else None
+        self.irradiance = (
+            IrradianceCache(device, self.panorama, features) if features.delta else None
+        )
         self.highlight = Highlight(device, self.panorama, features) if features.gloss else None
         self._load(frame)
 
@@ -102,7 +104,7 @@ class RealWorld:
             elsewhere = cut or not np.array_equal(motion, STILL)
             self.panorama.remember(forget=elsewhere or changed > OTHER_LIGHT)
             if self.lights is not None:
-                self.lights.load(self.panorama)
+                self.lights.load(self.panorama.radiance, self.panorama.hidden_light)
             if self.irradiance is not None:
                 self.irradiance.place(self.panorama, motion, changed=changed, cut=cut)
         self.frame, self._complete = frame, True

@@ -122,7 +122,10 @@ class Surfaces:
             "inverse": self.inverse,
         }
         self._fit = device.kernel("world/real/planes.cl", "fit_planes", wide).fixed(
-            size, along, rows=self._band + 2, taps=device.upload("panorama.taps", _words(lines.taps))
+            size,
+            along,
+            rows=self._band + 2,
+            taps=device.upload("panorama.taps", _words(lines.taps)),
         )
         self._take = device.kernel("world/real/planes.cl", "take_planes", wide).fixed(
             size, along, rows=self._band + 2, azimuth=self.grid["azimuth"]
