@@ -16,6 +16,70 @@ static inline Vectors vectors(float3 v)
     return same;
 }
 
+// Texels side by side that a work item takes.
+#define STRIP 16
+
+typedef struct {
+    int width;
+    int height;
+    __global const float *depth;
+    __global const float *plane;
+    __global const uchar *marks;
+    __global const float2 *column;
+    __global const float *row;
+    __global const float2 *azimuth;
+    __global const float2 *polar;
+} Kept;
+
+// Whether something is hidden at texels from x to `end` of a row, or right beside one.
+static inline int hides(__global const uchar *restrict marks, int x, int end, int y, int width,
+                        int height)
+{
+    int hidden = marks[y * width + (x > 0 ? x - 1 : width - 1)]
+        | marks[y * width + (end < width ? end : 0)];
+    const int above = max(y - 1, 0) * width, below = min(y + 1, height - 1) * width;
+    for (int i = x; i < end; i++)
+        hidden |= marks[above + i] | marks[y * width + i] | marks[below + i];
+    return hidden & SURFACE_HIDDEN;
+}
+
+static inline void join_texel(const Kept kept, int x, int y, float4 *surface, float2 *range)
+{
+    const int width = kept.width, texel = y * width + x;
+    const float d = kept.depth[texel];
+    int flags = kept.marks[texel];
+    if (!isfinite(d)) {
+        *surface = (float4)(0.0f, 0.0f, 0.0f, (float)(SURFACE_NONE | flags));
+        *range = (float2)(INFINITY, INFINITY);
+        return;
+    }
+    const Vectors g = vectors(vload3(texel, kept.plane));
+    const Vectors v = vectors(centre_direction(kept.azimuth[x], kept.polar[y]));
+    const float footprint = IPRT_PI / kept.height;
+    const int across[4] = {x + 1 < width ? x + 1 : 0, x > 0 ? x - 1 : width - 1, x, x};
+    const int down[4] = {y, y, y - 1, y + 1};
+    const int flag[4] = {SURFACE_EAST, SURFACE_WEST, SURFACE_NORTH, SURFACE_SOUTH};
+    float reach = footprint * d;
+    for (int i = 0; i < 4; i++) {
+        if (down[i] < 0 || down[i] >= kept.height)
+            continue;
+        const int other = down[i] * width + across[i];
+        const Vectors w = vectors(centre_direction(kept.azimuth[across[i]], kept.polar[down[i]]));
+        const Vectors h = vectors(vload3(other, kept.plane));
+        flags |= joined(d, g, v, 1.0f / kept.depth[other], h, w, footprint, &reach) ? flag[i] : 0;
+    }
+    float low = d, high = d;
+    for (int corner = 0; corner < 4; corner++) {
+        const float c = kept.row[y + (corner >> 1)];
+        const float2 level = (float2)(c, sqrt(fmax(1.0f - c * c, 0.0f)));
+        const float2 edge = kept.column[x + (corner & 1)];
+        corner_radius(g, vectors(centre_direction(edge, level)), &low, &high);
+    }
+    const float bend = radius_bend(g, d, footprint);
+    *surface = (float4)(g.x, g.y, g.z, (float)flags);
+    *range = (float2)(fmax(low - bend, d - reach), fmin(high + bend, d + reach));
+}
+
 __kernel void join_background(
     const int width,
     const int height,
@@ -31,49 +95,25 @@ __kernel void join_background(
     __global float4 *restrict surface,         // out
     __global float2 *restrict range)           // out
 {
-    const int x = get_global_id(0), y = get_global_id(1);
+    const int x = get_global_id(0) * STRIP, y = get_global_id(1);
     if (x >= width || y >= height)
         return;
-    const int texel = y * width + x;
-    const int across[4] = {x + 1 < width ? x + 1 : 0, x > 0 ? x - 1 : width - 1, x, x};
-    const int down[4] = {y, y, y - 1, y + 1};
-    int hidden = kept_marks[texel];
-    for (int i = 0; i < 4; i++)
-        hidden |= kept_marks[clamp(down[i], 0, height - 1) * width + across[i]];
-    if (!(hidden & SURFACE_HIDDEN)) {
-        surface[texel] = first_surface[texel];
-        range[texel] = first_range[texel];
+    const int end = min(x + STRIP, width), line = y * width;
+    if (!hides(kept_marks, x, end, y, width, height)) {
+        for (int i = line + x; i < line + end; i++)
+            surface[i] = first_surface[i];
+        for (int i = line + x; i < line + end; i++)
+            range[i] = first_range[i];
         return;
     }
-    const float d = kept_depth[texel];
-    const int marks = kept_marks[texel];
-    if (!isfinite(d)) {
-        surface[texel] = (float4)(0.0f, 0.0f, 0.0f, (float)(SURFACE_NONE | marks));
-        range[texel] = (float2)(INFINITY, INFINITY);
-        return;
+    const Kept kept = {width, height, kept_depth, kept_plane, kept_marks,
+                       column, row, azimuth, polar};
+    for (int i = x; i < end; i++) {
+        float4 g = first_surface[line + i];
+        float2 bounds = first_range[line + i];
+        if (hides(kept_marks, i, i + 1, y, width, height))
+            join_texel(kept, i, y, &g, &bounds);
+        surface[line + i] = g;
+        range[line + i] = bounds;
     }
-    const Vectors g = vectors(vload3(texel, kept_plane));
-    const Vectors v = vectors(centre_direction(azimuth[x], polar[y]));
-    const float footprint = IPRT_PI / height;
-    const int flag[4] = {SURFACE_EAST, SURFACE_WEST, SURFACE_NORTH, SURFACE_SOUTH};
-    int flags = marks;
-    float reach = footprint * d;
-    for (int i = 0; i < 4; i++) {
-        if (down[i] < 0 || down[i] >= height)
-            continue;
-        const int other = down[i] * width + across[i];
-        const Vectors w = vectors(centre_direction(azimuth[across[i]], polar[down[i]]));
-        const Vectors h = vectors(vload3(other, kept_plane));
-        flags |= joined(d, g, v, 1.0f / kept_depth[other], h, w, footprint, &reach) ? flag[i] : 0;
-    }
-    float low = d, high = d;
-    for (int corner = 0; corner < 4; corner++) {
-        const float2 edge = column[x + (corner & 1)];
-        const float c = row[y + (corner >> 1)];
-        const float2 level = (float2)(c, sqrt(fmax(1.0f - c * c, 0.0f)));
-        corner_radius(g, vectors(centre_direction(edge, level)), &low, &high);
-    }
-    const float bend = radius_bend(g, d, footprint);
-    surface[texel] = (float4)(g.x, g.y, g.z, (float)flags);
-    range[texel] = (float2)(fmax(low - bend, d - reach), fmin(high + bend, d + reach));
 }

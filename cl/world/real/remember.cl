@@ -33,6 +33,13 @@ static inline float margin_at(float depth, float thickness, float thickness_rati
     return fmax(thickness, fmax(thickness_ratio, LEAST_MARGIN) * depth);
 }
 
+// Whether planes face the same way.
+static inline int same_facing(float3 g, float3 h)
+{
+    const float bend = dot(g, h);
+    return bend > 0.0f && bend * bend > SAME_NORMAL * SAME_NORMAL * dot(g, g) * dot(h, h);
+}
+
 // Whether each of some texels has something nearer by more than the margin within RIM texels.
 static inline void find_mixed(__global const float *restrict inverse,
                               __global const int4 *restrict lines, int x, int y, int height,
@@ -81,18 +88,15 @@ __kernel void remember(
         const float before = forget ? 0.0f : kept_depth[texel];
         const float4 memory = forget ? (float4)(0.0f) : kept_color[texel];
         const int known = forget ? 0 : kept_marks[texel];
-        const float3 plane = forget ? (float3)(0.0f) : vload3(texel, kept_plane);
         const float around = fabs(memory.w);
         const float margin = margin_at(around, thickness, thickness_ratio);
 
         // Infinities have no differences.
         const int uncovered = forget || now > around + margin;
-        const float facing = SAME_NORMAL * SAME_NORMAL * dot(g, g) * dot(plane, plane);
-        const float bend = dot(g, plane);
-        const int alike = isfinite(around) && now >= around - margin
-            && bend > 0.0f && bend * bend > facing;
+        const int near = isfinite(around) && now >= around - margin;
         const int windows = marks & known & SURFACE_OPENING;
-        if (!uncovered && !(now >= before || alike || windows)) {
+        if (!uncovered && !(now >= before || windows
+                            || (near && same_facing(g, vload3(texel, kept_plane))))) {
             const float light = luminance(memory.xyz);
             const int aimed = light > luminance(seen.xyz);
             kept_marks[texel] =

@@ -8,9 +8,11 @@ import numpy as np
 import pyopencl.array as cla
 
 from iprt.device.compute import ComputeDevice
+from iprt.files.kernel_source import constant
 from iprt.world.real.pyramid import PyramidShape
 from iprt.world.real.surfaces import Surfaces
 
+STRIP = constant("world/real/background.cl", "STRIP")
 if TYPE_CHECKING:
     from iprt.settings.trace import TraceSettings
 
@@ -112,7 +114,7 @@ class Background:
                 hidden_light=self.hidden_light,
             )
             self._join(
-                (first.width, first.height),
+                (-(-first.width // STRIP), first.height),
                 first.grid,
                 known,
                 first_surface=first.surface,
