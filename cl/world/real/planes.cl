@@ -52,6 +52,18 @@ static inline floats line_slope(const floats *rise, const float *at, floats cent
     return either(surface, slope, (floats)(0.0f));
 }
 
+// 1 where a texel of the window lies on the local plane, and its rise there; else 0.
+static inline floats on_plane(__global const float *restrict inverse, const Tap tap, int x,
+                              floats own, floats expected, floats farthest, floats *rise)
+{
+    const floats there = load_floats(inverse + tap.line + x);
+    const floats rises = fabs(there) * tap.scale - fabs(own);
+    const ints alike = (bits_of(there) ^ bits_of(own)) >= 0;
+    const ints is = alike && fabs(rises - expected) <= farthest;
+    *rise = either(is, rises, (floats)(0.0f));
+    return either(is, (floats)(1.0f), (floats)(0.0f));
+}
+
 __kernel void fit_planes(
     const int width,
     const int height,
@@ -89,30 +101,36 @@ __kernel void fit_planes(
     }
     const floats slope_a = line_slope(rise, at, centre);
 
-    // Moments of a, b and inverse depth over the texels on the local plane.
+    // Moments of a, b and inverse depth over the texels on the local plane. Two texels as many steps
+    // to either side have opposite a and the same b: they are summed as pairs.
     const floats farthest = tolerance * centre;
     floats n = (floats)(1.0f), a = (floats)(0.0f), b = a, aa = a, ab = a, bb = a;
     floats f = a, af = a, bf = a;
-    for (int i = 0; i < 25; i++) {
-        if (i == TAP(0, 0))
+    for (int i = 0; i < 15; i++) {
+        const int down = i / 3 - 2, aside = i % 3;
+        if (i == 6)
             continue;
-        const Tap near = tap[i];
-        const floats there = load_floats(inverse + near.line + x);
-        const floats rises = fabs(there) * near.scale - centre;
-        const ints alike = (bits_of(there) ^ bits_of(own)) >= 0;
-        const ints on_plane =
-            alike && fabs(rises - slope_a * near.a - slope_b * near.b) <= farthest;
-        const floats weight = either(on_plane, (floats)(1.0f), (floats)(0.0f));
-        const floats weighted = weight * rises;
+        const Tap near = tap[TAP(down, aside)];
+        const floats expected = slope_b * near.b, turn = slope_a * near.a;
+        floats rises;
+        floats weight = on_plane(inverse, near, x, own, expected + turn, farthest, &rises);
+        if (aside > 0) {
+            floats other_rises;
+            const floats other = on_plane(inverse, tap[TAP(down, -aside)], x, own,
+                                          expected - turn, farthest, &other_rises);
+            const floats more = weight - other;
+            a += more * near.a;
+            ab += more * (near.a * near.b);
+            af += (rises - other_rises) * near.a;
+            weight += other;
+            rises += other_rises;
+        }
         n += weight;
-        a += weight * near.a;
+        f += rises;
         b += weight * near.b;
-        aa += weight * (near.a * near.a);
-        ab += weight * (near.a * near.b);
         bb += weight * (near.b * near.b);
-        f += weighted;
-        af += weighted * near.a;
-        bf += weighted * near.b;
+        bf += rises * near.b;
+        aa += weight * (near.a * near.a);
     }
     // About the mean: the plane need not pass through the texel itself.
     const floats share = 1.0f / n;

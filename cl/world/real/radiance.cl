@@ -19,7 +19,7 @@ __kernel void load_texels(
     const int first,                         // number of the first one
     const int fresh,                         // there is no frame before
     __global const float *restrict color,    // 3 a texel
-    __global const float4 *restrict map,     // 3 rows of `Frame.color_map`, or null
+    __global const float4 *restrict map,     // 3 rows of `Frame.color_map`, or null; w is 0
     __global float4 *restrict texels,        // in, out: rgb, 0
     __global float4 *restrict sums)          // out, per strip: over texels and channels, of what
                                              // they differ by, of the larger, and of all; 0
@@ -29,18 +29,21 @@ __kernel void load_texels(
     if (strip >= strips || y >= rows)
         return;
     const int end = min((strip + 1) * STRIP, width);
-    float3 apart = (float3)(0.0f), larger = apart, all = apart;
+    float4 apart = (float4)(0.0f), larger = apart, all = apart;
     for (int x = strip * STRIP; x < end; x++) {
         const int texel = (first + y) * width + x;
-        float3 now = vload3(y * width + x, color);
+        const int from = y * width + x;
+        // Where there is a next texel, with its first channel: four floats take one load.
+        float4 now = from + 1 < rows * width ? vload4(0, color + 3 * from)
+                                             : (float4)(vload3(from, color), 0.0f);
+        now.w = 0.0f;
         if (map)
-            now = fmax((float3)(dot(map[0].xyz, now), dot(map[1].xyz, now), dot(map[2].xyz, now)),
-                       0.0f);
-        const float3 before = fresh ? now : texels[texel].xyz;
+            now = fmax((float4)(dot(map[0], now), dot(map[1], now), dot(map[2], now), 0.0f), 0.0f);
+        const float4 before = fresh ? now : texels[texel];
         apart += fabs(now - before);
         larger += fmax(now, before);
         all += now;
-        texels[texel] = (float4)(now, 0.0f);
+        texels[texel] = now;
     }
     sums[(first + y) * strips + strip] = (float4)(
         apart.x + apart.y + apart.z, larger.x + larger.y + larger.z, all.x + all.y + all.z, 0.0f);

@@ -40,10 +40,11 @@ static inline int same_facing(float3 g, float3 h)
     return bend > 0.0f && bend * bend > SAME_NORMAL * SAME_NORMAL * dot(g, g) * dot(h, h);
 }
 
-// Whether each of some texels has something nearer by more than the margin within RIM texels.
+// Depths of some texels, and whether there is something nearer by more than the margin within RIM
+// texels of each.
 static inline void find_mixed(__global const float *restrict inverse,
                               __global const int4 *restrict lines, int x, int y, int height,
-                              float thickness, float thickness_ratio, floats *mixed)
+                              float thickness, float thickness_ratio, floats *now, floats *mixed)
 {
     floats nearest = (floats)(0.0f);
     for (int dy = -RIM; dy <= RIM; dy++) {
@@ -51,10 +52,11 @@ static inline void find_mixed(__global const float *restrict inverse,
         for (int dx = -RIM; dx <= RIM; dx++)
             nearest = fmax(nearest, fabs(load_floats(line + dx)));
     }
-    const floats now = 1.0f / fabs(load_floats(inverse + lines[y].x + x)), near = 1.0f / nearest;
+    const floats near = 1.0f / nearest;
+    *now = 1.0f / fabs(load_floats(inverse + lines[y].x + x));
     const floats margin =
         fmax((floats)(thickness), fmax(thickness_ratio, LEAST_MARGIN) * near);
-    *mixed = either(near + margin < now, (floats)(1.0f), (floats)(0.0f));
+    *mixed = either(near + margin < *now, (floats)(1.0f), (floats)(0.0f));
 }
 
 __kernel void remember(
@@ -76,14 +78,14 @@ __kernel void remember(
     const int x0 = get_global_id(0) * LANES, y = get_global_id(1);
     if (x0 >= width || y >= height)
         return;
-    floats mixed;
-    find_mixed(inverse, lines, x0, y, height, thickness, thickness_ratio, &mixed);
+    floats depth, mixed;
+    find_mixed(inverse, lines, x0, y, height, thickness, thickness_ratio, &depth, &mixed);
     const int end = min(x0 + LANES, width);
     for (int x = x0; x < end; x++) {
         const int texel = y * width + x;
-        const float now = 1.0f / fabs(inverse[lines[y].x + x]);
-        const float3 g = surface[texel].xyz;
-        const int marks = (int)surface[texel].w & SURFACE_OPENING;
+        const float now = lane(&depth, x - x0);
+        const float4 plane = surface[texel];
+        const int marks = (int)plane.w & SURFACE_OPENING;
         const float4 seen = radiance[texel];
         const float before = forget ? 0.0f : kept_depth[texel];
         const float4 memory = forget ? (float4)(0.0f) : kept_color[texel];
@@ -96,7 +98,7 @@ __kernel void remember(
         const int near = isfinite(around) && now >= around - margin;
         const int windows = marks & known & SURFACE_OPENING;
         if (!uncovered && !(now >= before || windows
-                            || (near && same_facing(g, vload3(texel, kept_plane))))) {
+                            || (near && same_facing(plane.xyz, vload3(texel, kept_plane))))) {
             const float light = luminance(memory.xyz);
             const int aimed = light > luminance(seen.xyz);
             kept_marks[texel] =
@@ -112,8 +114,11 @@ __kernel void remember(
             color = (float4)(memory.xyz, centre);
         kept_color[texel] = color;
         kept_depth[texel] = now;
-        vstore3(g, texel, kept_plane);
-        kept_marks[texel] = marks;
-        hidden_light[texel] = 0.0f;
+        vstore3(plane.xyz, texel, kept_plane);
+        // Most often they are what they were.
+        if (forget || known != marks)
+            kept_marks[texel] = marks;
+        if (forget || (known & SURFACE_HIDDEN))
+            hidden_light[texel] = 0.0f;
     }
 }
