@@ -49,7 +49,8 @@ def frames_light_change(
     cell = (row[:, None] * 2 * rows + column).ravel()
     first, second = (frame.depth[::step, ::step] for frame in (before, now))
     with np.errstate(invalid="ignore"):
-        same = (np.abs(second - first) <= SAME_DISTANCE * second).ravel()
+        same = np.isfinite(second) & (np.abs(second - first) <= SAME_DISTANCE * second)
+    same = same.ravel()
 
     def light(frame: Frame) -> Float:
         texels = frame.radiance[::step, ::step].reshape(-1, 3)[same]

@@ -17,6 +17,7 @@ __kernel void load_texels(
     const int width,
     const int rows,                          // that `color` holds
     const int first,                         // number of the first one
+    const int done,                          // so many of them were loaded before
     const int fresh,                         // there is no frame before
     __global const float *restrict color,    // 3 a texel
     __global const float4 *restrict map,     // 3 rows of `Frame.color_map`, or null; w is 0
@@ -26,7 +27,7 @@ __kernel void load_texels(
 {
     const int strip = get_global_id(0), y = get_global_id(1);
     const int strips = (width + STRIP - 1) / STRIP;
-    if (strip >= strips || y >= rows)
+    if (strip >= strips || y < done || y >= rows)
         return;
     const int end = min((strip + 1) * STRIP, width);
     float4 apart = (float4)(0.0f), larger = apart, all = apart;

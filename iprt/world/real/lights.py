@@ -22,6 +22,8 @@ class Lights:
     rows, columns : int
     count : int
         Cells that rays are aimed at; 0 where the panorama is even.
+    luminance : (rows, columns) float32
+        Means over the cells.
     """
 
     def __init__(self, device: ComputeDevice, width: int, height: int) -> None:
@@ -31,9 +33,9 @@ class Lights:
         self._cumulative = device.zeros("light cumulative", (cells + 1,))
         self._cell = device.zeros("light cells", (cells,), np.int32)
         self._density = device.zeros("light density", (cells,))
-        self._luminance = device.empty("light luminance", (self.rows, self.columns))
+        self.luminance = device.empty("light luminance", (self.rows, self.columns))
         self._sum = device.kernel("world/real/radiance.cl", "sum_luminance").fixed(
-            columns=self.columns, rows=self.rows, mean=self._luminance
+            columns=self.columns, rows=self.rows, mean=self.luminance
         )
         self.count = 0
 
@@ -51,7 +53,7 @@ class Lights:
                 texels=radiance,
                 hidden_light=hidden,
             )
-        density, cells, cumulative = light_table(self._device.read(self._luminance))
+        density, cells, cumulative = light_table(self._device.read(self.luminance))
         self.count = len(cells)
         padded = np.zeros(self._cumulative.shape, np.float32)
         padded[: self.count + 1] = cumulative

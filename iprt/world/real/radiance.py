@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
 from iprt.files.kernel_source import constant
-from iprt.world.real.surfaces import BAND_ROWS, bands
+from iprt.world.real.surfaces import band_rows, bands
 
 STRIP = constant("world/real/radiance.cl", "STRIP")
 
@@ -37,7 +37,7 @@ class PictureLoader:
     def __init__(self, device: ComputeDevice, width: int, height: int) -> None:
         self._device = device
         self._width, self._height = width, height
-        self._band = min(BAND_ROWS, height)
+        self._band = band_rows(height)
         self._strips = -(-width // STRIP)
         self._color = device.empty("panorama.decoded", (self._band, width, 3))
         self._sums = device.empty("panorama.sums", (height, self._strips, 4))
@@ -63,12 +63,15 @@ class PictureLoader:
             rows = np.zeros((3, 4), np.float32)
             rows[:, :3] = color_map
             device.write(self._map, rows)
+        end = 0
         for first in bands(self._height):
+            done, end = end - first, first + self._band
             with device.profile.section("upload"):
                 device.write(self._color, picture[first : first + self._band])
                 self._load(
                     (self._strips, self._band),
                     first=first,
+                    done=done,
                     fresh=fresh,
                     map=None if color_map is None else self._map,
                     texels=texels,

@@ -82,7 +82,7 @@ class Surfaces:
     def __init__(self, device: ComputeDevice, width: int, height: int) -> None:
         self._device = device
         self.width, self.height = width, height
-        self._band = min(BAND_ROWS, height)
+        self._band = band_rows(height)
         self._stride = -(-width // LANES) * LANES
         lines = Lines.of(width, height)
         self.lines = device.upload("panorama.lines", lines.table)
@@ -125,7 +125,7 @@ class Surfaces:
             size,
             along,
             rows=self._band + 2,
-            taps=device.upload("panorama.taps", _words(lines.taps)),
+            taps=device.upload("panorama.taps", lines.taps.view(np.float32)),
         )
         self._take = device.kernel("world/real/planes.cl", "take_planes", wide).fixed(
             size, along, rows=self._band + 2, azimuth=self.grid["azimuth"]
@@ -195,17 +195,15 @@ class Surfaces:
             self._take((self.width, rows), first=first, normals=self._normal)
 
 
+def band_rows(height: int) -> int:
+    """Rows of a band."""
+    return min(BAND_ROWS, height)
+
+
 def bands(height: int) -> list[int]:
-    """The first rows of bands of `BAND_ROWS`, or of all rows where these are fewer.
-
-    The last band may begin in the one before: all have one size, and rows may be made twice.
-    """
-    last = max(height - BAND_ROWS, 0)
-    return [min(first, last) for first in range(0, height, BAND_ROWS)]
-
-
-def _words(taps: NDArray[Any]) -> NDArray[np.float32]:
-    return taps.view(np.float32)
+    """The first rows of the bands. All have one size: the last may begin in the one before."""
+    rows = band_rows(height)
+    return [min(first, height - rows) for first in range(0, height, rows)]
 
 
 def _images(pairs: NDArray[np.float32], size: int) -> NDArray[np.float32]:
