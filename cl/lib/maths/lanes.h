@@ -37,18 +37,26 @@ static inline float lane(const floats *values, int number)
 // The texels to the right, and to the left, of those at x in a line that begins again at its end.
 static inline floats load_east(__global const float *restrict line, int x, int width)
 {
+#ifdef WIDE
     floats values = load_floats(line + x + 1);
     if (x + LANES >= width)
         ((float *)&values)[width - 1 - x] = line[0];
     return values;
+#else
+    return line[x + 1 < width ? x + 1 : 0];
+#endif
 }
 
 static inline floats load_west(__global const float *restrict line, int x, int width)
 {
+#ifdef WIDE
     floats values = load_floats(line + x - 1);
     if (x == 0)
         ((float *)&values)[0] = line[width - 1];
     return values;
+#else
+    return line[x > 0 ? x - 1 : width - 1];
+#endif
 }
 
 #endif

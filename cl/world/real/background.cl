@@ -56,19 +56,21 @@ static inline void join_texel(const Kept kept, int x, int y, float4 *surface, fl
     const Vectors g = vectors(vload3(texel, kept.plane));
     const Vectors v = vectors(centre_direction(kept.azimuth[x], kept.polar[y]));
     const float footprint = IPRT_PI / kept.height;
-    const int across[4] = {x + 1 < width ? x + 1 : 0, x > 0 ? x - 1 : width - 1, x, x};
-    const int down[4] = {y, y, y - 1, y + 1};
-    const int flag[4] = {SURFACE_EAST, SURFACE_WEST, SURFACE_NORTH, SURFACE_SOUTH};
-    float reach = footprint * d;
+    float reach = footprint * d, low = d, high = d;
+    // East, west, north, south; one after the other, which takes half of the registers.
+    #pragma unroll 1
     for (int i = 0; i < 4; i++) {
-        if (down[i] < 0 || down[i] >= kept.height)
+        const int row = y + (i == 3) - (i == 2), aside = x + (i == 0) - (i == 1);
+        if (row < 0 || row >= kept.height)
             continue;
-        const int other = down[i] * width + across[i];
-        const Vectors w = vectors(centre_direction(kept.azimuth[across[i]], kept.polar[down[i]]));
+        const int column = aside < 0 ? width - 1 : aside >= width ? 0 : aside;
+        const int other = row * width + column;
+        const Vectors w = vectors(centre_direction(kept.azimuth[column], kept.polar[row]));
         const Vectors h = vectors(vload3(other, kept.plane));
-        flags |= joined(d, g, v, 1.0f / kept.depth[other], h, w, footprint, &reach) ? flag[i] : 0;
+        if (joined(d, g, v, 1.0f / kept.depth[other], h, w, footprint, &reach))
+            flags |= SURFACE_EAST << i;
     }
-    float low = d, high = d;
+    #pragma unroll 1
     for (int corner = 0; corner < 4; corner++) {
         const float c = kept.row[y + (corner >> 1)];
         const float2 level = (float2)(c, sqrt(fmax(1.0f - c * c, 0.0f)));
