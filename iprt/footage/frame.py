@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -86,6 +87,11 @@ class Frame:
         """
         fitted = estimate_normals(self.depth, self.opening.view(np.uint8))
         return fitted if self.normal is None else sanitise_normals(self.normal, fitted)
+
+    def measured(self) -> Self:
+        """The same, once what takes time to find out about its depth is known."""
+        _ = self.median_depth, self.nearest, self.farthest, self.fit_tolerance
+        return self
 
     @property
     def separate_radiance(self) -> bool:

@@ -1,5 +1,8 @@
 """Surface normals from depth: least-squares planes in windows that do not cross depth gaps.
 
+This is what the host uses, where it looks at normals at all. `cl/world/real/planes.cl` fits the same
+planes for rays.
+
 The method of Schwandt et al., "Natural Environment Illumination", section 5 (one plane per texel,
 small normal equations solved by determinants instead of an SVD), fitted in inverse depth: with
 tangent coordinates (a, b) about a texel's direction, a plane `n . p = 1` is
