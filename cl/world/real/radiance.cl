@@ -11,7 +11,7 @@
 #include "maths/maths.h"
 
 // Texels side by side that a work item of load_texels takes.
-#define STRIP 16
+#define STRIP 32
 
 __kernel void load_texels(
     const int width,

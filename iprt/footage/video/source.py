@@ -72,6 +72,11 @@ class StoredDepth:
     size: tuple[int, int]
     grid: Grid | None
 
+    @classmethod
+    def of(cls, depth: Picture) -> StoredDepth:
+        """By a picture of depth."""
+        return cls((depth.shape[1], depth.shape[0]), Grid.of(depth))
+
 
 class FrameSource:
     """The pictures that `[video]` names. Files are opened when something of them is asked for.
@@ -197,7 +202,12 @@ class FrameSource:
                 depth = self._tracks.by_key["depth"].reader(streams)(self.indices[0])
         except FormatError:
             return None
-        return StoredDepth((depth.shape[1], depth.shape[0]), Grid.of(depth))
+        return StoredDepth.of(depth)
+
+    def first_depth(self, depth: Picture) -> None:
+        """Take the depth (h, w) of the first frame, which need not be read for `stored_depth`."""
+        if "stored_depth" not in vars(self):
+            vars(self)["stored_depth"] = StoredDepth.of(depth)
 
     @cached_property
     def size(self) -> tuple[int, int]:
@@ -261,6 +271,8 @@ class FrameReader:
         """
         files = self._source.files(index)
         depth = self._readers["depth"](index)
+        if index == self._source.indices[0]:
+            self._source.first_depth(depth)
         full = self._full_depth(files["depth"], depth)
         _require_any(
             files["depth"],
@@ -312,7 +324,8 @@ def turned_color(color: Picture, yaw_deg: float) -> Picture:
     columns = yaw_deg / 360.0 * color.shape[1]
     whole = int(np.floor(columns))
     part = np.float32(columns - whole)
-    color = np.roll(color, whole, axis=1)
+    if whole % color.shape[1]:
+        color = np.roll(color, whole, axis=1)
     if part > 1e-4:
         color = (1 - part) * color + part * np.roll(color, 1, axis=1)
     return color
@@ -326,6 +339,8 @@ def turned_geometry(
     Normals turn with the world.
     """
     nearest = int(np.floor(yaw_deg / 360.0 * depth.shape[1] + 0.5))
+    if yaw_deg == 0.0:
+        return depth, normal
     if normal is not None and yaw_deg % 360.0 != 0.0:
         angle = np.deg2rad(yaw_deg)
         cos, sin = np.float32(np.cos(angle)), np.float32(np.sin(angle))

@@ -43,7 +43,7 @@ class CellLight:
         self._now, self._before = (
             device.zeros(f"light samples {i}", self._shape) for i in range(2)
         )
-        self._lights = device.empty("light sums", (2 * rows * rows, 2, 4))
+        self._lights = device.empty("irradiance light sums", (2 * rows * rows, 2, 4))
         self._sample = device.kernel("world/real/cell_light.cl", "sample_light").fixed(
             width=width, step=step, sample_columns=self._shape[1], sample_rows=self._shape[0]
         )
