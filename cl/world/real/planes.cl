@@ -181,7 +181,7 @@ __kernel void take_planes(
         return;
     const float3 given = vload3(row * width + x, normals);
     const float centre = fabs(inverse[lines[y].x + x]), size = length(given);
-    if (!(size > LEAST_NORMAL && isfinite(size) && centre > 0.0f))
+    if (!(size > LEAST_NORMAL && isfinite(size)))
         return;
     const float3 v = centre_direction(azimuth[x], polar[y]);
     const float facing = dot(given, v) / size;

@@ -158,14 +158,15 @@ def test_given_normals_hold_where_they_are_any(device: ComputeDevice) -> None:
     given[10] *= -1.0
     given[20] = 0.0
     given[21] = np.nan
+    given[22] = np.inf
     found = normals(device, replace(frame, normal=given))
     fitted = normals(device, frame)
     steep = -(other * directions(frame)).sum(-1) > 0.021
     steep[:3] = False
-    steep[20:22] = False
+    steep[20:23] = False
     assert steep.mean() > 0.6
     np.testing.assert_allclose(found[steep], other[steep], atol=1e-5)
-    np.testing.assert_array_equal(found[20:22], fitted[20:22])
+    np.testing.assert_array_equal(found[20:23], fitted[20:23])
     assert not found[:3].any()
 
 
