@@ -51,20 +51,6 @@ EQUIVALENT: dict[str, str] = {
     "(np.intp) -> return np.clip(np.rint(ratio), 1, max(2, width // 8)).astype(np.intp)": (
         "Panoramas of fewer than 16 columns."
     ),
-    "iprt/footage/normals.py: surface = np.fmin(before_bend, after_bend) * step <= "
-    "GAP_TOLERANCE[1] * self._center -> surface = np.fmin(before_bend, after_bend) * step < "
-    "GAP_TOLERANCE[1] * self._center": ("Two computed numbers that are equal by chance."),
-    "iprt/footage/depth.py: steps = min(1000, max(40, int(_CG_TEXEL_STEPS / diagonal.size))) -> "
-    "steps = min(1000, max(40, int(_CG_TEXEL_STEPS * diagonal.size)))": (
-        "More steps of a solver that ends sooner, at the same depths."
-    ),
-    "iprt/footage/depth.py: if _dot(rest, rest) <= enough: -> if _dot(rest, rest) < enough:": (
-        "A residual that is the tolerance by chance."
-    ),
-    "iprt/footage/depth.py: coarse_fill = (_blocks_of_four(fill.astype(np.uint8)) > 0) & "
-    "(count == 0) -> coarse_fill = (_blocks_of_four(fill.astype(np.uint8)) >= 0) & (count == 0)": (
-        "Where the solver starts from; it ends at the same depths."
-    ),
     "iprt/bvh/scene.py: leaves = references < 0 -> leaves = references <= 0": (
         "Node 0 is the root, which no node refers to."
     ),
