@@ -55,24 +55,29 @@ def sanitise_depth(stored: Plane, color: Plane) -> CleanDepth:
     color : (H, W, 3) float32
         Linear radiance, finite.
     """
-    measured = np.isfinite(stored) & (stored > 0.0)
+    measured = _is_depth(stored)
     if measured.all():
-        return CleanDepth(stored.astype(np.float32), np.zeros_like(measured), measured)
+        return CleanDepth(stored, np.zeros_like(measured), measured)
     holes = classify_holes(~measured, color)
     inverse = np.zeros(stored.shape, np.float32)
     with np.errstate(over="ignore"):
         np.divide(np.float32(1.0), stored, out=inverse, where=measured)
     fill = holes.opening | holes.dropout
     filled = fill_inverse_depth(inverse, measured, fill)
-    depth = np.where(measured, stored, np.float32(np.inf)).astype(np.float32)
+    depth = np.where(measured, stored, np.float32(np.inf))
     with np.errstate(divide="ignore"):
         depth[fill] = np.where(filled > 0.0, 1.0 / filled, np.inf)
     return CleanDepth(depth, holes.opening, measured)
 
 
+def _is_depth(stored: Plane) -> Mask:
+    with np.errstate(invalid="ignore"):
+        return np.asarray((stored > 0.0) & (stored < np.inf))
+
+
 def find_openings(stored: Plane, color: Plane) -> Mask:
     """(H, W) bool: `CleanDepth.opening`, which is all of it that depends on colour."""
-    measured = np.isfinite(stored) & (stored > 0.0)
+    measured = _is_depth(stored)
     if measured.all():
         return np.zeros_like(measured)
     return classify_holes(~measured, color).opening

@@ -74,7 +74,8 @@ __kernel void fit_planes(
     __global const float *restrict inverse,
     __global const int4 *restrict lines,       // inverse.cl
     __global const Tap *restrict taps,         // 25 of each row
-    __global const float *restrict azimuth,    // cosines of column centres; from `stride` on, sines
+    __global const float *restrict azimuth,    // after MARGIN floats, cosines of column centres;
+                                               // `stride` floats later, sines
     __global const float2 *restrict polar,     // (cos, sin) of row centres
     __global float *restrict planes)           // out
 {
@@ -153,8 +154,8 @@ __kernel void fit_planes(
     // Seen at a grazing angle, it is tilted. Through the texel itself.
     ahead = fmax(ahead, GRAZING * sqrt(east * east + north * north + ahead * ahead));
     const floats through = either(centre > 0.0f, centre / ahead, (floats)(0.0f));
-    const floats cos_phi = load_floats(azimuth + x);
-    const floats sin_phi = load_floats(azimuth + stride + x);
+    const floats cos_phi = load_floats(azimuth + MARGIN + x);
+    const floats sin_phi = load_floats(azimuth + MARGIN + stride + x);
     const float2 theta = polar[y];
     const floats outward = centre * theta.y - through * north * theta.x;
     const int size = rows * stride, to = MARGIN + row * stride + x;

@@ -2,9 +2,9 @@
 //
 // in   inverse  1/m, 0 in open sky, sign bit: opening; in lines (inverse.cl)
 //      planes   g of the tangent planes, of some rows (planes.cl)
-//      column   cos of the azimuth of column edges; from `edges` on, sin
+//      column   after MARGIN floats, cos of the azimuth of column edges; `edges` floats later, sin
 //      row      [H+1]  cos of the polar angle of row edges
-//      azimuth  cos of the azimuth of column centres; from `stride` on, sin
+//      azimuth  after MARGIN floats, cos of the azimuth of column centres; `stride` floats later, sin
 //      polar    [H]    (cos, sin) of the polar angle of row centres
 // out  surface  [H*W]  xyz: g of the tangent plane g.x = 1; w: SURFACE_* flags (lib/world/real/real.h)
 //      range    [H*W]  smallest and largest radial distance of the plane within the texel
@@ -57,7 +57,8 @@ __kernel void build_surface(
     const floats d = 1.0f / either(there, fabs(f), (floats)(1.0f));
     const Vectors g = {load_floats(line + x), load_floats(line + image + x),
                        load_floats(line + 2 * image + x)};
-    const floats cos_phi = load_floats(azimuth + x), sin_phi = load_floats(azimuth + stride + x);
+    __global const float *cosines = azimuth + MARGIN, *sines = cosines + stride;
+    const floats cos_phi = load_floats(cosines + x), sin_phi = load_floats(sines + x);
     const Vectors v = directions(cos_phi, sin_phi, polar[y]);
     const float footprint = IPRT_PI / height;
 
@@ -65,14 +66,14 @@ __kernel void build_surface(
     floats flags = either(bits_of(f) < 0, (floats)(SURFACE_OPENING), (floats)(0.0f));
     const Vectors east = {load_east(line, x, width), load_east(line + image, x, width),
                           load_east(line + 2 * image, x, width)};
-    const Vectors to_east = directions(load_east(azimuth, x, width),
-                                       load_east(azimuth + stride, x, width), polar[y]);
+    const Vectors to_east =
+        directions(load_east(cosines, x, width), load_east(sines, x, width), polar[y]);
     flags += flagged(joined(d, g, v, fabs(load_floats(from + 1)), east, to_east, footprint, &reach),
                      SURFACE_EAST);
     const Vectors west = {load_west(line, x, width), load_west(line + image, x, width),
                           load_west(line + 2 * image, x, width)};
-    const Vectors to_west = directions(load_west(azimuth, x, width),
-                                       load_west(azimuth + stride, x, width), polar[y]);
+    const Vectors to_west =
+        directions(load_west(cosines, x, width), load_west(sines, x, width), polar[y]);
     flags += flagged(joined(d, g, v, fabs(load_floats(from - 1)), west, to_west, footprint, &reach),
                      SURFACE_WEST);
     for (int side = -1; side <= 1; side += 2) {
@@ -89,8 +90,8 @@ __kernel void build_surface(
 
     floats low = d, high = d;
     for (int side = 0; side < 2; side++) {
-        const floats edge_cos = load_floats(column + x + side);
-        const floats edge_sin = load_floats(column + edges + x + side);
+        const floats edge_cos = load_floats(column + MARGIN + x + side);
+        const floats edge_sin = load_floats(column + MARGIN + edges + x + side);
         corner_radius(g, corners(edge_cos, edge_sin, row[y]), &low, &high);
         corner_radius(g, corners(edge_cos, edge_sin, row[y + 1]), &low, &high);
     }

@@ -14,7 +14,7 @@ from iprt.files.kernel_source import constant
 from iprt.footage.normals import Tap, window_taps
 from iprt.world.real.pyramid import equirect_centres, equirect_edges
 
-BAND_ROWS = 128
+BAND_ROWS = 256
 """Rows that are prepared at a time: what is between one kernel and the next stays in caches."""
 MARGIN = constant("lib/world/real/tangent.h", "MARGIN")
 LANES = constant("lib/maths/lanes.h", "WIDE_LANES")
@@ -207,7 +207,7 @@ def bands(height: int) -> list[int]:
 
 
 def _images(pairs: NDArray[np.float32], size: int) -> NDArray[np.float32]:
-    """Two lines of `size` of pairs (N, 2), with room behind for a work item's texels."""
+    """Two lines of `size` of pairs (N, 2), with room on both sides for a work item's texels."""
     images = np.zeros((2, size), np.float32)
     images[:, : len(pairs)] = pairs.T
-    return np.concatenate([images.ravel(), np.zeros(LANES, np.float32)])
+    return np.pad(images.ravel(), (MARGIN, LANES))

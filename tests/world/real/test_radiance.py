@@ -18,7 +18,7 @@ from tests.oracles.light import cell_luminance, flux_change, frames_light_change
 from tests.oracles.worlds import frame_of
 from tests.world.real.lighting import uploaded
 
-SIZES = [(16, 8), (37, 23), (64, 200), (256, 129)]
+SIZES = [(16, 8), (37, 23), (40, 300), (64, 512)]
 """Some with more than one band, and with strips that are not full."""
 
 

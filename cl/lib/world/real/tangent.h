@@ -6,7 +6,7 @@
 #define GRAZING 0.02f
 // Shorter vectors are no normals.
 #define LEAST_NORMAL 0.1f
-// Floats before the images of planes.cl, so that what is left of the first texel can be read.
+// Floats before images and tables of columns, so that what is left of the first texel can be read.
 #define MARGIN 16
 
 // Unit direction of the centre of a texel, from tables: sines would take most of the kernel's time.
