@@ -116,11 +116,6 @@ def bench(
     if json and markdown:
         raise IprtError("--json and --markdown: give one of them")
     against_truth = bool(sweep) or convergence is not None
-    if video:
-        if against_truth or view:
-            raise IprtError("--video: renders nothing; leave out --view, --sweep and --convergence")
-        frames = frames or FRAMES
-        return _time_video(scene, size, frames, method, setting_flags, device, json, allow_outside)
     of_truth = {
         "--html": html,
         "--markdown": markdown,
@@ -135,6 +130,10 @@ def bench(
     if convergence is not None and frames is not None:
         raise IprtError(f"--frames {frames}: has no effect; --convergence says how many frames")
     frames = frames or FRAMES
+    if video:
+        if against_truth or view:
+            raise IprtError("--video: renders nothing; leave out --view, --sweep and --convergence")
+        return _time_video(scene, size, frames, method, setting_flags, device, json, allow_outside)
     if not against_truth:
         return _time(scene, view, size, frames, method, setting_flags, device, json, allow_outside)
 

@@ -1,7 +1,7 @@
 """Surface normals from depth: least-squares planes in windows that do not cross depth gaps.
 
-This is what the host uses, where it looks at normals at all. `cl/world/real/planes.cl` fits the same
-planes for rays.
+The host fits them where it looks at normals at all. For rays, `cl/world/real/planes.cl` fits the
+same planes.
 
 The method of Schwandt et al., "Natural Environment Illumination", section 5 (one plane per texel,
 small normal equations solved by determinants instead of an SVD), fitted in inverse depth: with
