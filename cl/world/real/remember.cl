@@ -36,8 +36,7 @@ static inline float margin_at(float depth, float thickness, float thickness_rati
 // Whether planes face the same way.
 static inline int same_facing(float3 g, float3 h)
 {
-    const float bend = dot(g, h);
-    return bend > 0.0f && bend * bend > SAME_NORMAL * SAME_NORMAL * dot(g, g) * dot(h, h);
+    return dot(g, h) > SAME_NORMAL * sqrt(dot(g, g) * dot(h, h));
 }
 
 // Depths of some texels, and whether there is something nearer by more than the margin within RIM

@@ -300,21 +300,61 @@ def test_where_nothing_is_hidden_both_layers_are_one(device: ComputeDevice) -> N
     assert apart[plain][:, 3].any()
 
 
+def turned(frame: Frame, columns: int) -> Frame:
+    """The frame with the world turned by some columns."""
+    turn = View(1, 1, 360.0 * columns / frame.width).world_from_view
+    assert frame.normal is not None
+    return replace(
+        frame,
+        color=np.roll(frame.color, columns, 1),
+        depth=np.roll(frame.depth, columns, 1),
+        opening=np.roll(frame.opening, columns, 1),
+        normal=(np.roll(frame.normal, columns, 1) @ turn.T).astype(np.float32),
+    )
+
+
+def planes_and_ranges(
+    device: ComputeDevice, panorama: Panorama, *, behind: bool
+) -> NDArray[np.float32]:
+    """(H, W, 6): planes, flags and ranges of the frame, or of the background."""
+    layer = panorama.background if behind else panorama
+    assert layer is not None
+    texels = panorama.width * panorama.height
+    range_ = device.read(layer.range)[:texels].reshape(panorama.height, panorama.width, 2)
+    return np.concatenate([device.read(layer.surface), range_], axis=-1)
+
+
+def test_what_is_hidden_is_joined_as_when_it_was_seen(device: ComputeDevice) -> None:
+    """With planes and ranges that it had, but for the rim; beside the seam as elsewhere."""
+    empty, now = shown(), shown(NEAR)
+    hidden = after(device, [empty, now]).hidden
+    last = int(np.flatnonzero(hidden.any(0))[-1])
+    # What is hidden ends with the last column, and what is beside it begins with the first one.
+    frames = [turned(frame, WIDTH - 1 - last) for frame in (empty, now)]
+    panorama = panorama_of(device, frames[1], frames[0])
+    hidden = read(device, panorama).hidden
+    assert hidden[:, -1].any()
+    assert not hidden[:, 0].any()
+    made = planes_and_ranges(device, panorama, behind=True)
+    seen = planes_and_ranges(device, panorama_of(device, frames[0]), behind=False)
+    inner = hidden & np.roll(hidden, 1, 0) & np.roll(hidden, -1, 0)
+    inner &= np.roll(hidden, 1, 1) & np.roll(hidden, -1, 1)
+    assert inner.sum() > 50
+    for part in ([0, 1, 2], [4, 5]):
+        np.testing.assert_allclose(made[inner][:, part], seen[inner][:, part], rtol=1e-5)
+    joints = made[..., 3].astype(int) & 15
+    np.testing.assert_array_equal(joints[inner], seen[..., 3].astype(int)[inner])
+    # Neighbours agree about being joined.
+    east, west, north, south = (joints & flag for flag in (1, 2, 4, 8))
+    np.testing.assert_array_equal(east > 0, np.roll(west, -1, 1) > 0)
+    np.testing.assert_array_equal(south[:-1] > 0, north[1:] > 0)
+
+
 def test_directions_that_look_alike(device: ComputeDevice) -> None:
     """A panorama that is turned is remembered turned, also across the seam."""
     frames = rolling(4)
     memory = after(device, frames)
-    turn = View(1, 1, 90.0).world_from_view
-    rolled = [
-        replace(
-            frame,
-            color=np.roll(frame.color, WIDTH // 4, 1),
-            depth=np.roll(frame.depth, WIDTH // 4, 1),
-            opening=np.roll(frame.opening, WIDTH // 4, 1),
-            normal=(np.roll(frame.normal, WIDTH // 4, 1) @ turn.T).astype(np.float32),
-        )
-        for frame in frames
-    ]
-    turned = after(device, rolled)
-    np.testing.assert_array_equal(turned.depth, np.roll(memory.depth, WIDTH // 4, 1))
-    np.testing.assert_array_equal(turned.color, np.roll(memory.color, WIDTH // 4, 1))
+    rolled = [turned(frame, WIDTH // 4) for frame in frames]
+    seen = after(device, rolled)
+    np.testing.assert_array_equal(seen.depth, np.roll(memory.depth, WIDTH // 4, 1))
+    np.testing.assert_array_equal(seen.color, np.roll(memory.color, WIDTH // 4, 1))

@@ -33,8 +33,8 @@ static inline ints joined(floats d, Vectors g, Vectors v, floats near, Vectors h
     const floats e = 1.0f / near, step = fabs(d - e);
     const floats unexplained = fmin(
         step, fmin(fabs(radius_towards(g, w) - e), fabs(radius_towards(h, v) - d)));
-    const ints is =
-        near > 0.0f && unexplained <= STEP_FOOTPRINTS * footprint * fmin(d, e);
+    // Not of open sky, which is infinitely far.
+    const ints is = unexplained <= STEP_FOOTPRINTS * footprint * fmin(d, e);
     *reach = either(is, fmax(*reach, step), *reach);
     return is;
 }
