@@ -76,7 +76,8 @@ __kernel void build_surface(
         directions(load_west(cosines, x, width), load_west(sines, x, width), polar[y]);
     flags += flagged(joined(d, g, v, fabs(load_floats(from - 1)), west, to_west, footprint, &reach),
                      SURFACE_WEST);
-    for (int side = -1; side <= 1; side += 2) {
+    for (int i = 0; i < 2; i++) {
+        const int side = 2 * i - 1;
         if (y + side < 0 || y + side >= height)
             continue;
         __global const float *other = line + side * stride;
