@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 OUTSIDE_ROWS = 128
 """Rows of the environment: enough for directions that no window showed to the camera."""
@@ -66,10 +65,23 @@ def _filled(sums: Image, weight: Image, level: int = 0) -> Image:
         wide_sums, wide_weight = _halved(wide_sums, axis), _halved(wide_weight, axis)
     filled = _filled(wide_sums, wide_weight, level + 1)
     for axis in axes:
-        # A tent over the repeated cells makes them linear between their centres, around the seam.
-        mode = "wrap" if axis else "nearest"
-        filled = ndimage.convolve1d(filled.repeat(2, axis), (0.25, 0.5, 0.25), axis=axis, mode=mode)
+        filled = _doubled(filled, axis)
     return np.where(weight > 0.0, mean, filled)
+
+
+def _doubled(image: Image, axis: int) -> Image:
+    """Twice as many cells along an axis, linear between the centres of the old ones.
+
+    Along axis 1 around the seam.
+    """
+    cells = np.moveaxis(image, axis, 0)
+    before, after = np.roll(cells, 1, 0), np.roll(cells, -1, 0)
+    if axis == 0:
+        before[0], after[-1] = cells[0], cells[-1]
+    doubled = np.empty((2 * len(cells), *cells.shape[1:]))
+    doubled[0::2] = 0.25 * before + 0.75 * cells
+    doubled[1::2] = 0.75 * cells + 0.25 * after
+    return np.moveaxis(doubled, 0, axis)
 
 
 def _halved(image: Image, axis: int) -> Image:
