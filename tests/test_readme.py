@@ -122,6 +122,7 @@ SMALLER: dict[str, tuple[str, ...]] = {
     "compare": ("--frames", "1"),
     "compare --trails": ("--size", "56", "42", "--frames", "4", "--play", "0", "11"),
     "bench": (*SIZE, "--frames", "1"),
+    "bench --video": ("--size", "64", "32", "--frames", "2"),
     "bench --sweep": (*SIZE, "--view", "table", "--frames", "1", "--seeds", "1"),
     "bench --convergence": (*SIZE, "--convergence", "1,2", "--seeds", "1"),
     "bench --against": (*SIZE, "--convergence", "1,2", "--seeds", "1"),

@@ -35,6 +35,7 @@ def bench(
     model: str | None = None,
     seeds: int | None = None,
     background: Literal["panorama", "truth"] | None = None,
+    video: bool = False,
     device: str | None = None,
     json: bool = False,
     markdown: bool = False,
@@ -91,6 +92,9 @@ def bench(
     background
         What the camera sees behind the objects where pictures are scored: the resampled panorama,
         or the truth's own background. Default: truth.
+    video
+        Time instead how fast frames of the video come in: from decoded pictures to what rays need,
+        without decoding and without rendering. --size enlarges the panorama to that many pixels.
     device
         gpu, cpu, a place such as 0:0 (see `iprt doctor`), or part of a device's name. Default: the
         fastest kind there is.
@@ -129,6 +133,10 @@ def bench(
     if followed and frames is not None:
         raise IprtError(f"--frames {frames}: has no effect; --convergence says how many frames")
     frames = frames or FRAMES
+    if video:
+        if against_truth or view:
+            raise IprtError("--video: renders nothing; leave out --view, --sweep and --convergence")
+        return _time_video(scene, size, frames, method, setting_flags, device, json, allow_outside)
     if not against_truth:
         return _time(scene, view, size, frames, method, setting_flags, device, json, allow_outside)
 
@@ -165,6 +173,39 @@ def _require_use(used: bool, flag: str, needing: Mapping[str, object]) -> None:
     for name, value in needing.items():
         if value and not used:
             raise IprtError(f"{name}: is for {flag}")
+
+
+def _time_video(
+    scene: Path,
+    size: tuple[int, int] | None,
+    frames: int,
+    method: str | None,
+    setting_flags: SettingFlags,
+    device: str | None,
+    json: bool,
+    allow_outside: bool,
+) -> int:
+    from json import dumps
+
+    from iprt.commands.progress import progress_bar
+    from iprt.device.choose import choose_device
+    from iprt.device.compute import ComputeDevice
+    from iprt.measure.intake import WARM_UP, time_intake
+    from iprt.output.grid import print_grid
+    from iprt.scene.scene import Scene
+
+    if size is not None and size[0] != 2 * size[1]:
+        raise IprtError(f"--size {size[0]} {size[1]}: a panorama is twice as wide as high")
+    settings = setting_flags.resolved(method=method)
+    opened = Scene.open(scene, allow_outside=allow_outside)
+    compute = ComputeDevice(choose_device(device))
+    with progress_bar("timing", WARM_UP + frames) as progress:
+        found = time_intake(compute, opened, settings, frames=frames, size=size, progress=progress)
+    if json:
+        print(dumps(found.record(), indent=2))
+    else:
+        print_grid(found.grid())
+    return 0
 
 
 def _time(

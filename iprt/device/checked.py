@@ -36,7 +36,7 @@ INFINITE: Mapping[str, str] = {
     "panorama.range": "the same; cl/world/real/surface.cl",
     "panorama.background depth": "open sky is infinitely far",
     "panorama.background color": "the same, in the fourth channel; cl/world/real/remember.cl",
-    "panorama.background range": "the same; cl/world/real/surface.cl",
+    "panorama.background range": "the same; cl/world/real/background.cl",
     "screen layers range": "where there is no object; cl/world/objects/object_surface.cl",
     "equirect layers range": "the same",
     "real highlight": "all of what metal shows is highlight; cl/view/resample.cl",

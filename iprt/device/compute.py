@@ -82,6 +82,11 @@ class ComputeDevice:
         return bool(self.device.type & cl.device_type.CPU)
 
     @property
+    def wide(self) -> bool:
+        """Whether work items are to take several texels as vectors: `cl/lib/maths/lanes.h`."""
+        return self.is_cpu
+
+    @property
     def memory(self) -> int:
         """Bytes that the device has, as its driver says."""
         return int(self.device.global_mem_size)

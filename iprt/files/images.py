@@ -72,7 +72,10 @@ def read_color(path: Path) -> Image2D:
     kind = file_kind(path)
     if kind == "exr":
         planes = exr.read_exr(path, [("R", "G", "B"), ("Y",)])
-        return np.stack([planes[i % len(planes)] for i in range(3)], axis=-1).astype(np.float32)
+        color = np.empty((*planes[0].shape, 3), np.float32)
+        for channel in range(3):
+            color[..., channel] = planes[channel % len(planes)]
+        return color
     if kind == "pfm":
         raise FormatError(f"{path}: PFM is read as depth only; save colour as EXR, PNG or JPEG")
     image = _open_pillow(path)
@@ -96,7 +99,7 @@ def read_depth(path: Path) -> tuple[Image2D, bool]:
         plane, *others = exr.read_exr(path, [("Z",), ("Y",), ("R", "G", "B"), ("R",), ("*",)])
         if not all(np.array_equal(plane, other, equal_nan=True) for other in others):
             raise FormatError(f"{path}: a picture in colours, whose R, G and B differ; {NO_DEPTH}")
-        return plane.astype(np.float32), plane.dtype.kind == "u"
+        return plane.astype(np.float32, copy=False), plane.dtype.kind == "u"
     if kind == "pfm":
         return read_pfm(path), False
     image = _open_pillow(path)

@@ -33,8 +33,15 @@ class CleanDepth:
 
 
 def sanitise_color(color: Plane) -> Plane:
-    """Linear radiance with everything negative or not finite set to 0; (H, W, 3) float32."""
-    usable = np.isfinite(color) & (color > 0.0)
+    """Linear radiance with everything negative or not finite set to 0; (H, W, 3) float32.
+
+    The same array where there is no such thing.
+    """
+    with np.errstate(invalid="ignore"):
+        # Both are NaN where anything is.
+        if color.min() >= 0.0 and color.max() < np.inf:
+            return color
+        usable = np.isfinite(color) & (color > 0.0)
     return np.where(usable, color, np.float32(0.0)).astype(np.float32)
 
 
@@ -48,28 +55,36 @@ def sanitise_depth(stored: Plane, color: Plane) -> CleanDepth:
     color : (H, W, 3) float32
         Linear radiance, finite.
     """
-    measured = np.isfinite(stored) & (stored > 0.0)
+    measured = _is_depth(stored)
     if measured.all():
-        return CleanDepth(stored.astype(np.float32), np.zeros_like(measured), measured)
+        return CleanDepth(stored, np.zeros_like(measured), measured)
     holes = classify_holes(~measured, color)
-    inverse = np.zeros(stored.shape)
-    inverse[measured] = 1.0 / stored[measured].astype(np.float64)
-    filled = fill_inverse_depth(inverse, measured, holes.opening | holes.dropout)
+    inverse = np.zeros(stored.shape, np.float32)
+    with np.errstate(over="ignore"):
+        np.divide(np.float32(1.0), stored, out=inverse, where=measured)
+    fill = holes.opening | holes.dropout
+    filled = fill_inverse_depth(inverse, measured, fill)
+    depth = np.where(measured, stored, np.float32(np.inf))
     with np.errstate(divide="ignore"):
-        depth = np.where(measured, stored, np.where(filled > 0.0, 1.0 / filled, np.inf))
-    return CleanDepth(depth.astype(np.float32), holes.opening, measured)
+        depth[fill] = np.where(filled > 0.0, 1.0 / filled, np.inf)
+    return CleanDepth(depth, holes.opening, measured)
+
+
+def _is_depth(stored: Plane) -> Mask:
+    with np.errstate(invalid="ignore"):
+        return np.asarray((stored > 0.0) & (stored < np.inf))
 
 
 def find_openings(stored: Plane, color: Plane) -> Mask:
     """(H, W) bool: `CleanDepth.opening`, which is all of it that depends on colour."""
-    measured = np.isfinite(stored) & (stored > 0.0)
+    measured = _is_depth(stored)
     if measured.all():
         return np.zeros_like(measured)
     return classify_holes(~measured, color).opening
 
 
 def fill_inverse_depth(
-    inverse: NDArray[np.float64], known: Mask, fill: Mask
+    inverse: NDArray[np.floating], known: Mask, fill: Mask
 ) -> NDArray[np.float64]:
     """Interpolate inverse depth smoothly over holes.
 
@@ -81,26 +96,25 @@ def fill_inverse_depth(
 
     Parameters
     ----------
-    inverse : (H, W) float64
-        1/m; read where `known`.
+    inverse : (H, W) float
+        1/m where `known`, else 0.
     known, fill : (H, W) bool
         Disjoint. Texels that are neither are open sky and must not touch `fill`.
 
     Returns
     -------
-    (H, W) float64
-        `inverse` where known, the interpolation where `fill`, 0 elsewhere.
+    (N,) float64
+        The interpolation where `fill`, row by row.
     """
-    result = np.where(known, inverse, 0.0)
-    if not fill.any():
-        return result
-    guess = _coarse_guess(result, known, fill)
-    matrix, right, diagonal = _helmholtz(result, known, fill)
+    texel = np.flatnonzero(fill)
+    if not texel.size:
+        return np.zeros(0)
+    guess = _coarse_guess(inverse, known, fill, texel)
+    matrix, right, diagonal = _helmholtz(inverse, known, fill, texel)
     steps = min(1000, max(40, int(_CG_TEXEL_STEPS / diagonal.size)))
-    solution = _conjugate_gradients(matrix, right, diagonal, guess[fill], steps)
+    solution = _conjugate_gradients(matrix, right, diagonal, guess, steps)
     # Roughly solved corners of a ragged hole must not leave the range of depths around them.
-    result[fill] = np.clip(solution, 0.25 * guess[fill], 4.0 * guess[fill])
-    return result
+    return np.clip(solution, 0.25 * guess, 4.0 * guess)
 
 
 def _conjugate_gradients(
@@ -138,40 +152,40 @@ def _dot(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
 
 
 def _helmholtz(
-    inverse: NDArray[np.float64], known: Mask, fill: Mask
+    inverse: NDArray[np.floating], known: Mask, fill: Mask, texel: NDArray[np.intp]
 ) -> tuple[csr_array, NDArray[np.float64], NDArray[np.float64]]:
     """Matrix, right-hand side and diagonal of -(laplace + 2), by finite volumes on the texels.
 
     A texel's edges towards the pole have length 0 in the polar rows, so that the poles need no
-    case of their own.
+    case of their own. `texel` holds the places where `fill`.
     """
     height, width = fill.shape
     step_theta, step_phi = np.pi / height, 2.0 * np.pi / width
-    number = np.full(fill.shape, -1)
-    number[fill] = np.arange(np.count_nonzero(fill))
-    rows, columns = np.nonzero(fill)
+    index = np.arange(texel.size, dtype=np.int32)
+    number = np.empty(fill.size, np.int32)  # read where `fill` alone
+    number[texel] = index
+    rows, columns = np.divmod(texel, width)
     sin_edge = np.sin(np.arange(height + 1) * step_theta)
     sin_center = np.sin((np.arange(height) + 0.5) * step_theta)
-    sideways = step_theta / (sin_center[rows] * step_phi)
-    area = step_phi * (np.cos(rows * step_theta) - np.cos((rows + 1) * step_theta))
-    diagonal = -2.0 * area
+    cosine = np.cos(np.arange(height + 1) * step_theta)
+    sideways = (step_theta / (sin_center * step_phi))[rows]
+    diagonal = -2.0 * step_phi * (cosine[:-1] - cosine[1:])[rows]
     right = np.zeros(rows.size)
     entries, sources, targets = [], [], []
     for down, across, weight in (
-        (-1, 0, sin_edge[rows] * step_phi / step_theta),
-        (1, 0, sin_edge[rows + 1] * step_phi / step_theta),
+        (-1, 0, (sin_edge * step_phi / step_theta)[rows]),
+        (1, 0, (sin_edge * step_phi / step_theta)[rows + 1]),
         (0, -1, sideways),
         (0, 1, sideways),
     ):
         row, column = np.clip(rows + down, 0, height - 1), (columns + across) % width
-        diagonal = diagonal + weight
-        rim = known[row, column]
-        right += np.where(rim, weight * inverse[row, column], 0.0)
-        unknown = np.nonzero(fill[row, column] & (weight > 1e-12))[0]
+        other = row * width + column
+        diagonal += weight
+        right += weight * np.where(known.ravel()[other], inverse.ravel()[other], 0.0)
+        unknown = index[fill.ravel()[other] & (weight > 1e-12)]
         entries.append(-weight[unknown])
         sources.append(unknown)
-        targets.append(number[row[unknown], column[unknown]])
-    index = np.arange(rows.size)
+        targets.append(number[other[unknown]])
     matrix = csr_array(
         (
             np.concatenate([*entries, diagonal]),
@@ -182,20 +196,24 @@ def _helmholtz(
     return matrix, right, diagonal
 
 
-def _coarse_guess(inverse: NDArray[np.float64], known: Mask, fill: Mask) -> NDArray[np.float64]:
-    """First guess (H, W): the same problem on texels of twice the size, carried back down.
+def _coarse_guess(
+    inverse: NDArray[np.floating], known: Mask, fill: Mask, texel: NDArray[np.intp]
+) -> NDArray[np.float64]:
+    """First guess (N,) where `fill`: the same problem on texels of twice the size.
 
     A coarse texel is known where any of its four is, with their mean, so that known texels keep
     separating holes on every level.
     """
     height, width = inverse.shape
-    if min(height, width) == 1 or not fill.any():
-        return np.full(inverse.shape, inverse[known].mean() if known.any() else 0.0)
-    count = _blocks_of_four(known.astype(np.uint8))
-    total = _blocks_of_four(np.where(known, inverse, 0.0))
-    coarse_fill = (_blocks_of_four(fill.astype(np.uint8)) > 0) & (count == 0)
-    coarse = fill_inverse_depth(total / np.maximum(count, 1), count > 0, coarse_fill)
-    return coarse.repeat(2, axis=0).repeat(2, axis=1)[:height, :width]
+    if min(height, width) == 1:
+        return np.full(texel.size, inverse[known].mean() if known.any() else 0.0)
+    count = _blocks_of_four(known.view(np.uint8))
+    coarse = _blocks_of_four(inverse) / np.maximum(count, np.float32(1.0))
+    coarse_fill = (_blocks_of_four(fill.view(np.uint8)) > 0) & (count == 0)
+    filled = fill_inverse_depth(coarse, count > 0, coarse_fill)
+    guess = coarse.astype(np.float64)
+    guess[coarse_fill] = filled
+    return np.asarray(guess[texel // width // 2, texel % width // 2])
 
 
 def _blocks_of_four(plane: NDArray[Any]) -> NDArray[Any]:

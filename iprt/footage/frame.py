@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from iprt.footage.median import median_of_smallest
+from iprt.footage.normals import estimate_normals, fit_tolerance, sanitise_normals
 from iprt.geometry.material import Material
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
@@ -27,8 +30,10 @@ class Frame:
         Openings hold a depth interpolated from their rim.
     opening : (H, W) bool
         True where the source has no depth and a rim does: windows, mostly.
-    normal : (H, W, 3) float32
-        World-space unit vector facing the capture centre; zero where depth is infinite.
+    normal : (H, W, 3) float32 or None
+        World-space normals as the source has them: of any length, of either side, and none where
+        they are not finite or (nearly) zero. Where there is none, they are fitted to depth: by the
+        device, or by `fitted_normal`. None: there is none anywhere.
     gloss : (H, W) uint8 or None
         0 where the surface is diffuse, else 1 + its index in `real_materials`. None: nowhere.
     real_materials : tuple of Material
@@ -48,7 +53,7 @@ class Frame:
     color: NDArray[np.float32]
     depth: NDArray[np.float32]
     opening: NDArray[np.bool_]
-    normal: NDArray[np.float32]
+    normal: NDArray[np.float32] | None = None
     gloss: NDArray[np.uint8] | None = None
     real_materials: tuple[Material, ...] = ()
     index: int = 0
@@ -59,11 +64,34 @@ class Frame:
     @cached_property
     def radiance(self) -> NDArray[np.float32]:
         """(H, W, 3) linear radiance that rays find: `light`, as the reference frame shows it."""
-        light = self.color if self.light is None else self.light
+        return self.radiance_of(self.sent)
+
+    @property
+    def sent(self) -> NDArray[np.float32]:
+        """(H, W, 3): `light`, or `color` where that is the same."""
+        return self.color if self.light is None else self.light
+
+    def radiance_of(self, sent: NDArray[np.float32]) -> NDArray[np.float32]:
+        """`radiance` of texels of `sent`, (..., 3)."""
         if self.color_map is None:
-            return light
-        mapped = light @ self.color_map.T.astype(np.float32)
+            return sent
+        mapped = sent @ self.color_map.T.astype(np.float32)
         return np.maximum(mapped, np.float32(0.0))
+
+    @cached_property
+    def fitted_normal(self) -> NDArray[np.float32]:
+        """(H, W, 3) unit normals that face the capture centre; zero where depth is infinite.
+
+        Those of the source, or fitted to depth. Fitting takes the host long; the device has its own
+        (`cl/world/real/planes.cl`).
+        """
+        fitted = estimate_normals(self.depth, self.opening.view(np.uint8))
+        return fitted if self.normal is None else sanitise_normals(self.normal, fitted)
+
+    def measured(self) -> Self:
+        """The same, once what takes time to find out about its depth is known."""
+        _ = self.median_depth, self.nearest, self.farthest, self.fit_tolerance
+        return self
 
     @property
     def separate_radiance(self) -> bool:
@@ -78,8 +106,27 @@ class Frame:
     def width(self) -> int:
         return int(self.depth.shape[1])
 
-    @property
+    @cached_property
+    def nearest(self) -> float:
+        """The smallest finite depth, in metres; 0 where all is open sky."""
+        least = float(self.depth.min())
+        return least if np.isfinite(least) else 0.0
+
+    @cached_property
+    def farthest(self) -> float:
+        """The largest finite depth, in metres; 0 where all is open sky."""
+        most = float(self.depth.max())
+        if np.isfinite(most):
+            return most
+        return float(self.depth.max(initial=0.0, where=np.isfinite(self.depth)))
+
+    @cached_property
     def median_depth(self) -> float:
         """Median of the finite depths, in metres: the unit of the tracer's tolerances."""
-        finite = self.depth[np.isfinite(self.depth)]
-        return float(np.median(finite)) if finite.size else 1.0
+        finite = int(np.count_nonzero(np.isfinite(self.depth)))
+        return median_of_smallest(self.depth, finite) if finite else 1.0
+
+    @cached_property
+    def fit_tolerance(self) -> float:
+        """How far what is on one plane may be off it, as a fraction of the depth."""
+        return fit_tolerance(self.depth)

@@ -89,7 +89,7 @@ class Cells:
         squared = cell_means(inverse * inverse, rows).ravel()
         spread = np.sqrt(np.maximum(squared - mean**2, 0.0)) / mean
         direction = View(2 * rows, rows, projection="equirect").directions().reshape(-1, 3)
-        normal = cell_means(frame.normal, rows).reshape(-1, 3)
+        normal = cell_means(frame.fitted_normal, rows).reshape(-1, 3)
         length = np.linalg.norm(normal, axis=-1)
         normal = np.where(
             length[:, None] > 0.3, normal / np.maximum(length, 1e-9)[:, None], -direction
@@ -196,8 +196,8 @@ def distant_light(radiance: Float, cells: Cells) -> NDArray[np.float32]:
     """`outside_radiance` of cells (N, 3), whose openings' radiance it is."""
     shape = (cells.rows, 2 * cells.rows)
     opening = cells.opening > 0.5
-    picture = radiance / np.maximum(cells.opening, 0.5)[:, None]
-    return outside_radiance(picture.reshape(*shape, 3).astype(np.float32), opening.reshape(shape))
+    light = radiance[opening] / cells.opening[opening, None]
+    return outside_radiance(light, opening.reshape(shape))
 
 
 def irradiance_of_rest(

@@ -59,28 +59,54 @@ class RealMaterial:
     color_tolerance: float = 0.05
     plane: Plane | None = None
 
-    def region(self, frame: Frame) -> Mask:
-        """(H, W) bool: the texels that show this surface."""
+    def place(self, frame: Frame) -> Mask:
+        """(H, W) bool: the texels that may show this surface, by all but their colour."""
         inside = np.isfinite(frame.depth) & ~frame.opening
         if self.mask is not None:
             inside &= _nearest(self.mask, frame.width, frame.height)
-        if self.color is not None:
-            inside &= _alike(frame.radiance, self.color, self.color_tolerance)
         if self.plane is not None:
             inside &= _on_plane(frame, self.plane)
         return inside
 
+    def region(self, frame: Frame) -> Mask:
+        """(H, W) bool: the texels that show this surface."""
+        return self.colored(frame, self.place(frame))
+
+    def colored(self, frame: Frame, place: Mask) -> Mask:
+        """The texels of `place` that have the surface's colour."""
+        if self.color is None:
+            return place
+        return place & _alike(frame.radiance, self.color, self.color_tolerance)
+
+
+class Glossy:
+    """A stage of a video's stream: fills in `gloss` and `real_materials` of frames.
+
+    Where regions overlap, the last one holds. While depth stays, so do the places of surfaces.
+    """
+
+    def __init__(self, materials: tuple[RealMaterial, ...]) -> None:
+        self._materials = materials
+        self._depth: NDArray[np.float32] | None = None
+        self._opening: Mask | None = None
+        self._places: list[Mask] = []
+
+    def __call__(self, frame: Frame) -> Frame:
+        if not self._materials:
+            return frame
+        if frame.depth is not self._depth or frame.opening is not self._opening:
+            self._places = [material.place(frame) for material in self._materials]
+            self._depth, self._opening = frame.depth, frame.opening
+        gloss = np.zeros(frame.depth.shape, np.uint8)
+        for index, (material, place) in enumerate(zip(self._materials, self._places, strict=True)):
+            gloss[material.colored(frame, place)] = index + 1
+        materials = tuple(material.material for material in self._materials)
+        return replace(frame, gloss=gloss, real_materials=materials)
+
 
 def with_gloss(frame: Frame, materials: tuple[RealMaterial, ...]) -> Frame:
-    """The frame with `gloss` and `real_materials` filled in; where regions overlap, the last
-    one holds.
-    """
-    if not materials:
-        return frame
-    gloss = np.zeros(frame.depth.shape, np.uint8)
-    for index, material in enumerate(materials):
-        gloss[material.region(frame)] = index + 1
-    return replace(frame, gloss=gloss, real_materials=tuple(m.material for m in materials))
+    """One frame after the stage `Glossy`."""
+    return Glossy(materials)(frame)
 
 
 def chromaticity(color: NDArray[np.floating]) -> NDArray[np.float64]:
@@ -103,7 +129,7 @@ def _on_plane(frame: Frame, plane: Plane) -> Mask:
     directions = View(frame.width, frame.height, projection="equirect").directions()
     reach = np.where(np.isfinite(frame.depth), frame.depth, 0.0)
     offset = reach * (directions @ np.asarray(plane.normal)) - np.dot(plane.point, plane.normal)
-    facing = np.abs(frame.normal @ np.asarray(plane.normal))
+    facing = np.abs(frame.fitted_normal @ np.asarray(plane.normal))
     return np.asarray((np.abs(offset) <= plane.tolerance) & (facing >= PARALLEL))
 
 

@@ -58,10 +58,12 @@ class Clipped:
     def of(cls, frame: Frame, white: float) -> Clipped | None:
         """None where no channel reaches white."""
         color = frame.color.reshape(-1, 3)
-        peak = np.maximum(np.maximum(color[:, 0], color[:, 1]), color[:, 2])
-        texel = np.flatnonzero(peak >= NEARLY * white)
-        if not (texel.size and peak[texel].max() >= FULLY * white):
+        # All channels in one go, and only then the texels that they belong to.
+        channel = np.flatnonzero(frame.color >= NEARLY * white)
+        if not (channel.size and frame.color.max() >= FULLY * white):
             return None
+        texel = channel // 3
+        texel = texel[np.diff(texel, prepend=-1) > 0]
         share = (color[texel] / np.float32(white) - NEARLY) / (FULLY - NEARLY)
         far = frame.opening.ravel()[texel] | ~np.isfinite(frame.depth.ravel()[texel])
         row = texel // frame.width

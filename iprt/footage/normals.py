@@ -1,5 +1,8 @@
 """Surface normals from depth: least-squares planes in windows that do not cross depth gaps.
 
+The host fits them where it looks at normals at all. For rays, `cl/world/real/planes.cl` fits the
+same planes.
+
 The method of Schwandt et al., "Natural Environment Illumination", section 5 (one plane per texel,
 small normal equations solved by determinants instead of an SVD), fitted in inverse depth: with
 tangent coordinates (a, b) about a texel's direction, a plane `n . p = 1` is
@@ -8,11 +11,14 @@ tangent coordinates (a, b) about a texel's direction, a plane `n . p = 1` is
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+
+from iprt.footage.median import median_of_smallest
 
 Plane = NDArray[np.float32]
 Scalar = TypeVar("Scalar", bound=np.generic)
@@ -24,6 +30,7 @@ GAP_TOLERANCE = (3e-4, 0.05)
 depth, where a tight bound keeps windows from reaching around edges, and on the noisiest."""
 _NOISE_FACTOR = 4.0
 _BLOCK_ROWS = 24
+_NOISE_ROWS = 64
 _MIN_SAMPLES = 3
 _NEAREST = np.float32(1e30)
 """Largest inverse depth: so that no product is infinite, which times 0 is not 0."""
@@ -44,7 +51,7 @@ def estimate_normals(depth: Plane, same: NDArray[np.uint8]) -> Plane:
     with np.errstate(divide="ignore"):
         inverse = np.minimum(np.float32(1.0) / depth, _NEAREST).astype(np.float32)
     spread = _column_spread(width, height)
-    tolerance = float(np.clip(_NOISE_FACTOR * _noise(inverse), *GAP_TOLERANCE))
+    tolerance = fit_tolerance(depth)
     padded_inverse = over_poles(inverse, WINDOW_REACH)
     padded_same = over_poles(same, WINDOW_REACH)
     normal = np.empty((height, width, 3), np.float32)
@@ -108,20 +115,70 @@ def _window_tables(width: int, height: int) -> dict[tuple[int, int], tuple[Plane
     return tables
 
 
-def _noise(inverse: Plane) -> float:
+@dataclass(frozen=True)
+class Tap:
+    """A texel of the windows of all rows; arrays are (H,).
+
+    Attributes
+    ----------
+    row, columns : int
+        Where it is: the row, and columns to the right of the window's centre.
+    scale : float32
+        What 1/z there is to be multiplied by. More than about 75° away, that no plane meets it.
+    a, b : float32
+        Tangent coordinates about the centre.
+    """
+
+    row: NDArray[np.intp]
+    columns: NDArray[np.intp]
+    scale: Plane
+    a: Plane
+    b: Plane
+
+
+def window_taps(width: int, height: int) -> list[Tap]:
+    """The texels of the windows of `estimate_normals`, row by row."""
+    spread, rows = _column_spread(width, height), np.arange(height)
+    taps = []
+    for (down, steps), tables in _window_tables(width, height).items():
+        cycle = np.mod(rows + down, 2 * height)
+        beyond = cycle >= height
+        row = np.where(beyond, 2 * height - 1 - cycle, cycle)
+        columns = steps * spread - np.where(beyond, width // 2, 0)
+        scale, a, b = (table[:, 0] for table in tables)
+        taps.append(Tap(row, columns, scale, a, b))
+    return taps
+
+
+def fit_tolerance(depth: Plane) -> float:
+    """Largest distance from the local plane within a window, as a fraction of the depth (H, W)."""
+    return float(np.clip(_NOISE_FACTOR * _noise(depth), *GAP_TOLERANCE))
+
+
+def _noise(depth: Plane) -> float:
     """Median departure of inverse depth from a plane over three rows, as a fraction of it.
 
     Along a meridian a plane's inverse depth is a cosine of the angle, so that the sum of a texel's
     two neighbours is exactly 2 cos(step) times its own.
     """
-    if inverse.shape[0] < 3:
+    height, width = depth.shape
+    if height < 3:
         return 0.0
-    above, middle, below = inverse[:-2], inverse[1:-1], inverse[2:]
-    surface = middle > 0.0
-    if not surface.any():
-        return 0.0
-    bend = above + below - np.float32(2.0 * np.cos(np.pi / inverse.shape[0])) * middle
-    return float(np.median(np.abs(bend[surface]) / middle[surface]))
+    twice = np.float32(2.0 * np.cos(np.pi / height))
+    departure = np.empty((height - 2, width), np.float32)
+    surfaces = 0
+    for first in range(0, height - 2, _NOISE_ROWS):
+        rows = depth[first : first + _NOISE_ROWS + 2]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            inverse = np.minimum(np.float32(1.0) / rows, _NEAREST)
+            middle = inverse[1:-1]
+            bend = np.abs(inverse[:-2] + inverse[2:] - twice * middle)
+            np.divide(bend, middle, out=departure[first : first + _NOISE_ROWS])
+        # Open sky, which is no surface, comes after all that is.
+        empty = middle == 0.0
+        departure[first : first + _NOISE_ROWS][empty] = np.inf
+        surfaces += empty.size - int(np.count_nonzero(empty))
+    return median_of_smallest(departure, surfaces) if surfaces else 0.0
 
 
 def over_poles(plane: NDArray[Scalar], rows: int) -> NDArray[Scalar]:

@@ -57,31 +57,41 @@ def classify_holes(hole: Mask, color: NDArray[np.float32]) -> Holes:
         Linear radiance, finite.
     """
     height, width = hole.shape
-    label, count = components(hole)
-    rows, columns = np.nonzero(hole)
-    of_texel = label[rows, columns]
+    texel = np.flatnonzero(hole)
+    of_texel, count = _hole_of(hole, texel)
+    rows = texel // width
     sr = np.bincount(of_texel, solid_angles(width, height)[rows], minlength=count)
     lowest_row = np.zeros(count)
-    np.maximum.at(lowest_row, of_texel, rows)
+    # In the order of their rows, so that the last one stays.
+    lowest_row[of_texel] = rows
     elevation_deg = 90.0 - 180.0 * (lowest_row + 1.0) / height
     at_zenith, at_nadir = (
         np.isin(np.arange(count), of_texel[rows == row]) for row in (0, height - 1)
     )
     is_open = (sr > OPEN_SKY_SR) | (at_zenith & (elevation_deg < OPEN_SKY_ELEVATION_DEG))
-    brightness = _brightness_over_rim(hole, color @ LUMINANCE, label, count)
+    brightness = _brightness_over_rim(hole, color, texel, of_texel, count)
     small = (sr < DROPOUT_SR) & (brightness < DROPOUT_BRIGHTNESS)
     is_dropout = ~is_open & (small | at_nadir)
 
     def texels(chosen: Mask) -> Mask:
         mask = np.zeros_like(hole)
-        mask[rows, columns] = chosen[of_texel]
+        mask.ravel()[texel] = chosen[of_texel]
         return mask
 
     return Holes(texels(is_open), texels(~is_open & ~is_dropout), texels(is_dropout))
 
 
 def components(hole: Mask) -> tuple[NDArray[np.intp], int]:
-    """Label 8-connected components on the sphere; 0-based labels, valid where `hole`."""
+    """Label 8-connected components on the sphere; 0-based labels (H, W), valid where `hole`."""
+    texel = np.flatnonzero(hole)
+    of_texel, count = _hole_of(hole, texel)
+    label = np.zeros(hole.shape, np.intp)
+    label.ravel()[texel] = of_texel
+    return label, count
+
+
+def _hole_of(hole: Mask, texel: NDArray[np.intp]) -> tuple[NDArray[np.intp], int]:
+    """(N,) 0-based labels of the texels of holes, and how many holes there are."""
     height = hole.shape[0]
     label, count = ndimage.label(hole, structure=np.ones((3, 3)))
     pairs = [
@@ -97,26 +107,30 @@ def components(hole: Mask) -> tuple[NDArray[np.intp], int]:
     both = (a > 0) & (b > 0)
     links = coo_array((np.ones(both.sum()), (a[both] - 1, b[both] - 1)), shape=(count, count))
     merged, group = connected_components(links, directed=False)
-    lookup = np.concatenate([[0], group]).astype(np.intp)
-    return lookup[label], int(merged)
+    return group.astype(np.intp)[label.ravel()[texel] - 1], int(merged)
 
 
 def _brightness_over_rim(
-    hole: Mask, luminance: NDArray[np.float32], label: NDArray[np.intp], count: int
+    hole: Mask,
+    color: NDArray[np.float32],
+    texel: NDArray[np.intp],
+    of_texel: NDArray[np.intp],
+    count: int,
 ) -> NDArray[np.float64]:
     """(count,) mean luminance of each hole over that of the texels around it; 0 without a rim."""
     height, width = hole.shape
-    rows, columns = np.nonzero(hole)
-    of_texel = label[rows, columns]
-    total = np.bincount(of_texel, luminance[rows, columns], minlength=count)
+    colors, holes = color.reshape(-1, 3), hole.ravel()
+    rows, columns = np.divmod(texel, width)
+    total = np.bincount(of_texel, colors[texel] @ LUMINANCE, minlength=count)
     inside = total / np.maximum(np.bincount(of_texel, minlength=count), 1)
     rim_sum, rim_count = np.zeros(count), np.zeros(count)
     for down, right in ((-1, 0), (1, 0), (0, -1), (0, 1)):
         row, column = rows + down, (columns + right) % width
-        outside = (row >= 0) & (row < height)
-        outside[outside] = ~hole[row[outside], column[outside]]
-        values = luminance[row[outside], column[outside]]
-        rim_sum += np.bincount(of_texel[outside], values, minlength=count)
-        rim_count += np.bincount(of_texel[outside], minlength=count)
+        there = (row >= 0) & (row < height)
+        other, own = (row * width + column)[there], of_texel[there]
+        outside = ~holes[other]
+        other, own = other[outside], own[outside]
+        rim_sum += np.bincount(own, colors[other] @ LUMINANCE, minlength=count)
+        rim_count += np.bincount(own, minlength=count)
     rim = rim_sum / np.maximum(rim_count, 1)
     return np.where(rim_count > 0, inside / np.maximum(rim, 1e-12), 0.0)

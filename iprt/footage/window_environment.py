@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 OUTSIDE_ROWS = 128
 """Rows of the environment: enough for directions that no window showed to the camera."""
@@ -15,7 +14,9 @@ WIDE_LEVELS = 4
 Image = NDArray[np.float64]
 
 
-def outside_radiance(color: NDArray[np.float32], opening: NDArray[np.bool_]) -> NDArray[np.float32]:
+def outside_radiance(
+    light: NDArray[np.floating], opening: NDArray[np.bool_]
+) -> NDArray[np.float32]:
     """Environment of all openings, extrapolated smoothly to where none was seen.
 
     Directions that openings cover keep their mean radiance; the others are filled by push-pull:
@@ -24,10 +25,10 @@ def outside_radiance(color: NDArray[np.float32], opening: NDArray[np.bool_]) -> 
 
     Parameters
     ----------
-    color : (H, W, 3) float32
-        Linear radiance of the panorama.
+    light : (N, 3) float
+        Linear radiance of the texels of all openings, row by row.
     opening : (H, W) bool
-        `Frame.opening`; at least one True.
+        `Frame.opening`; N of them are True, at least one.
 
     Returns
     -------
@@ -35,17 +36,19 @@ def outside_radiance(color: NDArray[np.float32], opening: NDArray[np.bool_]) -> 
         Equirect, in the panorama's convention.
     """
     height, width = opening.shape
-    sine = np.sin((np.arange(height) + 0.5) / height * np.pi)[:, None]
-    weight = np.where(opening, sine, 0.0)
-    rows = np.arange(height) * OUTSIDE_ROWS // height
-    columns = np.arange(width) * 2 * OUTSIDE_ROWS // width
-    cell = (rows[:, None] * 2 * OUTSIDE_ROWS + columns)[opening]
+    texel = np.flatnonzero(opening)
+    row, column = texel // width, texel % width
+    weight = np.sin((np.arange(height) + 0.5) / height * np.pi)[row]
+    cell = row * OUTSIDE_ROWS // height * 2 * OUTSIDE_ROWS + column * 2 * OUTSIDE_ROWS // width
     size = 2 * OUTSIDE_ROWS**2
-    light = weight[opening][:, None] * color[opening]
+    weighted = weight[:, None] * light
     shape = (OUTSIDE_ROWS, 2 * OUTSIDE_ROWS)
-    total = np.bincount(cell, weight[opening], size).astype(np.float64).reshape(shape)
+    total = np.bincount(cell, weight, size).astype(np.float64).reshape(shape)
     sums = np.stack(
-        [np.bincount(cell, light[:, c], size).astype(np.float64).reshape(shape) for c in range(3)],
+        [
+            np.bincount(cell, weighted[:, c], size).astype(np.float64).reshape(shape)
+            for c in range(3)
+        ],
         axis=-1,
     )
     return _filled(sums, total[..., None]).astype(np.float32)
@@ -62,10 +65,23 @@ def _filled(sums: Image, weight: Image, level: int = 0) -> Image:
         wide_sums, wide_weight = _halved(wide_sums, axis), _halved(wide_weight, axis)
     filled = _filled(wide_sums, wide_weight, level + 1)
     for axis in axes:
-        # A tent over the repeated cells makes them linear between their centres, around the seam.
-        mode = "wrap" if axis else "nearest"
-        filled = ndimage.convolve1d(filled.repeat(2, axis), (0.25, 0.5, 0.25), axis=axis, mode=mode)
+        filled = _doubled(filled, axis)
     return np.where(weight > 0.0, mean, filled)
+
+
+def _doubled(image: Image, axis: int) -> Image:
+    """Twice as many cells along an axis, linear between the centres of the old ones.
+
+    Along axis 1 around the seam.
+    """
+    cells = np.moveaxis(image, axis, 0)
+    before, after = np.roll(cells, 1, 0), np.roll(cells, -1, 0)
+    if axis == 0:
+        before[0], after[-1] = cells[0], cells[-1]
+    doubled = np.empty((2 * len(cells), *cells.shape[1:]))
+    doubled[0::2] = 0.25 * before + 0.75 * cells
+    doubled[1::2] = 0.75 * cells + 0.25 * after
+    return np.moveaxis(doubled, 0, axis)
 
 
 def _halved(image: Image, axis: int) -> Image:

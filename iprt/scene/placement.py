@@ -103,10 +103,12 @@ class RealSurfaces:
         directions: Array = equirect_direction(pixels, frame.width, frame.height)
         self._weights = solid_angles(frame.width, frame.height)[rows[kept]]
         self.points = directions * depth[kept][:, None]
-        self._smooth = _smoothed(frame.normal[rows, columns])
+        self._smooth = _smoothed(frame.fitted_normal[rows, columns])
         self.normals = self._smooth[kept]
         # Averages alone would take the foot of a wall for floor; single normals, noise.
-        upright = np.minimum(frame.normal[rows, columns][..., 1], self._smooth[..., 1]) > UPRIGHT
+        upright = (
+            np.minimum(frame.fitted_normal[rows, columns][..., 1], self._smooth[..., 1]) > UPRIGHT
+        )
         self._upward = upright[kept]
         # What faces up, and how far apart its points are.
         self._level = self.points[self._upward]

@@ -19,7 +19,7 @@ from iprt.files.untrusted import MAX_PIXELS, is_file
 from iprt.footage.clipped import ClippedLights
 from iprt.footage.drift import Drift
 from iprt.footage.frame import Frame
-from iprt.footage.gloss import RealMaterial, with_gloss
+from iprt.footage.gloss import Glossy, RealMaterial, with_gloss
 from iprt.footage.video.incidents import Stage, steady_frames
 from iprt.footage.video.source import FrameSource, RawFrame
 from iprt.footage.video.stream import Ahead
@@ -224,9 +224,19 @@ class Scene:
         # Materials are known by their hue, in the colours of the reference frame.
         return [
             *([Drift(self.source.white)] if drift else []),
-            lambda frame: with_gloss(frame, self.real_materials),
+            Glossy(self.real_materials),
             ClippedLights(self.source.white),
+            Frame.measured,
         ]
+
+    def prepared(self, raws: Iterable[RawFrame]) -> Iterator[Frame]:
+        """Frames of `stream` made of frames as they are read, on the thread that asks for them."""
+        stages = self._stages(drift=True)
+        for raw in raws:
+            frame = raw.sanitised()
+            for stage in stages:
+                frame = stage(frame)
+            yield frame
 
     @property
     def clips(self) -> bool:

@@ -82,7 +82,7 @@ class _Texels:
         self.directions = view.directions().reshape(-1, 3)
         self.finite = np.isfinite(frame.depth).ravel()
         self.depth = np.where(self.finite, frame.depth.ravel(), 1.0).astype(np.float64)
-        self._normal = frame.normal.reshape(-1, 3).astype(np.float64)
+        self._normal = frame.fitted_normal.reshape(-1, 3).astype(np.float64)
         self._step = max(STEP, CREASE * np.pi / frame.height)
 
     def joined(self, a: Ints, b: Ints) -> NDArray[np.bool_]:

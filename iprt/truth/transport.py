@@ -73,7 +73,7 @@ class World:
         self.empty = not shapes
         self.objects = mi.load_dict({"type": "scene", **shapes})
         self._color = _texture(frame.radiance)
-        self._normal = _texture(frame.normal)
+        self._normal = _texture(frame.fitted_normal)
         receives = np.isfinite(frame.depth) & ~frame.opening
         self._receives = _texture(receives[..., None].astype(np.float32), nearest=True)
         self.relight(None)

@@ -262,7 +262,7 @@ def test_a_scene_with_coarse_depth(
     _, normal = box_room(256, 128)
     away = ~near_edges(128, 14)
     assert np.abs(frame.depth / room(128) - 1.0)[away].max() < 1e-5
-    assert ((frame.normal * normal).sum(-1) > 0.999)[away].all()
+    assert ((frame.fitted_normal * normal).sum(-1) > 0.999)[away].all()
     assert cli.main(["scene", "check", str(folder)]) == 0
     said = capsys.readouterr().out
     assert "floats" not in said

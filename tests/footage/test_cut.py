@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from iprt.footage.cut import is_cut
 from iprt.footage.frame import Frame
 from iprt.geometry.camera import View
-from iprt.world.real.lights import flux_change
+from tests.oracles.light import flux_change
 from tests.oracles.worlds import Box, World
 from tests.worlds import Float, bright_walls, filmed, pose_at
 

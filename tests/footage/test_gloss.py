@@ -12,7 +12,8 @@ from PIL import Image
 
 from iprt import cli
 from iprt.errors import FormatError, SceneError
-from iprt.footage.gloss import Plane, RealMaterial, chromaticity, with_gloss
+from iprt.footage.frame import Frame
+from iprt.footage.gloss import Glossy, Plane, RealMaterial, chromaticity, with_gloss
 from iprt.geometry.material import Material
 from iprt.scene.manifest import parse_manifest
 from iprt.scene.scene import Scene
@@ -26,6 +27,23 @@ DOWN = ROOM.frame(64, 32).normal[..., 1] > 0.5
 COAT = Material("plastic")
 FLOOR = '\n[[real_materials]]\nname = "floor"\nkind = "plastic"\n'
 PLANE = "plane = { point = [0, -1.3, 0], normal = [0, 2, 0], tolerance = 0.01 }\n"
+
+
+def test_places_are_kept_while_depth_stays(monkeypatch: pytest.MonkeyPatch) -> None:
+    places: list[Frame] = []
+    place = RealMaterial.place
+    monkeypatch.setattr(
+        RealMaterial, "place", lambda self, frame: (places.append(frame), place(self, frame))[1]
+    )
+    brown = RealMaterial("brown", COAT, color=(0.4, 0.2, 0.1), color_tolerance=0.01)
+    stage = Glossy((brown,))
+    other = np.where(DOWN[..., None], np.float32((0.8, 0.4, 0.2)), np.float32(0.5))
+    frames = [FRAME, replace(FRAME, color=other), replace(FRAME, depth=2.0 * FRAME.depth)]
+    found = [stage(frame).gloss for frame in frames]
+    assert places == [frames[0], frames[2]]
+    for frame, gloss in zip(frames, found, strict=True):
+        np.testing.assert_array_equal(gloss, with_gloss(frame, (brown,)).gloss)
+    np.testing.assert_array_equal(found[1], DOWN)
 
 
 def test_a_plane_takes_what_lies_on_it_and_along_it() -> None:

@@ -95,7 +95,7 @@ def read_scene(folder: Path) -> dict[str, str]:
     depth[10:16, 20:30] = depth[20:22, 40:42] = 0.0
     write_channels(folder / "depth.exr", Z=depth)
     frame = Scene.open(folder).frame()
-    layers = {"depth": frame.depth, "normal": frame.normal, "opening": frame.opening}
+    layers = {"depth": frame.depth, "normal": frame.fitted_normal, "opening": frame.opening}
     return {name: hashlib.sha256(image.tobytes()).hexdigest() for name, image in layers.items()}
 
 

@@ -68,7 +68,7 @@ def arriving(frame: Frame, openings: str, o: Float, d: Float) -> tuple[Float, ND
         return seen_at, through
     column, row = np.moveaxis(equirect_pixel(d, WIDTH, HEIGHT).astype(int), -1, 0)
     known = frame.opening[row, column][..., None]
-    hidden = panorama_at(outside_radiance(frame.color, frame.opening), d)
+    hidden = panorama_at(outside_radiance(frame.color[frame.opening], frame.opening), d)
     beyond = np.where(known, panorama_at(frame.color, d), hidden)
     return np.where(through[..., None], beyond, seen_at), through
 

@@ -32,6 +32,7 @@ from iprt.world.real.irradiance import IrradianceCache
 from iprt.world.real.panorama import START_BIAS
 from tests.filter.gbuffer import tracing_grid
 from tests.variants import variant
+from tests.world.real.lighting import uploaded
 from tests.worlds import Float, landscape_frame, sphere_frame
 
 Estimator = Literal["delta, aimed", "delta, even", "ratio"]
@@ -125,9 +126,9 @@ class Kernels:
     def irradiance(self, seed: int, rays: int) -> Float:
         """(N, 3) E_R / π of the cells of a cache that knew nothing."""
         renderer = self.renderer
-        cache = IrradianceCache(self.device, self._features(seed, rays))
-        frame = renderer.frame
-        cache.place(renderer.real_world.panorama, frame, frame, STILL, changed=0.0, cut=False)
+        panorama = renderer.real_world.panorama
+        cache = IrradianceCache(self.device, panorama, self._features(seed, rays))
+        cache.place(panorama, STILL, changed=0.0, cut=False)
         cache.run(
             renderer.world.arguments(self._features(seed, rays)),
             renderer.method.real_pixels.guide,
@@ -184,7 +185,7 @@ def kernels(
         lights = renderer.world.real.lights
         assert (lights is not None) == (way == "aimed")
         if lights is not None and aim_at is not None:
-            lights.load(aim_at.astype(np.float32))
+            lights.load(uploaded(device, aim_at))
             assert lights.count > 0
         yield Kernels(device, renderer, device.upload("run view", view.kernel_constants()))
 

@@ -19,6 +19,7 @@ from iprt.geometry.camera import View
 from iprt.geometry.material import Material
 from tests.methods.change import DOWN, ROOM, SCENES, agree, blocks
 from tests.methods.estimators import ESTIMATORS, Estimator, kernels
+from tests.world.real.lighting import uploaded
 from tests.worlds import Float, ball, ceiling_lamp, room_frame
 
 pytestmark = pytest.mark.gl
@@ -131,7 +132,7 @@ def test_aiming_at_lights_leaves_objects_as_bright(
 
         assert lights.count > 0
         aimed = drawn()
-        lights.load(np.zeros((64, 128, 3), np.float32))
+        lights.load(uploaded(device, np.zeros((64, 128, 3))))
         assert lights.count == 0
         even = drawn()
     means = [runs.mean(1) for runs in (aimed, even)]

@@ -51,9 +51,14 @@ EQUIVALENT: dict[str, str] = {
     "(np.intp) -> return np.clip(np.rint(ratio), 1, max(2, width // 8)).astype(np.intp)": (
         "Panoramas of fewer than 16 columns."
     ),
-    "iprt/footage/normals.py: surface = np.fmin(before_bend, after_bend) * step <= "
-    "GAP_TOLERANCE[1] * self._center -> surface = np.fmin(before_bend, after_bend) * step < "
-    "GAP_TOLERANCE[1] * self._center": ("Two computed numbers that are equal by chance."),
+    "iprt/footage/openings.py: small = (sr < DROPOUT_SR) & (brightness < DROPOUT_BRIGHTNESS) -> "
+    "small = (sr <= DROPOUT_SR) & (brightness < DROPOUT_BRIGHTNESS)": (
+        "A solid angle that is the limit by chance."
+    ),
+    "iprt/footage/openings.py: return np.where(rim_count > 0, inside / np.maximum(rim, 1e-12), "
+    "0.0) -> return np.where(rim_count > 0, inside / np.maximum(rim, 1e-12), 0.1)": (
+        "Either is below the brightness that matters, of a hole that has no rim."
+    ),
     "iprt/footage/depth.py: steps = min(1000, max(40, int(_CG_TEXEL_STEPS / diagonal.size))) -> "
     "steps = min(1000, max(40, int(_CG_TEXEL_STEPS * diagonal.size)))": (
         "More steps of a solver that ends sooner, at the same depths."
@@ -61,10 +66,9 @@ EQUIVALENT: dict[str, str] = {
     "iprt/footage/depth.py: if _dot(rest, rest) <= enough: -> if _dot(rest, rest) < enough:": (
         "A residual that is the tolerance by chance."
     ),
-    "iprt/footage/depth.py: coarse_fill = (_blocks_of_four(fill.astype(np.uint8)) > 0) & "
-    "(count == 0) -> coarse_fill = (_blocks_of_four(fill.astype(np.uint8)) >= 0) & (count == 0)": (
-        "Where the solver starts from; it ends at the same depths."
-    ),
+    "iprt/footage/depth.py: coarse = _blocks_of_four(inverse) / np.maximum(count, "
+    "np.float32(1.0)) -> coarse = _blocks_of_four(inverse) / np.maximum(count, "
+    "np.float32(2.1))": ("Where the solver starts from; it ends at the same depths."),
     "iprt/bvh/scene.py: leaves = references < 0 -> leaves = references <= 0": (
         "Node 0 is the root, which no node refers to."
     ),

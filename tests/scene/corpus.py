@@ -69,7 +69,7 @@ def read_scene(path: Path) -> None:
     frame = scene.frame()
     assert np.isfinite(frame.color).all()
     assert (frame.depth > 0.0).all()
-    assert np.isfinite(frame.normal).all()
+    assert np.isfinite(frame.fitted_normal).all()
     for instance in scene.instances:
         assert np.isfinite(instance.to_world).all()
         assert len(instance.mesh.triangles)

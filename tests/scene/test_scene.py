@@ -48,7 +48,7 @@ def test_frame_is_the_room(tmp_path: Path) -> None:
     assert np.allclose(frame.depth, depth, rtol=1e-6)
     assert (frame.color == 0.5).all()
     assert not frame.opening.any()
-    assert np.allclose(np.linalg.norm(frame.normal, axis=-1), 1.0, atol=1e-5)
+    assert np.allclose(np.linalg.norm(frame.fitted_normal, axis=-1), 1.0, atol=1e-5)
 
 
 def test_views_and_objects(tmp_path: Path) -> None:
@@ -137,7 +137,7 @@ def test_the_smallest_panorama_is_read(tmp_path: Path) -> None:
     frame = Scene.open(tmp_path).frame()
     assert (frame.width, frame.height) == (2, 1)
     assert np.isfinite(frame.color).all()
-    assert np.isfinite(frame.normal).all()
+    assert np.isfinite(frame.fitted_normal).all()
     assert (frame.depth > 0.0).all()
 
 
@@ -192,7 +192,7 @@ def test_bad_values_are_cleaned(tmp_path: Path) -> None:
     assert (frame.color >= 0).all()
     assert np.isfinite(frame.depth).all()
     assert (frame.depth > 0).all()
-    assert np.isfinite(frame.normal).all()
+    assert np.isfinite(frame.fitted_normal).all()
 
 
 def test_patterns() -> None:

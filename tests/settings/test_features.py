@@ -132,6 +132,9 @@ def test_the_view_and_the_map_around_it_share_what_looks_into_neither() -> None:
 def test_without_objects_the_panorama_is_resampled_and_that_is_all(view: View) -> None:
     device = plan(view=view)
     assert files(device) == {
+        "world/real/inverse.cl",
+        "world/real/planes.cl",
+        "world/real/radiance.cl",
         "world/real/surface.cl",
         "world/real/pyramid.cl",
         "view/resample.cl",

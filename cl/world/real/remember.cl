@@ -1,9 +1,9 @@
 // The background of a static camera's video: per texel of the panorama, the farthest surface that
-// was seen there. Launched once per video frame, before surface.cl makes planes of it.
+// was seen there. Launched once per video frame, before background.cl joins them.
 //
-// in       depth, normal, radiance   of the frame; marks: SURFACE_OPENING (lib/world/real/real.h)
+// in       inverse, surface          of the frame (inverse.cl, surface.cl); its radiance
 // in, out  kept_depth                [H*W]    metres, INFINITY: open sky
-//          kept_normal               [H*W*3]  world
+//          kept_plane                [H*W*3]  g of the tangent plane (lib/world/real/real.h)
 //          kept_color                [H*W*4]  rgb radiance; |w|: the depth around which kept_depth
 //                                             moves, w < 0: the colour may hold some of what is nearer
 // out      kept_marks                [H*W]    SURFACE_OPENING, SURFACE_HIDDEN, SURFACE_AIMED
@@ -14,6 +14,7 @@
 // is nearer by more than the thickness that all surfaces are assumed to have, it hides what is
 // remembered, which stays. What is nearer by less is the same surface, and measured anew, if it faces
 // the same way: the foot of a thing that stands on a floor does not.
+#include "maths/lanes.h"
 #include "maths/maths.h"
 #include "world/real/real.h"
 
@@ -32,63 +33,91 @@ static inline float margin_at(float depth, float thickness, float thickness_rati
     return fmax(thickness, fmax(thickness_ratio, LEAST_MARGIN) * depth);
 }
 
+// Whether planes face the same way.
+static inline int same_facing(float3 g, float3 h)
+{
+    return dot(g, h) > SAME_NORMAL * sqrt(dot(g, g) * dot(h, h));
+}
+
+// Depths of some texels, and whether there is something nearer by more than the margin within RIM
+// texels of each.
+static inline void find_mixed(__global const float *restrict inverse,
+                              __global const int4 *restrict lines, int x, int y, int height,
+                              float thickness, float thickness_ratio, floats *now, floats *mixed)
+{
+    floats nearest = (floats)(0.0f);
+    for (int dy = -RIM; dy <= RIM; dy++) {
+        __global const float *line = inverse + lines[clamp(y + dy, 0, height - 1)].x + x;
+        for (int dx = -RIM; dx <= RIM; dx++)
+            nearest = fmax(nearest, fabs(load_floats(line + dx)));
+    }
+    const floats near = 1.0f / nearest;
+    *now = 1.0f / fabs(load_floats(inverse + lines[y].x + x));
+    const floats margin =
+        fmax((floats)(thickness), fmax(thickness_ratio, LEAST_MARGIN) * near);
+    *mixed = either(near + margin < *now, (floats)(1.0f), (floats)(0.0f));
+}
+
 __kernel void remember(
     const int width,
     const int height,
     const int forget,                           // all that was remembered
     const float thickness,                      // metres, at least
     const float thickness_ratio,                // of the depth, at least
-    __global const float *restrict depth,
-    __global const float *restrict normal,
-    __global const uchar *restrict marks,
+    __global const float *restrict inverse,
+    __global const int4 *restrict lines,
+    __global const float4 *restrict surface,
     __global const float4 *restrict radiance,
     __global float *restrict kept_depth,
-    __global float *restrict kept_normal,
+    __global float *restrict kept_plane,
     __global float4 *restrict kept_color,
     __global uchar *restrict kept_marks,
     __global float *restrict hidden_light)
 {
-    const int x = get_global_id(0), y = get_global_id(1);
-    if (x >= width || y >= height)
+    const int x0 = get_global_id(0) * LANES, y = get_global_id(1);
+    if (x0 >= width || y >= height)
         return;
-    const int texel = y * width + x;
-    const float now = depth[texel];
-    const float3 n = vload3(texel, normal);
-    const float4 seen = radiance[texel];
-    const float before = forget ? 0.0f : kept_depth[texel];
-    const float4 memory = forget ? (float4)(0.0f) : kept_color[texel];
-    const float around = fabs(memory.w);
-    const float margin = margin_at(around, thickness, thickness_ratio);
+    floats depth, mixed;
+    find_mixed(inverse, lines, x0, y, height, thickness, thickness_ratio, &depth, &mixed);
+    const int end = min(x0 + LANES, width);
+    for (int x = x0; x < end; x++) {
+        const int texel = y * width + x;
+        const float now = lane(&depth, x - x0);
+        const float4 plane = surface[texel];
+        const int marks = (int)plane.w & SURFACE_OPENING;
+        const float4 seen = radiance[texel];
+        const float before = forget ? 0.0f : kept_depth[texel];
+        const float4 memory = forget ? (float4)(0.0f) : kept_color[texel];
+        const int known = forget ? 0 : kept_marks[texel];
+        const float around = fabs(memory.w);
+        const float margin = margin_at(around, thickness, thickness_ratio);
 
-    // Infinities have no differences.
-    const int uncovered = forget || now > around + margin;
-    const int alike = !forget && isfinite(around) && now >= around - margin
-        && dot(n, vload3(texel, kept_normal)) > SAME_NORMAL;
-    const int windows = !forget && marks[texel] & kept_marks[texel] & SURFACE_OPENING;
-    if (!uncovered && !(now >= before || alike || windows)) {
-        const float light = luminance(memory.xyz);
-        const int aimed = light > luminance(seen.xyz);
-        kept_marks[texel] = (kept_marks[texel] & SURFACE_OPENING) | SURFACE_HIDDEN
-            | (aimed ? SURFACE_AIMED : 0);
-        hidden_light[texel] = aimed ? light : 0.0f;
-        return;
-    }
-
-    int mixed = 0;
-    for (int dy = -RIM; dy <= RIM; dy++)
-        for (int dx = -RIM; dx <= RIM; dx++) {
-            const int column = (x + dx + 2 * width) % width, row = clamp(y + dy, 0, height - 1);
-            const float near = depth[row * width + column];
-            mixed |= near + margin_at(near, thickness, thickness_ratio) < now;
+        // Infinities have no differences.
+        const int uncovered = forget || now > around + margin;
+        const int near = isfinite(around) && now >= around - margin;
+        const int windows = marks & known & SURFACE_OPENING;
+        if (!uncovered && !(now >= before || windows
+                            || (near && same_facing(plane.xyz, vload3(texel, kept_plane))))) {
+            const float light = luminance(memory.xyz);
+            const int aimed = light > luminance(seen.xyz);
+            kept_marks[texel] =
+                (known & SURFACE_OPENING) | SURFACE_HIDDEN | (aimed ? SURFACE_AIMED : 0);
+            hidden_light[texel] = aimed ? light : 0.0f;
+            continue;
         }
-    const float moved = around + FOLLOW * (now - around);
-    const float centre = uncovered || !isfinite(moved) ? now : moved;
-    float4 color = (float4)(seen.xyz, mixed ? -centre : centre);
-    if (mixed && !uncovered && memory.w > 0.0f)
-        color = (float4)(memory.xyz, centre);
-    kept_color[texel] = color;
-    kept_depth[texel] = now;
-    vstore3(n, texel, kept_normal);
-    kept_marks[texel] = marks[texel];
-    hidden_light[texel] = 0.0f;
+        const int rim = lane(&mixed, x - x0) > 0.0f;
+        const float moved = around + FOLLOW * (now - around);
+        const float centre = uncovered || !isfinite(moved) ? now : moved;
+        float4 color = (float4)(seen.xyz, rim ? -centre : centre);
+        if (rim && !uncovered && memory.w > 0.0f)
+            color = (float4)(memory.xyz, centre);
+        kept_color[texel] = color;
+        kept_depth[texel] = now;
+        vstore3(plane.xyz, texel, kept_plane);
+        // Most often they are what they were.
+        if (forget || known != marks)
+            kept_marks[texel] = marks;
+        if (forget || (known & SURFACE_HIDDEN))
+            hidden_light[texel] = 0.0f;
+    }
 }

@@ -1,133 +1,109 @@
 // Tangent planes, connectivity and leaf depth ranges of the panorama.
 //
-// in   depth     [H*W]    metres from the capture centre; INFINITY: open sky
-//      normal    [H*W*3]  world, unit, facing the capture centre
-//      marks     [H*W]    SURFACE_* flags to be set: OPENING where the source has no depth
-//      column    [W+1]    (cos, sin) of the azimuth of column edges
-//      row       [H+1]    cos of the polar angle of row edges
-//      azimuth   [W]      (cos, sin) of the azimuth of column centres
-//      polar     [H]      (cos, sin) of the polar angle of row centres
-// out  surface   [H*W]    xyz: g of the tangent plane g.x = 1; w: SURFACE_* flags (lib/world/real/real.h)
-//      range     [H*W]    smallest and largest radial distance of the plane within the texel
-//
-// -D BACKGROUND makes the layer that is remembered (remember.cl): where nothing is hidden, it is the
-// first layer, which is copied.
-//
-// Two neighbours are connected when the step between them is explained by the tangent plane of
-// either, or is below three texel footprints: only other steps are gaps a ray can pass.
-#include "world/real/real.h"
+// in   inverse  1/m, 0 in open sky, sign bit: opening; in lines (inverse.cl)
+//      planes   g of the tangent planes, of some rows (planes.cl)
+//      column   after MARGIN floats, cos of the azimuth of column edges; `edges` floats later, sin
+//      row      [H+1]  cos of the polar angle of row edges
+//      azimuth  after MARGIN floats, cos of the azimuth of column centres; `stride` floats later, sin
+//      polar    [H]    (cos, sin) of the polar angle of row centres
+// out  surface  [H*W]  xyz: g of the tangent plane g.x = 1; w: SURFACE_* flags (lib/world/real/real.h)
+//      range    [H*W]  smallest and largest radial distance of the plane within the texel
+#include "world/real/joint.h"
+#include "world/real/tangent.h"
 
-// Planes seen at less than this cosine are tilted towards the viewer, so that g stays bounded.
-#define GRAZING 0.02f
-#define STEP_FOOTPRINTS 3.0f
-
-// Unit direction of the centre of a texel, from tables: sines would take most of the kernel's time.
-static inline float3 centre_direction(float2 azimuth, float2 polar)
+static inline Vectors directions(floats cos_phi, floats sin_phi, float2 polar)
 {
-    return (float3)(polar.y * azimuth.y, polar.x, -polar.y * azimuth.x);
+    const Vectors v = {polar.y * sin_phi, (floats)(polar.x), -polar.y * cos_phi};
+    return v;
 }
 
-static inline float3 tangent_plane(float depth, float3 n, float3 v)
+// The azimuth's (cos, sin) are those of the meridian's normal: direction (sin, ., -cos).
+static inline Vectors corners(floats cos_phi, floats sin_phi, float c)
 {
-    float facing = dot(n, v);
-    if (!(facing < -GRAZING)) {
-        n -= (facing + GRAZING) * v;
-        facing = -GRAZING;
-    }
-    return n / (facing * depth);
+    const float s = sqrt(fmax(1.0f - c * c, 0.0f));
+    return directions(cos_phi, sin_phi, (float2)(c, s));
 }
 
-static inline float3 plane_at(
-    __global const float *restrict depth, __global const float *restrict normal, int texel, float3 v)
+static inline floats flagged(ints is, int flag)
 {
-    const float3 n = (float3)(normal[3 * texel], normal[3 * texel + 1], normal[3 * texel + 2]);
-    return tangent_plane(depth[texel], n, v);
-}
-
-static inline float radius_towards(float3 g, float3 v)
-{
-    float inverse = dot(g, v);
-    return inverse > 0.0f ? 1.0f / inverse : INFINITY;
+    return either(is, (floats)(flag), (floats)(0.0f));
 }
 
 __kernel void build_surface(
     const int width,
     const int height,
-    __global const float *restrict depth,      // metres
-    __global const float *restrict normal,     // world
-    __global const uchar *restrict marks,
-    __global const float2 *restrict column,    // column edges
-    __global const float *restrict row,        // row edges
-    __global const float2 *restrict azimuth,   // column centres
-    __global const float2 *restrict polar,     // row centres
-#ifdef BACKGROUND
-    __global const float4 *restrict first_surface,
-    __global const float2 *restrict first_range,
-#endif
+    const int first,                           // number of the first row to be built
+    const int rows,                            // to be built; planes has one more at either end
+    const int stride,
+    const int edges,
+    __global const float *restrict inverse,
+    __global const int4 *restrict lines,
+    __global const float *restrict planes,
+    __global const float *restrict column,
+    __global const float *restrict row,
+    __global const float *restrict azimuth,
+    __global const float2 *restrict polar,
     __global float4 *restrict surface,         // out
     __global float2 *restrict range)           // out
 {
-    const int x = get_global_id(0), y = get_global_id(1);
-    if (x >= width || y >= height)
+    const int x = get_global_id(0) * LANES, own = get_global_id(1), y = first + own;
+    if (x >= width || own >= rows)
         return;
-    const int texel = y * width + x;
-    const int step_x[4] = {1, -1, 0, 0};
-    const int step_y[4] = {0, 0, -1, 1};
-#ifdef BACKGROUND
-    int hidden = marks[texel];
-    for (int i = 0; i < 4; i++)
-        hidden |= marks[clamp(y + step_y[i], 0, height - 1) * width + (x + step_x[i] + width) % width];
-    if (!(hidden & SURFACE_HIDDEN)) {
-        surface[texel] = first_surface[texel];
-        range[texel] = first_range[texel];
-        return;
-    }
-#endif
-    const float d = depth[texel];
-    if (!isfinite(d)) {
-        surface[texel] = (float4)(0.0f, 0.0f, 0.0f, (float)(SURFACE_NONE | marks[texel]));
-        range[texel] = (float2)(INFINITY, INFINITY);
-        return;
-    }
-    const float3 v = centre_direction(azimuth[x], polar[y]);
-    const float3 g = plane_at(depth, normal, texel, v);
+    const int image = (rows + 2) * stride;
+    __global const float *from = inverse + lines[y].x + x;
+    __global const float *line = planes + MARGIN + (own + 1) * stride;
+    const floats f = load_floats(from);
+    const ints there = f != 0.0f;
+    const floats d = 1.0f / either(there, fabs(f), (floats)(1.0f));
+    const Vectors g = {load_floats(line + x), load_floats(line + image + x),
+                       load_floats(line + 2 * image + x)};
+    __global const float *cosines = azimuth + MARGIN, *sines = cosines + stride;
+    const floats cos_phi = load_floats(cosines + x), sin_phi = load_floats(sines + x);
+    const Vectors v = directions(cos_phi, sin_phi, polar[y]);
     const float footprint = IPRT_PI / height;
 
-    const int flag[4] = {SURFACE_EAST, SURFACE_WEST, SURFACE_NORTH, SURFACE_SOUTH};
-    int flags = marks[texel];
-    float reach = footprint * d;   // how far the plane may leave the centre's depth in the texel
-    for (int i = 0; i < 4; i++) {
-        const int ny = y + step_y[i];
-        const int nx = (x + step_x[i] + width) % width;
-        if (ny < 0 || ny >= height)
+    floats reach = footprint * d;   // how far the plane may leave the centre's depth in the texel
+    floats flags = either(bits_of(f) < 0, (floats)(SURFACE_OPENING), (floats)(0.0f));
+    const Vectors east = {load_east(line, x, width), load_east(line + image, x, width),
+                          load_east(line + 2 * image, x, width)};
+    const Vectors to_east =
+        directions(load_east(cosines, x, width), load_east(sines, x, width), polar[y]);
+    flags += flagged(joined(d, g, v, fabs(load_floats(from + 1)), east, to_east, footprint, &reach),
+                     SURFACE_EAST);
+    const Vectors west = {load_west(line, x, width), load_west(line + image, x, width),
+                          load_west(line + 2 * image, x, width)};
+    const Vectors to_west =
+        directions(load_west(cosines, x, width), load_west(sines, x, width), polar[y]);
+    flags += flagged(joined(d, g, v, fabs(load_floats(from - 1)), west, to_west, footprint, &reach),
+                     SURFACE_WEST);
+    for (int i = 0; i < 2; i++) {
+        const int side = 2 * i - 1;
+        if (y + side < 0 || y + side >= height)
             continue;
-        const int other = ny * width + nx;
-        const float e = depth[other];
-        if (!isfinite(e))
-            continue;
-        const float3 w = centre_direction(azimuth[nx], polar[ny]);
-        const float3 h = plane_at(depth, normal, other, w);
-        const float unexplained = fmin(fabs(d - e), fmin(fabs(radius_towards(g, w) - e),
-                                                         fabs(radius_towards(h, v) - d)));
-        if (unexplained <= STEP_FOOTPRINTS * footprint * fmin(d, e)) {
-            flags |= flag[i];
-            reach = fmax(reach, fabs(d - e));
-        }
+        __global const float *other = line + side * stride;
+        const Vectors h = {load_floats(other + x), load_floats(other + image + x),
+                           load_floats(other + 2 * image + x)};
+        const Vectors w = directions(cos_phi, sin_phi, polar[y + side]);
+        const floats near = fabs(load_floats(inverse + lines[y + side].x + x));
+        flags += flagged(joined(d, g, v, near, h, w, footprint, &reach),
+                         side < 0 ? SURFACE_NORTH : SURFACE_SOUTH);
     }
 
-    float low = d, high = d;
-    for (int corner = 0; corner < 4; corner++) {
-        const float2 edge = column[x + (corner & 1)];
-        const float c = row[y + (corner >> 1)];
-        const float s = sqrt(fmax(1.0f - c * c, 0.0f));
-        // The azimuth's (cos, sin) are those of the meridian's normal: direction (sin, ., -cos).
-        const float radius = radius_towards(g, (float3)(s * edge.y, c, -s * edge.x));
-        low = fmin(low, radius);
-        high = fmax(high, radius);
+    floats low = d, high = d;
+    for (int side = 0; side < 2; side++) {
+        const floats edge_cos = load_floats(column + MARGIN + x + side);
+        const floats edge_sin = load_floats(column + MARGIN + edges + x + side);
+        corner_radius(g, corners(edge_cos, edge_sin, row[y]), &low, &high);
+        corner_radius(g, corners(edge_cos, edge_sin, row[y + 1]), &low, &high);
     }
-    // Within the texel the radius bends away from that at the corners: second derivative
-    // r (1 + 2 tan^2) at the angle whose cosine is 1 / (|g| d).
-    const float bend = 0.25f * footprint * footprint * d * (2.0f * dot(g, g) * d * d - 1.0f);
-    surface[texel] = (float4)(g, (float)flags);
-    range[texel] = (float2)(fmax(low - bend, d - reach), fmin(high + bend, d + reach));
+    const floats bend = radius_bend(g, d, footprint);
+    low = either(there, fmax(low - bend, d - reach), (floats)(INFINITY));
+    high = either(there, fmin(high + bend, d + reach), (floats)(INFINITY));
+    flags = either(there, flags, either(bits_of(f) < 0, (floats)(SURFACE_NONE | SURFACE_OPENING),
+                                        (floats)(SURFACE_NONE)));
+    const int texel = y * width + x, count = min(width - x, LANES);
+    for (int i = 0; i < count; i++) {
+        surface[texel + i] = (float4)(lane(&g.x, i), lane(&g.y, i), lane(&g.z, i), lane(&flags, i));
+        range[texel + i] = (float2)(lane(&low, i), lane(&high, i));
+    }
 }

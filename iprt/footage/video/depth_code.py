@@ -67,10 +67,10 @@ class DepthCode:
         black, white : float
             Stored values of both, which only `ends` looks at.
         """
-        value = stored.astype(np.float32)
+        value = stored.astype(np.float32, copy=False)
         with np.errstate(all="ignore"):
             if self.ends is None:
-                return value * np.float32(self.scale or 1.0)
+                return value if self.scale in (None, 1.0) else value * np.float32(self.scale)
             part = (value - np.float32(black)) * np.float32(1.0 / (white - black))
             low, high = self.ends
             if self.encoding == "inverse":

@@ -17,7 +17,6 @@ from iprt.files.path_safety import require_inside
 from iprt.footage.coarse_depth import Grid, at_full_size
 from iprt.footage.depth import sanitise_color, sanitise_depth
 from iprt.footage.frame import Frame
-from iprt.footage.normals import estimate_normals, sanitise_normals
 from iprt.footage.video.poses import read_poses
 from iprt.footage.video.reader import open_streams
 from iprt.footage.video.table import VideoTable
@@ -50,13 +49,12 @@ class RawFrame:
     pose: NDArray[np.float64] | None = None
 
     def sanitised(self) -> Frame:
-        """Fill holes and find normals; see `sanitise_depth` and `estimate_normals`."""
+        """Fill holes; see `sanitise_depth`."""
         color = sanitise_color(self.color)
         clean = sanitise_depth(self.depth, color)
-        normal = estimate_normals(clean.depth, clean.opening.astype(np.uint8))
-        if self.normal is not None:
-            normal = sanitise_normals(self.normal, normal)
-        return Frame(color, clean.depth, clean.opening, normal, index=self.index, pose=self.pose)
+        return Frame(
+            color, clean.depth, clean.opening, self.normal, index=self.index, pose=self.pose
+        )
 
 
 @dataclass(frozen=True)
@@ -73,6 +71,11 @@ class StoredDepth:
 
     size: tuple[int, int]
     grid: Grid | None
+
+    @classmethod
+    def of(cls, depth: Picture) -> StoredDepth:
+        """By a picture of depth."""
+        return cls((depth.shape[1], depth.shape[0]), Grid.of(depth))
 
 
 class FrameSource:
@@ -199,7 +202,12 @@ class FrameSource:
                 depth = self._tracks.by_key["depth"].reader(streams)(self.indices[0])
         except FormatError:
             return None
-        return StoredDepth((depth.shape[1], depth.shape[0]), Grid.of(depth))
+        return StoredDepth.of(depth)
+
+    def first_depth(self, depth: Picture) -> None:
+        """Take the depth (h, w) of the first frame, which need not be read for `stored_depth`."""
+        if "stored_depth" not in vars(self):
+            vars(self)["stored_depth"] = StoredDepth.of(depth)
 
     @cached_property
     def size(self) -> tuple[int, int]:
@@ -263,6 +271,8 @@ class FrameReader:
         """
         files = self._source.files(index)
         depth = self._readers["depth"](index)
+        if index == self._source.indices[0]:
+            self._source.first_depth(depth)
         full = self._full_depth(files["depth"], depth)
         _require_any(
             files["depth"],
@@ -314,7 +324,8 @@ def turned_color(color: Picture, yaw_deg: float) -> Picture:
     columns = yaw_deg / 360.0 * color.shape[1]
     whole = int(np.floor(columns))
     part = np.float32(columns - whole)
-    color = np.roll(color, whole, axis=1)
+    if whole % color.shape[1]:
+        color = np.roll(color, whole, axis=1)
     if part > 1e-4:
         color = (1 - part) * color + part * np.roll(color, 1, axis=1)
     return color
@@ -328,6 +339,8 @@ def turned_geometry(
     Normals turn with the world.
     """
     nearest = int(np.floor(yaw_deg / 360.0 * depth.shape[1] + 0.5))
+    if yaw_deg == 0.0:
+        return depth, normal
     if normal is not None and yaw_deg % 360.0 != 0.0:
         angle = np.deg2rad(yaw_deg)
         cos, sin = np.float32(np.cos(angle)), np.float32(np.sin(angle))

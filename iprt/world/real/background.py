@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyopencl.array as cla
 
 from iprt.device.compute import ComputeDevice
+from iprt.files.kernel_source import constant
 from iprt.world.real.pyramid import PyramidShape
+from iprt.world.real.surfaces import Surfaces
 
+STRIP = constant("world/real/background.cl", "STRIP")
 if TYPE_CHECKING:
     from iprt.settings.trace import TraceSettings
 
@@ -29,7 +31,8 @@ class Background:
     ----------
     depth : (H, W) float32
         Metres from the capture centre; +inf where open sky was seen.
-    normal : (H, W, 3) float32
+    plane : (H, W, 3) float32
+        g of the tangent plane, see `cl/lib/world/real/real.h`; 0 in open sky.
     color : (H, W, 4) float32
         Linear radiance; the fourth channel is the kernel's own.
     marks : (H, W) uint8
@@ -47,37 +50,35 @@ class Background:
     def __init__(
         self,
         device: ComputeDevice,
-        width: int,
-        height: int,
+        surfaces: Surfaces,
         pyramid: PyramidShape,
         trace: TraceSettings,
     ) -> None:
-        """`trace.thickness` decides by how much what hides the background is nearer."""
+        """`surfaces` are those of the frame; `trace.thickness` decides by how much what hides the
+        background is nearer.
+        """
         self._device = device
         self._trace = trace
-        self._size = (width, height)
+        self._first = surfaces
+        width, height = surfaces.width, surfaces.height
         texels = (height, width)
         self.depth = device.empty("panorama.background depth", texels)
-        self.normal = device.empty("panorama.background normal", (*texels, 3))
+        self.plane = device.empty("panorama.background plane", (*texels, 3))
         self.color = device.empty("panorama.background color", (*texels, 4))
         self.marks = device.empty("panorama.background marks", texels, np.uint8)
         self.hidden_light = device.empty("panorama.background light", texels)
         self.surface = device.empty("panorama.background surface", (*texels, 4))
         self.range = device.empty("panorama.background range", (pyramid.offsets[-1], 2))
         self.farthest = 0.0
-        self._remember = device.kernel("world/real/remember.cl", "remember")
-        self._build = device.kernel("world/real/surface.cl", "build_surface", {"BACKGROUND": True})
+        wide = {"WIDE": device.wide}
+        self._remember = device.kernel("world/real/remember.cl", "remember", wide)
+        self._join = device.kernel("world/real/background.cl", "join_background")
         self.first, self._seen = True, False
 
     def load(
         self,
-        grid: Mapping[str, Any],
         *,
-        depth: cla.Array,
-        normal: cla.Array,
-        marks: cla.Array,
         radiance: cla.Array,
-        surface: cla.Array,
         range_: cla.Array,
         scale: float,
         farthest: float,
@@ -87,13 +88,7 @@ class Background:
 
         Parameters
         ----------
-        grid : mapping
-            Size, edges and centres of columns and rows, as `cl/world/real/surface.cl` takes them.
-        depth, normal, marks, radiance : (H, W), (H, W, 3), (H, W), (H, W, 4)
-            Of the frame, on the device.
-        surface, range_ : arrays
-            `Panorama.surface`, `Panorama.range` of the frame.
-        scale, farthest : float
+        radiance, range_, scale, farthest
             As `Panorama` has them.
         forget : bool
             What was seen has nothing to do with this frame, or lies elsewhere.
@@ -101,31 +96,28 @@ class Background:
         self.first = forget or not self._seen
         self._seen = True
         self.farthest = farthest if self.first else max(self.farthest, farthest)
-        with self._device.profile.section("background"):
+        first, device = self._first, self._device
+        known = {"kept_depth": self.depth, "kept_plane": self.plane, "kept_marks": self.marks}
+        with device.profile.section("background"):
             self._remember(
-                self._size,
-                width=self._size[0],
-                height=self._size[1],
+                first.items(first.height),
+                first.grid,
+                known,
                 forget=self.first,
                 thickness=self._trace.thickness * scale,
                 thickness_ratio=self._trace.thickness_ratio,
-                depth=depth,
-                normal=normal,
-                marks=marks,
+                inverse=first.inverse,
+                lines=first.lines,
+                surface=first.surface,
                 radiance=radiance,
-                kept_depth=self.depth,
-                kept_normal=self.normal,
                 kept_color=self.color,
-                kept_marks=self.marks,
                 hidden_light=self.hidden_light,
             )
-            self._build(
-                self._size,
-                grid,
-                depth=self.depth,
-                normal=self.normal,
-                marks=self.marks,
-                first_surface=surface,
+            self._join(
+                (-(-first.width // STRIP), first.height),
+                first.grid,
+                known,
+                first_surface=first.surface,
                 first_range=range_,
                 surface=self.surface,
                 range=self.range,

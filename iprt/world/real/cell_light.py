@@ -2,62 +2,102 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.footage.frame import LUMINANCE, Frame
+from iprt.device.compute import ComputeDevice
+from iprt.footage.frame import LUMINANCE
+
+if TYPE_CHECKING:
+    from iprt.world.real.panorama import Panorama
 
 TEXELS = 4
-"""A cell has at most so many per side: more say nothing new."""
-SAME_DISTANCE = 0.02
-"""Relative distance up to which a texel's surface is the one it was."""
+"""A cell has at most so many per side, about: more say nothing new."""
 DARK = 1e-2
 """Radiance over the panorama's mean below which a cell is noise and no light."""
 DISTRUST = 0.5
 """Share of a change that may be none of the light: highlights, screens, noise."""
 
 
-def light_change(
-    before: Frame, now: Frame, rows: int, changed: float
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Factor of the irradiance per cell, and the relative error of that.
+class CellLight:
+    """Samples of the light of two frames, and what changed between them.
 
     What a diffuse surface sends is in proportion to its irradiance, so that both change by one
     factor. It is measured on texels whose surface stayed.
 
     Parameters
     ----------
-    before, now : Frame
-        Both of one size, from the same capture centre.
+    width, height : int
+        Size of the panorama.
     rows : int
         Rows of the grid, which has twice as many columns.
-    changed : float
-        Share of the panorama's flux that changed: the error where it is too dark to tell.
-
-    Returns
-    -------
-    factor : (rows * 2 * rows, 3) float32
-    error : (rows * 2 * rows,) float32
     """
-    height, width = now.depth.shape
-    step = max(1, height // (TEXELS * rows))
-    row = np.arange(0, height, step) * rows // height
-    column = np.arange(0, width, step) * 2 * rows // width
-    cell = (row[:, None] * 2 * rows + column).ravel()
-    depths = (frame.depth[::step, ::step] for frame in (before, now))
-    with np.errstate(invalid="ignore"):
-        first, second = depths
-        same = (np.abs(second - first) <= SAME_DISTANCE * second).ravel()
 
-    def light(frame: Frame) -> NDArray[np.float64]:
-        texels = frame.radiance[::step, ::step].reshape(-1, 3)[same]
-        sums = [np.bincount(cell[same], texels[:, c], 2 * rows * rows) for c in range(3)]
-        return (
-            np.stack(sums, -1)
-            / np.maximum(np.bincount(cell[same], minlength=2 * rows * rows), 1)[:, None]
+    def __init__(self, device: ComputeDevice, width: int, height: int, rows: int) -> None:
+        self._device = device
+        step = max(1, height // (TEXELS * rows))
+        self._rows = rows
+        self._shape = (-(-height // step), -(-width // step), 4)
+        self._now, self._before = (
+            device.zeros(f"light samples {i}", self._shape) for i in range(2)
+        )
+        self._lights = device.empty("irradiance light sums", (2 * rows * rows, 2, 4))
+        self._sample = device.kernel("world/real/cell_light.cl", "sample_light").fixed(
+            width=width, step=step, sample_columns=self._shape[1], sample_rows=self._shape[0]
+        )
+        self._compare = device.kernel("world/real/cell_light.cl", "compare_light").fixed(
+            columns=2 * rows,
+            rows=rows,
+            width=width,
+            height=height,
+            step=step,
+            sample_columns=self._shape[1],
+            lights=self._lights,
         )
 
-    lights = [light(frame) for frame in (before, now)]
+    def follow(self, panorama: Panorama) -> None:
+        """Go on to the frame that the panorama holds."""
+        self._now, self._before = self._before, self._now
+        rows, columns, _ = self._shape
+        self._sample(
+            (columns, rows),
+            radiance=panorama.radiance,
+            inverse=panorama.surfaces.inverse,
+            lines=panorama.surfaces.lines,
+            samples=self._now,
+        )
+
+    def change(self, changed: float) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Factor of the irradiance per cell, and the relative error of that.
+
+        From the frame before to the last one; both from the same capture centre.
+
+        Parameters
+        ----------
+        changed : float
+            Share of the panorama's flux that changed: the error where it is too dark to tell.
+
+        Returns
+        -------
+        factor : (rows * 2 * rows, 3) float32
+        error : (rows * 2 * rows,) float32
+        """
+        size = (2 * self._rows, self._rows)
+        self._compare(size, before=self._before, now=self._now)
+        sums = self._device.read(self._lights).astype(np.float64)
+        return light_change(sums[:, 0, :3], sums[:, 1, :3], sums[:, 0, 3], changed)
+
+
+def light_change(
+    before: NDArray[np.float64],
+    now: NDArray[np.float64],
+    count: NDArray[np.float64],
+    changed: float,
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """`CellLight.change` by sums (cells, 3) of radiance over (cells,) so many samples."""
+    lights = [sums / np.maximum(count, 1.0)[:, None] for sums in (before, now)]
     dark = DARK * float(np.mean(lights)) + 1e-30
     factor = (lights[1] + dark) / (lights[0] + dark)
     shown = [mean @ LUMINANCE + dark for mean in lights]

@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
 from iprt.filter.mask import Mask
-from iprt.footage.frame import Frame
 from iprt.gbuffer.guide import Guide, plane_defines
 from iprt.world.real.camera_motion import STILL
-from iprt.world.real.cell_light import light_change
+from iprt.world.real.cell_light import CellLight
 
 if TYPE_CHECKING:
     from iprt.settings.features import Features
@@ -48,7 +47,7 @@ class IrradianceCache:
         E_R / π as sampled, and after smoothing; number of samples.
     """
 
-    def __init__(self, device: ComputeDevice, features: Features) -> None:
+    def __init__(self, device: ComputeDevice, panorama: Panorama, features: Features) -> None:
         self._device = device
         self._features = features
         self.settings = features.settings.irradiance
@@ -67,6 +66,7 @@ class IrradianceCache:
             self._move = kernel("move_cells")
             self._before = self._grids(" before")
             self._camera = device.zeros("irradiance camera motion", (12,))
+        self._light = CellLight(device, panorama.width, panorama.height, self.rows)
         self._listed = device.zeros("irradiance listed", (cells,), np.int32)
         self._cells = device.empty("irradiance cells", (cells,), np.int32)
         self._count, self._next_count = (
@@ -100,8 +100,6 @@ class IrradianceCache:
     def place(
         self,
         panorama: Panorama,
-        before: Frame,
-        now: Frame,
         motion: NDArray[np.float64],
         *,
         changed: float,
@@ -111,11 +109,11 @@ class IrradianceCache:
 
         Parameters
         ----------
-        before, now : Frame
-            The same on the first frame. `panorama` holds `now`.
+        panorama : Panorama
+            Holds the next frame.
         motion : (3, 4) float64
-            `camera_motion` between them. Where the camera moved, cells are fetched from where
-            their surfaces were.
+            `camera_motion` since the frame before. Where the camera moved, cells are fetched from
+            where their surfaces were.
         changed : float
             Share of the panorama's flux that changed, in [0, 1].
         cut : bool
@@ -140,8 +138,9 @@ class IrradianceCache:
                 self._device.write(self._camera, motion.astype(np.float32).ravel())
                 kept = 1.0 if cut else MOVED_SAMPLES
                 self._move(grid, seen, known, self._named(""), kept=kept, camera=self._camera)
-        if still and changed > 0.0 and not cut:
-            self._relight(*light_change(before, now, self.rows, changed))
+            self._light.follow(panorama)
+            if still and changed > 0.0 and not cut:
+                self._relight(*self._light.change(changed))
 
     def forget(self) -> None:
         """Forget all samples, as if no view had asked for any."""

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import pyopencl.array as cla
 from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
-from iprt.footage.frame import LUMINANCE
 
 LIGHT_ROWS = 256
 """Rows of the table, at most: cells of 0.7 degrees."""
@@ -22,6 +22,8 @@ class Lights:
     rows, columns : int
     count : int
         Cells that rays are aimed at; 0 where the panorama is even.
+    luminance : (rows, columns) float32
+        Means over the cells.
     """
 
     def __init__(self, device: ComputeDevice, width: int, height: int) -> None:
@@ -31,14 +33,27 @@ class Lights:
         self._cumulative = device.zeros("light cumulative", (cells + 1,))
         self._cell = device.zeros("light cells", (cells,), np.int32)
         self._density = device.zeros("light density", (cells,))
+        self.luminance = device.empty("light luminance", (self.rows, self.columns))
+        self._sum = device.kernel("world/real/radiance.cl", "sum_luminance").fixed(
+            columns=self.columns, rows=self.rows, mean=self.luminance
+        )
         self.count = 0
 
-    def load(self, color: NDArray[np.float32], hidden: NDArray[np.float32] | None = None) -> None:
-        """Make the table of a panorama (H, W, 3), linear radiance.
+    def load(self, radiance: cla.Array, hidden: cla.Array | None = None) -> None:
+        """Make the table of a panorama (H, W, 4), linear radiance.
 
         `hidden` (H, W) is the luminance of lights that are remembered behind it, else 0.
         """
-        density, cells, cumulative = light_table(color, self.rows, self.columns, hidden)
+        height, width, _ = radiance.shape
+        with self._device.profile.section("lights"):
+            self._sum(
+                (self.columns, self.rows),
+                width=width,
+                height=height,
+                texels=radiance,
+                hidden_light=hidden,
+            )
+        density, cells, cumulative = light_table(self._device.read(self.luminance))
         self.count = len(cells)
         padded = np.zeros(self._cumulative.shape, np.float32)
         padded[: self.count + 1] = cumulative
@@ -62,10 +77,7 @@ class Lights:
 
 
 def light_table(
-    color: NDArray[np.float32],
-    rows: int,
-    columns: int,
-    hidden: NDArray[np.float32] | None = None,
+    luminance: NDArray[np.floating],
 ) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.float64]]:
     """Sampling densities in proportion to what a cell's luminance exceeds the mean by.
 
@@ -75,10 +87,8 @@ def light_table(
 
     Parameters
     ----------
-    color : (H, W, 3) float32
-        Linear radiance, H >= `rows` and W >= `columns`.
-    hidden : (H, W) float32 or None
-        Luminance behind it that counts where it is larger.
+    luminance : (rows, columns)
+        Means over the cells of an equirect grid.
 
     Returns
     -------
@@ -89,14 +99,8 @@ def light_table(
     cumulative : (N + 1,) float64
         Cumulative probabilities, from 0 to 1.
     """
-    height, width = color.shape[:2]
-    luminance = color.astype(np.float64) @ LUMINANCE
-    if hidden is not None:
-        luminance = np.maximum(luminance, hidden)
-    row, column = np.arange(height) * rows // height, np.arange(width) * columns // width
-    cell = (row[:, None] * columns + column).ravel()
-    texels = np.bincount(cell, minlength=rows * columns)
-    mean = np.bincount(cell, luminance.ravel(), rows * columns) / texels
+    rows, columns = luminance.shape
+    mean = luminance.astype(np.float64).ravel()
     edges = np.cos(np.arange(rows + 1) / rows * np.pi)
     solid_angle = np.repeat((edges[:-1] - edges[1:]) * (2.0 * np.pi / columns), columns)
     average = float((mean * solid_angle).sum() / (4.0 * np.pi))
@@ -109,14 +113,3 @@ def light_table(
     density = excess / total
     cumulative = np.concatenate([[0.0], np.cumsum((density * solid_angle)[cells])])
     return density, cells, cumulative / cumulative[-1]
-
-
-def flux_change(before: NDArray[np.float32], after: NDArray[np.float32]) -> float:
-    """Share of the panorama's flux by which two pictures (H, W, 3) differ, in [0, 1]."""
-    if before is after:
-        return 0.0
-    height = len(after)
-    weights = np.sin((np.arange(height) + 0.5) / height * np.pi)
-    apart = weights @ np.abs(after - before).mean(axis=(1, 2), dtype=np.float64)
-    total = weights @ np.maximum(after, before).mean(axis=(1, 2), dtype=np.float64)
-    return float(apart / total) if total > 0.0 else 0.0

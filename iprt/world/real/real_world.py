@@ -15,7 +15,7 @@ from iprt.world.real.camera_motion import STILL
 from iprt.world.real.color_map import ColorMap
 from iprt.world.real.highlight import Highlight
 from iprt.world.real.irradiance import IrradianceCache
-from iprt.world.real.lights import Lights, flux_change
+from iprt.world.real.lights import Lights
 from iprt.world.real.panorama import Panorama
 
 
@@ -58,7 +58,9 @@ class RealWorld:
         )
         self._color_map = ColorMap(device) if features.color_map else None
         self.lights = Lights(device, frame.width, frame.height) if features.light_sampling else None
-        self.irradiance = IrradianceCache(device, features) if features.delta else None
+        self.irradiance = (
+            IrradianceCache(device, self.panorama, features) if features.delta else None
+        )
         self.highlight = Highlight(device, self.panorama, features) if features.gloss else None
         self._load(frame)
 
@@ -95,18 +97,16 @@ class RealWorld:
             self._color_map.load(frame.color_map)
         self.version += 1
         if features.objects:
-            changed = flux_change(before.radiance, frame.radiance)
+            changed = self.panorama.flux.change
             cut = abandoned or is_cut(before, frame, changed)
             if cut or changed > SWITCHED:
                 self.cut_version = self.version
             elsewhere = cut or not np.array_equal(motion, STILL)
-            hidden = self.panorama.remember(forget=elsewhere or changed > OTHER_LIGHT)
+            self.panorama.remember(forget=elsewhere or changed > OTHER_LIGHT)
             if self.lights is not None:
-                self.lights.load(frame.radiance, hidden)
+                self.lights.load(self.panorama.radiance, self.panorama.hidden_light)
             if self.irradiance is not None:
-                self.irradiance.place(
-                    self.panorama, before, frame, motion, changed=changed, cut=cut
-                )
+                self.irradiance.place(self.panorama, motion, changed=changed, cut=cut)
         self.frame, self._complete = frame, True
 
     def split_highlights(self) -> None:

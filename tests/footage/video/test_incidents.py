@@ -74,7 +74,7 @@ def test_bad_depth_is_held_and_colour_goes_on(
         spoil(tmp_path / f"d.{index:03}.exr")
     frames, told = played(tmp_path, caplog)
     assert values(frames) == [(1, 1, 1), (2, 2, 2), (3, 3, 2), (4, 4, 2), (5, 5, 5), (6, 6, 6)]
-    assert frames[3].normal is frames[1].normal
+    assert frames[3].depth is frames[1].depth
     assert frames[3].opening is frames[1].opening
     assert len(told) == 2
     assert "d.003.exr: " in told[0]

@@ -54,7 +54,7 @@ def test_a_stream_gives_what_single_frames_are(tmp_path: Path) -> None:
     with scene.stream(scene.frame_indices) as frames:
         for frame in frames:
             alone = scene.frame(frame.index)
-            for name in ("color", "depth", "opening", "normal"):
+            for name in ("color", "depth", "opening", "fitted_normal"):
                 assert np.array_equal(getattr(frame, name), getattr(alone, name))
             assert alone.index == frame.index
 
@@ -72,23 +72,23 @@ def test_depth_that_does_not_change_is_sanitised_once(
     light = np.ones((128, 256, 3), np.float32)
     light[2, 100] = 50.0
     write_rgb(tmp_path / "c.004.exr", light)
-    fitted = 0
-    estimate = source.estimate_normals
+    filled = 0
+    sanitise = source.sanitise_depth
 
     def counted(*given: Any) -> Any:
-        nonlocal fitted
-        fitted += 1
-        return estimate(*given)
+        nonlocal filled
+        filled += 1
+        return sanitise(*given)
 
-    monkeypatch.setattr(source, "estimate_normals", counted)
+    monkeypatch.setattr(source, "sanitise_depth", counted)
     scene = Scene.open(tmp_path)
     with scene.stream(scene.frame_indices) as stream:
         frames = list(stream)
-    assert fitted == 3, "the first, the one with a window, and the one after"
+    assert filled == 3, "the first, the one with a window, and the one after"
     assert [bool(frame.opening[2, 100]) for frame in frames] == [False] * 3 + [True] + [False] * 2
     for frame in frames:
         alone = scene.frame(frame.index)
-        for name in ("color", "depth", "opening", "normal"):
+        for name in ("color", "depth", "opening", "fitted_normal"):
             assert np.array_equal(getattr(frame, name), getattr(alone, name))
 
 

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import pyopencl.array as cla
 from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
@@ -31,6 +32,11 @@ NO_LAYERS = {
     )
 }
 """In place of the objects' layers, which these functions do not look at."""
+
+
+def uploaded(device: ComputeDevice, color: NDArray[np.floating]) -> cla.Array:
+    """A picture (H, W, 3) as `Panorama.radiance` holds it."""
+    return device.upload("picture", np.pad(color, [(0, 0), (0, 0), (0, 1)]).astype(np.float32))
 
 
 class RealWorld:
@@ -62,9 +68,9 @@ class RealWorld:
         )
         for shown in (frame,) if before is None else (before, frame):
             self.panorama.load(shown)
-            hidden = self.panorama.remember(forget=False)
+            self.panorama.remember(forget=False)
         self.lights = Lights(device, frame.width, frame.height)
-        self.lights.load(frame.color, hidden)
+        self.lights.load(self.panorama.radiance, self.panorama.hidden_light)
         objects = SimpleNamespace(
             bvh=None,
             screen=None,

@@ -17,9 +17,8 @@ from iprt.geometry.material import Material
 from iprt.geometry.mesh import Instance
 from iprt.renderer import Renderer
 from iprt.settings.model import Settings
-from iprt.world.real.cell_light import light_change
-from iprt.world.real.lights import flux_change
 from tests.frame.test_windows import arriving, sun, windowed
+from tests.oracles.light import flux_change, frames_light_change
 from tests.oracles.worlds import Box, Sphere, World
 from tests.worlds import Float, ball, ceiling_lamp, panorama_at, room_frame
 
@@ -265,7 +264,7 @@ def test_things_that_pass_in_front_are_no_light(device: ComputeDevice) -> None:
         color=np.where(near[..., None], np.float32(5.0), frame.color),
         depth=np.where(near, np.float32(0.5), frame.depth),
     )
-    factor, error = light_change(frame, hidden, ROWS, flux_change(frame.color, hidden.color))
+    factor, error = frames_light_change(frame, hidden, ROWS)
     np.testing.assert_allclose(factor, 1.0, atol=1e-5)
     assert error.max() < 0.05
 

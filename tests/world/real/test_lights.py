@@ -17,8 +17,9 @@ from iprt.geometry.material import Material
 from iprt.world.real.lights import Lights, light_table
 from tests.frame.test_windows import sun, windowed
 from tests.kernels.wrap import evaluate
+from tests.oracles.light import cell_luminance
 from tests.oracles.worlds import Box, World, frame_of
-from tests.world.real.lighting import RealWorld, numbers
+from tests.world.real.lighting import RealWorld, numbers, uploaded
 from tests.world.real.sphere import agreement
 from tests.worlds import Float, bright_walls, ceiling_lamp, landscape_frame, room_frame
 
@@ -52,7 +53,7 @@ def test_table_equals_a_plain_one(width: int, height: int, columns: int, rows: i
     assert solid_angle.sum() == pytest.approx(4.0 * np.pi)
     excess -= (excess * solid_angle).sum() / (4.0 * np.pi)
     excess = np.where(excess > 0.0, excess, 0.0)
-    density, cells, cumulative = light_table(color, rows, columns)
+    density, cells, cumulative = light_table(cell_luminance(color, rows, columns))
     wanted = excess / (excess * solid_angle).sum()
     np.testing.assert_allclose(density.reshape(rows, columns), wanted, rtol=1e-9, atol=1e-12)
     np.testing.assert_array_equal(cells, np.flatnonzero(wanted))
@@ -66,13 +67,13 @@ def test_table_equals_a_plain_one(width: int, height: int, columns: int, rows: i
 def test_nothing_is_aimed_at_in_even_light(device: ComputeDevice, noise: float) -> None:
     rng = np.random.default_rng(0)
     color = (3.0 * (1.0 + noise * rng.random((16, 32, 3)))).astype(np.float32)
-    assert light_table(color, 8, 16)[0].max() == 0.0
+    assert light_table(cell_luminance(color, 8, 16))[0].max() == 0.0
     lights = Lights(device, 32, 16)
-    lights.load(color)
+    lights.load(uploaded(device, color))
     assert lights.count == 0
-    lights.load(np.zeros_like(color))
+    lights.load(uploaded(device, np.zeros_like(color)))
     assert lights.count == 0
-    lights.load(random_panorama(32, 16))
+    lights.load(uploaded(device, random_panorama(32, 16)))
     assert lights.count > 0
 
 
@@ -80,7 +81,7 @@ def test_directions_follow_the_table(device: ComputeDevice) -> None:
     """Also within cells: each is cut into four."""
     color = random_panorama(32, 16)
     lights = Lights(device, 32, 16)
-    lights.load(color)
+    lights.load(uploaded(device, color))
     count = 1 << 18
     v = evaluate(
         device,
@@ -97,7 +98,9 @@ def test_directions_follow_the_table(device: ComputeDevice) -> None:
     np.add.at(counts, (np.clip(row, 0, 31), column % 64), 1.0)
     edges = np.cos(np.arange(33) / 32.0 * np.pi)
     solid_angle = (edges[:-1] - edges[1:])[:, None] * (2.0 * np.pi / 64)
-    density = light_table(color, 16, 32)[0].reshape(16, 32).repeat(2, 0).repeat(2, 1)
+    density = (
+        light_table(cell_luminance(color, 16, 32))[0].reshape(16, 32).repeat(2, 0).repeat(2, 1)
+    )
     expected = density * solid_angle * count
     assert counts[expected == 0.0].sum() <= 1e-4 * count  # rounded over an edge
     kept = expected > 10.0
@@ -223,7 +226,8 @@ def test_at_the_capture_centre_the_density_is_the_tables(
     d = (d / np.linalg.norm(d, axis=1, keepdims=True)).astype(np.float32)
     x = np.full((count, 3), 1e-7, np.float32)
     density = world.run(STATE, {"x": x, "d": d}, {"density": "float"})["density"]
-    table = light_table(FRAMES["bright walls"]().color, world.lights.rows, world.lights.columns)[0]
+    walls = FRAMES["bright walls"]().color
+    table = light_table(cell_luminance(walls, world.lights.rows, world.lights.columns))[0]
     pixel = equirect_pixel(d.astype(np.float64), world.lights.columns, world.lights.rows)
     inner = (np.abs(pixel % 1.0 - 0.5) < 0.49).all(-1)
     column, row = np.floor(pixel).astype(int).T

@@ -1,0 +1,62 @@
+// Texels that a work item takes at once, side by side in a row, as the elements of vectors.
+//
+// -D WIDE: 16, where vector units are kept busy by vectors in the source alone, as PoCL's are in
+// kernels with more than a few branches. Else 1: GPUs have a lane per work item.
+#ifndef IPRT_LANES_H
+#define IPRT_LANES_H
+
+#define WIDE_LANES 16
+
+#ifdef WIDE
+#define LANES WIDE_LANES
+typedef float16 floats;
+typedef int16 ints;
+#define load_floats(from) vload16(0, from)
+#define store_floats(values, to) vstore16(values, 0, to)
+#define bits_of(values) as_int16(values)
+#else
+#define LANES 1
+typedef float floats;
+typedef int ints;
+#define load_floats(from) (*(from))
+#define store_floats(values, to) (*(to) = (values))
+#define bits_of(values) as_int(values)
+#endif
+
+// a where the comparison `chosen` holds, else b.
+static inline floats either(ints chosen, floats a, floats b)
+{
+    return select(b, a, chosen);
+}
+
+static inline float lane(const floats *values, int number)
+{
+    return ((const float *)values)[number];
+}
+
+// The texels to the right, and to the left, of those at x in a line that begins again at its end.
+static inline floats load_east(__global const float *restrict line, int x, int width)
+{
+#ifdef WIDE
+    floats values = load_floats(line + x + 1);
+    if (x + LANES >= width)
+        ((float *)&values)[width - 1 - x] = line[0];
+    return values;
+#else
+    return line[x + 1 < width ? x + 1 : 0];
+#endif
+}
+
+static inline floats load_west(__global const float *restrict line, int x, int width)
+{
+#ifdef WIDE
+    floats values = load_floats(line + x - 1);
+    if (x == 0)
+        ((float *)&values)[0] = line[width - 1];
+    return values;
+#else
+    return line[x > 0 ? x - 1 : width - 1];
+#endif
+}
+
+#endif

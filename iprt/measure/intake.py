@@ -1,0 +1,193 @@
+"""How fast frames of a video come in: from what was decoded to a world that is ready to render."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
+from statistics import fmean
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.device.profile import PassTime
+from iprt.footage.frame import Frame
+from iprt.footage.video.source import RawFrame
+from iprt.footage.video.stream import Ahead
+from iprt.geometry.camera import View
+from iprt.output.grid import Grid
+from iprt.settings.features import Features
+from iprt.world.real.real_world import RealWorld
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from iprt.device.compute import ComputeDevice
+    from iprt.scene.scene import Scene
+    from iprt.settings.model import Settings
+
+HELD = 4
+"""Frames of the video that are held decoded, and shown again and again."""
+WARM_UP = 4
+"""Frames before those that are timed; the first is timed by itself."""
+BRIGHTER, FARTHER = 0.01, 1e-4
+"""By how much each frame made of a still picture differs from the one before."""
+
+
+@dataclass(frozen=True)
+class Intake:
+    """Times of a video's frames, decoding left out.
+
+    Attributes
+    ----------
+    size : (int, int)
+        Width and height of the panorama.
+    first_ms : float
+        From the first frame as decoded until it can be rendered. Kernels are compiled before.
+    ms : float
+        Mean of the frames that follow, which are prepared ahead while others are loaded.
+    preparing_ms : float
+        The part of the thread that prepares ahead: holes, drift, clipped lights, medians.
+    loading_ms : float
+        The part of the thread that loads what is prepared, most of which waits for the device.
+    passes : tuple of PassTime
+        What the device does, per frame.
+    """
+
+    scene: str
+    device: str
+    size: tuple[int, int]
+    frames: int
+    first_ms: float
+    ms: float
+    preparing_ms: float
+    loading_ms: float
+    passes: tuple[PassTime, ...]
+
+    @property
+    def frames_per_s(self) -> float:
+        return 1e3 / self.ms
+
+    def record(self) -> dict[str, Any]:
+        """As JSON has it."""
+        return {**asdict(self), "frames_per_s": self.frames_per_s}
+
+    def grid(self) -> Grid:
+        """As a table."""
+        width, height = self.size
+        rows = [
+            ("first frame", f"{self.first_ms:.0f}"),
+            ("each further frame", f"{self.ms:.1f}"),
+            ("  preparing it ahead", f"{self.preparing_ms:.1f}"),
+            ("  loading it", f"{self.loading_ms:.1f}"),
+        ]
+        rows += [(f"    {one.name} (device)", f"{one.device_ms:.1f}") for one in self.passes]
+        notes = (
+            f"{self.frames_per_s:.1f} frames a second without decoding, over {self.frames} frames",
+            "frames are prepared while others are loaded, so that times of parts do not add up",
+        )
+        title = f"{self.scene}, video of {width} x {height} on {self.device}"
+        return Grid(title, ("frame", "ms"), tuple(rows), notes)
+
+
+def time_intake(
+    device: ComputeDevice,
+    scene: Scene,
+    settings: Settings,
+    *,
+    frames: int,
+    size: tuple[int, int] | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> Intake:
+    """Time `frames` frames of a scene's video, which are enlarged to `size` where that is given."""
+    held = _decoded(scene, size)
+    height, width = held[0].depth.shape
+    with_kernels = _world(device, scene, next(scene.prepared(held[:1])), settings)
+    device.wait()
+    del with_kernels
+    start = time.perf_counter()
+    world = _world(device, scene, next(scene.prepared(held[:1])), settings)
+    device.wait()
+    first_ms = (time.perf_counter() - start) * 1e3
+    preparing: list[float] = []
+    loading: list[float] = []
+    count = WARM_UP + frames
+    with Ahead(_timed(scene.prepared(_repeated(held, count)), preparing), 2) as stream:
+        for index, frame in enumerate(stream):
+            begin = time.perf_counter()
+            world.load(frame)
+            device.wait()
+            end = time.perf_counter()
+            loading.append(end - begin)
+            if index + 1 == WARM_UP:
+                device.profile.reset()
+                start = end
+            if progress is not None:
+                progress(index + 1)
+    ms = (end - start) / frames * 1e3
+    passes = tuple(
+        replace(one, device_ms=one.device_ms / frames, host_ms=one.host_ms / frames)
+        for one in device.profile.passes()
+    )
+    return Intake(
+        scene.name,
+        device.name,
+        (width, height),
+        frames,
+        first_ms,
+        ms,
+        fmean(preparing[WARM_UP:]) * 1e3,
+        fmean(loading[WARM_UP:]) * 1e3,
+        passes,
+    )
+
+
+def _world(device: ComputeDevice, scene: Scene, frame: Frame, settings: Settings) -> RealWorld:
+    from iprt.film import footage_of
+
+    materials = [m for instance in scene.instances for m in instance.mesh.materials]
+    view = next((one.view for one in scene.views.values()), View(512, 512))
+    footage = replace(footage_of(scene, frame, settings), static_camera=frame.pose is None)
+    return RealWorld(device, frame, Features.of(materials, view, settings, footage))
+
+
+def _decoded(scene: Scene, size: tuple[int, int] | None) -> list[RawFrame]:
+    """The first frames of the video; of a still picture, some that differ a little."""
+    indices = scene.frame_indices[:HELD]
+    raws = [_enlarged(scene.raw_frame(index), size) for index in indices]
+    for index in range(len(raws), HELD):
+        still = raws[0]
+        brighter = still.color * np.float32(1.0 + BRIGHTER * index)
+        farther = still.depth * np.float32(1.0 + FARTHER * index)
+        raws.append(replace(still, color=brighter, depth=farther))
+    return raws
+
+
+def _enlarged(raw: RawFrame, size: tuple[int, int] | None) -> RawFrame:
+    """Texels repeated or left out."""
+    if size is None:
+        return raw
+    height, width = raw.depth.shape
+    at = np.ix_(np.arange(size[1]) * height // size[1], np.arange(size[0]) * width // size[0])
+
+    def chosen(picture: NDArray[np.float32]) -> NDArray[np.float32]:
+        return np.ascontiguousarray(picture[at])
+
+    normal = None if raw.normal is None else chosen(raw.normal)
+    return replace(raw, color=chosen(raw.color), depth=chosen(raw.depth), normal=normal)
+
+
+def _repeated(raws: Sequence[RawFrame], count: int) -> Iterator[RawFrame]:
+    for index in range(count):
+        yield replace(raws[index % len(raws)], index=index)
+
+
+def _timed(frames: Iterator[Frame], times: list[float]) -> Iterator[Frame]:
+    while True:
+        start = time.perf_counter()
+        frame = next(frames, None)
+        if frame is None:
+            return
+        times.append(time.perf_counter() - start)
+        yield frame

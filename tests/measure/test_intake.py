@@ -1,0 +1,79 @@
+"""`iprt bench --video`: which frames come in, and what is timed."""
+
+from __future__ import annotations
+
+import json
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from iprt.commands.bench import bench
+from iprt.device.compute import ComputeDevice
+from iprt.errors import IprtError
+from iprt.footage.frame import Frame
+from iprt.measure.intake import HELD, WARM_UP, time_intake
+from iprt.scene.scene import Scene
+from iprt.settings.model import Settings
+from iprt.world.real.real_world import RealWorld
+
+SCENES = Path(__file__).parents[2] / "scenes360"
+
+
+@pytest.fixture
+def loaded(monkeypatch: pytest.MonkeyPatch) -> list[Frame]:
+    """The frames that worlds go on to."""
+    frames: list[Frame] = []
+    load = RealWorld.load
+
+    def noted(world: RealWorld, frame: Frame) -> None:
+        frames.append(frame)
+        load(world, frame)
+
+    monkeypatch.setattr(RealWorld, "load", noted)
+    return frames
+
+
+@pytest.mark.parametrize(("name", "size"), [("train", (64, 32)), ("chart", (96, 48))])
+def test_frames_that_differ_come_in(
+    device: ComputeDevice, loaded: list[Frame], name: str, size: tuple[int, int]
+) -> None:
+    """Of a video and of a still picture."""
+    done: list[int] = []
+    scene = Scene.open(SCENES / name)
+    found = time_intake(device, scene, Settings(), frames=5, size=size, progress=done.append)
+    assert done == list(range(1, WARM_UP + 6))
+    assert len(loaded) == WARM_UP + 5
+    assert found.size == size == (loaded[0].width, loaded[0].height)
+    for frame, following in pairwise(loaded):
+        assert not np.array_equal(frame.color, following.color)
+        assert not np.array_equal(frame.depth, following.depth)
+    assert np.array_equal(loaded[0].color, loaded[HELD].color)
+    assert found.frames_per_s == pytest.approx(1e3 / found.ms)
+    assert min(found.first_ms, found.ms, found.preparing_ms, found.loading_ms) > 0.0
+    assert {"upload", "surface", "pyramid"} <= {one.name for one in found.passes}
+    assert all(one.device_ms < found.ms * 5 for one in found.passes)
+
+
+def test_the_command_prints_both_ways(capsys: pytest.CaptureFixture[str]) -> None:
+    given = {"video": True, "frames": 2, "size": (64, 32), "device": "cpu"}
+    assert bench(SCENES / "train", **given) == 0
+    assert "frames a second without decoding, over 2 frames" in " ".join(
+        capsys.readouterr().out.split()
+    )
+    assert bench(SCENES / "train", json=True, **given) == 0
+    assert json.loads(capsys.readouterr().out)["size"] == [64, 32]
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ({"size": (64, 64)}, "--size 64 64: a panorama is twice as wide as high"),
+        ({"view": ("cab",)}, "--video: renders nothing; leave out --view"),
+        ({"sweep": ("trace.rays=1",)}, "--video: renders nothing; leave out --view"),
+    ],
+)
+def test_what_does_not_belong_together_is_refused(given: dict[str, object], told: str) -> None:
+    with pytest.raises(IprtError, match=told):
+        bench(SCENES / "train", video=True, **given)

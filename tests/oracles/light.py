@@ -1,0 +1,62 @@
+"""NumPy twins of what the device sums up of a panorama's light (`cl/world/real/radiance.cl`)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.footage.frame import LUMINANCE, Frame
+from iprt.world.real.cell_light import TEXELS, light_change
+
+Float = NDArray[np.float64]
+SAME_DISTANCE = 0.02
+
+
+def flux_change(before: NDArray[np.float32], after: NDArray[np.float32]) -> float:
+    """Share of the panorama's flux by which two pictures (H, W, 3) differ, in [0, 1]."""
+    height = len(after)
+    weights = np.sin((np.arange(height) + 0.5) / height * np.pi)
+    apart = weights @ np.abs(after - before).mean(axis=(1, 2), dtype=np.float64)
+    total = weights @ np.maximum(after, before).mean(axis=(1, 2), dtype=np.float64)
+    return float(apart / total) if total > 0.0 else 0.0
+
+
+def cell_luminance(
+    color: NDArray[np.float32],
+    rows: int,
+    columns: int,
+    hidden: NDArray[np.float32] | None = None,
+) -> Float:
+    """(rows, columns) mean luminance over cells of a picture (H, W, 3); behind it is `hidden`."""
+    height, width = color.shape[:2]
+    luminance = color.astype(np.float64) @ LUMINANCE
+    if hidden is not None:
+        luminance = np.maximum(luminance, hidden)
+    row, column = np.arange(height) * rows // height, np.arange(width) * columns // width
+    cell = (row[:, None] * columns + column).ravel()
+    sums = np.bincount(cell, luminance.ravel(), rows * columns)
+    return np.asarray(sums / np.bincount(cell, minlength=rows * columns)).reshape(rows, columns)
+
+
+def frames_light_change(
+    before: Frame, now: Frame, rows: int
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """`CellLight.change` between two frames."""
+    height, width = now.depth.shape
+    step = max(1, height // (TEXELS * rows))
+    row = np.arange(0, height, step) * rows // height
+    column = np.arange(0, width, step) * 2 * rows // width
+    cell = (row[:, None] * 2 * rows + column).ravel()
+    first, second = (frame.depth[::step, ::step] for frame in (before, now))
+    with np.errstate(invalid="ignore"):
+        same = np.isfinite(second) & (np.abs(second - first) <= SAME_DISTANCE * second)
+    same = same.ravel()
+
+    def light(frame: Frame) -> Float:
+        texels = frame.radiance[::step, ::step].reshape(-1, 3)[same]
+        sums = [np.bincount(cell[same], texels[:, c], 2 * rows * rows) for c in range(3)]
+        return np.stack(sums, -1)
+
+    count = np.bincount(cell[same], minlength=2 * rows * rows).astype(float)
+    changed = flux_change(before.radiance, now.radiance)
+    return light_change(light(before), light(now), count, changed)

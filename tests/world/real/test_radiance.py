@@ -1,0 +1,98 @@
+"""What the device makes of a picture and sums up of its light, against NumPy."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from iprt.device.compute import ComputeDevice
+from iprt.footage.frame import Frame
+from iprt.world.real.cell_light import CellLight
+from iprt.world.real.lights import Lights
+from iprt.world.real.panorama import Panorama
+from iprt.world.real.radiance import PictureLoader
+from tests.oracles.light import cell_luminance, flux_change, frames_light_change
+from tests.oracles.worlds import frame_of
+from tests.world.real.lighting import uploaded
+
+SIZES = [(16, 8), (37, 23), (40, 300), (64, 512)]
+"""Some with more than one band, and with strips that are not full."""
+
+
+def picture(size: tuple[int, int], seed: int) -> NDArray[np.float32]:
+    width, height = size
+    return np.random.default_rng(seed).gamma(0.3, 2.0, (height, width, 3)).astype(np.float32)
+
+
+@pytest.mark.parametrize("size", SIZES, ids=str)
+@pytest.mark.parametrize("mapped", [False, True])
+def test_texels_and_flux_are_those_of_numpy(
+    device: ComputeDevice, size: tuple[int, int], mapped: bool
+) -> None:
+    color_map = np.array([[1.2, -0.3, 0.0], [0.1, 0.9, 0.1], [0.0, 0.2, 0.7]]) if mapped else None
+    frames = [replace(frame_of(np.ones(size[::-1])), color=picture(size, i)) for i in range(2)]
+    frames = [replace(frame, color_map=color_map) for frame in frames]
+    width, height = size
+    loader = PictureLoader(device, width, height)
+    texels = device.empty("texels", (height, width, 4))
+    before = None
+    for frame in frames:
+        loader.load(texels, frame.color, color_map, fresh=before is None)
+        found = device.read(texels)
+        np.testing.assert_allclose(found[..., :3], frame.radiance, rtol=1e-5, atol=1e-6)
+        assert not found[..., 3].any()
+        rows = np.sin((np.arange(height) + 0.5) / height * np.pi)
+        mean = np.average(frame.radiance.mean(axis=(1, 2)), weights=rows)
+        flux = loader.flux()
+        assert flux.mean == pytest.approx(mean, rel=1e-5)
+        change = 0.0 if before is None else flux_change(before, frame.radiance)
+        assert flux.change == pytest.approx(change, rel=1e-5)
+        before = frame.radiance
+    assert loader.flux().change > 0.5
+
+
+def test_without_light_there_is_no_change(device: ComputeDevice) -> None:
+    loader = PictureLoader(device, 16, 8)
+    texels = device.empty("texels", (8, 16, 4))
+    for fresh in (True, False):
+        loader.load(texels, np.zeros((8, 16, 3), np.float32), fresh=fresh)
+        assert (loader.flux().mean, loader.flux().change) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("size", [*SIZES, (1024, 300)], ids=str)
+@pytest.mark.parametrize("remembered", [False, True])
+def test_luminance_of_cells_is_that_of_numpy(
+    device: ComputeDevice, size: tuple[int, int], remembered: bool
+) -> None:
+    color = picture(size, 1)
+    hidden = np.random.default_rng(2).gamma(0.3, 2.0, size[::-1]).astype(np.float32)
+    lights = Lights(device, *size)
+    lights.load(uploaded(device, color), device.upload("hidden", hidden) if remembered else None)
+    wanted = cell_luminance(color, lights.rows, lights.columns, hidden if remembered else None)
+    np.testing.assert_allclose(device.read(lights.luminance), wanted, rtol=1e-5)
+
+
+@pytest.mark.parametrize("size", [(16, 8), (37, 23), (256, 128), (300, 151)], ids=str)
+def test_change_of_light_is_that_of_numpy(device: ComputeDevice, size: tuple[int, int]) -> None:
+    """Surfaces that stay, that move, and sky that comes and goes."""
+    rng = np.random.default_rng(4)
+    depth = rng.uniform(1.0, 3.0, size[::-1])
+    frames: list[Frame] = []
+    for seed in range(2):
+        frame = frame_of(np.where(rng.random(depth.shape) < 0.1, np.inf, depth))
+        frames.append(replace(frame, color=picture(size, seed) + np.float32(0.1)))
+        depth = depth * np.where(rng.random(depth.shape) < 0.3, 1.1, 1.001)
+    rows = 16 if size[1] > 100 else 4
+    panorama = Panorama(device, *size)
+    light = CellLight(device, *size, rows)
+    for frame in frames:
+        panorama.load(frame)
+        light.follow(panorama)
+    found = light.change(panorama.flux.change)
+    wanted = frames_light_change(*frames, rows)
+    assert (wanted[0] != 1.0).mean() > 0.5
+    for mine, twin in zip(found, wanted, strict=True):
+        np.testing.assert_allclose(mine, twin, rtol=1e-4, atol=1e-5)
