@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pyopencl.array as cla
@@ -21,8 +20,8 @@ from iprt.view.real_layer import RealLayer
 from iprt.world.objects.object_layers import VisibleLayer
 from iprt.world.real.real_world import RealWorld
 
-_COMPARED = "normal", "depth", "id"
-_OBJECT_PLANES = (*_COMPARED, "roughness", "albedo", "coverage", "motion")
+_OBJECT_PLANES = "normal", "depth", "id", "roughness", "albedo", "coverage", "motion"
+_Layer = RealLayer | VisibleLayer
 
 
 def block_map(view: View, reduced: View) -> tuple[float, float, float, float]:
@@ -60,76 +59,65 @@ class LightView:
         camera: cla.Array | None,
     ) -> None:
         """`full`: the G-buffer of the view."""
-        self._device, self._full, self._full_view = device, full, view
+        self._device, self._full_view = device, view
         self._scale = features.settings.light_scale
         self.view = view.reduced(self._scale)
         self.layout = PlaneLayout(self.view.width, self.view.height)
         self._constants = ViewConstants(device, "light view")
-        equirect = view.projection == "equirect"
-        self.gbuffer = GBuffer(
-            RealLayer(
-                device,
-                self.layout,
-                equirect=equirect,
-                name="light",
-                gloss=features.gloss,
-                camera=camera,
-                color_map=features.color_map and features.relit,
-            ),
-            VisibleLayer(device, self.layout, equirect=equirect),
-        )
-        layout = PlaneLayout(view.width, view.height)
-        pixels, planes = layout.width * layout.height, layout.shape(3)
-        self.signals = Signals(
-            device.empty("enlarged ratio", (pixels, 4)) if features.relit else None,
-            device.zeros("enlarged change", planes) if features.gloss else None,
-            device.zeros("enlarged diffuse", planes) if features.diffuse_signal else None,
-            device.zeros("enlarged specular", planes) if features.specular_signal else None,
-        )
         self._map = block_map(view, self.view)
-        to_block = cltypes.make_float4(*self._map)
-        defines = plane_defines(equirect=equirect)
-        objects, of_blocks = full.objects, self.gbuffer.objects
-        self._reduce = device.kernel("view/reduce.cl", "reduce_objects", defines).fixed(
+        equirect = view.projection == "equirect"
+        self._defines = plane_defines(equirect=equirect)
+        real = RealLayer(
+            device,
+            self.layout,
+            equirect=equirect,
+            name="light",
+            gloss=features.gloss,
+            camera=camera,
+            color_map=features.color_map and features.relit,
+        )
+        visible = VisibleLayer(device, self.layout, equirect=equirect, name="light object")
+        self.gbuffer = GBuffer(real, visible)
+        self._reduce = device.kernel("view/reduce.cl", "reduce_objects", self._defines).fixed(
             self.layout.arguments(),
-            {f"full_{name}": getattr(objects, name) for name in _OBJECT_PLANES},
-            {name: getattr(of_blocks, name) for name in _OBJECT_PLANES},
+            {f"full_{name}": getattr(full.objects, name) for name in _OBJECT_PLANES},
+            {name: getattr(visible, name) for name in _OBJECT_PLANES},
             full_width=view.width,
             full_height=view.height,
-            to_block=to_block,
+            to_block=cltypes.make_float4(*self._map),
         )
-        common = {
-            "block_width": self.view.width,
-            "block_height": self.view.height,
-            "to_block": to_block,
-        }
+        self._enlarged: dict[str, cla.Array] = {}
+        self._enlarge: dict[str, Kernel] = {}
+        surfaces, objects = (full.real, real), (full.objects, visible)
+        if features.relit:
+            self._add("ratio", *surfaces, "id")
+        if features.gloss:
+            self._add("change", *surfaces, "gloss")
+        if features.diffuse_signal:
+            self._add("diffuse", *objects, "id")
+        if features.specular_signal:
+            self._add("specular", *objects, "id")
 
-        def enlarging(light: cla.Array | None, full: Any, blocks: Any, ids: str) -> Kernel | None:
-            """The kernel for a signal of a layer, whose `ids` belong together."""
-            if light is None:
-                return None
-            ratio = light is self.signals.ratio
-            kernel = device.kernel("view/enlarge.cl", "enlarge", {**defines, "RATIO": ratio})
-            return kernel.fixed(
-                layout.arguments(),
-                common,
-                normal=full.normal,
-                depth=full.depth,
-                id=getattr(full, ids),
-                block_normal=blocks.normal,
-                block_depth=blocks.depth,
-                block_id=getattr(blocks, ids),
-                light=light,
-            )
-
-        surfaces = full.real, self.gbuffer.real
-        signals = self.signals
-        self._kernels = {
-            "ratio": enlarging(signals.ratio, *surfaces, "id"),
-            "change": enlarging(signals.change, *surfaces, "gloss"),
-            "diffuse": enlarging(signals.diffuse, objects, of_blocks, "id"),
-            "specular": enlarging(signals.specular, objects, of_blocks, "id"),
-        }
+    def _add(self, signal: str, full: _Layer, blocks: _Layer, ids: str) -> None:
+        """Enlarge a signal of a layer, of which `ids` tells apart what does not mix."""
+        device, ratio = self._device, signal == "ratio"
+        layout = PlaneLayout(self._full_view.width, self._full_view.height)
+        shape = (layout.width * layout.height, 4) if ratio else layout.shape(3)
+        self._enlarged[signal] = device.zeros(f"enlarged {signal}", shape)
+        defines = {**self._defines, "RATIO": ratio}
+        self._enlarge[signal] = device.kernel("view/enlarge.cl", "enlarge", defines).fixed(
+            layout.arguments(),
+            block_width=self.view.width,
+            block_height=self.view.height,
+            to_block=cltypes.make_float4(*self._map),
+            normal=full.normal,
+            depth=full.depth,
+            id=getattr(full, ids),
+            block_normal=blocks.normal,
+            block_depth=blocks.depth,
+            block_id=getattr(blocks, ids),
+            light=self._enlarged[signal],
+        )
 
     def prepare(
         self, world: RealWorld, view: View, previous: View, context: FrameContext
@@ -156,15 +144,14 @@ class LightView:
     def enlarge(self, signals: Signals, view: cla.Array) -> Signals:
         """`signals` for each pixel of the view, whose constants on the device `view` are."""
         with self._device.profile.section("enlarge"):
-            for name, kernel in self._kernels.items():
-                if kernel is not None:
-                    kernel(
-                        (self._full_view.width, self._full_view.height),
-                        view=view,
-                        block_view=self._constants.current,
-                        block_light=getattr(signals, name),
-                    )
-        return self.signals
+            for name, kernel in self._enlarge.items():
+                kernel(
+                    (self._full_view.width, self._full_view.height),
+                    view=view,
+                    block_view=self._constants.current,
+                    block_light=getattr(signals, name),
+                )
+        return Signals(**self._enlarged)
 
     def repeated(self, image: Image) -> Image:
         """A picture of blocks (h, w) or (h, w, C) as one of pixels."""

@@ -98,17 +98,20 @@ class VisibleLayer:
         What is unpacked: `ObjectLayers.display`.
     """
 
-    def __init__(self, device: ComputeDevice, layout: PlaneLayout, *, equirect: bool) -> None:
+    def __init__(
+        self, device: ComputeDevice, layout: PlaneLayout, *, equirect: bool, name: str = "object"
+    ) -> None:
+        """`name` tells layers apart."""
         self._device = device
         self._layout = layout
-        self.display = device.empty("object display", (3, layout.height, layout.width, 4))
-        self.normal = device.zeros("object normal", layout.shape(3))
-        self.depth = device.zeros("object depth", layout.shape(1))
-        self.id = device.zeros("object id", layout.shape(1))
-        self.roughness = device.zeros("object roughness", layout.shape(1))
-        self.albedo = device.zeros("object albedo", layout.shape(3))
-        self.coverage = device.zeros("object coverage", layout.shape(1))
-        self.motion = device.zeros("object motion", layout.shape(2))
+        self.display = device.empty(f"{name} display", (3, layout.height, layout.width, 4))
+        self.normal = device.zeros(f"{name} normal", layout.shape(3))
+        self.depth = device.zeros(f"{name} depth", layout.shape(1))
+        self.id = device.zeros(f"{name} id", layout.shape(1))
+        self.roughness = device.zeros(f"{name} roughness", layout.shape(1))
+        self.albedo = device.zeros(f"{name} albedo", layout.shape(3))
+        self.coverage = device.zeros(f"{name} coverage", layout.shape(1))
+        self.motion = device.zeros(f"{name} motion", layout.shape(2))
         self._kernel = device.kernel(
             "world/objects/unpack.cl", "unpack_objects", plane_defines(equirect=equirect)
         ).fixed(
