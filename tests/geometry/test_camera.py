@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from iprt.geometry.camera import View
+from iprt.geometry.camera import Projection, View
 
 SCREEN = View(96, 64, yaw_deg=30.0, pitch_deg=20.0, fov_y_deg=50.0)
 AROUND = View(96, 48, yaw_deg=30.0, projection="equirect")
@@ -54,3 +54,24 @@ def test_kernels_get_rotation_focal_length_centre_and_size(view: View) -> None:
     np.testing.assert_allclose(
         constants[9:], [focal, view.width / 2, view.height / 2, *size, 0, 0], rtol=1e-6
     )
+
+
+@pytest.mark.parametrize("scale", [2, 3, 4])
+@pytest.mark.parametrize("size", [(64, 48), (65, 47)])
+def test_a_reduced_view_has_a_pixel_for_each_block(size: tuple[int, int], scale: int) -> None:
+    view = View(*size, yaw_deg=20.0, pitch_deg=-30.0, fov_y_deg=75.0)
+    small = view.reduced(scale)
+    assert (small.width, small.height) == (-(-size[0] // scale), -(-size[1] // scale))
+    assert small.focal_px == pytest.approx(view.focal_px / scale, rel=1e-12)
+    middle = np.array(size) / 2.0
+    np.testing.assert_allclose(
+        small.unproject(np.array([small.width, small.height]) / 2.0), view.unproject(middle)
+    )
+
+
+@pytest.mark.parametrize("projection", ["perspective", "equirect"])
+def test_directions_are_those_of_pixel_centres(projection: Projection) -> None:
+    view = View(12, 6, yaw_deg=20.0, pitch_deg=-30.0, projection=projection)
+    column, row = 9, 4
+    expected = view.unproject(np.array([column + 0.5, row + 0.5]))
+    np.testing.assert_allclose(view.directions()[row, column], expected, atol=1e-12)
