@@ -17,11 +17,10 @@ from iprt.geometry.camera import View
 from iprt.methods.protocol import GBuffer, Image, Signals
 from iprt.settings.features import Features
 from iprt.view.real_layer import RealLayer
-from iprt.world.objects.object_layers import VisibleLayer
+from iprt.world.objects.object_layers import VisibleSurfaces
 from iprt.world.real.real_world import RealWorld
 
-_OBJECT_PLANES = "normal", "depth", "id", "roughness", "albedo", "coverage", "motion"
-_Layer = RealLayer | VisibleLayer
+_Layer = RealLayer | VisibleSurfaces
 
 
 def block_map(view: View, reduced: View) -> tuple[float, float, float, float]:
@@ -76,16 +75,17 @@ class LightView:
             camera=camera,
             color_map=features.color_map and features.relit,
         )
-        visible = VisibleLayer(device, self.layout, equirect=equirect, name="light object")
+        visible = VisibleSurfaces(device, self.layout, name="light object")
         self.gbuffer = GBuffer(real, visible)
         self._reduce = device.kernel("view/reduce.cl", "reduce_objects", self._defines).fixed(
             self.layout.arguments(),
-            {f"full_{name}": getattr(full.objects, name) for name in _OBJECT_PLANES},
-            {name: getattr(visible, name) for name in _OBJECT_PLANES},
+            full.objects.planes("full_"),
+            visible.planes(),
             full_width=view.width,
             full_height=view.height,
             to_block=cltypes.make_float4(*self._map),
         )
+        self._likeness = features.settings.interpolate.model_dump()
         self._enlarged: dict[str, cla.Array] = {}
         self._enlarge: dict[str, Kernel] = {}
         surfaces, objects = (full.real, real), (full.objects, visible)
@@ -117,6 +117,7 @@ class LightView:
             block_depth=blocks.depth,
             block_id=getattr(blocks, ids),
             light=self._enlarged[signal],
+            **self._likeness,
         )
 
     def prepare(

@@ -8,9 +8,6 @@
 #include "gbuffer/guide.h"
 #include "gbuffer/view.h"
 
-// Falloffs per 1 - cosine of the normals' angle, and per distance from the pixel's plane / depth.
-#define NORMAL_SHARPNESS 32.0f
-#define PLANE_SHARPNESS 100.0f
 // Where no block's surface continues the pixel's, one of the same id serves, or else any surface.
 #define SAME_ID 1e-4f
 #define ANY 1e-8f
@@ -36,12 +33,14 @@ static inline float3 light_of(__global const LIGHT *restrict light, int size, in
 #endif
 }
 
-// The surface that a pixel shows: points x with dot(normal, x) = plane.
+// The surface that a pixel shows: points x with dot(normal, x) = plane; and how quickly likeness falls.
 typedef struct {
     float3 normal;
     float plane;
     float range; // of the pixel's point, metres
     float id;
+    float normal_sharpness;
+    float plane_sharpness;
 } Surface;
 
 // How far the surface of a block continues another one.
@@ -53,8 +52,8 @@ static inline float likeness(
     const float3 w = view_direction(view, (float2)(column + 0.5f, row + 0.5f));
     const float cosine = dot(surface.normal, load_planes(normal, size, q));
     const float off = fabs(depth[q] * dot(surface.normal, w) - surface.plane) / surface.range;
-    const float like
-        = falloff(NORMAL_SHARPNESS * fmax(1.0f - cosine, 0.0f) + PLANE_SHARPNESS * off);
+    const float turn = fmax(1.0f - cosine, 0.0f);
+    const float like = falloff(surface.normal_sharpness * turn + surface.plane_sharpness * off);
     return id[q] == surface.id ? like + SAME_ID : id[q] > 0.0f ? ANY : 0.0f;
 }
 
@@ -66,6 +65,8 @@ __kernel void enlarge(
     const int height,
     const int block_width,
     const int block_height,
+    const float normal_sharpness, // falloff per 1 - cosine of the normals' angle
+    const float plane_sharpness,  // falloff per distance from the pixel's plane / depth
     __global const float *restrict normal,
     __global const float *restrict depth,
     __global const float *restrict id,
@@ -117,7 +118,8 @@ __kernel void enlarge(
             const float3 n = load_planes(normal, size, p);
             const float range = depth[p];
             const float3 v = view_direction(view, (float2)(x + 0.5f, y + 0.5f));
-            const Surface own = {n, range * dot(n, v), range, id[p]};
+            const Surface own
+                = {n, range * dot(n, v), range, id[p], normal_sharpness, plane_sharpness};
 #define LIKENESS(q, column, row)                                                                   \
     likeness(own, block_view, block_normal, block_depth, block_id, blocks, q, column, row)
             weight *= (float4)(LIKENESS(a, left, top), LIKENESS(b, right, top),

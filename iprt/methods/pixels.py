@@ -18,7 +18,7 @@ from iprt.methods.relight import Relight
 from iprt.methods.trace import TraceGloss, TraceReal, TraceVirtual
 from iprt.settings.features import Features
 from iprt.view.real_layer import RealLayer
-from iprt.world.objects.object_layers import VisibleLayer
+from iprt.world.objects.object_layers import VisibleSurfaces
 from iprt.world.world import World
 
 
@@ -111,7 +111,7 @@ class ReflectingPixels:
         self,
         device: ComputeDevice,
         real: RealLayer,
-        visible: VisibleLayer,
+        visible: VisibleSurfaces,
         guide: Guide,
         gloss_guide: Guide | None,
         features: Features,

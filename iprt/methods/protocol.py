@@ -20,7 +20,7 @@ from iprt.gbuffer.layout import PlaneLayout
 from iprt.geometry.camera import View
 from iprt.settings.features import Features
 from iprt.view.real_layer import RealLayer
-from iprt.world.objects.object_layers import VisibleLayer
+from iprt.world.objects.object_layers import VisibleSurfaces
 from iprt.world.world import World
 
 Image = NDArray[np.float32]
@@ -34,12 +34,12 @@ class GBuffer:
     ----------
     real : RealLayer
         Real surfaces, without the objects.
-    objects : VisibleLayer
+    objects : VisibleSurfaces
         Nearest surfaces of the objects.
     """
 
     real: RealLayer
-    objects: VisibleLayer
+    objects: VisibleSurfaces
 
 
 @dataclass(frozen=True)

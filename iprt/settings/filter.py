@@ -31,7 +31,7 @@ class MaskSettings(BaseModel):
 
 
 class InterpolateSettings(BaseModel):
-    """How alike an untraced pixel and a ray's pixel must be."""
+    """How alike an untraced pixel and a ray's pixel, or block of `light_scale`, must be."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 

@@ -82,6 +82,8 @@ def enlarged(
         block_height=small.height,
         block_light=device.upload("light of blocks", rows),
         light=result,
+        normal_sharpness=32.0,
+        plane_sharpness=100.0,
     )
     found = device.read(result)
     if ratio:

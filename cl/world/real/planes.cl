@@ -17,7 +17,7 @@
 
 // Tap `down` rows below and `aside` steps to the right, in the 25 of a row.
 #define TAP(down, aside) (5 * ((down) + 2) + (aside) + 2)
-// Of the depth: what inverse depth may depart from a line, for its slope to be one.
+// Inverse depth has a slope where it departs from a line by no more than this share of itself.
 #define ROUGHEST 0.05f
 #define MIN_SAMPLES 3.0f
 

@@ -207,7 +207,7 @@ class FrameSource:
     def first_depth(self, depth: Picture) -> None:
         """Take the depth (h, w) of the first frame, which need not be read for `stored_depth`."""
         if "stored_depth" not in vars(self):
-            vars(self)["stored_depth"] = StoredDepth.of(depth)
+            self.stored_depth = StoredDepth.of(depth)
 
     @cached_property
     def size(self) -> tuple[int, int]:

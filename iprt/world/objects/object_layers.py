@@ -87,24 +87,17 @@ class TracedLayers:
         }
 
 
-class VisibleLayer:
-    """The objects' nearest surfaces in the view, as planes.
+class VisibleSurfaces:
+    """The objects' nearest surfaces, as planes.
 
     Attributes
     ----------
     normal, depth, id, roughness, albedo, coverage, motion : 3, 1, 1, 1, 3, 1, 2 planes
         See `cl/world/objects/unpack.cl`.
-    display : (3, H, W, 4) float32
-        What is unpacked: `ObjectLayers.display`.
     """
 
-    def __init__(
-        self, device: ComputeDevice, layout: PlaneLayout, *, equirect: bool, name: str = "object"
-    ) -> None:
+    def __init__(self, device: ComputeDevice, layout: PlaneLayout, *, name: str) -> None:
         """`name` tells layers apart."""
-        self._device = device
-        self._layout = layout
-        self.display = device.empty(f"{name} display", (3, layout.height, layout.width, 4))
         self.normal = device.zeros(f"{name} normal", layout.shape(3))
         self.depth = device.zeros(f"{name} depth", layout.shape(1))
         self.id = device.zeros(f"{name} id", layout.shape(1))
@@ -112,19 +105,30 @@ class VisibleLayer:
         self.albedo = device.zeros(f"{name} albedo", layout.shape(3))
         self.coverage = device.zeros(f"{name} coverage", layout.shape(1))
         self.motion = device.zeros(f"{name} motion", layout.shape(2))
+
+    def planes(self, prefix: str = "") -> dict[str, cla.Array]:
+        """All of them by name, as arguments of kernels."""
+        names = "normal", "depth", "id", "roughness", "albedo", "coverage", "motion"
+        return {prefix + name: getattr(self, name) for name in names}
+
+
+class VisibleLayer(VisibleSurfaces):
+    """Those in the view, unpacked from what was drawn.
+
+    Attributes
+    ----------
+    display : (3, H, W, 4) float32
+        What is unpacked: `ObjectLayers.display`.
+    """
+
+    def __init__(self, device: ComputeDevice, layout: PlaneLayout, *, equirect: bool) -> None:
+        super().__init__(device, layout, name="object")
+        self._device = device
+        self._layout = layout
+        self.display = device.empty("object display", (3, layout.height, layout.width, 4))
         self._kernel = device.kernel(
             "world/objects/unpack.cl", "unpack_objects", plane_defines(equirect=equirect)
-        ).fixed(
-            layout.arguments(),
-            display=self.display,
-            normal=self.normal,
-            depth=self.depth,
-            id=self.id,
-            roughness=self.roughness,
-            albedo=self.albedo,
-            coverage=self.coverage,
-            motion=self.motion,
-        )
+        ).fixed(layout.arguments(), self.planes(), display=self.display)
 
     def load(self, layers: ObjectLayers, view: cla.Array, materials: cla.Array) -> None:
         """Upload and unpack layers rasterized with `shade=True`."""

@@ -78,7 +78,7 @@ class PictureLoader:
                 )
 
     def flux(self) -> Flux:
-        """Of the picture that was loaded last. Waits for the device."""
+        """Wait for the device, and return the flux of the picture that was loaded last."""
         sums = self._device.read(self._sums).sum(axis=1, dtype=np.float64)
         rows = np.sin((np.arange(self._height) + 0.5) / self._height * np.pi)
         apart, larger, total, _ = rows @ sums
