@@ -23,8 +23,8 @@ CELL = 8
 """Texels a side of the cells in which the highlight is compared with what the camera saw."""
 
 TOUCHED_FRAMES = 11.0
-"""For how many frames, the one of tracing among them, it is remembered that an object lit or shadowed
-a pixel (`Mask.touched`)."""
+"""For how many frames, the one of tracing among them, it is remembered that an object lit or
+shadowed a pixel (`Mask.touched`)."""
 
 
 def bvh_defines(*, textured: bool) -> dict[str, Define]:
