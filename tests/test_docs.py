@@ -7,9 +7,12 @@ import re
 import sys
 from pathlib import Path
 from types import ModuleType
+from xml.etree import ElementTree
 
 import pytest
 
+from iprt.measure.plot import Mark, Plot, Series
+from iprt.measure.report import Report
 from iprt.settings import overrides
 
 DOCS = Path(__file__).parents[1] / "docs"
@@ -29,7 +32,7 @@ def measure() -> ModuleType:
 def test_every_table_has_a_command_that_prints_markdown(measure: ModuleType) -> None:
     text = PAGE.read_text(encoding="utf-8")
     found = measure.commands(text)
-    assert len(found) == len(set(found)) == text.count("<!-- measured -->") > 4
+    assert len(found) == len(set(found)) == text.count("<!-- measured") > 4
     assert all(command.endswith("--markdown") for command in found)
 
 
@@ -40,6 +43,23 @@ def test_swept_values_are_allowed_and_not_the_default(measure: ModuleType) -> No
                 item = overrides.parse_assignment("--sweep", f"{key}={value}")
                 balanced = overrides.resolved("balanced")
                 assert overrides.resolved("balanced", [item]) != balanced, item
+
+
+def test_plots_follow_their_table(
+    measure: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plot = Plot("speed", "ms", "SSIM", (Series("", (Mark(1.0, 0.5), Mark(2.0, 0.9))),))
+    html = Report("bench", "", plots=[plot]).html()
+    script = f"import pathlib, sys; print('| t |'); pathlib.Path(sys.argv[-1]).write_text({html!r})"
+    (tmp_path / "iprt.py").write_text(script)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    monkeypatch.chdir(tmp_path)
+    file = tmp_path / "page.md"
+    file.write_text("```bash\niprt one\n```\n<!-- measured, plots front -->\n<!-- end -->\n")
+    measure.main(file)
+    assert "| t |\n\n![speed](page/front-1.svg)\n" in file.read_text()
+    drawn = ElementTree.parse(tmp_path / "page" / "front-1.svg").getroot()
+    assert drawn.tag == "{http://www.w3.org/2000/svg}svg"
 
 
 def test_tables_are_replaced_and_nothing_else(
