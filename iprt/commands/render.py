@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -11,6 +12,7 @@ import tyro
 
 from iprt.commands.pairs import Size
 from iprt.commands.setting_flags import BALANCED, ChosenSettings
+from iprt.commands.wish import Wish
 from iprt.errors import IprtError
 
 if TYPE_CHECKING:
@@ -43,6 +45,8 @@ def render(
     codec: Literal["h264", "hevc"] | None = None,
     seed: int | None = None,
     method: str | None = None,
+    time_per_frame: float | None = None,
+    ssim: float | None = None,
     setting_flags: ChosenSettings = BALANCED,
     device: str | None = None,
     aov: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
@@ -90,8 +94,15 @@ def render(
         Short for --set seed=.
     method
         How virtual objects are lit: a name from `iprt methods`. Short for --set method=.
+    time_per_frame
+        Seconds that a frame, one of those that are accumulated, may take: chooses the most accurate
+        settings that `iprt calibrate` expects to be so quick, in place of a quality preset.
+    ssim
+        Least mean SSIM: chooses the quickest settings that `iprt calibrate` expects to reach it
+        after --accumulate frames. If none does, the most accurate are taken, with a warning.
     setting_flags
-        Quality preset and single settings. Later ones win: preset, file, flags.
+        Quality preset and single settings. Later ones win: preset or what --time-per-frame or
+        --ssim chooses, file, flags.
     device
         gpu, cpu, a place such as 0:0 (see `iprt doctor`), or part of a device's name. Default: the
         fastest kind there is.
@@ -117,6 +128,7 @@ def render(
         raise IprtError(f"--accumulate {accumulate}: expected 1 to {MAX_FRAMES}")
     if not 0.0 < frame_limit < float("inf"):
         raise IprtError(f"--frame-limit {frame_limit:g}: expected seconds above 0")
+    wish = Wish.of(time_per_frame, ssim, setting_flags.quality)
     from iprt.output.encode import FORMATS
     from iprt.output.sequence import is_video
 
@@ -130,21 +142,32 @@ def render(
     from iprt.commands.job import Job
     from iprt.commands.video import check_video, render_video
     from iprt.commands.views import moving_view
+    from iprt.geometry.camera import View
     from iprt.scene.scene import Scene
 
-    settings = setting_flags.resolved(still=not video, seed=seed, method=method)
+    resolved = partial(setting_flags.resolved, still=not video, seed=seed, method=method)
+    settings = resolved()
+    if wish is not None:
+        wish.require_method(settings.method)
     opened = Scene.open(scene, allow_outside=allow_outside, strict=strict)
     indices = frame_range(frames, opened.frame_indices)
     for path in (output, profile):
         if path is not None:
             opened.require_not_ours(path)
     chosen, objects = moving_view(opened, view, yaw=yaw, pitch=pitch, fov=fov, size=size)
+    accumulate = accumulate or (VIDEO_FRAMES if video else STILL_FRAMES)
+    if wish is not None:
+        shown = chosen if isinstance(chosen, View) else chosen.view
+        entry = wish.assignments(
+            device, shown.width * shown.height, accumulate, setting_flags.assignments()
+        )
+        settings = resolved(under=entry)
     job = Job(
         scene=opened,
         view=chosen,
         objects=objects,
         settings=settings,
-        accumulate=accumulate or (VIDEO_FRAMES if video else STILL_FRAMES),
+        accumulate=accumulate,
         aovs=tuple(aov),
         strict=strict,
         device=device,
