@@ -14,9 +14,12 @@ from iprt.commands.pairs import Size
 from iprt.commands.setting_flags import BALANCED, ChosenSettings
 from iprt.commands.wish import Wish
 from iprt.errors import IprtError
+from iprt.files.wording import counted
+from iprt.settings.presets import CONVERGED
 
 if TYPE_CHECKING:
     from iprt.commands.job import Job
+    from iprt.convergence import Goal
     from iprt.device.compute import ComputeDevice
     from iprt.film import Film
     from iprt.renderer import RenderedFrame
@@ -26,6 +29,8 @@ FRAME_LIMIT_S = 600.0
 """Longer than any frame that a processor's two cores can be expected to be given."""
 STILL_FRAMES, VIDEO_FRAMES = 64, 4
 """View frames per picture, if nothing is said: of a still, and of each frame of a video."""
+MOST_STILL_FRAMES = 2048
+"""The same of a still that is rendered until it has converged: at most."""
 
 LOG = logging.getLogger("iprt.render")
 
@@ -85,7 +90,8 @@ def render(
         Width and height in pixels. Default: the view's own.
     accumulate
         Frames accumulated into a picture, or into each frame of a video. Default: 64 for a picture;
-        4 for a frame of a video, which builds on the frames before it.
+        4 for a frame of a video, which builds on the frames before it. With --quality final, at
+        most; default: 2048.
     codec
         How .mp4, .mov and .mkv are coded: h264 (8 bits) plays everywhere; hevc (10 bits) shows no
         bands in soft gradients. Default: h264.
@@ -136,6 +142,12 @@ def render(
     if codec is not None and output.suffix.lower() not in FORMATS:
         kinds = ", ".join(FORMATS)
         raise IprtError(f"--codec {codec}: has no effect on {output}; it is for {kinds}")
+    converged = CONVERGED.get(setting_flags.quality)
+    if video and converged is not None:
+        raise IprtError(
+            f"--quality {setting_flags.quality}: is for a picture, which is rendered until it "
+            "has converged; for a video take --quality accurate and --accumulate"
+        )
     _check_files(output, profile, aov, video=video)
 
     from iprt.commands.frames import frame_range
@@ -155,7 +167,8 @@ def render(
         if path is not None:
             opened.require_not_ours(path)
     chosen, objects = moving_view(opened, view, yaw=yaw, pitch=pitch, fov=fov, size=size)
-    accumulate = accumulate or (VIDEO_FRAMES if video else STILL_FRAMES)
+    still_frames = STILL_FRAMES if converged is None else MOST_STILL_FRAMES
+    accumulate = accumulate or (VIDEO_FRAMES if video else still_frames)
     if wish is not None:
         shown = chosen if isinstance(chosen, View) else chosen.view
         entry = wish.assignments(
@@ -168,6 +181,7 @@ def render(
         objects=objects,
         settings=settings,
         accumulate=accumulate,
+        converged=converged,
         aovs=tuple(aov),
         strict=strict,
         device=device,
@@ -220,22 +234,40 @@ def _render_still(job: Job, output: Path, index: int) -> tuple[ComputeDevice, Fi
 
     handle = choose_device(job.device)
 
-    def attempt() -> tuple[RenderedFrame, ComputeDevice, Film]:
+    def attempt() -> tuple[RenderedFrame, ComputeDevice, Film, Goal | None]:
+        goal = job.goal()
         compute = ComputeDevice(handle, job.frame_limit)
         with job.film(compute) as film, progress_bar("rendering", job.accumulate) as progress:
-            ((_, picture),) = film.frames([index], aovs=job.aovs, progress=progress)
-        return picture, compute, film
+
+            def forward(done: int) -> None:
+                noise = None if goal is None else goal.reached
+                progress(done, "" if noise is None else f", noise {noise:.2g}")
+
+            ((_, picture),) = film.frames([index], aovs=job.aovs, progress=forward, goal=goal)
+        return picture, compute, film, goal
 
     with locked(output.parent):
-        picture, compute, film = with_second_try(attempt)
+        picture, compute, film, goal = with_second_try(attempt)
         write_picture(
             output,
             picture.color,
             aovs=picture.aovs,
             exposure=job.scene.exposure,
-            metadata=job.metadata(index, compute.name),
+            metadata=job.metadata(index, compute.name, goal),
         )
+    if goal is not None:
+        _tell_noise(goal)
     return compute, film
+
+
+def _tell_noise(goal: Goal) -> None:
+    """Say what noise is left, and what to do where that is too much."""
+    reached = "unknown" if goal.reached is None else f"{goal.reached:.2g} of white"
+    told = f"noise {reached} after {counted(goal.frames, 'frame')}"
+    if goal.met:
+        LOG.info("converged to %g: %s", goal.noise, told)
+    else:
+        LOG.warning("not converged to %g: %s; raise --accumulate", goal.noise, told)
 
 
 def _report(
