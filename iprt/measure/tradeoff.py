@@ -67,8 +67,8 @@ class Entry(_Table):
     name : str
         In `LADDER`.
     ratio : list of float
-        Time of a frame relative to that of `BALANCED`, and the ends of its interval: over views
-        and sizes the geometric mean, the lowest end and the highest.
+        Time of a frame of the largest pictures relative to that of the entry `balanced`, and the
+        ends of its interval: over views the geometric mean, the lowest end and the highest.
     seconds : dict of str to list of float
         By view: seconds of a frame without its pixels, and those per pixel.
     ssim : dict of str to list of float
@@ -170,10 +170,6 @@ class Tradeoff(_Table):
     def text(self, title: str) -> str:
         """The table as TOML under a comment."""
         return f"# {title}\n{tomlkit.dumps(self.model_dump())}"
-
-    def ratio(self, name: str) -> float:
-        """Time of a frame of an entry relative to that of `BALANCED`."""
-        return next(entry.ratio[0] for entry in self.entries if entry.name == name)
 
     def ssim(self, entry: Entry, frames: int) -> Range:
         """Estimated SSIM of an entry's picture of so many frames."""

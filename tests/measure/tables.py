@@ -43,3 +43,8 @@ def made_table(**other: Any) -> Tradeoff:
         "entries": entries,
     }
     return Tradeoff(**{**given, **other})
+
+
+def ratio_of(table: Tradeoff, name: str) -> float:
+    """Time of a frame of an entry relative to that of `BALANCED`."""
+    return next(entry.ratio[0] for entry in table.entries if entry.name == name)

@@ -21,7 +21,7 @@ from iprt.settings.ladder import BALANCED, KEYS, LADDER, entry_assignments
 from iprt.settings.model import Settings
 from iprt.settings.overrides import changed, resolved
 from iprt.settings.presets import CONVERGED, PRESETS, Quality
-from tests.measure.tables import STEP, made_table
+from tests.measure.tables import STEP, made_table, ratio_of
 
 TIMED = Timed("a device (a platform)", "1.0")
 
@@ -119,7 +119,7 @@ def test_no_other_entry_reaches_the_ssim_more_quickly(table: Tradeoff, wanted: f
 def test_more_pixels_leave_a_quicker_entry() -> None:
     table = made_table()
     assert table.within(0.0151, 100_000, 4)[0].name == BALANCED
-    assert table.ratio(table.within(0.0151, 300_000, 4)[0].name) == pytest.approx(STEP**2)
+    assert ratio_of(table, table.within(0.0151, 300_000, 4)[0].name) == pytest.approx(STEP**2)
 
 
 # Files -------------------------------------------------------------------------------------------

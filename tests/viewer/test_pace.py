@@ -26,7 +26,7 @@ from iprt.viewer.engine import Engine
 from iprt.viewer.pace import MOST_UP_S, SCALES, UP_S, Level, Pace, levels_below
 from iprt.viewer.state import Request
 from tests.clips import write_clip
-from tests.measure.tables import made_table
+from tests.measure.tables import made_table, ratio_of
 from tests.viewer.turns import SETTINGS, VIEW
 from tests.waiting import DEADLINE_S
 
@@ -260,19 +260,21 @@ def test_the_shares_of_levels_are_those_of_the_table() -> None:
     # None of the entries with more rays, whatever light they have.
     below = list(LADDER)[: list(LADDER).index("light 2, rays 2")]
     names = ["balanced", *below[::-1]]
-    assert sharp(Settings()) == pytest.approx([TABLE.ratio(name) for name in names])
+    assert sharp(Settings()) == pytest.approx([ratio_of(TABLE, name) for name in names])
     for level, name in zip(levels_below(Settings(), TABLE), names, strict=False):
         kept = {k: v for k, v in LADDER[name].items() if not k.startswith("irradiance.")}
         assert level.settings == changed(Settings(), kept)
 
 
 def test_other_settings_count_as_the_quickest_entry_that_traces_as_much() -> None:
-    three = changed(Settings(), {"trace.rays": 3})
-    assert sharp(three)[:2] == pytest.approx([1.0, TABLE.ratio("rays 2") / TABLE.ratio("rays 4")])
-    coarse = changed(Settings(), {"light_scale": 3})
-    assert sharp(coarse)[1] == pytest.approx(TABLE.ratio("draft") / TABLE.ratio("light 2"))
-    beyond = changed(Settings(), {"trace.rays": 1000})
-    assert sharp(beyond)[1] == pytest.approx(TABLE.ratio("rays 4") / TABLE.ratio("accurate"))
+    counted = {
+        ("trace.rays", 3): ("rays 4", "rays 2"),
+        ("light_scale", 3): ("light 2", "draft"),
+        ("trace.rays", 1000): ("accurate", "rays 4"),
+    }
+    for (key, value), (whole, below) in counted.items():
+        shares = sharp(changed(Settings(), {key: value}))
+        assert shares[1] == pytest.approx(ratio_of(TABLE, below) / ratio_of(TABLE, whole))
 
 
 def test_who_asked_for_least_is_left_with_resolution() -> None:
