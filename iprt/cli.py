@@ -37,6 +37,7 @@ VERBS = {
     "render": "iprt.commands.render:render",
     "compare": "iprt.commands.compare:compare",
     "bench": "iprt.commands.bench:bench",
+    "calibrate": "iprt.commands.calibrate:calibrate",
     "profile": "iprt.commands.profile:profile",
     "view": "iprt.commands.view:view",
     "settings": "iprt.commands.settings:settings",

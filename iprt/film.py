@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from typing import Self
 
+from iprt.convergence import Goal
 from iprt.device.compute import ComputeDevice
 from iprt.device.recovery import wait
 from iprt.errors import DeviceError
@@ -86,6 +87,7 @@ class Film:
         warm_up: int = 0,
         aovs: Iterable[str] = (),
         progress: Callable[[int], None] | None = None,
+        goal: Goal | None = None,
     ) -> Iterator[tuple[int, RenderedFrame]]:
         """Render frames in the order of `indices`, with nothing accumulated by earlier calls.
 
@@ -103,6 +105,8 @@ class Film:
         aovs : names from `iprt.aovs.AOVS`
         progress : callable or None
             Called with the number of finished view frames of a frame after each.
+        goal : Goal or None
+            For one frame: renders as many view frames as it takes, in place of `accumulate`.
 
         Yields
         ------
@@ -133,7 +137,11 @@ class Film:
                 if number < len(remembered):
                     continue
                 wanted = number >= unseen
-                picture = renderer.render(self.accumulate, aovs if wanted else (), progress)
+                layers = aovs if wanted else ()
+                if goal is None:
+                    picture = renderer.render(self.accumulate, layers, progress)
+                else:
+                    picture = converged(renderer, goal, layers, progress)
                 self.device.finish()  # reads events: those of hours would fill the memory
                 if wanted:
                     yield index, picture
@@ -161,6 +169,24 @@ class Film:
     def view_at(self, index: int) -> View:
         """The view in a frame of the video."""
         return view_at(self.scene, self._view, index)
+
+
+def converged(
+    renderer: Renderer,
+    goal: Goal,
+    aovs: Iterable[str] = (),
+    progress: Callable[[int], None] | None = None,
+) -> RenderedFrame:
+    """The picture of a renderer that has rendered nothing yet, once it meets the goal."""
+    while goal.next_frames > goal.frames:
+        done, count = goal.frames, goal.next_frames
+
+        def forward(more: int, done: int = done) -> None:
+            if progress is not None:
+                progress(done + more)
+
+        goal.add(count, renderer.render(count - done, progress=forward).color)
+    return renderer.render(0, aovs)
 
 
 def memory(settings: Settings, accumulate: int) -> Settings:

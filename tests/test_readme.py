@@ -135,6 +135,7 @@ NOT_HERE = {
     "iprt view": "waits for a user; tests/viewer/screen/ opens it",
     "./run": "sets up what is there already; .ci/run begins with it, word for word",
     ".ci/run": "runs these tests",
+    "iprt calibrate": "takes two minutes; tests/commands/test_calibrate.py runs it on few pixels",
     "docs/measure.py": "takes fifteen minutes; tests/test_docs.py checks its commands",
     "source": "the tests' environment is active",
     "pip install": "the tests' environment is complete, or the commands that need it are left out",

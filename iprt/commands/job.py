@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from iprt.convergence import Goal
 from iprt.device.compute import ComputeDevice
 from iprt.device.profile import SAMPLED_S
 from iprt.film import Film, view_at
@@ -25,7 +26,9 @@ class Job:
         None: all.
     settings : Settings
     accumulate : int
-        View frames per picture.
+        View frames per picture; at most, where `converged` is given.
+    converged : float or None
+        The noise at which a still picture is finished, see `Goal`.
     aovs : tuple of str
     strict : bool
     device : str or None
@@ -41,6 +44,7 @@ class Job:
     objects: tuple[str, ...] | None
     settings: Settings
     accumulate: int
+    converged: float | None
     aovs: tuple[str, ...]
     strict: bool
     device: str | None
@@ -60,14 +64,21 @@ class Job:
             strict=self.strict,
         )
 
-    def metadata(self, index: int, device: str) -> dict[str, str]:
-        """See `picture_metadata`, of a frame of the video."""
+    def goal(self) -> Goal | None:
+        """When a still picture is finished; None: after `accumulate` frames."""
+        if self.converged is None:
+            return None
+        return Goal(self.converged, self.accumulate, self.scene.exposure)
+
+    def metadata(self, index: int, device: str, goal: Goal | None = None) -> dict[str, str]:
+        """See `picture_metadata`, of a frame of the video; `goal` is what its noise was held to."""
         return picture_metadata(
             scene=self.scene.name,
             view=view_at(self.scene, self.view, index),
             objects=self.objects,
             settings=self.settings.model_dump(mode="json"),
             seed=self.settings.seed,
-            frames=self.accumulate,
+            frames=self.accumulate if goal is None else goal.frames,
             device=device,
+            noise=None if goal is None else goal.reached,
         )

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Protocol
 
 from iprt.files.termination import at_termination
 
@@ -13,10 +14,17 @@ CLEAR = b"\r\x1b[K\x1b[?25h"
 """Ends a bar that is being drawn: the line is empty, and the cursor is shown."""
 
 
+class Update(Protocol):
+    """Moves a bar on."""
+
+    def __call__(self, done: int, note: str = "", /) -> None:
+        """Show so many frames as done, and a note behind the label."""
+
+
 @contextmanager
 def progress_bar(
     label: str, frames: int, unit: str = "frames", *, done: int = 0, remaining: bool = False
-) -> Iterator[Callable[[int], None]]:
+) -> Iterator[Update]:
     """Show a bar while the block runs; call what it yields with the number of frames done.
 
     Nothing is written where stderr is no terminal, as a log would only get empty lines, nor where
@@ -68,7 +76,7 @@ def progress_bar(
     ):
         task = bar.add_task(label, total=frames, completed=done)
 
-        def update(done: int) -> None:
-            bar.update(task, completed=done)
+        def update(done: int, note: str = "") -> None:
+            bar.update(task, completed=done, description=f"{label}{note}")
 
         yield update

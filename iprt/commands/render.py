@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -11,10 +12,14 @@ import tyro
 
 from iprt.commands.pairs import Size
 from iprt.commands.setting_flags import BALANCED, ChosenSettings
+from iprt.commands.wish import Wish
 from iprt.errors import IprtError
+from iprt.files.wording import counted
+from iprt.settings.presets import CONVERGED
 
 if TYPE_CHECKING:
     from iprt.commands.job import Job
+    from iprt.convergence import Goal
     from iprt.device.compute import ComputeDevice
     from iprt.film import Film
     from iprt.renderer import RenderedFrame
@@ -24,6 +29,8 @@ FRAME_LIMIT_S = 600.0
 """Longer than any frame that a processor's two cores can be expected to be given."""
 STILL_FRAMES, VIDEO_FRAMES = 64, 4
 """View frames per picture, if nothing is said: of a still, and of each frame of a video."""
+MOST_STILL_FRAMES = 2048
+"""The same of a still that is rendered until it has converged: at most."""
 
 LOG = logging.getLogger("iprt.render")
 
@@ -43,6 +50,8 @@ def render(
     codec: Literal["h264", "hevc"] | None = None,
     seed: int | None = None,
     method: str | None = None,
+    time_per_frame: float | None = None,
+    ssim: float | None = None,
     setting_flags: ChosenSettings = BALANCED,
     device: str | None = None,
     aov: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
@@ -81,7 +90,8 @@ def render(
         Width and height in pixels. Default: the view's own.
     accumulate
         Frames accumulated into a picture, or into each frame of a video. Default: 64 for a picture;
-        4 for a frame of a video, which builds on the frames before it.
+        4 for a frame of a video, which builds on the frames before it. With --quality final, at
+        most; default: 2048.
     codec
         How .mp4, .mov and .mkv are coded: h264 (8 bits) plays everywhere; hevc (10 bits) shows no
         bands in soft gradients. Default: h264.
@@ -90,8 +100,15 @@ def render(
         Short for --set seed=.
     method
         How virtual objects are lit: a name from `iprt methods`. Short for --set method=.
+    time_per_frame
+        Seconds that a frame, one of those that are accumulated, may take: chooses the most accurate
+        settings that `iprt calibrate` expects to be so quick, in place of a quality preset.
+    ssim
+        Least mean SSIM: chooses the quickest settings that `iprt calibrate` expects to reach it
+        after --accumulate frames. If none does, the most accurate are taken, with a warning.
     setting_flags
-        Quality preset and single settings. Later ones win: preset, file, flags.
+        Quality preset and single settings. Later ones win: preset or what --time-per-frame or
+        --ssim chooses, file, flags.
     device
         gpu, cpu, a place such as 0:0 (see `iprt doctor`), or part of a device's name. Default: the
         fastest kind there is.
@@ -117,6 +134,7 @@ def render(
         raise IprtError(f"--accumulate {accumulate}: expected 1 to {MAX_FRAMES}")
     if not 0.0 < frame_limit < float("inf"):
         raise IprtError(f"--frame-limit {frame_limit:g}: expected seconds above 0")
+    wish = Wish.of(time_per_frame, ssim, setting_flags.quality)
     from iprt.output.encode import FORMATS
     from iprt.output.sequence import is_video
 
@@ -124,27 +142,46 @@ def render(
     if codec is not None and output.suffix.lower() not in FORMATS:
         kinds = ", ".join(FORMATS)
         raise IprtError(f"--codec {codec}: has no effect on {output}; it is for {kinds}")
+    converged = CONVERGED.get(setting_flags.quality)
+    if video and converged is not None:
+        raise IprtError(
+            f"--quality {setting_flags.quality}: is for a picture, which is rendered until it "
+            "has converged; for a video take --quality accurate and --accumulate"
+        )
     _check_files(output, profile, aov, video=video)
 
     from iprt.commands.frames import frame_range
     from iprt.commands.job import Job
     from iprt.commands.video import check_video, render_video
     from iprt.commands.views import moving_view
+    from iprt.geometry.camera import View
     from iprt.scene.scene import Scene
 
-    settings = setting_flags.resolved(still=not video, seed=seed, method=method)
+    resolved = partial(setting_flags.resolved, still=not video, seed=seed, method=method)
+    settings = resolved()
+    if wish is not None:
+        wish.require_method(settings.method)
     opened = Scene.open(scene, allow_outside=allow_outside, strict=strict)
     indices = frame_range(frames, opened.frame_indices)
     for path in (output, profile):
         if path is not None:
             opened.require_not_ours(path)
     chosen, objects = moving_view(opened, view, yaw=yaw, pitch=pitch, fov=fov, size=size)
+    still_frames = STILL_FRAMES if converged is None else MOST_STILL_FRAMES
+    accumulate = accumulate or (VIDEO_FRAMES if video else still_frames)
+    if wish is not None:
+        shown = chosen if isinstance(chosen, View) else chosen.view
+        entry = wish.assignments(
+            device, shown.width * shown.height, accumulate, setting_flags.assignments()
+        )
+        settings = resolved(under=entry)
     job = Job(
         scene=opened,
         view=chosen,
         objects=objects,
         settings=settings,
-        accumulate=accumulate or (VIDEO_FRAMES if video else STILL_FRAMES),
+        accumulate=accumulate,
+        converged=converged,
         aovs=tuple(aov),
         strict=strict,
         device=device,
@@ -197,22 +234,40 @@ def _render_still(job: Job, output: Path, index: int) -> tuple[ComputeDevice, Fi
 
     handle = choose_device(job.device)
 
-    def attempt() -> tuple[RenderedFrame, ComputeDevice, Film]:
+    def attempt() -> tuple[RenderedFrame, ComputeDevice, Film, Goal | None]:
+        goal = job.goal()
         compute = ComputeDevice(handle, job.frame_limit)
         with job.film(compute) as film, progress_bar("rendering", job.accumulate) as progress:
-            ((_, picture),) = film.frames([index], aovs=job.aovs, progress=progress)
-        return picture, compute, film
+
+            def forward(done: int) -> None:
+                noise = None if goal is None else goal.reached
+                progress(done, "" if noise is None else f", noise {noise:.2g}")
+
+            ((_, picture),) = film.frames([index], aovs=job.aovs, progress=forward, goal=goal)
+        return picture, compute, film, goal
 
     with locked(output.parent):
-        picture, compute, film = with_second_try(attempt)
+        picture, compute, film, goal = with_second_try(attempt)
         write_picture(
             output,
             picture.color,
             aovs=picture.aovs,
             exposure=job.scene.exposure,
-            metadata=job.metadata(index, compute.name),
+            metadata=job.metadata(index, compute.name, goal),
         )
+    if goal is not None:
+        _tell_noise(goal)
     return compute, film
+
+
+def _tell_noise(goal: Goal) -> None:
+    """Say what noise is left, and what to do where that is too much."""
+    reached = "unknown" if goal.reached is None else f"{goal.reached:.2g} of white"
+    told = f"noise {reached} after {counted(goal.frames, 'frame')}"
+    if goal.met:
+        LOG.info("converged to %g: %s", goal.noise, told)
+    else:
+        LOG.warning("not converged to %g: %s; raise --accumulate", goal.noise, told)
 
 
 def _report(

@@ -29,13 +29,17 @@ class SettingFlags:
     set: Annotated[tyro.conf.UseAppendAction[tuple[str, ...]], plain_default("KEY=VALUE")] = ()
     """Value of one setting, such as trace.rays=4; may be given several times."""
 
-    def resolved(self, *, still: bool = False, **short: object) -> Settings:
+    def resolved(
+        self, *, still: bool = False, under: Sequence[Assignment] = (), **short: object
+    ) -> Settings:
         """The settings asked for.
 
         Parameters
         ----------
         still : bool
             For pictures in which nothing moves.
+        under : sequence of Assignment
+            What wins over the preset, and nothing else.
         short
             Values of the verb's own flags for settings, by the setting's name; None: not given.
 
@@ -46,7 +50,7 @@ class SettingFlags:
         """
         from iprt.settings.overrides import resolved
 
-        return resolved(self.quality, self.assignments(still=still, **short))
+        return resolved(self.quality, [*under, *self.assignments(still=still, **short)])
 
     def assignments(self, *, still: bool = False, **short: object) -> list[Assignment]:
         """Settings of file and flags, later ones override; see `resolved`."""

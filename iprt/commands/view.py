@@ -105,6 +105,7 @@ def view(
     from iprt.device.compute import ComputeDevice
     from iprt.device.profile import SAMPLED_S
     from iprt.geometry.camera import View
+    from iprt.measure.kept_tradeoff import Timed, tradeoff_for
     from iprt.scene.edits import SAVED_VIEW
     from iprt.scene.scene import Scene
     from iprt.viewer.engine import Engine
@@ -123,7 +124,13 @@ def view(
         compute.profile.every_s = SAMPLED_S
         return compute
 
-    with Engine(opened, make_device, settings, allow_outside=allow_outside) as engine:
+    with Engine(
+        opened,
+        make_device,
+        settings,
+        allow_outside=allow_outside,
+        tradeoff=tradeoff_for(Timed.of(handle)),
+    ) as engine:
         if not web:
             from iprt.viewer.desktop import run
 

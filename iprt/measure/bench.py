@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from statistics import fmean, median
 from typing import TYPE_CHECKING
@@ -23,6 +23,8 @@ WARM_UP = 16
 learned where objects have influence."""
 COUNTED_FRAMES = 4
 """Frames, after as many warm-ups, whose rays and steps are counted: these vary little."""
+FEWEST_ROUNDS, MOST_ROUNDS = 4, 1000
+"""Frames of each of several reels that take turns."""
 
 Progress = Callable[[int], None]
 """Called with the number of frames done so far, those of the warm-up included."""
@@ -136,6 +138,37 @@ def timed_against(
                 if progress is not None:
                     progress(2 * (index + 1))
     return run.report(reel, scene, prepare_ms), Ratio.of(run.walls, beside.walls)
+
+
+def timed_together(
+    device: ComputeDevice, reels: Sequence[Reel], enough: Callable[[int], bool]
+) -> list[list[float]]:
+    """Milliseconds of frames of several reels, which take turns frame by frame after a warm-up.
+
+    Parameters
+    ----------
+    enough : callable
+        Called after each round with the number of those that count; True ends it, even in the
+        warm-up, where there are half of that and `FEWEST_ROUNDS`.
+
+    Returns
+    -------
+    list of list of float
+        Per reel the wall times of its frames, at least `FEWEST_ROUNDS`.
+    """
+    profile = device.profile
+    least = WARM_UP // 2 + FEWEST_ROUNDS
+    with ExitStack() as stack:
+        runs = [stack.enter_context(_Run.of(device, reel, MOST_ROUNDS)) for reel in reels]
+        for done in range(1, MOST_ROUNDS + 1):
+            for run in runs:
+                profile.recording = False  # until this frame ends
+                run.frame(counts=True)
+            if enough(max(done - WARM_UP, 0)) and done >= least:
+                break
+    profile.reset()
+    warm_up = min(WARM_UP, done - FEWEST_ROUNDS)
+    return [run.walls[warm_up:] for run in runs]
 
 
 def count_work(device: ComputeDevice, reel: Reel, progress: Progress | None = None) -> Counted:

@@ -31,6 +31,7 @@ def picture_metadata(
     seed: int,
     frames: int,
     device: str,
+    noise: float | None = None,
 ) -> dict[str, str]:
     """Header attributes of a rendered picture; `iprt:view` and `iprt:settings` are JSON.
 
@@ -44,6 +45,8 @@ def picture_metadata(
         Plain values, as `json` takes them.
     frames : int
         Frames accumulated.
+    noise : float or None
+        What was left then, as of `iprt.convergence`. None: it was not looked at.
     """
     return {
         "iprt:version": __version__,
@@ -53,6 +56,7 @@ def picture_metadata(
         "iprt:seed": str(seed),
         "iprt:frames": str(frames),
         "iprt:device": device,
+        **({} if noise is None else {"iprt:noise": f"{noise:.3g}"}),
     }
 
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Literal
 
-Quality = Literal["draft", "balanced", "accurate"]
+Quality = Literal["draft", "balanced", "accurate", "final"]
 
 PRESETS: Mapping[Quality, Mapping[str, object]] = MappingProxyType(
     {
@@ -29,9 +29,21 @@ PRESETS: Mapping[Quality, Mapping[str, object]] = MappingProxyType(
             "irradiance.rows": 256,
             "irradiance.samples": 1024,
         },
+        # What is left at last is the noise of E_R, which more frames do not take away.
+        "final": {
+            "trace.rays": 8,
+            "trace.object_rays": 64,
+            "iprt.ratio_rows": 128,
+            "irradiance.rows": 256,
+            "irradiance.samples": 4096,
+        },
     }
 )
 """Settings (see `iprt settings`) that a preset sets; all others keep their defaults."""
+
+CONVERGED: Mapping[Quality, float] = MappingProxyType({"final": 0.001})
+"""Noise (`iprt.convergence`) to which `iprt render` accumulates a still picture; of other presets
+the number of frames is fixed."""
 
 STILL: Mapping[str, object] = MappingProxyType({"fading": 0.0})
 """Settings of pictures in which nothing moves: the mean of all frames is the best picture."""

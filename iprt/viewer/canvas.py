@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from iprt.convergence import Convergence
 from iprt.device.compute import ComputeDevice
 from iprt.errors import SceneError
 from iprt.footage.footage import Footage
@@ -15,7 +16,6 @@ from iprt.memory import require_memory
 from iprt.renderer import RenderedFrame, Renderer
 from iprt.scene.objects import SceneObject
 from iprt.settings.model import Settings
-from iprt.viewer.convergence import Convergence
 from iprt.viewer.geometry import Geometry
 from iprt.viewer.heap import give_back
 from iprt.world.shared import Worlds
@@ -35,6 +35,8 @@ class Stage:
         The objects, where they are in that frame.
     footage : Footage
     settings : Settings
+    exposure : float
+        The scene's.
     """
 
     number: int
@@ -43,6 +45,7 @@ class Stage:
     instances: tuple[Instance, ...]
     footage: Footage
     settings: Settings
+    exposure: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +107,7 @@ class Canvas:
         self._device, self._footage = device, stage.footage
         self._geometry: Geometry | None = None
         self._outdated = True  # the geometry
-        self._convergence = Convergence()
+        self._convergence = Convergence(wanted.stage.exposure)
         self._moved = False
         self.rested = 0
         self.noise: float | None = None

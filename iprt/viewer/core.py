@@ -296,7 +296,15 @@ class Core:
         time_s = loaded.scene.time_of(frame.index)
         instances = objects_at(objects, time_s)
         self.objects = object_states(objects, instances, time_s, self.objects)
-        self._stage = Stage(self._settled, frame, objects, instances, footage, world.settings)
+        self._stage = Stage(
+            self._settled,
+            frame,
+            objects,
+            instances,
+            footage,
+            world.settings,
+            loaded.scene.exposure,
+        )
         return self._stage
 
     def _all_see_the_frame(self, clients: Iterable[int]) -> bool:

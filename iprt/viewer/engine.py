@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from iprt.aovs import AOVS
 from iprt.device.compute import ComputeDevice
 from iprt.geometry.material import Material
+from iprt.measure.tradeoff import Tradeoff, shipped
 from iprt.scene.edit import free_name
 from iprt.scene.edits import Look, ObjectEdit, flat, require_place
 from iprt.scene.scene import Scene
@@ -84,6 +85,8 @@ class Engine:
         Seconds, which the video plays by.
     allow_outside : bool
         See `Scene.open`.
+    tradeoff : Tradeoff or None
+        Times of the settings that clients take in motion. None: those of the shipped table.
     """
 
     def __init__(
@@ -94,7 +97,9 @@ class Engine:
         *,
         clock: Callable[[], float] = time.monotonic,
         allow_outside: bool = False,
+        tradeoff: Tradeoff | None = None,
     ) -> None:
+        self.tradeoff = tradeoff or shipped()
         self._clock, self._scene = clock, scene
         self._names: set[str] = set()  # of objects that were added; some are not there yet
         playback = Playback(scene.frame_indices[0], loop=scene.manifest.video.loop)

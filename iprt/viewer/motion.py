@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Callable
 
+from iprt.measure.tradeoff import Tradeoff
 from iprt.settings.model import Settings
 from iprt.viewer.pace import Level, Pace, Preview
 from iprt.viewer.rate import Rate
@@ -24,14 +25,19 @@ class Motion:
     ----------
     target_fps : float or None
         See the property.
+    table : Tradeoff
+        Times of the settings that are taken in motion.
     clock : callable
         Seconds.
     """
 
     def __init__(
-        self, target_fps: float | None, clock: Callable[[], float] = time.perf_counter
+        self,
+        target_fps: float | None,
+        table: Tradeoff,
+        clock: Callable[[], float] = time.perf_counter,
     ) -> None:
-        self._clock = clock
+        self._clock, self._table = clock, table
         self._stirred_s = self._moved_s = -math.inf
         self._rate = Rate(clock)
         self._target_fps = target_fps
@@ -74,7 +80,7 @@ class Motion:
         if not moving or self._target_fps is None:
             return None
         if self._pace is None or self._pace.base != base:
-            self._pace = Pace(self._target_fps, base, usual_s=self._usual_s)
+            self._pace = Pace(self._target_fps, base, self._table, usual_s=self._usual_s)
         level = self._pace.level
         return None if level.preview is None else level
 

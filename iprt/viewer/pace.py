@@ -1,11 +1,12 @@
 """Holds a target frame rate in motion by less light and less resolution, as far as is needed.
 
-Level 0 is what the user asked for, level 1 has few rays, the next ones have light for blocks of
-pixels, and each one after them fewer pixels. The time of a frame is a + b·pixels, with a and b
-that no one knows. Taken for b·pixels alone, it says too little of a level with fewer pixels, where
-another step down follows, and too much of one with more: going up never overshoots. A change makes
-buffers anew and histories begin afresh, so there is a band between going down and up, and each step
-up that turns out wrong doubles the wait for the next one.
+Level 0 is what the user asked for, the next ones are the quicker entries of the ladder
+(`iprt.settings.ladder`), and each one after them has fewer pixels. The time of a frame is
+a + b·pixels, with a and b that depend on what is shown. Taken for b·pixels alone, it says too
+little of a level with fewer pixels, where another step down follows, and too much of one with more:
+going up never overshoots. A change makes buffers anew and histories begin afresh, so there is a
+band between going down and up, and each step up that turns out wrong doubles the wait for the next
+one.
 """
 
 from __future__ import annotations
@@ -16,22 +17,13 @@ from dataclasses import dataclass
 from statistics import fmean, median
 from typing import Any
 
+from iprt.measure.tradeoff import Tradeoff
+from iprt.settings.ladder import entry_settings
 from iprt.settings.model import Settings
 from iprt.settings.overrides import changed, plain_values
 
-FEW_RAYS = {
-    "trace.rays": 1,
-    "trace.object_rays": 1,
-    "iprt.ratio_rows": 16,
-}
-"""What takes time and shows little in motion. None of it needs a real world other than that of
-the picture at rest (`Features.of_real_world`), whose E_R is known already."""
-RAYS_SHARE = 0.75
-"""Time of a frame with few rays, relative to that with the default settings."""
-LIGHT_SHARES = {1: 1.0, 2: 0.55, 4: 0.32}
-"""The same of a frame by its `light_scale`. Outlines and the panorama stay sharp."""
-FILTER_LEVELS = {1: 5, 2: 4, 4: 3}
-"""`atrous.levels` at most: the filter reaches as far across the picture."""
+TRACED = ("light_scale", "trace.rays", "trace.object_rays")
+"""Settings that most of the time of a frame depends on."""
 SCALES = (0.84, 0.71, 0.6, 0.5, 0.42, 0.35, 0.3, 0.25)
 """Sides of the picture relative to the window's: each has 1/sqrt(2) of the pixels before."""
 SKIPPED = 2
@@ -86,25 +78,50 @@ class Level:
     preview: Preview | None
 
 
-def levels_below(base: Settings) -> tuple[Level, ...]:
-    """From what was asked for down. None has more of anything than `base`."""
+def levels_below(base: Settings, table: Tradeoff) -> tuple[Level, ...]:
+    """From what was asked for down the ladder, then down in size.
+
+    None has more of anything than `base`, nor another real world (`Features.of_real_world`), whose
+    E_R is known already.
+    """
     own = plain_values(base)
-    given_up = {key: value for key, value in FEW_RAYS.items() if value < own[key]}
     found = [Level(base, 1.0, 1.0, None)]
-    share = 1.0
-    if given_up:
-        share = RAYS_SHARE
+    given_up: dict[str, Any] = {}
+    whole = _ratio(own, table)
+    for entry in sorted(table.entries, key=lambda entry: -entry.ratio[0]):
+        fewer = {
+            key: value
+            for key, value in entry_settings(entry.name).items()
+            if _less(key, value, own[key]) and not key.startswith("irradiance.")
+        }
+        share = _ratio(own | fewer, table) / whole
+        if not fewer or share > found[-1].share or share == 1.0:
+            continue
+        if share == found[-1].share:  # what is left of an entry with more than was asked for
+            del found[-1]
+        given_up = fewer
         found.append(_preview(base, given_up, 1.0, share))
-    lit = LIGHT_SHARES[max(scale for scale in LIGHT_SHARES if scale <= base.light_scale)]
-    for scale, of_frame in LIGHT_SHARES.items():
-        if scale > base.light_scale:
-            levels = min(FILTER_LEVELS[scale], base.atrous.levels)
-            given_up = given_up | {"light_scale": scale, "atrous.levels": levels}
-            share *= of_frame / lit
-            lit = of_frame
-            found.append(_preview(base, given_up, 1.0, share))
-    found += [_preview(base, given_up, scale, share * scale**2) for scale in SCALES]
+    last = found[-1].share
+    found += [_preview(base, given_up, scale, last * scale**2) for scale in SCALES]
     return tuple(found)
+
+
+def _ratio(own: Mapping[str, Any], table: Tradeoff) -> float:
+    """Time of a frame with these settings relative to that of the entry `BALANCED`, roughly.
+
+    That of the quickest entry which traces as much, or else of the slowest one.
+    """
+    enough = [
+        entry.ratio[0]
+        for entry in table.entries
+        if not any(_less(key, entry_settings(entry.name)[key], own[key]) for key in TRACED)
+    ]
+    return min(enough, default=max(entry.ratio[0] for entry in table.entries))
+
+
+def _less(key: str, value: Any, than: Any) -> bool:
+    """A setting has less of what takes time than with another value."""
+    return bool(value > than if key == "light_scale" else value < than)
 
 
 def _preview(base: Settings, given_up: Mapping[str, Any], scale: float, share: float) -> Level:
@@ -132,14 +149,23 @@ class Pace:
         Frames per second to hold; above 0.
     base : Settings
         What the user asked for. If that changes, make another `Pace`.
+    table : Tradeoff
+        Times of the ladder's entries.
     usual_s : float or None
         Seconds that a frame takes as the user asked for it, if that is known: then it begins on
         the level that this leads to.
     """
 
-    def __init__(self, target_fps: float, base: Settings, *, usual_s: float | None = None) -> None:
+    def __init__(
+        self,
+        target_fps: float,
+        base: Settings,
+        table: Tradeoff,
+        *,
+        usual_s: float | None = None,
+    ) -> None:
         self.base = base
-        self.levels: Sequence[Level] = levels_below(base)
+        self.levels: Sequence[Level] = levels_below(base, table)
         self._target_s = 1.0 / target_fps
         self._up_s, self._now = UP_S, 0
         self._go(0)

@@ -40,7 +40,7 @@ class Shown:
     frames : int
         View frames for which nothing has moved, this one included: what the picture is a mean of.
     noise : float or None
-        Estimated error relative to the mean luminance (`Convergence`). None: not known yet.
+        See `iprt.convergence`. None: not known yet.
     passes : tuple of PassTime
         Passes of the last view frame; none if it was not recorded (`Profile.every_s`).
     seconds : float

@@ -76,7 +76,7 @@ class Viewport:
         self._engine, self._time = engine, clock
         self.view, self.name = _fitted(view, view.width, view.height), self._name_of(view, objects)
         self._objects, self._frames = objects, frames
-        self._lens, self._motion = Lens(), Motion(target_fps, clock)
+        self._lens, self._motion = Lens(), Motion(target_fps, engine.tradeoff, clock)
         self._edits = engine.world.edits
         self._developer = Developer()
         self._displayed: DisplayedFrame | None = None

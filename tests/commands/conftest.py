@@ -13,6 +13,7 @@ import pytest
 
 from iprt.commands.job import Job
 from iprt.commands.render import render
+from iprt.convergence import Goal
 from iprt.device.profile import Profile
 from iprt.film import view_at
 from iprt.renderer import RenderedFrame
@@ -48,6 +49,7 @@ class FakeFilm:
         warm_up: int = 0,
         aovs: tuple[str, ...] = (),
         progress: Callable[[int], None],
+        goal: Goal | None = None,
     ) -> Iterator[tuple[int, RenderedFrame]]:
         self.calls.append((list(indices), warm_up, aovs, self.accumulate, self.settings))
         for index in indices:
@@ -55,6 +57,9 @@ class FakeFilm:
                 raise self.ends[index].pop(0)
             for _ in range(self.accumulate):
                 frame(self.device.profile, {"march": 3.0})
+            while goal is not None and goal.next_frames > goal.frames:
+                shade = np.float32(0.5 + 0.2 / goal.next_frames)  # its noise halves
+                goal.add(goal.next_frames, np.full((2, 2, 3), shade))
             progress(self.accumulate)
             color = np.zeros((self.view.height, self.view.width, 3), np.float32)
             color[..., 0], color[..., 1] = self.accumulate, 0.1 * index

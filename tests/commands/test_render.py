@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,8 @@ from iprt.errors import FormatError, IprtError
 from iprt.geometry.camera import View
 from iprt.scene.scene import Scene
 from iprt.settings.model import Settings
+from iprt.settings.overrides import changed
+from iprt.settings.presets import PRESETS
 from iprt.settings.trace import TraceSettings
 from tests.commands.conftest import FakeFilm
 
@@ -131,4 +134,48 @@ def test_bad_values_are_refused_before_rendering(
     arguments["output"] = tmp_path / arguments["output"]
     with pytest.raises((IprtError, FormatError), match=message):
         command(**arguments)
+    assert FakeFilm.calls == []
+
+
+def final(command: Callable[..., int], output: Path, **given: Any) -> dict[str, Any]:
+    """The header of a picture of quality final."""
+    assert command(output=output, setting_flags=SettingFlags(quality="final"), **given) == 0
+    with OpenEXR.File(str(output)) as file:
+        return dict(file.header())
+
+
+def test_final_goes_on_until_the_picture_has_converged(
+    command: Callable[..., int], tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    with caplog.at_level(logging.INFO, "iprt.render"):
+        header = final(command, tmp_path / "a.exr")
+    assert 0.0 < float(header["iprt:noise"]) <= 0.001
+    frames = int(header["iprt:frames"])
+    assert frames in (4, 8, 16, 32, 64, 128, 256)
+    (line,) = [record for record in caplog.records if record.name == "iprt.render"]
+    assert line.levelname == "INFO"
+    assert f"after {frames} frames" in line.getMessage()
+    assert FakeFilm.calls[-1][-1] == changed(Settings(fading=0.0), PRESETS["final"])
+
+
+def test_final_ends_at_accumulate_and_says_so(
+    command: Callable[..., int], tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    header = final(command, tmp_path / "a.exr", accumulate=3)
+    assert header["iprt:frames"] == "3"
+    assert float(header["iprt:noise"]) > 0.001
+    (record,) = [record for record in caplog.records if record.name == "iprt.render"]
+    assert record.levelname == "WARNING"
+    assert "raise --accumulate" in record.getMessage()
+
+
+def test_other_pictures_say_nothing_of_noise(command: Callable[..., int], tmp_path: Path) -> None:
+    assert command(output=tmp_path / "a.exr") == 0
+    with OpenEXR.File(str(tmp_path / "a.exr")) as file:
+        assert "iprt:noise" not in file.header()
+
+
+def test_final_is_for_pictures(command: Callable[..., int], tmp_path: Path) -> None:
+    with pytest.raises(IprtError, match="--quality final: is for a picture"):
+        command(output=tmp_path / "a.mp4", setting_flags=SettingFlags(quality="final"))
     assert FakeFilm.calls == []

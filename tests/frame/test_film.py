@@ -11,12 +11,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from iprt.convergence import Goal
 from iprt.device import profile
 from iprt.device.compute import ComputeDevice
 from iprt.errors import SceneError
 from iprt.film import Film, memory_indices, warm_up_indices
 from iprt.footage.frame import Frame
 from iprt.geometry.camera import View
+from iprt.output.display import display
 from iprt.renderer import RenderedFrame, Renderer
 from iprt.scene.scene import Scene
 from iprt.settings.model import Settings
@@ -42,6 +44,22 @@ def pictures(
 ) -> list[NDArray[np.float32]]:
     with film(scene, device) as running:
         return [picture.color for _, picture in running.frames(indices, warm_up=warm_up)]
+
+
+def test_a_goal_decides_how_many_frames_a_picture_has(scene: Scene, device: ComputeDevice) -> None:
+    settings, view = SETTINGS.model_copy(update={"fading": 0.0}), scene.views["ahead"]
+    goal, seen = Goal(0.01, 256, scene.exposure), list[int]()
+    with Film(scene, device, settings, view=view) as running:
+        ((_, picture),) = running.frames([1], aovs=["normal"], goal=goal, progress=seen.append)
+    assert goal.met, goal.reached
+    assert 2 < goal.frames < 256, goal.reached
+    assert seen == list(range(1, goal.frames + 1))
+    with Renderer(device, scene.frame(1), scene.instances, view.view, settings) as renderer:
+        assert np.array_equal(picture.color, renderer.render(goal.frames).color)
+        better = renderer.render(512 - goal.frames).color
+    assert set(picture.aovs) == {"normal"}
+    error = display(picture.color, scene.exposure) - display(better, scene.exposure)
+    assert np.sqrt(np.mean(error**2)) < 3.0 * goal.noise
 
 
 def test_frames_are_what_a_renderer_makes_of_the_video(scene: Scene, device: ComputeDevice) -> None:

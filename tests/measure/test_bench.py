@@ -17,7 +17,7 @@ from iprt.device.profile import Profile
 from iprt.errors import IprtError
 from iprt.geometry.camera import View
 from iprt.measure import bench as bench_module
-from iprt.measure.bench import WARM_UP, timed, timed_against
+from iprt.measure.bench import FEWEST_ROUNDS, WARM_UP, timed, timed_against, timed_together
 from iprt.measure.camera_motion import TURN_DEG, Turn, to_and_fro, turned
 from iprt.scene.scene import Scene
 from iprt.settings.model import Settings
@@ -107,6 +107,33 @@ def test_a_machine_that_slows_down_leaves_the_ratio(
     assert report.frames == 48
     (march,) = (row for row in report.passes if row.name == "march")
     assert march.ms == pytest.approx(3.0)
+
+
+def test_reels_take_turns_until_it_is_enough(fake: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys.modules["iprt.renderer"], "Renderer", SlowingRenderer)
+    reels = [Turn(*NOTHING, VIEW, Settings(seed=seed)) for seed in (0, 1, 1)]
+    asked: list[int] = []
+
+    def enough(rounds: int) -> bool:
+        asked.append(rounds)
+        return rounds == 24
+
+    first, *others = timed_together(fake, reels, enough)
+    assert asked == [0] * WARM_UP + list(range(1, 25))
+    assert [len(walls) for walls in (first, *others)] == [24] * 3
+    # All slow down alike, the later one of a round a little more.
+    for walls in others:
+        assert np.divide(walls, first) == pytest.approx(1.5, rel=0.05)
+    assert first[-1] > 1.5 * first[0]
+
+    def late(rounds: int) -> bool:
+        asked.append(rounds)
+        return True
+
+    asked.clear()
+    assert [len(walls) for walls in timed_together(fake, reels, late)] == [FEWEST_ROUNDS] * 3
+    assert asked == [0] * (WARM_UP // 2 + FEWEST_ROUNDS)
+    assert not fake.profile.passes()
 
 
 def test_medians_leave_out_warm_up_and_preparation(fake: Any) -> None:

@@ -15,7 +15,6 @@ from iprt.renderer import Renderer
 from iprt.scene.edits import ObjectEdit, flat
 from iprt.scene.placement import bounds, set_on
 from iprt.scene.scene import Scene
-from iprt.viewer.convergence import Convergence
 from iprt.viewer.engine import Engine
 from iprt.viewer.state import Playback, Request
 from tests.scene.files import HIGH, LOW
@@ -122,19 +121,6 @@ def test_things_stand_where_they_are_dropped(scene: Scene) -> None:
         assert np.linalg.det(placed[:3, :3]) == pytest.approx(0.3**3)
     upright = set_on(to_world, corners, point)
     assert np.array_equal(upright[:3, :3], to_world[:3, :3])
-
-
-def test_noise_is_that_of_a_mean() -> None:
-    """The estimate is the true error if frames are independent, to what few pixels allow."""
-    random = np.random.default_rng(1)
-    convergence, total = Convergence(), np.zeros((64, 64, 3))
-    for count in range(1, 65):
-        total += 2.0 + 0.5 * random.standard_normal((64, 64, 1))
-        noise = convergence.add(count, (total / count).astype(np.float32))
-        assert (noise is None) == (count == 1)
-        if noise is not None:
-            assert noise == pytest.approx(0.25 / np.sqrt(count), rel=0.1)
-    assert convergence.add(1, total.astype(np.float32)) is None
 
 
 def test_the_video_is_steered(scene: Scene, device: ComputeDevice) -> None:

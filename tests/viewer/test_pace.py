@@ -18,23 +18,33 @@ from iprt.footage.footage import Footage
 from iprt.geometry.material import Material
 from iprt.scene.scene import Scene
 from iprt.settings.features import Features
+from iprt.settings.ladder import LADDER, entry_settings
 from iprt.settings.model import Settings
 from iprt.settings.overrides import changed, plain_values, resolved
 from iprt.settings.presets import Quality
 from iprt.viewer.engine import Engine
-from iprt.viewer.pace import LIGHT_SHARES, MOST_UP_S, SCALES, UP_S, Level, Pace, levels_below
+from iprt.viewer.pace import MOST_UP_S, SCALES, UP_S, Level, Pace, levels_below
 from iprt.viewer.state import Request
 from tests.clips import write_clip
+from tests.measure.tables import made_table, ratio_of
 from tests.viewer.turns import SETTINGS, VIEW
 from tests.waiting import DEADLINE_S
 
 FPS = 30.0
+TABLE = made_table()
+LEAST = changed(Settings(), entry_settings(next(iter(LADDER))))
+"""The settings of the quickest entry."""
+
+
+def paced(base: Settings | None = None, fps: float = FPS, usual_s: float | None = None) -> Pace:
+    return Pace(fps, base or Settings(), TABLE, usual_s=usual_s)
 
 
 class Simulated:
     """A device whose frames take `fixed` of a load however few their pixels are.
 
-    `rays` is the share that few rays leave of it; `load` is seconds at level 0, by frame. Frames
+    `rays` is what the quicker settings take relative to what the table says; `load` is seconds at
+    level 0, by frame. Frames
     take longer just after a change, and now and then one waits for something else.
     """
 
@@ -44,7 +54,7 @@ class Simulated:
         load: Callable[[int], float],
         *,
         fixed: float = 0.0,
-        rays: float = 0.75,
+        rays: float = 1.0,
         noise: float = 0.1,
         seed: int = 0,
     ) -> None:
@@ -55,9 +65,7 @@ class Simulated:
 
     def share(self, level: Level) -> float:
         rays = self.rays if level.preview is not None else 1.0
-        own = self.pace.base.light_scale
-        light = LIGHT_SHARES[level.settings.light_scale] / LIGHT_SHARES[own]
-        return self.fixed + (1.0 - self.fixed) * rays * light * level.scale**2
+        return self.fixed + (1.0 - self.fixed) * rays * level.share
 
     def play(self, frames: int) -> None:
         for _ in range(frames):
@@ -82,7 +90,7 @@ class Simulated:
 @pytest.mark.parametrize("load", [0.02, 0.0395, 0.07, 0.12, 0.3])
 def test_it_goes_at_once_where_the_target_is_held_and_no_further(load: float) -> None:
     """Where time goes with the pixels, as it expects."""
-    device = Simulated(Pace(FPS, Settings()), lambda _: load, noise=0.0)
+    device = Simulated(paced(), lambda _: load, noise=0.0)
     device.play(1000)
     assert len(device.changes) <= 2
     level = device.numbers[-1]
@@ -92,7 +100,7 @@ def test_it_goes_at_once_where_the_target_is_held_and_no_further(load: float) ->
 
 @pytest.mark.parametrize("load", [0.02, 0.0395, 0.07, 9.0])
 def test_what_is_known_of_a_frame_as_asked_for_saves_the_search(load: float) -> None:
-    pace = Pace(FPS, Settings(), usual_s=load)
+    pace = paced(usual_s=load)
     device = Simulated(pace, lambda _: load, noise=0.0)
     device.play(300)
     assert len(set(device.numbers)) == 1
@@ -106,7 +114,7 @@ def test_what_is_known_of_a_frame_as_asked_for_saves_the_search(load: float) -> 
 def test_noise_does_not_keep_it_from_settling(
     load: float, noise: float, fixed: float, seed: int
 ) -> None:
-    pace = Pace(FPS, Settings())
+    pace = paced()
     device = Simulated(pace, lambda _: load, noise=noise, fixed=fixed, seed=seed)
     device.play(2000)
     assert len(device.changes) <= 12
@@ -121,7 +129,7 @@ def test_a_step_of_the_load_is_followed_in_a_few_frames_and_taken_back(
 ) -> None:
     before, during, step, end = 0.022, 0.07, 300, 1000
     device = Simulated(
-        Pace(FPS, Settings()),
+        paced(),
         lambda i: during if step <= i < end else before,
         fixed=fixed,
         seed=seed,
@@ -136,8 +144,7 @@ def test_a_step_of_the_load_is_followed_in_a_few_frames_and_taken_back(
 def test_going_up_never_overshoots_where_only_the_number_of_pixels_changes() -> None:
     """However much of a frame's time its pixels do not change."""
     for fixed in np.linspace(0.0, 0.6, 7):
-        base = resolved("draft")
-        pace = Pace(FPS, changed(base, {"iprt.ratio_rows": 16}))
+        pace = paced(LEAST)
         load = 0.9 / FPS / (fixed + (1.0 - fixed) * 0.25**2)
         device = Simulated(
             pace, lambda i, load=load: load / (1 + 0.002 * i), fixed=fixed, rays=1.0, noise=0.0
@@ -151,7 +158,7 @@ def test_going_up_never_overshoots_where_only_the_number_of_pixels_changes() -> 
 
 def test_a_level_that_disappoints_is_tried_ever_more_rarely() -> None:
     """A device on which few rays are what saves most: level 0 looks as if it would do."""
-    device = Simulated(Pace(FPS, Settings()), lambda _: 0.05, rays=0.3, fixed=0.1, noise=0.0)
+    device = Simulated(paced(), lambda _: 0.045, rays=0.3, fixed=0.1, noise=0.0)
     device.play(10000)
     failures = np.cumsum(device.seconds)[[i for i in device.changes if device.numbers[i] == 0]]
     waits = np.diff(failures)
@@ -162,7 +169,7 @@ def test_a_level_that_disappoints_is_tried_ever_more_rarely() -> None:
 
 
 def test_nothing_holds_the_target() -> None:
-    device = Simulated(Pace(240.0, Settings()), lambda _: 1.0)
+    device = Simulated(paced(fps=240.0), lambda _: 1.0)
     device.play(200)
     assert set(device.numbers[30:]) == {len(device.pace.levels) - 1}
 
@@ -180,7 +187,7 @@ def test_whatever_the_device_it_does_not_hunt(
 ) -> None:
     length = 1200
     device = Simulated(
-        Pace(FPS, Settings()),
+        paced(),
         lambda i: loads[min(i // length, len(loads) - 1)],
         fixed=fixed,
         rays=rays,
@@ -195,7 +202,7 @@ def test_whatever_the_device_it_does_not_hunt(
 
 
 def test_frames_that_compile_do_not_count() -> None:
-    plain, disturbed = (Pace(FPS, Settings()) for _ in range(2))
+    plain, disturbed = (paced() for _ in range(2))
     random = np.random.default_rng(1)
     for index in range(600):
         time = 0.06 * plain.level.share * float(random.uniform(0.9, 1.1))
@@ -210,7 +217,7 @@ def test_frames_that_compile_do_not_count() -> None:
 @pytest.mark.parametrize("quality", get_args(Quality))
 def test_levels_start_from_what_was_asked_for_and_never_exceed_it(quality: Quality) -> None:
     base = changed(resolved(quality), {"seed": 7, "trace.object_rays": 3})
-    levels = levels_below(base)
+    levels = levels_below(base, TABLE)
     assert (levels[0].settings, levels[0].scale, levels[0].preview) == (base, 1.0, None)
     own = plain_values(base)
     for above, below in pairwise(levels):
@@ -234,28 +241,58 @@ def test_levels_start_from_what_was_asked_for_and_never_exceed_it(quality: Quali
 
 @pytest.mark.parametrize("own", [1, 2, 3, 4, 8])
 def test_the_picture_is_sharp_as_long_as_light_can_be_coarser(own: int) -> None:
-    levels = levels_below(changed(Settings(), {"light_scale": own}))
+    levels = levels_below(changed(Settings(), {"light_scale": own}), TABLE)
     scales = [level.settings.light_scale for level in levels if level.scale == 1.0]
-    assert scales == [own, own, *(scale for scale in (2, 4) if scale > own)]
-    assert all(level.settings.light_scale >= 4 for level in levels if level.scale < 1.0)
+    known = {int(str(entry_settings(name)["light_scale"])) for name in LADDER}
+    assert scales == sorted(scales)
+    assert set(scales) == {own, *(scale for scale in known if scale > own)}
+    assert all(level.settings.light_scale == 8 for level in levels if level.scale < 1.0)
 
 
-def test_who_asked_for_few_rays_is_left_with_resolution() -> None:
-    few = levels_below(resolved("draft"))[1].settings
-    assert [level.scale for level in levels_below(few)] == [1.0, *SCALES]
-    assert all(level.settings == few for level in levels_below(few))
+def sharp(base: Settings) -> list[float]:
+    """Shares of the levels in full resolution."""
+    return [level.share for level in levels_below(base, TABLE) if level.scale == 1.0]
+
+
+def test_the_shares_of_levels_are_those_of_the_table() -> None:
+    accurate = changed(Settings(), LADDER["accurate"])
+    assert sharp(accurate) == pytest.approx([0.6**i for i in range(len(LADDER))])
+    # None of the entries with more rays, whatever light they have.
+    below = list(LADDER)[: list(LADDER).index("light 2, rays 2")]
+    names = ["balanced", *below[::-1]]
+    assert sharp(Settings()) == pytest.approx([ratio_of(TABLE, name) for name in names])
+    for level, name in zip(levels_below(Settings(), TABLE), names, strict=False):
+        kept = {k: v for k, v in LADDER[name].items() if not k.startswith("irradiance.")}
+        assert level.settings == changed(Settings(), kept)
+
+
+def test_other_settings_count_as_the_quickest_entry_that_traces_as_much() -> None:
+    counted = {
+        ("trace.rays", 3): ("rays 4", "rays 2"),
+        ("light_scale", 3): ("light 2", "draft"),
+        ("trace.rays", 1000): ("accurate", "rays 4"),
+    }
+    for (key, value), (whole, below) in counted.items():
+        shares = sharp(changed(Settings(), {key: value}))
+        assert shares[1] == pytest.approx(ratio_of(TABLE, below) / ratio_of(TABLE, whole))
+
+
+def test_who_asked_for_least_is_left_with_resolution() -> None:
+    levels = levels_below(LEAST, TABLE)
+    assert [level.scale for level in levels] == [1.0, *SCALES]
+    assert all(level.settings == LEAST for level in levels)
 
 
 def test_an_engine_follows_down_and_up_again(tmp_path: Path, device: ComputeDevice) -> None:
     """Settings and resolution, on times as a slow and then a quick device would take them."""
     base = changed(SETTINGS, {"trace.object_rays": 2})
-    pace = Pace(5.0, base)
+    pace = paced(base, fps=10.0)
     scene = Scene.open(write_clip(tmp_path / "clip", 2))
     seen = []
     with Engine(scene, lambda: device, base) as engine:
         client = engine.client(Request(VIEW))
         for frame in range(150):
-            seconds = 0.8 if frame < 30 else 0.15
+            seconds = 0.8 if frame < 30 else 0.07
             level = pace.level
             width, height = (round(level.scale * n) for n in (VIEW.width, VIEW.height))
             view = replace(VIEW.resized(width, height), yaw_deg=0.01 * frame)
@@ -269,7 +306,9 @@ def test_an_engine_follows_down_and_up_again(tmp_path: Path, device: ComputeDevi
             pace.observe(seconds * level.share, shown.compiled)
         assert not engine.status.problems
     qualities = [quality for quality, _ in groupby(quality for quality, _ in seen)]
-    assert qualities == [(1, 1.0), (4, 0.84), (4, 1.0), (1, 1.0)]
+    assert qualities[:2] == [(1, 1.0), (8, 0.84)]
+    assert qualities[-1] == (1, 1.0)
+    assert all(a[0] >= b[0] and a[1] <= b[1] for a, b in pairwise(qualities[1:]))
     assert pace.level.settings is base
     # The light of the picture is the same, however little of it is rendered.
     means = [np.mean([mean for of, mean in seen if of == quality]) for quality in qualities[:2]]
@@ -284,7 +323,7 @@ def test_levels_share_the_real_world_of_the_picture_at_rest(quality: Quality) ->
         return Features.of([Material()], VIEW, settings, Footage()).of_real_world
 
     base = resolved(quality)
-    levels = levels_below(base)
+    levels = levels_below(base, TABLE)
     assert len(levels) > 3
     assert {world(level.settings) for level in levels} == {world(base)}
     assert world(changed(base, {"irradiance.rows": 32})) != world(base)

@@ -116,7 +116,7 @@ def _figures(ui: DesktopState) -> list[tuple[float, str, str]]:
             f"{shown.frames} of {shown.request.frames} frames",
             "The picture is the mean of so many frames that were rendered of it",
         ),
-        (6.5, noise, "Estimated error of the picture, relative to its mean brightness"),
+        (6.5, noise, "Estimated noise of the picture as displayed, of white"),
         (5.0, speed, "Pictures per second while something moves"),
         (8.0, latency, "From the last input to the picture that answers it"),
         (0.0, unsaved, "The scene's file does not have these edits yet: Ctrl+S"),

@@ -1,0 +1,144 @@
+"""`iprt calibrate`: what settings cost on this device, which render and viewer choose by."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+
+from iprt.errors import IprtError
+
+if TYPE_CHECKING:
+    from iprt.device.compute import ComputeDevice
+    from iprt.measure.kept_tradeoff import Timed
+    from iprt.measure.target import Target
+    from iprt.measure.tradeoff import Tradeoff
+    from iprt.scene.scene import Scene
+
+ROOM = Path("scenes360/room")
+MOST_VIEWS = 2
+"""Views that are timed, so that all of them have time enough."""
+
+LOG = logging.getLogger("iprt.measure")
+
+
+def calibrate(
+    scene: tyro.conf.Positional[Path] = ROOM,
+    /,
+    *,
+    view: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
+    ssim: bool = False,
+    output: Annotated[Path | None, tyro.conf.arg(aliases=("-o",))] = None,
+    device: str | None = None,
+    markdown: bool = False,
+    allow_outside: bool = False,
+) -> int:
+    """Measure what a ladder of settings costs on this device, in about two minutes, and keep it.
+
+    `iprt render` chooses among these settings for --time-per-frame and --ssim, and `iprt view`
+    to hold --fps. The table is kept in the cache folder for this device, its driver and this
+    version of iprt; without it, they use the one that comes with iprt, whose times are those of
+    another device.
+
+    Parameters
+    ----------
+    scene
+        Scene folder whose views are timed. Times are those of pictures like these.
+    view
+        Name of a view to time; may be given several times. Default: the first two that have a
+        truth, or else the first two.
+    ssim
+        Measure the accuracy too, on the views that have a truth; it takes some minutes more. It
+        hardly depends on the device: by default that of the table that comes with iprt is kept.
+    output
+        TOML file to write the table to, in place of the one in the cache folder.
+    device
+        gpu, cpu, a place such as 0:0 (see `iprt doctor`), or part of a device's name. Default: the
+        fastest kind there is.
+    markdown
+        Print a Markdown table, for a page.
+    allow_outside
+        Follow links in the scene's folder to files outside of it.
+
+    Returns
+    -------
+    int
+        Exit status 0.
+    """
+    from iprt.commands.streams import reporting
+    from iprt.device.choose import choose_device
+    from iprt.device.compute import ComputeDevice
+    from iprt.files.atomic import require_writable
+    from iprt.measure.kept_tradeoff import Timed, keep
+    from iprt.measure.tradeoff_report import tradeoff_grid
+    from iprt.output.grid import print_grid
+    from iprt.scene.scene import Scene
+
+    opened = Scene.open(scene, allow_outside=allow_outside)
+    names = _views(opened, view)
+    targets = _targets(opened, view) if ssim else []
+    handle = choose_device(device)
+    timed = Timed.of(handle)
+    path = output or timed.file
+    require_writable(path)
+    opened.require_not_ours(path)
+    table = _measured(opened, names, targets, ComputeDevice(handle), timed)
+    keep(table, path)
+    with reporting(f"{path} has been written all the same"):
+        print_grid(tradeoff_grid(table), markdown=markdown)
+        LOG.info("%s: written", path)
+    return 0
+
+
+def _views(scene: Scene, names: tuple[str, ...]) -> list[str]:
+    """Views to time."""
+    with_truth = [name for name, entry in scene.views.items() if entry.truth is not None]
+    found = list(dict.fromkeys(names)) or (with_truth or list(scene.views))[:MOST_VIEWS]
+    if not found:
+        raise IprtError(f"{scene.name}: has no view to time; add one to its scene.toml")
+    return found
+
+
+def _targets(scene: Scene, names: tuple[str, ...]) -> list[Target]:
+    """Truths of views, over whose own background pictures are scored."""
+    from iprt.measure.target import read_target, views_with_truth
+
+    return [read_target(scene, name, "truth") for name in views_with_truth(scene, names)]
+
+
+def _measured(
+    scene: Scene,
+    names: Sequence[str],
+    targets: Sequence[Target],
+    compute: ComputeDevice,
+    timed: Timed,
+) -> Tradeoff:
+    from iprt.commands.progress import progress_bar
+    from iprt.measure.calibration import (
+        SSIM_FRAMES,
+        TIMES_S,
+        Subject,
+        measure_ssim,
+        measure_times,
+        tradeoff_of,
+    )
+    from iprt.measure.tradeoff import shipped
+    from iprt.settings.ladder import LADDER
+
+    frame = scene.frame()
+    subjects = [
+        Subject(name, frame, scene.instances_of(name), scene.views[name].view) for name in names
+    ]
+    with progress_bar("timing", round(TIMES_S), "s") as progress:
+        times = measure_times(compute, subjects, progress=lambda seconds: progress(int(seconds)))
+    if not targets:
+        known = shipped()
+        ssim = {entry.name: entry.ssim for entry in known.entries}
+        return tradeoff_of(timed, scene.name, times, known.truth, ssim, known.frames)
+    total = len(targets) * len(LADDER) * SSIM_FRAMES[-1]
+    with progress_bar("rendering", total) as progress:
+        scored = measure_ssim(scene, targets, device=compute, progress=progress)
+    return tradeoff_of(timed, scene.name, times, scene.name, scored, SSIM_FRAMES)

@@ -1,0 +1,132 @@
+"""`--time-per-frame` and `--ssim`: settings by what the user wants of them."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from iprt.errors import IprtError
+
+if TYPE_CHECKING:
+    from iprt.measure.tradeoff import Entry, Tradeoff
+    from iprt.settings.overrides import Assignment
+
+LOG = logging.getLogger("iprt.render")
+LONGEST_S = 3600.0
+
+
+@dataclass(frozen=True)
+class Wish:
+    """What a picture may cost, or how accurate it is to be; one of the two.
+
+    Attributes
+    ----------
+    time_per_frame : float or None
+        Seconds of a frame at most.
+    ssim : float or None
+        Least mean SSIM.
+    """
+
+    time_per_frame: float | None
+    ssim: float | None
+
+    @classmethod
+    def of(cls, time_per_frame: float | None, ssim: float | None, quality: str) -> Wish | None:
+        """The wish in the flags of a verb; None: there is none.
+
+        Raises
+        ------
+        IprtError
+            A value is not allowed, or flags contradict each other.
+        """
+        if time_per_frame is None and ssim is None:
+            return None
+        if time_per_frame is not None and ssim is not None:
+            raise IprtError(
+                f"--time-per-frame {time_per_frame:g} and --ssim {ssim:g}: give one of them"
+            )
+        # Written so that NaN, which compares false, is rejected too.
+        if time_per_frame is not None and not 0.0 < time_per_frame <= LONGEST_S:
+            raise IprtError(
+                f"--time-per-frame {time_per_frame:g}: expected seconds above 0, at most "
+                f"{LONGEST_S:g}"
+            )
+        if ssim is not None and not 0.0 < ssim <= 1.0:
+            raise IprtError(f"--ssim {ssim:g}: expected above 0 and at most 1")
+        wish = cls(time_per_frame, ssim)
+        if quality != "balanced":
+            raise IprtError(f"--quality {quality} and {wish.flag}: give one of them")
+        return wish
+
+    @property
+    def flag(self) -> str:
+        """As it was given."""
+        if self.time_per_frame is not None:
+            return f"--time-per-frame {self.time_per_frame:g}"
+        return f"--ssim {self.ssim:g}"
+
+    def require_method(self, method: str) -> None:
+        """Refuse methods that the table says nothing about.
+
+        Raises
+        ------
+        IprtError
+        """
+        from iprt.settings.methods import DEFAULT
+
+        if method != DEFAULT:
+            raise IprtError(f"{self.flag}: is for the method {DEFAULT}, not for {method}")
+
+    def assignments(
+        self, device: str | None, pixels: int, frames: int, given: Sequence[Assignment]
+    ) -> list[Assignment]:
+        """The settings of the entry that grants the wish, or comes nearest; say which it is.
+
+        Parameters
+        ----------
+        device : str or None
+            See `choose_device`.
+        pixels, frames : int
+            Of the picture.
+        given : sequence of Assignment
+            Those of file and flags, which win over the entry.
+        """
+        from iprt.device.choose import choose_device
+        from iprt.measure.kept_tradeoff import Timed, tradeoff_for
+        from iprt.settings.ladder import KEYS, entry_assignments
+
+        timed = Timed.of(choose_device(device))
+        table = tradeoff_for(timed)
+        entry, granted = self._choice(table, pixels, frames)
+        told = _estimate(table, entry, pixels, frames)
+        if granted:
+            LOG.info("%s: %s", self.flag, told)
+        else:
+            LOG.warning("%s: no entry is estimated to reach it; the nearest is %s", self.flag, told)
+        if not timed.made(table):
+            LOG.info(
+                "these times are of another device (%s); `iprt calibrate` measures this one",
+                table.device,
+            )
+        if over := dict.fromkeys(item.key for item in given if item.key in KEYS):
+            LOG.info("%s: changed from the entry's, so the estimate is rough", ", ".join(over))
+        return entry_assignments(entry.name)
+
+    def _choice(self, table: Tradeoff, pixels: int, frames: int) -> tuple[Entry, bool]:
+        if self.time_per_frame is not None:
+            return table.within(self.time_per_frame, pixels, frames)
+        assert self.ssim is not None
+        return table.reaching(self.ssim, pixels, frames)
+
+
+def _estimate(table: Tradeoff, entry: Entry, pixels: int, frames: int) -> str:
+    """An entry with what is expected of it."""
+    from iprt.measure.tradeoff_report import settings_text
+
+    seconds, ssim = entry.seconds_of(pixels), table.ssim(entry, frames)
+    return (
+        f"'{entry.name}' ({settings_text(entry.name)}), about {seconds.text(2)} s per frame and "
+        f"SSIM {ssim.text(3)}, an estimate from the views of {table.truth}"
+    )

@@ -1,0 +1,66 @@
+"""The table of what time buys, for people."""
+
+from __future__ import annotations
+
+from iprt.files.wording import counted
+from iprt.measure.pareto import pareto_front
+from iprt.measure.tradeoff import Entry, Range, Tradeoff
+from iprt.output.grid import Grid
+from iprt.settings.ladder import LADDER
+
+SIDE = 512
+"""Side of the picture whose time is shown."""
+FRONT = "*"
+
+
+def settings_text(name: str) -> str:
+    """`light_scale=4, atrous.levels=3`: what an entry changes in the default settings."""
+    return ", ".join(f"{key}={value}" for key, value in LADDER[name].items()) or "the defaults"
+
+
+def tradeoff_grid(table: Tradeoff) -> Grid:
+    """A row per entry, the quickest first."""
+    marks = pareto_front([(entry.ratio[0], 1.0 - _mean_ssim(entry)) for entry in table.entries])
+    rows = []
+    for entry, mark in zip(table.entries, marks, strict=True):
+        ratio, low, high = entry.ratio
+        seconds = entry.seconds_of(SIDE**2)
+        rows.append(
+            (
+                entry.name,
+                f"{ratio:.2f} ({low:.2f} to {high:.2f})",
+                _of_views(seconds.scaled(1e3), 0 if seconds.mean > 0.1 else 1),
+                f"{entry.seconds_of(4 * SIDE**2).mean / seconds.mean:.1f}",
+                *(_of_views(table.ssim(entry, frames), 3) for frames in table.frames),
+                FRONT if mark else "",
+            )
+        )
+    counts = (f"SSIM, {counted(frames, 'frame')}" for frames in table.frames)
+    return Grid(
+        title=table.device,
+        columns=(
+            *("entry", "ratio", f"ms, {SIDE}x{SIDE}", "4x pixels"),
+            *counts,
+            "front",
+        ),
+        rows=tuple(rows),
+        notes=(
+            *(f"{name}: {settings_text(name)}." for name in LADDER),
+            f"Times: views of {table.scene} on {table.device}, driver {table.driver}. SSIM: views "
+            f"of {table.truth}. ±: half of the way from the least of the views to the greatest.",
+            "ratio: of times to those of 'balanced', frame by frame beside it, with the 95% "
+            "confidence interval. 4x pixels: times the time for four times the pixels.",
+            "SSIM: mean of the cuts after so many frames, against path-traced truth.",
+            f"{FRONT}: on the Pareto front of time and SSIM, the mean over the numbers of frames.",
+        ),
+    )
+
+
+def _mean_ssim(entry: Entry) -> float:
+    values = [value for line in entry.ssim.values() for value in line]
+    return sum(values) / len(values)
+
+
+def _of_views(range_: Range, digits: int) -> str:
+    """`0.954 ± 0.020`: the mean, and half of the way from the least to the greatest."""
+    return f"{range_.mean:.{digits}f} ± {0.5 * (range_.high - range_.low):.{digits}f}"
