@@ -4,9 +4,9 @@
 Each bash block of the page holds one `iprt` command that prints Markdown. What stands between the
 lines `<!-- measured -->` and `<!-- end -->` after it is replaced by what the command prints. After
 `<!-- measured, plots NAME -->` the plots of its report follow the table; they are written to
-`NAME-1.svg` and so on in the folder of the page's name. The page is written after every command, so an
-interrupt loses nothing that was measured. With a second argument, only commands that contain it are
-run.
+`NAME-1.svg` and so on in the folder of the page's name. The page is written after every command:
+an interrupt loses nothing that was measured. With a second argument, only commands that contain it
+are run.
 """
 
 from __future__ import annotations
