@@ -68,7 +68,7 @@ __kernel void choose_level(
     float id = guide[6 * size + p];
 
     float turn = 0.0f, apart = 0.0f, active = 0.0f;
-    #pragma unroll
+    TAP_LOOP
     for (int dy = -2; dy <= 2; dy++) {
         #pragma unroll
         for (int dx = -2; dx <= 2; dx++) {
