@@ -62,16 +62,24 @@ TRACING_KERNEL void trace_virtual(
     const float steady = rays * share_of_rays(history[own], rays);
     const int more = (int)(steady * isolation(guide, planes, own, plane_stride(width),
                                               load_planes(guide, planes, own)));
+    float3 n, o, viewer, color;
     for (int ray = 0; ray < more; ray++) {
         const TracedPixel at = TRACED_PIXEL(item, 0x76697274u);
         const Material material = load_material(materials, at.id - 1);
-        const float distance = length(at.p);
-        float3 n = at.n, o = at.p + object_lift(world.objects, distance) * n;
-        float3 viewer = -at.p / distance, color = load_planes(albedo, planes, at.pixel);
+#ifdef JITTER
+        if (ray == 0)
+#endif
+        {
+            const float distance = length(at.p);
+            n = at.n;
+            o = at.p + object_lift(world.objects, distance) * n;
+            viewer = -at.p / distance;
+            color = load_planes(albedo, planes, at.pixel);
+        }
         const uint seed = at.seed, index = first + ray;
         const float2 u = sobol_2d(index, seed), v = sobol_2d(index, hash_combine(seed, 1));
 #ifdef JITTER
-        // Somewhere else in the pixel, if that shows the same material.
+        // Somewhere else in the pixel, if that shows the same material; else where the last ray began.
         const float2 within = sobol_2d(index, hash_combine(seed, 3));
         float3 d = n;
         // Always: what is read under a condition is not read before the loop.
