@@ -104,7 +104,7 @@ class LightView:
         layout = PlaneLayout(self._full_view.width, self._full_view.height)
         shape = (layout.width * layout.height, 4) if ratio else layout.shape(3)
         self._enlarged[signal] = device.zeros(f"enlarged {signal}", shape)
-        defines = {**self._defines, "RATIO": ratio}
+        defines = {**self._defines, "RATIO": ratio, "WIDE": device.wide}
         self._enlarge[signal] = device.kernel("view/enlarge.cl", "enlarge", defines).fixed(
             layout.arguments(),
             block_width=self.view.width,

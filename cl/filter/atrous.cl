@@ -5,8 +5,8 @@
 // same pixels before they are divided, and equal inputs give equal bits. The weight of a tap q is
 //   h(q) * falloff(k_n (1 - n_p . n_q) + k_d |n_p . (x_q - x_p)| / |x_p|
 //                   + (g_p - g_q)^2 / (k_v^2 (v_p + v_q) + floor^2)), 0 where ids differ,
-// where h is the B3 spline or, of 3x3 taps, that of ReLAX, g the scalar that the picture shows
-// (luminance of E_R - E_RV or of blocked - bounced light on real surfaces, of the signal on virtual
+// where h is the B3 spline or, of 3x3 taps, that of ReLAX, relative to the centre's, g the scalar that
+// the picture shows (luminance of E_R - E_RV or of blocked - bounced light on real surfaces, of the signal on virtual
 // ones) and v its variance. Both variances enter, so that a pixel which missed
 // a rare event still takes part in what its noisy neighbours found.
 //
@@ -24,15 +24,8 @@
 #include "filter/signal.h"
 
 #define MIRROR_ALPHA 1e-4f     // below: a perfect mirror, which is not filtered
-
-#if TAPS == 3
-#define MIDDLE 0.44198f       // weights of a row of taps, as in ReLAX
-#define SIDE 0.27901f
-#else
-#define MIDDLE 0.375f         // B3 spline, with 0.25 and 0.0625 to the sides
-#endif
-#define CENTRE (MIDDLE * MIDDLE)
 #define NORMAL_SPREAD 1.0f     // alpha^2 per sum of squared normal steps to the four neighbours
+
 #ifdef EXTENT
 // The columns of each row between which objects do anything, for all that is known.
 __kernel void find_extent(
@@ -92,6 +85,16 @@ __kernel void grow_extent(
 }
 #endif
 
+// Weight of a tap in a row over that of the middle one.
+static inline float tap_weight(int d)
+{
+#if TAPS == 3
+    return d == 0 ? 1.0f : 0.27901f / 0.44198f; // as in ReLAX
+#else
+    return d == 0 ? 1.0f : abs(d) == 1 ? 0.25f / 0.375f : 0.0625f / 0.375f; // B3 spline
+#endif
+}
+
 __kernel void filter_level(
     BATCHED(PLANES_IN, guide),                   // 7 planes
     BATCHED(PLANES_IN, signal),                  // SIGNAL_PLANES planes
@@ -131,10 +134,10 @@ __kernel void filter_level(
     #pragma unroll
     for (int c = 0; c < SIGNAL_PLANES; c++) {
         centre[c] = signal[c * size + p];
-        sum[c] = CENTRE * centre[c];
+        sum[c] = centre[c];
     }
-    float weights = CENTRE;
-    float variances = CENTRE * CENTRE * variance[p];
+    float weights = 1.0f;
+    float variances = variance[p];
     float g = guide_scalar(centre);
 #if defined(DIFFERENCE) && !defined(COMMON)
     float tolerance = floor_fraction; // the signal is a fraction of all light
@@ -154,66 +157,45 @@ __kernel void filter_level(
     float lobe = specular ? 0.5f / (span * span) : 0.0f;
     normal_sharpness = fmax(normal_sharpness, 8.0f * lobe);
     lobe /= fmax(distance_squared, 1e-30f);
-#define LOBE_TERM(DX, DY, DZ) + lobe * ((DX) * (DX) + (DY) * (DY) + (DZ) * (DZ))
-#else
-#define LOBE_TERM(DX, DY, DZ)
 #endif
+    // Weights are relative to the centre's.
+    TAP_LOOP
+    for (int i = 0; i < TAPS * TAPS; i++) {
+        const int dx = i % TAPS - TAPS / 2, dy = i / TAPS - TAPS / 2;
+        if (dx == 0 && dy == 0)
+            continue;
+        int q = p + step * (dx + dy * stride);
+        float turn = 1.0f - (nx * guide[q] + ny * guide[size + q] + nz * guide[2 * size + q]);
+        float qx = guide[3 * size + q], qy = guide[4 * size + q], qz = guide[5 * size + q];
+        float off_plane = nx * qx + ny * qy + nz * qz - plane;
+        float tap[SIGNAL_PLANES];
+        #pragma unroll
+        for (int c = 0; c < SIGNAL_PLANES; c++)
+            tap[c] = signal[c * size + q];
+        float v = variance[q];
+        float differ = normal_sharpness * fmax(turn, 0.0f) + plane_scale * fabs(off_plane);
 #ifdef GUIDED
-#define NOISE_TERM(X) + X
-#else
-#define NOISE_TERM(X)
+        float dg = guide_scalar(tap) - g;
+        differ += dg * dg / (variance_scale * v + tolerance);
 #endif
-#define TAP(DX, DY, KERNEL)                                                                    \
-    {                                                                                          \
-        int q = p + step * (DX + DY * stride);                                                 \
-        float turn = 1.0f - (nx * guide[q] + ny * guide[size + q] + nz * guide[2 * size + q]); \
-        float qx = guide[3 * size + q], qy = guide[4 * size + q], qz = guide[5 * size + q];    \
-        float off_plane = nx * qx + ny * qy + nz * qz - plane;                                 \
-        float tap[SIGNAL_PLANES];                                                              \
-        _Pragma("unroll") for (int c = 0; c < SIGNAL_PLANES; c++) tap[c] = signal[c * size + q]; \
-        float dg = guide_scalar(tap) - g;                                                      \
-        float v = variance[q];                                                                 \
-        float x = normal_sharpness * fmax(turn, 0.0f) + plane_scale * fabs(off_plane)          \
-                  NOISE_TERM(dg * dg / (variance_scale * v + tolerance))                       \
-                  LOBE_TERM(qx - px, qy - py, qz - pz);                                        \
-        float w = guide[6 * size + q] == same ? KERNEL * falloff(x) : 0.0f;                    \
-        _Pragma("unroll") for (int c = 0; c < SIGNAL_PLANES; c++) sum[c] += w * tap[c];        \
-        weights += w;                                                                          \
-        variances += w * w * v;                                                                \
+#if SPECULAR
+        float ax = qx - px, ay = qy - py, az = qz - pz;
+        differ += lobe * (ax * ax + ay * ay + az * az);
+#endif
+        float near = tap_weight(dx) * tap_weight(dy);
+        float w = guide[6 * size + q] == same ? near * falloff(differ) : 0.0f;
+        #pragma unroll
+        for (int c = 0; c < SIGNAL_PLANES; c++)
+            sum[c] += w * tap[c];
+        weights += w;
+        variances += w * w * v;
     }
-#if TAPS == 3
-    TAP(-1, -1, SIDE * SIDE)
-    TAP(0, -1, MIDDLE * SIDE)
-    TAP(1, -1, SIDE * SIDE)
-    TAP(-1, 0, MIDDLE * SIDE)
-    TAP(1, 0, MIDDLE * SIDE)
-    TAP(-1, 1, SIDE * SIDE)
-    TAP(0, 1, MIDDLE * SIDE)
-    TAP(1, 1, SIDE * SIDE)
-#else
-#define ROW(DY, KERNEL)                                                                        \
-    TAP(-2, DY, KERNEL * 0.0625f)                                                              \
-    TAP(-1, DY, KERNEL * 0.25f)                                                                \
-    TAP(1, DY, KERNEL * 0.25f)                                                                 \
-    TAP(2, DY, KERNEL * 0.0625f)
-    ROW(-2, 0.0625f)
-    TAP(0, -2, 0.0625f * 0.375f)
-    ROW(-1, 0.25f)
-    TAP(0, -1, 0.25f * 0.375f)
-    ROW(0, 0.375f)
-    ROW(1, 0.25f)
-    TAP(0, 1, 0.25f * 0.375f)
-    ROW(2, 0.0625f)
-    TAP(0, 2, 0.0625f * 0.375f)
-
-#endif
-    // The quotient need not give back a lone centre's bits: copy it.
-    bool alone = weights <= CENTRE;
+    // Where no tap counts this is 1, and the centre keeps its bits.
     float scale = 1.0f / weights;
     #pragma unroll
     for (int c = 0; c < SIGNAL_PLANES; c++)
-        store_wrapped(signal_out + c * size, p, x, width, alone ? centre[c] : scale * sum[c]);
-    store_wrapped(variance_out, p, x, width, alone ? variance[p] : scale * scale * variances);
+        store_wrapped(signal_out + c * size, p, x, width, scale * sum[c]);
+    store_wrapped(variance_out, p, x, width, scale * scale * variances);
 }
 
 #if SPECULAR

@@ -40,7 +40,7 @@ static inline float unlikeness(
     float nx = guide[p], ny = guide[size + p], nz = guide[2 * size + p];
     float px = guide[3 * size + p], py = guide[4 * size + p], pz = guide[5 * size + p];
     float id = guide[GUIDE_ID * size + p], turn = 0.0f, apart = 0.0f;
-    #pragma unroll
+    TAP_LOOP
     for (int dy = -2; dy <= 2; dy++) {
         #pragma unroll
         for (int dx = -2; dx <= 2; dx++) {

@@ -63,7 +63,8 @@ __kernel void accumulate(
 #ifdef PUBLISHED
     // The published mean is one of frames, whose lengths are not lowered.
     const float before = history.length;
-    clamp_history(&history, guide, samples, clamp_sigma, size, p, width);
+    const Box box = nearby_box(guide, samples, clamp_sigma, size, p, width);
+    clamp_history(&history, &box);
     history.length = before;
 #endif
     add_sample(&history, samples, guide, level, fading, rays, size, p);
@@ -93,17 +94,9 @@ __kernel void follow(
 {
     SPAN_ITEM;
     FETCH_ENTRIES;
-    PLANES_IN fast_signal_before = OF_BATCH(fast_signal_before);
-    PLANES_IN fast_length_before = OF_BATCH(fast_length_before);
-    PLANES_IN fast_spread_before = OF_BATCH(fast_spread_before);
-    PLANES_IN samples = OF_BATCH(samples);
-    __global const uchar *restrict level = OF_BATCH(level);
     PLANES_OUT signal = OF_BATCH(signal);
     PLANES_OUT length = OF_BATCH(length);
     PLANES_OUT spread = OF_BATCH(spread);
-    PLANES_OUT fast_signal = OF_BATCH(fast_signal);
-    PLANES_OUT fast_length = OF_BATCH(fast_length);
-    PLANES_OUT fast_spread = OF_BATCH(fast_spread);
     PLANES_OUT scalar = OF_BATCH(scalar);
     int size = plane_size(width, height), p = plane_index(x, y, width);
     History slow = fetch_history(guide, guide_previous, motion, signal_before, length_before,
@@ -112,6 +105,14 @@ __kernel void follow(
     store_history(&slow, signal, length, spread, size, p, x, width);
     store_wrapped(scalar, p, x, width, guide_scalar(slow.signal));
 
+    PLANES_IN fast_signal_before = OF_BATCH(fast_signal_before);
+    PLANES_IN fast_length_before = OF_BATCH(fast_length_before);
+    PLANES_IN fast_spread_before = OF_BATCH(fast_spread_before);
+    PLANES_IN samples = OF_BATCH(samples);
+    __global const uchar *restrict level = OF_BATCH(level);
+    PLANES_OUT fast_signal = OF_BATCH(fast_signal);
+    PLANES_OUT fast_length = OF_BATCH(fast_length);
+    PLANES_OUT fast_spread = OF_BATCH(fast_spread);
     History quick = fetch_history(guide, guide_previous, motion, fast_signal_before,
                                   fast_length_before, fast_spread_before, plane_tolerance,
                                   normal_agreement, p, width, height CAMERA_ARGUMENT);
@@ -156,11 +157,16 @@ __kernel void correct(
     PLANES_OUT spread = OF_BATCH(spread);
     PLANES_OUT scalar = OF_BATCH(scalar);
     int size = plane_size(width, height), p = plane_index(x, y, width);
-    History history = load_history(signal, length, spread, size, p);
+    History history;
     if (trusted) {
-        correct_history(&history, guide, fast_signal, fast_length, past_scalar, antilag_sigma, size,
-                        p, width);
-        clamp_history(&history, guide, fast_signal, clamp_sigma, size, p, width);
+        const float share = stale_share(guide, fast_signal, fast_length, past_scalar, length[p],
+                                        spread[p], antilag_sigma, size, p, width);
+        const Box box = nearby_box(guide, fast_signal, clamp_sigma, size, p, width);
+        history = load_history(signal, length, spread, size, p);
+        correct_history(&history, fast_signal, fast_length, share, size, p);
+        clamp_history(&history, &box);
+    } else {
+        history = load_history(signal, length, spread, size, p);
     }
     add_sample(&history, samples, guide, level, fading, rays, size, p);
     store_history(&history, signal, length, spread, size, p, x, width);

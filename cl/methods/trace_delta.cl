@@ -32,14 +32,15 @@ static inline Scatter sample_delta(const World world, const BoxView boxes, float
 #ifdef LIGHT_SAMPLING
     } else if (v.x < s.box_share + s.light_share) {
         s.aimed = 1;
-        s.light = sample_light(world.lights, u);
-        s.wi = towards_light(world.real, s.light, o);
+        const float3 light = sample_light(world.lights, u);
+        s.texel = light_texel(world.real, light);
+        s.wi = towards_light(world.real, light, s.texel, o);
 #endif
     } else {
         s.wi = frame_to_world(build_frame(boxes.n), sample_cosine(u));
     }
     const float cosine = fmax(dot(boxes.n, s.wi), 0.0f);
-    s.diffuse = (float3)(cosine / IPRT_PI);
+    s.diffuse = cosine / IPRT_PI;
     s.density = fmax((1.0f - s.box_share - s.light_share) * cosine / IPRT_PI, 1e-20f);
     return s;
 }
@@ -56,29 +57,30 @@ TRACING_KERNEL void trace_delta(
     COUNT_ITEM;
     const World world = WORLD(view);
     const IrradianceCache cache = CACHE;
-    const TracedPixel at = TRACED_PIXEL(item, 0x64656c74u);
-    const int pixel = at.pixel, size = at.size;
-    const float3 n = at.n, p = at.p;
-    const float3 o = real_start(world.real, p, n);
-    const float3 o_object = p + world.real.bias * n;
-    const uint seed = at.seed;
-    const BoxView boxes = view_boxes(world.objects.bounds, world.objects.objects, o_object, n);
-
     float3 blocked = (float3)(0.0f), bounce = (float3)(0.0f);
-    const uint first = samples[pixel];
-    for (int ray = 0; ray < rays && boxes_matter(boxes, min_solid_angle); ray++) {
+    const TracedPixel seen = TRACED_PIXEL(item, 0x64656c74u);
+    const BoxView faced = view_boxes(world.objects.bounds, world.objects.objects,
+                                     seen.p + world.real.bias * seen.n, seen.n);
+    const uint first = samples[seen.pixel];
+    for (int ray = 0; ray < rays && boxes_matter(faced, min_solid_angle); ray++) {
+        const TracedPixel at = TRACED_PIXEL(item, 0x64656c74u);
+        const float3 o = real_start(world.real, at.p, at.n);
+        const float3 o_object = at.p + world.real.bias * at.n;
+        const BoxView boxes = {o_object, at.n, faced.total, faced.inside, faced.above};
         const uint index = first + ray;
-        const Scatter s = sample_delta(world, boxes, o, sobol_2d(index, seed),
-                                       sobol_2d(index, hash_combine(seed, 1)));
-        if (!(s.diffuse.x > 0.0f))
+        const Scatter s = sample_delta(world, boxes, o, sobol_2d(index, at.seed),
+                                       sobol_2d(index, hash_combine(at.seed, 1)));
+        if (!(s.diffuse > 0.0f))
             continue;
-        const PathResult path = trace_path(world, o, o_object, s, boxes, seed, index);
+        const PathResult path = trace_path(world, o, o_object, s, boxes, at.seed, index);
         blocked += s.diffuse * path.real;
         bounce += s.diffuse * path.arriving;
     }
+    const TracedPixel at = TRACED_PIXEL(item, 0x64656c74u);
+    const int pixel = at.pixel, size = at.size;
     samples[pixel] = first + rays;
     // f cos is cos / pi, so that the sums are irradiance / pi, as the cache holds it.
-    const float3 irradiance = cached_irradiance(cache, p, n);
+    const float3 irradiance = cached_irradiance(cache, at.p, at.n);
     const float black = cache.black;
     const float3 scale = (float3)(irradiance.x > black ? 1.0f / irradiance.x : 0.0f,
                                   irradiance.y > black ? 1.0f / irradiance.y : 0.0f,

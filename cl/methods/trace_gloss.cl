@@ -24,37 +24,34 @@ TRACING_KERNEL void trace_gloss(
     LIST_ITEM(count[0]);
     COUNT_ITEM;
     const World world = WORLD(view);
-    const TracedPixel at = TRACED_PIXEL(item, 0x676c6f73u);
-    const int pixel = at.pixel, size = at.size;
-    const float3 n = at.n, p = at.p;
-    const int index = at.id - 1;
-    const Material material = load_material(real_materials, index);
-    const float3 tint = real_reflectance[index].xyz;
-    const float3 o = real_start(world.real, p, n);
-    const float3 o_object = p + world.real.bias * n;
-    const Frame frame = build_frame(n);
-    const float3 viewer = brdf_local_wo(frame, -p / length(p));
-    const uint seed = at.seed;
-    const BoxView boxes = view_boxes(world.objects.bounds, world.objects.objects, o_object, n);
-
     float3 hidden = (float3)(0.0f), shown = (float3)(0.0f);
     int met = 0;
-    const uint first = samples[pixel];
-    for (int ray = 0; ray < rays && boxes.above; ray++) {
+    const TracedPixel seen = TRACED_PIXEL(item, 0x676c6f73u);
+    const BoxView faced = view_boxes(world.objects.bounds, world.objects.objects,
+                                     seen.p + world.real.bias * seen.n, seen.n);
+    const uint first = samples[seen.pixel];
+    for (int ray = 0; ray < rays && faced.above; ray++) {
+        const TracedPixel at = TRACED_PIXEL(item, 0x676c6f73u);
         const uint number = first + ray;
-        const BrdfSample sample =
-            sample_specular(material, tint, frame, viewer, sobol_2d(number, seed));
+        const Frame frame = build_frame(at.n);
+        const BrdfSample sample = sample_specular(
+            load_material(real_materials, at.id - 1), real_reflectance[at.id - 1].xyz, frame,
+            brdf_local_wo(frame, -at.p / length(at.p)), sobol_2d(number, at.seed));
         if (!(sample.weight.x + sample.weight.y + sample.weight.z > 0.0f))
             continue;
+        const float3 o_object = at.p + world.real.bias * at.n;
+        const BoxView boxes = {o_object, at.n, faced.total, faced.inside, faced.above};
         const PathResult path =
-            trace_path(world, o, o_object, no_scatter(sample.wi), boxes, seed, number);
+            trace_path(world, real_start(world.real, at.p, at.n), o_object, no_scatter(sample.wi),
+                       boxes, at.seed, number);
         hidden += sample.weight * path.real;
         shown += sample.weight * path.arriving;
         met |= path.met;
     }
-    samples[pixel] = first + rays;
-    const float3 share = seen_share(world, material, p);
-    store_planes(change, size, pixel, (shown - share * hidden) / (float)rays);
+    const TracedPixel at = TRACED_PIXEL(item, 0x676c6f73u);
+    samples[at.pixel] = first + rays;
+    const float3 share = seen_share(world, load_material(real_materials, at.id - 1), at.p);
+    store_planes(change, at.size, at.pixel, (shown - share * hidden) / (float)rays);
     if (met)
-        touched[pixel] = TOUCHED_FRAMES;
+        touched[at.pixel] = TOUCHED_FRAMES;
 }

@@ -22,25 +22,22 @@ TRACING_KERNEL void trace_real(
     LIST_ITEM(count[0]);
     COUNT_ITEM;
     const World world = WORLD(view);
-    const TracedPixel at = TRACED_PIXEL(item, 0x7265616cu);
-    const int pixel = at.pixel, size = at.size;
-    const float3 n = at.n, p = at.p;
-    const float3 o = real_start(world.real, p, n);
-    const float3 o_object = p + world.real.bias * n;
-    const Frame frame = build_frame(n);
-    const uint seed = at.seed;
-
     float3 real_sum = (float3)(0.0f), both_sum = (float3)(0.0f);
     int met = 0;
-    const uint first = samples[pixel];
+    const uint first = samples[pixel_of(list[item], width)];
     for (int ray = 0; ray < rays; ray++) {
+        const TracedPixel at = TRACED_PIXEL(item, 0x7265616cu);
         const uint index = first + ray;
-        const float3 d = frame_to_world(frame, sample_cosine(sobol_2d(index, seed)));
-        const PathResult path = trace_path(world, o, o_object, no_scatter(d), seed, index);
+        const float3 d =
+            frame_to_world(build_frame(at.n), sample_cosine(sobol_2d(index, at.seed)));
+        const PathResult path =
+            trace_path(world, real_start(world.real, at.p, at.n), at.p + world.real.bias * at.n,
+                       no_scatter(d), at.seed, index);
         real_sum += path.real;
         both_sum += path.arriving;
         met |= path.met;
     }
+    const int pixel = pixel_of(READ_AGAIN(list + item), width), size = plane_size(width, height);
     samples[pixel] = first + rays;
     store_planes(signal, size, pixel, real_sum / (float)rays);
     store_planes(signal + 3 * size, size, pixel, both_sum / (float)rays);

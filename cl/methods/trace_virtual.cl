@@ -54,30 +54,37 @@ TRACING_KERNEL void trace_virtual(
     LIST_ITEM(count[0]);
     COUNT_ITEM;
     const World world = WORLD(view);
-    const TracedPixel at = TRACED_PIXEL(item, 0x76697274u);
-    const int pixel = at.pixel, size = at.size;
-    float3 n = at.n;
-    const float3 p = at.p;
-    const Material material = load_material(materials, at.id - 1);
-    float3 color = load_planes(albedo, size, pixel);
-    const float distance = length(p);
-    float3 o = p + object_lift(world.objects, distance) * n;
-    float3 viewer = -p / distance;
-    const uint seed = at.seed;
-
     float3 diffuse_sum = (float3)(0.0f), specular_sum = (float3)(0.0f);
     float lobe = 0.0f, lobe_nearness = 0.0f;
     int met = 0;
-    const uint first = samples[pixel];
-    const float steady = rays * share_of_rays(history[pixel], rays);
-    const int more = (int)(steady * isolation(guide, size, pixel, plane_stride(width), n));
+    const int own = pixel_of(list[item], width), planes = plane_size(width, height);
+    const uint first = samples[own];
+    const float steady = rays * share_of_rays(history[own], rays);
+    const int more = (int)(steady * isolation(guide, planes, own, plane_stride(width),
+                                              load_planes(guide, planes, own)));
+    float3 n, o, viewer, color;
     for (int ray = 0; ray < more; ray++) {
-        const uint index = first + ray;
+        const TracedPixel at = TRACED_PIXEL(item, 0x76697274u);
+        const Material material = load_material(materials, at.id - 1);
+#ifdef JITTER
+        if (ray == 0)
+#endif
+        {
+            const float distance = length(at.p);
+            n = at.n;
+            o = at.p + object_lift(world.objects, distance) * n;
+            viewer = -at.p / distance;
+            color = load_planes(albedo, planes, at.pixel);
+        }
+        const uint seed = at.seed, index = first + ray;
         const float2 u = sobol_2d(index, seed), v = sobol_2d(index, hash_combine(seed, 1));
 #ifdef JITTER
-        // Somewhere else in the pixel, if that shows the same material.
+        // Somewhere else in the pixel, if that shows the same material; else where the last ray began.
         const float2 within = sobol_2d(index, hash_combine(seed, 3));
-        const float3 d = view_direction(view, (float2)(at.x, at.y) + within);
+        float3 d = n;
+        // Always: what is read under a condition is not read before the loop.
+        if (at.id > 0)
+            d = view_direction(view, (float2)(at.x, at.y) + within);
         ObjectHit hit;
         if (trace_objects(world.objects, (float3)(0.0f), d, INFINITY, &hit)) {
             const Scatterer seen = object_point(world.objects, hit, (float3)(0.0f), d);
@@ -90,7 +97,7 @@ TRACING_KERNEL void trace_virtual(
         }
 #endif
         const Scatter s = scatter(world, material, color, o, n, viewer, (float4)(u, v));
-        if (!(s.diffuse.x + s.specular.x + s.specular.y + s.specular.z > 0.0f))
+        if (!(s.diffuse + s.specular.x + s.specular.y + s.specular.z > 0.0f))
             continue;
 #ifdef DISTANT_ENVIRONMENT
         const float3 arriving = sky_radiance(world, s.wi) / (s.density > 0.0f ? s.density : 1.0f);
@@ -106,14 +113,15 @@ TRACING_KERNEL void trace_virtual(
         lobe += luminance(s.specular);
         lobe_nearness += luminance(s.specular) / fmax(away, 1e-6f);
     }
+    const int listed = READ_AGAIN(list + item), pixel = pixel_of(listed, width);
     samples[pixel] = first + more;
 #ifdef HAS_DIFFUSE
     // f / albedo is 1 / pi at most: what the albedo multiplies is a mean of radiance.
-    store_planes(diffuse, size, pixel, diffuse_sum / (float)more);
+    store_planes(diffuse, planes, pixel, diffuse_sum / (float)more);
 #endif
 #ifdef HAS_SPECULAR
-    store_planes(specular, size, pixel, specular_sum / (float)more);
-    store_wrapped(hit_distance, pixel, at.x, width,
+    store_planes(specular, planes, pixel, specular_sum / (float)more);
+    store_wrapped(hit_distance, pixel, listed % width, width,
                   lobe > 0.0f ? fmin(lobe / lobe_nearness, FAR_HIT) : 0.0f);
 #endif
     if (met)

@@ -11,10 +11,8 @@
 // Where no block's surface continues the pixel's, one of the same id serves, or else any surface.
 #define SAME_ID 1e-4f
 #define ANY 1e-8f
-// Ratios that differ by less are blended without a look at the surfaces.
-#define ALIKE 0.004f
-
-// Lights that differ by less of their size are blended without a look at the surfaces.
+// Ratios that differ by less, and lights that differ by less of their size, are blended without a
+// look at the surfaces.
 #define ALIKE 0.004f
 
 #ifdef RATIO
@@ -23,13 +21,25 @@
 #define LIGHT float
 #endif
 
-// Light of the block at `q`, `i` without border, less what leaves the pixel as it is.
-static inline float3 light_of(__global const LIGHT *restrict light, int size, int q, int i)
+// Column and row of a block around an image point: to the right of the `corner` for odd i, below it
+// from 2 on.
+static inline int2 block_at(float2 corner, int i, int width, int height)
+{
+    const int column = (int)corner.x + (i & 1), row = clamp((int)corner.y + (i >> 1), 0, height - 1);
+#ifdef VIEW_EQUIRECT
+    return (int2)(wrap_column(column, width), row);
+#else
+    return (int2)(clamp(column, 0, width - 1), row);
+#endif
+}
+
+// Light of a block, less what leaves the pixel as it is.
+static inline float3 light_of(__global const LIGHT *restrict light, int2 block, int width, int height)
 {
 #ifdef RATIO
-    return light[i].xyz - 1.0f;
+    return light[block.y * width + block.x].xyz - 1.0f;
 #else
-    return load_planes(light, size, q);
+    return load_planes(light, plane_size(width, height), plane_index(block.x, block.y, width));
 #endif
 }
 
@@ -47,9 +57,10 @@ typedef struct {
 static inline float likeness(
     const Surface surface, __global const float *restrict view,
     __global const float *restrict normal, __global const float *restrict depth,
-    __global const float *restrict id, int size, int q, int column, int row)
+    __global const float *restrict id, int2 block, int width, int height)
 {
-    const float3 w = view_direction(view, (float2)(column + 0.5f, row + 0.5f));
+    const int size = plane_size(width, height), q = plane_index(block.x, block.y, width);
+    const float3 w = view_direction(view, (float2)(block.x + 0.5f, block.y + 0.5f));
     const float cosine = dot(surface.normal, load_planes(normal, size, q));
     const float off = fabs(depth[q] * dot(surface.normal, w) - surface.plane) / surface.range;
     const float turn = fmax(1.0f - cosine, 0.0f);
@@ -82,51 +93,40 @@ __kernel void enlarge(
     const int size = plane_size(width, height), p = plane_index(x, y, width);
     float3 blended = (float3)(0.0f);
     if (id[p] > 0.0f) {
-        const int blocks = plane_size(block_width, block_height);
         const float2 at = (float2)(x + 0.5f, y + 0.5f) * to_block.xy + to_block.zw - 0.5f;
         const float2 corner = floor(at), f = at - corner;
-        const int top = clamp((int)corner.y, 0, block_height - 1);
-        const int bottom = clamp((int)corner.y + 1, 0, block_height - 1);
-#ifdef VIEW_EQUIRECT
-        const int left = wrap_column((int)corner.x, block_width);
-        const int right = wrap_column((int)corner.x + 1, block_width);
-#else
-        const int left = clamp((int)corner.x, 0, block_width - 1);
-        const int right = clamp((int)corner.x + 1, 0, block_width - 1);
-#endif
-        const int a = plane_index(left, top, block_width);
-        const int b = plane_index(right, top, block_width);
-        const int c = plane_index(left, bottom, block_width);
-        const int d = plane_index(right, bottom, block_width);
-        const int above = top * block_width, below = bottom * block_width;
-        const float3 light_a = light_of(block_light, blocks, a, above + left);
-        const float3 light_b = light_of(block_light, blocks, b, above + right);
-        const float3 light_c = light_of(block_light, blocks, c, below + left);
-        const float3 light_d = light_of(block_light, blocks, d, below + right);
-        float4 weight = (float4)((1.0f - f.x) * (1.0f - f.y), f.x * (1.0f - f.y),
-                                 (1.0f - f.x) * f.y, f.x * f.y);
         // Where the blocks agree, as most do in most views, there is nothing to choose.
-        const float3 most = fmax(fmax(light_a, light_b), fmax(light_c, light_d));
-        const float3 least = fmin(fmin(light_a, light_b), fmin(light_c, light_d));
+        float3 most = (float3)(-INFINITY), least = (float3)(INFINITY);
+        for (int i = 0; i < 4; i++) {
+            const float3 one = light_of(block_light, block_at(corner, i, block_width, block_height),
+                                        block_width, block_height);
+            most = fmax(most, one);
+            least = fmin(least, one);
+        }
         const float3 apart = most - least, size_of = fmax(most, -least);
 #ifdef RATIO
         const float limit = ALIKE;
 #else
         const float limit = ALIKE * fmax(size_of.x, fmax(size_of.y, size_of.z));
 #endif
-        if (fmax(apart.x, fmax(apart.y, apart.z)) > limit) {
-            const float3 n = load_planes(normal, size, p);
-            const float range = depth[p];
-            const float3 v = view_direction(view, (float2)(x + 0.5f, y + 0.5f));
-            const Surface own
-                = {n, range * dot(n, v), range, id[p], normal_sharpness, plane_sharpness};
-#define LIKENESS(q, column, row)                                                                   \
-    likeness(own, block_view, block_normal, block_depth, block_id, blocks, q, column, row)
-            weight *= (float4)(LIKENESS(a, left, top), LIKENESS(b, right, top),
-                               LIKENESS(c, left, bottom), LIKENESS(d, right, bottom));
+        const int differ = fmax(apart.x, fmax(apart.y, apart.z)) > limit;
+        Surface own = {(float3)(0.0f), 0.0f, depth[p], id[p], normal_sharpness, plane_sharpness};
+        if (differ) {
+            own.normal = load_planes(normal, size, p);
+            own.plane = own.range
+                * dot(own.normal, view_direction(view, (float2)(x + 0.5f, y + 0.5f)));
         }
-        const float sum = weight.x + weight.y + weight.z + weight.w;
-        blended = weight.x * light_a + weight.y * light_b + weight.z * light_c + weight.w * light_d;
+        float sum = 0.0f;
+        TAP_LOOP
+        for (int i = 0; i < 4; i++) {
+            const int2 block = block_at(corner, i, block_width, block_height);
+            float weight = (i & 1 ? f.x : 1.0f - f.x) * (i & 2 ? f.y : 1.0f - f.y);
+            if (differ)
+                weight *= likeness(own, block_view, block_normal, block_depth, block_id, block,
+                                   block_width, block_height);
+            sum += weight;
+            blended += weight * light_of(block_light, block, block_width, block_height);
+        }
         blended = sum > 0.0f ? blended / sum : (float3)(0.0f);
     }
 #ifdef RATIO

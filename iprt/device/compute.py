@@ -83,7 +83,9 @@ class ComputeDevice:
 
     @property
     def wide(self) -> bool:
-        """Whether work items are to take several texels as vectors: `cl/lib/maths/lanes.h`."""
+        """Whether work items are to take several texels as vectors (`cl/lib/maths/lanes.h`), and
+        loops over neighbouring pixels to be unrolled (`cl/lib/gbuffer/planes.h`).
+        """
         return self.is_cpu
 
     @property

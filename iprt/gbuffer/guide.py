@@ -100,6 +100,7 @@ class Guide:
         self.previous = device.upload(f"{name} guide before", nothing)
         self.spans = spans or Spans(device, layout, name=name)
         self.layer = self.spans.take()
+        self._wide = device.wide
 
     def arguments(self) -> dict[str, Any]:
         """Size and `guide` of this picture."""
@@ -108,7 +109,7 @@ class Guide:
     def defines(self, **others: Define) -> dict[str, Define]:
         """Build flags of every kernel that works on planes of this layout."""
         narrow = self.equirect and self.layout.width < PAD
-        return plane_defines(equirect=self.equirect, VIEW_NARROW=narrow, **others)
+        return plane_defines(equirect=self.equirect, VIEW_NARROW=narrow, WIDE=self._wide, **others)
 
     @property
     def camera_define(self) -> dict[str, Define]:

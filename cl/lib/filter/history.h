@@ -10,6 +10,7 @@
 #include "gbuffer/guide.h"
 #include "methods/rays.h"
 #include "filter/signal.h"
+#include "maths/tracing.h"
 
 #define HUGE 1e30f            // samples from here on, and NaN, are not used
 #define MAX_LENGTH 1e6f
@@ -132,6 +133,7 @@ static inline History fetch_history(FETCH_PARAMETERS, int p, int width, int heig
 #endif
 
     float past[SIGNAL_PLANES];
+    #pragma unroll
     for (int c = 0; c < SIGNAL_PLANES; c++)
         past[c] = 0.0f;
     float weights = 0.0f, samples = 0.0f, variation = 0.0f;
@@ -139,6 +141,7 @@ static inline History fetch_history(FETCH_PARAMETERS, int p, int width, int heig
     if (id > 0.0f && fabs(mx) < 1e6f && fabs(my) < 1e6f) {
         int left = (int)floor(mx), top = (int)floor(my);
         float fx = mx - left, fy = my - top;
+        #pragma unroll 1
         for (int i = 0; i < 4; i++) {
             int tx = wrap_column(left + (i & 1), width), ty = top + (i >> 1);
             float w = ((i & 1) ? fx : 1.0f - fx) * ((i >> 1) ? fy : 1.0f - fy);
@@ -153,6 +156,7 @@ static inline History fetch_history(FETCH_PARAMETERS, int p, int width, int heig
             if (guide_previous[6 * size + q] != id || !(fabs(off_plane) <= tolerance)
                 || !(cosine >= normal_agreement) || !(length_before[q] > 0.0f))
                 continue;
+            #pragma unroll
             for (int c = 0; c < SIGNAL_PLANES; c++)
                 past[c] += w * signal_before[c * size + q];
             samples += w * length_before[q];
@@ -163,6 +167,7 @@ static inline History fetch_history(FETCH_PARAMETERS, int p, int width, int heig
     // A lone tap on the pixel centre has weight 1 and stays exact.
     bool found = weights > 0.01f;
     History history;
+    #pragma unroll
     for (int c = 0; c < SIGNAL_PLANES; c++)
         history.signal[c] = found ? past[c] / weights : 0.0f;
     history.length = found ? samples / weights : 0.0f;
@@ -171,16 +176,17 @@ static inline History fetch_history(FETCH_PARAMETERS, int p, int width, int heig
 }
 
 // Antilag: where the fast history's mean over a neighbourhood differs from the slow one's by more
-// than noise explains, the slow one is off by the rest, and gives way to the fast one to the degree
-// that this bias makes it the worse estimate. `scalar` is g of the slow one.
-static inline void correct_history(
-    History *history, __global const float *restrict guide, __global const float *restrict fast,
-    __global const float *restrict fast_length, __global const float *restrict scalar, float sigma,
-    int size, int p, int width)
+// than noise explains, the slow one, which is worth `before` samples of variance `spread`, is off by
+// the rest, and gives way to the fast one to the degree that this bias makes it the worse estimate.
+// Returns that share; `scalar` is g of the slow one.
+static inline float stale_share(
+    __global const float *restrict guide, __global const float *restrict fast,
+    __global const float *restrict fast_length, __global const float *restrict scalar, float before,
+    float spread, float sigma, int size, int p, int width)
 {
-    float id = guide[GUIDE_ID * size + p], before = history->length;
+    float id = guide[GUIDE_ID * size + p];
     float count = 0.0f, sum = 0.0f, square = 0.0f;
-    #pragma unroll
+    TAP_LOOP
     for (int i = 0; i < 9; i++) {
         int q = p + NEAR_STEP * (i % 3 - 1 + (i / 3 - 1) * plane_stride(width));
         float s[SIGNAL_PLANES];
@@ -194,9 +200,16 @@ static inline void correct_history(
     float mean = sum / count;
     float variance = fmax(square / count - mean * mean, 0.0f) / fmax(count - 1.0f, 1.0f);
     float bias_squared = fmax(mean * mean - sigma * sigma * variance, 0.0f);
-    float worth = worth_of_biased(before, history->spread, bias_squared);
+    float worth = worth_of_biased(before, spread, bias_squared);
     bool stale = id > 0.0f && before > 0.0f && fast_length[p] > 0.0f && worth < before;
-    float share = stale ? 1.0f - worth / before : 0.0f;
+    return stale ? 1.0f - worth / before : 0.0f;
+}
+
+static inline void correct_history(
+    History *history, __global const float *restrict fast, __global const float *restrict fast_length,
+    float share, int size, int p)
+{
+    float before = history->length;
     #pragma unroll
     for (int c = 0; c < SIGNAL_PLANES; c++) {
         float past = history->signal[c];
@@ -205,24 +218,28 @@ static inline void correct_history(
     history->length = before + share * (fmin(fast_length[p], before) - before);
 }
 
-// Clamps the history to mean +- sigma deviations of a neighbourhood, a box that also holds the
-// pixel's own value (IPRT "Filtering"). Where no object has influence the box of what objects do is
-// a point, so an old shadow goes at once: of E_RV (-DCOMMON) by its difference to E_R, although E_R
-// itself is noisy. The length is lowered where g moved.
-static inline void clamp_history(
-    History *history, __global const float *restrict guide, __global const float *restrict nearby,
-    float sigma, int size, int p, int width)
+// Mean +- sigma deviations of a neighbourhood, and the pixel's own value.
+typedef struct {
+    float low[SIGNAL_PLANES];
+    float high[SIGNAL_PLANES];
+    bool usable;
+} Box;
+
+static inline Box nearby_box(
+    __global const float *restrict guide, __global const float *restrict nearby, float sigma, int size,
+    int p, int width)
 {
     float id = guide[GUIDE_ID * size + p];
     float centre[SIGNAL_PLANES], mean[SIGNAL_PLANES], square[SIGNAL_PLANES];
     load_signal(centre, nearby, size, p);
     without_common(centre);
-    bool usable = id > 0.0f && all_finite(centre);
+    Box box;
+    box.usable = id > 0.0f && all_finite(centre);
     #pragma unroll
     for (int c = 0; c < SIGNAL_PLANES; c++)
         mean[c] = square[c] = 0.0f;
     float count = 0.0f;
-    #pragma unroll
+    TAP_LOOP
     for (int i = 0; i < 9; i++) {
         int q = p + NEAR_STEP * (i % 3 - 1 + (i / 3 - 1) * plane_stride(width));
         float s[SIGNAL_PLANES];
@@ -238,8 +255,23 @@ static inline void clamp_history(
             square[c] += d * d;
         }
     }
-    float value[SIGNAL_PLANES], clamped[SIGNAL_PLANES];
     float scale = 1.0f / fmax(count, 1.0f);
+    #pragma unroll
+    for (int c = 0; c < SIGNAL_PLANES; c++) {
+        float m = scale * mean[c];
+        float deviation = sigma * sqrt(fmax(scale * square[c] - m * m, 0.0f));
+        box.low[c] = centre[c] + fmin(m - deviation, 0.0f);
+        box.high[c] = centre[c] + fmax(m + deviation, 0.0f);
+    }
+    return box;
+}
+
+// Clamps the history to such a box (IPRT "Filtering"). Where no object has influence the box of what
+// objects do is a point, so an old shadow goes at once: of E_RV (-DCOMMON) by its difference to E_R,
+// although E_R itself is noisy. The length is lowered where g moved.
+static inline void clamp_history(History *history, const Box *box)
+{
+    float value[SIGNAL_PLANES], clamped[SIGNAL_PLANES];
     #pragma unroll
     for (int c = 0; c < SIGNAL_PLANES; c++)
         value[c] = history->signal[c];
@@ -247,17 +279,13 @@ static inline void clamp_history(
     bool moved = false;
     #pragma unroll
     for (int c = 0; c < SIGNAL_PLANES; c++) {
-        float m = scale * mean[c];
-        float deviation = sigma * sqrt(fmax(scale * square[c] - m * m, 0.0f));
-        float low = centre[c] + fmin(m - deviation, 0.0f);
-        float high = centre[c] + fmax(m + deviation, 0.0f);
-        clamped[c] = fmin(fmax(value[c], low), high);
+        clamped[c] = fmin(fmax(value[c], box->low[c]), box->high[c]);
         moved = moved || clamped[c] != value[c];
 #ifdef COMMON
         clamped[c] += c < 3 ? 0.0f : clamped[c - 3];
 #endif
     }
-    moved = moved && usable;
+    moved = moved && box->usable;
     float step = guide_scalar(clamped) - guide_scalar(history->signal);
     float worth = worth_of_biased(history->length, history->spread, step * step);
     history->length = moved ? worth : history->length;

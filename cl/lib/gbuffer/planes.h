@@ -6,6 +6,14 @@
 
 // PLANE_PAD is set by -D from iprt.gbuffer.layout.
 
+// Before loops over neighbouring pixels. -D WIDE: unrolled, as PoCL vectorizes only kernels without
+// loops. Compilers for GPUs would then load all neighbours at once, and hold them in registers.
+#ifdef WIDE
+#define TAP_LOOP _Pragma("unroll")
+#else
+#define TAP_LOOP _Pragma("unroll 1")
+#endif
+
 static inline int plane_stride(int width) { return width + 2 * PLANE_PAD; }
 static inline int plane_size(int width, int height) { return plane_stride(width) * (height + 2 * PLANE_PAD); }
 static inline int plane_index(int x, int y, int width)

@@ -13,6 +13,10 @@
 #define TRACING_KERNEL __kernel
 #endif
 
+// Reads it anew each time. What a loop over rays computes from it would else be computed before the
+// loop, and held in registers all along each ray.
+#define READ_AGAIN(pointer) (*(volatile __global const int *)(pointer))
+
 // Functions that are given the world by value: a call would copy it to the stack of each work item.
 // -D WITHOUT_INLINING is for a simulator, Oclgrind, that does not know all that inlining leaves.
 #ifdef WITHOUT_INLINING

@@ -5,6 +5,7 @@
 #include "gbuffer/planes.h"
 #include "maths/list.h"
 #include "maths/rng.h"
+#include "maths/tracing.h"
 
 // Passed by traced_arguments() of iprt/methods/trace.py. `list` holds y * width + x of `count` pixels,
 // `guide` 7 planes (lib/gbuffer/guide.h), `view` lib/gbuffer/view.h; `rays` are those of a pixel.
@@ -13,8 +14,15 @@
         __global const int *restrict list, __global const int *restrict count,                     \
         __global const float *restrict guide, __global const float *restrict view
 
+// Index into padded planes of a listed pixel.
+static inline int pixel_of(int listed, int width)
+{
+    return plane_index(listed % width, listed / width, width);
+}
+
 // The pixel of this work item; `stream` tells the random numbers of kernels apart.
-#define TRACED_PIXEL(item, stream) traced_pixel(list[item], width, height, guide, frame_seed, stream)
+#define TRACED_PIXEL(item, stream)                                                                 \
+    traced_pixel(READ_AGAIN(list + item), width, height, guide, frame_seed, stream)
 
 typedef struct {
     int x;
@@ -34,7 +42,7 @@ static inline TracedPixel traced_pixel(int listed, int width, int height,
     TracedPixel at;
     at.x = listed % width;
     at.y = listed / width;
-    at.pixel = plane_index(at.x, at.y, width);
+    at.pixel = pixel_of(listed, width);
     at.size = plane_size(width, height);
     at.n = load_planes(guide, at.size, at.pixel);
     at.p = load_planes(guide + 3 * at.size, at.size, at.pixel);

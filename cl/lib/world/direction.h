@@ -11,24 +11,24 @@
 // A direction in which a surface passes light on, and what its density was.
 typedef struct {
     float3 wi;
-    float3 diffuse;       // f cos, without the albedo
+    float diffuse;        // f cos, without the albedo
     float3 specular;      // f cos
     float density;        // with which wi was chosen, but for light sampling; 0: a perfect mirror's,
                           // whose f cos holds the density already
     float light_share;    // probability of aiming at lights instead
     float box_share;      // and at objects' boxes (-D DELTA)
-    float3 light;         // where it was aimed at, from the capture centre
     int aimed;            // at a light: nothing else counts
+    int texel;            // of that light
 } Scatter;
 
 static inline Scatter no_scatter(float3 wi)
 {
     Scatter s;
     s.wi = wi;
-    s.diffuse = s.specular = (float3)(0.0f);
+    s.diffuse = 0.0f;
+    s.specular = (float3)(0.0f);
     s.density = s.light_share = s.box_share = 0.0f;
-    s.light = wi;
-    s.aimed = 0;
+    s.aimed = s.texel = 0;
     return s;
 }
 
@@ -41,8 +41,9 @@ static inline float inverse_density(const World world, const Scatter s, float3 o
 #ifdef LIGHT_SAMPLING
     if (s.light_share > 0.0f) {
         const float light = light_density(world.lights, world.real, hit, o, s.wi);
-        // What has no density of light sampling is for the other ways to bring in, alone.
-        if (s.aimed && !(light > 0.0f && reaches_light(world.real, hit, s.light)))
+        // What has no density of light sampling is for the other ways to bring in, alone. Where it has
+        // one, the texel and its plane leave no point but the one that was aimed at.
+        if (s.aimed && !(light > 0.0f && hit.texel == s.texel))
             return 0.0f;
         density += s.light_share * light;
     }

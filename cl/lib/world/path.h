@@ -44,8 +44,9 @@ static inline Scatter scatter(const World world, const Material material, float3
     const float rest = 1.0f - s.light_share;
 #ifdef LIGHT_SAMPLING
     if (s.aimed) {
-        s.light = sample_light(world.lights, u.xy);
-        s.wi = towards_light(world.real, s.light, x);
+        const float3 light = sample_light(world.lights, u.xy);
+        s.texel = light_texel(world.real, light);
+        s.wi = towards_light(world.real, light, s.texel, x);
     } else
 #endif
     {
@@ -59,7 +60,7 @@ static inline Scatter scatter(const World world, const Material material, float3
     const BrdfValue value = brdf_eval(material, albedo, n, wo, s.wi);
     const float2 density = brdf_pdf(material, albedo, n, wo, s.wi);
     const float cosine = fmax(dot(n, s.wi), 0.0f);
-    s.diffuse = (float3)(value.diffuse * cosine);
+    s.diffuse = value.diffuse * cosine;
     s.specular = value.specular * cosine;
     // Directions below the surface pass no light on, whatever their density.
     s.density = fmax(rest * (density.x + density.y), 1e-20f);

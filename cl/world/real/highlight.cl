@@ -38,7 +38,7 @@
 // Taps span this part of the lobe's half width, 2 alpha.
 #define LOBE_FRACTION 0.25f
 
-static inline float3 texel_point(const RealLayer layer, int texel)
+static inline ALWAYS_INLINE float3 texel_point(const RealLayer layer, int texel)
 {
     const int width = layer.grid.width;
     const float3 v = texel_direction(texel % width, texel / width, width, layer.grid.height);
@@ -73,27 +73,24 @@ TRACING_KERNEL void sample_highlight(
     COUNT_ITEM;
     const RealLayer layer = REAL_LAYER;
     const World world = captured(layer, real_color OUTSIDE);
-    const int texel = list[item], index = gloss[texel] - 1;
-    const Material material = load_material(real_materials, index);
-    const float3 tint = real_reflectance[index].xyz;
-    const float3 n = -normalize(layer.surface[texel].xyz);
-    const float3 p = texel_point(layer, texel);
-    const float distance = length(p);
-    const float3 start = real_start(layer, p, n);
-    const Frame frame = build_frame(n);
-    const float3 o = brdf_local_wo(frame, -p / distance);
-    const uint seed = hash_combine(hash_combine((uint)texel, 0x676c6f73u), (uint)frame_seed);
-
-    const float c = p.y / distance;
-    const float sine = sqrt(fmax(1.0f - c * c, 0.0f));
+    const float3 shown = texel_point(layer, list[item]);
+    const float c = shown.y / length(shown), sine = sqrt(fmax(1.0f - c * c, 0.0f));
     const int rays = max((int)(most_rays * sine + 0.5f), min(most_rays, 2));
     float3 sum = (float3)(0.0f);
     float mean = 0.0f, spread = 0.0f;   // of luminance, by Welford's recurrence
     for (int ray = 0; ray < rays; ray++) {
-        const BrdfSample sample = sample_specular(material, tint, frame, o, sobol_2d(ray, seed));
+        const int texel = READ_AGAIN(list + item), index = gloss[texel] - 1;
+        const float3 n = -normalize(layer.surface[texel].xyz), p = texel_point(layer, texel);
+        const Frame frame = build_frame(n);
+        const uint seed =
+            hash_combine(hash_combine((uint)texel, 0x676c6f73u), (uint)frame_seed);
+        const BrdfSample sample = sample_specular(
+            load_material(real_materials, index), real_reflectance[index].xyz, frame,
+            brdf_local_wo(frame, -p / length(p)), sobol_2d(ray, seed));
         float3 found = (float3)(0.0f);
         if (sample.weight.x + sample.weight.y + sample.weight.z > 0.0f) {
-            const RealHit hit = trace_real_layer(layer, start, sample.wi, INFINITY);
+            const RealHit hit =
+                trace_real_layer(layer, real_start(layer, p, n), sample.wi, INFINITY);
             found = sample.weight * real_radiance(world, hit, sample.wi);
         }
         sum += found;
@@ -102,7 +99,7 @@ TRACING_KERNEL void sample_highlight(
         spread += step * (luminance(found) - mean);
     }
     const float variance = spread / ((float)rays * max(rays - 1, 1));
-    highlight[texel] = (float4)(sum / (float)rays, variance);
+    highlight[list[item]] = (float4)(sum / (float)rays, variance);
 }
 
 // One level of an à-trous filter over the texels of one material (Dammertz et al. 2010; SVGF Eqs. 2

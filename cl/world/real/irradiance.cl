@@ -203,8 +203,9 @@ TRACING_KERNEL void refine_cells(
         s.light_share = world.lights.count > 0 ? 0.5f : 0.0f;
         s.aimed = sobol_1d(first + ray, hash_combine(stream, 1)) < s.light_share;
         if (s.aimed) {
-            s.light = sample_light(world.lights, u);
-            s.wi = towards_light(world.real, s.light, o);
+            const float3 light = sample_light(world.lights, u);
+            s.texel = light_texel(world.real, light);
+            s.wi = towards_light(world.real, light, s.texel, o);
         } else
 #endif
         {

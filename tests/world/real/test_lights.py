@@ -169,9 +169,10 @@ CASES = [(name, place) for name in FRAMES if name != "plain" for place in PLACES
 
 DRAW = """
 const float3 v = sample_light(world.lights, u);
-d = towards_light(world.real, v, x);
+const int texel = light_texel(world.real, v);
+d = towards_light(world.real, v, texel, x);
 const RealHit hit = trace_real_layer(world.real, x, d, INFINITY);
-counts = reaches_light(world.real, hit, v)
+counts = hit.texel == texel
     && light_density(world.lights, world.real, hit, x, d) > 0.0f;
 """
 STATE = """

@@ -321,26 +321,30 @@ static inline int trace_objects(const Objects world, float3 o, float3 d, float t
 static inline Scatterer object_point(const Objects world, const ObjectHit hit, float3 o, float3 d)
 {
 #ifdef VIEW_EQUIRECT
-    const ObjectLayer layer = world.equirect;
+#define OF_LAYER(member) world.equirect.member
 #else
-    const ObjectLayer layer = hit.on_screen ? world.screen : world.equirect;
+// Members one by one: compilers put structs that are chosen from on the stack.
+#define OF_LAYER(member) (hit.on_screen ? world.screen.member : world.equirect.member)
 #endif
-    const int texels = layer.grid.width * layer.grid.height;
+    __global const float4 *geometries = OF_LAYER(geometry);
+    const int texels = OF_LAYER(grid.width) * OF_LAYER(grid.height);
     // Beside the layers, where the solid's flank is, the one that faces the ray stands for it: off
     // the other, the ray would be scattered into the solid.
     const int opposite = hit.index < texels ? hit.index + texels : hit.index - texels;
-    const int flank = dot(layer.geometry[hit.index].xyz, d) > 0.0f
-        && dot(layer.geometry[opposite].xyz, d) < 0.0f;
+    const int flank = dot(geometries[hit.index].xyz, d) > 0.0f
+        && dot(geometries[opposite].xyz, d) < 0.0f;
     const int index = flank ? opposite : hit.index;
-    const float4 geometry = layer.geometry[index];
-    const float4 material = layer.material[index];
+    const float4 geometry = geometries[index];
+    const float4 material = OF_LAYER(material)[index];
     Scatterer point;
     point.normal = dot(geometry.xyz, d) > 0.0f ? -geometry.xyz : geometry.xyz;
-    point.position = o + hit.t * d + OBJECT_LIFT * layer.footprint * geometry.w * point.normal;
+    point.position = o + hit.t * d + OBJECT_LIFT * OF_LAYER(footprint) * geometry.w * point.normal;
     point.albedo = material.xyz;
     point.material = (int)material.w - 1;
     return point;
 }
+
+#undef OF_LAYER
 
 // Metres by which rays leave the object that the view shows at this distance, along its normal.
 static inline float object_lift(const Objects world, float distance)

@@ -70,10 +70,9 @@ static inline int aims_behind(const RealLayer layer, int texel)
 }
 #endif
 
-// Direction from x to the point of the tangent plane that the panorama shows towards v.
-static inline float3 towards_light(const RealLayer layer, float3 v, float3 x)
+// Direction from x to the point of the tangent plane that the panorama shows towards v, in `texel`.
+static inline float3 towards_light(const RealLayer layer, float3 v, int texel, float3 x)
 {
-    const int texel = light_texel(layer, v);
     float4 surface = layer.surface[texel];
     float farthest = layer.grid.range[texel].y;
 #ifdef BACKGROUND
@@ -87,13 +86,6 @@ static inline float3 towards_light(const RealLayer layer, float3 v, float3 x)
     const float inverse = dot(surface.xyz, v);
     const float radius = inverse > 0.0f ? 1.0f / inverse : farthest;
     return safe_normalize(radius * v - x, v);
-}
-
-// Whether a ray that was sent towards v's point met it, rather than something on the way. It counts
-// where light_density() is positive only: the texel and its plane leave no point but that one.
-static inline int reaches_light(const RealLayer layer, const RealHit hit, float3 v)
-{
-    return hit.texel == light_texel(layer, v);
 }
 
 // Density per solid angle at x with which light sampling sends a ray along d to what it has hit.

@@ -98,7 +98,7 @@ static inline int back_face(const RealLayer layer, const PolarRay ray, const Seg
     const float3 start = edge * (ray.b * at.root0);
     const float3 g1 = edge * radius;
     const float3 outward = normalize(g);
-    const float3 plane = normalize(cross(ray.m, ray.d));
+    const float3 plane = normalize(cross(edge, ray.d));
     float3 along = cross(outward, plane);
     const float length_along = length(along);
     if (!(length_along > 1e-3f))
