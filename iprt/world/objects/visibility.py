@@ -68,6 +68,9 @@ class Visibility:
         self._show = device.kernel("world/objects/visibility.cl", "show_objects", defines)
         self.front = device.empty(FRONT, (view.height, view.width, 4))
         self.material = device.empty(MATERIAL, (view.height, view.width, 4))
+        self._shown: tuple[VisibleLayer, list[Rect]] | None = (
+            None  # what the last run filled, where
+        )
         self._displaced: cla.Array | None = None
         if bvh.deforming:
             self._displaced = device.empty(DISPLACED, (view.height, view.width, 4))
@@ -101,6 +104,8 @@ class Visibility:
     ) -> None:
         """Trace the view and unpack it into the planes of `visible`.
 
+        Only rectangles around objects are touched, and what was filled in the last run.
+
         Parameters
         ----------
         constants, previous : (16,) float32
@@ -121,20 +126,20 @@ class Visibility:
             "displacements": self._bvh.displacements,
             "displaced": self._displaced,
         }
-        regions = regions_of(view, bounds)
+        around = regions_of(view, bounds)
+        # A run may be abandoned: then it is not known what planes hold.
+        last, self._shown = self._shown, None
+        known = last is not None and last[0] is visible
+        regions = merge(around + last[1]) if last is not None and known else around
 
         def run(kernel: Callable[..., None], **own: Any) -> None:
             for region in regions:
                 kernel(region.viewport[2:], seen, rectangle=int4(corners(region)), **own)
 
         with self._device.profile.section("trace view"):
-            for array in (
-                self.front,
-                self.material,
-                *(() if self._displaced is None else (self._displaced,)),
-                visible.display,
-            ):
-                self._device.fill_zero(array)
+            if not known:
+                for array in (self.front, self.material, visible.display):
+                    self._device.fill_zero(array)
             run(self._see)
             run(
                 self._show,
@@ -145,7 +150,9 @@ class Visibility:
                 surface_height=panorama.height,
                 display=visible.display,
             )
-        visible.unpack(constants, materials)
+        whole = [(0, 0, view.width, view.height)]
+        visible.unpack(constants, materials, [corners(r) for r in regions] if known else whole)
+        self._shown = visible, around
 
 
 def regions_of(view: View, bounds: NDArray[np.float32]) -> list[Rect]:
