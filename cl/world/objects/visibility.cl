@@ -135,7 +135,6 @@ TRACING_KERNEL void show_objects(
     const int x = rectangle.x + (int)get_global_id(0), y = rectangle.y + (int)get_global_id(1);
     if (x >= rectangle.z || y >= rectangle.w)
         return;
-    COUNT_ITEM;
     const Objects world = OBJECTS(view);
     const int pixel = y * width + x;
     const float3 d = view_direction(view, (float2)(x + 0.5f, y + 0.5f));
@@ -147,6 +146,7 @@ TRACING_KERNEL void show_objects(
         display[2 * width * height + pixel] = (float4)(0.0f, -1e9f, -1e9f, 0.0f);
         return;
     }
+    COUNT_ITEM;
     float3 albedo = its_material.xyz;
     const int visible = visible_samples(world, view, x, y, (int)its_material.w, surface,
                                         surface_width, surface_height, &albedo);
