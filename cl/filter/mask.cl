@@ -4,9 +4,10 @@
 // Pixel (x, y) has its centre at (x + 0.5, y + 0.5); row 0 is the top.
 //
 //   kernel            in                                          out
-//   choose_level      guide (7 planes), motion, touched of the    level (1 plane of uchar, guide.h);
-//                     last picture (1 plane: frames for which     touched at this picture's pixels,
-//                     an object's influence is remembered),       less one
+//   carry_touched     guide (7 planes), motion, touched of the    touched at this picture's surfaces,
+//                     last picture (1 plane: for how many frames, less one; 0 elsewhere
+//                     from then on, influence is remembered)
+//   choose_level      guide (7 planes), motion, touched,          level (1 plane of uchar, guide.h)
 //                     length of the history
 //   list_traced       level                                       list of y * width + x, its length
 //
@@ -31,13 +32,53 @@ static inline float value_before(
     return column >= 0 && column < width ? plane[plane_index(column, (int)my, width)] : 0.0f;
 }
 
-__kernel void choose_level(
+// Square of how much the pixels around p differ from it (Eq. 3), from 0 to 1: by their normals or, with
+// `sigma` per unit, their positions. Another surface, or none, counts as 1; outside the picture as 0.
+static inline float unlikeness(
+    __global const float *restrict guide, float sigma, int size, int stride, int p)
+{
+    float nx = guide[p], ny = guide[size + p], nz = guide[2 * size + p];
+    float px = guide[3 * size + p], py = guide[4 * size + p], pz = guide[5 * size + p];
+    float id = guide[GUIDE_ID * size + p], turn = 0.0f, apart = 0.0f;
+    #pragma unroll
+    for (int dy = -2; dy <= 2; dy++) {
+        #pragma unroll
+        for (int dx = -2; dx <= 2; dx++) {
+            int q = p + dx + dy * stride;
+            float ax = guide[q] - nx, ay = guide[size + q] - ny, az = guide[2 * size + q] - nz;
+            float bx = guide[3 * size + q] - px, by = guide[4 * size + q] - py;
+            float bz = guide[5 * size + q] - pz;
+            float of = guide[GUIDE_ID * size + q];
+            turn = fmax(turn, of == id ? ax * ax + ay * ay + az * az : of >= 0.0f ? 1.0f : 0.0f);
+            apart = fmax(apart, of == id ? bx * bx + by * by + bz * bz : 0.0f);
+        }
+    }
+    return fmin(fmax(turn, sigma * sigma * apart), 1.0f);
+}
+
+__kernel void carry_touched(
     BATCHED(PLANES_IN, guide),                   // 7 planes
     BATCHED(PLANES_IN, motion),                  // previous pixel, 2 planes; -1e9 = nowhere
     BATCHED(PLANES_IN, before),                  // 1 plane, touched of the last picture
-    BATCHED(PLANES_IN, length),                  // 1 plane, what histories were worth then
-    BATCHED(const int, keep),                    // where that is long, a quarter of the rays do
+    SPAN_PARAMETERS,                             // where there are surfaces
     BATCHED(PLANES_OUT, touched),                // out: 1 plane
+    int width,
+    int height)
+{
+    SPAN_ITEM;
+    int p = plane_index(x, y, width);
+    float id = OF_BATCH(guide)[GUIDE_ID * plane_size(width, height) + p];
+    float frames = value_before(OF_BATCH(motion), OF_BATCH(before), p, width, height);
+    store_wrapped(OF_BATCH(touched), p, x, width, id > 0.0f ? fmax(frames - 1.0f, 0.0f) : 0.0f);
+}
+
+__kernel void choose_level(
+    BATCHED(PLANES_IN, guide),                   // 7 planes
+    BATCHED(PLANES_IN, motion),                  // previous pixel, 2 planes; -1e9 = nowhere
+    BATCHED(PLANES_IN, touched),                 // 1 plane, border wrapped
+    BATCHED(PLANES_IN, length),                  // 1 plane, what histories were worth before
+    BATCHED(const int, keep),                    // where that is long, a quarter of the rays do
+    SPAN_PARAMETERS,                             // where there are surfaces
     BATCHED(__global uchar *restrict, level),    // out: 1 plane
     BATCHED(__global int *restrict, count),      // out: 0
     BATCHED(float, sigma_position),              // sigma_p, per unit of the positions
@@ -48,54 +89,34 @@ __kernel void choose_level(
     int width,
     int height)
 {
-    int x = get_global_id(0), y = get_global_id(1), entry = get_global_id(2);
-    if (x >= width || y >= height)
-        return;
+    if (get_global_id(0) == 0 && get_global_id(1) == 0) {
+        int entry = get_global_id(2);
+        OF_BATCH(count)[0] = 0;
+    }
+    SPAN_ITEM;
     PLANES_IN guide = OF_BATCH(guide);
-    PLANES_IN motion = OF_BATCH(motion);
-    PLANES_IN before = OF_BATCH(before);
-    PLANES_OUT touched = OF_BATCH(touched);
-    const float sigma_position = OF_BATCH(sigma_position);
+    PLANES_IN touched = OF_BATCH(touched);
     const float low = OF_BATCH(low);
     const float high = OF_BATCH(high);
     const float faint_frames = OF_BATCH(faint_frames);
     int size = plane_size(width, height), stride = plane_stride(width);
     int p = plane_index(x, y, width);
-    if (x == 0 && y == 0)
-        OF_BATCH(count)[0] = 0;
-    float nx = guide[p], ny = guide[size + p], nz = guide[2 * size + p];
-    float px = guide[3 * size + p], py = guide[4 * size + p], pz = guide[5 * size + p];
-    float id = guide[6 * size + p];
+    float id = guide[GUIDE_ID * size + p];
 
-    float turn = 0.0f, apart = 0.0f, active = 0.0f;
+    float active = 0.0f;
     #pragma unroll
-    for (int dy = -2; dy <= 2; dy++) {
-        #pragma unroll
-        for (int dx = -2; dx <= 2; dx++) {
-            int q = p + dx + dy * stride;
-            float ax = guide[q] - nx, ay = guide[size + q] - ny, az = guide[2 * size + q] - nz;
-            float bx = guide[3 * size + q] - px, by = guide[4 * size + q] - py;
-            float bz = guide[5 * size + q] - pz;
-            // Another surface, or none, counts as a difference of 1; outside the picture as 0.
-            bool inside = guide[6 * size + q] >= 0.0f, same = guide[6 * size + q] == id;
-            turn = fmax(turn, same ? ax * ax + ay * ay + az * az : inside ? 1.0f : 0.0f);
-            apart = fmax(apart, same ? bx * bx + by * by + bz * bz : 0.0f);
-            if (abs(dx) <= 1 && abs(dy) <= 1 && inside) {
-                int of_motion = plane_index(wrap_column(x + dx, width), y + dy, width);
-                active = fmax(active, value_before(motion, before, of_motion, width, height));
-            }
-        }
-    }
-    float squared = fmax(turn, sigma_position * sigma_position * apart);
+    for (int i = 0; i < 9; i++)
+        active = fmax(active, touched[p + i % 3 - 1 + (i / 3 - 1) * stride]);
     // Where influence is graded, edges are worth rays only where objects change something.
-    squared = active > faint_frames ? 1.0f
-        : active > 0.0f || faint_frames == 0.0f ? fmin(squared, 1.0f) : 0.0f;
+    float squared = active > faint_frames ? 1.0f : 0.0f;
+    if (id > 0.0f && high > 0.0f && squared == 0.0f && (active > 0.0f || faint_frames == 0.0f))
+        squared = unlikeness(guide, OF_BATCH(sigma_position), size, stride, p);
     int chosen = squared >= high * high ? 0 : squared >= low * low || active > 0.0f ? 1 : 2;
     bool waits = ((x - origin[0]) | (y - origin[1])) & 1;
-    bool known = value_before(motion, OF_BATCH(length), p, width, height) > SETTLED_HISTORY;
-    chosen = chosen == 0 && OF_BATCH(keep) && known && waits ? LEVEL_WAITING : chosen;
+    if (chosen == 0 && OF_BATCH(keep) && waits
+        && value_before(OF_BATCH(motion), OF_BATCH(length), p, width, height) > SETTLED_HISTORY)
+        chosen = LEVEL_WAITING;
     OF_BATCH(level)[p] = id > 0.0f ? chosen : LEVEL_NONE;
-    touched[p] = fmax(value_before(motion, before, p, width, height) - 1.0f, 0.0f);
 }
 
 __kernel void list_traced(

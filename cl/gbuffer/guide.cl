@@ -4,27 +4,58 @@
 // origin at the capture centre.
 //
 //   kernel        in                                           out
-//   build_guide   normal (3), depth (1, m, 0 = nothing),       guide (7); id 0 without depth
-//                 id (1, 0 = nothing to trace)
-//   find_spans    guide, past                                  spans: columns where there are surfaces
+//   find_spans    depth (1, m, 0 = nothing), id (1, 0 =        spans: columns where there are surfaces
+//                 nothing to trace), past
+//   build_guide   normal (3), depth, id, spans                 guide (7); id 0 without depth
 //
 // No work-group contract. Build with -DBATCH=layers and -DVIEW_EQUIRECT for equirect views.
 #include "gbuffer/batch.h"
 #include "gbuffer/guide.h"
 #include "gbuffer/view.h"
 
+// The columns of each row between which a layer has surfaces in this picture, or had in the two before:
+// passes that work on these alone have written 0 to all others, also where buffers take turns.
+__kernel void find_spans(
+    BATCHED(PLANES_IN, depth),                   // radial distance in metres, 0 = nothing here
+    BATCHED(PLANES_IN, id),                      // 0 = nothing to trace, else the surface's id
+    BATCHED(const int, layer),
+    __global int *restrict past,                 // in, out: per layer and row first column and end in
+                                                 // the last picture, and in that before
+    __global int *restrict spans,                // out: per layer and row first column and end
+    int width,
+    int height)
+{
+    int y = get_global_id(0), entry = get_global_id(1);
+    if (y >= height)
+        return;
+    PLANES_IN depth = OF_BATCH(depth);
+    PLANES_IN id = OF_BATCH(id);
+    const int row = OF_BATCH(layer) * height + y;
+    int first = width, end = 0;
+    for (int x = 0; x < width; x++) {
+        int p = plane_index(x, y, width);
+        bool surface = depth[p] > 0.0f && id[p] > 0.0f;
+        first = surface ? min(first, x) : first;
+        end = surface ? x + 1 : end;
+    }
+    const int4 before = vload4(row, past);
+    vstore4((int4)(first, end, before.xy), row, past);
+    first = min(first, min(before.x, before.z));
+    end = max(end, max(before.y, before.w));
+    vstore2((int2)(first, end), row, spans);
+}
+
 __kernel void build_guide(
     __global const float *restrict view,            // projection and rotation, view.h
     BATCHED(PLANES_IN, normal),                  // world-space unit normals, 3 planes
     BATCHED(PLANES_IN, depth),                   // radial distance in metres, 0 = nothing here
     BATCHED(PLANES_IN, id),                      // 0 = nothing to trace, else the surface's id
+    SPAN_PARAMETERS,
     BATCHED(PLANES_OUT, guide),                  // out: 7 planes
     int width,
     int height)
 {
-    int x = get_global_id(0), y = get_global_id(1), entry = get_global_id(2);
-    if (x >= width || y >= height)
-        return;
+    SPAN_ITEM;
     PLANES_IN normal = OF_BATCH(normal);
     PLANES_IN depth = OF_BATCH(depth);
     PLANES_IN id = OF_BATCH(id);
@@ -40,33 +71,4 @@ __kernel void build_guide(
     of_guide[GUIDE_ID] = depth[p] > 0.0f ? fmax(id[p], 0.0f) : 0.0f;
     for (int c = 0; c < GUIDE_PLANES; c++)
         store_wrapped(guide + c * size, p, x, width, of_guide[c]);
-}
-
-// The columns of each row between which a layer has surfaces in this picture, or had in the two before:
-// passes that work on these alone have written 0 to all others, also where buffers take turns.
-__kernel void find_spans(
-    BATCHED(PLANES_IN, guide),                   // 7 planes
-    BATCHED(const int, layer),
-    __global int *restrict past,                 // in, out: per layer and row first column and end in
-                                                 // the last picture, and in that before
-    __global int *restrict spans,                // out: per layer and row first column and end
-    int width,
-    int height)
-{
-    int y = get_global_id(0), entry = get_global_id(1);
-    if (y >= height)
-        return;
-    PLANES_IN id = OF_BATCH(guide) + GUIDE_ID * plane_size(width, height);
-    const int row = OF_BATCH(layer) * height + y;
-    int first = width, end = 0;
-    for (int x = 0; x < width; x++) {
-        bool surface = id[plane_index(x, y, width)] > 0.0f;
-        first = surface ? min(first, x) : first;
-        end = surface ? x + 1 : end;
-    }
-    const int4 before = vload4(row, past);
-    vstore4((int4)(first, end, before.xy), row, past);
-    first = min(first, min(before.x, before.z));
-    end = max(end, max(before.y, before.w));
-    vstore2((int2)(first, end), row, spans);
 }

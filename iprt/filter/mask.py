@@ -10,7 +10,7 @@ import pyopencl.array as cla
 from iprt.device.compute import ComputeDevice
 from iprt.files.kernel_source import constant
 from iprt.gbuffer.batch import batched
-from iprt.gbuffer.guide import Guide
+from iprt.gbuffer.guide import Guide, span_arguments
 from iprt.settings.features import TOUCHED_FRAMES
 from iprt.settings.filter import MaskSettings
 
@@ -20,7 +20,7 @@ LEVEL_WAITING = constant("lib/gbuffer/guide.h", "LEVEL_WAITING")
 LEVEL_NONE = constant("lib/gbuffer/guide.h", "LEVEL_NONE")
 """Level of a pixel where there is nothing to trace."""
 
-STRONG_FRAMES = 2.0 * TOUCHED_FRAMES
+STRONG_FRAMES = 2.0 * TOUCHED_FRAMES - 1.0
 """The same where an object changes much, if pixels that it changes little are told apart."""
 
 _CHUNK = constant("filter/mask.cl", "CHUNK")
@@ -48,8 +48,8 @@ class Mask:
     Attributes
     ----------
     touched : 1 padded plane float32
-        Frames for which an object's influence on the pixel is remembered, in the frames after this
-        one. Tracing writes `TOUCHED_FRAMES` where a ray met an object.
+        Frames for which an object's influence on the pixel is remembered, from this one on. Tracing
+        writes `TOUCHED_FRAMES` where a ray met an object.
     before : 1 padded plane float32
         The same of the last picture.
     level : 1 padded plane uint8
@@ -77,10 +77,10 @@ class Mask:
         # Fewer than 4 pixels a side need not hold a point of the coarsest grid.
         sparse = settings.sparse and min(layout.size) >= 4
         self.low, self.high = (settings.low, settings.high) if sparse else (0.0, 0.0)
-        self.faint_frames = TOUCHED_FRAMES if graded else 0.0
+        self.faint_frames = TOUCHED_FRAMES - 1.0 if graded else 0.0
         self.touched = device.zeros(f"{name} touched", layout.shape(1))
         self.before = device.zeros(f"{name} touched before", layout.shape(1))
-        self.level = device.zeros(f"{name} level", layout.shape(1), np.uint8)
+        self.level = device.upload(f"{name} level", np.full(layout.shape(1), LEVEL_NONE, np.uint8))
         self.traced = device.empty(f"{name} traced", (layout.width * layout.height,), np.int32)
         self.count = device.zeros(f"{name} traced count", (1,), np.int32)
 
@@ -92,12 +92,15 @@ class Masks:
         self._device, self._masks = device, masks
         defines = masks[0].guide.defines(BATCH=len(masks))
         size = masks[0].guide.layout.arguments()
+        spans = span_arguments([mask.guide for mask in masks])
+        self._carry = device.kernel("filter/mask.cl", "carry_touched", defines).fixed(size, spans)
         listed = batched(
             level=[mask.level for mask in masks],
             count=[mask.count for mask in masks],
         )
         self._choose = device.kernel("filter/mask.cl", "choose_level", defines).fixed(
             size,
+            spans,
             listed,
             batched(
                 low=[mask.low for mask in masks],
@@ -136,14 +139,18 @@ class Masks:
         lengths = histories or [None] * len(masks)
         for mask in masks:
             mask.touched, mask.before = mask.before, mask.touched
+        size = (*layout.size, len(masks))
+        carried = batched(
+            guide=[mask.guide.current for mask in masks],
+            motion=motions,
+            touched=[mask.touched for mask in masks],
+        )
         with self._device.profile.section("mask"):
+            self._carry(size, carried, batched(before=[mask.before for mask in masks]))
             self._choose(
-                (*layout.size, len(masks)),
+                size,
+                carried,
                 batched(
-                    guide=[mask.guide.current for mask in masks],
-                    motion=motions,
-                    before=[mask.before for mask in masks],
-                    touched=[mask.touched for mask in masks],
                     # Without a history another plane is bound, which is not used.
                     length=[
                         mask.before if length is None else length

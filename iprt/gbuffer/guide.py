@@ -92,10 +92,12 @@ class Guide:
         self.layout = layout
         self.equirect = equirect
         self.camera = camera
-        outside = np.zeros(layout.shape(PLANES), np.float32)
-        outside[-1] = -1.0
-        self.current = device.upload(f"{name} guide", outside)
-        self.previous = device.upload(f"{name} guide before", outside)
+        nothing = np.zeros(layout.shape(PLANES), np.float32)
+        nothing[-1] = -1.0
+        # Equirect views have neighbours to the left and right of every row.
+        nothing[-1, PAD:-PAD, slice(None) if equirect else slice(PAD, -PAD)] = 0.0
+        self.current = device.upload(f"{name} guide", nothing)
+        self.previous = device.upload(f"{name} guide before", nothing)
         self.spans = spans or Spans(device, layout, name=name)
         self.layer = self.spans.take()
 
@@ -147,18 +149,16 @@ class Guides:
         """`layers`: one for each guide."""
         self._device, self._guides = device, guides
         defines = guides[0].defines(BATCH=len(guides))
-        self._build = device.kernel("gbuffer/guide.cl", "build_guide", defines).fixed(
-            guides[0].layout.arguments(),
-            batched(
-                normal=[layer.normal for layer in layers],
-                depth=[layer.depth for layer in layers],
-                id=[layer.ids for layer in layers],
-            ),
+        size, spans = guides[0].layout.arguments(), span_arguments(guides)
+        of_surfaces = batched(
+            depth=[layer.depth for layer in layers],
+            id=[layer.ids for layer in layers],
         )
         self._find_spans = device.kernel("gbuffer/guide.cl", "find_spans", defines).fixed(
-            guides[0].layout.arguments(),
-            span_arguments(guides),
-            past=guides[0].spans.past,
+            size, spans, of_surfaces, past=guides[0].spans.past
+        )
+        self._build = device.kernel("gbuffer/guide.cl", "build_guide", defines).fixed(
+            size, spans, of_surfaces, batched(normal=[layer.normal for layer in layers])
         )
 
     def run(self, view: cla.Array) -> None:
@@ -172,11 +172,10 @@ class Guides:
         for guide in self._guides:
             guide.current, guide.previous = guide.previous, guide.current
         layout = self._guides[0].layout
-        current = batched(guide=[guide.current for guide in self._guides])
         with self._device.profile.section("guide"):
+            self._find_spans((layout.height, len(self._guides)))
             self._build(
                 (*layout.size, len(self._guides)),
-                current,
+                batched(guide=[guide.current for guide in self._guides]),
                 view=view,
             )
-            self._find_spans((layout.height, len(self._guides)), current)

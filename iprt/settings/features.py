@@ -22,8 +22,9 @@ from iprt.settings.model import Settings
 CELL = 8
 """Texels a side of the cells in which the highlight is compared with what the camera saw."""
 
-TOUCHED_FRAMES = 10.0
-"""For how long tracing remembers that an object lit or shadowed a pixel (`Mask.touched`)."""
+TOUCHED_FRAMES = 11.0
+"""For how many frames, the one of tracing among them, it is remembered that an object lit or
+shadowed a pixel (`Mask.touched`)."""
 
 
 def bvh_defines(*, textured: bool) -> dict[str, Define]:

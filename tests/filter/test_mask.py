@@ -60,13 +60,19 @@ def test_equals_twin(
 ) -> None:
     gbuffer = random_gbuffer(width, height, equirect=equirect)
     rng = np.random.default_rng(1)
-    touched = (rng.random((height, width)) < 0.01) * rng.choice([3.0, 10.0, 11.0], (height, width))
+    touched = (rng.random((height, width)) < 0.01) * rng.choice(
+        [1.0, 4.0, 11.0, 12.0], (height, width)
+    )
     sigma = 0.7 if equirect else 2.0
     history = rng.choice([0.0, 7.0, 8.0, 300.0], (height, width)) if known else None
-    _, level, listed = run(device, gbuffer, (1, 2), touched, sigma, graded, history)
+    mask, level, listed = run(device, gbuffer, (1, 2), touched, sigma, graded, history)
+    carried = read(device, gbuffer.layout, mask.touched)[0]
+    touched = np.maximum(touched - 1.0, 0.0)
+    assert np.array_equal(carried, np.where(gbuffer.seen_ids > 0.0, touched, 0.0))
+    touched = carried
     weight = oracle.tracing_weight(
         gbuffer.normal, gbuffer.position, gbuffer.seen_ids, touched, sigma, equirect,
-        TOUCHED_FRAMES if graded else 0.0,
+        TOUCHED_FRAMES - 1.0 if graded else 0.0,
     )  # fmt: skip
     low, high = (0.3, 0.5) if min(width, height) >= 4 else (0.0, 0.0)
     near = oracle.near(touched, equirect)

@@ -158,13 +158,16 @@ def accumulate(past: History, signal: Array, ids: Array, level: Array, fading: f
 
 
 def variance(now: History, ids: Array, equirect: bool) -> Array:
-    """Variance of the mean: of the samples, or of a 7x7 neighbourhood while they are few."""
+    """Variance of the mean: of the samples; while they are few, of the pixel and every other one of
+    its 7x7 neighbourhood.
+    """
     unsure = 1.0 + 8.0 / np.maximum(now.length, 1.0)
     result = unsure * now.spread / np.maximum(now.length - 1.0, 1.0)
     scalars = bordered(shown(now.signal), 3, equirect)
     wide_ids = bordered(ids, 3, equirect, fill=-1.0)
     for y, x in np.argwhere(now.length < 3.5):
-        same = wide_ids[y : y + 7, x : x + 7] == ids[y, x]
-        spatial = scalars[y : y + 7, x : x + 7][same].var()
+        same = wide_ids[y : y + 7 : 2, x : x + 7 : 2] == ids[y, x]
+        near = scalars[y : y + 7 : 2, x : x + 7 : 2][same]
+        spatial = np.append(near, scalars[y + 3, x + 3]).var()
         result[y, x] = 12.0 / max(now.length[y, x], 1.0) * spatial if ids[y, x] > 0.0 else 0.0
     return result
