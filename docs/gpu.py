@@ -38,7 +38,7 @@ OPTIMISED = 0.65
 WINDOWS = {
     "resample_panorama": 4,
     "accumulate": 2.5,  # four taps of the history, one of all else
-    "choose_level": 25,
+    "choose_level": 9,
     "filter_level": 9,
     "smooth_variance": 9,
     "fit_planes": 25,
