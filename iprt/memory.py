@@ -45,12 +45,17 @@ class RenderPlan:
         view: View,
         settings: Settings | None = None,
         footage: Footage | None = None,
+        *,
+        is_cpu: bool = True,
     ) -> RenderPlan:
-        """The plan by the renderer's own code, on a device that allocates nothing."""
+        """The plan by the renderer's own code, on a device that allocates nothing.
+
+        `is_cpu`: the device that it is for is a CPU.
+        """
         from iprt.device.plan import PlanDevice
         from iprt.renderer import Renderer
 
-        device = PlanDevice()
+        device = PlanDevice(is_cpu=is_cpu)
         renderer = Renderer(device, frame, instances, view, settings, footage=footage)
         return cls(view, renderer.features, device.buffers, tuple(device.kernels))
 
@@ -101,7 +106,7 @@ def require_memory(
     ------
     DeviceError
     """
-    plan = RenderPlan.of(frame, instances, view, settings, footage)
+    plan = RenderPlan.of(frame, instances, view, settings, footage, is_cpu=device.is_cpu)
     problem = plan.problem(device.name, device.memory, device.largest_buffer)
     if problem is not None:
         raise DeviceError(problem)

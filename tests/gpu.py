@@ -92,13 +92,19 @@ def compiled(program: Variant, folder: Path) -> dict[tuple[str, str], Need]:
     CompileError
     """
     needs: dict[tuple[str, str], Need] = {}
-    for vendor, found in (("nvidia", _nvidia(program, folder)), ("amd", _amd(program, folder))):
-        for name, need in found:
+    for vendor, found in (("nvidia", nvidia(program, folder)), ("amd", _amd(program, folder))):
+        for _, name, need in found:
             needs[vendor, name] = need.most(needs.get((vendor, name), need))
     return needs
 
 
-def _nvidia(program: Variant, folder: Path) -> Iterator[tuple[str, Need]]:
+def nvidia(program: Variant, folder: Path) -> Iterator[tuple[str, str, Need]]:
+    """What the kernels of a program need: GPU, kernel and need; `folder` takes what is in between.
+
+    Raises
+    ------
+    CompileError
+    """
     bitcode, assembly = folder / "program.bc", folder / "program.ptx"
     target = ["-target", "nvptx64-unknown-nvidiacl"]
     _run(*_clang(program, "nvptx64--nvidiacl"), *target, "-O2", "-emit-llvm", "-c", "-o", bitcode)
@@ -113,10 +119,10 @@ def _nvidia(program: Variant, folder: Path) -> Iterator[tuple[str, Need]]:
             found = ALLOCATED.search(report)
             assert found is not None, report
             stack, stores, loads, registers = map(int, found.groups())
-            yield name, Need(registers, stack, stores + loads)
+            yield gpu, name, Need(registers, stack, stores + loads)
 
 
-def _amd(program: Variant, folder: Path) -> Iterator[tuple[str, Need]]:
+def _amd(program: Variant, folder: Path) -> Iterator[tuple[str, str, Need]]:
     assembly = folder / "program.s"
     for gpu in AMD:
         target = ["-target", "amdgcn-mesa-mesa3d", f"-mcpu={gpu}", "-nogpulib"]
@@ -132,7 +138,8 @@ def _amd(program: Variant, folder: Path) -> Iterator[tuple[str, Need]]:
                 re.search(rf"; {key}:\s*(\d+)", body) for key in ("NumVgprs", "ScratchSize")
             )
             if registers and stack:  # not so of functions that are called
-                yield name, Need(int(registers[1]), int(stack[1]))  # spilled registers included
+                # Spilled registers are part of the stack.
+                yield gpu, name, Need(int(registers[1]), int(stack[1]))
 
 
 def _clang(program: Variant, library: str) -> list[str | Path]:

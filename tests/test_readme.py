@@ -50,7 +50,7 @@ def redirected(words: list[str]) -> tuple[list[str], Path | None]:
 
 
 COMMANDS = [words for page in PAGES for block in command_blocks(page) for words, _ in block]
-SHELL = {"source", "pip", "ffmpeg"}
+SHELL = {"source", "pip", "python", "ffmpeg"}
 """Programs of others, besides `iprt` and files of this repository."""
 
 

@@ -46,6 +46,11 @@ class UnbuiltKernel:
 class PlanDevice(ComputeDevice):
     """Stands in for a `ComputeDevice` while a renderer is constructed, on any machine.
 
+    Parameters
+    ----------
+    is_cpu : bool
+        Kind of device it stands in for. Kernels are those of a device that is none.
+
     Attributes
     ----------
     buffers : dict of str to int
@@ -54,11 +59,16 @@ class PlanDevice(ComputeDevice):
         In the order of construction; `defines` holds what is passed as `-D`.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, *, is_cpu: bool = True) -> None:
+        self._is_cpu = is_cpu
         self.profile = Profile()
         self.buffers: dict[str, int] = {}
         self.opengl: dict[str, int] = {}
         self.kernels: list[PlannedKernel] = []
+
+    @property
+    def is_cpu(self) -> bool:
+        return self._is_cpu
 
     @property
     def wide(self) -> bool:

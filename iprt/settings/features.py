@@ -176,6 +176,11 @@ class Features:
         return self.objects and self.settings.gbuffer == "cl"
 
     @property
+    def any_gbuffer(self) -> bool:
+        """Either may find them, and the device decides. Layers that rays meet are OpenGL's."""
+        return self.objects and self.settings.gbuffer == "auto" and not self.traced_layers
+
+    @property
     def traced_layers(self) -> bool:
         """Rays meet rasterized layers of the objects instead."""
         return self.tracing and not self.bvh

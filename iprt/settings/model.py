@@ -53,10 +53,12 @@ class Settings(BaseModel):
         description="Take off the drift of a video's exposure and white balance from what rays "
         "find, and put it back on the picture: histories hold while the camera adapts.",
     )
-    gbuffer: Literal["gl", "cl"] = Field(
-        default="gl",
+    gbuffer: Literal["auto", "gl", "cl"] = Field(
+        default="auto",
         description="What draws the objects that the view shows: OpenGL, or rays in OpenCL, which "
-        "is also taken where OpenGL is missing.",
+        "is also taken where OpenGL is missing. auto: OpenGL where the OpenCL device is a CPU; "
+        "elsewhere whichever is faster when objects come into view, so that pictures of two runs "
+        "may differ in the samples of outlines.",
     )
     light_scale: int = Field(
         default=1,

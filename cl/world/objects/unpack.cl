@@ -7,12 +7,13 @@
 // out  normal 3, depth 1 (0: not visible), id 1 (1 + material index), roughness 1 (GGX alpha; 1:
 //      diffuse), albedo 3, coverage 1, motion 2 planes
 //
-// Normals are turned towards the viewer: interpolated ones may face away near silhouettes.
+// It runs over a rectangle; outside, nothing is written. Normals are turned towards the viewer: interpolated ones may face away near silhouettes.
 #include "world/brdf.h"
 #include "gbuffer/planes.h"
 #include "gbuffer/view.h"
 
 __kernel void unpack_objects(
+    const int4 rectangle,                        // x0, y0, x1, y1
     const int width,
     const int height,
     __global const float *restrict view,
@@ -26,8 +27,8 @@ __kernel void unpack_objects(
     __global float *restrict coverage,
     __global float *restrict motion)
 {
-    const int x = get_global_id(0), y = get_global_id(1);
-    if (x >= width || y >= height)
+    const int x = rectangle.x + (int)get_global_id(0), y = rectangle.y + (int)get_global_id(1);
+    if (x >= rectangle.z || y >= rectangle.w)
         return;
     const int texel = y * width + x;
     const int pixel = plane_index(x, y, width), size = plane_size(width, height);

@@ -13,7 +13,8 @@
 //                 per material, rows of this frame's       image point in the previous view, pixels,
 //                 world to the previous frame's            (-1e9, -1e9): nowhere; 0
 //
-// Pixel centres are at integer + 0.5. Both run over a rectangle; outside, nothing is written.
+// Pixel centres are at integer + 0.5. Both run over a rectangle; outside, nothing is written, and
+// nothing is seen.
 // -D SAMPLES: coverage takes SAMPLES x SAMPLES rays a pixel. -D COVERAGE_TOLERANCE: an object is in
 // front up to this fraction of the distance behind the real surface. Coverage is 1 - M of Eq. 2 of
 // IPRT ("Interactive panoramic ray tracing"). -D OBJECTS_DEFORM: meshes bend. What a point was
@@ -134,16 +135,23 @@ TRACING_KERNEL void show_objects(
     const int x = rectangle.x + (int)get_global_id(0), y = rectangle.y + (int)get_global_id(1);
     if (x >= rectangle.z || y >= rectangle.w)
         return;
-    COUNT_ITEM;
     const Objects world = OBJECTS(view);
     const int pixel = y * width + x;
     const float3 d = view_direction(view, (float2)(x + 0.5f, y + 0.5f));
     float4 seen = front[pixel], its_material = material[pixel];
+    int from = seen.w > 0.0f ? -1 : nearest_covered_neighbour(front, x, y, width, height);
+    // Here nothing can be lent, whatever samples meet: most of a rectangle around objects.
+    if (!(seen.w > 0.0f) && from < 0) {
+        display[pixel] = display[width * height + pixel] = (float4)(0.0f);
+        display[2 * width * height + pixel] = (float4)(0.0f, -1e9f, -1e9f, 0.0f);
+        return;
+    }
+    COUNT_ITEM;
     float3 albedo = its_material.xyz;
     const int visible = visible_samples(world, view, x, y, (int)its_material.w, surface,
                                         surface_width, surface_height, &albedo);
     its_material.xyz = albedo;
-    const int from = visible > 0 && !(seen.w > 0.0f) ? nearest_covered_neighbour(front, x, y, width, height) : -1;
+    from = visible > 0 ? from : -1;
     if (from >= 0) {
         const float4 lent = front[from];
         const float2 at = (float2)(from % width + 0.5f, from / width + 0.5f);

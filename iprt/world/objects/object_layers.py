@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ import pyopencl.array as cla
 from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
-from iprt.gbuffer.batch import Rect
+from iprt.gbuffer.batch import Rect, int4
 from iprt.gbuffer.guide import plane_defines
 from iprt.gbuffer.layout import PlaneLayout
 from iprt.geometry.camera import View
@@ -135,12 +136,16 @@ class VisibleLayer(VisibleSurfaces):
         assert layers.display is not None
         with self._device.profile.section("upload"):
             self._device.write(self.display, layers.display)
-        self.unpack(view, materials)
+        self.unpack(view, materials, [(0, 0, *self._layout.size)])
 
-    def unpack(self, view: cla.Array, materials: cla.Array) -> None:
-        """Fill the planes from `display`."""
+    def unpack(self, view: cla.Array, materials: cla.Array, regions: Sequence[Rect]) -> None:
+        """Fill the planes from `display`, where that is not what it was."""
         with self._device.profile.section("unpack"):
-            self._kernel(self._layout.size, view=view, materials=materials)
+            for region in regions:
+                x0, y0, x1, y1 = region
+                self._kernel(
+                    (x1 - x0, y1 - y0), rectangle=int4(region), view=view, materials=materials
+                )
 
 
 def covered_rect(image: NDArray[np.float32]) -> Rect:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from iprt.bvh.scene import object_bounds
 from iprt.device.compute import ComputeDevice
+from iprt.device.fastest import timed_ways
 from iprt.errors import DeviceError
 from iprt.gbuffer.context import FrameContext
 from iprt.geometry.camera import View
@@ -19,7 +20,7 @@ from iprt.geometry.mesh import Instance, same_places
 from iprt.settings.features import Features
 from iprt.world.objects.object_bvh import ObjectBvh
 from iprt.world.objects.object_layers import TracedLayers, VisibleLayer
-from iprt.world.objects.visibility import Visibility
+from iprt.world.objects.visibility import Visibility, regions_of
 from iprt.world.real.panorama import Panorama
 
 if TYPE_CHECKING:
@@ -73,13 +74,14 @@ class Objects:
             self.screen, self.equirect = (None, traced) if self._equirect_view else (traced, None)
         if features.equirect_layers:
             self._place_layers_around(min(panorama.height, MAX_LAYER_ROWS))
+        # Until objects come into view, when both ways to draw them are timed.
+        self._undecided = features.any_gbuffer and not device.is_cpu
+        rays = features.primary_rays or self._undecided
         # Primary rays need the hierarchy too, where other rays meet layers.
-        self._triangles = (
-            hierarchy(device, instances) if features.bvh or features.primary_rays else None
-        )
+        self._triangles = hierarchy(device, instances) if features.bvh or rays else None
         self.bvh = self._triangles if features.bvh else None
         self._visibility: Visibility | None = None
-        if features.primary_rays:
+        if rays:
             self._see_by_rays(view)
         self.bounds = self._bounds()
         self.device_bounds = device.upload("object bounds", self.bounds)
@@ -149,15 +151,26 @@ class Objects:
             self._visibility.follow(self._instances)
         if self._rasterizer is not None and context.objects_changed:
             self._rasterizer.move(self._instances)
-        if self._visibility is None or self._features.traced_layers:
-            self._open_rasterizer(view)
         shown_anew = context.view_changed or context.video_changed or context.objects_changed
-        if self._rasterizer is not None:
-            self._rasterize(
-                self._rasterizer, visible, view, previous if shown_anew else None, context
-            )
-        if self._visibility is not None and shown_anew:
-            self._visibility.run(
+        decides = self._undecided and shown_anew and bool(regions_of(view, self.bounds))
+        if self._visibility is None or self._features.traced_layers or decides:
+            self._open_rasterizer(view, context)
+        ways = self._ways(visible, view, previous if shown_anew else None, context)
+        if decides and len(ways) > 1:
+            ways = self._fastest(ways)
+        for draw in ways.values():
+            draw()
+
+    def _ways(
+        self, visible: VisibleLayer, view: View, previous: View | None, context: FrameContext
+    ) -> dict[str, Callable[[], None]]:
+        """What draws the view, unless `previous` is None; two until it is known which is faster."""
+        ways: dict[str, Callable[[], None]] = {}
+        rasterizer, visibility = self._rasterizer, self._visibility
+        if rasterizer is not None:
+            ways["OpenGL"] = lambda: self._rasterize(rasterizer, visible, view, previous, context)
+        if visibility is not None and previous is not None:
+            ways["rays"] = lambda: visibility.run(
                 visible,
                 view,
                 context.view,
@@ -167,6 +180,22 @@ class Objects:
                 self.device_bounds,
                 self.materials,
             )
+        return ways
+
+    def _fastest(self, ways: dict[str, Callable[[], None]]) -> dict[str, Callable[[], None]]:
+        """The faster way to draw the view. What the other one needs is released."""
+        times = timed_ways(self._device, ways)
+        fastest = min(times, key=times.__getitem__)
+        told = ", ".join(f"{name} {ms:.2f} ms" for name, ms in times.items())
+        LOG.debug("objects in the view are drawn by %s, which is faster: %s", fastest, told)
+        self._undecided = False
+        if fastest == "rays":
+            self.close()
+            self._device.opengl = {}
+        elif self._visibility is not None:
+            self._visibility.close()
+            self._visibility, self._triangles = None, self.bvh
+        return {fastest: ways[fastest]}
 
     def _rasterize(
         self,
@@ -178,14 +207,12 @@ class Objects:
     ) -> None:
         """Draw the view, unless `previous` is None, and the layers around the capture centre."""
         profile = self._device.profile
-        if context.video_changed:
-            rasterizer.set_surface(self._device.read(self._panorama.surface))
         if previous is not None:
             with profile.host("rasterize view"):
                 layers = rasterizer.render(
                     view, previous, shade=True, back=self._features.traced_layers
                 )
-            if self._visibility is None:
+            if self._visibility is None or self._undecided:
                 visible.load(layers, context.view, self.materials)
             traced = self.equirect if self._equirect_view else self.screen
             if traced is not None:
@@ -196,19 +223,24 @@ class Objects:
                 layers = rasterizer.render(self._layer_view, shade=False)
             self.equirect.load(layers, self._layer_constants)
 
-    def _open_rasterizer(self, view: View) -> None:
-        """OpenGL; rays in its place where it is missing and they serve as well."""
-        if self._rasterizer is not None:
-            return
-        from iprt.raster.rasterizer import Rasterizer
+    def _open_rasterizer(self, view: View, context: FrameContext) -> None:
+        """OpenGL, which follows the video; rays in its place where it is missing and they serve."""
+        if self._rasterizer is None:
+            from iprt.raster.rasterizer import Rasterizer
 
-        try:
-            with self._device.profile.compiling("OpenGL"):
-                samples = self._features.settings.coverage_samples
-                self._rasterizer = Rasterizer(self._instances, samples)
-            self._device.opengl = self._rasterizer.memory
-        except DeviceError as error:
-            if self._features.traced_layers:
-                raise
-            LOG.warning("objects are drawn by rays in OpenCL: %s", error)
-            self._see_by_rays(view)
+            try:
+                with self._device.profile.compiling("OpenGL"):
+                    samples = self._features.settings.coverage_samples
+                    self._rasterizer = Rasterizer(self._instances, samples)
+                self._device.opengl = self._rasterizer.memory
+            except DeviceError as error:
+                if self._features.traced_layers:
+                    raise
+                self._undecided = False
+                if self._visibility is None:
+                    LOG.warning("objects are drawn by rays in OpenCL: %s", error)
+                    self._see_by_rays(view)
+                return
+        elif not context.video_changed:
+            return
+        self._rasterizer.set_surface(self._device.read(self._panorama.surface))

@@ -20,6 +20,14 @@ from iprt.world.objects.object_bvh import ObjectBvh
 from iprt.world.objects.object_layers import VisibleLayer
 from iprt.world.real.panorama import Panorama
 
+MOTION, FRONT, MATERIAL, DISPLACED = BUFFERS = (
+    "object motion rows",
+    "traced front",
+    "traced material",
+    "traced displacement",
+)
+"""Names of buffers."""
+
 
 class Visibility:
     """Fills a `VisibleLayer` by tracing primary rays.
@@ -46,7 +54,7 @@ class Visibility:
         self._bvh = bvh
         self._instances = instances
         materials = sum(len(instance.mesh.materials) for instance in instances)
-        self.motion = device.empty("object motion rows", (3 * max(materials, 1), 4))
+        self.motion = device.empty(MOTION, (3 * max(materials, 1), 4))
         self.follow(instances)
         bvh.follow_vertices()
         defines = plane_defines(
@@ -58,11 +66,14 @@ class Visibility:
         )
         self._see = device.kernel("world/objects/visibility.cl", "see_objects", defines)
         self._show = device.kernel("world/objects/visibility.cl", "show_objects", defines)
-        self.front = device.empty("traced front", (view.height, view.width, 4))
-        self.material = device.empty("traced material", (view.height, view.width, 4))
+        self.front = device.empty(FRONT, (view.height, view.width, 4))
+        self.material = device.empty(MATERIAL, (view.height, view.width, 4))
+        self._shown: tuple[VisibleLayer, list[Rect]] | None = (
+            None  # what the last run filled, where
+        )
         self._displaced: cla.Array | None = None
         if bvh.deforming:
-            self._displaced = device.empty("traced displacement", (view.height, view.width, 4))
+            self._displaced = device.empty(DISPLACED, (view.height, view.width, 4))
 
     def follow(self, instances: Sequence[Instance]) -> None:
         """Follow the objects: call it once per frame while they move, and once more."""
@@ -74,6 +85,11 @@ class Visibility:
         if moved:
             self._device.write(self.motion, np.concatenate(moved))
         self._instances = instances
+
+    def close(self) -> None:
+        """Its buffers, which go with it, are no longer accounted for."""
+        for name in BUFFERS:
+            self._device.buffers.pop(name, None)
 
     def run(
         self,
@@ -87,6 +103,8 @@ class Visibility:
         materials: cla.Array,
     ) -> None:
         """Trace the view and unpack it into the planes of `visible`.
+
+        Only rectangles around objects are touched, and what was filled in the last run.
 
         Parameters
         ----------
@@ -108,21 +126,20 @@ class Visibility:
             "displacements": self._bvh.displacements,
             "displaced": self._displaced,
         }
-        seen_at = [box_rects(view, box_corners(low, high)) for low, high in bounds[:, :, :3]]
-        regions = merge([rect for rects in seen_at for rect in rects])
+        around = regions_of(view, bounds)
+        # A run may be abandoned: then it is not known what planes hold.
+        last, self._shown = self._shown, None
+        known = last is not None and last[0] is visible
+        regions = merge(around + last[1]) if last is not None and known else around
 
         def run(kernel: Callable[..., None], **own: Any) -> None:
             for region in regions:
                 kernel(region.viewport[2:], seen, rectangle=int4(corners(region)), **own)
 
         with self._device.profile.section("trace view"):
-            for array in (
-                self.front,
-                self.material,
-                *(() if self._displaced is None else (self._displaced,)),
-                visible.display,
-            ):
-                self._device.fill_zero(array)
+            if not known:
+                for array in (self.front, self.material, visible.display):
+                    self._device.fill_zero(array)
             run(self._see)
             run(
                 self._show,
@@ -133,7 +150,15 @@ class Visibility:
                 surface_height=panorama.height,
                 display=visible.display,
             )
-        visible.unpack(constants, materials)
+        whole = [(0, 0, view.width, view.height)]
+        visible.unpack(constants, materials, [corners(r) for r in regions] if known else whole)
+        self._shown = visible, around
+
+
+def regions_of(view: View, bounds: NDArray[np.float32]) -> list[Rect]:
+    """Rectangles that hold all pixels in which a view can show boxes, (N, 2, 4): none is empty."""
+    seen_at = [box_rects(view, box_corners(low, high)) for low, high in bounds[:, :, :3]]
+    return merge([rect for rects in seen_at for rect in rects])
 
 
 def corners(rect: Rect) -> tuple[int, int, int, int]:

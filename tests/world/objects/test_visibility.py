@@ -210,3 +210,41 @@ def test_nothing_in_sight(device: ComputeDevice, view: View) -> None:
         assert (image(device, layer, "coverage") > 0.0).any() == shown
         assert (image(device, layer, "id") > 0.0).any() == shown
     assert 0.0 < COVERAGE_TOLERANCE < 0.1
+
+
+@views
+def test_rectangles_that_are_filled_anew_leave_nothing_of_the_last_run(
+    device: ComputeDevice, view: View
+) -> None:
+    """Objects that jump, vanish and come back, beside one that each time starts from nothing."""
+    ball = placed(sphere(2), (0.0, 0.0, -2.0), 0.3)
+    frame = room_frame(World(), 64, 32, bright_walls)
+    panorama = panorama_of(device, frame)
+    constants = device.upload("view", view.kernel_constants())
+    table = device.upload("materials", material_table(ball.mesh.materials))
+    layout = PlaneLayout(view.width, view.height)
+    bvh = ObjectBvh(device, [ball])
+
+    def pair() -> tuple[Visibility, VisibleLayer]:
+        equirect = view.projection == "equirect"
+        return (
+            Visibility(device, view, bvh, [ball], SAMPLES),
+            VisibleLayer(device, layout, equirect=equirect),
+        )
+
+    kept = pair()
+    for x, z in ((0.0, -2.0), (0.7, -1.5), (0.0, 2.0), (-0.4, -1.2), (0.0, -500.0), (0.3, -2.0)):
+        there = [replace(ball, to_world=placed(sphere(2), (x, 0.1, z), 0.3).to_world)]
+        bvh.load(there)
+        bounds = object_bounds(there, margin=1e-3)
+        boxes = device.upload("boxes", bounds)
+        for visibility, layer in (kept, fresh := pair()):
+            visibility.run(layer, view, constants, constants, panorama, bounds, boxes, table)
+        for name in PLANES:
+            np.testing.assert_array_equal(
+                *(image(device, layer, name) for _, layer in (kept, fresh)), err_msg=name
+            )
+        for name in ("front", "material"):
+            np.testing.assert_array_equal(
+                *(device.read(getattr(visibility, name)) for visibility, _ in (kept, fresh))
+            )

@@ -1,0 +1,257 @@
+"""What kernels have to do in a frame, counted: launches, work items, buffers, rays, their steps.
+
+For `docs/gpu.py`. Kernels are built as for a device that is no CPU, whatever plays them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+from unittest import mock
+
+import numpy as np
+import pyopencl.array as cla
+from numpy.typing import NDArray
+
+from iprt.device.compute import ComputeDevice
+from iprt.device.counting import CountingDevice
+from iprt.device.kernel import Kernel
+from iprt.footage.footage import Footage
+from iprt.footage.frame import Frame
+from iprt.measure.camera_motion import Turn, turned
+from iprt.renderer import Renderer
+from iprt.scene.scene import Scene
+from iprt.settings.model import Settings
+
+ROOT = Path(__file__).resolve().parents[1]
+VIDEO, FRAME = "video", "frame"
+"""What is played: preparing a frame of a video, and a frame of a head that turns."""
+
+BANDED = frozenset(("upload", "surface"))
+"""Passes that go through a panorama in bands: `iprt.world.real.surfaces`."""
+FILL = "fill"
+"""The kernel of what clears a buffer, in a table of kernels."""
+
+Key = tuple[str, str]
+"""Pass and kernel."""
+Mark = Callable[[tuple[str, ...]], None]
+
+
+@dataclass(frozen=True)
+class Size:
+    """How large a run is.
+
+    Attributes
+    ----------
+    view, rows : int
+        Pixels a side of the view, and rows of the panorama.
+    warm_up : int
+        Frames before the one that counts.
+    settings : dict
+        Those that differ from the defaults.
+    """
+
+    view: int
+    rows: int
+    warm_up: int
+    settings: dict[str, Any]
+
+
+GBUFFER = {"gbuffer": "cl"}
+FULL = Size(1024, 2048, 16, GBUFFER)
+SMALL = Size(
+    32,
+    32,
+    2,
+    {**GBUFFER, "irradiance": {"rows": 16, "first_rays": 2}, "iprt": {"ratio_rows": 16}},
+)
+
+
+@dataclass
+class Count:
+    """What the launches of a kernel in a pass had to do together.
+
+    Attributes
+    ----------
+    program : str
+        File and defines.
+    launches, items : int
+    bound : int
+        Bytes of the buffers that are bound, each once a launch; where a pass works in bands, those
+        that hold more than a band once.
+    active, rays, steps : int
+        Where rays are traced: work items that trace, rays, and the steps of their marches.
+    loaded, stored : int
+        Bytes that instructions load from and store to global memory.
+    flops, instructions : float
+        Floating point operations, and instructions as a GPU issues them.
+    """
+
+    program: str = ""
+    launches: int = 0
+    items: int = 0
+    bound: int = 0
+    active: int = 0
+    rays: int = 0
+    steps: int = 0
+    loaded: int = 0
+    stored: int = 0
+    flops: float = 0.0
+    instructions: float = 0.0
+
+    @property
+    def requested(self) -> int:
+        """Bytes that instructions move."""
+        return self.loaded + self.stored
+
+    @property
+    def amount(self) -> int:
+        """What the cost of a launch grows with: steps of rays, or work items."""
+        return self.steps or self.items
+
+    def scaled(self, small: Count) -> Count:
+        """With the costs of a smaller run in proportion."""
+        if not self.program:
+            return self
+        ratio = self.amount / max(small.amount, 1)
+        return replace(
+            self,
+            loaded=round(small.loaded * ratio),
+            stored=round(small.stored * ratio),
+            flops=small.flops * ratio,
+            instructions=small.instructions * ratio,
+        )
+
+
+Counts = dict[Key, Count]
+
+
+class LikeGpu(CountingDevice):
+    """Counts, and builds what a device that is no CPU gets."""
+
+    @property
+    def is_cpu(self) -> bool:
+        return False
+
+
+# Playing ------------------------------------------------------------------------------------
+
+
+def play(device: ComputeDevice, size: Size, mark: Mark = lambda _: None) -> dict[str, Counts]:
+    """Counts of `VIDEO` and of `FRAME`, without what instructions do.
+
+    `mark` is called with the names of what is played, pass and kernel before each launch, which is
+    done before the next one; and with nothing before launches that do not count.
+    """
+    scene = Scene.open(ROOT / "scenes360" / "room")
+    frame = resized(scene.frame(), size.rows)
+    view = replace(next(iter(scene.views.values())).view, width=size.view, height=size.view)
+    settings = Settings.model_validate(size.settings)
+    footage = Footage.of(frame, static_camera=True)
+    found = {}
+    counting = LikeGpu(device)
+    with Renderer(counting, frame, scene.instances, view, settings, footage=footage) as renderer:
+        renderer.real_world.split_highlights()
+        with recorded(counting, lambda key: mark((VIDEO, *key))) as found[VIDEO]:
+            renderer.load(replace(frame))
+            renderer.real_world.split_highlights()
+        mark(())
+    reel = Turn(frame, scene.instances, view, settings)
+    with reel.renderer(counting) as renderer:
+        for index in range(size.warm_up):
+            renderer.look(turned(view, index))
+            renderer.step()
+        renderer.look(turned(view, size.warm_up))
+        with recorded(counting, lambda key: mark((FRAME, *key))) as found[FRAME]:
+            renderer.step()
+    mark(())
+    return found
+
+
+@contextmanager
+def recorded(device: CountingDevice, mark: Mark) -> Iterator[Counts]:
+    """What is launched meanwhile; `mark` is called with pass and kernel before each launch."""
+    counts: Counts = {}
+    buffers: dict[Key, list[cla.Array]] = {}
+    launch, fill = Kernel.__call__, ComputeDevice.fill_zero
+
+    def clear(self: ComputeDevice, array: cla.Array) -> None:
+        fill(self, array)
+        if array is not device._counters:
+            count = counts.setdefault((device.profile.current, FILL), Count())
+            count.launches += 1
+            count.bound += array.nbytes
+            count.stored += array.nbytes
+
+    def record(kernel: Kernel, size: tuple[int, ...], *groups: Any, **own: Any) -> None:
+        key = (device.profile.current, kernel.name)
+        mark(key)
+        launch(kernel, size, *groups, **own)
+        device.wait()
+        program = kernel.program.replace(" -DCOUNT_WORK=1", "")
+        count = counts.setdefault(key, Count(program))
+        count.launches += 1
+        count.items += int(np.prod(size))
+        held = {id(array): array for array in kernel.buffers.values() if hasattr(array, "nbytes")}
+        buffers.setdefault(key, []).extend(held.values())
+
+    device.wait()
+    device.work.clear()
+    with (
+        mock.patch.object(Kernel, "__call__", record),
+        mock.patch.object(ComputeDevice, "fill_zero", clear),
+    ):
+        yield counts
+    for key, arrays in buffers.items():
+        band = counts[key].items if key[0] in BANDED else 0
+        counts[key].bound = _bound(arrays, band)
+    for key, work in device.work.items():
+        counts[key].active = work.active
+        counts[key].rays = work.real.count + work.objects.count
+        counts[key].steps = work.real.steps + work.objects.steps
+
+
+def _bound(arrays: list[cla.Array], whole: int) -> int:
+    """Bytes of the buffers of launches; of those of at least `whole` elements, unless 0, once."""
+    once = {id(array): array.nbytes for array in arrays if 0 < whole <= array.size}
+    return sum(once.values()) + sum(array.nbytes for array in arrays if id(array) not in once)
+
+
+def resized(frame: Frame, rows: int) -> Frame:
+    """The panorama with another number of rows: colour and inverse depth blended, masks not."""
+    with np.errstate(divide="ignore"):
+        depth = 1.0 / _blended(1.0 / frame.depth, rows)
+    return replace(
+        frame,
+        color=_blended(frame.color, rows),
+        depth=depth.astype(np.float32),
+        opening=_nearest(frame.opening, rows),
+        gloss=None if frame.gloss is None else _nearest(frame.gloss, rows),
+    )
+
+
+def _places(count: int, old: int) -> NDArray[np.float64]:
+    return (np.arange(count) + 0.5) * (old / count) - 0.5
+
+
+def _nearest(image: NDArray[Any], rows: int) -> NDArray[Any]:
+    y, x = (np.rint(_places(n, old)).astype(int) for n, old in _sizes(image, rows))
+    return np.ascontiguousarray(image[y][:, x % image.shape[1]])
+
+
+def _blended(image: NDArray[np.float32], rows: int) -> NDArray[np.float32]:
+    for axis, (count, old) in enumerate(_sizes(image, rows)):
+        places = _places(count, old).clip(0.0, old - 1.0)
+        low = places.astype(int)
+        shape = [-1 if i == axis else 1 for i in range(image.ndim)]
+        share = (places - low).astype(np.float32).reshape(shape)
+        high = np.minimum(low + 1, old - 1)
+        image = image.take(low, axis) * (1.0 - share) + image.take(high, axis) * share
+    return image
+
+
+def _sizes(image: NDArray[Any], rows: int) -> list[tuple[int, int]]:
+    return [(rows, image.shape[0]), (2 * rows, image.shape[1])]
