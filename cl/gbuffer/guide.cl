@@ -26,7 +26,7 @@ __kernel void find_spans(
     int height)
 {
     int y = get_global_id(0), entry = get_global_id(1);
-    if (y >= height)
+    if (y >= height || entry >= BATCH) // work groups may reach beyond both
         return;
     PLANES_IN depth = OF_BATCH(depth);
     PLANES_IN id = OF_BATCH(id);

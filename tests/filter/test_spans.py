@@ -16,6 +16,7 @@ from iprt.gbuffer.guide import Guide, span_arguments
 from iprt.methods.relight import Relight
 from iprt.settings.model import Settings
 from tests.filter.gbuffer import GBuffer, random_gbuffer, read, still_frame, still_motion, upload
+from tests.like_gpu import LikeGpu
 from tests.methods.even_cache import WORLD, EvenCache
 
 WIDTH, HEIGHT = 150, 20
@@ -29,7 +30,11 @@ def moving(frame: int, *, equirect: bool) -> GBuffer:
     return replace(gbuffer, ids=np.where(inside & (frame % 7 < 5), gbuffer.ids, 0.0))
 
 
-def test_spans_hold_the_surfaces_of_three_pictures(device: ComputeDevice) -> None:
+@pytest.mark.parametrize("kind", [ComputeDevice, LikeGpu], ids=["CPU", "GPU's work groups"])
+def test_spans_hold_the_surfaces_of_three_pictures(
+    device: ComputeDevice, kind: type[ComputeDevice]
+) -> None:
+    device = kind(device.device)
     guide = moving(0, equirect=False).guide(device)
     seen = [moving(0, equirect=False).seen_ids > 0.0]
     for frame in range(1, 9):
