@@ -66,7 +66,7 @@ SMALL = Size(
     32,
     32,
     2,
-    {**GBUFFER, "irradiance": {"rows": 16, "first_rays": 2}, "iprt": {"ratio_rows": 16}},
+    {**GBUFFER, "irradiance": {"rows": 16, "rays": 1}, "iprt": {"ratio_rows": 16}},
 )
 
 

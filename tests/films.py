@@ -47,7 +47,7 @@ AROUND = View(15, 7, projection="equirect")
 FEW: dict[str, Any] = {
     "trace": {"object_rays": 1},
     "iprt": {"ratio_rows": 16},
-    "irradiance": {"rows": 16, "first_rays": 2, "rays": 1},
+    "irradiance": {"rows": 16, "rays": 1},
     "atrous": {"levels": 2},
     "gloss": {"rays": 2},
 }

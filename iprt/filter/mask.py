@@ -23,6 +23,9 @@ LEVEL_NONE = constant("lib/gbuffer/guide.h", "LEVEL_NONE")
 STRONG_FRAMES = 2.0 * TOUCHED_FRAMES - 1.0
 """The same where an object changes much, if pixels that it changes little are told apart."""
 
+LOW, HIGH = 0.3, 0.5
+"""δ1 and δ2 of IPRT's Eq. 4: pixels that differ less get one ray for 16, and for 4."""
+
 _CHUNK = constant("filter/mask.cl", "CHUNK")
 
 
@@ -76,7 +79,7 @@ class Mask:
         layout = guide.layout
         # Fewer than 4 pixels a side need not hold a point of the coarsest grid.
         sparse = settings.sparse and min(layout.size) >= 4
-        self.low, self.high = (settings.low, settings.high) if sparse else (0.0, 0.0)
+        self.low, self.high = (LOW, HIGH) if sparse else (0.0, 0.0)
         self.faint_frames = TOUCHED_FRAMES - 1.0 if graded else 0.0
         self.touched = device.zeros(f"{name} touched", layout.shape(1))
         self.before = device.zeros(f"{name} touched before", layout.shape(1))

@@ -22,12 +22,6 @@ class MaskSettings(BaseModel):
         description="σ_p of Eq. 3: higher traces more pixels (1000 is nearly all of them).",
         json_schema_extra={"unit": "1/m"},
     )
-    low: float = Field(
-        default=0.3, gt=0.0, le=1.0, description="δ1 of Eq. 4: below, one ray for 16 pixels."
-    )
-    high: float = Field(
-        default=0.5, gt=0.0, le=1.0, description="δ2 of Eq. 4: below, one ray for 4 pixels."
-    )
 
 
 class InterpolateSettings(BaseModel):

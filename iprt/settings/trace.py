@@ -96,18 +96,12 @@ class IrradianceSettings(BaseModel):
         description="Rows of the grid around the capture centre; it has twice as many columns.",
         json_schema_extra={"unit": "rows"},
     )
-    first_rays: int = Field(
-        default=8,
-        ge=1,
-        le=4096,
-        description="Rays with which a cell starts when it is needed.",
-        json_schema_extra={"unit": "rays"},
-    )
     rays: int = Field(
         default=4,
         ge=1,
         le=1024,
-        description="Further rays per cell and frame, where objects have influence.",
+        description="Rays per cell and frame, where objects have influence; twice as many when a cell is "
+        "first needed.",
         json_schema_extra={"unit": "rays"},
     )
     samples: int = Field(

@@ -138,7 +138,7 @@ def test_rays_of_a_picture_are_those_asked_for(device: ComputeDevice) -> None:
     assert delta.objects.count > 0
     # The first time a cell is seen it gets so many rays, above its surface all of them.
     assert refined.active > 0
-    assert refined.real.count == refined.active * settings.irradiance.first_rays
+    assert refined.real.count == refined.active * 2 * settings.irradiance.rays
     assert refined.objects == Rays()
     assert work["irradiance", "list_cells"].active == listed
     assert work["irradiance", "smooth_cells"].active == refined.active

@@ -47,7 +47,7 @@ class Frames:
         """Chosen in one launch, by other settings for each layer."""
         made = []
         for layer in used:
-            settings = MaskSettings(sigma_position=0.2 + layer, high=0.6 - 0.2 * layer)
+            settings = MaskSettings(sigma_position=0.2 + layer, sparse=layer != 1)
             mask = Mask(self.device, guides[layer], settings, name="test", graded=layer == 0)
             padded = self.gbuffers[layer].layout.padded(self.touched[layer][None])
             self.device.write(mask.touched, padded.astype(np.float32))

@@ -29,7 +29,7 @@ SETTINGS = Settings.model_validate(
         "atrous": {"levels": 0},
         "trace": {"jitter": False},
         "iprt": {"relight_reflections": False},
-        "irradiance": {"rows": 16, "first_rays": 2, "rays": 1},
+        "irradiance": {"rows": 16, "rays": 1},
     }
 )
 

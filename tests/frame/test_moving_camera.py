@@ -258,7 +258,7 @@ def test_the_seam_does_not_show_while_walking(device: ComputeDevice) -> None:
 def test_irradiance_is_fetched_from_where_it_was(device: ComputeDevice) -> None:
     """Cells of a walk know what cells of a camera that stood still do."""
     poses = walk(14)
-    many = settings(irradiance={"rows": 32, "first_rays": 2048, "samples": 2048})
+    many = settings(irradiance={"rows": 32, "rays": 1024, "samples": 2048})
     _, sure = walked(device, poses[-1:], many)
     _, mean = walked(device, poses, settings(irradiance={"rows": 32}))
     _, first = walked(device, poses[-1:], settings(irradiance={"rows": 32}))
@@ -275,7 +275,7 @@ def test_random_numbers_go_on(device: ComputeDevice) -> None:
     rows = {"rows": 32}
     frame = room_frame(ROOM, 128, 64, bright_walls)
     video = (frame, replace(frame, color=2.0 * frame.color))
-    many = settings(irradiance={**rows, "first_rays": 2048, "samples": 2048})
+    many = settings(irradiance={**rows, "rays": 1024, "samples": 2048})
     with Renderer(device, frame, objects(), VIEW, many) as renderer:
         renderer.step()
         assert renderer.real_world.irradiance is not None

@@ -209,7 +209,7 @@ def test_frames_average_out_the_noise(
 
     coarse = {"iprt": {"ratio_rows": 16}}
     many = {"rays": 32, "object_rays": 32}
-    sure: dict[str, Any] = {"rows": 16, "first_rays": 1024, "samples": 1024}
+    sure: dict[str, Any] = {"rows": 16, "rays": 512, "samples": 1024}
     truth = accumulated(16, seed=1, trace=many, irradiance=sure, **coarse, **RAW)
     # One ray of objects in every frame: by default there are more in the first ones.
     few: dict[str, Any] = {"trace": {"object_rays": 1}, "irradiance": sure, **coarse}

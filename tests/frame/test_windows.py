@@ -79,7 +79,7 @@ def render_ball(
 ) -> RenderedFrame:  # fmt: skip
     trace = {"rays": rays, "openings": openings, "jitter": False}
     raw = {"fading": 0.0, "atrous": {"levels": 0}, "mask": {"sparse": False}}
-    sure = {"rows": 64, "first_rays": 512, "samples": 512}
+    sure = {"rows": 64, "rays": 256, "samples": 512}
     settings = Settings.model_validate({"trace": trace, "irradiance": sure, **raw})
     objects = [ball(solid.centre, solid.radius, MIRROR, subdivisions=5)]
     return render(device, frame, objects, view, settings, frames)

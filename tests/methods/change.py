@@ -29,9 +29,9 @@ SCENES: dict[str, tuple[Solid, list[Instance], Material]] = {
     "plate": (PLATE, [cuboid(PLATE.centre, PLATE.half, BLACK)], BLACK),
     "ball": (BALL, [ball(BALL.centre, BALL.radius, RED, subdivisions=5)], RED),
 }
-STILL = {"rows": 16, "first_rays": 64, "samples": 64}
+STILL = {"rows": 16, "rays": 32, "samples": 64}
 """E_R is the same in all frames, so that the signal times E_R is irradiance, whatever E_R is."""
-SURE = {"rows": 16, "first_rays": 1024, "samples": 1024}
+SURE = {"rows": 16, "rays": 512, "samples": 1024}
 """E_R is well known at once."""
 
 

@@ -72,7 +72,7 @@ class Kernels:
     def _features(self, seed: int, rays: int) -> Features:
         needs = self.renderer.features
         trace = needs.settings.trace.model_copy(update={"rays": rays, "object_rays": rays})
-        irradiance = needs.settings.irradiance.model_copy(update={"first_rays": rays})
+        irradiance = needs.settings.irradiance.model_copy(update={"rays": rays})
         update = {"seed": seed, "trace": trace, "irradiance": irradiance}
         return replace(needs, settings=needs.settings.model_copy(update=update))
 
@@ -124,7 +124,7 @@ class Kernels:
         return signal[..., :3], signal[..., 3:], self._planes(shown)
 
     def irradiance(self, seed: int, rays: int) -> Float:
-        """(N, 3) E_R / π of the cells of a cache that knew nothing."""
+        """(N, 3) E_R / π of the cells of a cache that knew nothing; each begins with 2 * rays."""
         renderer = self.renderer
         panorama = renderer.real_world.panorama
         cache = IrradianceCache(self.device, panorama, self._features(seed, rays))
@@ -138,7 +138,7 @@ class Kernels:
         )
         mean = self.device.read(cache.mean).astype(np.float64)
         known = mean[:, 3] > 0.0
-        assert (mean[known, 3] == rays).all()
+        assert (mean[known, 3] == 2 * rays).all()
         return np.asarray(mean[known, :3])
 
     @cached_property

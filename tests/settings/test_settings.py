@@ -123,7 +123,6 @@ def test_later_ones_win(tmp_path: Path) -> None:
         ("trace.rays=[1]", "expected a whole number"),
         ("mask.sparse=1", "expected true or false"),
         ("mask.sparse=no", "expected true or false"),
-        ("mask.low=0", "expected a number above 0 and at most 1"),
         ("fading=nan", "expected a number from 0 to 1"),
         ("atrous.deviations=inf", "expected a number above 0 and at most 100"),
         ("method=ipbl", '--set method=ipbl: expected "iprt" or "ibl"'),

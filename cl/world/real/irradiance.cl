@@ -169,8 +169,7 @@ __kernel void list_cells(
 }
 
 TRACING_KERNEL void refine_cells(
-    const int rays,                        // per cell and frame
-    const int first_rays,                  // for a cell that knows nothing
+    const int rays,                        // per cell and frame; twice for one that knows nothing
     const int seed,
     __global const int *restrict list,
     __global const int *restrict count,
@@ -192,7 +191,7 @@ TRACING_KERNEL void refine_cells(
     const Frame frame = build_frame(n);
     const float4 before = mean[cell];
     const uint first = (uint)(before.w + (plane[cell].w - 1.0f) + 0.5f);
-    const int more = before.w < 1.0f ? first_rays : rays;
+    const int more = before.w < 1.0f ? 2 * rays : rays;
     const uint stream = hash_combine(hash_combine((uint)cell, 0x69727261u), (uint)seed);
 
     float3 sum = (float3)(0.0f);

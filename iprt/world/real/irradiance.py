@@ -75,7 +75,7 @@ class IrradianceCache:
         settings, grid = self.settings, {"columns": self.columns, "rows": self.rows}
         self._list = kernel("list_cells").fixed(
             grid,
-            first=settings.first_rays,
+            first=2 * settings.rays,
             enough=settings.samples,
             listed=self._listed,
             cells=self._cells,
@@ -83,7 +83,6 @@ class IrradianceCache:
         self._refine = kernel("refine_cells").fixed(
             grid,
             rays=settings.rays,
-            first_rays=settings.first_rays,
             seed=features.settings.seed,
             list=self._cells,
         )

@@ -76,7 +76,7 @@ def test_cells_hold_the_irradiance(device: ComputeDevice, scene: str, light_samp
     frame = lamp_frame() if scene == "lamp" else windowed(sun)
     samples, count = 1024, 8_000
     with renderer(
-        device, frame, light_sampling=light_sampling, first_rays=samples, samples=samples
+        device, frame, light_sampling=light_sampling, rays=samples // 2, samples=samples
     ) as made:
         made.render(1)
         plane, mean, _ = cells(made)
@@ -125,13 +125,13 @@ def test_more_samples_are_surer(device: ComputeDevice) -> None:
     as many samples at once find.
     """
     spread, frame = [], lamp_frame()
-    with renderer(device, frame, first_rays=4096, samples=4096) as made:
+    with renderer(device, frame, rays=1024, samples=4096) as made:
         made.render(1)
         at_once = cells(made)[1]
     for samples in (16, 256):
         found = []
         for seed in range(4):
-            chosen = {"rows": ROWS, "first_rays": 8, "rays": 8, "samples": samples}
+            chosen = {"rows": ROWS, "rays": 4, "samples": samples}
             settings = Settings.model_validate(
                 {"seed": seed, "irradiance": chosen, "mask": {"sparse": False},
                  "iprt": {"relight_reflections": False}}
@@ -139,7 +139,7 @@ def test_more_samples_are_surer(device: ComputeDevice) -> None:
             black = Material(albedo=(0.0, 0.0, 0.0))
             objects = [ball(BALL.centre, BALL.radius, black)]
             with Renderer(device, frame, objects, DOWN, settings) as made:
-                made.render(samples // 8 + 4)
+                made.render(samples // 4 + 4)
                 found.append(cells(made)[1])
         samples_taken = np.array(found)[..., 3].min(0)
         kept = samples_taken >= samples
@@ -192,13 +192,13 @@ def test_nothing_is_known_where_no_object_matters(device: ComputeDevice) -> None
 
 def test_cells_are_refined_until_enough(device: ComputeDevice) -> None:
     """And only where objects have influence; a few rays do elsewhere."""
-    with renderer(device, lamp_frame(), first_rays=8, rays=16, samples=100) as made:
+    with renderer(device, lamp_frame(), rays=16, samples=100) as made:
         made.render(24)
         _, mean, _ = cells(made)
     samples = mean[:, 3]
-    assert set(np.unique(samples)) >= {0.0, 8.0}
+    assert set(np.unique(samples)) >= {0.0, 32.0}
     assert 100.0 <= samples.max() < 116.0
-    assert (samples[(samples > 0.0)] >= 8.0).all()
+    assert (samples[(samples > 0.0)] >= 32.0).all()
 
 
 # Over time -----------------------------------------------------------------------------------
@@ -219,7 +219,7 @@ def test_the_same_video_keeps_all(device: ComputeDevice) -> None:
 def test_light_is_followed_and_doubted_in_proportion(device: ComputeDevice, factor: float) -> None:
     """Dimmed as a whole: so is E_R, which is as sure as half of the change is small."""
     frame = lamp_frame()
-    with renderer(device, frame, first_rays=64) as made:
+    with renderer(device, frame, rays=32) as made:
         made.render(2)
         before = cells(made)
         assert before[1][:, 3].max() >= 64.0
