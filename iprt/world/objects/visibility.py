@@ -68,9 +68,8 @@ class Visibility:
         self._show = device.kernel("world/objects/visibility.cl", "show_objects", defines)
         self.front = device.empty(FRONT, (view.height, view.width, 4))
         self.material = device.empty(MATERIAL, (view.height, view.width, 4))
-        self._shown: tuple[VisibleLayer, list[Rect]] | None = (
-            None  # what the last run filled, where
-        )
+        # What the last run filled, and where.
+        self._shown: tuple[VisibleLayer, list[Rect]] | None = None
         self._displaced: cla.Array | None = None
         if bvh.deforming:
             self._displaced = device.empty(DISPLACED, (view.height, view.width, 4))
