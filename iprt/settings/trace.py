@@ -100,8 +100,8 @@ class IrradianceSettings(BaseModel):
         default=4,
         ge=1,
         le=1024,
-        description="Rays per cell and frame, where objects have influence; twice as many when a cell is "
-        "first needed.",
+        description="Rays per cell and frame, where objects have influence; twice as many when "
+        "a cell is first needed.",
         json_schema_extra={"unit": "rays"},
     )
     samples: int = Field(
