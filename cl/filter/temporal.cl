@@ -27,7 +27,7 @@
 // for bit. Build with -DBATCH=signals, -DSIGNAL_PLANES=3|6, -DVIEW_EQUIRECT for equirect views.
 #include "filter/history.h"
 
-#define SPATIAL_RADIUS 3      // a neighbourhood of 7x7, of which every other pixel stands for four
+#define SPATIAL_TAPS 4        // a side: every other pixel of a 7x7 neighbourhood
 #define SHORT_HISTORY 4.0f    // below, samples of one pixel do not determine their variance
 #define UNSURE 8.0f           // few samples of rare events have too small a variance: 1 + 8 / n
 
@@ -196,14 +196,15 @@ __kernel void estimate_variance(
         result = (1.0f + UNSURE / samples) * spread[p] / (samples - 1.0f);
     } else if (ids[p] > 0.0f) {
         float id = ids[p], centre = scalar[p], count = 1.0f, sum = 0.0f, square = 0.0f;
-        for (int dy = -SPATIAL_RADIUS; dy <= SPATIAL_RADIUS; dy += 2)
-            for (int dx = -SPATIAL_RADIUS; dx <= SPATIAL_RADIUS; dx += 2) {
-                int q = p + dx + dy * stride;
-                float same = ids[q] == id ? 1.0f : 0.0f, d = same * (scalar[q] - centre);
-                count += same;
-                sum += d;
-                square += d * d;
-            }
+        for (int i = 0; i < SPATIAL_TAPS * SPATIAL_TAPS; i++) {
+            int dx = 2 * (i % SPATIAL_TAPS) + 1 - SPATIAL_TAPS;
+            int dy = 2 * (i / SPATIAL_TAPS) + 1 - SPATIAL_TAPS;
+            int q = p + dx + dy * stride;
+            float same = ids[q] == id ? 1.0f : 0.0f, d = same * (scalar[q] - centre);
+            count += same;
+            sum += d;
+            square += d * d;
+        }
         // Variance of the means around, as after SHORT_HISTORY samples, made that of fewer.
         float boost = (SHORT_HISTORY + UNSURE) / fmax(samples, 1.0f);
         result = boost * fmax(square / count - sum * sum / (count * count), 0.0f);
