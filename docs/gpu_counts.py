@@ -25,6 +25,7 @@ from iprt.measure.camera_motion import Turn, turned
 from iprt.renderer import Renderer
 from iprt.scene.scene import Scene
 from iprt.settings.model import Settings
+from tests.like_gpu import LikeGpu
 
 ROOT = Path(__file__).resolve().parents[1]
 VIDEO, FRAME = "video", "frame"
@@ -129,12 +130,8 @@ class Count:
 Counts = dict[Key, Count]
 
 
-class LikeGpu(CountingDevice):
+class CountingGpu(LikeGpu, CountingDevice):
     """Counts, and builds what a device that is no CPU gets."""
-
-    @property
-    def is_cpu(self) -> bool:
-        return False
 
 
 # Playing ------------------------------------------------------------------------------------
@@ -152,7 +149,7 @@ def play(device: ComputeDevice, size: Size, mark: Mark = lambda _: None) -> dict
     settings = Settings.model_validate(size.settings)
     footage = Footage.of(frame, static_camera=True)
     found = {}
-    counting = LikeGpu(device)
+    counting = CountingGpu(device)
     with Renderer(counting, frame, scene.instances, view, settings, footage=footage) as renderer:
         renderer.real_world.split_highlights()
         with recorded(counting, lambda key: mark((VIDEO, *key))) as found[VIDEO]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 import subprocess
 import sys
@@ -20,7 +19,7 @@ from iprt.device.choose import choose_device
 from iprt.device.compute import ComputeDevice
 from iprt.files.resources import CL
 from tests.gpu import CLANG
-from tests.oclgrind import LIBRARY, MISSING
+from tests.oclgrind import LIBRARY, MISSING, oclgrind_environment
 
 MARK = "LAUNCH "
 COUNTED = re.compile(r"^ +(\d+) - ([^\n]+?)(?: \((\d+) bytes\))?$", re.MULTILINE)
@@ -66,24 +65,14 @@ def simulated(size: Size) -> dict[str, Counts]:
     if not LIBRARY.exists():
         sys.exit(MISSING)
     with TemporaryDirectory() as name:
-        folder = Path(name)
-        (folder / "oclgrind.icd").write_text(f"{LIBRARY}\n")
-        environment = {
-            **os.environ,
-            "OCL_ICD_VENDORS": name,
-            "OCLGRIND_INST_COUNTS": "1",
-            # It does not know all that LLVM's optimizer makes of a kernel.
-            "OCLGRIND_BUILD_OPTIONS": "-cl-opt-disable -DWITHOUT_INLINING",
-            "PYOPENCL_NO_CACHE": "1",
-        }
-        file = folder / "counts.json"
+        file = Path(name) / "counts.json"
         program = (
             f"from docs.gpu_instructions import simulate; simulate({str(file)!r}, {asdict(size)!r})"
         )
         told = subprocess.run(
             [sys.executable, "-c", program],
             cwd=ROOT,
-            env=environment,
+            env=oclgrind_environment(Path(name), OCLGRIND_INST_COUNTS="1"),
             stdout=subprocess.PIPE,
             text=True,
             check=True,

@@ -84,28 +84,36 @@ def mended_core() -> bytes | None:
     return None
 
 
+def oclgrind_environment(folder: Path, **variables: str) -> dict[str, str]:
+    """Environment in which Oclgrind, registered in `folder`, is the only driver."""
+    (folder / "oclgrind.icd").write_text(f"{LIBRARY}\n")
+    return {
+        **os.environ,
+        "OCL_ICD_VENDORS": str(folder),
+        # It does not know all that LLVM's optimizer makes of a kernel.
+        "OCLGRIND_BUILD_OPTIONS": "-cl-opt-disable -DWITHOUT_INLINING",
+        "PYOPENCL_NO_CACHE": "1",
+        **variables,
+    }
+
+
 def watch(program: str) -> Watched:
     """Run Python code that prints the names of the kernels that it launched, as JSON."""
     with TemporaryDirectory() as name:
         folder = Path(name)
-        (folder / "oclgrind.icd").write_text(f"{LIBRARY}\n")
         core = mended_core()
         if core is not None:
             (folder / CORE).write_bytes(core)
-        environment = {
-            **os.environ,
-            "OCL_ICD_VENDORS": name,
-            "OCLGRIND_CHECK_API": "1",
-            "OCLGRIND_DATA_RACES": "1",
+        environment = oclgrind_environment(
+            folder,
+            OCLGRIND_CHECK_API="1",
+            OCLGRIND_DATA_RACES="1",
             **({} if core is None else {"OCLGRIND_UNINITIALIZED": "1"}),
-            "LD_LIBRARY_PATH": os.pathsep.join(filter(None, (name, os.getenv("LD_LIBRARY_PATH")))),
-            "OCLGRIND_MAX_ERRORS": "1000000",
-            "OCLGRIND_NUM_THREADS": "1",
-            "OCLGRIND_LOG": str(folder / "log"),
-            # It does not know all that LLVM's optimizer makes of a kernel.
-            "OCLGRIND_BUILD_OPTIONS": "-cl-opt-disable -DWITHOUT_INLINING",
-            "PYOPENCL_NO_CACHE": "1",
-        }
+            LD_LIBRARY_PATH=os.pathsep.join(filter(None, (name, os.getenv("LD_LIBRARY_PATH")))),
+            OCLGRIND_MAX_ERRORS="1000000",
+            OCLGRIND_NUM_THREADS="1",
+            OCLGRIND_LOG=str(folder / "log"),
+        )
         child = subprocess.run(
             [sys.executable, "-c", program],
             cwd=ROOT,

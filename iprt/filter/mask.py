@@ -21,7 +21,8 @@ LEVEL_NONE = constant("lib/gbuffer/guide.h", "LEVEL_NONE")
 """Level of a pixel where there is nothing to trace."""
 
 STRONG_FRAMES = 2.0 * TOUCHED_FRAMES - 1.0
-"""The same where an object changes much, if pixels that it changes little are told apart."""
+"""Frames, that of tracing among them, for which a strong influence of an object is remembered, if
+pixels that objects change little are told apart."""
 
 LOW, HIGH = 0.3, 0.5
 """δ1 and δ2 of IPRT's Eq. 4: pixels that differ less get one ray for 16, and for 4."""

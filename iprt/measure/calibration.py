@@ -39,11 +39,11 @@ ROUNDS = 40
 TIMES_S = 90.0
 """Seconds for all times, if two sizes can be timed in less."""
 FIRST_SHARE = 0.4
-"""Of that for the first size, for which kernels are compiled."""
+"""Share of `TIMES_S` for the first size, for which kernels are compiled."""
 SSIM_FRAMES = (1, 4, 16, 64)
 """Numbers of frames after which SSIM is measured."""
 MEMORY_SHARE = 0.5
-"""Of the device's memory for the renderers of all entries, which are there at once."""
+"""Share of the device's memory that the renderers of all entries may take together."""
 
 Progress = Callable[[float], None]
 """Called with the seconds spent so far."""
@@ -85,7 +85,7 @@ class Times:
     ratios: Mapping[str, Ratio]
 
     def seconds(self, name: str) -> float:
-        """Of a frame of an entry."""
+        """Seconds that a frame takes with an entry's settings."""
         return self.base_s * self.ratios[name].value
 
 
