@@ -14,7 +14,6 @@ from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -28,6 +27,7 @@ from iprt.viewer.engine import Engine
 from tests.scene.files import CUBE
 from tests.viewer.screen.browsing import Visitor, until
 from tests.viewer.turns import SETTINGS
+from tests.waiting import DEADLINE_S
 
 viser = pytest.importorskip("viser", reason="needs the extra `view`: ./run screen")
 
@@ -202,46 +202,57 @@ def test_reloading(place: Place) -> None:
 
 def test_those_that_vanish_leave_nothing(place: Place) -> None:
     """Twenty connections that are cut while pictures are on their way."""
-    import msgspec
-    from websockets.sync.client import connect
-
-    hello = msgspec.msgpack.encode(
-        {
-            "type": "ViewerCameraMessage",
-            "wxyz": (0.0, 1.0, 0.0, 0.0),
-            "position": (0.0, 0.0, 0.0),
-            "fov": 1.0,
-            "near": 0.01,
-            "far": 1000.0,
-            "image_height": 16,
-            "image_width": 32,
-            "look_at": (0.0, 0.0, -1.0),
-            "up_direction": (0.0, 1.0, 0.0),
-        }
-    )
-    url = place.host.address.url.replace("http", "ws")
     seen: list[weakref.ref[Browser]] = []
     for turn in range(20):
-        protocol: Any = f"viser-v{viser.__version__}"
-        connection = connect(url, subprotocols=[protocol], max_size=None)
-        connection.send(hello)
+        connection = connected(place.host.address.url)
         (browser,) = until(lambda: place.host.browsers, "nobody came")
         seen.append(weakref.ref(browser))
         if turn % 7 == 0:
             # Compressed with other messages, a picture is not seen: then a silence ends it.
+            connection.settimeout(1.0)
+            received = b""
             with suppress(TimeoutError):
-                while not PICTURE.search(connection.recv(timeout=1.0)):
-                    pass
+                while not PICTURE.search(received):
+                    received = received[-4:] + connection.recv(65536)
         del browser
         # Without a word: the connection is reset.
-        linger = struct.pack("ii", 1, 0)
-        connection.socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, linger)
-        connection.socket.close()
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+        connection.close()
         until(lambda: not place.host.browsers, "it is still there")
     until(lambda: not place.engine._core._sessions, "the engine renders for it")
     until(lambda: not _threads("iprt browser"), "a thread is left")
     gc.collect()
     assert [ref() for ref in seen if ref() is not None] == []
+
+
+def connected(url: str) -> socket.socket:
+    """The socket of a client that says where it looks from."""
+    import msgspec
+    from websockets.client import ClientProtocol
+    from websockets.uri import parse_uri
+
+    address = parse_uri(url.replace("http", "ws"))
+    connection = socket.create_connection((address.host, address.port), DEADLINE_S)
+    client = ClientProtocol(address, subprotocols=[f"viser-v{viser.__version__}"])
+    client.send_request(client.connect())
+    connection.sendall(b"".join(client.data_to_send()))
+    while not client.events_received():
+        client.receive_data(connection.recv(65536))
+    view = {
+        "type": "ViewerCameraMessage",
+        "wxyz": (0.0, 1.0, 0.0, 0.0),
+        "position": (0.0, 0.0, 0.0),
+        "fov": 1.0,
+        "near": 0.01,
+        "far": 1000.0,
+        "image_height": 16,
+        "image_width": 32,
+        "look_at": (0.0, 0.0, -1.0),
+        "up_direction": (0.0, 1.0, 0.0),
+    }
+    client.send_binary(msgspec.msgpack.encode(view))
+    connection.sendall(b"".join(client.data_to_send()))
+    return connection
 
 
 def _threads(name: str) -> list[str]:
