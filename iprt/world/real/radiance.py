@@ -31,40 +31,78 @@ class Flux:
     change: float
 
 
-class PictureLoader:
-    """Makes four floats a texel of the three of a picture (`cl/world/real/radiance.cl`)."""
+class Picture:
+    """A picture of the panorama on the device (`cl/world/real/radiance.cl`).
 
-    def __init__(self, device: ComputeDevice, width: int, height: int) -> None:
-        self._device = device
+    Parameters
+    ----------
+    device : ComputeDevice
+    name : str
+        Of its buffer.
+    width, height : int
+    shared : bool
+        Where the device reads the host's memory, the picture stays there. It is not mapped then,
+        and the host holds each picture as long as the device needs it. Else it is copied.
+
+    Attributes
+    ----------
+    texels : (H, W, 3) float32
+        The picture that was loaded last.
+    """
+
+    def __init__(
+        self, device: ComputeDevice, name: str, width: int, height: int, *, shared: bool
+    ) -> None:
+        self._device, self._name = device, name
         self._width, self._height = width, height
-        self._band = band_rows(height)
+        self._shared = shared and device.is_cpu
+        self._loaded = False
+        self._band = height if self._shared else band_rows(height, width)
         self._strips = -(-width // STRIP)
-        self._color = device.empty("panorama.decoded", (self._band, width, 3))
+        if not self._shared:
+            self.texels = device.empty(name, (height, width, 3))
+            self._color = device.empty("panorama.decoded", (self._band, width, 3))
         self._sums = device.empty("panorama.sums", (height, self._strips, 4))
         self._map = device.zeros("panorama.color map", (3, 4))
         self._load = device.kernel("world/real/radiance.cl", "load_texels").fixed(
-            width=width, rows=self._band, color=self._color, sums=self._sums
+            width=width, rows=self._band, sums=self._sums
         )
 
     def load(
-        self,
-        texels: cla.Array,
-        picture: NDArray[np.float32],
-        color_map: NDArray[np.float64] | None = None,
-        *,
-        fresh: bool,
+        self, picture: NDArray[np.float32], color_map: NDArray[np.float64] | None = None
     ) -> None:
-        """Fill `texels` (H, W, 4) with a picture (H, W, 3), mapped by `color_map` (3, 3).
+        """Go on to a picture (H, W, 3), mapped by `color_map` (3, 3)."""
+        device, before = self._device, self.texels if self._loaded else None
+        if self._shared:
+            assert color_map is None, "would change what is the host's"
+            self.texels = device.share(self._name, picture)
+            with device.profile.section("upload"):
+                self._load(
+                    (self._strips, self._height),
+                    first=0,
+                    done=0,
+                    color=self.texels,
+                    map=None,
+                    before=before,
+                    texels=None,
+                )
+        else:
+            self._copy(picture, color_map, before)
+        self._loaded = True
 
-        `fresh`: it holds no picture yet.
-        """
+    def _copy(
+        self,
+        picture: NDArray[np.float32],
+        color_map: NDArray[np.float64] | None,
+        before: cla.Array | None,
+    ) -> None:
         device = self._device
         if color_map is not None:
             rows = np.zeros((3, 4), np.float32)
             rows[:, :3] = color_map
             device.write(self._map, rows)
         end = 0
-        for first in bands(self._height):
+        for first in bands(self._height, self._width):
             done, end = end - first, first + self._band
             with device.profile.section("upload"):
                 device.write(self._color, picture[first : first + self._band])
@@ -72,9 +110,10 @@ class PictureLoader:
                     (self._strips, self._band),
                     first=first,
                     done=done,
-                    fresh=fresh,
+                    color=self._color,
                     map=None if color_map is None else self._map,
-                    texels=texels,
+                    before=before,
+                    texels=self.texels,
                 )
 
     def flux(self) -> Flux:
