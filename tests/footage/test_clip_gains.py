@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from iprt.footage import gather
 from iprt.footage.clip_gains import MAX_GAIN, MAX_REFLECTANCE, Shading, clip_gains
-from iprt.footage.gather import Cells, form_factors, visible
+from iprt.footage.frame import Frame
+from iprt.footage.gather import Cells, form_factors, sampled_normals, visible
 from tests.oracles.worlds import Box, World
 from tests.worlds import Float, sphere_frame
 
@@ -111,3 +113,18 @@ def test_a_pillar_hides_what_is_behind_it() -> None:
     assert (found == free).mean() > 0.93
     assert found[free].mean() > 0.95
     assert (~found)[~free].mean() > 0.6
+
+
+def test_of_large_panoramas_some_texels_say_enough(monkeypatch: pytest.MonkeyPatch) -> None:
+    world = World(solids=(Box((0.6, -1.2, -1.2), (0.4, 0.3, 0.3)),))
+    frame = world.frame(512, 256)
+    whole = cells_of(frame, 32)
+    monkeypatch.setattr(gather, "NORMAL_ROWS", 64)
+    assert sampled_normals(frame).shape == (64, 128, 3)
+    monkeypatch.setattr(gather, "NORMAL_ROWS", 129)
+    assert sampled_normals(frame) is frame.fitted_normal
+    monkeypatch.setattr(gather, "NORMAL_ROWS", 64)
+    some = cells_of(frame, 32)
+    apart = (whole.normal * some.normal).sum(-1)
+    assert (apart > 0.999)[whole.rough < 0.01].all()
+    assert (apart > 0.99).mean() > 0.9

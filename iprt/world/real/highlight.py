@@ -50,9 +50,7 @@ class Highlight:
         self._remove = device.kernel("world/real/highlight.cl", "remove_highlight", defines)
         texels = panorama.width * panorama.height
         self._list = device.empty("glossy texels", (texels,), np.int32)
-        self._variances = [
-            device.empty(f"highlight variance {i}", (texels,)) for i in range(2)
-        ]
+        self._variances = [device.empty(f"highlight variance {i}", (texels,)) for i in range(2)]
         cells = (-(-panorama.height // CELL), -(-panorama.width // CELL), 4)
         self.gain = device.empty("highlight gain", cells)
         self._min_base = device.empty("highlight floor", cells)

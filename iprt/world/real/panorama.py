@@ -13,7 +13,7 @@ from iprt.footage.frame import Frame
 from iprt.footage.window_environment import OUTSIDE_ROWS, outside_radiance
 from iprt.world.real.background import Background
 from iprt.world.real.pyramid import Pyramid, PyramidShape
-from iprt.world.real.radiance import Flux, Picture
+from iprt.world.real.radiance import Flux, PictureLoader
 from iprt.world.real.surfaces import Surfaces
 
 if TYPE_CHECKING:
@@ -79,11 +79,10 @@ class Panorama:
         self.shape = PyramidShape.of(self.width, self.height, COARSEST_COLUMNS)
         texels = (self.height, self.width)
         self.surfaces = Surfaces(device, self.width, self.height)
-        size = self.width, self.height
-        self._color = Picture(device, "panorama.color", *size, shared=share)
-        self._radiance = self._color
+        self._pictures = PictureLoader(device, self.width, self.height, share=share)
+        self._color = self._radiance = self._pictures.picture("panorama.color")
         if separate_radiance:
-            self._radiance = Picture(device, "panorama.radiance", *size, shared=share)
+            self._radiance = self._pictures.picture("panorama.radiance")
         self.range = device.empty("panorama.range", (self.shape.offsets[-1], 2))
         self.outside = None
         if outside:
@@ -122,7 +121,7 @@ class Panorama:
                 diffuse = np.zeros(frame.depth.shape, np.uint8)
                 gloss = diffuse if frame.gloss is None else frame.gloss
                 device.write(self.gloss, self._enlarged(gloss))
-        self.flux = self._radiance.flux()
+        self.flux = self._pictures.flux()
 
     @staticmethod
     def _outside(frame: Frame) -> NDArray[np.float32]:
@@ -133,9 +132,9 @@ class Panorama:
     def _load_light(self, frame: Frame) -> None:
         color = self._enlarged(frame.color)
         if self._radiance is not self._color:
-            self._color.load(color)
+            self._pictures.load(self._color, color)
         sent = color if frame.light is None else self._enlarged(frame.light)
-        self._radiance.load(sent, frame.color_map)
+        self._pictures.load(self._radiance, sent, frame.color_map)
 
     def remember(self, *, forget: bool) -> None:
         """Follow with what the loaded frame hides of those before, where that is remembered.

@@ -31,36 +31,44 @@ class Flux:
     change: float
 
 
+@dataclass
 class Picture:
-    """A picture of the panorama on the device (`cl/world/real/radiance.cl`).
+    """A picture of the panorama on the device.
+
+    Attributes
+    ----------
+    name : str
+        Of its buffer.
+    texels : (H, W, 3) float32 or None
+        None: there is none yet.
+    loaded : bool
+        `texels` holds a picture.
+    """
+
+    name: str
+    texels: cla.Array | None
+    loaded: bool = False
+
+
+class PictureLoader:
+    """Brings pictures to the device, and tells what their flux is (`cl/world/real/radiance.cl`).
 
     Parameters
     ----------
     device : ComputeDevice
-    name : str
-        Of its buffer.
     width, height : int
-    shared : bool
-        Where the device reads the host's memory, the picture stays there. It is not mapped then,
-        and the host holds each picture as long as the device needs it. Else it is copied.
-
-    Attributes
-    ----------
-    texels : (H, W, 3) float32
-        The picture that was loaded last.
+    share : bool
+        Where the device reads the host's memory, pictures stay there. They are not mapped then,
+        and each occupies the host as long as it is loaded. Else they are copied.
     """
 
-    def __init__(
-        self, device: ComputeDevice, name: str, width: int, height: int, *, shared: bool
-    ) -> None:
-        self._device, self._name = device, name
+    def __init__(self, device: ComputeDevice, width: int, height: int, *, share: bool) -> None:
+        self._device = device
         self._width, self._height = width, height
-        self._shared = shared and device.is_cpu
-        self._loaded = False
-        self._band = height if self._shared else band_rows(height, width)
+        self._share = share and device.is_cpu
+        self._band = height if self._share else band_rows(height, width)
         self._strips = -(-width // STRIP)
-        if not self._shared:
-            self.texels = device.empty(name, (height, width, 3))
+        if not self._share:
             self._color = device.empty("panorama.decoded", (self._band, width, 3))
         self._sums = device.empty("panorama.sums", (height, self._strips, 4))
         self._map = device.zeros("panorama.color map", (3, 4))
@@ -68,31 +76,40 @@ class Picture:
             width=width, rows=self._band, sums=self._sums
         )
 
+    def picture(self, name: str) -> Picture:
+        """A picture that nothing is loaded to yet."""
+        shape = self._height, self._width, 3
+        return Picture(name, None if self._share else self._device.empty(name, shape))
+
     def load(
-        self, picture: NDArray[np.float32], color_map: NDArray[np.float64] | None = None
+        self,
+        picture: Picture,
+        values: NDArray[np.float32],
+        color_map: NDArray[np.float64] | None = None,
     ) -> None:
-        """Go on to a picture (H, W, 3), mapped by `color_map` (3, 3)."""
-        device, before = self._device, self.texels if self._loaded else None
-        if self._shared:
-            assert color_map is None, "would change what is the host's"
-            self.texels = device.share(self._name, picture)
-            with device.profile.section("upload"):
-                self._load(
-                    (self._strips, self._height),
-                    first=0,
-                    done=0,
-                    color=self.texels,
-                    map=None,
-                    before=before,
-                    texels=None,
-                )
-        else:
-            self._copy(picture, color_map, before)
-        self._loaded = True
+        """Let a picture show `values` (H, W, 3), mapped by `color_map` (3, 3)."""
+        before = picture.texels if picture.loaded else None
+        picture.loaded = True
+        if not self._share:
+            self._copy(picture, values, color_map, before)
+            return
+        assert color_map is None, "would change what is the host's"
+        picture.texels = self._device.share(picture.name, values)
+        with self._device.profile.section("upload"):
+            self._load(
+                (self._strips, self._height),
+                first=0,
+                done=0,
+                color=picture.texels,
+                map=None,
+                before=before,
+                texels=None,
+            )
 
     def _copy(
         self,
-        picture: NDArray[np.float32],
+        picture: Picture,
+        values: NDArray[np.float32],
         color_map: NDArray[np.float64] | None,
         before: cla.Array | None,
     ) -> None:
@@ -105,7 +122,7 @@ class Picture:
         for first in bands(self._height, self._width):
             done, end = end - first, first + self._band
             with device.profile.section("upload"):
-                device.write(self._color, picture[first : first + self._band])
+                device.write(self._color, values[first : first + self._band])
                 self._load(
                     (self._strips, self._band),
                     first=first,
@@ -113,7 +130,7 @@ class Picture:
                     color=self._color,
                     map=None if color_map is None else self._map,
                     before=before,
-                    texels=self.texels,
+                    texels=picture.texels,
                 )
 
     def flux(self) -> Flux:

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
 from iprt.footage.frame import Frame
+from iprt.world.real import surfaces
 from iprt.world.real.cell_light import CellLight
 from iprt.world.real.lights import Lights
 from iprt.world.real.panorama import Panorama
-from iprt.world.real import surfaces
-from iprt.world.real.radiance import Picture
+from iprt.world.real.radiance import PictureLoader
 from tests.oracles.light import cell_luminance, flux_change, frames_light_change
 from tests.oracles.worlds import frame_of
 from tests.world.real.lighting import uploaded
@@ -39,10 +39,11 @@ def test_texels_and_flux_are_those_of_numpy(
     frames = [replace(frame_of(np.ones(size[::-1])), color=picture(size, i)) for i in range(2)]
     frames = [replace(frame, color_map=color_map) for frame in frames]
     width, height = size
-    shown = Picture(device, "picture", width, height, shared=way == "shared")
+    loader = PictureLoader(device, width, height, share=way == "shared")
+    shown = loader.picture("picture")
     before = None
     for frame in frames:
-        shown.load(frame.color, color_map)
+        loader.load(shown, frame.color, color_map)
         found = device.read(shown.texels)
         if mapped:
             np.testing.assert_allclose(found, frame.radiance, rtol=1e-5, atol=1e-6)
@@ -50,19 +51,20 @@ def test_texels_and_flux_are_those_of_numpy(
             np.testing.assert_array_equal(found, frame.color)
         rows = np.sin((np.arange(height) + 0.5) / height * np.pi)
         mean = np.average(frame.radiance.mean(axis=(1, 2)), weights=rows)
-        flux = shown.flux()
+        flux = loader.flux()
         assert flux.mean == pytest.approx(mean, rel=1e-5)
         change = 0.0 if before is None else flux_change(before, frame.radiance)
         assert flux.change == pytest.approx(change, rel=1e-5)
         before = frame.radiance
-    assert shown.flux().change > 0.5
+    assert loader.flux().change > 0.5
 
 
 def test_without_light_there_is_no_change(device: ComputeDevice) -> None:
-    black = Picture(device, "picture", 16, 8, shared=True)
+    loader = PictureLoader(device, 16, 8, share=True)
+    black = loader.picture("picture")
     for _ in range(2):
-        black.load(np.zeros((8, 16, 3), np.float32))
-        assert (black.flux().mean, black.flux().change) == (0.0, 0.0)
+        loader.load(black, np.zeros((8, 16, 3), np.float32))
+        assert (loader.flux().mean, loader.flux().change) == (0.0, 0.0)
 
 
 @pytest.mark.parametrize("size", [*SIZES, (1024, 300)], ids=str)
