@@ -29,22 +29,22 @@ __kernel void load_texels(
     if (strip >= strips || y < done || y >= rows)
         return;
     const int end = min((strip + 1) * STRIP, width);
-    float4 apart = (float4)(0.0f), larger = apart, all = apart;
+    float3 apart = (float3)(0.0f), larger = apart, all = apart;
     for (int x = strip * STRIP; x < end; x++) {
         const int texel = (first + y) * width + x;
         const int from = y * width + x;
         // Where there is a next texel, with its first channel: four floats take one load.
-        float4 now = from + 1 < rows * width ? vload4(0, color + 3 * from)
-                                             : (float4)(vload3(from, color), 0.0f);
-        now.w = 0.0f;
+        float3 now = from + 1 < rows * width ? vload4(0, color + 3 * from).xyz
+                                             : vload3(from, color);
         if (map)
-            now = fmax((float4)(dot(map[0], now), dot(map[1], now), dot(map[2], now), 0.0f), 0.0f);
-        const float4 old = before ? (float4)(vload3(texel, before), 0.0f) : now;
+            now = fmax((float3)(dot(map[0].xyz, now), dot(map[1].xyz, now), dot(map[2].xyz, now)),
+                       0.0f);
+        const float3 old = before ? vload3(texel, before) : now;
         apart += fabs(now - old);
         larger += fmax(now, old);
         all += now;
         if (texels)
-            vstore3(now.xyz, texel, texels);
+            vstore3(now, texel, texels);
     }
     sums[(first + y) * strips + strip] = (float4)(
         apart.x + apart.y + apart.z, larger.x + larger.y + larger.z, all.x + all.y + all.z, 0.0f);
