@@ -147,7 +147,7 @@ def play(device: ComputeDevice, size: Size, mark: Mark = lambda _: None) -> dict
     frame = resized(scene.frame(), size.rows)
     view = replace(next(iter(scene.views.values())).view, width=size.view, height=size.view)
     settings = Settings.model_validate(size.settings)
-    footage = Footage.of(frame, static_camera=True)
+    footage = Footage.of(frame, video=True, static_camera=True)
     found = {}
     counting = CountingGpu(device)
     with Renderer(counting, frame, scene.instances, view, settings, footage=footage) as renderer:

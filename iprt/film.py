@@ -212,6 +212,7 @@ def footage_of(scene: Scene, frame: Frame, settings: Settings) -> Footage:
         frame,
         separate_radiance=scene.clips,
         drifts=settings.drift,
+        video=len(scene.frame_indices) > 1,
         static_camera=scene.source.static_camera,
     )
 

@@ -31,7 +31,7 @@ __kernel void resample_panorama(
     __global const float *restrict previous,
     const int panorama_width,
     const int panorama_height,
-    __global const float4 *restrict panorama_color,
+    __global const float *restrict panorama_color,      // 3 a texel
     __global const float4 *restrict panorama_surface,
     __global const float2 *restrict panorama_range,
     __global float *restrict color,
@@ -42,7 +42,7 @@ __kernel void resample_panorama(
 #ifdef GLOSS
     ,
     __global const int *restrict panorama_gloss,
-    __global const float4 *restrict panorama_highlight,
+    __global const float *restrict panorama_highlight,   // 3 a texel
     __global const float4 *restrict real_materials,
     __global float *restrict gloss,
     __global float *restrict roughness,
@@ -64,7 +64,7 @@ __kernel void resample_panorama(
     if (width == panorama_width && height == panorama_height
         && view[0] == 1.0f && view[4] == 1.0f && view[8] == 1.0f) {
         texel = y * width + x;
-        radiance = panorama_color[texel].xyz;
+        radiance = vload3(texel, panorama_color);
     }
 #endif
     color[pixel] = radiance.x;

@@ -35,7 +35,7 @@ INFINITE: Mapping[str, str] = {
     "panorama.depth": "open sky is infinitely far",
     "panorama.range": "the same; cl/world/real/surface.cl",
     "panorama.background depth": "open sky is infinitely far",
-    "panorama.background color": "the same, in the fourth channel; cl/world/real/remember.cl",
+    "panorama.background around": "the same; cl/world/real/remember.cl",
     "panorama.background range": "the same; cl/world/real/background.cl",
     "screen layers range": "where there is no object; cl/world/objects/object_surface.cl",
     "equirect layers range": "the same",
@@ -85,6 +85,10 @@ class CheckedDevice(ComputeDevice):
         array = GuardedArray(self.queue, shape, dtype, data=inside)
         array.name, array.whole = name, whole
         return array
+
+    def share(self, name: str, values: NDArray[Any]) -> cla.Array:
+        """A copy, between guards."""
+        return self.upload(name, values)
 
     def write(self, array: cla.Array, values: NDArray[Any]) -> None:
         super().write(array, values)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import weakref
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import AbstractContextManager
@@ -72,6 +73,8 @@ class ComputeDevice:
         self._programs: dict[tuple[str, str], Program] = {}  # the last one used comes last
         self._launched: set[tuple[str, str]] = set()
         self._in_flight: deque[Any] = deque()  # events that keep host memory alive
+        # Host memory that kernels read, until what was enqueued before its buffer went is done.
+        self._shared: list[tuple[Callable[[], Any], NDArray[Any]]] = []
 
     @cached_property
     def name(self) -> str:
@@ -194,6 +197,22 @@ class ComputeDevice:
         self.write(array, values)
         return array
 
+    def share(self, name: str, values: NDArray[Any]) -> cla.Array:
+        """`values` as a buffer that kernels only read; of a processor, without a copy.
+
+        They must stay as they are while the buffer lives. Memory for a copy is accounted under
+        `name`.
+        """
+        if not self.is_cpu:
+            return self.upload(name, values)
+        host = np.ascontiguousarray(values)
+        flags = cl.mem_flags.READ_ONLY | cl.mem_flags.USE_HOST_PTR
+        with self.reported("sharing memory"):
+            buffer = cl.Buffer(self.context, flags, hostbuf=host)
+        array = cla.Array(self.queue, host.shape, host.dtype, data=buffer)
+        self._shared.append((weakref.ref(array), host))
+        return array
+
     def write(self, array: cla.Array, values: NDArray[Any]) -> None:
         """Overwrite a buffer with host values of its shape and dtype, without waiting.
 
@@ -231,9 +250,10 @@ class ComputeDevice:
                     wait(self.name, self.queue, self.limit_s)
         except DeviceHangError:
             # Events of transfers wait for their end when they are forgotten.
-            _HUNG.extend(self._in_flight)
+            _HUNG.extend((*self._in_flight, *self._shared))
             raise
         self._in_flight.clear()
+        self._shared[:] = [(array, host) for array, host in self._shared if array() is not None]
 
     def finish(self) -> None:
         """`wait`; times may be read."""

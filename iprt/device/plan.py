@@ -88,6 +88,11 @@ class PlanDevice(ComputeDevice):
         self.buffers[name] = buffer.nbytes
         return buffer
 
+    def share(self, name: str, values: NDArray[Any]) -> PlannedBuffer:
+        if not self.is_cpu:
+            return self.empty(name, values.shape, values.dtype)
+        return PlannedBuffer(values.shape, values.dtype)
+
     def fill_zero(self, array: Any) -> None:
         pass
 

@@ -25,8 +25,10 @@ class Footage:
         Some may have a `color_map`.
     poses : bool
         They have poses.
+    video : bool
+        There are several.
     static_camera : bool
-        There are several, seen from the same place, so that what moving things hide can be
+        They are seen from the same place, so that what moving things hide can be
         remembered.
     """
 
@@ -35,6 +37,7 @@ class Footage:
     separate_radiance: bool = False
     drifts: bool = False
     poses: bool = False
+    video: bool = False
     static_camera: bool = False
 
     @classmethod
@@ -44,6 +47,7 @@ class Footage:
         *,
         separate_radiance: bool = False,
         drifts: bool = False,
+        video: bool = False,
         static_camera: bool = False,
     ) -> Self:
         """By one frame; the flags say what other frames may have besides."""
@@ -53,5 +57,6 @@ class Footage:
             separate_radiance=separate_radiance or frame.separate_radiance,
             drifts=drifts or frame.color_map is not None,
             poses=frame.pose is not None,
+            video=video,
             static_camera=static_camera,
         )

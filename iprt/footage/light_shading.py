@@ -17,6 +17,7 @@ from iprt.footage.gather import (
     cell_means,
     irradiance_of_lights,
     irradiance_of_rest,
+    sampled_normals,
 )
 from iprt.footage.light_groups import Clipped, Light, grid_cells
 from iprt.footage.segments import lifted, points_of_segments, segments, spread_cells, well_seen
@@ -44,8 +45,10 @@ def shading_of(
     group : (N,) int
         Which group each clipped texel belongs to, 0 for none.
     """
+    normals = sampled_normals(frame)
     fine, middle, coarse = (
-        Cells.of(frame, min(rows, frame.height)) for rows in (FINE_ROWS, LIGHT_ROWS, REST_ROWS)
+        Cells.of(frame, min(rows, frame.height), normals)
+        for rows in (FINE_ROWS, LIGHT_ROWS, REST_ROWS)
     )
     color = cell_means(frame.color, fine.rows).reshape(-1, 3)
     usable = _usable(frame, clipped, fine) & (color.min(-1) > DARK * white)

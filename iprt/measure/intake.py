@@ -148,7 +148,9 @@ def _world(device: ComputeDevice, scene: Scene, frame: Frame, settings: Settings
 
     materials = [m for instance in scene.instances for m in instance.mesh.materials]
     view = next((one.view for one in scene.views.values()), View(512, 512))
-    footage = replace(footage_of(scene, frame, settings), static_camera=frame.pose is None)
+    footage = replace(
+        footage_of(scene, frame, settings), video=True, static_camera=frame.pose is None
+    )
     return RealWorld(device, frame, Features.of(materials, view, settings, footage))
 
 

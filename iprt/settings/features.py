@@ -57,6 +57,8 @@ class Features:
     separate_radiance : bool
         Rays find another radiance than the picture shows: lights that were clipped, or another
         exposure.
+    video : bool
+        There are several frames.
     background : bool
         What moving things hide is remembered, and rays find it.
     real_materials : tuple of Material
@@ -77,6 +79,7 @@ class Features:
     opening_environment: bool
     separate_radiance: bool
     color_map: bool
+    video: bool
     background: bool
     real_materials: tuple[Material, ...]
     moving_camera: bool
@@ -109,6 +112,7 @@ class Features:
             and footage.openings,
             separate_radiance=bool(kinds) and (footage.separate_radiance or footage.drifts),
             color_map=bool(kinds) and footage.drifts,
+            video=footage.video,
             background=tracing and settings.trace.background and footage.static_camera,
             real_materials=footage.real_materials if tracing and needs.gloss else (),
             moving_camera=bool(kinds) and footage.poses,
@@ -199,6 +203,7 @@ class Features:
             self.opening_environment,
             self.separate_radiance,
             self.color_map,
+            self.video,
             self.background,
             self.real_materials,
             self.moving_camera,

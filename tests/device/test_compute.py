@@ -185,3 +185,24 @@ def test_what_was_written_is_not_kept(device: ComputeDevice) -> None:
     own.finish()
     own.profile.resolve()
     assert sum(cost.launches for cost in own.profile.totals().values()) == 1
+
+
+def test_shared_memory_is_read_as_it_is_and_kept_as_long_as_it_is_read(
+    device: ComputeDevice,
+) -> None:
+    own = fresh(device)
+    values = np.arange(48, dtype=np.float32).reshape(2, 8, 3)
+    kept, expected = weakref.ref(values), values.copy()
+    shared = own.share("picture", values)
+    assert "picture" not in own.buffers
+    np.testing.assert_array_equal(own.read(shared), expected)
+    values[0, 0] = expected[0, 0] = 7.0
+    np.testing.assert_array_equal(own.read(shared), expected)
+    del values
+    own.wait()
+    assert kept() is not None
+    # Kernels may be under way that read it.
+    del shared
+    assert kept() is not None
+    own.wait()
+    assert kept() is None

@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from iprt.footage import gather
 from iprt.footage.clip_gains import MAX_GAIN, MAX_REFLECTANCE, Shading, clip_gains
-from iprt.footage.gather import Cells, form_factors, visible
+from iprt.footage.frame import Frame
+from iprt.footage.gather import Cells, form_factors, sampled_normals, visible
 from tests.oracles.worlds import Box, World
 from tests.worlds import Float, sphere_frame
 
@@ -76,15 +78,19 @@ def test_what_no_light_explains_stays_bounded() -> None:
     assert (found.gain <= MAX_GAIN).all()
 
 
+def cells_of(frame: Frame, rows: int) -> Cells:
+    return Cells.of(frame, rows, sampled_normals(frame))
+
+
 def test_form_factors_of_a_closed_room_sum_up_to_pi() -> None:
-    cells = Cells.of(World().frame(128, 64), 64)
+    cells = cells_of(World().frame(128, 64), 64)
     inside = np.array([[0.3, -1.38, -0.5], [1.0, 0.2, -2.48], [-1.9, 1.0, 2.0]])
     normal = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
     everything = np.arange(len(cells.depth))
     factors = form_factors(inside, normal, cells, everything, np.ones(len(everything)))
     np.testing.assert_allclose(factors.sum(1), np.pi, rtol=0.05)
     # From the middle of a ball, a cell's factor is its solid angle times the cosine.
-    ball = Cells.of(sphere_frame(2.0, 64, 32, 1.0), 32)
+    ball = cells_of(sphere_frame(2.0, 64, 32, 1.0), 32)
     up = np.array([[0.0, 1.0, 0.0]])
     factors = form_factors(np.zeros((1, 3)), up, ball, np.arange(2048), np.ones(2048))
     expected = ball.solid_angle * np.maximum(ball.direction[:, 1], 0.0)
@@ -93,7 +99,7 @@ def test_form_factors_of_a_closed_room_sum_up_to_pi() -> None:
 
 def test_a_pillar_hides_what_is_behind_it() -> None:
     world = World(solids=(Box((0.0, -0.6, -1.2), (0.25, 0.8, 0.15)),))
-    cells = Cells.of(world.frame(256, 128), 128)
+    cells = cells_of(world.frame(256, 128), 128)
     rng = np.random.default_rng(4)
     chosen = rng.choice(len(cells.depth), 300, replace=False)
     start, ends = cells.point[chosen[:60]], cells.point[chosen[60:]]
@@ -107,3 +113,18 @@ def test_a_pillar_hides_what_is_behind_it() -> None:
     assert (found == free).mean() > 0.93
     assert found[free].mean() > 0.95
     assert (~found)[~free].mean() > 0.6
+
+
+def test_of_large_panoramas_some_texels_say_enough(monkeypatch: pytest.MonkeyPatch) -> None:
+    world = World(solids=(Box((0.6, -1.2, -1.2), (0.4, 0.3, 0.3)),))
+    frame = world.frame(512, 256)
+    whole = cells_of(frame, 32)
+    monkeypatch.setattr(gather, "NORMAL_ROWS", 64)
+    assert sampled_normals(frame).shape == (64, 128, 3)
+    monkeypatch.setattr(gather, "NORMAL_ROWS", 129)
+    assert sampled_normals(frame) is frame.fitted_normal
+    monkeypatch.setattr(gather, "NORMAL_ROWS", 64)
+    some = cells_of(frame, 32)
+    apart = (whole.normal * some.normal).sum(-1)
+    assert (apart > 0.999)[whole.rough < 0.01].all()
+    assert (apart > 0.99).mean() > 0.9

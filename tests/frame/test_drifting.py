@@ -175,7 +175,8 @@ def planned(frame: Frame, objects: list[Instance], **others: Any) -> PlanDevice:
 
 
 def test_only_videos_that_may_drift_build_for_it() -> None:
-    still, drifting = planned(FRAME, OBJECTS), planned(FRAME, OBJECTS, footage=DRIFTING)
+    steady = Footage.of(FRAME, video=True)
+    still, drifting = (planned(FRAME, OBJECTS, footage=one) for one in (steady, DRIFTING))
     assert not [1 for _, _, used in still.kernels if "COLOR_MAP" in dict(used)]
     more = set(drifting.buffers) - set(still.buffers)
     assert more == {"color map", "real diffuse", "panorama.radiance"}

@@ -61,11 +61,13 @@ class Idle(ComputeDevice):
         return UnbuiltKernel()
 
 
+@pytest.mark.parametrize("video", [False, True])
 @pytest.mark.parametrize("projection", ["rectilinear", "equirect"])
 @pytest.mark.parametrize("settings", SETTINGS.values(), ids=SETTINGS)
 def test_what_is_planned_is_what_the_driver_is_asked_for(
     settings: dict[str, Any],
     projection: str,
+    video: bool,
     device: ComputeDevice,
     frame: Frame,
     monkeypatch: pytest.MonkeyPatch,
@@ -73,14 +75,15 @@ def test_what_is_planned_is_what_the_driver_is_asked_for(
     """Counted at pyopencl, so that a buffer which somebody makes beside the accounts is seen."""
     view = VIEW if projection == "rectilinear" else View(96, 48, projection="equirect")
     chosen = Settings.model_validate(settings)
-    stays = Footage.of(frame, static_camera=True)
+    stays = Footage.of(frame, video=video, static_camera=video)
     plan = RenderPlan.of(frame, objects(), view, chosen, stays)
     asked: list[int] = []
 
     class Counted(cl.Buffer):  # type: ignore[misc]
         def __init__(self, context: Any, flags: Any, size: int = 0, **rest: Any) -> None:
             super().__init__(context, flags, size, **rest)
-            asked.append(self.size)
+            if not flags & cl.mem_flags.USE_HOST_PTR:
+                asked.append(self.size)
 
     monkeypatch.setattr(cl, "Buffer", Counted)
     own = Idle(device.device)
@@ -89,6 +92,33 @@ def test_what_is_planned_is_what_the_driver_is_asked_for(
         renderer.load(frame)
     assert sum(asked) == pytest.approx(plan.bytes, rel=0.02)
     assert max(asked) == max(plan.buffers.values())
+
+
+@pytest.mark.parametrize(
+    ("footage", "most"),
+    [
+        # Planes 16, distances 11 with their pyramid, inverse depth 4, samples and sums 1.
+        (Footage(), 32),
+        (Footage(separate_radiance=True), 32),
+        # Colour 12; memory of what is hidden 63.
+        (Footage(video=True), 44),
+        (Footage(video=True, separate_radiance=True), 56),
+        (Footage(video=True, static_camera=True), 108),
+        # Colour without highlights, highlights and their variance, and lists of texels.
+        (Footage(real_materials=(Material("plastic", alpha=0.2),)), 73),
+    ],
+)
+def test_a_texel_takes_so_many_bytes(footage: Footage, most: int) -> None:
+    """Of buffers that grow with the panorama, but for what a band of it takes."""
+
+    def needed(rows: int) -> int:
+        ones = np.ones((rows, 2 * rows), np.float32)
+        still = Frame(np.ones((rows, 2 * rows, 3), np.float32), ones, np.zeros(ones.shape, bool))
+        return RenderPlan.of(still, objects(1), VIEW, footage=footage).bytes
+
+    rows = 1024
+    more = (needed(2 * rows) - needed(rows)) / (3 * 2 * rows**2)
+    assert most - 3 < more <= most
 
 
 def shares(plan: RenderPlan) -> dict[str, int]:

@@ -139,8 +139,12 @@ def test_only_frames_that_need_it_get_the_buffer(gloss: bool) -> None:
     frame = lit(gloss=gloss)
     plain, needed = planned(frame, [BALL]), planned(clipped(frame), [BALL])
     assert needed.kernels == plain.kernels
-    assert needed.buffers == {**plain.buffers, "panorama.radiance": 64 * 32 * 16}
+    assert needed.buffers == plain.buffers  # it stays where the host has it
     clips = Footage.of(frame, separate_radiance=True)
     assert planned(frame, [BALL], footage=clips).buffers == needed.buffers
+    clips = replace(clips, video=True)
+    plain = planned(frame, [BALL], footage=replace(clips, separate_radiance=False))
+    needed = planned(frame, [BALL], footage=clips)
+    assert needed.buffers == {**plain.buffers, "panorama.radiance": 64 * 32 * 12}
     assert RenderPlan.of(frame, [BALL], LOOK, SETTINGS, clips).bytes == sum(needed.buffers.values())
     assert planned(clipped(frame), []).buffers == planned(frame, []).buffers

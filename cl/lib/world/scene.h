@@ -9,7 +9,7 @@
 #ifdef BACKGROUND
 #define BACKGROUND_PARAMETERS                                                                      \
     , __global const float4 *restrict back_surface, __global const float2 *restrict back_range,    \
-        __global const float4 *restrict back_color
+        __global const float *restrict back_color
 #define BACKGROUND_LAYER , back_surface, back_range, back_color
 #else
 #define BACKGROUND_PARAMETERS
@@ -17,7 +17,7 @@
 #endif
 
 #ifdef OPENING_ENVIRONMENT
-#define OUTSIDE_PARAMETERS , __global const float4 *restrict real_outside
+#define OUTSIDE_PARAMETERS , __global const float *restrict real_outside
 #define OUTSIDE , real_outside
 #else
 #define OUTSIDE_PARAMETERS
@@ -30,7 +30,7 @@
         __global const float *restrict real_row, __global const float4 *restrict real_surface,     \
         const float real_thickness_m, const float real_thickness_ratio, const float real_bias,     \
         const float real_nearest, const float real_farthest,                                       \
-        __global const float4 *restrict real_color BACKGROUND_PARAMETERS OUTSIDE_PARAMETERS
+        __global const float *restrict real_color BACKGROUND_PARAMETERS OUTSIDE_PARAMETERS
 
 #define REAL_LAYER                                                                                 \
     {                                                                                              \

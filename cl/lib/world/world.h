@@ -43,11 +43,11 @@ typedef struct {
 
 typedef struct {
     RealLayer real;
-    __global const float4 *color;       // panorama radiance
+    __global const float *color;        // panorama radiance, 3 a texel
     Objects objects;
     __global const float4 *materials;   // lib/world/brdf.h
 #ifdef OPENING_ENVIRONMENT
-    __global const float4 *outside;     // [OUTSIDE_ROWS * 2 OUTSIDE_ROWS], seen through windows
+    __global const float *outside;      // 3 a texel, [OUTSIDE_ROWS * 2 OUTSIDE_ROWS], seen through windows
 #endif
 #ifdef LIGHT_SAMPLING
     Lights lights;
@@ -132,7 +132,8 @@ static inline float3 relit_factor(const Relit relit, float3 d)
     if (p.x >= 0.0f && p.y >= 0.0f && p.x < relit.width && p.y < relit.height)
         return relit.screen[(int)p.y * relit.width + (int)p.x].xyz;
 #ifdef RELIT_AROUND
-    return panorama_bilinear(relit.panorama, 2 * relit.rows, relit.rows, equirect_uv(d));
+    return equirect_bilinear((__global const float *)relit.panorama, 4, 2 * relit.rows, relit.rows,
+                             equirect_uv(d));
 #else
     return (float3)(1.0f);
 #endif
@@ -143,7 +144,7 @@ static inline float3 relit_factor(const Relit relit, float3 d)
 // in.
 static inline float3 captured_radiance(const World world, const RealHit hit, float3 d)
 {
-    __global const float4 *picture = world.color;
+    __global const float *picture = world.color;
     int width = world.real.grid.width, height = world.real.grid.height;
     float2 uv = equirect_uv(hit.direction);
     __global const float4 *surfaces = world.real.surface;

@@ -13,7 +13,7 @@ __kernel void sample_light(
     const int step,
     const int sample_columns,
     const int sample_rows,
-    __global const float4 *restrict radiance,
+    __global const float *restrict radiance,    // 3 a texel
     __global const float *restrict inverse,
     __global const int4 *restrict lines,
     __global float4 *restrict samples)          // out
@@ -23,7 +23,7 @@ __kernel void sample_light(
         return;
     const int x = column * step, y = row * step;
     samples[row * sample_columns + column] =
-        (float4)(radiance[y * width + x].xyz, fabs(inverse[lines[y].x + x]));
+        (float4)(vload3(y * width + x, radiance), fabs(inverse[lines[y].x + x]));
 }
 
 // The first of `size` samples of which `step` apart lie in `cells` cells of `texels` texels.

@@ -4,8 +4,8 @@
 // width + column; gloss 0 means diffuse, else 1 + index into the table of real materials.
 //
 //   kernel            in                                        out
-//   sample_highlight  real layer, color (float4 per texel)      highlight, list's texels: rgb
-//                                                               radiance, w variance of the mean's
+//   sample_highlight  real layer, color (3 floats per texel)    highlight, list's texels: radiance
+//                                                               and variance of the mean's
 //                                                               luminance
 //   filter_highlight  highlight, surface                        highlight of the list's texels
 //   measure_cells     color, highlight, real layer              means over the glossy texels of
@@ -47,7 +47,7 @@ static inline ALWAYS_INLINE float3 texel_point(const RealLayer layer, int texel)
 }
 
 // What the camera saw, and no objects.
-static inline World captured(const RealLayer layer, __global const float4 *color OUTSIDE_PARAMETERS)
+static inline World captured(const RealLayer layer, __global const float *color OUTSIDE_PARAMETERS)
 {
     World world;
     world.real = layer;
@@ -67,7 +67,8 @@ TRACING_KERNEL void sample_highlight(
     __global const float4 *restrict real_materials, // lib/world/brdf.h
     __global const float4 *restrict real_reflectance, // per real material: of conductors
     REAL_PARAMETERS,
-    __global float4 *restrict highlight WORK_PARAMETER)
+    __global float *restrict highlight,             // out: 3 a texel
+    __global float *restrict variance WORK_PARAMETER)   // out
 {
     LIST_ITEM(count);
     COUNT_ITEM;
@@ -98,8 +99,8 @@ TRACING_KERNEL void sample_highlight(
         mean += step / (ray + 1);
         spread += step * (luminance(found) - mean);
     }
-    const float variance = spread / ((float)rays * max(rays - 1, 1));
-    highlight[list[item]] = (float4)(sum / (float)rays, variance);
+    vstore3(sum / (float)rays, list[item], highlight);
+    variance[list[item]] = spread / ((float)rays * max(rays - 1, 1));
 }
 
 // One level of an à-trous filter over the texels of one material (Dammertz et al. 2010; SVGF Eqs. 2
@@ -113,14 +114,16 @@ __kernel void filter_highlight(
     __global const int *restrict gloss,
     __global const float4 *restrict real_materials,
     REAL_PARAMETERS,
-    __global const float4 *restrict highlight,
-    __global float4 *restrict filtered WORK_PARAMETER)
+    __global const float *restrict highlight,    // 3 a texel
+    __global const float *restrict variance,
+    __global float *restrict filtered,           // out: as highlight
+    __global float *restrict filtered_variance WORK_PARAMETER)   // out
 {
     LIST_ITEM(count);
     COUNT_ITEM;
     const RealLayer layer = REAL_LAYER;
     const int texel = list[item], column = texel % real_width, row = texel / real_width;
-    const float4 centre = highlight[texel];
+    const float4 centre = (float4)(vload3(texel, highlight), variance[texel]);
     const float3 g = layer.surface[texel].xyz;
     const float plane = 1.0f / (PLANE_TOLERANCE * PLANE_TOLERANCE * dot(g, g));
     // In texels.
@@ -141,7 +144,7 @@ __kernel void filter_highlight(
             const int q = y * real_width + x;
             if (gloss[q] != gloss[texel])
                 continue;
-            const float4 tap = highlight[q];
+            const float4 tap = (float4)(vload3(q, highlight), variance[q]);
             const float3 bend = layer.surface[q].xyz - g;
             const float apart = step * step * (dx * dx * squeeze + dy * dy);
             const float differ = step > 1 ? luminance(tap.xyz) - luminance(centre.xyz) : 0.0f;
@@ -154,7 +157,8 @@ __kernel void filter_highlight(
             weights += weight;
         }
     }
-    filtered[texel] = (float4)(sum.xyz / weights, sum.w / (weights * weights));
+    vstore3(sum.xyz / weights, texel, filtered);
+    filtered_variance[texel] = sum.w / (weights * weights);
 }
 
 TRACING_KERNEL void measure_cells(
@@ -164,7 +168,7 @@ TRACING_KERNEL void measure_cells(
     const int rows,
     __global const int *restrict gloss,
     REAL_PARAMETERS,
-    __global const float4 *restrict highlight,
+    __global const float *restrict highlight,       // 3 a texel
     __global float4 *restrict seen,                 // out: columns x rows
     __global float4 *restrict specular,                // out
     __global float4 *restrict irradiance            // out
@@ -179,7 +183,7 @@ TRACING_KERNEL void measure_cells(
     const int x1 = min((cell_x + 1) * CELL, real_width), y1 = min((cell_y + 1) * CELL, real_height);
     int index = 0, count = 0;
     int texels[CELL * CELL];
-    float4 seen_sum = (float4)(0.0f), specular_sum = (float4)(0.0f);
+    float3 seen_sum = (float3)(0.0f), specular_sum = (float3)(0.0f);
     for (int y = cell_y * CELL; y < y1; y++)
         for (int x = cell_x * CELL; x < x1; x++) {
             const int texel = y * real_width + x;
@@ -187,8 +191,8 @@ TRACING_KERNEL void measure_cells(
             if (!index || gloss[texel] != index)
                 continue;
             texels[count++] = texel;
-            seen_sum += real_color[texel];
-            specular_sum += highlight[texel];
+            seen_sum += vload3(texel, real_color);
+            specular_sum += vload3(texel, highlight);
         }
     const int cell = cell_y * columns + cell_x;
     const float scale = 1.0f / max(count, 1);
@@ -201,8 +205,8 @@ TRACING_KERNEL void measure_cells(
         const RealHit hit = trace_real_layer(layer, real_start(layer, p, n), d, INFINITY);
         sum += real_radiance(world, hit, d);
     }
-    seen[cell] = (float4)(scale * seen_sum.xyz, (float)index);
-    specular[cell] = scale * specular_sum;
+    seen[cell] = (float4)(scale * seen_sum, (float)index);
+    specular[cell] = (float4)(scale * specular_sum, 0.0f);
     irradiance[cell] = (float4)(sum / (float)rays, 0.0f);
 }
 
@@ -211,30 +215,30 @@ __kernel void remove_highlight(
     const int height,
     __global const int *restrict gloss,
     __global const float4 *restrict real_materials,
-    __global const float4 *restrict color,       // float4 per texel: what the camera saw
+    __global const float *restrict color,        // 3 a texel: what the camera saw
     const int columns,                           // cells
     const int rows,
     __global const float4 *restrict gain,        // float4 per cell
     __global const float4 *restrict min_base,       // float4 per cell: what the highlight leaves
-    __global float4 *restrict highlight,         // in, out
-    __global float4 *restrict radiated)          // out
+    __global float *restrict highlight,          // in, out: 3 a texel
+    __global float *restrict radiated)           // out: 3 a texel
 {
     const int x = get_global_id(0), y = get_global_id(1);
     if (x >= width || y >= height)
         return;
     const int texel = y * width + x;
-    const float4 seen = color[texel];
-    float4 specular = (float4)(0.0f), left = seen;
+    const float3 seen = vload3(texel, color);
+    float3 specular = (float3)(0.0f), left = seen;
     if (gloss[texel]) {
         const int conductor =
             load_material(real_materials, gloss[texel] - 1).kind == KIND_CONDUCTOR;
         const float2 at = (float2)(x + 0.5f, y + 0.5f);
         const float3 share = gain_at(gain, columns, rows, at);
-        const float3 most = fmax(seen.xyz - gain_at(min_base, columns, rows, at), 0.0f);
-        specular.xyz = clamp(share * highlight[texel].xyz, (float3)(0.0f), most);
+        const float3 most = fmax(seen - gain_at(min_base, columns, rows, at), 0.0f);
+        specular = clamp(share * vload3(texel, highlight), (float3)(0.0f), most);
         specular = conductor ? seen : specular;
         left = conductor ? seen : seen - specular;
     }
-    highlight[texel] = specular;
-    radiated[texel] = left;
+    vstore3(specular, texel, highlight);
+    vstore3(left, texel, radiated);
 }

@@ -1,13 +1,12 @@
-// Pictures as rays read them, four floats a texel, from the three of decoded frames; and how bright
-// they are.
+// Pictures of the panorama, three floats a texel; and how bright they are.
 //
 //   kernel         in                                out
-//   load_texels    color, texels of the frame before  texels; sums, from which the flux and its
+//   load_texels    color, those of the frame before  texels; sums, from which the flux and its
 //                                                    change follow
 //   sum_luminance  texels, hidden_light (remember.cl)  mean luminance of cells (lib/world/real/lights.h)
 //
-// load_texels is launched for some rows at a time, so that what was decoded is never on the device
-// as a whole.
+// Where the device reads the host's memory, load_texels sums up what was decoded as it is. Else it is
+// launched for some rows at a time, so that what was decoded is never on the device besides texels.
 #include "maths/maths.h"
 
 // Texels side by side that a work item of load_texels takes.
@@ -16,12 +15,12 @@
 __kernel void load_texels(
     const int width,
     const int rows,                          // that `color` holds
-    const int first,                         // number of the first one
+    const int first,                         // number of the first one, in the other pictures
     const int done,                          // so many of them were loaded before
-    const int fresh,                         // there is no frame before
     __global const float *restrict color,    // 3 a texel
     __global const float4 *restrict map,     // 3 rows of `Frame.color_map`, or null; w is 0
-    __global float4 *restrict texels,        // in, out: rgb, 0
+    __global const float *before,            // of the frame before, perhaps `texels`; or null
+    __global float *texels,                  // out, or null where `color` is read as it is
     __global float4 *restrict sums)          // out, per strip: over texels and channels, of what
                                              // they differ by, of the larger, and of all; 0
 {
@@ -30,21 +29,22 @@ __kernel void load_texels(
     if (strip >= strips || y < done || y >= rows)
         return;
     const int end = min((strip + 1) * STRIP, width);
-    float4 apart = (float4)(0.0f), larger = apart, all = apart;
+    float3 apart = (float3)(0.0f), larger = apart, all = apart;
     for (int x = strip * STRIP; x < end; x++) {
         const int texel = (first + y) * width + x;
         const int from = y * width + x;
         // Where there is a next texel, with its first channel: four floats take one load.
-        float4 now = from + 1 < rows * width ? vload4(0, color + 3 * from)
-                                             : (float4)(vload3(from, color), 0.0f);
-        now.w = 0.0f;
+        float3 now = from + 1 < rows * width ? vload4(0, color + 3 * from).xyz
+                                             : vload3(from, color);
         if (map)
-            now = fmax((float4)(dot(map[0], now), dot(map[1], now), dot(map[2], now), 0.0f), 0.0f);
-        const float4 before = fresh ? now : texels[texel];
-        apart += fabs(now - before);
-        larger += fmax(now, before);
+            now = fmax((float3)(dot(map[0].xyz, now), dot(map[1].xyz, now), dot(map[2].xyz, now)),
+                       0.0f);
+        const float3 old = before ? vload3(texel, before) : now;
+        apart += fabs(now - old);
+        larger += fmax(now, old);
         all += now;
-        texels[texel] = now;
+        if (texels)
+            vstore3(now, texel, texels);
     }
     sums[(first + y) * strips + strip] = (float4)(
         apart.x + apart.y + apart.z, larger.x + larger.y + larger.z, all.x + all.y + all.z, 0.0f);
@@ -55,7 +55,7 @@ __kernel void sum_luminance(
     const int height,
     const int columns,                             // of cells; at most one a texel
     const int rows,
-    __global const float4 *restrict texels,
+    __global const float *restrict texels,         // 3 a texel
     __global const float *restrict hidden_light,   // or null
     __global float *restrict mean)                 // out: columns x rows
 {
@@ -69,7 +69,7 @@ __kernel void sum_luminance(
     float sum = 0.0f;
     for (int y = y0; y < y1; y++)
         for (int x = x0; x < x1; x++) {
-            const float light = luminance(texels[y * width + x].xyz);
+            const float light = luminance(vload3(y * width + x, texels));
             sum += hidden_light ? fmax(light, hidden_light[y * width + x]) : light;
         }
     mean[row * columns + column] = sum / (float)((x1 - x0) * (y1 - y0));

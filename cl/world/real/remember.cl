@@ -4,8 +4,9 @@
 // in       inverse, surface          of the frame (inverse.cl, surface.cl); its radiance
 // in, out  kept_depth                [H*W]    metres, INFINITY: open sky
 //          kept_plane                [H*W*3]  g of the tangent plane (lib/world/real/real.h)
-//          kept_color                [H*W*4]  rgb radiance; |w|: the depth around which kept_depth
-//                                             moves, w < 0: the colour may hold some of what is nearer
+//          kept_color                [H*W*3]  radiance
+//          kept_around               [H*W]    its size: the depth around which kept_depth moves;
+//                                             negative: the colour may hold some of what is nearer
 // out      kept_marks                [H*W]    SURFACE_OPENING, SURFACE_HIDDEN, SURFACE_AIMED
 //          hidden_light              [H*W]    luminance of what is hidden, where that is brighter
 //                                             than what hides it; else 0
@@ -67,10 +68,11 @@ __kernel void remember(
     __global const float *restrict inverse,
     __global const int4 *restrict lines,
     __global const float4 *restrict surface,
-    __global const float4 *restrict radiance,
+    __global const float *restrict radiance,    // 3 a texel
     __global float *restrict kept_depth,
     __global float *restrict kept_plane,
-    __global float4 *restrict kept_color,
+    __global float *restrict kept_color,
+    __global float *restrict kept_around,
     __global uchar *restrict kept_marks,
     __global float *restrict hidden_light)
 {
@@ -85,11 +87,12 @@ __kernel void remember(
         const float now = lane(&depth, x - x0);
         const float4 plane = surface[texel];
         const int marks = (int)plane.w & SURFACE_OPENING;
-        const float4 seen = radiance[texel];
+        const float3 seen = vload3(texel, radiance);
         const float before = forget ? 0.0f : kept_depth[texel];
-        const float4 memory = forget ? (float4)(0.0f) : kept_color[texel];
+        const float3 memory = forget ? (float3)(0.0f) : vload3(texel, kept_color);
+        const float kept = forget ? 0.0f : kept_around[texel];
         const int known = forget ? 0 : kept_marks[texel];
-        const float around = fabs(memory.w);
+        const float around = fabs(kept);
         const float margin = margin_at(around, thickness, thickness_ratio);
 
         // Infinities have no differences.
@@ -98,8 +101,8 @@ __kernel void remember(
         const int windows = marks & known & SURFACE_OPENING;
         if (!uncovered && !(now >= before || windows
                             || (near && same_facing(plane.xyz, vload3(texel, kept_plane))))) {
-            const float light = luminance(memory.xyz);
-            const int aimed = light > luminance(seen.xyz);
+            const float light = luminance(memory);
+            const int aimed = light > luminance(seen);
             kept_marks[texel] =
                 (known & SURFACE_OPENING) | SURFACE_HIDDEN | (aimed ? SURFACE_AIMED : 0);
             hidden_light[texel] = aimed ? light : 0.0f;
@@ -108,10 +111,9 @@ __kernel void remember(
         const int rim = lane(&mixed, x - x0) > 0.0f;
         const float moved = around + FOLLOW * (now - around);
         const float centre = uncovered || !isfinite(moved) ? now : moved;
-        float4 color = (float4)(seen.xyz, rim ? -centre : centre);
-        if (rim && !uncovered && memory.w > 0.0f)
-            color = (float4)(memory.xyz, centre);
-        kept_color[texel] = color;
+        const int cleaner = rim && !uncovered && kept > 0.0f;
+        vstore3(cleaner ? memory : seen, texel, kept_color);
+        kept_around[texel] = rim && !cleaner ? -centre : centre;
         kept_depth[texel] = now;
         vstore3(plane.xyz, texel, kept_plane);
         // Most often they are what they were.

@@ -33,8 +33,10 @@ class Background:
         Metres from the capture centre; +inf where open sky was seen.
     plane : (H, W, 3) float32
         g of the tangent plane, see `cl/lib/world/real/real.h`; 0 in open sky.
-    color : (H, W, 4) float32
-        Linear radiance; the fourth channel is the kernel's own.
+    color : (H, W, 3) float32
+        Linear radiance.
+    around : (H, W) float32
+        Depth around which `depth` moves; negative where `color` may hold some of what is nearer.
     marks : (H, W) uint8
         `SURFACE_OPENING`, `SURFACE_HIDDEN`, `SURFACE_AIMED` of `cl/lib/world/real/real.h`.
     hidden_light : (H, W) float32
@@ -64,7 +66,8 @@ class Background:
         texels = (height, width)
         self.depth = device.empty("panorama.background depth", texels)
         self.plane = device.empty("panorama.background plane", (*texels, 3))
-        self.color = device.empty("panorama.background color", (*texels, 4))
+        self.color = device.empty("panorama.background color", (*texels, 3))
+        self.around = device.empty("panorama.background around", texels)
         self.marks = device.empty("panorama.background marks", texels, np.uint8)
         self.hidden_light = device.empty("panorama.background light", texels)
         self.surface = device.empty("panorama.background surface", (*texels, 4))
@@ -111,6 +114,7 @@ class Background:
                 surface=first.surface,
                 radiance=radiance,
                 kept_color=self.color,
+                kept_around=self.around,
                 hidden_light=self.hidden_light,
             )
             self._join(

@@ -50,6 +50,7 @@ class Highlight:
         self._remove = device.kernel("world/real/highlight.cl", "remove_highlight", defines)
         texels = panorama.width * panorama.height
         self._list = device.empty("glossy texels", (texels,), np.int32)
+        self._variances = [device.empty(f"highlight variance {i}", (texels,)) for i in range(2)]
         cells = (-(-panorama.height // CELL), -(-panorama.width // CELL), 4)
         self.gain = device.empty("highlight gain", cells)
         self._min_base = device.empty("highlight floor", cells)
@@ -90,11 +91,18 @@ class Highlight:
                     most_rays=settings.gloss.rays,
                     frame_seed=settings.seed,
                     highlight=highlight,
+                    variance=self._variances[0],
                 )
-                signal, filtered = highlight, radiated
+                signal, filtered = zip((highlight, radiated), self._variances, strict=True)
                 for level in range(LEVELS):
                     self._filter(
-                        (count,), real, step=1 << level, highlight=signal, filtered=filtered
+                        (count,),
+                        real,
+                        step=1 << level,
+                        highlight=signal[0],
+                        variance=signal[1],
+                        filtered=filtered[0],
+                        filtered_variance=filtered[1],
                     )
                     signal, filtered = filtered, signal
                 self._calibrate(real)

@@ -31,19 +31,19 @@ class Panorama:
     Attributes
     ----------
     width, height : int
-    color : (H, W, 4) float32
-        Linear radiance as the picture shows it; the fourth channel is unused.
-    radiance : (H, W, 4) float32
+    color : (H, W, 3) float32
+        Linear radiance as the picture shows it.
+    radiance : (H, W, 3) float32
         `Frame.radiance`: `color` itself, or a buffer of its own where asked for.
     surfaces : Surfaces
-    outside : (OUTSIDE_ROWS, 2 OUTSIDE_ROWS, 4) float32 or None
+    outside : (OUTSIDE_ROWS, 2 OUTSIDE_ROWS, 3) float32 or None
         What lies behind windows, as a distant environment, where asked for.
     gloss : (H, W) int32 or None
         0 where the surface is diffuse, else 1 + index of its real material, where asked for.
-    highlight : (H, W, 4) float32 or None
+    highlight : (H, W, 3) float32 or None
         With `gloss`: the part of `radiance` that is specular reflection towards the capture centre
         (`Highlight`).
-    radiated : (H, W, 4) float32
+    radiated : (H, W, 3) float32
         What rays find where they meet a real surface: `radiance` itself, but without highlights
         where surfaces are glossy (`Highlight`).
     range : (cells, 2) float32
@@ -65,10 +65,12 @@ class Panorama:
         outside: bool = False,
         gloss: bool = False,
         separate_radiance: bool = False,
+        share: bool = False,
         background: TraceSettings | None = None,
     ) -> None:
-        """`separate_radiance`: frames may have a radiance besides colour; `background`: what
-        they hide is remembered, by the thickness that surfaces are assumed to have.
+        """`separate_radiance`: frames may have a radiance besides colour; `share`: pictures stay in
+        the host's memory where the device reads that, and no frame has a `color_map`; `background`:
+        what frames hide is remembered, by the thickness that surfaces are assumed to have.
         """
         # Tiny panoramas are repeated texel by texel until the coarsest cells are narrow enough.
         self._repeat = max(1, -(-COARSEST_COLUMNS // width))
@@ -77,34 +79,30 @@ class Panorama:
         self.shape = PyramidShape.of(self.width, self.height, COARSEST_COLUMNS)
         texels = (self.height, self.width)
         self.surfaces = Surfaces(device, self.width, self.height)
-        self.color = device.empty("panorama.color", (*texels, 4))
+        self._pictures = PictureLoader(device, self.width, self.height, share=share)
+        self._color = self._radiance = self._pictures.picture("panorama.color")
+        if separate_radiance:
+            self._radiance = self._pictures.picture("panorama.radiance")
         self.range = device.empty("panorama.range", (self.shape.offsets[-1], 2))
         self.outside = None
         if outside:
-            self.outside = device.empty("panorama.outside", (OUTSIDE_ROWS, 2 * OUTSIDE_ROWS, 4))
-        self.radiance = self.color
-        if separate_radiance:
-            self.radiance = device.empty("panorama.radiance", (*texels, 4))
-        self.gloss = self.highlight = None
-        self.radiated = self.radiance
+            self.outside = device.empty("panorama.outside", (OUTSIDE_ROWS, 2 * OUTSIDE_ROWS, 3))
+        self.gloss = self.highlight = self._radiated = None
         if gloss:
             self.gloss = device.empty("panorama.gloss", texels, np.int32)
-            self.highlight = device.empty("panorama.highlight", (*texels, 4))
-            self.radiated = device.empty("panorama.radiated", (*texels, 4))
+            self.highlight = device.empty("panorama.highlight", (*texels, 3))
+            self._radiated = device.empty("panorama.radiated", (*texels, 3))
         self.background: Background | None = None
         if background is not None:
             self.background = Background(device, self.surfaces, self.shape, background)
-        self._pictures = PictureLoader(device, self.width, self.height)
         self._pyramid = Pyramid(device)
-        self._loaded = False
         self.flux = Flux(0.0, 0.0)
         self.median_depth = self.nearest = self.farthest = 0.0
 
     def load(self, frame: Frame) -> None:
         """Upload a video frame and build what the tracer needs of it."""
-        device, fresh = self._device, not self._loaded
-        self._load_light(frame, fresh=fresh)
-        self._loaded = True
+        device = self._device
+        self._load_light(frame)
         normal = None if frame.normal is None else self._enlarged(frame.normal)
         self.surfaces.load(
             self._enlarged(frame.depth),
@@ -118,9 +116,7 @@ class Panorama:
         self.nearest, self.farthest = frame.nearest, frame.farthest
         with device.profile.section("upload"):
             if self.outside is not None:
-                environment = np.zeros(self.outside.shape, np.float32)
-                environment[..., :3] = self._outside(frame)
-                device.write(self.outside, environment)
+                device.write(self.outside, self._outside(frame))
             if self.gloss is not None:
                 diffuse = np.zeros(frame.depth.shape, np.uint8)
                 gloss = diffuse if frame.gloss is None else frame.gloss
@@ -133,12 +129,12 @@ class Panorama:
         light = frame.radiance_of(frame.sent.reshape(-1, 3)[texel])
         return outside_radiance(light, frame.opening)
 
-    def _load_light(self, frame: Frame, *, fresh: bool) -> None:
+    def _load_light(self, frame: Frame) -> None:
         color = self._enlarged(frame.color)
-        if self.radiance is not self.color:
-            self._pictures.load(self.color, color, fresh=fresh)
+        if self._radiance is not self._color:
+            self._pictures.load(self._color, color)
         sent = color if frame.light is None else self._enlarged(frame.light)
-        self._pictures.load(self.radiance, sent, frame.color_map, fresh=fresh)
+        self._pictures.load(self._radiance, sent, frame.color_map)
 
     def remember(self, *, forget: bool) -> None:
         """Follow with what the loaded frame hides of those before, where that is remembered.
@@ -161,6 +157,18 @@ class Panorama:
         if self._repeat == 1:
             return image
         return image.repeat(self._repeat, axis=0).repeat(self._repeat, axis=1)
+
+    @property
+    def color(self) -> cla.Array:
+        return self._color.texels
+
+    @property
+    def radiance(self) -> cla.Array:
+        return self._radiance.texels
+
+    @property
+    def radiated(self) -> cla.Array:
+        return self.radiance if self._radiated is None else self._radiated
 
     def arguments(self, thickness: float, thickness_ratio: float) -> dict[str, Any]:
         """`REAL_PARAMETERS` of `cl/lib/world/scene.h`, with the radiance that the frame has."""

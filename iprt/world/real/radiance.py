@@ -31,50 +31,106 @@ class Flux:
     change: float
 
 
-class PictureLoader:
-    """Makes four floats a texel of the three of a picture (`cl/world/real/radiance.cl`)."""
+@dataclass
+class Picture:
+    """A picture of the panorama on the device.
 
-    def __init__(self, device: ComputeDevice, width: int, height: int) -> None:
+    Attributes
+    ----------
+    name : str
+        Of its buffer.
+    texels : (H, W, 3) float32 or None
+        None: there is none yet.
+    loaded : bool
+        `texels` holds a picture.
+    """
+
+    name: str
+    texels: cla.Array | None
+    loaded: bool = False
+
+
+class PictureLoader:
+    """Brings pictures to the device, and tells what their flux is (`cl/world/real/radiance.cl`).
+
+    Parameters
+    ----------
+    device : ComputeDevice
+    width, height : int
+    share : bool
+        Where the device reads the host's memory, pictures stay there. They are not mapped then,
+        and each occupies the host as long as it is loaded. Else they are copied.
+    """
+
+    def __init__(self, device: ComputeDevice, width: int, height: int, *, share: bool) -> None:
         self._device = device
         self._width, self._height = width, height
-        self._band = band_rows(height)
+        self._share = share and device.is_cpu
+        self._band = height if self._share else band_rows(height, width)
         self._strips = -(-width // STRIP)
-        self._color = device.empty("panorama.decoded", (self._band, width, 3))
+        if not self._share:
+            self._color = device.empty("panorama.decoded", (self._band, width, 3))
         self._sums = device.empty("panorama.sums", (height, self._strips, 4))
         self._map = device.zeros("panorama.color map", (3, 4))
         self._load = device.kernel("world/real/radiance.cl", "load_texels").fixed(
-            width=width, rows=self._band, color=self._color, sums=self._sums
+            width=width, rows=self._band, sums=self._sums
         )
+
+    def picture(self, name: str) -> Picture:
+        """A picture that nothing is loaded to yet."""
+        shape = self._height, self._width, 3
+        return Picture(name, None if self._share else self._device.empty(name, shape))
 
     def load(
         self,
-        texels: cla.Array,
-        picture: NDArray[np.float32],
+        picture: Picture,
+        values: NDArray[np.float32],
         color_map: NDArray[np.float64] | None = None,
-        *,
-        fresh: bool,
     ) -> None:
-        """Fill `texels` (H, W, 4) with a picture (H, W, 3), mapped by `color_map` (3, 3).
+        """Let a picture show `values` (H, W, 3), mapped by `color_map` (3, 3)."""
+        before = picture.texels if picture.loaded else None
+        picture.loaded = True
+        if not self._share:
+            self._copy(picture, values, color_map, before)
+            return
+        assert color_map is None, "would change what is the host's"
+        picture.texels = self._device.share(picture.name, values)
+        with self._device.profile.section("upload"):
+            self._load(
+                (self._strips, self._height),
+                first=0,
+                done=0,
+                color=picture.texels,
+                map=None,
+                before=before,
+                texels=None,
+            )
 
-        `fresh`: it holds no picture yet.
-        """
+    def _copy(
+        self,
+        picture: Picture,
+        values: NDArray[np.float32],
+        color_map: NDArray[np.float64] | None,
+        before: cla.Array | None,
+    ) -> None:
         device = self._device
         if color_map is not None:
             rows = np.zeros((3, 4), np.float32)
             rows[:, :3] = color_map
             device.write(self._map, rows)
         end = 0
-        for first in bands(self._height):
+        for first in bands(self._height, self._width):
             done, end = end - first, first + self._band
             with device.profile.section("upload"):
-                device.write(self._color, picture[first : first + self._band])
+                device.write(self._color, values[first : first + self._band])
                 self._load(
                     (self._strips, self._band),
                     first=first,
                     done=done,
-                    fresh=fresh,
+                    color=self._color,
                     map=None if color_map is None else self._map,
-                    texels=texels,
+                    before=before,
+                    texels=picture.texels,
                 )
 
     def flux(self) -> Flux:

@@ -54,6 +54,7 @@ class RealWorld:
             outside=features.opening_environment,
             gloss=features.gloss,
             separate_radiance=features.separate_radiance,
+            share=not (features.video or features.color_map),
             background=features.settings.trace if features.background else None,
         )
         self._color_map = ColorMap(device) if features.color_map else None

@@ -14,8 +14,9 @@ from iprt.files.kernel_source import constant
 from iprt.footage.normals import Tap, window_taps
 from iprt.world.real.pyramid import equirect_centres, equirect_edges
 
-BAND_ROWS = 256
-"""Rows that are prepared at a time: what is between one kernel and the next stays in caches."""
+BAND_TEXELS = 2**19
+"""Texels of the rows that are prepared at a time, or a little more: what is between one kernel and
+the next stays in caches."""
 MARGIN = constant("lib/world/real/tangent.h", "MARGIN")
 LANES = constant("lib/maths/lanes.h", "WIDE_LANES")
 """Texels that a work item takes where vectors are wide."""
@@ -82,7 +83,7 @@ class Surfaces:
     def __init__(self, device: ComputeDevice, width: int, height: int) -> None:
         self._device = device
         self.width, self.height = width, height
-        self._band = band_rows(height)
+        self._band = band_rows(height, width)
         self._stride = -(-width // LANES) * LANES
         lines = Lines.of(width, height)
         self.lines = device.upload("panorama.lines", lines.table)
@@ -161,14 +162,14 @@ class Surfaces:
         """
         device, band = self._device, self._band
         marks = opening.view(np.uint8)
-        for first in bands(self.height):
+        for first in bands(self.height, self.width):
             rows = slice(first, first + band)
             with device.profile.section("upload"):
                 device.write(self._depth, depth[rows])
                 device.write(self._marks, marks[rows])
             with device.profile.section("surface"):
                 self._invert((self.width, band), first=first)
-        for first in bands(self.height):
+        for first in bands(self.height, self.width):
             # One row beyond either end, with which those at the ends are joined.
             with device.profile.section("surface"):
                 self._fit(self.items(band + 2), first=first - 1, tolerance=tolerance)
@@ -195,14 +196,14 @@ class Surfaces:
             self._take((self.width, rows), first=first, normals=self._normal)
 
 
-def band_rows(height: int) -> int:
+def band_rows(height: int, width: int) -> int:
     """Rows of a band."""
-    return min(BAND_ROWS, height)
+    return min(max(BAND_TEXELS // width, 1), height)
 
 
-def bands(height: int) -> list[int]:
+def bands(height: int, width: int) -> list[int]:
     """The first rows of the bands. All have one size: the last may begin in the one before."""
-    rows = band_rows(height)
+    rows = band_rows(height, width)
     return [min(first, height - rows) for first in range(0, height, rows)]
 
 

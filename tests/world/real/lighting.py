@@ -36,7 +36,7 @@ NO_LAYERS = {
 
 def uploaded(device: ComputeDevice, color: NDArray[np.floating]) -> cla.Array:
     """A picture (H, W, 3) as `Panorama.radiance` holds it."""
-    return device.upload("picture", np.pad(color, [(0, 0), (0, 0), (0, 1)]).astype(np.float32))
+    return device.upload("picture", color.astype(np.float32))
 
 
 class RealWorld:

@@ -34,14 +34,14 @@ def read(device: ComputeDevice, panorama: Panorama) -> Memory:
     background = panorama.background
     assert background is not None
     marks = device.read(background.marks)
-    color = device.read(background.color)
+    around = device.read(background.around)
     return Memory(
         device.read(background.depth),
         facing(device.read(background.plane)),
-        color[..., :3],
+        device.read(background.color),
         (marks & OPENING) != 0,
-        np.abs(color[..., 3]),
-        color[..., 3] < 0.0,
+        np.abs(around),
+        around < 0.0,
         (marks & HIDDEN) != 0,
         device.read(background.hidden_light),
     )

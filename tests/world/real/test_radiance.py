@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
 from iprt.footage.frame import Frame
+from iprt.world.real import surfaces
 from iprt.world.real.cell_light import CellLight
 from iprt.world.real.lights import Lights
 from iprt.world.real.panorama import Panorama
@@ -19,7 +20,7 @@ from tests.oracles.worlds import frame_of
 from tests.world.real.lighting import uploaded
 
 SIZES = [(16, 8), (37, 23), (40, 300), (64, 512)]
-"""Some with more than one band, and with strips that are not full."""
+"""Some with strips that are not full."""
 
 
 def picture(size: tuple[int, int], seed: int) -> NDArray[np.float32]:
@@ -28,22 +29,26 @@ def picture(size: tuple[int, int], seed: int) -> NDArray[np.float32]:
 
 
 @pytest.mark.parametrize("size", SIZES, ids=str)
-@pytest.mark.parametrize("mapped", [False, True])
+@pytest.mark.parametrize("way", ["shared", "copied", "mapped"])
 def test_texels_and_flux_are_those_of_numpy(
-    device: ComputeDevice, size: tuple[int, int], mapped: bool
+    device: ComputeDevice, size: tuple[int, int], way: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(surfaces, "BAND_TEXELS", 256 * size[0])
+    mapped = way == "mapped"
     color_map = np.array([[1.2, -0.3, 0.0], [0.1, 0.9, 0.1], [0.0, 0.2, 0.7]]) if mapped else None
     frames = [replace(frame_of(np.ones(size[::-1])), color=picture(size, i)) for i in range(2)]
     frames = [replace(frame, color_map=color_map) for frame in frames]
     width, height = size
-    loader = PictureLoader(device, width, height)
-    texels = device.empty("texels", (height, width, 4))
+    loader = PictureLoader(device, width, height, share=way == "shared")
+    shown = loader.picture("picture")
     before = None
     for frame in frames:
-        loader.load(texels, frame.color, color_map, fresh=before is None)
-        found = device.read(texels)
-        np.testing.assert_allclose(found[..., :3], frame.radiance, rtol=1e-5, atol=1e-6)
-        assert not found[..., 3].any()
+        loader.load(shown, frame.color, color_map)
+        found = device.read(shown.texels)
+        if mapped:
+            np.testing.assert_allclose(found, frame.radiance, rtol=1e-5, atol=1e-6)
+        else:
+            np.testing.assert_array_equal(found, frame.color)
         rows = np.sin((np.arange(height) + 0.5) / height * np.pi)
         mean = np.average(frame.radiance.mean(axis=(1, 2)), weights=rows)
         flux = loader.flux()
@@ -55,10 +60,10 @@ def test_texels_and_flux_are_those_of_numpy(
 
 
 def test_without_light_there_is_no_change(device: ComputeDevice) -> None:
-    loader = PictureLoader(device, 16, 8)
-    texels = device.empty("texels", (8, 16, 4))
-    for fresh in (True, False):
-        loader.load(texels, np.zeros((8, 16, 3), np.float32), fresh=fresh)
+    loader = PictureLoader(device, 16, 8, share=True)
+    black = loader.picture("picture")
+    for _ in range(2):
+        loader.load(black, np.zeros((8, 16, 3), np.float32))
         assert (loader.flux().mean, loader.flux().change) == (0.0, 0.0)
 
 

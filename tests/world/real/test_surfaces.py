@@ -201,6 +201,6 @@ def test_bands_do_not_matter(device: ComputeDevice, monkeypatch: pytest.MonkeyPa
     frame = replace(frame, normal=np.where(frame.depth[..., None] > 2.0, 0.0, frame.fitted_normal))
     found = []
     for rows in (128, 50):
-        monkeypatch.setattr(surfaces, "BAND_ROWS", rows)
+        monkeypatch.setattr(surfaces, "BAND_TEXELS", rows * frame.width)
         found.append(layers(device, frame))
     np.testing.assert_array_equal(*found)

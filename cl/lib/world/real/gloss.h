@@ -7,7 +7,7 @@
 // `at` in texels of the panorama, (0, 0) its upper left corner.
 static inline float3 gain_at(__global const float4 *restrict gain, int columns, int rows, float2 at)
 {
-    return panorama_bilinear(gain, columns, rows,
+    return equirect_bilinear((__global const float *)gain, 4, columns, rows,
                              at / ((float)CELL * (float2)((float)columns, (float)rows)));
 }
 

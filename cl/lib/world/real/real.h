@@ -38,7 +38,7 @@ typedef struct {
 #ifdef BACKGROUND
     __global const float4 *back_surface;   // as `surface`
     __global const float2 *back_range;     // as `grid.range`
-    __global const float4 *back_color;     // radiance; w is for remember.cl
+    __global const float *back_color;      // radiance, 3 a texel
 #endif
 } RealLayer;
 
