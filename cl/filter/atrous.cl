@@ -182,7 +182,7 @@ __kernel void filter_level(
 #endif
     // Weights are relative to the centre's.
     TAP_LOOP
-    for (int i = 0; i < TAPS * TAPS; i++) {
+    for (int i = 0; i < TAPS_IF(same > 0.0f, TAPS * TAPS); i++) {
         const int dx = i % TAPS - TAPS / 2, dy = i / TAPS - TAPS / 2;
         if (dx == 0 && dy == 0)
             continue;

@@ -8,10 +8,13 @@
 
 // Before loops over neighbouring pixels. -D WIDE: unrolled, as PoCL vectorizes only kernels without
 // loops. Compilers for GPUs would then load all neighbours at once, and hold them in registers.
+// They also end at once where no neighbour counts, which PoCL would not vectorize either.
 #ifdef WIDE
 #define TAP_LOOP _Pragma("unroll")
+#define TAPS_IF(COUNTED, TAPS) (TAPS)
 #else
 #define TAP_LOOP _Pragma("unroll 1")
+#define TAPS_IF(COUNTED, TAPS) ((COUNTED) ? (TAPS) : 0)
 #endif
 
 static inline int plane_stride(int width) { return width + 2 * PLANE_PAD; }
