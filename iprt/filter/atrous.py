@@ -49,9 +49,11 @@ class Atrous:
             "EXTENT": first.kind == "delta",
             "TAPS": self._taps,
             "GUIDED": guided,
-            "HALF_PLANES": device.half_planes,
         }
-        self._stored = np.float16 if device.half_planes else np.float32
+        # What the difference of E_R and E_RV tells would be lost in their rounding.
+        self._half = device.half_planes and first.kind != "ratio"
+        defines["HALF_PLANES"] = self._half
+        self._stored = np.float16 if self._half else np.float32
 
         def planes(
             label: str, channels: int = 1, dtype: type[np.floating[Any]] = np.float32
@@ -81,7 +83,7 @@ class Atrous:
             for i in range(2 if settings.levels else 0)
         ]
         self._filtered = self._scratch[(settings.levels - 1) % 2][0] if settings.levels else []
-        if settings.levels and device.half_planes:
+        if settings.levels and self._half:
             self._filtered = planes("filtered", channels)
         if settings.levels:
             self._smooth = device.kernel("filter/atrous.cl", "smooth_variance", defines).fixed(
@@ -99,7 +101,7 @@ class Atrous:
         last = level == settings.levels - 1
         if last:
             signal_out = self._filtered
-        if self._device.half_planes:
+        if self._half:
             defines = {**defines, "FIRST": level == 0, "LAST": last}
         kernel = self._device.kernel("filter/atrous.cl", "filter_level", defines).fixed(
             self._layout.arguments(),

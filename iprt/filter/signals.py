@@ -44,6 +44,7 @@ def half_unit(kind: Kind, radiance: float) -> float:
     Parameters
     ----------
     kind : Kind
+        "ratio" is not stored so.
     radiance : float
         Mean of the panorama, which becomes 1/8 to 1/4. A disc of the sun's size that sends all of
         its light stays below 65504, and precision is 11 bits down to a 2000th of the mean.

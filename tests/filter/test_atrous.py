@@ -104,10 +104,10 @@ def test_equals_twin(
 
 @pytest.mark.parametrize("levels", [0, 1, 2, 3])
 def test_levels(device: ComputeDevice, levels: int) -> None:
-    gbuffer, signal, variance, _ = random_case("ratio", 33, 21, False)
+    gbuffer, signal, variance, _ = random_case("diffuse", 33, 21, False)
     settings = SETTINGS.model_copy(update={"levels": levels})
-    result = run(device, gbuffer, "ratio", signal, variance, settings=settings)
-    np.testing.assert_allclose(result, twin(gbuffer, "ratio", signal, variance, levels), rtol=3e-3)
+    result = run(device, gbuffer, "diffuse", signal, variance, settings=settings)
+    np.testing.assert_allclose(result, twin(gbuffer, "diffuse", signal, variance, levels), rtol=3e-3)
 
 
 def test_constant_stays(device: ComputeDevice) -> None:
@@ -209,10 +209,10 @@ def test_highlights_of_the_sun_and_dim_corners_are_kept(
 
 def test_what_is_not_finite_stays_so(device: ComputeDevice) -> None:
     """The published filter is given such samples; they are dropped behind it."""
-    gbuffer, signal, variance, _ = random_case("ratio", 64, 48, False)
+    gbuffer, signal, variance, _ = random_case("diffuse", 64, 48, False)
     signal[:, 20, 30], signal[:, 30, 20] = np.inf, np.nan
     gbuffer.ids[[20, 30], [30, 20]] = 0.0
-    result = run(device, gbuffer, "ratio", signal, variance)
+    result = run(device, gbuffer, "diffuse", signal, variance)
     assert not np.isfinite(result[:, [20, 30], [30, 20]]).any()
 
 
@@ -261,11 +261,11 @@ def test_noise_goes_and_known_detail_stays(device: ComputeDevice) -> None:
 
 
 def test_extreme_values_stay_finite(device: ComputeDevice) -> None:
-    gbuffer, signal, variance, _ = random_case("ratio", 64, 48, False)
+    gbuffer, signal, variance, _ = random_case("diffuse", 64, 48, False)
     rng = np.random.default_rng(6)
     signal *= 10.0 ** rng.choice([-30, -5, 0, 6, 12], signal.shape)
     variance *= 10.0 ** rng.choice([-35, 0, 12, 24], variance.shape)
-    assert np.isfinite(run(device, gbuffer, "ratio", signal, variance)).all()
+    assert np.isfinite(run(device, gbuffer, "diffuse", signal, variance)).all()
 
 
 def test_equirect_picture_turns_with_the_view(device: ComputeDevice) -> None:
