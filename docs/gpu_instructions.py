@@ -25,6 +25,11 @@ from tests.oclgrind import LIBRARY, MISSING
 MARK = "LAUNCH "
 COUNTED = re.compile(r"^ +(\d+) - ([^\n]+?)(?: \((\d+) bytes\))?$", re.MULTILINE)
 """A line of a histogram: how often, which instruction, and bytes that it moved."""
+VECTOR_MOVE = re.compile(
+    r"call _Z\d+v(?P<way>load|store)(?P<half>_half)?(?P<components>\d*)\D.*(?:AS1|CLglobal)"
+)
+"""Functions that move vectors, or numbers in half precision, to and from global memory: Oclgrind
+does not tell their bytes."""
 
 FLOATS = frozenset(("fadd", "fsub", "fmul", "fdiv", "fneg", "fcmp"))
 MERGED = re.compile(
@@ -123,6 +128,11 @@ def add(count: Count, histogram: str) -> None:
             count.loaded += int(size)
         elif instruction == "store global":
             count.stored += int(size)
+        elif call := VECTOR_MOVE.match(instruction):
+            size = 2 if call["half"] else 4
+            moved = int(times) * size * int(call["components"] or 1)
+            count.loaded += moved if call["way"] == "load" else 0
+            count.stored += moved if call["way"] == "store" else 0
 
 
 def cost(instruction: str, width: Mapping[str, float]) -> tuple[float, float]:

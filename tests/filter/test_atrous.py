@@ -107,7 +107,9 @@ def test_levels(device: ComputeDevice, levels: int) -> None:
     gbuffer, signal, variance, _ = random_case("diffuse", 33, 21, False)
     settings = SETTINGS.model_copy(update={"levels": levels})
     result = run(device, gbuffer, "diffuse", signal, variance, settings=settings)
-    np.testing.assert_allclose(result, twin(gbuffer, "diffuse", signal, variance, levels), rtol=3e-3)
+    np.testing.assert_allclose(
+        result, twin(gbuffer, "diffuse", signal, variance, levels), rtol=3e-3
+    )
 
 
 def test_constant_stays(device: ComputeDevice) -> None:
