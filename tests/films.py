@@ -147,8 +147,8 @@ def launches() -> Iterator[set[str]]:
 
 
 def planned_kernels() -> list[PlannedKernel]:
-    """File, kernel and defines of all that the films build, each once."""
-    plan = PlanDevice()
+    """File, kernel and defines of all that the films build on a GPU, each once."""
+    plan = PlanDevice(is_cpu=False)
     for film in films().values():
         frame = film.video[0]
         footage = Footage.of(frame, static_camera=film.static_camera)

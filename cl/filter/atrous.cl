@@ -14,6 +14,9 @@
 //         alpha; where specular), borders wrapped in equirect views
 //   out   signal, variance: pixels without a surface are copied
 //
+// Between levels, signals and variances are planes of stored.h. With -DHALF_PLANES, the first level is
+// built with -DFIRST and the last one with -DLAST: what comes in and what goes out are planes of float.
+//
 // Build with -DSIGNAL_PLANES=3|6, -DDIFFERENCE for a real layer (planes E_R rgb, E_RV rgb with
 // -DCOMMON too, else blocked / E_R rgb, bounce / E_R rgb), -DSPECULAR=n where the first n signals
 // of the -DBATCH are specular radiance, -DEXTENT for kernels that find where there is anything but 0,
@@ -21,10 +24,26 @@
 // filter). Work groups of (n, 1) vectorize best on CPUs.
 #include "gbuffer/batch.h"
 #include "gbuffer/guide.h"
+#include "gbuffer/stored.h"
 #include "filter/signal.h"
 
 #define MIRROR_ALPHA 1e-4f     // below: a perfect mirror, which is not filtered
 #define NORMAL_SPREAD 1.0f     // alpha^2 per sum of squared normal steps to the four neighbours
+
+#ifdef FIRST
+#define SIGNAL_IN PLANES_IN
+#define load_in(plane, p) (unit * (plane)[p])
+#else
+#define SIGNAL_IN STORED_IN
+#define load_in(plane, p) load_stored(plane, p)
+#endif
+#ifdef LAST
+#define SIGNAL_OUT PLANES_OUT
+#define store_out(plane, p, x, width, value) store_wrapped(plane, p, x, width, (value) / unit)
+#else
+#define SIGNAL_OUT STORED_OUT
+#define store_out(plane, p, x, width, value) store_stored(plane, p, x, width, value)
+#endif
 
 #ifdef EXTENT
 // The columns of each row between which objects do anything, for all that is known.
@@ -97,13 +116,13 @@ static inline float tap_weight(int d)
 
 __kernel void filter_level(
     BATCHED(PLANES_IN, guide),                   // 7 planes
-    BATCHED(PLANES_IN, signal),                  // SIGNAL_PLANES planes
-    BATCHED(PLANES_IN, variance),                // of the guide scalar's mean
-    BATCHED(PLANES_OUT, signal_out),             // SIGNAL_PLANES planes
-    BATCHED(PLANES_OUT, variance_out),           // 1 plane
+    BATCHED(SIGNAL_IN, signal),                  // SIGNAL_PLANES planes
+    BATCHED(STORED_IN, variance),                // of the guide scalar's mean
+    BATCHED(SIGNAL_OUT, signal_out),             // SIGNAL_PLANES planes
+    BATCHED(STORED_OUT, variance_out),           // 1 plane
     SPAN_PARAMETERS,                             // where there are surfaces; the rest is 0
 #if SPECULAR
-    BATCHED(PLANES_IN, roughness),               // of smooth_variance; < 1e-4: copied
+    BATCHED(STORED_IN, roughness),               // of smooth_variance; < 1e-4: copied
     float lobe_fraction,                         // of the lobe's half width that taps may span
 #endif
     int step,                                    // tap distance in pixels: 1, 2, 4, 8, 16
@@ -111,15 +130,18 @@ __kernel void filter_level(
     float plane_sharpness,                       // k_d
     float variance_scale,                        // k_v^2
     float floor_fraction,                        // floor, relative to the pixel's luminance
+#if defined(FIRST) || defined(LAST)
+    float unit,                                  // of signals in half precision
+#endif
     int width,
     int height)
 {
     SPAN_ITEM;
     PLANES_IN guide = OF_BATCH(guide);
-    PLANES_IN signal = OF_BATCH(signal);
-    PLANES_IN variance = OF_BATCH(variance);
-    PLANES_OUT signal_out = OF_BATCH(signal_out);
-    PLANES_OUT variance_out = OF_BATCH(variance_out);
+    SIGNAL_IN signal = OF_BATCH(signal);
+    STORED_IN variance = OF_BATCH(variance);
+    SIGNAL_OUT signal_out = OF_BATCH(signal_out);
+    STORED_OUT variance_out = OF_BATCH(variance_out);
     int size = plane_size(width, height), stride = plane_stride(width);
     int p = plane_index(x, y, width);
 
@@ -133,25 +155,25 @@ __kernel void filter_level(
     float centre[SIGNAL_PLANES], sum[SIGNAL_PLANES];
     #pragma unroll
     for (int c = 0; c < SIGNAL_PLANES; c++) {
-        centre[c] = signal[c * size + p];
+        centre[c] = load_in(signal, c * size + p);
         sum[c] = centre[c];
     }
     float weights = 1.0f;
-    float variances = variance[p];
+    const float own = load_stored_variance(variance, p);
+    float variances = own;
     float g = guide_scalar(centre);
 #if defined(DIFFERENCE) && !defined(COMMON)
     float tolerance = floor_fraction; // the signal is a fraction of all light
 #else
     float tolerance = floor_fraction * luminance((float3)(centre[0], centre[1], centre[2]));
 #endif
-    tolerance = variance_scale * variance[p] + tolerance * tolerance + 1e-30f;
+    tolerance = variance_scale * own + tolerance * tolerance + 1e-30f;
     // No tap matches -2, so that a pixel without a surface keeps what it has.
     float same = id > 0.0f ? id : -2.0f;
 #if SPECULAR
     // The lobe of half width 2 alpha turns by twice the normal's angle and by the view angle.
     const bool specular = entry < SPECULAR;
-    PLANES_IN roughness = OF_BATCH(roughness);
-    float alpha = roughness[p];
+    const float alpha = load_stored(OF_BATCH(roughness), p);
     same = specular && alpha < MIRROR_ALPHA ? -2.0f : same;
     float span = 2.0f * lobe_fraction * fmax(alpha, MIRROR_ALPHA);
     float lobe = specular ? 0.5f / (span * span) : 0.0f;
@@ -160,7 +182,7 @@ __kernel void filter_level(
 #endif
     // Weights are relative to the centre's.
     TAP_LOOP
-    for (int i = 0; i < TAPS * TAPS; i++) {
+    for (int i = 0; i < TAPS_IF(same > 0.0f, TAPS * TAPS); i++) {
         const int dx = i % TAPS - TAPS / 2, dy = i / TAPS - TAPS / 2;
         if (dx == 0 && dy == 0)
             continue;
@@ -171,8 +193,8 @@ __kernel void filter_level(
         float tap[SIGNAL_PLANES];
         #pragma unroll
         for (int c = 0; c < SIGNAL_PLANES; c++)
-            tap[c] = signal[c * size + q];
-        float v = variance[q];
+            tap[c] = load_in(signal, c * size + q);
+        float v = load_stored_variance(variance, q);
         float differ = normal_sharpness * fmax(turn, 0.0f) + plane_scale * fabs(off_plane);
 #ifdef GUIDED
         float dg = guide_scalar(tap) - g;
@@ -194,8 +216,8 @@ __kernel void filter_level(
     float scale = 1.0f / weights;
     #pragma unroll
     for (int c = 0; c < SIGNAL_PLANES; c++)
-        store_wrapped(signal_out + c * size, p, x, width, scale * sum[c]);
-    store_wrapped(variance_out, p, x, width, scale * scale * variances);
+        store_out(signal_out + c * size, p, x, width, scale * sum[c]);
+    store_stored_variance(variance_out, p, x, width, scale * scale * variances);
 }
 
 #if SPECULAR
@@ -223,11 +245,14 @@ static inline float widened_alpha(
 __kernel void smooth_variance(
     BATCHED(PLANES_IN, guide),                   // 7 planes
     BATCHED(PLANES_IN, variance),                // 1 plane
-    BATCHED(PLANES_OUT, smooth),                 // out: 1 plane
+    BATCHED(STORED_OUT, smooth),                 // out: 1 plane
     SPAN_PARAMETERS,                             // where there are surfaces
 #if SPECULAR
     BATCHED(PLANES_IN, roughness),               // GGX alpha
-    BATCHED(PLANES_OUT, widened),                // out: 1 plane; mirrors stay mirrors
+    BATCHED(STORED_OUT, widened),                // out: 1 plane; mirrors stay mirrors
+#endif
+#ifdef HALF_PLANES
+    float unit,                                  // of signals in half precision
 #endif
     int width,
     int height)
@@ -235,7 +260,7 @@ __kernel void smooth_variance(
     SPAN_ITEM;
     PLANES_IN guide = OF_BATCH(guide);
     PLANES_IN variance = OF_BATCH(variance);
-    PLANES_OUT smooth = OF_BATCH(smooth);
+    STORED_OUT smooth = OF_BATCH(smooth);
     int stride = plane_stride(width), p = plane_index(x, y, width);
     __global const float *restrict id = guide + GUIDE_ID * plane_size(width, height);
     float sum = 0.0f, weights = 0.0f;
@@ -250,10 +275,14 @@ __kernel void smooth_variance(
             weights += w;
         }
     }
-    store_wrapped(smooth, p, x, width, sum / weights);
+#ifdef HALF_PLANES
+    sum = sum * unit * unit; // the square alone may be beyond all floats
+#endif
+    store_stored_variance(smooth, p, x, width, sum / weights);
 #if SPECULAR
     if (entry < SPECULAR)
-        OF_BATCH(widened)[p] = widened_alpha(guide, OF_BATCH(roughness)[p],
-                                                    plane_size(width, height), stride, p);
+        store_stored(OF_BATCH(widened), p, x, width,
+                     widened_alpha(guide, OF_BATCH(roughness)[p], plane_size(width, height),
+                                   stride, p));
 #endif
 }

@@ -92,6 +92,13 @@ class ComputeDevice:
         return self.is_cpu
 
     @property
+    def half_planes(self) -> bool:
+        """Whether planes that last for one frame are in half precision (`cl/lib/gbuffer/stored.h`):
+        processors take longer to convert numbers than to move them.
+        """
+        return not self.is_cpu
+
+    @property
     def memory(self) -> int:
         """Bytes that the device has, as its driver says."""
         return int(self.device.global_mem_size)

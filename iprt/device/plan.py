@@ -49,7 +49,7 @@ class PlanDevice(ComputeDevice):
     Parameters
     ----------
     is_cpu : bool
-        Kind of device it stands in for. Kernels are those of a device that is none.
+        Kind of device it stands in for.
 
     Attributes
     ----------
@@ -69,10 +69,6 @@ class PlanDevice(ComputeDevice):
     @property
     def is_cpu(self) -> bool:
         return self._is_cpu
-
-    @property
-    def wide(self) -> bool:
-        return False
 
     def kernel(  # type: ignore[override]
         self, file: str, name: str, defines: Mapping[str, Define] | None = None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import pyopencl.array as cla
@@ -10,7 +11,7 @@ import pyopencl.array as cla
 from iprt.device.compute import ComputeDevice
 from iprt.device.kernel import Kernel
 from iprt.device.program import Define
-from iprt.filter.signals import Signal, signal_defines, signal_planes
+from iprt.filter.signals import Signal, half_unit, signal_defines, signal_planes
 from iprt.gbuffer.batch import batched
 from iprt.gbuffer.guide import span_arguments
 from iprt.gbuffer.layout import PlaneLayout
@@ -49,14 +50,20 @@ class Atrous:
             "TAPS": self._taps,
             "GUIDED": guided,
         }
+        # What the difference of E_R and E_RV tells would be lost in their rounding.
+        self._half = device.half_planes and first.kind != "ratio"
+        defines["HALF_PLANES"] = self._half
+        self._stored = np.float16 if self._half else np.float32
 
-        def planes(label: str, channels: int = 1) -> list[cla.Array]:
+        def planes(
+            label: str, channels: int = 1, dtype: type[np.floating[Any]] = np.float32
+        ) -> list[cla.Array]:
             shape = layout.shape(channels)
-            return [device.zeros(f"{signal.name} {label}", shape) for signal in signals]
+            return [device.zeros(f"{signal.name} {label}", shape, dtype) for signal in signals]
 
         # Those that have none get another's, which is not used.
         self._widened = [
-            device.zeros(f"{signal.name} widened roughness", layout.shape(1))
+            device.zeros(f"{signal.name} widened roughness", layout.shape(1), self._stored)
             for signal in signals[: self._specular]
         ]
         self._widened += self._widened[:1] * (len(signals) - self._specular)
@@ -69,9 +76,15 @@ class Atrous:
             self._nothing = planes("no variance")
         channels = signal_planes(first.kind)
         self._scratch = [
-            (planes(f"filtered {i}", channels), planes(f"filtered variance {i}"))
+            (
+                planes(f"filtered {i}", channels, self._stored),
+                planes(f"filtered variance {i}", 1, self._stored),
+            )
             for i in range(2 if settings.levels else 0)
         ]
+        self._filtered = self._scratch[(settings.levels - 1) % 2][0] if settings.levels else []
+        if settings.levels and self._half:
+            self._filtered = planes("filtered", channels)
         if settings.levels:
             self._smooth = device.kernel("filter/atrous.cl", "smooth_variance", defines).fixed(
                 layout.arguments(),
@@ -85,6 +98,11 @@ class Atrous:
         settings = self.settings
         signal, variance = self._scratch[(level - 1) % 2]
         signal_out, variance_out = self._scratch[level % 2]
+        last = level == settings.levels - 1
+        if last:
+            signal_out = self._filtered
+        if self._half:
+            defines = {**defines, "FIRST": level == 0, "LAST": last}
         kernel = self._device.kernel("filter/atrous.cl", "filter_level", defines).fixed(
             self._layout.arguments(),
             self.spans,
@@ -110,6 +128,7 @@ class Atrous:
         variances: Sequence[cla.Array] | None = None,
         *,
         roughness: Sequence[cla.Array | None] = (),
+        radiance: float,
     ) -> Sequence[cla.Array]:
         """Return the filtered signals: buffers of this object, or the inputs if `levels` is 0.
 
@@ -120,6 +139,8 @@ class Atrous:
             Variance of the mean of the scalar that the picture shows. None where not `guided`.
         roughness : 1 plane or None each
             GGX alpha of the specular lobe, needed by that kind. Mirrors are copied.
+        radiance : float
+            Mean of the panorama, the scale of signals that are radiance.
         """
         settings, layout = self.settings, self._layout
         size = (*layout.size, len(signals))
@@ -132,10 +153,11 @@ class Atrous:
                 reach = self._taps // 2 * ((1 << settings.levels) - 1)
                 self._extent.run(signals[0], variances[0], reach)
             lobes = batched(roughness=roughness) if self._specular else {}
-            self._smooth(size, guide, lobes, batched(variance=variances))
+            unit = {"unit": half_unit(self._signals[0].kind, radiance)}
+            self._smooth(size, guide, lobes, unit, batched(variance=variances))
             for kernel in self._levels:
-                kernel(size, guide, batched(signal=signals))
-        return self._scratch[(settings.levels - 1) % 2][0]
+                kernel(size, guide, unit, batched(signal=signals))
+        return self._filtered
 
 
 class Extent:

@@ -101,14 +101,16 @@ class SignalFilter:
         if context.cut:
             self._temporal.reset()
 
-    def run(self, frame: Sequence[Samples], context: FrameContext) -> Sequence[cla.Array]:
-        """The filtered planes of each signal."""
+    def run(
+        self, frame: Sequence[Samples], context: FrameContext, *, radiance: float
+    ) -> Sequence[cla.Array]:
+        """The filtered planes of each signal; `radiance` is the mean of the panorama."""
         planes: Sequence[cla.Array] = [samples.planes for samples in frame]
         levels = [samples.mask.level for samples in frame]
         roughness = [samples.roughness for samples in frame]
         self._interpolate.run(levels, planes, context.grid)
         if self._published:
-            planes = self._atrous.run(planes, roughness=roughness)
+            planes = self._atrous.run(planes, roughness=roughness, radiance=radiance)
         accumulated = self._temporal.run(
             planes,
             [samples.motion for samples in frame],
@@ -124,4 +126,4 @@ class SignalFilter:
         if self._published:
             return planes
         variances = [signal.variance for signal in self.accumulated]
-        return self._atrous.run(planes, variances, roughness=roughness)
+        return self._atrous.run(planes, variances, roughness=roughness, radiance=radiance)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -35,6 +36,22 @@ class Signal:
 def signal_planes(kind: Kind) -> int:
     """Number of planes of a signal."""
     return 6 if kind in ("ratio", "delta") else 3
+
+
+def half_unit(kind: Kind, radiance: float) -> float:
+    """What a signal is multiplied by in planes of half precision, a power of two.
+
+    Parameters
+    ----------
+    kind : Kind
+        "ratio" is not stored so.
+    radiance : float
+        Mean of the panorama, which becomes 1/8 to 1/4. A disc of the sun's size that sends all of
+        its light stays below 65504, and precision is 11 bits down to a 2000th of the mean.
+    """
+    if kind == "delta" or not radiance > 0.0:
+        return 1.0
+    return 2.0 ** (-2 - math.frexp(radiance)[1])
 
 
 def signal_defines(signals: Sequence[Signal]) -> dict[str, Define]:

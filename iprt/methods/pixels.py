@@ -86,7 +86,8 @@ class RealPixels:
             )
         self._trace.run(world, mask, context.view, cache, min_solid_angle=self._min_solid_angle)
         samples = Samples(self._trace.signal, mask, layer.motion)
-        (self.change,) = self._filter.run([samples], context)
+        radiance = world.panorama.mean_radiance
+        (self.change,) = self._filter.run([samples], context, radiance=radiance)
         self.relight.run(self.change, layer.diffuse, world, cache, mask.touched)
         return self.relight.ratio
 
@@ -170,7 +171,7 @@ class ReflectingPixels:
             )
         found |= self._shade(world, context)
         frame = [found[signal.name] for signal in self._signals]
-        filtered = self._filter.run(frame, context)
+        filtered = self._filter.run(frame, context, radiance=world.panorama.mean_radiance)
         named = dict(zip((signal.name for signal in self._signals), filtered, strict=True))
         self.change = named.get("gloss")
         self.diffuse, self.specular = named.get("diffuse"), named.get("specular")

@@ -88,6 +88,7 @@ class Frames:
                     for i in chosen
                 ],
                 context,
+                radiance=1.0,
             )
         result = {}
         for i, planes, accumulated in zip(chosen, filtered, signal_filter.accumulated, strict=True):

@@ -16,7 +16,6 @@ from iprt.gbuffer.guide import Guide, span_arguments
 from iprt.methods.relight import Relight
 from iprt.settings.model import Settings
 from tests.filter.gbuffer import GBuffer, random_gbuffer, read, still_frame, still_motion, upload
-from tests.like_gpu import LikeGpu
 from tests.methods.even_cache import WORLD, EvenCache
 
 WIDTH, HEIGHT = 150, 20
@@ -30,11 +29,7 @@ def moving(frame: int, *, equirect: bool) -> GBuffer:
     return replace(gbuffer, ids=np.where(inside & (frame % 7 < 5), gbuffer.ids, 0.0))
 
 
-@pytest.mark.parametrize("kind", [ComputeDevice, LikeGpu], ids=["CPU", "GPU's work groups"])
-def test_spans_hold_the_surfaces_of_three_pictures(
-    device: ComputeDevice, kind: type[ComputeDevice]
-) -> None:
-    device = kind(device.device)
+def test_spans_hold_the_surfaces_of_three_pictures(device: ComputeDevice) -> None:
     guide = moving(0, equirect=False).guide(device)
     seen = [moving(0, equirect=False).seen_ids > 0.0]
     for frame in range(1, 9):
@@ -93,7 +88,9 @@ def test_what_is_left_out_is_what_it_was(
             kept, shown = read(device, layout, traced), gbuffer.seen_ids > 0.0
             device.write(traced, layout.padded(np.where(shown, samples[frame], kept)).astype("f4"))
             glossy = roughness if kind == "specular" else None
-            (filtered,) = signal_filter.run([Samples(traced, mask, moved, glossy)], context)
+            (filtered,) = signal_filter.run(
+                [Samples(traced, mask, moved, glossy)], context, radiance=1.0
+            )
             pictures.append(read(device, layout, filtered))
             if kind == "delta":
                 relight.run(filtered, black, WORLD, cache, mask.touched)

@@ -65,24 +65,46 @@ TRACING_KERNEL void see_objects(
 #endif
 }
 
+// Whether the ray along d meets a triangle of the packet that `hit` is in, as bvh_trace would.
+static inline int meets_packet_again(const Objects world, float3 d, ObjectHit *hit)
+{
+    __global const float4 *rows = world.bvh.instances + BVH_INSTANCE_ROWS * hit->instance;
+    const BvhRay ray = bvh_ray(bvh_transform(rows, (float3)(0.0f), 1.0f),
+                               bvh_transform(rows, d, 0.0f));
+    COUNT_STEPS(world.bvh.work, WORK_OBJECTS, 1);
+    hit->t = INFINITY;
+    return bvh_packet(world.bvh, ray, hit->triangle >> 2, hit);
+}
+
 // Rays that meet an object in front of the real surface; and the mean albedo of those that meet
 // `index` - 1, which pictures finer than the pixels are averaged by.
 static inline int visible_samples(const Objects world, __global const float *restrict view, int x,
                                   int y, int index, __global const float4 *restrict surface,
                                   int surface_width, int surface_height, float3 *albedo)
 {
-    int visible = 0, same = 0;
+    int visible = 0, same = 0, met = 0;
     float3 sum = (float3)(0.0f);
+    ObjectHit hit;
     for (int i = 0; i < SAMPLES * SAMPLES; i++) {
         const float2 within = ((float2)(i % SAMPLES, i / SAMPLES) + 0.5f) / SAMPLES;
         const float3 d = view_direction(view, (float2)(x, y) + within);
-        ObjectHit hit;
-        if (!trace_objects(world, (float3)(0.0f), d, INFINITY, &hit))
-            continue;
         const float2 uv = equirect_uv(d);
         const int texel = min((int)(uv.y * surface_height), surface_height - 1) * surface_width
             + min((int)(uv.x * surface_width), surface_width - 1);
-        visible += hit.t * dot(surface[texel].xyz, d) <= 1.0f + COVERAGE_TOLERANCE;
+        const float nearness = dot(surface[texel].xyz, d);
+#ifndef OBJECT_TEXTURES
+        // Most rays of a pixel meet the triangles that the one before has met. What may be in front of
+        // these is in front of the real surface too, and need not be found.
+        if (met && meets_packet_again(world, d, &hit)
+            && hit.t * nearness <= 1.0f + COVERAGE_TOLERANCE) {
+            visible++;
+            continue;
+        }
+#endif
+        met = trace_objects(world, (float3)(0.0f), d, INFINITY, &hit);
+        if (!met)
+            continue;
+        visible += hit.t * nearness <= 1.0f + COVERAGE_TOLERANCE;
 #ifdef OBJECT_TEXTURES
         const ObjectSurface at = object_surface(world, hit, d);
         if (at.material + 1 == index) {

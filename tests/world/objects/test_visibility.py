@@ -43,11 +43,11 @@ def pattern() -> Material:
     return Material(texture=waves.astype(np.float32), albedo=(0.9, 0.8, 0.7))
 
 
-def scene() -> list[Instance]:
+def scene(picture: Material) -> list[Instance]:
     tilted = np.array([[0.8, 0.0, 0.6], [0.0, 1.0, 0.0], [-0.6, 0.0, 0.8]])
     return [
         placed(sphere(4), (0.35, -0.1, -1.3), 0.4, name="ball"),
-        placed(quad((pattern(),)), (-0.5, 0.1, -1.5), (-0.35, 0.3, 0.3), tilted, name="picture"),
+        placed(quad((picture,)), (-0.5, 0.1, -1.5), (-0.35, 0.3, 0.3), tilted, name="picture"),
         placed(sphere(2), (-0.2, -0.1, 1.5), (0.3, 0.2, -0.1), name="behind, over the seam"),
         placed(mesh(np.zeros((0, 3)), np.zeros((0, 3), int)), name="nothing"),
         placed(sphere(1), (0.05, 0.9, 0.02), 0.1, name="overhead"),
@@ -64,8 +64,9 @@ def moved(instances: list[Instance]) -> list[Instance]:
 class Both:
     """The visible layer of the same scene by OpenGL and by rays."""
 
-    def __init__(self, device: ComputeDevice, view: View) -> None:
-        before, instances = moved(scene()), scene()
+    def __init__(self, device: ComputeDevice, view: View, picture: Material) -> None:
+        instances = scene(picture)
+        before = moved(instances)
         panorama = panorama_of(device, room_frame(ROOM, 250, 125, bright_walls))  # no ties
         turned = view
         if view.projection == "perspective":
@@ -98,7 +99,7 @@ class Both:
 
 @pytest.fixture(scope="module", params=VIEWS, ids=lambda view: view.projection)
 def both(device: ComputeDevice, request: pytest.FixtureRequest) -> Both:
-    return Both(device, request.param)
+    return Both(device, request.param, pattern())
 
 
 def inner(ids: NDArray[np.floating]) -> NDArray[np.bool_]:
@@ -144,6 +145,15 @@ def test_coverage(both: Both) -> None:
     assert np.abs(drawn - traced).max() <= 2.01 / 16.0
     assert (drawn != traced).sum() < 0.05 * (drawn > 0.0).sum()
     assert ((drawn == 0.0) & (both.layers.front.geometry[..., 3] > 0.0)).sum() > 10  # the post
+
+
+@views
+def test_coverage_is_the_same_without_textures(device: ComputeDevice, view: View) -> None:
+    """Most rays are then not sent through the hierarchy."""
+    textured, plain = (
+        Both(device, view, picture).images("coverage")[1] for picture in (pattern(), Material())
+    )
+    np.testing.assert_array_equal(plain, textured)
 
 
 def test_borrowed_edges(both: Both) -> None:

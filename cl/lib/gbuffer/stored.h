@@ -1,0 +1,71 @@
+// Planes of values that last for one frame. -D HALF_PLANES: in half precision, where moving them takes
+// longer than converting them; else they are planes of float as all others (planes.h).
+//
+// Half precision has 11 bits from 6e-5 to 65504, and steps of 6e-8 below. Values beyond are clamped, and
+// those that are not finite stay so. A variance has its root in memory: its square has half the range.
+// Kernels that bring radiance into such planes multiply it by a unit of the scene
+// (`half_unit` of iprt/filter/signals.py).
+#ifndef IPRT_STORED_H
+#define IPRT_STORED_H
+
+#include "gbuffer/planes.h"
+
+#ifdef HALF_PLANES
+#define STORED half
+#else
+#define STORED float
+#endif
+
+#define STORED_IN __global const STORED *restrict
+#define STORED_OUT __global STORED *restrict
+
+#define LARGEST_HALF 65504.0f
+#define NOT_STORED 1e30f      // values from here on, and NaN, mark what is not used
+
+static inline float load_stored(STORED_IN plane, int p)
+{
+#ifdef HALF_PLANES
+    return vload_half(p, plane);
+#else
+    return plane[p];
+#endif
+}
+
+static inline float load_stored_variance(STORED_IN plane, int p)
+{
+    const float value = load_stored(plane, p);
+#ifdef HALF_PLANES
+    return value * value;
+#else
+    return value;
+#endif
+}
+
+#ifdef HALF_PLANES
+#define PUT(at) vstore_half(value, at, plane)
+#else
+#define PUT(at) plane[at] = value
+#endif
+
+// As store_wrapped of planes.h.
+static inline void store_stored(STORED_OUT plane, int p, int x, int width, float value)
+{
+#ifdef HALF_PLANES
+    const float clamped = fmin(fmax(value, -LARGEST_HALF), LARGEST_HALF);
+    value = fabs(value) < NOT_STORED ? clamped : value;
+#endif
+    PUT(p);
+    AT_BORDER(PUT)
+}
+
+#undef PUT
+
+static inline void store_stored_variance(STORED_OUT plane, int p, int x, int width, float value)
+{
+#ifdef HALF_PLANES
+    value = sqrt(value);
+#endif
+    store_stored(plane, p, x, width, value);
+}
+
+#endif
