@@ -9,6 +9,7 @@
 // out  signal         6 planes: blocked / E_R rgb, bounce / E_R rgb
 //      samples        1 plane: rays that the pixel has sent since the start, in and out
 #define DELTA
+#include "world/boxes.h"
 #include "world/real/irradiance.h"
 #include "world/path.h"
 #include "methods/traced.h"
@@ -22,15 +23,15 @@ static inline Scatter sample_delta(const World world, const BoxView boxes, float
                                    float2 v)
 {
     Scatter s = no_scatter(boxes.n);
-    s.box_share = !(boxes.total > 0.0f) ? 0.0f : boxes.inside ? BOX_SHARE_INSIDE : BOX_SHARE;
+    const float box_share = !(boxes.total > 0.0f) ? 0.0f : boxes.inside ? BOX_SHARE_INSIDE : BOX_SHARE;
 #ifdef LIGHT_SAMPLING
-    s.light_share = world.lights.count > 0 ? 0.5f * (1.0f - s.box_share) : 0.0f;
+    s.light_share = world.lights.count > 0 ? 0.5f * (1.0f - box_share) : 0.0f;
 #endif
-    if (v.x < s.box_share) {
+    if (v.x < box_share) {
         s.wi = sample_boxes(world.objects.bounds, world.objects.objects, boxes, u,
-                            v.x / s.box_share);
+                            v.x / box_share);
 #ifdef LIGHT_SAMPLING
-    } else if (v.x < s.box_share + s.light_share) {
+    } else if (v.x < box_share + s.light_share) {
         s.aimed = 1;
         const float3 light = sample_light(world.lights, u);
         s.texel = light_texel(world.real, light);
@@ -41,7 +42,12 @@ static inline Scatter sample_delta(const World world, const BoxView boxes, float
     }
     const float cosine = fmax(dot(boxes.n, s.wi), 0.0f);
     s.diffuse = cosine / IPRT_PI;
-    s.density = fmax((1.0f - s.box_share - s.light_share) * cosine / IPRT_PI, 1e-20f);
+    s.density = fmax((1.0f - box_share - s.light_share) * cosine / IPRT_PI, 1e-20f);
+    // Of rays that meet no object nobody asks for it; but later, `boxes` would be held in registers
+    // through the traversal.
+    if (box_share > 0.0f)
+        s.density +=
+            box_share * box_density(world.objects.bounds, world.objects.objects, boxes, s.wi);
     return s;
 }
 
@@ -58,27 +64,26 @@ TRACING_KERNEL void trace_delta(
     const World world = WORLD(view);
     const IrradianceCache cache = CACHE;
     float3 blocked = (float3)(0.0f), bounce = (float3)(0.0f);
-    const TracedPixel seen = TRACED_PIXEL(item, 0x64656c74u);
-    const BoxView faced = view_boxes(world.objects.bounds, world.objects.objects,
-                                     seen.p + world.real.bias * seen.n, seen.n);
-    const uint first = samples[seen.pixel];
-    for (int ray = 0; ray < rays && boxes_matter(faced, min_solid_angle); ray++) {
+    for (int ray = 0; ray < rays; ray++) {
         const TracedPixel at = TRACED_PIXEL(item, 0x64656c74u);
         const float3 o = real_start(world.real, at.p, at.n);
         const float3 o_object = at.p + world.real.bias * at.n;
-        const BoxView boxes = {o_object, at.n, faced.total, faced.inside, faced.above};
-        const uint index = first + ray;
+        const BoxView boxes =
+            view_boxes(world.objects.bounds, world.objects.objects, o_object, at.n);
+        if (!boxes_matter(boxes, min_solid_angle))
+            break;
+        const uint index = READ_AGAIN(samples + at.pixel) + ray;
         const Scatter s = sample_delta(world, boxes, o, sobol_2d(index, at.seed),
                                        sobol_2d(index, hash_combine(at.seed, 1)));
         if (!(s.diffuse > 0.0f))
             continue;
-        const PathResult path = trace_path(world, o, o_object, s, boxes, at.seed, index);
+        const PathResult path = trace_path(world, o, o_object, s, at.seed, index);
         blocked += s.diffuse * path.real;
         bounce += s.diffuse * path.arriving;
     }
     const TracedPixel at = TRACED_PIXEL(item, 0x64656c74u);
     const int pixel = at.pixel, size = at.size;
-    samples[pixel] = first + rays;
+    samples[pixel] += rays;
     // f cos is cos / pi, so that the sums are irradiance / pi, as the cache holds it.
     const float3 irradiance = cached_irradiance(cache, at.p, at.n);
     const float black = cache.black;

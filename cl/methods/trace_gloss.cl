@@ -11,6 +11,7 @@
 //
 // The differential radiance of T. A. Franke, "Delta Voxel Cone Tracing" (ISMAR 2014), by rays.
 #define DELTA
+#include "world/boxes.h"
 #include "world/path.h"
 #include "methods/traced.h"
 
@@ -26,30 +27,27 @@ TRACING_KERNEL void trace_gloss(
     const World world = WORLD(view);
     float3 hidden = (float3)(0.0f), shown = (float3)(0.0f);
     int met = 0;
-    const TracedPixel seen = TRACED_PIXEL(item, 0x676c6f73u);
-    const BoxView faced = view_boxes(world.objects.bounds, world.objects.objects,
-                                     seen.p + world.real.bias * seen.n, seen.n);
-    const uint first = samples[seen.pixel];
-    for (int ray = 0; ray < rays && faced.above; ray++) {
+    for (int ray = 0; ray < rays; ray++) {
         const TracedPixel at = TRACED_PIXEL(item, 0x676c6f73u);
-        const uint number = first + ray;
+        const float3 o_object = at.p + world.real.bias * at.n;
+        if (!view_boxes(world.objects.bounds, world.objects.objects, o_object, at.n).above)
+            break;
+        const uint number = READ_AGAIN(samples + at.pixel) + ray;
         const Frame frame = build_frame(at.n);
         const BrdfSample sample = sample_specular(
             load_material(real_materials, at.id - 1), real_reflectance[at.id - 1].xyz, frame,
             brdf_local_wo(frame, -at.p / length(at.p)), sobol_2d(number, at.seed));
         if (!(sample.weight.x + sample.weight.y + sample.weight.z > 0.0f))
             continue;
-        const float3 o_object = at.p + world.real.bias * at.n;
-        const BoxView boxes = {o_object, at.n, faced.total, faced.inside, faced.above};
         const PathResult path =
             trace_path(world, real_start(world.real, at.p, at.n), o_object, no_scatter(sample.wi),
-                       boxes, at.seed, number);
+                       at.seed, number);
         hidden += sample.weight * path.real;
         shown += sample.weight * path.arriving;
         met |= path.met;
     }
     const TracedPixel at = TRACED_PIXEL(item, 0x676c6f73u);
-    samples[at.pixel] = first + rays;
+    samples[at.pixel] += rays;
     const float3 share = seen_share(world, load_material(real_materials, at.id - 1), at.p);
     store_planes(change, at.size, at.pixel, (shown - share * hidden) / (float)rays);
     if (met)

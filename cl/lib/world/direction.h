@@ -16,7 +16,6 @@ typedef struct {
     float density;        // with which wi was chosen, but for light sampling; 0: a perfect mirror's,
                           // whose f cos holds the density already
     float light_share;    // probability of aiming at lights instead
-    float box_share;      // and at objects' boxes (-D DELTA)
     int aimed;            // at a light: nothing else counts
     int texel;            // of that light
 } Scatter;
@@ -27,7 +26,7 @@ static inline Scatter no_scatter(float3 wi)
     s.wi = wi;
     s.diffuse = 0.0f;
     s.specular = (float3)(0.0f);
-    s.density = s.light_share = s.box_share = 0.0f;
+    s.density = s.light_share = 0.0f;
     s.aimed = s.texel = 0;
     return s;
 }

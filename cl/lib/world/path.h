@@ -9,7 +9,6 @@
 #ifndef IPRT_PATH_H
 #define IPRT_PATH_H
 
-#include "world/boxes.h"
 #include "world/brdf.h"
 #include "world/direction.h"
 #ifdef GLOSS
@@ -115,13 +114,9 @@ static inline BrdfSample reflect_real(const World world, int index, float3 p, fl
 // All of a path is one loop with one call of each march, because OpenCL compilers inline them.
 // -D WITHOUT_OBJECTS also fills `real`, which costs tracing past the objects.
 // -D DELTA is for what objects change only: paths whose first surface is none are not followed,
-// and `real` is what the first object hides. `boxes` are seen from o_object.
+// and `real` is what the first object hides.
 static inline ALWAYS_INLINE PathResult trace_path(
-    const World world, float3 o, float3 o_object, Scatter s,
-#ifdef DELTA
-    const BoxView boxes,
-#endif
-    uint seed, uint index)
+    const World world, float3 o, float3 o_object, Scatter s, uint seed, uint index)
 {
     PathResult result;
     result.met = 0;
@@ -139,13 +134,8 @@ static inline ALWAYS_INLINE PathResult trace_path(
         const int object = bounce < MAX_BOUNCES
             && trace_objects(world.objects, o_object, d, INFINITY, &hit);
 #ifdef DELTA
-        if (bounce == 0) {
-            if (!object)
-                return result;
-            if (s.box_share > 0.0f)
-                s.density += s.box_share
-                    * box_density(world.objects.bounds, world.objects.objects, boxes, d);
-        }
+        if (bounce == 0 && !object)
+            return result;
 #endif
 #if defined(WITHOUT_OBJECTS) || defined(DELTA)
         const float t_max = object && bounce > 0 ? hit.t : INFINITY;
