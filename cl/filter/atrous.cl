@@ -6,9 +6,9 @@
 //   h(q) * falloff(k_n (1 - n_p . n_q) + k_d |n_p . (x_q - x_p)| / |x_p|
 //                   + (g_p - g_q)^2 / (k_v^2 (v_p + v_q) + floor^2)), 0 where ids differ,
 // where h is the B3 spline or, of 3x3 taps, that of ReLAX, relative to the centre's, g the scalar that
-// the picture shows (luminance of E_R - E_RV or of blocked - bounced light on real surfaces, of the signal on virtual
-// ones) and v its variance. Both variances enter, so that a pixel which missed
-// a rare event still takes part in what its noisy neighbours found.
+// the picture shows (luminance of E_R - E_RV or of blocked - bounced light on real surfaces, of the
+// signal on virtual ones) and v its variance. Both variances enter, so that a pixel which missed a rare
+// event still takes part in what its noisy neighbours found.
 //
 //   in    guide (7 planes, guide.h), signal (SIGNAL_PLANES), variance (1) of g, roughness (1, GGX
 //         alpha; where specular), borders wrapped in equirect views

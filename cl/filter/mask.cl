@@ -5,8 +5,8 @@
 //
 //   kernel            in                                          out
 //   carry_touched     guide (7 planes), motion, touched of the    touched at this picture's surfaces,
-//                     last picture (1 plane: for how many frames, less one; 0 elsewhere
-//                     from then on, influence is remembered)
+//                     last picture (1 plane: frames for which     less one; 0 elsewhere
+//                     influence is remembered from then on)
 //   choose_level      guide (7 planes), motion, touched,          level (1 plane of uchar, guide.h)
 //                     length of the history
 //   list_traced       level                                       list of y * width + x, its length

@@ -50,7 +50,7 @@ __kernel void build_guide(
     BATCHED(PLANES_IN, normal),                  // world-space unit normals, 3 planes
     BATCHED(PLANES_IN, depth),                   // radial distance in metres, 0 = nothing here
     BATCHED(PLANES_IN, id),                      // 0 = nothing to trace, else the surface's id
-    SPAN_PARAMETERS,
+    SPAN_PARAMETERS,                             // where there are surfaces; the rest is 0
     BATCHED(PLANES_OUT, guide),                  // out: 7 planes
     int width,
     int height)

@@ -7,7 +7,8 @@
 // out  normal 3, depth 1 (0: not visible), id 1 (1 + material index), roughness 1 (GGX alpha; 1:
 //      diffuse), albedo 3, coverage 1, motion 2 planes
 //
-// It runs over a rectangle; outside, nothing is written. Normals are turned towards the viewer: interpolated ones may face away near silhouettes.
+// It runs over a rectangle; outside, nothing is written. Normals are turned towards the viewer:
+// interpolated ones may face away near silhouettes.
 #include "world/brdf.h"
 #include "gbuffer/planes.h"
 #include "gbuffer/view.h"
