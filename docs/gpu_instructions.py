@@ -24,11 +24,12 @@ from tests.oclgrind import LIBRARY, MISSING, oclgrind_environment
 MARK = "LAUNCH "
 COUNTED = re.compile(r"^ +(\d+) - ([^\n]+?)(?: \((\d+) bytes\))?$", re.MULTILINE)
 """A line of a histogram: how often, which instruction, and bytes that it moved."""
-HALF_MOVE = re.compile(
-    r"call _Z\d+v(?P<way>load|store)_half(?P<components>\d*)\D.*(?:AS1|CLglobal)"
+MOVE = re.compile(
+    r"call _Z\d+v(?P<way>load|store)(?P<half>_half)?(?P<components>\d*)\D.*"
+    r"(?:AS1|CLglobal)K?(?:Dh|f)\("
 )
-"""Functions that move numbers in half precision to and from global memory: Oclgrind does not tell
-their bytes. Those of vectors of int read what all items of a row share."""
+"""Functions that move floats, whole or in half precision, to and from global memory: Oclgrind does
+not tell their bytes. Those of vectors of int read what all items of a row share."""
 
 FLOATS = frozenset(("fadd", "fsub", "fmul", "fdiv", "fneg", "fcmp"))
 MERGED = re.compile(
@@ -117,8 +118,8 @@ def add(count: Count, histogram: str) -> None:
             count.loaded += int(size)
         elif instruction == "store global":
             count.stored += int(size)
-        elif call := HALF_MOVE.match(instruction):
-            moved = int(times) * 2 * int(call["components"] or 1)
+        elif call := MOVE.match(instruction):
+            moved = int(times) * (2 if call["half"] else 4) * int(call["components"] or 1)
             count.loaded += moved if call["way"] == "load" else 0
             count.stored += moved if call["way"] == "store" else 0
 
