@@ -20,9 +20,11 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 import pyopencl.array as cla
+from numpy.typing import NDArray
 
 from iprt.device.choose import choose_device
 from iprt.device.compute import ComputeDevice
@@ -66,6 +68,10 @@ class SimulatedDevice(ComputeDevice):
     def fill_zero(self, array: cla.Array) -> None:
         # It takes what `clEnqueueFillBuffer` filled for unwritten, whatever is written there later.
         self.write(array, np.zeros(array.shape, array.dtype))
+
+    def share(self, name: str, values: NDArray[Any]) -> cla.Array:
+        # It takes the host's memory for unwritten, too.
+        return self.upload(name, values)
 
 
 @cache

@@ -326,9 +326,10 @@ def albedo(place: Place) -> tuple[float, float, float]:
 
 def hint(visitor: Visitor, label: str) -> str:
     """What an input says when the mouse rests on it."""
-    visitor.page.mouse.move(5, 5)
-    visitor.input(label).hover()
     tooltip = visitor.page.get_by_role("tooltip").first
+    visitor.page.mouse.move(5, 5)
+    tooltip.wait_for(state="hidden", timeout=1000 * DEADLINE_S)
+    visitor.input(label).hover()
     tooltip.wait_for(timeout=1000 * DEADLINE_S)
     return str(tooltip.inner_text())
 
