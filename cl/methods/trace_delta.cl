@@ -23,7 +23,8 @@ static inline Scatter sample_delta(const World world, const BoxView boxes, float
                                    float2 v)
 {
     Scatter s = no_scatter(boxes.n);
-    const float box_share = !(boxes.total > 0.0f) ? 0.0f : boxes.inside ? BOX_SHARE_INSIDE : BOX_SHARE;
+    const float box_share = !(boxes.total > 0.0f) ? 0.0f
+        : boxes.inside ? BOX_SHARE_INSIDE : BOX_SHARE;
 #ifdef LIGHT_SAMPLING
     s.light_share = world.lights.count > 0 ? 0.5f * (1.0f - box_share) : 0.0f;
 #endif
@@ -43,8 +44,8 @@ static inline Scatter sample_delta(const World world, const BoxView boxes, float
     const float cosine = fmax(dot(boxes.n, s.wi), 0.0f);
     s.diffuse = cosine / IPRT_PI;
     s.density = fmax((1.0f - box_share - s.light_share) * cosine / IPRT_PI, 1e-20f);
-    // Of rays that meet no object nobody asks for it; but later, `boxes` would be held in registers
-    // through the traversal.
+    // Rays that meet no object do not need it. But if it were computed after the traversal, registers
+    // would hold `boxes` meanwhile.
     if (box_share > 0.0f)
         s.density +=
             box_share * box_density(world.objects.bounds, world.objects.objects, boxes, s.wi);

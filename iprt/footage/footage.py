@@ -26,10 +26,9 @@ class Footage:
     poses : bool
         They have poses.
     video : bool
-        There are several.
+        There are several frames.
     static_camera : bool
-        They are seen from the same place, so that what moving things hide can be
-        remembered.
+        All frames are seen from the same place, so that what moving things hide can be remembered.
     """
 
     openings: bool = False

@@ -262,12 +262,13 @@ def test_noise_goes_and_known_detail_stays(device: ComputeDevice) -> None:
     assert errors[256] < 0.1 * errors[1] or errors[256] < 0.006
 
 
-def test_extreme_values_stay_finite(device: ComputeDevice) -> None:
-    gbuffer, signal, variance, _ = random_case("diffuse", 64, 48, False)
+@pytest.mark.parametrize("kind", ["ratio", "diffuse"])
+def test_extreme_values_stay_finite(device: ComputeDevice, kind: Kind) -> None:
+    gbuffer, signal, variance, _ = random_case(kind, 64, 48, False)
     rng = np.random.default_rng(6)
     signal *= 10.0 ** rng.choice([-30, -5, 0, 6, 12], signal.shape)
     variance *= 10.0 ** rng.choice([-35, 0, 12, 24], variance.shape)
-    assert np.isfinite(run(device, gbuffer, "diffuse", signal, variance)).all()
+    assert np.isfinite(run(device, gbuffer, kind, signal, variance)).all()
 
 
 def test_equirect_picture_turns_with_the_view(device: ComputeDevice) -> None:

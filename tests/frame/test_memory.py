@@ -109,7 +109,7 @@ def test_what_is_planned_is_what_the_driver_is_asked_for(
     ],
 )
 def test_a_texel_takes_so_many_bytes(footage: Footage, most: int) -> None:
-    """Of buffers that grow with the panorama, but for what a band of it takes."""
+    """Buffers that hold a band count as far as they grow with the panorama."""
 
     def needed(rows: int) -> int:
         ones = np.ones((rows, 2 * rows), np.float32)

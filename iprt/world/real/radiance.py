@@ -38,7 +38,7 @@ class Picture:
     Attributes
     ----------
     name : str
-        Of its buffer.
+        The name of its buffer.
     texels : (H, W, 3) float32 or None
         None: there is none yet.
     loaded : bool
