@@ -210,7 +210,6 @@ def footage_of(scene: Scene, frame: Frame, settings: Settings) -> Footage:
     """The properties of a scene's video, of which `frame` is a frame."""
     return Footage.of(
         frame,
-        separate_radiance=scene.clips,
         drifts=settings.drift,
         video=len(scene.frame_indices) > 1,
         static_camera=scene.source.static_camera,

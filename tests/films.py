@@ -20,6 +20,7 @@ from iprt.device.compute import ComputeDevice
 from iprt.device.kernel import Kernel
 from iprt.device.plan import PlanDevice, PlannedKernel
 from iprt.files.resources import CL
+from iprt.footage.clipped_texels import ClippedTexels
 from iprt.footage.footage import Footage
 from iprt.footage.frame import Frame
 from iprt.geometry.camera import View
@@ -100,7 +101,7 @@ def films(**settings: Any) -> dict[str, Film]:
         "walk": (_carried(room), (clay, brass), LOOK, {}),
         "remembered": (_glossy(_passing(30, 15)), (clay,), LOOK, SEEN_ONLY),
         "environment": (room, _objects(), LOOK, {"method": "ibl"}),
-        "nothing": (room, (), LOOK, {}),
+        "nothing": (_clipped(_room(29, 15)), (), LOOK, {}),
     }
     return {
         name: Film(
@@ -189,6 +190,14 @@ def _glossy(video: tuple[Frame, Frame]) -> tuple[Frame, Frame]:
     gloss = np.where(video[0].normal[..., 1] > 0.5, 1, 0).astype(np.uint8)
     gloss[video[0].normal[..., 0] > 0.5] = 2
     first, second = (replace(f, gloss=gloss, real_materials=(FLOOR, WALL)) for f in video)
+    return first, second
+
+
+def _clipped(video: tuple[Frame, Frame]) -> tuple[Frame, Frame]:
+    """Every other texel was clipped."""
+    texel = np.arange(0, video[0].depth.size, 2, dtype=np.int32)
+    seen = np.ones((texel.size, 3), np.float32)
+    first, second = (replace(frame, clipped=ClippedTexels(texel, seen)) for frame in video)
     return first, second
 
 

@@ -3,7 +3,7 @@
 A picture with a white level shows a window, a lamp or the sun as white. Shadows and objects need
 to know how bright they are. `ClippedLights` joins what is clipped to lights (`light_groups`), and
 finds by what factor each is brighter (`clip_gains`) from how it shades the surfaces around
-(`light_shading`). The picture stays as it is: what is recovered goes to `Frame.light`.
+(`light_shading`). Frames then hold this light, and what the picture shows of it (`ClippedTexels`).
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from iprt.files.wording import counted
 from iprt.footage.clip_gains import clip_gains
+from iprt.footage.clipped_texels import ClippedTexels
 from iprt.footage.frame import Frame
 from iprt.footage.gather import Float
 from iprt.footage.light_groups import GROUP_ROWS, Clipped, groups_of, lights_of, ties_of
@@ -146,20 +147,21 @@ class Recovered:
     @classmethod
     def of(cls, frame: Frame, white: float) -> Recovered | None:
         """None where nothing is clipped."""
-        clipped = Clipped.of(frame, white) if np.isfinite(white) else None
+        seen_frame = replace(frame, color=frame.picture, clipped=None)
+        clipped = Clipped.of(seen_frame, white) if np.isfinite(white) else None
         if clipped is None:
             return None
         weight = solid_angles(frame.width, frame.height)
         at = clipped.row, clipped.texel % frame.width
         shares = []
-        for picture in (frame.color, frame.color if frame.light is None else frame.light):
+        for picture in (seen_frame.color, frame.color):
             bright = picture.mean(axis=-1)
             shares.append(
                 (float((weight[at[0]] * bright[at]).sum()), float(weight @ bright.sum(1)))
             )
         (seen, before), (flux, after) = shares
         return cls(
-            lights=int(groups_of(frame, clipped).max()),
+            lights=int(groups_of(seen_frame, clipped).max()),
             area=float(weight[at[0]].sum()) / (4.0 * np.pi),
             seen=seen / before,
             flux=flux / after,
@@ -183,7 +185,7 @@ class Recovered:
 
 
 class ClippedLights:
-    """A stage of a video's stream: gives frames in which something is clipped their `light`.
+    """A stage of a video's stream: gives frames the light of what is clipped in them.
 
     Gains are found in the first such frame, and stay while what is clipped does. Where much of it
     comes or goes, they are found anew, and go over to the new ones gradually.
@@ -205,12 +207,14 @@ class ClippedLights:
         if clipped is None:
             return frame
         gain = self._gain(frame, clipped)
-        if (gain == 1.0).all():
+        brighter = (gain != 1.0).any(axis=-1)
+        if not brighter.any():
             return frame
+        texel = clipped.texel[brighter]
         light = frame.color.copy()
-        color = light.reshape(-1, 3)
-        color[clipped.texel] *= gain
-        return replace(frame, light=light)
+        seen = light.reshape(-1, 3)[texel]
+        light.reshape(-1, 3)[texel] = seen * gain[brighter]
+        return replace(frame, color=light, clipped=ClippedTexels(texel.astype(np.int32), seen))
 
     def _gain(self, frame: Frame, clipped: Clipped) -> NDArray[np.float32]:
         """(N, 3) by what the clipped texels are brighter now."""

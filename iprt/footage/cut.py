@@ -54,7 +54,7 @@ def is_cut(before: Frame, after: Frame, flux_change: float) -> bool:
         return True
     if flux_change <= OTHER_LIGHT:
         return False
-    details = [_details(frame.color, rows) for frame in (before, after)]
+    details = [_details(frame.picture, rows) for frame in (before, after)]
     return _correlation(_sampled(details[0], seen), details[1], weights) < OTHER_DETAIL
 
 

@@ -19,8 +19,6 @@ class Footage:
         There are windows.
     real_materials : tuple of Material
         Materials of glossy real surfaces.
-    separate_radiance : bool
-        Some frames may have a radiance that is not their colour (`Frame.radiance`).
     drifts : bool
         Some may have a `color_map`.
     poses : bool
@@ -33,7 +31,6 @@ class Footage:
 
     openings: bool = False
     real_materials: tuple[Material, ...] = ()
-    separate_radiance: bool = False
     drifts: bool = False
     poses: bool = False
     video: bool = False
@@ -44,7 +41,6 @@ class Footage:
         cls,
         frame: Frame,
         *,
-        separate_radiance: bool = False,
         drifts: bool = False,
         video: bool = False,
         static_camera: bool = False,
@@ -53,7 +49,6 @@ class Footage:
         return cls(
             openings=bool(frame.opening.any()),
             real_materials=frame.real_materials,
-            separate_radiance=separate_radiance or frame.separate_radiance,
             drifts=drifts or frame.color_map is not None,
             poses=frame.pose is not None,
             video=video,

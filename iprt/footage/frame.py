@@ -9,6 +9,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from iprt.footage.clipped_texels import ClippedTexels
 from iprt.footage.median import median_of_smallest
 from iprt.footage.normals import estimate_normals, fit_tolerance, sanitise_normals
 from iprt.geometry.material import Material
@@ -24,7 +25,7 @@ class Frame:
     Attributes
     ----------
     color : (H, W, 3) float32
-        Linear radiance, finite, non-negative.
+        Linear radiance that surfaces send, finite, non-negative.
     depth : (H, W) float32
         Metres from the capture centre; positive; +inf where the sky is open (no rim closes it).
         Openings hold a depth interpolated from their rim.
@@ -43,8 +44,8 @@ class Frame:
     pose : (4, 4) float64 or None
         Rigid transform from this frame's capture centre and axes, in which all above is, to the
         world. None: they are the world's.
-    light : (H, W, 3) float32 or None
-        What the surfaces send in truth where `color` is clipped, elsewhere `color`. None: `color`.
+    clipped : ClippedTexels or None
+        Texels that the picture shows clipped. None: it shows `color`.
     color_map : (3, 3) float64 or None
         Takes colours of this frame to those of the video's reference frame, which was exposed and
         balanced otherwise. None: they are the same.
@@ -58,24 +59,24 @@ class Frame:
     real_materials: tuple[Material, ...] = ()
     index: int = 0
     pose: NDArray[np.float64] | None = None
-    light: NDArray[np.float32] | None = None
+    clipped: ClippedTexels | None = None
     color_map: NDArray[np.float64] | None = None
 
     @cached_property
     def radiance(self) -> NDArray[np.float32]:
-        """(H, W, 3) linear radiance that rays find: `light`, as the reference frame shows it."""
-        return self.radiance_of(self.sent)
+        """(H, W, 3) linear radiance that rays find: `color`, as the reference frame shows it."""
+        return self.radiance_of(self.color)
 
     @property
-    def sent(self) -> NDArray[np.float32]:
-        """(H, W, 3): `light`, or `color` where that is the same."""
-        return self.color if self.light is None else self.light
+    def picture(self) -> NDArray[np.float32]:
+        """(H, W, 3) linear radiance as the camera saw it; not kept where lights are clipped."""
+        return self.color if self.clipped is None else self.clipped.shown(self.color)
 
-    def radiance_of(self, sent: NDArray[np.float32]) -> NDArray[np.float32]:
-        """`radiance` of texels of `sent`, (..., 3)."""
+    def radiance_of(self, color: NDArray[np.float32]) -> NDArray[np.float32]:
+        """`radiance` of texels of `color`, (..., 3)."""
         if self.color_map is None:
-            return sent
-        mapped = sent @ self.color_map.T.astype(np.float32)
+            return color
+        mapped = color @ self.color_map.T.astype(np.float32)
         return np.maximum(mapped, np.float32(0.0))
 
     @cached_property
@@ -92,11 +93,6 @@ class Frame:
         """The same, once what takes time to find out about its depth is known."""
         _ = self.median_depth, self.nearest, self.farthest, self.fit_tolerance
         return self
-
-    @property
-    def separate_radiance(self) -> bool:
-        """`radiance` may differ from `color`."""
-        return self.light is not None or self.color_map is not None
 
     @property
     def height(self) -> int:

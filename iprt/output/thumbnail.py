@@ -29,7 +29,7 @@ def write_thumbnail(path: Path, scene: Scene, frame: Frame) -> None:
     FormatError
         The file cannot be written.
     """
-    image = Image.fromarray(developed(frame.color, scene.exposure)).resize((WIDTH, HEIGHT))
+    image = Image.fromarray(developed(frame.picture, scene.exposure)).resize((WIDTH, HEIGHT))
     draw = ImageDraw.Draw(image)
     draw.line([(0, HEIGHT // 2), (WIDTH, HEIGHT // 2)], fill=_AXIS_COLOR)
     for yaw, label in _AXES:

@@ -114,7 +114,8 @@ def describe_scene(scene: Scene, frame: Frame, raw: RawFrame) -> SceneReport:
         The first frame, sanitised and as read.
     """
     measured = np.isfinite(raw.depth) & (raw.depth > 0.0)
-    holes = classify_holes(~measured, frame.color)
+    picture = frame.picture
+    holes = classify_holes(~measured, picture)
     weight = np.broadcast_to(solid_angles(frame.width, frame.height)[:, None], measured.shape)
     flux = weight * frame.radiance.mean(axis=-1)
 
@@ -137,7 +138,7 @@ def describe_scene(scene: Scene, frame: Frame, raw: RawFrame) -> SceneReport:
         surroundings=Surroundings.of(raw.depth),
         unlikely=tuple(unlikely(raw)),
         depth_percentiles=_percentiles(raw.depth[measured], (1, 50, 99)),
-        radiance_percentiles=_percentiles(frame.color, (1, 50, 99, 100)),
+        radiance_percentiles=_percentiles(picture, (1, 50, 99, 100)),
         holes=share(~measured),
         openings=share(holes.opening),
         open_sky=share(holes.open_sky),

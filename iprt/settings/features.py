@@ -54,9 +54,6 @@ class Features:
         There are windows, and what lies behind them is assembled as a distant environment.
     color_map : bool
         Frames of the video may be exposed or balanced otherwise than its first.
-    separate_radiance : bool
-        Rays find another radiance than the picture shows: lights that were clipped, or another
-        exposure.
     video : bool
         There are several frames.
     background : bool
@@ -77,7 +74,6 @@ class Features:
     deforming: bool
     equirect_view: bool
     opening_environment: bool
-    separate_radiance: bool
     color_map: bool
     video: bool
     background: bool
@@ -110,7 +106,6 @@ class Features:
             opening_environment=tracing
             and settings.trace.openings == "environment"
             and footage.openings,
-            separate_radiance=bool(kinds) and (footage.separate_radiance or footage.drifts),
             color_map=bool(kinds) and footage.drifts,
             video=footage.video,
             background=tracing and settings.trace.background and footage.static_camera,
@@ -201,7 +196,6 @@ class Features:
         return (
             self.objects,
             self.opening_environment,
-            self.separate_radiance,
             self.color_map,
             self.video,
             self.background,
@@ -263,7 +257,6 @@ class Features:
             "mirror reflection": self.has("MATERIAL_MIRROR"),
             "reflections in glossy real surfaces": self.gloss,
             "distant environment behind windows": self.opening_environment,
-            "radiance apart from the displayed colour": self.separate_radiance,
             "drift of the video's exposure and white balance": self.color_map,
             "memory of what moving things hide": self.background,
             "irradiance cache of the panorama": self.delta,

@@ -11,6 +11,7 @@ from iprt.gbuffer.context import FrameContext
 from iprt.gbuffer.guide import plane_defines
 from iprt.gbuffer.layout import PlaneLayout
 from iprt.view.diffuse_part import DiffusePart
+from iprt.world.real.clipped import NOTHING_CLIPPED
 from iprt.world.real.panorama import Panorama
 from iprt.world.real.real_world import RealWorld
 
@@ -112,15 +113,19 @@ class RealLayer:
             "panorama_highlight": panorama.highlight,
             "real_materials": real_materials,
         }
+        color, clipped = panorama.color, panorama.clipped.arguments
+        if self._radiated:
+            color, clipped = panorama.radiated, NOTHING_CLIPPED
         with self._device.profile.section("resample"):
             self._kernel(
                 self._layout.size,
                 gloss,
+                clipped,
                 view=view,
                 previous=previous,
                 panorama_width=panorama.width,
                 panorama_height=panorama.height,
-                panorama_color=panorama.radiated if self._radiated else panorama.color,
+                panorama_color=color,
                 panorama_surface=panorama.surface,
                 panorama_range=panorama.range,
             )

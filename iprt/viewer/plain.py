@@ -38,11 +38,12 @@ def plain(frame: Frame, request: Request, device: str) -> Shown:
 
 def resampled(frame: Frame, view: View) -> NDArray[np.float32]:
     """(H, W, 3) linear radiance of a view of the panorama, bilinear."""
-    height, width = frame.color.shape[:2]
+    picture = frame.picture
+    height, width = picture.shape[:2]
     pixels = equirect_pixel(view_from(view, frame.pose).directions(), width, height) - 0.5
     places = [np.clip(pixels[..., 1], 0, height - 1), pixels[..., 0]]
     channels = [
-        map_coordinates(frame.color[..., channel], places, order=1, mode="grid-wrap")
+        map_coordinates(picture[..., channel], places, order=1, mode="grid-wrap")
         for channel in range(3)
     ]
     return np.stack(channels, axis=-1)

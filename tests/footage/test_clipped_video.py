@@ -37,7 +37,7 @@ def estimates(monkeypatch: pytest.MonkeyPatch) -> list[Frame]:
 
 
 def brightness(frame: Frame, where: NDArray[np.bool_]) -> float:
-    return float((frame.color if frame.light is None else frame.light)[where].mean())
+    return float(frame.color[where].mean())
 
 
 def test_gains_stay_while_the_lights_do(estimates: list[Frame]) -> None:
@@ -91,8 +91,8 @@ def test_after_a_cut_other_lights_hold_at_once() -> None:
     stage = ClippedLights(1.0)
     stage(clip(before))
     alone = ClippedLights(1.0)(clip(after))
-    assert alone.light is not None
-    np.testing.assert_array_equal(stage(clip(after)).light, alone.light)
+    assert alone.clipped is not None
+    np.testing.assert_array_equal(stage(clip(after)).color, alone.color)
 
 
 # In a scene -------------------------------------------------------------------------------------
@@ -124,14 +124,13 @@ def test_what_counts_as_clipped(tmp_path: Path, name: str, extra: str, found: bo
     """Pictures of integers, and others where the manifest says so."""
     scene = lamp_scene(tmp_path / "lamp", name, extra)
     frame = scene.frame()
-    assert (frame.light is not None) == found
+    assert (frame.clipped is not None) == found
     assert scene.clips == found
     with scene.stream([0]) as frames:
         (streamed,) = frames
-    if found:
-        np.testing.assert_array_equal(streamed.light, frame.light)
-    else:
-        assert streamed.light is None
+    assert (streamed.clipped is not None) == found
+    np.testing.assert_array_equal(streamed.color, frame.color)
+    np.testing.assert_array_equal(streamed.picture, frame.picture)
 
 
 def test_info_and_check_tell(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

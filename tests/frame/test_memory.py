@@ -99,10 +99,10 @@ def test_what_is_planned_is_what_the_driver_is_asked_for(
     [
         # Planes 16, distances 11 with their pyramid, inverse depth 4, samples and sums 1.
         (Footage(), 32),
-        (Footage(separate_radiance=True), 32),
         # Colour 12; memory of what is hidden 63.
         (Footage(video=True), 44),
-        (Footage(video=True, separate_radiance=True), 56),
+        # What drifts has a radiance of its own.
+        (Footage(video=True, drifts=True), 56),
         (Footage(video=True, static_camera=True), 108),
         # Colour without highlights, highlights and their variance, and lists of texels.
         (Footage(real_materials=(Material("plastic", alpha=0.2),)), 73),

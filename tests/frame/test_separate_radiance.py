@@ -1,4 +1,4 @@
-"""Rays see `Frame.radiance`, the picture shows `Frame.color`: two buffers, where they differ."""
+"""Rays see `Frame.radiance`, the picture shows `Frame.picture`, also where these differ."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from iprt.aovs import AOVS
 from iprt.device.compute import ComputeDevice
 from iprt.device.plan import PlanDevice
+from iprt.footage.clipped_texels import ClippedTexels
 from iprt.footage.footage import Footage
 from iprt.footage.frame import Frame
 from iprt.geometry.camera import View
@@ -47,7 +48,14 @@ def lit(*, window: bool = False, gloss: bool = False) -> Frame:
 
 def clipped(frame: Frame) -> Frame:
     """The frame as a camera shows it that sees nothing brighter than 1; its light is known."""
-    return replace(frame, color=np.minimum(frame.color, np.float32(1.0)), light=frame.color)
+    texel = np.flatnonzero((frame.color > 1.0).any(-1)).astype(np.int32)
+    seen = np.minimum(frame.color.reshape(-1, 3)[texel], np.float32(1.0))
+    return replace(frame, clipped=ClippedTexels(texel, seen))
+
+
+def all_texels(frame: Frame) -> ClippedTexels:
+    """Every texel is shown apart, as it is."""
+    return ClippedTexels(np.arange(frame.depth.size, dtype=np.int32), frame.color.reshape(-1, 3))
 
 
 def pictures(
@@ -75,7 +83,8 @@ def test_rays_see_the_light_that_was_clipped(device: ComputeDevice, kind: dict[s
     background = np.full((LOOK.height, LOOK.width, 3), 0.2, np.float32)
     truth = pictures(device, frame, LOOK, background)
     found = pictures(device, clipped(frame), LOOK, background)
-    without = pictures(device, replace(clipped(frame), light=None), LOOK, background)
+    dim = replace(frame, color=clipped(frame).picture)
+    without = pictures(device, dim, LOOK, background)
     for a, b in zip(truth, found, strict=True):
         np.testing.assert_array_equal(a, b)
     assert not np.array_equal(truth[0], without[0])
@@ -87,8 +96,8 @@ def test_the_picture_shows_the_colour(device: ComputeDevice) -> None:
     with Renderer(device, frame, [BALL], AROUND, SETTINGS) as renderer:
         shown = renderer.render(2, ["ratio", "coverage"])
     real = shown.aovs["coverage"] == 0.0
-    assert (real & (frame.color == 1.0).all(-1)).any()
-    expected = frame.color * shown.aovs["ratio"]
+    assert (real & (frame.picture == 1.0).all(-1)).any()
+    expected = frame.picture * shown.aovs["ratio"]
     np.testing.assert_allclose(shown.color[real], expected[real], rtol=1e-5)
 
 
@@ -97,8 +106,8 @@ def test_a_buffer_of_its_own_changes_no_bit(device: ComputeDevice, kind: dict[st
     frame = lit(**kind)
     plain = pictures(device, frame, LOOK)
     for others in (
-        pictures(device, frame, LOOK, footage=Footage.of(frame, separate_radiance=True)),
-        pictures(device, replace(frame, light=frame.color), LOOK),
+        pictures(device, frame, LOOK, footage=Footage.of(frame, drifts=True)),
+        pictures(device, replace(frame, clipped=all_texels(frame)), LOOK),
     ):
         for a, b in zip(plain, others, strict=True):
             np.testing.assert_array_equal(a, b)
@@ -107,7 +116,8 @@ def test_a_buffer_of_its_own_changes_no_bit(device: ComputeDevice, kind: dict[st
 def test_light_that_goes_out_is_a_cut_though_the_colour_stays(device: ComputeDevice) -> None:
     """Histories end, and E_R is found anew."""
     before = clipped(room_frame(World(), 64, 32, bright_walls))
-    dark = replace(before, light=before.color * np.float32(0.1))
+    seen = replace(before, color=before.picture, clipped=None)
+    dark = replace(before, color=before.color * np.float32(0.1), clipped=all_texels(seen))
     with Renderer(device, before, [BALL], LOOK, SETTINGS) as renderer:
         renderer.render(4)
         irradiance = renderer.real_world.irradiance
@@ -134,17 +144,17 @@ def planned(frame: Frame, objects: list[Instance], **kwargs: Any) -> PlanDevice:
 
 
 @pytest.mark.parametrize("gloss", [False, True])
-def test_only_frames_that_need_it_get_the_buffer(gloss: bool) -> None:
-    """And no kernel is built otherwise for it."""
+def test_only_what_drifts_has_a_radiance_of_its_own(gloss: bool) -> None:
+    """Clipped lights need no such buffer, and no kernel is built otherwise for them."""
     frame = lit(gloss=gloss)
     plain, needed = planned(frame, [BALL]), planned(clipped(frame), [BALL])
     assert needed.kernels == plain.kernels
-    assert needed.buffers == plain.buffers  # it stays where the host has it
-    clips = Footage.of(frame, separate_radiance=True)
-    assert planned(frame, [BALL], footage=clips).buffers == needed.buffers
-    clips = replace(clips, video=True)
-    plain = planned(frame, [BALL], footage=replace(clips, separate_radiance=False))
-    needed = planned(frame, [BALL], footage=clips)
-    assert needed.buffers == {**plain.buffers, "panorama.radiance": 64 * 32 * 12}
-    assert RenderPlan.of(frame, [BALL], LOOK, SETTINGS, clips).bytes == sum(needed.buffers.values())
-    assert planned(clipped(frame), []).buffers == planned(frame, []).buffers
+    assert needed.buffers == plain.buffers
+    still = Footage.of(frame, video=True)
+    plain = planned(frame, [BALL], footage=still)
+    drifts = replace(still, drifts=True)
+    needed = planned(frame, [BALL], footage=drifts)
+    assert "panorama.radiance" not in plain.buffers
+    assert needed.buffers["panorama.radiance"] == 64 * 32 * 12
+    planned_bytes = RenderPlan.of(frame, [BALL], LOOK, SETTINGS, drifts).bytes
+    assert planned_bytes == sum(needed.buffers.values())

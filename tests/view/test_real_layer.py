@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
+from iprt.footage.clipped_texels import ClippedTexels
 from iprt.footage.frame import Frame
 from iprt.gbuffer.layout import PlaneLayout
 from iprt.geometry.camera import View, equirect_pixel
@@ -93,6 +94,21 @@ def test_a_view_of_the_panoramas_size_is_the_panorama(device: ComputeDevice) -> 
     np.testing.assert_array_equal(layer.color, frame.color)
     np.testing.assert_allclose(layer.depth, frame.depth, rtol=1e-5)
     np.testing.assert_allclose(layer.normal, frame.normal, atol=1e-6)
+
+
+@views
+@pytest.mark.parametrize("share", [0.02, 1.0])
+def test_what_was_clipped_is_shown_as_it_was_seen(
+    device: ComputeDevice, view: View, share: float
+) -> None:
+    """Bit for bit the layer of the picture, in which no light is known."""
+    seen = noisy_frame()
+    inside = np.random.default_rng(3).random(seen.depth.shape) < share
+    texel = np.flatnonzero(inside).astype(np.int32)
+    light = np.where(inside[..., None], 10.0 * seen.color, seen.color).astype(np.float32)
+    clipped = ClippedTexels(texel, seen.color.reshape(-1, 3)[texel])
+    found = resampled(device, replace(seen, color=light, clipped=clipped), view)
+    np.testing.assert_array_equal(found.color, resampled(device, seen, view).color)
 
 
 @views

@@ -12,6 +12,7 @@ from iprt.device.compute import ComputeDevice
 from iprt.footage.frame import Frame
 from iprt.footage.window_environment import OUTSIDE_ROWS, outside_radiance
 from iprt.world.real.background import Background
+from iprt.world.real.clipped import ShownTexels
 from iprt.world.real.pyramid import Pyramid, PyramidShape
 from iprt.world.real.radiance import Flux, PictureLoader
 from iprt.world.real.surfaces import Surfaces
@@ -32,9 +33,11 @@ class Panorama:
     ----------
     width, height : int
     color : (H, W, 3) float32
-        Linear radiance as the picture shows it.
+        `Frame.color`.
     radiance : (H, W, 3) float32
-        `Frame.radiance`: `color` itself, or a buffer of its own where asked for.
+        `Frame.radiance`: `color` itself, or a buffer of its own where frames may have a map.
+    clipped : ShownTexels
+        What of `color` the picture shows otherwise.
     surfaces : Surfaces
     outside : (OUTSIDE_ROWS, 2 OUTSIDE_ROWS, 3) float32 or None
         What lies behind windows, as a distant environment, where asked for.
@@ -64,13 +67,13 @@ class Panorama:
         *,
         outside: bool = False,
         gloss: bool = False,
-        separate_radiance: bool = False,
+        color_map: bool = False,
         share: bool = False,
         background: TraceSettings | None = None,
     ) -> None:
-        """`separate_radiance`: frames may have a radiance besides colour; `share`: pictures stay in
-        the host's memory where the device reads that, and no frame has a `color_map`; `background`:
-        what frames hide is remembered, by the thickness that surfaces are assumed to have.
+        """`color_map`: frames may have one; `share`: pictures stay in the host's memory where the
+        device reads that, and no frame has a map; `background`: what frames hide is remembered, by
+        the thickness that surfaces are assumed to have.
         """
         # Tiny panoramas are repeated texel by texel until the coarsest cells are narrow enough.
         self._repeat = max(1, -(-COARSEST_COLUMNS // width))
@@ -81,8 +84,9 @@ class Panorama:
         self.surfaces = Surfaces(device, self.width, self.height)
         self._pictures = PictureLoader(device, self.width, self.height, share=share)
         self._color = self._radiance = self._pictures.picture("panorama.color")
-        if separate_radiance:
+        if color_map:
             self._radiance = self._pictures.picture("panorama.radiance")
+        self.clipped = ShownTexels(device, self.width, self.height)
         self.range = device.empty("panorama.range", (self.shape.offsets[-1], 2))
         self.outside = None
         if outside:
@@ -126,15 +130,19 @@ class Panorama:
     @staticmethod
     def _outside(frame: Frame) -> NDArray[np.float32]:
         texel = np.flatnonzero(frame.opening)
-        light = frame.radiance_of(frame.sent.reshape(-1, 3)[texel])
+        light = frame.radiance_of(frame.color.reshape(-1, 3)[texel])
         return outside_radiance(light, frame.opening)
 
     def _load_light(self, frame: Frame) -> None:
         color = self._enlarged(frame.color)
+        self._pictures.load(self._color, color)
         if self._radiance is not self._color:
-            self._pictures.load(self._color, color)
-        sent = color if frame.light is None else self._enlarged(frame.light)
-        self._pictures.load(self._radiance, sent, frame.color_map)
+            self._pictures.load(self._radiance, color, frame.color_map)
+        clipped = frame.clipped
+        if clipped is not None and self._repeat > 1:
+            clipped = clipped.repeated(self._repeat, frame.width)
+        with self._device.profile.section("upload"):
+            self.clipped.load(clipped)
 
     def remember(self, *, forget: bool) -> None:
         """Follow with what the loaded frame hides of those before, where that is remembered.

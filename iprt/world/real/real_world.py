@@ -53,7 +53,7 @@ class RealWorld:
             frame.height,
             outside=features.opening_environment,
             gloss=features.gloss,
-            separate_radiance=features.separate_radiance,
+            color_map=features.color_map,
             share=not (features.video or features.color_map),
             background=features.settings.trace if features.background else None,
         )
@@ -85,14 +85,11 @@ class RealWorld:
 
     def _load(self, frame: Frame) -> None:
         features, before = self._features, self.frame
-        assert features.separate_radiance or not (features.objects and frame.separate_radiance), (
-            "no buffer for it"
-        )
         motion = camera_motion(before.pose, frame.pose)
         # After an update that was abandoned, nothing that was accumulated holds.
         abandoned, self._complete = not self._complete and self.version > 0, False
         mapped = features.objects and frame.color_map is not None
-        assert features.color_map or not mapped, "no kernel for it"
+        assert features.color_map or not mapped, "no buffer for it"
         self.panorama.load(frame)
         if self._color_map is not None:
             self._color_map.load(frame.color_map)

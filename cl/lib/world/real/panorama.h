@@ -1,35 +1,49 @@
-// Radiance lookups in the panorama.
+// Radiance lookups in the panorama, and what the picture shows where lights were clipped.
 #ifndef IPRT_PANORAMA_H
 #define IPRT_PANORAMA_H
 
 #include "maths/tracing.h"
 
-// The blend of four texels' channel `c`, of `stride` to a texel.
-static inline float blend_texels(
-    __global const float *restrict color, int stride, int c, int a, int b, int below_a, int below_b,
-    float fx, float fy)
-{
-    const float top = mix(color[stride * a + c], color[stride * b + c], fx);
-    const float bottom = mix(color[stride * below_a + c], color[stride * below_b + c], fx);
-    return mix(top, bottom, fy);
-}
+// Four texels around a direction, and where it lies between them.
+typedef struct {
+    int a, b, below_a, below_b;
+    float fx, fy;
+} Taps;
 
-// The first three channels at uv, bilinear, of `stride` to a texel: wraps around in azimuth, holds the
-// first and last row at the poles. Channel by channel, so that PoCL vectorizes it.
-static inline ALWAYS_INLINE float3 equirect_bilinear(
-    __global const float *restrict color, int stride, int width, int height, float2 uv)
+// At uv: wraps around in azimuth, holds the first and last row at the poles.
+static inline ALWAYS_INLINE Taps equirect_taps(int width, int height, float2 uv)
 {
     const float x = uv.x * width - 0.5f, y = clamp(uv.y * height - 0.5f, 0.0f, height - 1.0f);
     const float left = floor(x), upper = floor(y);
-    const float fx = x - left, fy = y - upper;
     int x0 = (int)left, x1 = x0 + 1;
     x0 = x0 < 0 ? x0 + width : x0;
     x1 = x1 >= width ? x1 - width : x1;
     const int row0 = (int)upper * width, row1 = min((int)upper + 1, height - 1) * width;
-    const int a = row0 + x0, b = row0 + x1, below_a = row1 + x0, below_b = row1 + x1;
-    return (float3)(blend_texels(color, stride, 0, a, b, below_a, below_b, fx, fy),
-                    blend_texels(color, stride, 1, a, b, below_a, below_b, fx, fy),
-                    blend_texels(color, stride, 2, a, b, below_a, below_b, fx, fy));
+    return (Taps){row0 + x0, row0 + x1, row1 + x0, row1 + x1, x - left, y - upper};
+}
+
+static inline ALWAYS_INLINE float blend_taps(
+    Taps t, float a, float b, float below_a, float below_b)
+{
+    return mix(mix(a, b, t.fx), mix(below_a, below_b, t.fx), t.fy);
+}
+
+// The blend of four texels' channel `c`, of `stride` to a texel.
+static inline ALWAYS_INLINE float blend_texels(
+    __global const float *restrict color, int stride, int c, Taps t)
+{
+    return blend_taps(t, color[stride * t.a + c], color[stride * t.b + c],
+                      color[stride * t.below_a + c], color[stride * t.below_b + c]);
+}
+
+// The first three channels at uv, bilinear, of `stride` to a texel. Channel by channel, so that PoCL
+// vectorizes it.
+static inline ALWAYS_INLINE float3 equirect_bilinear(
+    __global const float *restrict color, int stride, int width, int height, float2 uv)
+{
+    const Taps t = equirect_taps(width, height, uv);
+    return (float3)(blend_texels(color, stride, 0, t), blend_texels(color, stride, 1, t),
+                    blend_texels(color, stride, 2, t));
 }
 
 // The same of a picture of the panorama, which has three.
@@ -37,6 +51,36 @@ static inline ALWAYS_INLINE float3 panorama_bilinear(
     __global const float *restrict color, int width, int height, float2 uv)
 {
     return equirect_bilinear(color, 3, width, height, uv);
+}
+
+// A picture of the panorama with lights that were clipped.
+typedef struct {
+    __global const float *color;         // what is sent, 3 a texel
+    __global const uint2 *clipped;       // of 32 texels: which of them were clipped, how many before
+    __global const float *clipped_color; // as the picture shows them, 3 each; and one more
+} Shown;
+
+// Channel `c` of a texel as the picture shows it.
+static inline ALWAYS_INLINE float shown_texel(Shown shown, int texel, int c)
+{
+    const uint2 word = shown.clipped[texel >> 5];
+    const uint bit = 1u << (texel & 31);
+    const int row = word.y + popcount(word.x & (bit - 1u));
+    const float seen = shown.clipped_color[3 * row + c], sent = shown.color[3 * texel + c];
+    return word.x & bit ? seen : sent;
+}
+
+static inline ALWAYS_INLINE float blend_shown(Shown shown, int c, Taps t)
+{
+    return blend_taps(t, shown_texel(shown, t.a, c), shown_texel(shown, t.b, c),
+                      shown_texel(shown, t.below_a, c), shown_texel(shown, t.below_b, c));
+}
+
+// What the picture shows at uv, bilinear.
+static inline ALWAYS_INLINE float3 shown_bilinear(Shown shown, int width, int height, float2 uv)
+{
+    const Taps t = equirect_taps(width, height, uv);
+    return (float3)(blend_shown(shown, 0, t), blend_shown(shown, 1, t), blend_shown(shown, 2, t));
 }
 
 #endif
