@@ -171,13 +171,12 @@ class Features:
 
     @property
     def primary_rays(self) -> bool:
-        """Primary rays find the objects in the view, rather than OpenGL."""
-        return self.objects and self.settings.gbuffer == "cl"
+        """Primary rays find the objects in the view, if OpenGL does not do it faster.
 
-    @property
-    def any_gbuffer(self) -> bool:
-        """Either may find them, and the device decides. Layers that rays meet are OpenGL's."""
-        return self.objects and self.settings.gbuffer == "auto" and not self.traced_layers
+        OpenGL draws the layers that rays meet, and by default the view with them.
+        """
+        chosen = self.settings.gbuffer
+        return self.objects and (chosen == "cl" or (chosen == "auto" and not self.traced_layers))
 
     @property
     def traced_layers(self) -> bool:

@@ -55,10 +55,9 @@ class Settings(BaseModel):
     )
     gbuffer: Literal["auto", "gl", "cl"] = Field(
         default="auto",
-        description="What draws the objects that the view shows: OpenGL, or rays in OpenCL, which "
-        "is also taken where OpenGL is missing. auto: OpenGL where the OpenCL device is a CPU; "
-        "elsewhere whichever is faster when objects come into view, so that pictures of two runs "
-        "may differ in the samples of outlines.",
+        description="What draws the objects that the view shows: OpenGL, or rays in OpenCL. auto: "
+        "rays where the OpenCL device is a CPU; elsewhere whichever is faster when objects come "
+        "into view, so that pictures of two runs may differ in the samples of outlines.",
     )
     light_scale: int = Field(
         default=1,

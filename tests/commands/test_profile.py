@@ -65,7 +65,7 @@ def test_a_still_scene_is_profiled_and_compared(
     assert (delta["name"], delta["kind"], delta["launches"]) == ("trace_delta", Kind.KERNEL, 1.0)
     assert 0.0 < delta["work"]["active"] <= delta["work"]["items"] == 18 * 12
     assert delta["work"]["object_steps"] >= 2.0
-    assert passes["rasterize view"]["host_ms"] > 0.0
+    assert passes["trace view"]["device_ms"] > 0.0
     # What kernels are given is no larger than all there is.
     assert 0 < delta["bytes"] <= sum(record["buffers"].values())
     compiled = {program.split()[0] for program in record["compiled"]}

@@ -182,7 +182,7 @@ def test_what_does_not_bend_changes_no_bit(device: ComputeDevice, frame: Frame) 
     stiff = [replace(i, mesh=replace(i.mesh, deforms=False)) for i in state]
     films = []
     for objects, told in ((state, again), (state, state), (stiff, stiff)):
-        with Renderer(device, frame, objects, VIEW, chosen(METHODS[0])) as renderer:
+        with Renderer(device, frame, objects, VIEW, chosen(METHODS[0], gbuffer="gl")) as renderer:
             pictures = []
             for _ in range(3):
                 renderer.move(told)

@@ -61,7 +61,6 @@ class Objects:
         hierarchy: Callable[[ComputeDevice, Sequence[Instance]], ObjectBvh] = ObjectBvh,
     ) -> None:
         """`hierarchy`: makes that of the objects, or finds one that other views use."""
-        self._hierarchy = hierarchy
         self._device, self._instances, self._features = device, instances, features
         self.version = 1
         self._panorama = panorama
@@ -74,15 +73,17 @@ class Objects:
             self.screen, self.equirect = (None, traced) if self._equirect_view else (traced, None)
         if features.equirect_layers:
             self._place_layers_around(min(panorama.height, MAX_LAYER_ROWS))
-        # Until objects come into view, when both ways to draw them are timed.
-        self._undecided = features.any_gbuffer and not device.is_cpu
-        rays = features.primary_rays or self._undecided
+        rays = features.primary_rays
+        # Until objects come into view, when both ways to draw them are timed. On a CPU, OpenGL is
+        # most often software too, and rays are faster.
+        self._undecided = rays and features.settings.gbuffer == "auto" and not device.is_cpu
         # Primary rays need the hierarchy too, where other rays meet layers.
         self._triangles = hierarchy(device, instances) if features.bvh or rays else None
         self.bvh = self._triangles if features.bvh else None
         self._visibility: Visibility | None = None
-        if rays:
-            self._see_by_rays(view)
+        if self._triangles is not None and rays:
+            samples = features.settings.coverage_samples
+            self._visibility = Visibility(device, view, self._triangles, instances, samples)
         self.bounds = self._bounds()
         self.device_bounds = device.upload("object bounds", self.bounds)
         materials = material_table([m for i in instances for m in i.mesh.materials])
@@ -94,18 +95,6 @@ class Objects:
             "equirect layer view", self._layer_view.kernel_constants()
         )
         self.equirect = TracedLayers(self._device, self._layer_view, "equirect layers")
-
-    def _see_by_rays(self, view: View) -> None:
-        if self._triangles is None:
-            self._triangles = self._hierarchy(self._device, self._instances)
-            self._triangles.load(self._instances)
-        self._visibility = Visibility(
-            self._device,
-            view,
-            self._triangles,
-            self._instances,
-            self._features.settings.coverage_samples,
-        )
 
     def move(self, instances: Sequence[Instance]) -> None:
         """Follow the objects from the next `place` on. Nothing is done if none has moved."""
@@ -154,7 +143,7 @@ class Objects:
         shown_anew = context.view_changed or context.video_changed or context.objects_changed
         decides = self._undecided and shown_anew and bool(regions_of(view, self.bounds))
         if self._visibility is None or self._features.traced_layers or decides:
-            self._open_rasterizer(view, context)
+            self._open_rasterizer(context)
         ways = self._ways(visible, view, previous if shown_anew else None, context)
         if decides and len(ways) > 1:
             ways = self._fastest(ways)
@@ -223,8 +212,8 @@ class Objects:
                 layers = rasterizer.render(self._layer_view, shade=False)
             self.equirect.load(layers, self._layer_constants)
 
-    def _open_rasterizer(self, view: View, context: FrameContext) -> None:
-        """OpenGL, which follows the video; rays in its place where it is missing and they serve."""
+    def _open_rasterizer(self, context: FrameContext) -> None:
+        """OpenGL, which follows the video. Where it is missing and rays serve, they are chosen."""
         if self._rasterizer is None:
             from iprt.raster.rasterizer import Rasterizer
 
@@ -233,13 +222,10 @@ class Objects:
                     samples = self._features.settings.coverage_samples
                     self._rasterizer = Rasterizer(self._instances, samples)
                 self._device.opengl = self._rasterizer.memory
-            except DeviceError as error:
-                if self._features.traced_layers:
+            except DeviceError:
+                if not self._undecided:
                     raise
                 self._undecided = False
-                if self._visibility is None:
-                    LOG.warning("objects are drawn by rays in OpenCL: %s", error)
-                    self._see_by_rays(view)
                 return
         elif not context.video_changed:
             return

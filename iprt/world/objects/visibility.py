@@ -52,10 +52,9 @@ class Visibility:
         """`instances` are those of `bvh`; coverage takes `samples` a side of a pixel."""
         self._device = device
         self._bvh = bvh
-        self._instances = instances
+        self._instances: Sequence[Instance] | None = None
         materials = sum(len(instance.mesh.materials) for instance in instances)
         self.motion = device.empty(MOTION, (3 * max(materials, 1), 4))
-        self.follow(instances)
         bvh.follow_vertices()
         defines = plane_defines(
             equirect=view.projection == "equirect",
@@ -75,10 +74,13 @@ class Visibility:
             self._displaced = device.empty(DISPLACED, (view.height, view.width, 4))
 
     def follow(self, instances: Sequence[Instance]) -> None:
-        """Follow the objects: call it once per frame while they move, and once more."""
+        """Follow the objects: call it before the first `run`, once per frame while they move, and
+        once more. Where they are in the first call, they have not moved.
+        """
+        before = instances if self._instances is None else self._instances
         moved = [
             motion_between(old.to_world, new.to_world)
-            for old, new in zip(self._instances, instances, strict=True)
+            for old, new in zip(before, instances, strict=True)
             for _ in new.mesh.materials
         ]
         if moved:

@@ -85,6 +85,7 @@ class Both:
         self.drawn.load(self.layers, now, table)
         bvh = ObjectBvh(device, before)
         visibility = Visibility(device, view, bvh, before, SAMPLES)
+        visibility.follow(before)
         bvh.load(before)
         bvh.load(instances)
         visibility.follow(instances)
@@ -191,6 +192,7 @@ def test_an_edge_on_the_seam_borrows_across_it(device: ComputeDevice, side: int)
     bounds = object_bounds([ball], margin=1e-3)
     boxes = device.upload("boxes", bounds)
     visibility = Visibility(device, view, bvh, [ball], SAMPLES)
+    visibility.follow([ball])
     visibility.run(layer, view, constants, constants, panorama, bounds, boxes, table)
     coverage, depth = image(device, layer, "coverage"), image(device, layer, "depth")
     beyond, before = (0, -1) if side > 0 else (-1, 0)
@@ -211,6 +213,7 @@ def test_nothing_in_sight(device: ComputeDevice, view: View) -> None:
     layer = VisibleLayer(device, PlaneLayout(view.width, view.height), equirect=equirect)
     bvh = ObjectBvh(device, seen)
     visibility = Visibility(device, view, bvh, seen, SAMPLES)
+    visibility.follow(seen)
     for distance, shown in ((2.0, True), (500.0, False)):  # behind the wall
         there = [replace(seen[0], to_world=placed(sphere(2), (0, 0, -distance), 0.5).to_world)]
         bvh.load(there)
@@ -237,10 +240,9 @@ def test_rectangles_that_are_filled_anew_leave_nothing_of_the_last_run(
 
     def pair() -> tuple[Visibility, VisibleLayer]:
         equirect = view.projection == "equirect"
-        return (
-            Visibility(device, view, bvh, [ball], SAMPLES),
-            VisibleLayer(device, layout, equirect=equirect),
-        )
+        visibility = Visibility(device, view, bvh, [ball], SAMPLES)
+        visibility.follow([ball])
+        return visibility, VisibleLayer(device, layout, equirect=equirect)
 
     kept = pair()
     for x, z in ((0.0, -2.0), (0.7, -1.5), (0.0, 2.0), (-0.4, -1.2), (0.0, -500.0), (0.3, -2.0)):
