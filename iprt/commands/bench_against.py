@@ -10,6 +10,7 @@ from iprt.files.wording import counted
 from iprt.measure.contenders import Entry, FullEntry, IprtEntry, PanoramaEntry, Subject
 from iprt.measure.convergence import parse_counts
 from iprt.measure.convergence_report import convergence_grid, convergence_plots
+from iprt.measure.protocol import provenance_line
 from iprt.measure.race import Result, run_race
 from iprt.measure.race_report import race_figures, race_grid
 from iprt.measure.report import Report
@@ -39,7 +40,7 @@ def measure_against(
     subjects = [Subject(plan.scene.root, allow_outside, target) for target in plan.targets]
     plan.announce(f"up to {counted(counts[-1], 'frame')} or samples per pixel each")
     how = _conditions(plan)
-    report = Report(f"{plan.scene.name}: against Mitsuba", how)
+    report = Report(f"{plan.scene.name}: against Mitsuba", [*how, provenance_line(plan.made)])
     race: dict[str, list[Result]] = {}
 
     def finish() -> None:

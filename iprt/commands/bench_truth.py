@@ -7,7 +7,7 @@ import logging
 import math
 from collections.abc import Callable, Iterator, Sequence, Sized
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,7 @@ from iprt.files.termination import at_termination
 from iprt.files.wording import counted
 from iprt.measure.convergence import Curve, parse_counts, run_convergence
 from iprt.measure.convergence_report import convergence_grid, convergence_plots, reach_grid
+from iprt.measure.protocol import provenance, provenance_line
 from iprt.measure.report import Report
 from iprt.measure.sweep import Combination, Outcome, frames_per_view, run_sweep
 from iprt.measure.sweep_report import passes_grid, sweep_figures, sweep_grid, sweep_plots
@@ -34,9 +35,10 @@ MANY = 10
 
 @dataclass(frozen=True)
 class Plan:
-    """Subject and device of a measurement."""
+    """Subject and device of a measurement; `made` is its `provenance`."""
 
     scene: Scene
+    made: dict[str, Any]
     targets: tuple[Target, ...]
     chosen: tuple[Combination, ...]
     seeds: int
@@ -58,7 +60,7 @@ class Plan:
         names = dict.fromkeys(views_with_truth(scene, views))
         targets = tuple(read_target(scene, name, background, size) for name in names)
         compute = ComputeDevice(choose_device(device))
-        return cls(scene, targets, tuple(chosen), seeds, background, compute)
+        return cls(scene, provenance(scene), targets, tuple(chosen), seeds, background, compute)
 
     def announce(self, what: str) -> None:
         """Say on stderr what is going to be run."""
@@ -78,12 +80,13 @@ class Plan:
             f"{sizes}; on {self.device.name}.",
             f"Scored over the background of the {self.background}, {counted(self.seeds, 'seed')}. "
             "SSIM, FLIP: as displayed. RMSE: linear radiance.",
+            provenance_line(self.made),
         ]
 
     def record(self) -> dict[str, Any]:
         """The same as plain data."""
         return {
-            "scene": self.scene.name,
+            **self.made,
             "device": self.device.name,
             "background": self.background,
             "seeds": self.seeds,
@@ -114,9 +117,12 @@ class Output:
             report.write(self.html)
 
     def print(self, record: dict[str, Any], grids: Sequence[Grid]) -> None:
+        """`record` holds the `provenance`."""
         if self.json:
             print(json.dumps(record, indent=2))
             return
+        *others, last = grids
+        grids = [*others, replace(last, notes=(*last.notes, provenance_line(record)))]
         for index, grid in enumerate(grids):
             if self.markdown and index:
                 print()

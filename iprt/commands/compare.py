@@ -6,8 +6,9 @@ import json as json_format
 import math
 from collections.abc import Sequence
 from contextlib import nullcontext
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import tyro
 
@@ -18,11 +19,13 @@ from iprt.errors import IprtError
 if TYPE_CHECKING:
     from iprt.device.compute import ComputeDevice
     from iprt.measure.compare import Compared, Comparison
+    from iprt.measure.report import Figures
     from iprt.measure.target import Background
     from iprt.output.grid import Grid
     from iprt.scene.scene import Scene
     from iprt.settings.model import Settings
 
+NOTHING_ELSE = "nothing else is scored; leave out --method and the flags for videos"
 FRAMES = 64
 """Frames accumulated where nothing is said."""
 
@@ -33,6 +36,7 @@ def compare(
     *,
     view: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
     method: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
+    pictures: tyro.conf.UseAppendAction[tuple[Path, ...]] = (),
     background: Literal["panorama", "truth"] = "panorama",
     frames: int | None = None,
     seed: int | None = None,
@@ -47,8 +51,9 @@ def compare(
 ) -> int:
     """Render a scene's views and score them against its path-traced truth.
 
-    Images are compared as displayed: exposed, clipped to [0, 1], sRGB-encoded. RMSE is of linear
-    radiance. A video is played frame by frame, and its flicker is measured too.
+    Or score pictures that were rendered by other means (--pictures), by the same protocol
+    (docs/protocol.md). Images are compared as displayed: exposed, clipped to [0, 1], sRGB-encoded.
+    RMSE is of linear radiance. A video is played frame by frame, and its flicker is measured too.
 
     Parameters
     ----------
@@ -59,6 +64,10 @@ def compare(
     method
         How virtual objects are lit: a name from `iprt methods`, or `all`; may be given several
         times. Short for --set method=. Default: iprt.
+    pictures
+        Folder of pictures to score by the same protocol, linear EXR named by the view: table.exr,
+        or table.0007.exr for each frame of a video that has a truth. May be given several times.
+        Nothing is rendered unless --method is given too.
     background
         What the camera sees behind the objects: the resampled panorama, or the truth's own
         background, which isolates relighting from the panorama's resolution.
@@ -96,12 +105,17 @@ def compare(
     if frames is not None and frames < 1:
         raise IprtError(f"--frames {frames}: at least 1 frame is needed")
     _check_limit(fail_under_ssim)
+    if pictures and frames is not None and not method:
+        raise IprtError(f"--frames {frames}: has no effect on --pictures without --method")
     if json and video.markdown:
         raise IprtError("--json and --markdown: give one of them")
     video.check()
     from iprt.device.choose import choose_device
     from iprt.device.compute import ComputeDevice
     from iprt.files.atomic import require_writable
+    from iprt.files.lock import locked
+    from iprt.measure.pictures import compare_pictures
+    from iprt.measure.protocol import provenance
     from iprt.measure.target import views_with_truth
     from iprt.scene.scene import Scene
 
@@ -120,7 +134,10 @@ def compare(
         if path is not None:
             require_writable(path)
             opened.require_not_ours(path)
-    if moving:
+    if pictures and moving and (method or video != NO_VIDEO):
+        raise IprtError(f"--pictures: of a video, {NOTHING_ELSE}")
+    made = provenance(opened)
+    if moving and not pictures:
         if html is not None:
             raise IprtError(f"--html {html}: is for still pictures; --save shows frames of a video")
         chosen = combinations_of(setting_flags, seed, asked, video)
@@ -133,47 +150,71 @@ def compare(
             compute,
             background,
             frames or FRAMES,
+            made=made,
             json=json,
             save=save,
         )
         ssim = [scores.ssim for result in played for scores in result.scores.values()]
         return int(_any_below(ssim, fail_under_ssim) or video.missed(played))
-    video.require_none(opened.name)
-    compute = ComputeDevice(choose_device(device))
-    results = _compare_stills(
-        opened, views, variants, compute, background, frames or FRAMES, save=save, html=html
-    )
+    if not moving:
+        video.require_none(opened.name)
+    rendered = not pictures or bool(method)
+    output = Output(f"{opened.name}: compared with its truth", made, save, html)
+    with nullcontext() if save is None else locked(save):
+        for folder in pictures:
+            for compared in compare_pictures(opened, views, folder, background):
+                output.add(compared)
+        if rendered:
+            compute = ComputeDevice(choose_device(device))
+            _render(opened, views, variants, compute, background, frames or FRAMES, output)
+    results = output.results
     if json:
-        print(json_format.dumps([result.record() for result in results], indent=2))
+        records = [result.record() for result in results]
+        print(json_format.dumps({**made, "results": records}, indent=2))
     else:
         from iprt.output.grid import print_grid
 
-        print_grid(score_grid(results))
+        print_grid(score_grid(results, made))
     return int(_any_below([result.scores.ssim for result in results], fail_under_ssim))
 
 
-def _compare_stills(
+@dataclass
+class Output:
+    """Where comparisons go: to pictures and a page, one by one, so that nothing gets lost."""
+
+    title: str
+    made: dict[str, Any]
+    save: Path | None
+    html: Path | None
+    results: list[Comparison] = field(default_factory=list)
+    figures: list[Figures] = field(default_factory=list)
+
+    def add(self, compared: Compared) -> None:
+        from iprt.measure.report import Report, compared_figures
+
+        self.results.append(compared.comparison)
+        if self.save is not None:
+            _save(self.save, compared, self.made)
+        if self.html is not None:
+            self.figures.append(compared_figures(compared))
+            grids = [score_grid(self.results, self.made)]
+            Report(self.title, grids=grids, figures=self.figures).write(self.html)
+
+
+def _render(
     scene: Scene,
     views: Sequence[str],
     variants: Sequence[Settings],
     device: ComputeDevice,
     background: Background,
     frames: int,
-    *,
-    save: Path | None,
-    html: Path | None,
-) -> list[Comparison]:
+    output: Output,
+) -> None:
     from iprt.commands.progress import progress_bar
-    from iprt.files.lock import locked
     from iprt.measure.compare import compare_views
-    from iprt.measure.report import Report, compared_figures
 
-    results: list[Comparison] = []
-    report = Report(f"{scene.name}: compared with its truth")
-    with (
-        nullcontext() if save is None else locked(save),
-        progress_bar("comparing", len(views) * len(variants) * frames) as progress,
-    ):
+    before = len(output.results)
+    with progress_bar("comparing", len(views) * len(variants) * frames) as progress:
         for compared in compare_views(
             scene,
             views,
@@ -181,20 +222,17 @@ def _compare_stills(
             device=device,
             background=background,
             frames=frames,
-            progress=lambda done: progress(len(results) * frames + done),
+            progress=lambda done: progress((len(output.results) - before) * frames + done),
         ):
-            results.append(compared.comparison)
-            if save is not None:
-                _save(save, compared)
-            if html is not None:
-                report.grids = [score_grid(results)]
-                report.figures.append(compared_figures(compared))
-                report.write(html)
-    return results
+            output.add(compared)
 
 
-def score_grid(results: Sequence[Comparison]) -> Grid:
-    """One row per view and method; at least one result, all over one background."""
+def score_grid(results: Sequence[Comparison], made: dict[str, Any]) -> Grid:
+    """One row per view and method; at least one result, all over one background.
+
+    `made` is their `provenance`.
+    """
+    from iprt.measure.protocol import provenance_line
     from iprt.output.grid import Grid
 
     lacking = any(result.scores.flip is None for result in results)
@@ -211,11 +249,14 @@ def score_grid(results: Sequence[Comparison]) -> Grid:
                 f"{result.scores.mse:.1e}",
                 f"{result.scores.rmse:.3g}",
                 "-" if result.scores.flip is None else f"{result.scores.flip:.4f}",
-                f"{sum(result.ms.values()):.1f}",
+                f"{sum(result.ms.values()):.1f}" if result.ms else "-",
             )
             for result in results
         ),
-        notes=("FLIP: pip install 'iprt[metrics]'",) if lacking else (),
+        notes=(
+            *(("FLIP: pip install 'iprt[metrics]'",) if lacking else ()),
+            provenance_line(made),
+        ),
         words=2,
     )
 
@@ -239,16 +280,16 @@ def _check_limit(fail_under_ssim: float | None) -> None:
         raise IprtError(f"--fail-under-ssim {fail_under_ssim}: SSIM lies in [-1, 1]")
 
 
-def _save(folder: Path, compared: Compared) -> None:
+def _save(folder: Path, compared: Compared, made: dict[str, Any]) -> None:
     from iprt.measure.compare import DIFFERENCE_GAIN
     from iprt.output.png import write_display_png
 
     result = compared.comparison
     write_display_png(
-        folder / f"{result.view}-{result.method}-{result.background}.png",
+        folder / f"{result.view.replace(' ', '.')}-{result.method}-{result.background}.png",
         compared.panels(),
         metadata={
             "iprt:panels": f"render, truth, absolute difference x{DIFFERENCE_GAIN:g}",
-            "iprt:scores": json_format.dumps(result.record()),
+            "iprt:scores": json_format.dumps({**made, **result.record()}),
         },
     )

@@ -9,7 +9,7 @@ from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import fmean
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
@@ -129,10 +129,11 @@ def compare_video(
     background: Background,
     frames: int,
     *,
+    made: dict[str, Any],
     json: bool,
     save: Path | None,
 ) -> list[Stability]:
-    """Play the views and print what was measured."""
+    """Play the views and print what was measured; `made` is its `provenance`."""
     from iprt.commands.progress import progress_bar
     from iprt.files.lock import locked
     from iprt.measure.strip import Strip
@@ -163,13 +164,15 @@ def compare_video(
             results += found
             if save is not None:
                 for result, strip in zip(found, strips, strict=True):
-                    strip.write(save / f"{_file_name(result)}.png", result.record())
+                    record = {**made, **result.record()}
+                    strip.write(save / f"{_file_name(result)}.png", record)
     if json:
-        print(json_format.dumps([result.record() for result in results], indent=2))
+        records = [result.record() for result in results]
+        print(json_format.dumps({**made, "results": records}, indent=2))
     else:
         from iprt.output.grid import print_grid
 
-        print_grid(stability_grid(results, background), markdown=flags.markdown)
+        print_grid(stability_grid(results, background, made), markdown=flags.markdown)
     return results
 
 
@@ -178,8 +181,9 @@ def _file_name(result: Stability) -> str:
     return f"{result.view}-{result.label}".replace("/", "_").replace(", ", "+")
 
 
-def stability_grid(results: Sequence[Stability], background: str) -> Grid:
-    """One row per view and settings; at least one result."""
+def stability_grid(results: Sequence[Stability], background: str, made: dict[str, Any]) -> Grid:
+    """One row per view and settings; at least one result, of that `provenance`."""
+    from iprt.measure.protocol import provenance_line
     from iprt.output.grid import Grid
 
     trails = any(result.trails for result in results)
@@ -190,7 +194,7 @@ def stability_grid(results: Sequence[Stability], background: str) -> Grid:
         title=f"video; background: {background}",
         columns=tuple(columns),
         rows=tuple(tuple(_row(result, trails=trails)) for result in results),
-        notes=NOTES if trails else NOTES[:-1],
+        notes=(*(NOTES if trails else NOTES[:-1]), provenance_line(made)),
         words=2,
     )
 

@@ -29,6 +29,7 @@ from iprt.output.exr import write_exr
 from iprt.settings.model import Settings
 
 KEYS = ["view", "method", "background", "ssim", "ssim_cuts", "psnr", "mse", "rmse", "flip", "ms"]
+MADE = {"protocol": 1, "scene": "room", "scene_hash": "0123456789abcdef", "iprt": "0.1.0"}
 CUTS = ((2, 3, 20, 22), (0, 0, 40, 32))
 
 
@@ -282,6 +283,7 @@ def command(
     device = SimpleNamespace(profile=FakeProfile(), name="a device", finish=lambda: None)
     module("iprt.scene.scene", Scene=SimpleNamespace(open=lambda path, **_: scene))
     module("iprt.device.choose", choose_device=lambda spec: spec)
+    monkeypatch.setattr("iprt.measure.protocol.provenance", lambda _: MADE)
     module("iprt.device.compute", ComputeDevice=lambda spec: device)
     return lambda **kwargs: compare(Path("room"), frames=2, **kwargs)
 
@@ -290,7 +292,9 @@ def test_json_goes_to_stdout_alone(
     command: Callable[..., int], capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert command(method=("all",), json=True) == 0
-    records = json.loads(capsys.readouterr().out)
+    printed = json.loads(capsys.readouterr().out)
+    records = printed.pop("results")
+    assert printed == MADE
     assert [record["method"] for record in records] == ["iprt", "ibl", "iprt2023"]
     assert all(list(record) == KEYS for record in records)
 
@@ -307,7 +311,7 @@ def test_table_fits_80_columns() -> None:
     scores = Scores(0.98765, (0.987654, 0.87654), 36.876, 2.1e-4, 0.01234, None)
     result = Comparison("floor_dragon", "iprt", "truth", scores, {"march": 1234.56})
     stream = io.StringIO()
-    Console(file=stream, width=80).print(score_grid([result]).table())
+    Console(file=stream, width=80).print(score_grid([result], MADE).table())
     text = stream.getvalue()
     row = ["floor_dragon", "iprt", "0.9877", "0.988", "0.877", "36.88", "2.1e-04"]
     row += ["0.0123", "-", "1234.6"]

@@ -29,6 +29,7 @@ from iprt.settings.model import Settings
 from tests.frame.moving import write_moving
 
 HEIGHT, WIDTH, FRAMES = 32, 40, 6
+MADE = {"protocol": 1, "scene": "film", "scene_hash": "0123456789abcdef", "iprt": "0.1.0"}
 COVERED, CHANGED = slice(4, 16), slice(16, 28)
 """Rows that an object covers, and that it darkens."""
 
@@ -169,7 +170,7 @@ def test_a_bit_that_differs_is_counted(scene: Any, film: type[FakeFilm]) -> None
     list(played.play(range(FRAMES)))
     (result,) = played.results()
     assert result.unequal == FRAMES
-    assert f"({FRAMES} pixels differ)" in stability_grid([result], "panorama").rows[0][5]
+    assert f"({FRAMES} pixels differ)" in stability_grid([result], "panorama", MADE).rows[0][5]
 
 
 def test_scores_over_the_background_of_the_truth(scene: Any, film: type[FakeFilm]) -> None:
@@ -268,7 +269,7 @@ def test_what_no_object_touches_is_as_steady_as_the_input(
     words = ["compare", str(clip), "--device", "pocl", "--size", "64", "32", "--json"]
     more = ["--play", "0", "2", "--frames", "4", "--trails", "--save", str(tmp_path / "saved")]
     assert cli.main([*words, *more, "--fail-over-flicker", "1e9"]) == 0
-    (record,) = json.loads(capsys.readouterr().out)
+    (record,) = json.loads(capsys.readouterr().out)["results"]
     assert record["unequal_pixels"] == 0
     assert record["flicker"]["untouched"]["ratio"] == 1.0
     assert record["flicker"]["untouched"]["pixels"] > 20

@@ -1,11 +1,13 @@
-"""A package adds a method by being installed: from the command line to the picture."""
+"""The package of docs/adding-a-method.md adds a method: from the command line to the picture."""
 
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 import sysconfig
+import tomllib
 import venv
 import zipfile
 from pathlib import Path
@@ -17,76 +19,22 @@ from numpy.typing import NDArray
 
 from iprt.scene.scene import Scene
 
-PACKAGE = {
-    "uniform/__init__.py": '''
-from pydantic import Field
-from iprt.settings.methods import MethodInfo, MethodSettings, Needs
+PAGE = Path(__file__).parents[2] / "docs" / "adding-a-method.md"
+FILE = re.compile(r"^`([^`]+)`:\n\n```[a-z]+\n(.*?)^```", re.MULTILINE | re.DOTALL)
 
 
-class UniformSettings(MethodSettings):
-    """Light that comes from all sides alike."""
-
-    strength: float = Field(default=1.0, ge=0.0, le=10.0, description="Factor of the light.")
-
-
-METHOD = MethodInfo(
-    "uniform",
-    "The mean of the panorama from all sides",
-    "uniform.method:Uniform",
-    paper="Nobody, Nothing, 2026",
-    settings=UniformSettings,
-    needs=lambda settings: Needs(),
-    defaults={"atrous.levels": 2},
-)
-''',
-    "uniform/method.py": """
-from pathlib import Path
-from iprt.gbuffer.guide import plane_defines
-from iprt.methods.protocol import Method, Signals
-from uniform import UniformSettings
-
-
-class Uniform(Method):
-    def __init__(self, setup):
-        super().__init__(setup)
-        self.light = setup.device.zeros("uniform light", setup.layout.shape(3))
-        self.kernel = setup.device.kernel(
-            str(Path(__file__).with_name("fill.cl")), "fill", plane_defines()
-        )
-        self.objects = 0
-
-    def prepare_video(self, world):
-        strength = self.setup.features.settings.own(UniformSettings).strength
-        self.value = strength * world.panorama.mean_radiance
-
-    def prepare_objects(self, world):
-        self.objects += 1
-
-    def trace(self, world, context):
-        assert self.objects == 1, "nothing moves in a still picture"
-        layout = self.setup.layout
-        self.kernel(
-            layout.size, light=self.light, value=self.value, width=layout.width,
-            height=layout.height,
-        )
-        return Signals(diffuse=self.light)
-""",
-    "uniform/fill.cl": """
-#include "gbuffer/planes.h"
-
-__kernel void fill(__global float *light, const float value, const int width, const int height)
-{
-    const int x = get_global_id(0), y = get_global_id(1);
-    if (x >= width || y >= height)
-        return;
-    store_planes(light, plane_size(width, height), plane_index(x, y, width), (float3)(value));
-}
-""",
-    "uniform-1.dist-info/METADATA": "Metadata-Version: 2.1\nName: uniform\nVersion: 1\n",
-    "uniform-1.dist-info/WHEEL": "Wheel-Version: 1.0\nRoot-Is-Purelib: true\nTag: py3-none-any\n",
-    "uniform-1.dist-info/entry_points.txt": "[iprt.methods]\nuniform = uniform:METHOD\n",
-    "uniform-1.dist-info/RECORD": "",
-}
+def wheel_of(page: str) -> dict[str, str]:
+    """The files of the package of a page, as they are in its wheel."""
+    files = dict(FILE.findall(page))
+    project = tomllib.loads(files.pop("pyproject.toml"))["project"]
+    name, version = project["name"], project["version"]
+    (points,) = project["entry-points"].items()
+    lines = [f"[{points[0]}]", *(f"{key} = {value}" for key, value in points[1].items())]
+    wheel = ["Wheel-Version: 1.0", "Root-Is-Purelib: true", "Tag: py3-none-any"]
+    metadata = ["Metadata-Version: 2.1", f"Name: {name}", f"Version: {version}"]
+    told = {"METADATA": metadata, "WHEEL": wheel, "entry_points.txt": lines, "RECORD": []}
+    about = {f"{name}-{version}.dist-info/{key}": "\n".join(text) for key, text in told.items()}
+    return {**files, **about}
 
 
 @pytest.fixture(scope="module")
@@ -95,7 +43,7 @@ def python(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("environment")
     wheel = folder / "uniform-1-py3-none-any.whl"
     with zipfile.ZipFile(wheel, "w") as archive:
-        for name, text in PACKAGE.items():
+        for name, text in wheel_of(PAGE.read_text("utf-8")).items():
             archive.writestr(name, text)
     venv.create(folder / "env", with_pip=False)
     python = folder / "env" / "bin" / "python"

@@ -1,0 +1,64 @@
+"""What figures were made by: the version of `docs/protocol.md`, and the contents of the scene."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import iprt
+from iprt.footage.video.sequence import frame_path
+from iprt.scene.manifest import MANIFEST_NAME
+from iprt.scene.scene_files import made_of
+
+if TYPE_CHECKING:
+    from iprt.scene.scene import Scene
+
+VERSION = 1
+"""Version of the protocol: raised with every change of it that changes a figure."""
+DIGITS = 16
+_TRUTHS = ("truth", "truth_background", "truth_mask")
+
+
+def scene_hash(scene: Scene) -> str:
+    """Digits that tell two scenes apart by all that comparisons depend on.
+
+    They depend on what the manifest says, not on how it is written, and on the bytes of the files
+    that it names, truths among them: copies have the same digits, on any machine.
+    """
+    said = scene.manifest.model_dump_json(exclude={"name"})
+    digest = hashlib.sha256(said.encode())
+    for file in sorted(made_of(scene) | _truths(scene)):
+        if file.is_file() and file.name != MANIFEST_NAME:
+            with file.open("rb") as opened:
+                content = hashlib.file_digest(opened, "sha256").hexdigest()
+            digest.update(f"\n{file.relative_to(scene.root).as_posix()} {content}".encode())
+    return digest.hexdigest()[:DIGITS]
+
+
+def provenance(scene: Scene) -> dict[str, Any]:
+    """What every result says of itself, as plain data."""
+    return {
+        "protocol": VERSION,
+        "scene": scene.name,
+        "scene_hash": scene_hash(scene),
+        "iprt": iprt.__version__,
+    }
+
+
+def provenance_line(found: dict[str, Any]) -> str:
+    """The same for tables and pages."""
+    return (
+        f"Protocol {found['protocol']}, scene {found['scene']} ({found['scene_hash']}), "
+        f"iprt {found['iprt']}."
+    )
+
+
+def _truths(scene: Scene) -> set[Path]:
+    patterns = [
+        str(path.relative_to(scene.root))
+        for view in scene.views.values()
+        for path in (getattr(view, key) for key in _TRUTHS)
+        if path is not None
+    ]
+    return {frame_path(scene.root, p, i) for p in patterns for i in scene.frame_indices}
