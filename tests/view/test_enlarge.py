@@ -12,7 +12,7 @@ from iprt.device.compute import ComputeDevice
 from iprt.gbuffer.guide import plane_defines
 from iprt.gbuffer.layout import PlaneLayout
 from iprt.geometry.camera import View
-from iprt.light_view import block_map
+from iprt.light_view import block_map, enlarging_size
 from tests.worlds import Float
 
 VIEWS = {
@@ -62,7 +62,7 @@ def enlarged(
     small = view.reduced(scale)
     layouts = [PlaneLayout(v.width, v.height) for v in (view, small)]
     ratio = light.shape[-1] == 4
-    defines = plane_defines(equirect=view.projection == "equirect", RATIO=ratio)
+    defines = plane_defines(equirect=view.projection == "equirect", RATIO=ratio, WIDE=device.wide)
     arguments = {}
     for prefix, layout, surfaces in zip(("", "block_"), layouts, (full, blocks), strict=True):
         for name, image in vars(surfaces).items():
@@ -71,7 +71,7 @@ def enlarged(
     shape = (view.height * view.width, 4) if ratio else layouts[0].shape(3)
     result = device.zeros("light", shape)
     device.kernel("view/enlarge.cl", "enlarge", defines)(
-        (view.width, view.height),
+        enlarging_size(view, small, wide=device.wide),
         arguments,
         view=device.upload("view", view.kernel_constants()),
         block_view=device.upload("block view", small.kernel_constants()),
