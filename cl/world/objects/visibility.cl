@@ -4,9 +4,10 @@
 //   kernel        in                                       out, [height * width]
 //   see_objects   objects (lib/world/objects/objects_bvh.h);             front: world normal as the mesh has it,
 //                 displacements: per vertex, to where it   radial distance (0: nothing); material:
-//                 was, object space (-D OBJECTS_DEFORM)    albedo, 1 + material index; displaced:
-//                                                          the same of the surface, world space
-//   show_objects  objects; front and material, which       display, three images: the same, edge
+//                 was, object space (-D OBJECTS_DEFORM)    albedo, 1 + material index; met: instance
+//                                                          and triangle; displaced: the same as
+//                                                          displacements, of the surface, world space
+//   show_objects  objects; front, material and met, which  display, three images: the same, edge
 //                 nothing else reads; surface: tangent     pixels lent a surface; and coverage:
 //                 planes of the panorama; previous view    fraction of the pixel in which an object
 //                 (lib/gbuffer/view.h); moved: 3 float4    is in front of the real surface, motion:
@@ -33,7 +34,8 @@ TRACING_KERNEL void see_objects(
     __global const float *restrict view,
     OBJECT_PARAMETERS,
     __global float4 *restrict front,
-    __global float4 *restrict material
+    __global float4 *restrict material,
+    __global int2 *restrict met
 #ifdef OBJECTS_DEFORM
     ,
     __global const float4 *restrict displacements,
@@ -56,6 +58,7 @@ TRACING_KERNEL void see_objects(
     front[pixel] = (float4)(at.normal, hit.t);
     material[pixel] = (float4)(object_albedo(world, at.material, at.vertices, at.weights),
                                at.material + 1);
+    met[pixel] = (int2)(hit.instance, hit.triangle);
 #ifdef OBJECTS_DEFORM
     const float3 step = at.weights.x * displacements[at.vertices.x].xyz
         + at.weights.y * displacements[at.vertices.y].xyz
@@ -77,14 +80,18 @@ static inline int meets_packet_again(const Objects world, float3 d, ObjectHit *h
 }
 
 // Rays that meet an object in front of the real surface; and the mean albedo of those that meet
-// `index` - 1, which pictures finer than the pixels are averaged by.
+// `index` - 1, which pictures finer than the pixels are averaged by. `near`: instance and triangle that
+// a ray beside them meets.
 static inline int visible_samples(const Objects world, __global const float *restrict view, int x,
-                                  int y, int index, __global const float4 *restrict surface,
-                                  int surface_width, int surface_height, float3 *albedo)
+                                  int y, int index, int2 near,
+                                  __global const float4 *restrict surface, int surface_width,
+                                  int surface_height, float3 *albedo)
 {
-    int visible = 0, same = 0, met = 0;
+    int visible = 0, same = 0;
     float3 sum = (float3)(0.0f);
     ObjectHit hit;
+    hit.instance = near.x;
+    hit.triangle = near.y;
     for (int i = 0; i < SAMPLES * SAMPLES; i++) {
         const float2 within = ((float2)(i % SAMPLES, i / SAMPLES) + 0.5f) / SAMPLES;
         const float3 d = view_direction(view, (float2)(x, y) + within);
@@ -93,16 +100,15 @@ static inline int visible_samples(const Objects world, __global const float *res
             + min((int)(uv.x * surface_width), surface_width - 1);
         const float nearness = dot(surface[texel].xyz, d);
 #ifndef OBJECT_TEXTURES
-        // Most rays of a pixel meet the triangles that the one before has met. What may be in front of
-        // these is in front of the real surface too, and need not be found.
-        if (met && meets_packet_again(world, d, &hit)
+        // Most rays of a pixel meet the triangles that its centre or the one before has met. What may be
+        // in front of these is in front of the real surface too, and need not be found.
+        if (meets_packet_again(world, d, &hit)
             && hit.t * nearness <= 1.0f + COVERAGE_TOLERANCE) {
             visible++;
             continue;
         }
 #endif
-        met = trace_objects(world, (float3)(0.0f), d, INFINITY, &hit);
-        if (!met)
+        if (!trace_objects(world, (float3)(0.0f), d, INFINITY, &hit))
             continue;
         visible += hit.t * nearness <= 1.0f + COVERAGE_TOLERANCE;
 #ifdef OBJECT_TEXTURES
@@ -149,6 +155,7 @@ TRACING_KERNEL void show_objects(
     const int surface_height,
     __global const float4 *restrict front,
     __global const float4 *restrict material,
+    __global const int2 *restrict met,
 #ifdef OBJECTS_DEFORM
     __global const float4 *restrict displaced,
 #endif
@@ -170,8 +177,9 @@ TRACING_KERNEL void show_objects(
     }
     COUNT_ITEM;
     float3 albedo = its_material.xyz;
-    const int visible = visible_samples(world, view, x, y, (int)its_material.w, surface,
-                                        surface_width, surface_height, &albedo);
+    const int visible = visible_samples(world, view, x, y, (int)its_material.w,
+                                        met[from < 0 ? pixel : from], surface, surface_width,
+                                        surface_height, &albedo);
     its_material.xyz = albedo;
     from = visible > 0 ? from : -1;
     if (from >= 0) {
