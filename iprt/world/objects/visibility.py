@@ -127,6 +127,9 @@ class Visibility:
             "front": self.front,
             "material": self.material,
             "met": self._met,
+            "surface": panorama.surface,
+            "surface_width": panorama.width,
+            "surface_height": panorama.height,
             "displacements": self._bvh.displacements,
             "displaced": self._displaced,
         }
@@ -149,9 +152,6 @@ class Visibility:
                 self._show,
                 previous=previous,
                 moved=self.motion,
-                surface=panorama.surface,
-                surface_width=panorama.width,
-                surface_height=panorama.height,
                 display=visible.display,
             )
         whole = [(0, 0, view.width, view.height)]
