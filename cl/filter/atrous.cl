@@ -4,7 +4,7 @@
 // All planes of a signal share one set of weights, so that E_R and E_RV are averaged over the
 // same pixels before they are divided, and equal inputs give equal bits. The weight of a tap q is
 //   h(q) * falloff(k_n (1 - n_p . n_q) + k_d |n_p . (x_q - x_p)| / |x_p|
-//                   + (g_p - g_q)^2 / (k_v^2 (v_p + v_q) + floor^2)), 0 where ids differ,
+//                   + (g_p - g_q)^2 / (k_v^2 (v_p + v_q) + NOISE_FLOOR^2)), 0 where ids differ,
 // where h is the B3 spline or, of 3x3 taps, that of ReLAX, relative to the centre's, g the scalar that
 // the picture shows (luminance of E_R - E_RV or of blocked - bounced light on real surfaces, of the
 // signal on virtual ones) and v its variance. Both variances enter, so that a pixel which missed a rare
@@ -29,6 +29,9 @@
 
 #define MIRROR_ALPHA 1e-4f     // below: a perfect mirror, which is not filtered
 #define NORMAL_SPREAD 1.0f     // alpha^2 per sum of squared normal steps to the four neighbours
+// Differences up to this fraction of a pixel's luminance, or of the light that a real surface receives,
+// count as noise always: a little more than what half precision rounds by.
+#define NOISE_FLOOR 0.002f
 
 #ifdef FIRST
 #define SIGNAL_IN PLANES_IN
@@ -129,7 +132,6 @@ __kernel void filter_level(
     float normal_sharpness,                      // k_n
     float plane_sharpness,                       // k_d
     float variance_scale,                        // k_v^2
-    float floor_fraction,                        // floor, relative to the pixel's luminance
 #if defined(FIRST) || defined(LAST)
     float unit,                                  // of signals in half precision
 #endif
@@ -163,9 +165,9 @@ __kernel void filter_level(
     float variances = own;
     float g = guide_scalar(centre);
 #if defined(DIFFERENCE) && !defined(COMMON)
-    float tolerance = floor_fraction; // the signal is a fraction of all light
+    float tolerance = NOISE_FLOOR; // the signal is a fraction of all light
 #else
-    float tolerance = floor_fraction * luminance((float3)(centre[0], centre[1], centre[2]));
+    float tolerance = NOISE_FLOOR * luminance((float3)(centre[0], centre[1], centre[2]));
 #endif
     tolerance = variance_scale * own + tolerance * tolerance + 1e-30f;
     // No tap matches -2, so that a pixel without a surface keeps what it has.

@@ -37,6 +37,8 @@ FLOAT_KINDS = ("exr", "pfm")
 TEXTURE_FORMATS = ("PNG", "JPEG", "WEBP", "BMP", "TGA", "TIFF")
 """Names that Pillow has for what textures of meshes may be stored as."""
 NO_DEPTH = "depth needs one channel, as EXR, PFM or 16-bit grey PNG"
+LOOKUP_ROWS = 128
+"""Rows of a picture that are looked up in a table at once: NumPy makes indices of eight bytes."""
 MAX_SCANS = 100
 """A progressive JPEG has no more; each goes over the whole picture. Programs write about ten."""
 _START_OF_SCAN = b"\xff\xda"
@@ -135,7 +137,12 @@ def decode_srgb(coded: NDArray[Any]) -> Image2D:
     steps = np.iinfo(coded.dtype).max
     value = np.arange(steps + 1, dtype=np.float64) / steps
     linear = np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
-    return np.asarray(linear.astype(np.float32)[coded])
+    table, decoded = linear.astype(np.float32), np.empty(coded.shape, np.float32)
+    for row in range(0, len(coded), LOOKUP_ROWS):
+        rows = slice(row, row + LOOKUP_ROWS)
+        # All are in the table. By the default mode, NumPy would fill a copy first.
+        np.take(table, coded[rows], out=decoded[rows], mode="clip")
+    return decoded
 
 
 def _is_16_bit(image: Image.Image) -> bool:
@@ -207,7 +214,7 @@ def texture_pixels(image: Image.Image, path: Path) -> NDArray[np.uint8]:
 def _decoded(path: Path, image: Image.Image, mode: str | None = None) -> NDArray[Any]:
     """The pixels of a picture, converted to one of Pillow's modes."""
     with _quiet(), decoding(path, "cut off or damaged picture"):
-        return np.asarray(image if mode is None else image.convert(mode))
+        return np.asarray(image if mode in (None, image.mode) else image.convert(mode))
 
 
 @contextmanager

@@ -116,7 +116,6 @@ class Atrous:
             normal_sharpness=settings.normal_sharpness,
             plane_sharpness=settings.plane_sharpness,
             variance_scale=settings.deviations**2,
-            floor_fraction=settings.floor,
         )
         if self._specular:
             kernel.fixed(lobe_fraction=settings.lobe_fraction)

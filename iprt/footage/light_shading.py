@@ -13,11 +13,13 @@ from iprt.footage.frame import Frame
 from iprt.footage.gather import (
     Cells,
     Float,
+    Geometry,
     Receivers,
     cell_means,
+    cell_sums,
+    cell_texels,
     irradiance_of_lights,
     irradiance_of_rest,
-    sampled_normals,
 )
 from iprt.footage.light_groups import Clipped, Light, grid_cells
 from iprt.footage.segments import lifted, points_of_segments, segments, spread_cells, well_seen
@@ -45,12 +47,12 @@ def shading_of(
     group : (N,) int
         Which group each clipped texel belongs to, 0 for none.
     """
-    normals = sampled_normals(frame)
+    shown = Geometry.of(frame, min(FINE_ROWS, frame.height))
     fine, middle, coarse = (
-        Cells.of(frame, min(rows, frame.height), normals)
-        for rows in (FINE_ROWS, LIGHT_ROWS, REST_ROWS)
+        Cells.of(shown, min(rows, frame.height)) for rows in (FINE_ROWS, LIGHT_ROWS, REST_ROWS)
     )
-    color = cell_means(frame.color, fine.rows).reshape(-1, 3)
+    sums = cell_sums(frame.color, fine.rows)
+    color = (sums / shown.texels[..., None]).reshape(-1, 3)
     usable = _usable(frame, clipped, fine) & (color.min(-1) > DARK * white)
     candidates = spread_cells(fine.rows, CANDIDATES)
     chosen, segment = points_of_segments(
@@ -63,11 +65,7 @@ def shading_of(
     receivers = Receivers(lifted(fine, at), fine.normal[at])
     radiance = _light_cells(frame, clipped, group, lights, middle.rows)
     direct, taken = irradiance_of_lights(receivers, middle, fine, radiance, LIGHT_STEPS)
-    plain = np.ones(frame.depth.shape, bool)
-    plain.ravel()[clipped.texel] = False
-    plain &= ~frame.opening
-    share = cell_means(plain, coarse.rows).ravel()
-    dim = cell_means(np.where(plain[..., None], frame.color, 0.0), coarse.rows).reshape(-1, 3)
+    share, dim = _rest(frame, clipped, cell_sums(sums, coarse.rows))
     rest = direct[..., -1] + irradiance_of_rest(receivers, coarse, dim, share, taken, REST_STEPS)
     direct, n = direct[..., :-1], len(chosen)
     return Shading(
@@ -80,6 +78,25 @@ def shading_of(
         shine_rest=rest[n:],
         shine_lights=direct[n:],
     )
+
+
+def _rest(frame: Frame, clipped: Clipped, sums: Float) -> tuple[Float, Float]:
+    """Shares of cells (N,) that are neither clipped nor open, and their radiance (N, 3), a mean
+    over the cells; `sums` (rows, 2 rows, 3) is that of all texels.
+    """
+    rows, count = sums.shape[0], 2 * sums.shape[0] ** 2
+    left_out = frame.opening.copy()
+    left_out.ravel()[clipped.texel] = True
+    texel = np.flatnonzero(left_out)
+    cell, color = grid_cells(frame, texel, rows), frame.color.reshape(-1, 3)[texel]
+    texels = cell_texels(frame.depth.shape, rows).ravel()
+    rest = sums.reshape(-1, 3).copy()
+    for c in range(3):
+        rest[:, c] -= np.bincount(cell, color[:, c], count)
+    plain = texels - np.bincount(cell, minlength=count)
+    # Where nothing is left, rounding is.
+    rest = np.where(plain[:, None] > 0, np.maximum(rest, 0.0), 0.0)
+    return plain / texels, rest / texels[:, None]
 
 
 def _usable(frame: Frame, clipped: Clipped, cells: Cells) -> NDArray[np.bool_]:
@@ -103,9 +120,7 @@ def _light_cells(
     """(cells, 3, K + 1) mean radiance of cells due to each light, as it looks; the last one is all
     else that is seen where something is clipped, and through openings."""
     cells = 2 * rows * rows
-    texels = cell_means(np.ones(frame.depth.shape), rows).ravel() * (
-        frame.width * frame.height / cells
-    )
+    texels = cell_texels(frame.depth.shape, rows).ravel()
     color = frame.color.reshape(-1, 3)
     lost = color[clipped.texel] * clipped.share
     cell = grid_cells(frame, clipped.texel, rows)

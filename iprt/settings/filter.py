@@ -125,13 +125,6 @@ class AtrousSettings(BaseModel):
         "detail and more noise.",
         json_schema_extra={"unit": "σ"},
     )
-    floor: float = Field(
-        default=0.002,
-        ge=0.0,
-        le=1.0,
-        description="Differences up to this fraction of a pixel's luminance, or of the light that "
-        "a real surface receives, count as noise always.",
-    )
     lobe_fraction: float = Field(
         default=0.5,
         gt=0.0,

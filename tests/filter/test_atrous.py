@@ -16,7 +16,7 @@ from tests.filter.gbuffer import SIZES, GBuffer, flat_gbuffer, random_gbuffer, r
 from tests.oracles import atrous as oracle
 
 SETTINGS = AtrousSettings(
-    normal_sharpness=24.0, plane_sharpness=100.0, deviations=6.0, floor=0.002, lobe_fraction=0.5
+    normal_sharpness=24.0, plane_sharpness=100.0, deviations=6.0, lobe_fraction=0.5
 )
 
 

@@ -2,13 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from iprt.footage import gather
 from iprt.footage.clip_gains import MAX_GAIN, MAX_REFLECTANCE, Shading, clip_gains
 from iprt.footage.frame import Frame
-from iprt.footage.gather import Cells, form_factors, sampled_normals, visible
+from iprt.footage.gather import (
+    Cells,
+    Geometry,
+    cell_means,
+    cell_sums,
+    cell_texels,
+    form_factors,
+    sampled_normals,
+    visible,
+)
 from tests.oracles.worlds import Box, World
 from tests.worlds import Float, sphere_frame
 
@@ -79,7 +90,7 @@ def test_what_no_light_explains_stays_bounded() -> None:
 
 
 def cells_of(frame: Frame, rows: int) -> Cells:
-    return Cells.of(frame, rows, sampled_normals(frame))
+    return Cells.of(Geometry.of(frame, rows), rows)
 
 
 def test_form_factors_of_a_closed_room_sum_up_to_pi() -> None:
@@ -95,6 +106,35 @@ def test_form_factors_of_a_closed_room_sum_up_to_pi() -> None:
     factors = form_factors(np.zeros((1, 3)), up, ball, np.arange(2048), np.ones(2048))
     expected = ball.solid_angle * np.maximum(ball.direction[:, 1], 0.0)
     np.testing.assert_allclose(factors[0], expected, rtol=0.01, atol=1e-6)
+
+
+@pytest.mark.parametrize(("height", "fine", "coarse"), [(64, 32, 8), (50, 32, 8), (50, 50, 32)])
+def test_coarse_cells_are_the_same_by_way_of_finer_ones(
+    height: int, fine: int, coarse: int
+) -> None:
+    """Whatever the number of texels in each."""
+    frame = World().frame(2 * height, height)
+    depth = frame.depth.copy()
+    depth[3:9, 5:20] = np.inf
+    frame = replace(frame, depth=depth)
+    found, expected = Cells.of(Geometry.of(frame, fine), coarse), cells_of(frame, coarse)
+    for name in ("depth", "sky", "opening"):
+        np.testing.assert_allclose(getattr(found, name), getattr(expected, name), err_msg=name)
+    sums = cell_sums(cell_sums(frame.color, fine), coarse)
+    np.testing.assert_allclose(sums, cell_sums(frame.color, coarse))
+
+
+def test_cells_add_up_the_texels_in_them() -> None:
+    """By brute force; each texel belongs to one cell."""
+    rows, height = 8, 50
+    picture = np.random.default_rng(2).random((height, 2 * height))
+    row, column = np.arange(height) * rows // height, np.arange(2 * height) * rows // height
+    sums, texels = np.zeros((rows, 2 * rows)), np.zeros((rows, 2 * rows))
+    np.add.at(sums, (row[:, None], column), picture)
+    np.add.at(texels, (row[:, None], column), 1.0)
+    np.testing.assert_allclose(cell_sums(picture, rows), sums)
+    np.testing.assert_array_equal(cell_texels(picture.shape, rows), texels)
+    np.testing.assert_allclose(cell_means(picture, rows), sums / texels)
 
 
 def test_a_pillar_hides_what_is_behind_it() -> None:

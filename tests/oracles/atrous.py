@@ -7,6 +7,7 @@ import numpy as np
 from tests.oracles.guide import Array, falloff, luminance, shifted, shown
 
 B3 = np.array([1.0, 4.0, 6.0, 4.0, 1.0]) / 16.0
+NOISE_FLOOR = 0.002
 RELAX = np.array([0.27901, 0.44198, 0.27901])
 
 
@@ -41,7 +42,6 @@ def filter_level(
     *,
     sharpness: tuple[float, float] = (24.0, 100.0),
     deviations: float = 6.0,
-    floor: float = 0.002,
     roughness: Array | None = None,
     lobe_fraction: float = 0.5,
     delta: bool = False,
@@ -61,7 +61,7 @@ def filter_level(
         usable = usable & (roughness >= 1e-4)
         lobe = 0.5 / (2.0 * lobe_fraction * np.maximum(roughness, 1e-4)) ** 2
         normal_sharpness = np.maximum(normal_sharpness, 8.0 * lobe)
-    floors = floor**2 if delta else (floor * luminance(signal)) ** 2
+    floors = NOISE_FLOOR**2 * (1.0 if delta else luminance(signal) ** 2)
     taps = RELAX if len(signal) == 6 and guided else B3
     reach = len(taps) // 2
     total, weights, variances = np.zeros(signal.shape), np.zeros(ids.shape), np.zeros(ids.shape)

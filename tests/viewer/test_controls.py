@@ -195,10 +195,10 @@ def test_lists_and_what_may_be_nothing() -> None:
 @pytest.mark.parametrize("quality", QUALITIES)
 def test_presets_are_recognised_and_what_differs_is_named(quality: Quality) -> None:
     assert preset_of(resolved(quality)).text == quality
-    settings = with_value(resolved(quality), "atrous.floor", 0.01)
+    settings = with_value(resolved(quality), "atrous.lobe_fraction", 0.25)
     preset = preset_of(settings)
-    assert (preset.quality, preset.differing) == (quality, {"atrous.floor": (0.002, 0.01)})
-    assert preset.text == f"{quality}, but atrous.floor 0.002 -> 0.01"
+    assert (preset.quality, preset.differing) == (quality, {"atrous.lobe_fraction": (0.5, 0.25)})
+    assert preset.text == f"{quality}, but atrous.lobe_fraction 0.5 -> 0.25"
 
 
 @pytest.mark.parametrize("quality", QUALITIES)
@@ -219,7 +219,7 @@ def test_half_way_to_another_preset_is_the_default_one_still() -> None:
 def test_a_preset_sets_what_presets_set_and_leaves_the_rest(
     before: Quality, after: Quality, seed: int
 ) -> None:
-    own = {"seed": seed, "atrous.floor": 0.01}
+    own = {"seed": seed, "atrous.lobe_fraction": 0.25}
     assert with_preset(changed(resolved(before), own), after) == changed(resolved(after), own)
     touched = {key for preset in PRESETS.values() for key in preset}
     settings = with_preset(changed(resolved(before), own), after)

@@ -31,6 +31,8 @@ PANELS_S = 0.1
 SETTLE_S, AGAIN_S = 20.0, 0.5
 """Longest time until a browser looks where it is sent, and the time after which that is sent again:
 what arrives while the page is still being made is lost."""
+ANSWER_S = 5.0
+"""Longest wait for a page to answer, after which it is asked again."""
 SAME_DEG = 1e-4
 
 
@@ -165,10 +167,7 @@ class Browser(BrowserState):
             self.say("there is no surface: the video shows open sky there", bad=True)
 
     def _run(self) -> None:
-        try:
-            if self.client.local_storage.get_item(RUN) != self._key:
-                return
-        except RuntimeError:  # it is gone
+        if not self._passed_gate():
             return
         start, camera = self._start, self._camera
         assert camera is not None
@@ -180,6 +179,17 @@ class Browser(BrowserState):
             self._serve()
         finally:
             self.viewport.close()
+
+    def _passed_gate(self) -> bool:
+        """Ask the page for its key, again and again: what arrives while it is made is lost."""
+        while not self._closed:
+            try:
+                return bool(self.client.local_storage.get_item(RUN, timeout=ANSWER_S) == self._key)
+            except TimeoutError:
+                continue
+            except RuntimeError:  # it is gone
+                break
+        return False
 
     def _serve(self) -> None:
         if self._closed:

@@ -9,7 +9,7 @@ import subprocess
 import sys
 import textwrap
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -159,22 +159,42 @@ def test_nobody_can_share_it_with_the_world(monkeypatch: pytest.MonkeyPatch) -> 
     behind.stop()
 
 
-@pytest.mark.parametrize("known", [None, "", "another run's", "this run's"])
-def test_who_reaches_viser_beside_the_gate_is_shown_nothing(
-    known: str | None, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Only a page that came through it knows the run."""
+def is_served(answer: Callable[..., str | None], monkeypatch: pytest.MonkeyPatch) -> bool:
+    """Whether a page is shown something whose browser answers so when asked for its run."""
     served: list[Browser] = []
     monkeypatch.setattr(Browser, "_serve", lambda browser: served.append(browser))
     viewport = SimpleNamespace(close=lambda: None)
     monkeypatch.setattr("iprt.viewer.web.browser.Viewport", lambda *_, **__: viewport)
     camera = SimpleNamespace(wxyz=(1, 0, 0, 0), fov=1.0, image_width=8, image_height=8)
-    storage = SimpleNamespace(get_item=lambda key: known)
+    storage = SimpleNamespace(get_item=answer)
     client: Any = SimpleNamespace(client_id=0, camera=camera, local_storage=storage)
     engine: Any = None
     browser = Browser(engine, client, Start(View(8, 8)), Path(), "this run's")
     browser.join(DEADLINE_S)
-    assert served == ([browser] if known == "this run's" else [])
+    return served == [browser]
+
+
+@pytest.mark.parametrize("known", [None, "", "another run's", "this run's"])
+def test_who_reaches_viser_beside_the_gate_is_shown_nothing(
+    known: str | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Only a page that came through it knows the run."""
+    assert is_served(lambda _, timeout: known, monkeypatch) == (known == "this run's")
+
+
+def test_a_page_that_was_asked_too_early_is_asked_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """While a page is made, it loses what is sent to it."""
+    asked: list[float] = []
+
+    def answer(_: str, timeout: float) -> str:
+        asked.append(timeout)
+        if len(asked) < 3:
+            raise TimeoutError
+        return "this run's"
+
+    assert is_served(answer, monkeypatch)
+    assert len(asked) == 3
+    assert max(asked) < 10.0
 
 
 def test_messages_pass_in_both_ways(local: int) -> None:

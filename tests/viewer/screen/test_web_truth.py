@@ -68,6 +68,12 @@ def told(visitor: Visitor, kind: str) -> str:
     return " ".join(visitor.page.locator(f".status .{kind}").all_inner_texts())
 
 
+def status(visitor: Visitor) -> list[str]:
+    """All lines of it."""
+    lines: list[str] = visitor.page.locator(".status").all_inner_texts()
+    return lines
+
+
 def rests(visitor: Visitor) -> bool:
     """The page says that it has the whole picture."""
     refined = told(visitor, "frames").startswith(f"{REST_FRAMES} of {REST_FRAMES}")
@@ -93,7 +99,7 @@ def test_what_was_added_is_seen_when_the_scene_is_opened_again(
     assert Scene.open(place.engine.scene.root).views["ahead"].objects == ("cube",)
 
     with opened_again(place, device) as other:
-        until(lambda: rests(other), "it does not come to rest")
+        until(lambda: rests(other), lambda: f"it does not come to rest: {status(other)}")
         assert other.input("View").input_value() == "saved"
         assert box(other, "box").is_checked()
         again = other.texture().astype(int)
