@@ -6,8 +6,8 @@
 //   out  light: the same of the view; 0, with -DRATIO 1, where the id is 0, or blocks that differ have
 //        no surface
 //
-// A work item takes a tile of the pixels between the centres of the same four blocks: with -DWIDE all
-// of them, tile by tile, so that processors look at these blocks once; else a tile is a pixel.
+// With -DWIDE a work item takes all pixels between the centres of the same four blocks, tile by tile,
+// so that a processor looks at these blocks once; else it takes a pixel, which is a tile of its own.
 #include "gbuffer/guide.h"
 #include "gbuffer/view.h"
 #include "maths/lanes.h"
