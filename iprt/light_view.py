@@ -34,6 +34,13 @@ def block_map(view: View, reduced: View) -> tuple[float, float, float, float]:
     return scale, scale, x, y
 
 
+def enlarging_size(view: View, reduced: View, *, wide: bool) -> tuple[int, int]:
+    """Work items of `cl/view/enlarge.cl`: pixels, or, `wide`, the spaces between blocks' centres."""
+    if wide:
+        return reduced.width + 1, reduced.height + 1
+    return view.width, view.height
+
+
 class LightView:
     """Light at a fraction of the view's resolution: signals are enlarged along surfaces.
 
@@ -88,6 +95,7 @@ class LightView:
         self._likeness = features.settings.interpolate.model_dump()
         self._enlarged: dict[str, cla.Array] = {}
         self._enlarge: dict[str, Kernel] = {}
+        self._enlarging_size = enlarging_size(view, self.view, wide=device.wide)
         surfaces, objects = (full.real, real), (full.objects, visible)
         if features.relit:
             self._add("ratio", *surfaces, "id")
@@ -147,7 +155,7 @@ class LightView:
         with self._device.profile.section("enlarge"):
             for name, kernel in self._enlarge.items():
                 kernel(
-                    (self._full_view.width, self._full_view.height),
+                    self._enlarging_size,
                     view=view,
                     block_view=self._constants.current,
                     block_light=getattr(signals, name),

@@ -5,8 +5,12 @@
 //        the same of the blocks; block_light: 3 planes, or with -DRATIO float4 per block, no border
 //   out  light: the same of the view; 0, with -DRATIO 1, where the id is 0, or blocks that differ have
 //        no surface
+//
+// With -DWIDE a work item takes all pixels between the centres of the same four blocks, tile by tile,
+// so that a processor looks at these blocks once; else it takes a pixel, which is a tile of its own.
 #include "gbuffer/guide.h"
 #include "gbuffer/view.h"
+#include "maths/lanes.h"
 
 // Where no block's surface continues the pixel's, one of the same id serves, or else any surface.
 #define SAME_ID 1e-4f
@@ -21,11 +25,52 @@
 #define LIGHT float
 #endif
 
+// A tile's sides in pixels, which are the elements of vectors, row by row; and their columns and rows.
+#ifdef WIDE
+#define TILE 4
+#define COLUMNS (float16)(0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3)
+#define ROWS (float16)(0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3)
+#define ANY_OF(CHOSEN) any(CHOSEN)
+#else
+#define TILE 1
+#define COLUMNS 0.0f
+#define ROWS 0.0f
+#define ANY_OF(CHOSEN) (CHOSEN)
+#endif
+
+// Of a plane, at a tile whose first pixel is p.
+static inline floats load_tile(__global const float *restrict plane, int p, int stride)
+{
+#ifdef WIDE
+    return (float16)(vload4(0, plane + p), vload4(0, plane + p + stride),
+                     vload4(0, plane + p + 2 * stride), vload4(0, plane + p + 3 * stride));
+#else
+    return plane[p];
+#endif
+}
+
+static inline void store_tile(
+    floats values, __global float *restrict plane, int p, int stride, int columns, int rows)
+{
+#ifdef WIDE
+    if (columns >= TILE && rows >= TILE) {
+        vstore4(values.s0123, 0, plane + p);
+        vstore4(values.s4567, 0, plane + p + stride);
+        vstore4(values.s89ab, 0, plane + p + 2 * stride);
+        vstore4(values.scdef, 0, plane + p + 3 * stride);
+        return;
+    }
+#endif
+    for (int j = 0; j < min(rows, TILE); j++)
+        for (int i = 0; i < min(columns, TILE); i++)
+            plane[p + j * stride + i] = lane(&values, j * TILE + i);
+}
+
 // Column and row of a block around an image point: to the right of the `corner` for odd i, below it
 // from 2 on.
-static inline int2 block_at(float2 corner, int i, int width, int height)
+static inline int2 block_at(int2 corner, int i, int width, int height)
 {
-    const int column = (int)corner.x + (i & 1), row = clamp((int)corner.y + (i >> 1), 0, height - 1);
+    const int column = corner.x + (i & 1), row = clamp(corner.y + (i >> 1), 0, height - 1);
 #ifdef VIEW_EQUIRECT
     return (int2)(wrap_column(column, width), row);
 #else
@@ -43,29 +88,86 @@ static inline float3 light_of(__global const LIGHT *restrict light, int2 block, 
 #endif
 }
 
-// The surface that a pixel shows: points x with dot(normal, x) = plane; and how quickly likeness falls.
-typedef struct {
-    float3 normal;
-    float plane;
-    float range; // of the pixel's point, metres
-    float id;
-    float normal_sharpness;
-    float plane_sharpness;
-} Surface;
+// Whether the blocks are so unlike that it matters which of them a pixel takes.
+static inline int blocks_differ(
+    __global const LIGHT *restrict light, int2 corner, int width, int height)
+{
+    float3 most = (float3)(-INFINITY), least = (float3)(INFINITY);
+    for (int i = 0; i < 4; i++) {
+        const float3 one = light_of(light, block_at(corner, i, width, height), width, height);
+        most = fmax(most, one);
+        least = fmin(least, one);
+    }
+    const float3 apart = most - least, size_of = fmax(most, -least);
+#ifdef RATIO
+    const float limit = ALIKE;
+#else
+    const float limit = ALIKE * fmax(size_of.x, fmax(size_of.y, size_of.z));
+#endif
+    return fmax(apart.x, fmax(apart.y, apart.z)) > limit;
+}
 
-// How far the surface of a block continues another one.
-static inline float likeness(
-    const Surface surface, __global const float *restrict view,
-    __global const float *restrict normal, __global const float *restrict depth,
-    __global const float *restrict id, int2 block, int width, int height)
+// The surfaces that a tile shows: points x with dot(normal, x) = plane, and how quickly likeness falls.
+typedef struct {
+    floats x, y, z;             // normal, world
+    floats right, up, back;     // the same in the axes of the view
+    floats plane;
+    floats id;
+    floats plane_sharpness;     // per metre
+    float normal_sharpness;
+} Surfaces;
+
+// Unit directions through the image points (x, y), in the axes of the view: view_local_direction.
+static inline void local_directions(
+    __global const float *restrict view, floats x, floats y, floats *right, floats *up, floats *back)
+{
+#ifdef VIEW_EQUIRECT
+    const floats azimuth = (x / view[12] - 0.5f) * (2.0f * IPRT_PI), polar = y / view[13] * IPRT_PI;
+    *right = sin(polar) * sin(azimuth);
+    *up = cos(polar);
+    *back = -sin(polar) * cos(azimuth);
+#else
+    const floats across = x - view[10], upwards = view[11] - y;
+    const floats inverse = 1.0f / sqrt(across * across + upwards * upwards + view[9] * view[9]);
+    *right = across * inverse;
+    *up = upwards * inverse;
+    *back = -view[9] * inverse;
+#endif
+}
+
+// How far the surface of a block continues those of a tile.
+static inline floats likeness(
+    const Surfaces own, __global const float *restrict view, __global const float *restrict normal,
+    __global const float *restrict depth, __global const float *restrict id, int2 block, int width,
+    int height)
 {
     const int size = plane_size(width, height), q = plane_index(block.x, block.y, width);
-    const float3 w = view_direction(view, (float2)(block.x + 0.5f, block.y + 0.5f));
-    const float cosine = dot(surface.normal, load_planes(normal, size, q));
-    const float off = fabs(depth[q] * dot(surface.normal, w) - surface.plane) / surface.range;
-    const float turn = fmax(1.0f - cosine, 0.0f);
-    const float like = falloff(surface.normal_sharpness * turn + surface.plane_sharpness * off);
-    return id[q] == surface.id ? like + SAME_ID : id[q] > 0.0f ? ANY : 0.0f;
+    const float3 n = load_planes(normal, size, q);
+    const float3 w = view_local_direction(view, (float2)(block.x + 0.5f, block.y + 0.5f));
+    const float right = depth[q] * w.x, up = depth[q] * w.y, back = depth[q] * w.z;
+    const floats cosine = own.x * n.x + own.y * n.y + own.z * n.z;
+    const floats off = fabs(own.right * right + own.up * up + own.back * back - own.plane);
+    const floats x = own.normal_sharpness * fmax(1.0f - cosine, 0.0f) + own.plane_sharpness * off;
+    // falloff() of lib/maths/maths.h
+    floats like = either(x < 8.0f, 1.0f - 0.125f * x, 0.0f);
+    like *= like;
+    like *= like;
+    like *= like;
+    const float other = id[q] > 0.0f ? ANY : 0.0f;
+    return either(own.id == id[q], like + SAME_ID, (floats)(other));
+}
+
+// First column (or row) whose centre lies between the centres of a block and the next.
+static inline int first_pixel(int block, float scale, float offset)
+{
+    // Those on a block's centre belong to what begins there, whatever rounding does.
+    return (int)ceil((block + 0.5f - offset) / scale - 0.5f - 1e-3f);
+}
+
+// How far pixels are from the centres of a block to those of the next.
+static inline floats way(floats pixel, float scale, float offset, int block)
+{
+    return clamp((pixel + 0.5f) * scale + (offset - 0.5f - block), 0.0f, 1.0f);
 }
 
 __kernel void enlarge(
@@ -87,52 +189,81 @@ __kernel void enlarge(
     __global const LIGHT *restrict block_light,
     __global LIGHT *restrict light)
 {
-    const int x = get_global_id(0), y = get_global_id(1);
-    if (x >= width || y >= height)
+#ifdef WIDE
+    const int2 corner = (int2)(get_global_id(0), get_global_id(1)) - 1;
+    if (corner.x >= block_width || corner.y >= block_height)
         return;
-    const int size = plane_size(width, height), p = plane_index(x, y, width);
-    float3 blended = (float3)(0.0f);
-    if (id[p] > 0.0f) {
-        const float2 at = (float2)(x + 0.5f, y + 0.5f) * to_block.xy + to_block.zw - 0.5f;
-        const float2 corner = floor(at), f = at - corner;
-        // Where the blocks agree, as most do in most views, there is nothing to choose.
-        float3 most = (float3)(-INFINITY), least = (float3)(INFINITY);
-        for (int i = 0; i < 4; i++) {
-            const float3 one = light_of(block_light, block_at(corner, i, block_width, block_height),
-                                        block_width, block_height);
-            most = fmax(most, one);
-            least = fmin(least, one);
-        }
-        const float3 apart = most - least, size_of = fmax(most, -least);
-#ifdef RATIO
-        const float limit = ALIKE;
+    const int x0 = max(first_pixel(corner.x, to_block.s0, to_block.s2), 0);
+    const int x1 = min(first_pixel(corner.x + 1, to_block.s0, to_block.s2), width);
+    const int y0 = max(first_pixel(corner.y, to_block.s1, to_block.s3), 0);
+    const int y1 = min(first_pixel(corner.y + 1, to_block.s1, to_block.s3), height);
 #else
-        const float limit = ALIKE * fmax(size_of.x, fmax(size_of.y, size_of.z));
+    const int x0 = get_global_id(0), y0 = get_global_id(1), x1 = x0 + 1, y1 = y0 + 1;
+    if (x0 >= width || y0 >= height)
+        return;
+    const int2 corner = (int2)(floor((x0 + 0.5f) * to_block.s0 + to_block.s2 - 0.5f),
+                               floor((y0 + 0.5f) * to_block.s1 + to_block.s3 - 0.5f));
 #endif
-        const int differ = fmax(apart.x, fmax(apart.y, apart.z)) > limit;
-        Surface own = {(float3)(0.0f), 0.0f, depth[p], id[p], normal_sharpness, plane_sharpness};
-        if (differ) {
-            own.normal = load_planes(normal, size, p);
-            own.plane = own.range
-                * dot(own.normal, view_direction(view, (float2)(x + 0.5f, y + 0.5f)));
-        }
-        float sum = 0.0f;
-        TAP_LOOP
-        for (int i = 0; i < 4; i++) {
-            const int2 block = block_at(corner, i, block_width, block_height);
-            float weight = (i & 1 ? f.x : 1.0f - f.x) * (i & 2 ? f.y : 1.0f - f.y);
-            if (differ)
-                weight *= likeness(own, block_view, block_normal, block_depth, block_id, block,
-                                   block_width, block_height);
-            sum += weight;
-            blended += weight * light_of(block_light, block, block_width, block_height);
-        }
-        blended = sum > 0.0f ? blended / sum : (float3)(0.0f);
-    }
+    const int size = plane_size(width, height), stride = plane_stride(width);
+    for (int y = y0; y < y1; y += TILE)
+        for (int x = x0; x < x1; x += TILE) {
+            const int p = plane_index(x, y, width);
+            const floats column = x + COLUMNS, row = y + ROWS;
+            floats red = 0.0f, green = 0.0f, blue = 0.0f;
+            Surfaces own;
+            own.id = load_tile(id, p, stride);
+            const ints lit = own.id > 0.0f;
+            if (ANY_OF(lit)) {
+                // Where the blocks agree, as most do in most views, there is nothing to choose.
+                const int choose
+                    = blocks_differ(block_light, corner, block_width, block_height);
+                if (choose) {
+                    own.x = load_tile(normal, p, stride);
+                    own.y = load_tile(normal, size + p, stride);
+                    own.z = load_tile(normal, 2 * size + p, stride);
+                    own.right = view[0] * own.x + view[3] * own.y + view[6] * own.z;
+                    own.up = view[1] * own.x + view[4] * own.y + view[7] * own.z;
+                    own.back = view[2] * own.x + view[5] * own.y + view[8] * own.z;
+                    const floats range = load_tile(depth, p, stride);
+                    floats right, up, back;
+                    local_directions(view, column + 0.5f, row + 0.5f, &right, &up, &back);
+                    own.plane = range * (own.right * right + own.up * up + own.back * back);
+                    own.plane_sharpness = plane_sharpness / range;
+                    own.normal_sharpness = normal_sharpness;
+                }
+                const floats right = way(column, to_block.s0, to_block.s2, corner.x);
+                const floats lower = way(row, to_block.s1, to_block.s3, corner.y);
+                floats sum = 0.0f;
+                TAP_LOOP
+                for (int i = 0; i < 4; i++) {
+                    const int2 block = block_at(corner, i, block_width, block_height);
+                    const float3 its_light = light_of(block_light, block, block_width, block_height);
+                    floats weight = (i & 1 ? right : 1.0f - right) * (i & 2 ? lower : 1.0f - lower);
+                    if (choose)
+                        weight *= likeness(own, block_view, block_normal, block_depth, block_id,
+                                           block, block_width, block_height);
+                    sum += weight;
+                    red += weight * its_light.x;
+                    green += weight * its_light.y;
+                    blue += weight * its_light.z;
+                }
+                const floats part = either(lit & (sum > 0.0f), 1.0f / sum, 0.0f);
+                red *= part;
+                green *= part;
+                blue *= part;
+            }
 #ifdef RATIO
-    // Exactly 1 where nothing changes.
-    light[y * width + x] = (float4)(1.0f + blended, 1.0f);
+            for (int j = 0; j < min(y1 - y, TILE); j++)
+                for (int i = 0; i < min(x1 - x, TILE); i++) {
+                    const int k = j * TILE + i;
+                    // Exactly 1 where nothing changes.
+                    light[(y + j) * width + x + i] = (float4)(
+                        1.0f + lane(&red, k), 1.0f + lane(&green, k), 1.0f + lane(&blue, k), 1.0f);
+                }
 #else
-    store_planes(light, size, p, blended);
+            store_tile(red, light, p, stride, x1 - x, y1 - y);
+            store_tile(green, light + size, p, stride, x1 - x, y1 - y);
+            store_tile(blue, light + 2 * size, p, stride, x1 - x, y1 - y);
 #endif
+        }
 }

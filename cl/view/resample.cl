@@ -2,7 +2,7 @@
 //
 // in   view       [16]       lib/gbuffer/view.h
 //      previous   [16]       view of the previous picture
-//      panorama   lib/world/real/real.h surface, range; color; what of it was clipped
+//      panorama   lib/world/real/real.h surface, range; color; -D CLIPPED: what of it was clipped
 // out  color      3 planes   linear radiance, bilinear: L_cam of IPRT Eq. 2; the panorama's own bits
 //                            in an equirect view of its size
 //      normal     3 planes   world, facing the capture centre
@@ -32,8 +32,10 @@ __kernel void resample_panorama(
     const int panorama_width,
     const int panorama_height,
     __global const float *restrict panorama_color,      // 3 a texel
-    __global const uint2 *restrict panorama_clipped,    // lib/world/real/panorama.h, or null
+#ifdef CLIPPED
+    __global const uint *restrict panorama_clipped,     // lib/world/real/panorama.h
     __global const float *restrict panorama_clipped_color,
+#endif
     __global const float4 *restrict panorama_surface,
     __global const float2 *restrict panorama_range,
     __global float *restrict color,
@@ -60,19 +62,22 @@ __kernel void resample_panorama(
     const float2 uv = equirect_uv(v);
     int texel = min((int)(uv.y * panorama_height), panorama_height - 1) * panorama_width
         + min((int)(uv.x * panorama_width), panorama_width - 1);
+#ifdef CLIPPED
     const Shown shown = {panorama_color, panorama_clipped, panorama_clipped_color};
-    float3 radiance = panorama_clipped
-        ? shown_bilinear(shown, panorama_width, panorama_height, uv)
-        : panorama_bilinear(panorama_color, panorama_width, panorama_height, uv);
+    float3 radiance = shown_bilinear(shown, panorama_width, panorama_height, uv);
+#else
+    float3 radiance = panorama_bilinear(panorama_color, panorama_width, panorama_height, uv);
+#endif
 #ifdef VIEW_EQUIRECT
     // The panorama at its own size keeps its bits: rounded directions would blend in neighbours.
     if (width == panorama_width && height == panorama_height
         && view[0] == 1.0f && view[4] == 1.0f && view[8] == 1.0f) {
         texel = y * width + x;
         radiance = vload3(texel, panorama_color);
-        if (panorama_clipped)
-            radiance = (float3)(shown_texel(shown, texel, 0), shown_texel(shown, texel, 1),
-                                shown_texel(shown, texel, 2));
+#ifdef CLIPPED
+        radiance = (float3)(shown_texel(shown, texel, 0), shown_texel(shown, texel, 1),
+                            shown_texel(shown, texel, 2));
+#endif
     }
 #endif
     color[pixel] = radiance.x;

@@ -7,6 +7,7 @@ import pyopencl.array as cla
 from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
+from iprt.device.kernel import Kernel
 from iprt.gbuffer.context import FrameContext
 from iprt.gbuffer.guide import plane_defines
 from iprt.gbuffer.layout import PlaneLayout
@@ -66,26 +67,32 @@ class RealLayer:
             self.gloss = device.zeros(f"{name} gloss", layout.shape(1))
             self.roughness = device.zeros(f"{name} roughness", layout.shape(1))
             self._highlight = device.zeros(f"{name} highlight", layout.shape(3))
-        self._kernel = device.kernel(
-            "view/resample.cl",
-            "resample_panorama",
-            plane_defines(
-                equirect=equirect,
-                GLOSS=gloss,
-                MATERIAL_PLASTIC=gloss,
-                MATERIAL_CONDUCTOR=gloss,
-                CAMERA_MOTION=camera is not None,
-            ),
-        ).fixed(
-            layout.arguments(),
-            {} if camera is None else {"camera": camera},
-            {"gloss": self.gloss, "roughness": self.roughness, "highlight": self._highlight},
-            color=self.color,
-            normal=self.normal,
-            depth=self.depth,
-            id=self.id,
-            motion=self.motion,
+        self._defines = plane_defines(
+            equirect=equirect,
+            GLOSS=gloss,
+            MATERIAL_PLASTIC=gloss,
+            MATERIAL_CONDUCTOR=gloss,
+            CAMERA_MOTION=camera is not None,
         )
+        self._camera = camera
+        self._kernels: dict[bool, Kernel] = {}
+
+    def _kernel(self, *, clipped: bool) -> Kernel:
+        """That of panoramas in which lights were clipped, or of others, built when it is needed."""
+        if clipped not in self._kernels:
+            defines = {**self._defines, "CLIPPED": clipped}
+            kernel = self._device.kernel("view/resample.cl", "resample_panorama", defines)
+            self._kernels[clipped] = kernel.fixed(
+                self._layout.arguments(),
+                {} if self._camera is None else {"camera": self._camera},
+                {"gloss": self.gloss, "roughness": self.roughness, "highlight": self._highlight},
+                color=self.color,
+                normal=self.normal,
+                depth=self.depth,
+                id=self.id,
+                motion=self.motion,
+            )
+        return self._kernels[clipped]
 
     def run(
         self,
@@ -117,7 +124,7 @@ class RealLayer:
         if self._radiated:
             color, clipped = panorama.radiated, NOTHING_CLIPPED
         with self._device.profile.section("resample"):
-            self._kernel(
+            self._kernel(clipped=bool(clipped))(
                 self._layout.size,
                 gloss,
                 clipped,

@@ -12,7 +12,7 @@ from iprt.device.compute import ComputeDevice
 from iprt.gbuffer.guide import plane_defines
 from iprt.gbuffer.layout import PlaneLayout
 from iprt.geometry.camera import View
-from iprt.light_view import block_map
+from iprt.light_view import block_map, enlarging_size
 from tests.worlds import Float
 
 VIEWS = {
@@ -56,13 +56,24 @@ def planes(layout: PlaneLayout, image: Float) -> Float:
 
 
 def enlarged(
-    device: ComputeDevice, view: View, scale: int, light: Float, full: Surfaces, blocks: Surfaces
+    device: ComputeDevice,
+    view: View,
+    scale: int,
+    light: Float,
+    full: Surfaces,
+    blocks: Surfaces,
+    *,
+    wide: bool | None = None,
 ) -> Float:
-    """(H, W, 3) of light (h, w, 3) of the blocks; by ratios if it has a fourth channel."""
+    """(H, W, 3) of light (h, w, 3) of the blocks; by ratios if it has a fourth channel.
+
+    `wide`: many pixels at once; None: if the device likes it.
+    """
+    wide = device.wide if wide is None else wide
     small = view.reduced(scale)
     layouts = [PlaneLayout(v.width, v.height) for v in (view, small)]
     ratio = light.shape[-1] == 4
-    defines = plane_defines(equirect=view.projection == "equirect", RATIO=ratio)
+    defines = plane_defines(equirect=view.projection == "equirect", RATIO=ratio, WIDE=wide)
     arguments = {}
     for prefix, layout, surfaces in zip(("", "block_"), layouts, (full, blocks), strict=True):
         for name, image in vars(surfaces).items():
@@ -71,7 +82,7 @@ def enlarged(
     shape = (view.height * view.width, 4) if ratio else layouts[0].shape(3)
     result = device.zeros("light", shape)
     device.kernel("view/enlarge.cl", "enlarge", defines)(
-        (view.width, view.height),
+        enlarging_size(view, small, wide=wide),
         arguments,
         view=device.upload("view", view.kernel_constants()),
         block_view=device.upload("block view", small.kernel_constants()),
@@ -135,6 +146,21 @@ def test_light_ends_where_its_surface_ends(device: ComputeDevice, view: View, sc
     # Some corners of the box have no block of their own.
     off = abs(found - light_of(full)).max(axis=-1)
     assert (off > 1e-3).mean() < 0.02
+
+
+@views
+@pytest.mark.parametrize("channels", [3, 4])
+def test_many_pixels_at_once_are_the_same(
+    device: ComputeDevice, view: View, scale: int, channels: int
+) -> None:
+    small = view.reduced(scale)
+    light = np.random.default_rng(5).uniform(0.5, 2.0, (small.height, small.width, channels))
+    full, blocks = box_room(view, ids=True), box_room(small, ids=True)
+    full.id[5:9, 3:20] = 0.0
+    many, one = (
+        enlarged(device, view, scale, light, full, blocks, wide=wide) for wide in (True, False)
+    )
+    np.testing.assert_allclose(many, one, rtol=1e-3, atol=1e-5)
 
 
 def test_ids_do_not_mix(device: ComputeDevice) -> None:

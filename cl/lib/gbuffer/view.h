@@ -24,17 +24,22 @@ static inline float3 view_rotate_to_local(__global const float *restrict view, f
                     view[2] * v.x + view[5] * v.y + view[8] * v.z);
 }
 
-// Unit world direction through the image point p (pixels).
-static inline float3 view_direction(__global const float *restrict view, float2 p)
+// Unit direction through the image point p (pixels), in the axes of the view.
+static inline float3 view_local_direction(__global const float *restrict view, float2 p)
 {
 #ifdef VIEW_EQUIRECT
-    float3 local_dir = equirect_direction(p.x / view[12], p.y / view[13]);
+    return equirect_direction(p.x / view[12], p.y / view[13]);
 #else
     const float right = p.x - view[10], up = view[11] - p.y, back = -view[9];
     const float inverse = 1.0f / sqrt(right * right + up * up + back * back);
-    float3 local_dir = (float3)(right * inverse, up * inverse, back * inverse);
+    return (float3)(right * inverse, up * inverse, back * inverse);
 #endif
-    return view_rotate_to_world(view, local_dir);
+}
+
+// The same in those of the world.
+static inline float3 view_direction(__global const float *restrict view, float2 p)
+{
+    return view_rotate_to_world(view, view_local_direction(view, p));
 }
 
 // Image point (pixels) of a world point; (-1e9, -1e9) behind the camera.

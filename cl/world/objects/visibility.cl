@@ -4,9 +4,11 @@
 //   kernel        in                                       out, [height * width]
 //   see_objects   objects (lib/world/objects/objects_bvh.h);             front: world normal as the mesh has it,
 //                 displacements: per vertex, to where it   radial distance (0: nothing); material:
-//                 was, object space (-D OBJECTS_DEFORM)    albedo, 1 + material index; displaced:
-//                                                          the same of the surface, world space
-//   show_objects  objects; front and material, which       display, three images: the same, edge
+//                 was, object space (-D OBJECTS_DEFORM);   albedo, 1 + material index; met: instance,
+//                 surface, as below                        -1: nothing, -2 - instance: behind the real
+//                                                          surface, and triangle; displaced: the same as
+//                                                          displacements, of the surface, world space
+//   show_objects  objects; front, material and met, which  display, three images: the same, edge
 //                 nothing else reads; surface: tangent     pixels lent a surface; and coverage:
 //                 planes of the panorama; previous view    fraction of the pixel in which an object
 //                 (lib/gbuffer/view.h); moved: 3 float4    is in front of the real surface, motion:
@@ -15,7 +17,8 @@
 //
 // Pixel centres are at integer + 0.5. Both run over a rectangle; outside, nothing is written, and
 // nothing is seen.
-// -D SAMPLES: coverage takes SAMPLES x SAMPLES rays a pixel. -D COVERAGE_TOLERANCE: an object is in
+// -D SAMPLES: coverage takes SAMPLES x SAMPLES rays a pixel; with less than 4, and no textures, only
+// beside what is not covered. -D COVERAGE_TOLERANCE: an object is in
 // front up to this fraction of the distance behind the real surface. Coverage is 1 - M of Eq. 2 of
 // IPRT ("Interactive panoramic ray tracing"). -D OBJECTS_DEFORM: meshes bend. What a point was
 // before is its object's motion of the point displaced.
@@ -26,14 +29,33 @@
 // Lending a surface to the pixel next to it may change its distance by this fraction.
 #define LENDING_RANGE 0.03f
 
+// With few samples a side, pixels whose neighbours are covered are taken as covered.
+#if SAMPLES < 4 && !defined(OBJECT_TEXTURES)
+#define OUTLINES_ONLY
+#endif
+
+// 1 / distance of the real surface along d.
+static inline float real_nearness(
+    __global const float4 *restrict surface, int surface_width, int surface_height, float3 d)
+{
+    const float2 uv = equirect_uv(d);
+    const int texel = min((int)(uv.y * surface_height), surface_height - 1) * surface_width
+        + min((int)(uv.x * surface_width), surface_width - 1);
+    return dot(surface[texel].xyz, d);
+}
+
 TRACING_KERNEL void see_objects(
     const int4 rectangle,                        // x0, y0, x1, y1
     const int width,
     const int height,
     __global const float *restrict view,
     OBJECT_PARAMETERS,
+    __global const float4 *restrict surface,     // xyz = g, g . x = 1 on the real surface
+    const int surface_width,
+    const int surface_height,
     __global float4 *restrict front,
-    __global float4 *restrict material
+    __global float4 *restrict material,
+    __global int2 *restrict met
 #ifdef OBJECTS_DEFORM
     ,
     __global const float4 *restrict displacements,
@@ -50,12 +72,19 @@ TRACING_KERNEL void see_objects(
     const float3 d = view_direction(view, (float2)(x + 0.5f, y + 0.5f));
     ObjectHit hit;
     front[pixel] = material[pixel] = (float4)(0.0f);
+    met[pixel] = (int2)(-1, 0);
     if (!trace_objects(world, (float3)(0.0f), d, INFINITY, &hit))
         return;
     const ObjectSurface at = object_surface(world, hit, d);
     front[pixel] = (float4)(at.normal, hit.t);
     material[pixel] = (float4)(object_albedo(world, at.material, at.vertices, at.weights),
                                at.material + 1);
+    int instance = hit.instance;
+#ifdef OUTLINES_ONLY
+    const float nearness = real_nearness(surface, surface_width, surface_height, d);
+    instance = hit.t * nearness <= 1.0f + COVERAGE_TOLERANCE ? instance : -2 - instance;
+#endif
+    met[pixel] = (int2)(instance, hit.triangle);
 #ifdef OBJECTS_DEFORM
     const float3 step = at.weights.x * displacements[at.vertices.x].xyz
         + at.weights.y * displacements[at.vertices.y].xyz
@@ -77,32 +106,32 @@ static inline int meets_packet_again(const Objects world, float3 d, ObjectHit *h
 }
 
 // Rays that meet an object in front of the real surface; and the mean albedo of those that meet
-// `index` - 1, which pictures finer than the pixels are averaged by.
+// `index` - 1, which pictures finer than the pixels are averaged by. `near`: instance and triangle that
+// a ray beside them meets.
 static inline int visible_samples(const Objects world, __global const float *restrict view, int x,
-                                  int y, int index, __global const float4 *restrict surface,
-                                  int surface_width, int surface_height, float3 *albedo)
+                                  int y, int index, int2 near,
+                                  __global const float4 *restrict surface, int surface_width,
+                                  int surface_height, float3 *albedo)
 {
-    int visible = 0, same = 0, met = 0;
+    int visible = 0, same = 0;
     float3 sum = (float3)(0.0f);
     ObjectHit hit;
+    hit.instance = near.x < 0 ? -2 - near.x : near.x;
+    hit.triangle = near.y;
     for (int i = 0; i < SAMPLES * SAMPLES; i++) {
         const float2 within = ((float2)(i % SAMPLES, i / SAMPLES) + 0.5f) / SAMPLES;
         const float3 d = view_direction(view, (float2)(x, y) + within);
-        const float2 uv = equirect_uv(d);
-        const int texel = min((int)(uv.y * surface_height), surface_height - 1) * surface_width
-            + min((int)(uv.x * surface_width), surface_width - 1);
-        const float nearness = dot(surface[texel].xyz, d);
+        const float nearness = real_nearness(surface, surface_width, surface_height, d);
 #ifndef OBJECT_TEXTURES
-        // Most rays of a pixel meet the triangles that the one before has met. What may be in front of
-        // these is in front of the real surface too, and need not be found.
-        if (met && meets_packet_again(world, d, &hit)
+        // Most rays of a pixel meet the triangles that its centre or the one before has met. What may be
+        // in front of these is in front of the real surface too, and need not be found.
+        if (meets_packet_again(world, d, &hit)
             && hit.t * nearness <= 1.0f + COVERAGE_TOLERANCE) {
             visible++;
             continue;
         }
 #endif
-        met = trace_objects(world, (float3)(0.0f), d, INFINITY, &hit);
-        if (!met)
+        if (!trace_objects(world, (float3)(0.0f), d, INFINITY, &hit))
             continue;
         visible += hit.t * nearness <= 1.0f + COVERAGE_TOLERANCE;
 #ifdef OBJECT_TEXTURES
@@ -136,6 +165,20 @@ static inline int nearest_covered_neighbour(__global const float4 *restrict fron
     return -1;
 }
 
+// Whether all samples of a pixel can be taken to meet an object in front of the real surface, as its
+// centre and those of its neighbours do.
+static inline int is_inside(__global const int2 *restrict met, int4 rectangle, int x, int y, int width)
+{
+#ifdef OUTLINES_ONLY
+    if (x <= rectangle.x || y <= rectangle.y || x >= rectangle.z - 1 || y >= rectangle.w - 1)
+        return 0;
+    __global const int2 *centre = met + y * width + x;
+    return (centre[0].x | centre[-1].x | centre[1].x | centre[-width].x | centre[width].x) >= 0;
+#else
+    return 0;
+#endif
+}
+
 TRACING_KERNEL void show_objects(
     const int4 rectangle,                        // x0, y0, x1, y1
     const int width,
@@ -149,6 +192,7 @@ TRACING_KERNEL void show_objects(
     const int surface_height,
     __global const float4 *restrict front,
     __global const float4 *restrict material,
+    __global const int2 *restrict met,
 #ifdef OBJECTS_DEFORM
     __global const float4 *restrict displaced,
 #endif
@@ -170,8 +214,11 @@ TRACING_KERNEL void show_objects(
     }
     COUNT_ITEM;
     float3 albedo = its_material.xyz;
-    const int visible = visible_samples(world, view, x, y, (int)its_material.w, surface,
-                                        surface_width, surface_height, &albedo);
+    int visible = SAMPLES * SAMPLES;
+    if (!is_inside(met, rectangle, x, y, width))
+        visible = visible_samples(world, view, x, y, (int)its_material.w,
+                                  met[from < 0 ? pixel : from], surface, surface_width,
+                                  surface_height, &albedo);
     its_material.xyz = albedo;
     from = visible > 0 ? from : -1;
     if (from >= 0) {

@@ -20,10 +20,11 @@ from iprt.world.objects.object_bvh import ObjectBvh
 from iprt.world.objects.object_layers import VisibleLayer
 from iprt.world.real.panorama import Panorama
 
-MOTION, FRONT, MATERIAL, DISPLACED = BUFFERS = (
+MOTION, FRONT, MATERIAL, MET, DISPLACED = BUFFERS = (
     "object motion rows",
     "traced front",
     "traced material",
+    "traced triangles",
     "traced displacement",
 )
 """Names of buffers."""
@@ -67,6 +68,7 @@ class Visibility:
         self._show = device.kernel("world/objects/visibility.cl", "show_objects", defines)
         self.front = device.empty(FRONT, (view.height, view.width, 4))
         self.material = device.empty(MATERIAL, (view.height, view.width, 4))
+        self._met = device.empty(MET, (view.height, view.width, 2), np.int32)
         # What the last run filled, and where.
         self._shown: tuple[VisibleLayer, list[Rect]] | None = None
         self._displaced: cla.Array | None = None
@@ -124,6 +126,10 @@ class Visibility:
             "view": constants,
             "front": self.front,
             "material": self.material,
+            "met": self._met,
+            "surface": panorama.surface,
+            "surface_width": panorama.width,
+            "surface_height": panorama.height,
             "displacements": self._bvh.displacements,
             "displaced": self._displaced,
         }
@@ -146,9 +152,6 @@ class Visibility:
                 self._show,
                 previous=previous,
                 moved=self.motion,
-                surface=panorama.surface,
-                surface_width=panorama.width,
-                surface_height=panorama.height,
                 display=visible.display,
             )
         whole = [(0, 0, view.width, view.height)]

@@ -9,7 +9,7 @@ import numpy as np
 from iprt.device.compute import ComputeDevice
 from iprt.footage.clipped_texels import ClippedTexels
 
-NOTHING_CLIPPED: dict[str, Any] = {"panorama_clipped": None, "panorama_clipped_color": None}
+NOTHING_CLIPPED: dict[str, Any] = {}
 """`ShownTexels.arguments` where the picture shows what rays find."""
 
 

@@ -64,7 +64,10 @@ def moved(instances: list[Instance]) -> list[Instance]:
 class Both:
     """The visible layer of the same scene by OpenGL and by rays."""
 
-    def __init__(self, device: ComputeDevice, view: View, picture: Material) -> None:
+    def __init__(
+        self, device: ComputeDevice, view: View, picture: Material, samples: int = SAMPLES
+    ) -> None:
+        """`samples`: a side of a pixel, by which rays find coverage."""
         instances = scene(picture)
         before = moved(instances)
         panorama = panorama_of(device, room_frame(ROOM, 250, 125, bright_walls))  # no ties
@@ -84,7 +87,7 @@ class Both:
             self.layers = opened.render(view, turned, shade=True)
         self.drawn.load(self.layers, now, table)
         bvh = ObjectBvh(device, before)
-        visibility = Visibility(device, view, bvh, before, SAMPLES)
+        visibility = Visibility(device, view, bvh, before, samples)
         visibility.follow(before)
         bvh.load(before)
         bvh.load(instances)
@@ -155,6 +158,17 @@ def test_coverage_is_the_same_without_textures(device: ComputeDevice, view: View
         Both(device, view, picture).images("coverage")[1] for picture in (pattern(), Material())
     )
     np.testing.assert_array_equal(plain, textured)
+
+
+@views
+def test_few_samples_are_taken_along_outlines_alone(device: ComputeDevice, view: View) -> None:
+    """With textures they are taken everywhere, and show the same."""
+    textured, plain = (
+        Both(device, view, picture, 2).images("coverage")[1] for picture in (pattern(), Material())
+    )
+    assert ((textured > 0.0) & (textured < 1.0)).sum() > 50
+    differ = textured != plain
+    assert differ.sum() <= 0.001 * (textured > 0.0).sum()
 
 
 def test_borrowed_edges(both: Both) -> None:

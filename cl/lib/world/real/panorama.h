@@ -56,18 +56,18 @@ static inline ALWAYS_INLINE float3 panorama_bilinear(
 // A picture of the panorama with lights that were clipped.
 typedef struct {
     __global const float *color;         // what is sent, 3 a texel
-    __global const uint2 *clipped;       // of 32 texels: which of them were clipped, how many before
+    __global const uint *clipped;        // 2 for 32 texels: which of them were clipped; how many before
     __global const float *clipped_color; // as the picture shows them, 3 each; and one more
 } Shown;
 
 // Channel `c` of a texel as the picture shows it.
 static inline ALWAYS_INLINE float shown_texel(Shown shown, int texel, int c)
 {
-    const uint2 word = shown.clipped[texel >> 5];
+    const uint word = shown.clipped[2 * (texel >> 5)], before = shown.clipped[2 * (texel >> 5) + 1];
     const uint bit = 1u << (texel & 31);
-    const int row = word.y + popcount(word.x & (bit - 1u));
+    const int row = before + popcount(word & (bit - 1u));
     const float seen = shown.clipped_color[3 * row + c], sent = shown.color[3 * texel + c];
-    return word.x & bit ? seen : sent;
+    return word & bit ? seen : sent;
 }
 
 static inline ALWAYS_INLINE float blend_shown(Shown shown, int c, Taps t)
