@@ -35,7 +35,7 @@ def block_map(view: View, reduced: View) -> tuple[float, float, float, float]:
 
 
 def enlarging_size(view: View, reduced: View, *, wide: bool) -> tuple[int, int]:
-    """Work items of `cl/view/enlarge.cl`: pixels, or, `wide`, the spaces between blocks' centres."""
+    """Work items of `cl/view/enlarge.cl`: pixels, or, `wide`, spaces between blocks' centres."""
     if wide:
         return reduced.width + 1, reduced.height + 1
     return view.width, view.height

@@ -205,65 +205,66 @@ __kernel void enlarge(
                                floor((y0 + 0.5f) * to_block.s1 + to_block.s3 - 0.5f));
 #endif
     const int size = plane_size(width, height), stride = plane_stride(width);
-    for (int y = y0; y < y1; y += TILE)
-        for (int x = x0; x < x1; x += TILE) {
-            const int p = plane_index(x, y, width);
-            const floats column = x + COLUMNS, row = y + ROWS;
-            floats red = 0.0f, green = 0.0f, blue = 0.0f;
-            Surfaces own;
-            own.id = load_tile(id, p, stride);
-            const ints lit = own.id > 0.0f;
-            if (ANY_OF(lit)) {
-                // Where the blocks agree, as most do in most views, there is nothing to choose.
-                const int choose
-                    = blocks_differ(block_light, corner, block_width, block_height);
-                if (choose) {
-                    own.x = load_tile(normal, p, stride);
-                    own.y = load_tile(normal, size + p, stride);
-                    own.z = load_tile(normal, 2 * size + p, stride);
-                    own.right = view[0] * own.x + view[3] * own.y + view[6] * own.z;
-                    own.up = view[1] * own.x + view[4] * own.y + view[7] * own.z;
-                    own.back = view[2] * own.x + view[5] * own.y + view[8] * own.z;
-                    const floats range = load_tile(depth, p, stride);
-                    floats right, up, back;
-                    local_directions(view, column + 0.5f, row + 0.5f, &right, &up, &back);
-                    own.plane = range * (own.right * right + own.up * up + own.back * back);
-                    own.plane_sharpness = plane_sharpness / range;
-                    own.normal_sharpness = normal_sharpness;
-                }
-                const floats right = way(column, to_block.s0, to_block.s2, corner.x);
-                const floats lower = way(row, to_block.s1, to_block.s3, corner.y);
-                floats sum = 0.0f;
-                TAP_LOOP
-                for (int i = 0; i < 4; i++) {
-                    const int2 block = block_at(corner, i, block_width, block_height);
-                    const float3 its_light = light_of(block_light, block, block_width, block_height);
-                    floats weight = (i & 1 ? right : 1.0f - right) * (i & 2 ? lower : 1.0f - lower);
-                    if (choose)
-                        weight *= likeness(own, block_view, block_normal, block_depth, block_id,
-                                           block, block_width, block_height);
-                    sum += weight;
-                    red += weight * its_light.x;
-                    green += weight * its_light.y;
-                    blue += weight * its_light.z;
-                }
-                const floats part = either(lit & (sum > 0.0f), 1.0f / sum, 0.0f);
-                red *= part;
-                green *= part;
-                blue *= part;
+    const int across = max(x1 - x0 + TILE - 1, 0) / TILE, down = max(y1 - y0 + TILE - 1, 0) / TILE;
+    for (int tile = 0; tile < across * down; tile++) {
+        const int x = x0 + TILE * (tile % across), y = y0 + TILE * (tile / across);
+        const int p = plane_index(x, y, width);
+        const floats column = x + COLUMNS, row = y + ROWS;
+        floats red = 0.0f, green = 0.0f, blue = 0.0f;
+        Surfaces own;
+        own.id = load_tile(id, p, stride);
+        const ints lit = own.id > 0.0f;
+        if (ANY_OF(lit)) {
+            // Where the blocks agree, as most do in most views, there is nothing to choose.
+            const int choose
+                = blocks_differ(block_light, corner, block_width, block_height);
+            if (choose) {
+                own.x = load_tile(normal, p, stride);
+                own.y = load_tile(normal, size + p, stride);
+                own.z = load_tile(normal, 2 * size + p, stride);
+                own.right = view[0] * own.x + view[3] * own.y + view[6] * own.z;
+                own.up = view[1] * own.x + view[4] * own.y + view[7] * own.z;
+                own.back = view[2] * own.x + view[5] * own.y + view[8] * own.z;
+                const floats range = load_tile(depth, p, stride);
+                floats right, up, back;
+                local_directions(view, column + 0.5f, row + 0.5f, &right, &up, &back);
+                own.plane = range * (own.right * right + own.up * up + own.back * back);
+                own.plane_sharpness = plane_sharpness / range;
+                own.normal_sharpness = normal_sharpness;
             }
-#ifdef RATIO
-            for (int j = 0; j < min(y1 - y, TILE); j++)
-                for (int i = 0; i < min(x1 - x, TILE); i++) {
-                    const int k = j * TILE + i;
-                    // Exactly 1 where nothing changes.
-                    light[(y + j) * width + x + i] = (float4)(
-                        1.0f + lane(&red, k), 1.0f + lane(&green, k), 1.0f + lane(&blue, k), 1.0f);
-                }
-#else
-            store_tile(red, light, p, stride, x1 - x, y1 - y);
-            store_tile(green, light + size, p, stride, x1 - x, y1 - y);
-            store_tile(blue, light + 2 * size, p, stride, x1 - x, y1 - y);
-#endif
+            const floats right = way(column, to_block.s0, to_block.s2, corner.x);
+            const floats lower = way(row, to_block.s1, to_block.s3, corner.y);
+            floats sum = 0.0f;
+            TAP_LOOP
+            for (int i = 0; i < 4; i++) {
+                const int2 block = block_at(corner, i, block_width, block_height);
+                const float3 its_light = light_of(block_light, block, block_width, block_height);
+                floats weight = (i & 1 ? right : 1.0f - right) * (i & 2 ? lower : 1.0f - lower);
+                if (choose)
+                    weight *= likeness(own, block_view, block_normal, block_depth, block_id,
+                                       block, block_width, block_height);
+                sum += weight;
+                red += weight * its_light.x;
+                green += weight * its_light.y;
+                blue += weight * its_light.z;
+            }
+            const floats part = either(lit & (sum > 0.0f), 1.0f / sum, 0.0f);
+            red *= part;
+            green *= part;
+            blue *= part;
         }
+#ifdef RATIO
+        for (int j = 0; j < min(y1 - y, TILE); j++)
+            for (int i = 0; i < min(x1 - x, TILE); i++) {
+                const int k = j * TILE + i;
+                // Exactly 1 where nothing changes.
+                light[(y + j) * width + x + i] = (float4)(
+                    1.0f + lane(&red, k), 1.0f + lane(&green, k), 1.0f + lane(&blue, k), 1.0f);
+            }
+#else
+        store_tile(red, light, p, stride, x1 - x, y1 - y);
+        store_tile(green, light + size, p, stride, x1 - x, y1 - y);
+        store_tile(blue, light + 2 * size, p, stride, x1 - x, y1 - y);
+#endif
+    }
 }
