@@ -75,16 +75,16 @@ TRACING_KERNEL void see_objects(
     met[pixel] = (int2)(-1, 0);
     if (!trace_objects(world, (float3)(0.0f), d, INFINITY, &hit))
         return;
-    const ObjectSurface at = object_surface(world, hit, d);
-    front[pixel] = (float4)(at.normal, hit.t);
-    material[pixel] = (float4)(object_albedo(world, at.material, at.vertices, at.weights),
-                               at.material + 1);
     int instance = hit.instance;
 #ifdef OUTLINES_ONLY
     const float nearness = real_nearness(surface, surface_width, surface_height, d);
     instance = hit.t * nearness <= 1.0f + COVERAGE_TOLERANCE ? instance : -2 - instance;
 #endif
     met[pixel] = (int2)(instance, hit.triangle);
+    const ObjectSurface at = object_surface(world, hit, d);
+    front[pixel] = (float4)(at.normal, hit.t);
+    material[pixel] = (float4)(object_albedo(world, at.material, at.vertices, at.weights),
+                               at.material + 1);
 #ifdef OBJECTS_DEFORM
     const float3 step = at.weights.x * displacements[at.vertices.x].xyz
         + at.weights.y * displacements[at.vertices.y].xyz
