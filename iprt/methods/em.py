@@ -33,5 +33,5 @@ METHOD = MethodInfo(
     doi="10.1109/TVCG.2017.2734426",
     settings=EmSettings,
     needs=_needs,
-    defaults={"trace.bounces": 1},
+    defaults={"trace.rays": 8, "trace.object_rays": 16, "trace.bounces": 1},
 )
