@@ -1,4 +1,4 @@
-"""Environment mapping with visibility: the panorama as a distant environment, tested for objects."""
+"""Environment mapping: the panorama as a distant environment, which objects hide."""
 
 from __future__ import annotations
 
