@@ -101,6 +101,7 @@ def films(**settings: Any) -> dict[str, Film]:
         "walk": (_carried(room), (clay, brass), LOOK, {}),
         "remembered": (_glossy(_passing(30, 15)), (clay,), LOOK, SEEN_ONLY),
         "environment": (room, _objects(), LOOK, {"method": "ibl"}),
+        "shadowing environment": (glossy, (textured, plastic, mirror), LOOK, {"method": "em"}),
         "nothing": (_clipped(_room(29, 15)), (), LOOK, {}),
     }
     return {

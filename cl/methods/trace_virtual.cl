@@ -99,17 +99,11 @@ TRACING_KERNEL void trace_virtual(
         const Scatter s = scatter(world, material, color, o, n, viewer, (float4)(u, v));
         if (!(s.diffuse + s.specular.x + s.specular.y + s.specular.z > 0.0f))
             continue;
-#ifdef DISTANT_ENVIRONMENT
-        const float3 arriving = sky_radiance(world, s.wi) / (s.density > 0.0f ? s.density : 1.0f);
-        const float away = FAR_HIT;
-#else
         const PathResult path = trace_path(world, o, o, s, seed, index);
-        const float3 arriving = path.arriving;
         const float away = fmin(path.distance, FAR_HIT);
         met |= path.met;
-#endif
-        diffuse_sum += s.diffuse * arriving;
-        specular_sum += s.specular * arriving;
+        diffuse_sum += s.diffuse * path.arriving;
+        specular_sum += s.specular * path.arriving;
         lobe += luminance(s.specular);
         lobe_nearness += luminance(s.specular) / fmax(away, 1e-6f);
     }

@@ -108,7 +108,10 @@ class Features:
             and footage.openings,
             color_map=bool(kinds) and footage.drifts,
             video=footage.video,
-            background=tracing and settings.trace.background and footage.static_camera,
+            background=tracing
+            and not needs.distant
+            and settings.trace.background
+            and footage.static_camera,
             real_materials=footage.real_materials if tracing and needs.gloss else (),
             moving_camera=bool(kinds) and footage.poses,
             needs=needs,
@@ -229,7 +232,7 @@ class Features:
             **dict(self.materials),
             "HAS_DIFFUSE": self.diffuse_signal,
             "HAS_SPECULAR": self.specular_signal,
-            "DISTANT_ENVIRONMENT": not self.tracing,
+            "DISTANT_ENVIRONMENT": self.needs.distant or not self.tracing,
             "MAX_BOUNCES": self.settings.trace.bounces,
             "TOUCHED_FRAMES": TOUCHED_FRAMES,
             **(bvh_defines(textured=self.textured) if self.bvh else {}),

@@ -42,7 +42,10 @@ class Needs:
     Attributes
     ----------
     tracing : bool
-        Rays through the panorama; without, there is none of the parts below but `relit`.
+        Rays are traced; without, there is none of the parts below but `relit`.
+    distant : bool
+        Rays that light takes see the panorama infinitely far away, in their direction; only E_R is
+        found through its depth.
     relit : bool
         Real surfaces are relit: the method returns `Signals.ratio`.
     objects : {"triangles", "layers"}
@@ -60,6 +63,7 @@ class Needs:
     """
 
     tracing: bool = False
+    distant: bool = False
     relit: bool = False
     objects: Literal["triangles", "layers"] = "triangles"
     irradiance: bool = False

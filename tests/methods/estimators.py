@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import pyopencl.array as cla
@@ -27,6 +27,7 @@ from iprt.methods.trace import TraceReal, TraceVirtual
 from iprt.renderer import Renderer
 from iprt.settings.features import Features
 from iprt.settings.filter import MaskSettings
+from iprt.settings.model import Settings
 from iprt.world.real.camera_motion import STILL
 from iprt.world.real.irradiance import IrradianceCache
 from iprt.world.real.panorama import START_BIAS
@@ -35,7 +36,7 @@ from tests.variants import variant
 from tests.world.real.lighting import uploaded
 from tests.worlds import Float, landscape_frame, sphere_frame
 
-Estimator = Literal["delta, aimed", "delta, even", "ratio"]
+Estimator = Literal["delta, aimed", "delta, even", "ratio", "em, aimed", "em, even"]
 Around = Literal["plain", "sphere"]
 ESTIMATORS: tuple[Estimator, ...] = ("delta, aimed", "delta, even", "ratio")
 PLAIN = -1.5
@@ -175,11 +176,13 @@ def kernels(
 ) -> Iterator[Kernels]:
     """`aim_at`: (H, W, 3) picture whose bright parts rays are aimed at, in place of the frame's."""
     name, _, way = estimator.partition(", ")
-    chosen = variant(
-        name, gbuffer="cl", mask={"sparse": False}, atrous={"levels": 0}, irradiance={"rows": 64},
-        trace={"light_sampling": way == "aimed", "jitter": False},
-        iprt={"relight_reflections": False},
-    )  # fmt: skip
+    others: dict[str, Any] = {
+        "gbuffer": "cl", "mask": {"sparse": False}, "atrous": {"levels": 0},
+        "irradiance": {"rows": 64}, "iprt": {"relight_reflections": False},
+        "trace": {"light_sampling": way == "aimed", "jitter": False},
+    }  # fmt: skip
+    em = name == "em"
+    chosen = Settings.model_validate(others | {"method": name}) if em else variant(name, **others)
     with Renderer(device, frame, objects, view, chosen) as renderer:
         renderer.step()
         lights = renderer.world.real.lights

@@ -5,7 +5,7 @@
 // surfaces only (Algorithm 1, lines 4-6).
 // -D GLOSS lets glossy real surfaces reflect as well, once, what they show being what they radiate
 // to all sides only (iprt/world/real/highlight.py).
-// -D DISTANT_ENVIRONMENT takes the panorama as infinitely far: image-based lighting.
+// -D DISTANT_ENVIRONMENT takes the panorama as infinitely far: environment mapping.
 #ifndef IPRT_PATH_H
 #define IPRT_PATH_H
 
@@ -65,8 +65,6 @@ static inline Scatter scatter(const World world, const Material material, float3
     s.density = fmax(rest * (density.x + density.y), 1e-20f);
     return s;
 }
-
-#ifndef DISTANT_ENVIRONMENT
 
 // One path from a point. Objects are looked for from o_object, real surfaces from o.
 typedef struct {
@@ -218,6 +216,5 @@ static inline ALWAYS_INLINE PathResult trace_path(
     }
     return result;
 }
-#endif
 
 #endif

@@ -1,5 +1,5 @@
 // The virtual objects as rays see them, in one of two representations with the same functions, or
-// none, which has nothing but `bounds` and `object_lift`:
+// none:
 //
 //   -D OBJECTS_BVH           objects_bvh.h     triangles, exactly
 //   -D DISTANT_ENVIRONMENT   objects_none.h    rays meet nothing

@@ -73,6 +73,9 @@ static inline int aims_behind(const RealLayer layer, int texel)
 // Direction from x to the point of the tangent plane that the panorama shows towards v, in `texel`.
 static inline float3 towards_light(const RealLayer layer, float3 v, int texel, float3 x)
 {
+#ifdef DISTANT_ENVIRONMENT
+    return v;
+#else
     float4 surface = layer.surface[texel];
     float farthest = layer.grid.range[texel].y;
 #ifdef BACKGROUND
@@ -86,6 +89,7 @@ static inline float3 towards_light(const RealLayer layer, float3 v, int texel, f
     const float inverse = dot(surface.xyz, v);
     const float radius = inverse > 0.0f ? 1.0f / inverse : farthest;
     return safe_normalize(radius * v - x, v);
+#endif
 }
 
 // Density per solid angle at x with which light sampling sends a ray along d to what it has hit.

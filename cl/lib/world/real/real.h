@@ -275,8 +275,6 @@ static inline ALWAYS_INLINE RealHit trace_real_layer(
 #endif
         return hit;
     }
-    COUNT_RAY(layer.grid.work, WORK_REAL);
-    const PolarRay ray = polar_ray(o, d);
     const float2 uv = equirect_uv(d);
     const int texel = min((int)(uv.y * layer.grid.height), layer.grid.height - 1) * layer.grid.width
         + min((int)(uv.x * layer.grid.width), layer.grid.width - 1);
@@ -287,6 +285,9 @@ static inline ALWAYS_INLINE RealHit trace_real_layer(
     hit.behind = 0;
 #endif
     int found = 0;
+#ifndef DISTANT_ENVIRONMENT
+    COUNT_RAY(layer.grid.work, WORK_REAL);
+    const PolarRay ray = polar_ray(o, d);
     // Past this radius there is nothing left to meet.
     const float t_last = fmin(t_max, fabs(ray.od) + 1.25f * layer.farthest);
     if (!(layer.farthest > 0.0f))
@@ -295,6 +296,7 @@ static inline ALWAYS_INLINE RealHit trace_real_layer(
         found = radial_real(layer, ray, texel, &hit);
     else
         found = march_real_layer(layer, ray, 0.0f, t_last, SIDE_FRONT, &hit);
+#endif
     if (found != 1) {
         hit.t = INFINITY;
         hit.texel = texel;
