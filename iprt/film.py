@@ -210,6 +210,7 @@ def footage_of(scene: Scene, frame: Frame, settings: Settings) -> Footage:
     """The properties of a scene's video, of which `frame` is a frame."""
     return Footage.of(
         frame,
+        clips=scene.clips,
         drifts=settings.drift,
         video=len(scene.frame_indices) > 1,
         static_camera=scene.source.static_camera,

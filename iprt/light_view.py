@@ -81,6 +81,7 @@ class LightView:
             gloss=features.gloss,
             camera=camera,
             color_map=features.color_map and features.relit,
+            clipped=features.clipped,
         )
         visible = VisibleSurfaces(device, self.layout, name="light object")
         self.gbuffer = GBuffer(real, visible)

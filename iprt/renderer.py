@@ -165,6 +165,7 @@ class Renderer:
             gloss=features.gloss,
             camera=camera,
             color_map=features.color_map and features.relit,
+            clipped=features.clipped,
         )
         self.composite = Composite(
             device,

@@ -19,6 +19,8 @@ class Footage:
         There are windows.
     real_materials : tuple of Material
         Materials of glossy real surfaces.
+    clips : bool
+        Lights may be clipped in some frames (`Frame.clipped`).
     drifts : bool
         Some may have a `color_map`.
     poses : bool
@@ -31,6 +33,7 @@ class Footage:
 
     openings: bool = False
     real_materials: tuple[Material, ...] = ()
+    clips: bool = False
     drifts: bool = False
     poses: bool = False
     video: bool = False
@@ -41,6 +44,7 @@ class Footage:
         cls,
         frame: Frame,
         *,
+        clips: bool = False,
         drifts: bool = False,
         video: bool = False,
         static_camera: bool = False,
@@ -49,6 +53,7 @@ class Footage:
         return cls(
             openings=bool(frame.opening.any()),
             real_materials=frame.real_materials,
+            clips=clips or frame.clipped is not None,
             drifts=drifts or frame.color_map is not None,
             poses=frame.pose is not None,
             video=video,

@@ -52,6 +52,8 @@ class Features:
         The picture is the whole panorama.
     opening_environment : bool
         There are windows, and what lies behind them is assembled as a distant environment.
+    clipped : bool
+        The picture shows some lights otherwise than rays find them: they were clipped.
     color_map : bool
         Frames of the video may be exposed or balanced otherwise than its first.
     video : bool
@@ -74,6 +76,7 @@ class Features:
     deforming: bool
     equirect_view: bool
     opening_environment: bool
+    clipped: bool
     color_map: bool
     video: bool
     background: bool
@@ -106,6 +109,7 @@ class Features:
             opening_environment=tracing
             and settings.trace.openings == "environment"
             and footage.openings,
+            clipped=footage.clips,
             color_map=bool(kinds) and footage.drifts,
             video=footage.video,
             background=tracing

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 import pyopencl.array as cla
 from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
 from iprt.device.kernel import Kernel
+from iprt.device.program import Define
 from iprt.gbuffer.context import FrameContext
 from iprt.gbuffer.guide import plane_defines
 from iprt.gbuffer.layout import PlaneLayout
@@ -45,10 +48,12 @@ class RealLayer:
         radiated: bool = False,
         camera: cla.Array | None = None,
         color_map: bool = False,
+        clipped: bool = False,
     ) -> None:
         """`name` tells layers apart; `gloss`: the panorama has glossy surfaces, and the view shows
         their highlights; `radiated`: it shows what surfaces radiate to all sides; `camera`:
-        `CameraMotion.rows`, where the camera moves; `color_map`: frames may come with one.
+        `CameraMotion.rows`, where the camera moves; `color_map`: frames may come with one;
+        `clipped`: lights may be clipped in them.
         """
         self._radiated = radiated
         self._device = device
@@ -67,7 +72,7 @@ class RealLayer:
             self.gloss = device.zeros(f"{name} gloss", layout.shape(1))
             self.roughness = device.zeros(f"{name} roughness", layout.shape(1))
             self._highlight = device.zeros(f"{name} highlight", layout.shape(3))
-        self._defines = plane_defines(
+        defines = plane_defines(
             equirect=equirect,
             GLOSS=gloss,
             MATERIAL_PLASTIC=gloss,
@@ -75,24 +80,21 @@ class RealLayer:
             CAMERA_MOTION=camera is not None,
         )
         self._camera = camera
-        self._kernels: dict[bool, Kernel] = {}
+        # A frame in which nothing is clipped takes the quicker one.
+        self._plain = self._kernel(defines)
+        self._clipped = self._kernel({**defines, "CLIPPED": True}) if clipped else None
 
-    def _kernel(self, *, clipped: bool) -> Kernel:
-        """That of panoramas in which lights were clipped, or of others, built when it is needed."""
-        if clipped not in self._kernels:
-            defines = {**self._defines, "CLIPPED": clipped}
-            kernel = self._device.kernel("view/resample.cl", "resample_panorama", defines)
-            self._kernels[clipped] = kernel.fixed(
-                self._layout.arguments(),
-                {} if self._camera is None else {"camera": self._camera},
-                {"gloss": self.gloss, "roughness": self.roughness, "highlight": self._highlight},
-                color=self.color,
-                normal=self.normal,
-                depth=self.depth,
-                id=self.id,
-                motion=self.motion,
-            )
-        return self._kernels[clipped]
+    def _kernel(self, defines: Mapping[str, Define]) -> Kernel:
+        return self._device.kernel("view/resample.cl", "resample_panorama", defines).fixed(
+            self._layout.arguments(),
+            {} if self._camera is None else {"camera": self._camera},
+            {"gloss": self.gloss, "roughness": self.roughness, "highlight": self._highlight},
+            color=self.color,
+            normal=self.normal,
+            depth=self.depth,
+            id=self.id,
+            motion=self.motion,
+        )
 
     def run(
         self,
@@ -123,8 +125,10 @@ class RealLayer:
         color, clipped = panorama.color, panorama.clipped.arguments
         if self._radiated:
             color, clipped = panorama.radiated, NOTHING_CLIPPED
+        kernel = self._clipped if clipped else self._plain
+        assert kernel is not None, "no kernel for it"
         with self._device.profile.section("resample"):
-            self._kernel(clipped=bool(clipped))(
+            kernel(
                 self._layout.size,
                 gloss,
                 clipped,

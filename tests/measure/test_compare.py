@@ -295,7 +295,7 @@ def test_json_goes_to_stdout_alone(
     printed = json.loads(capsys.readouterr().out)
     records = printed.pop("results")
     assert printed == MADE
-    assert [record["method"] for record in records] == ["iprt", "ibl", "iprt2023"]
+    assert [record["method"] for record in records] == ["iprt", "em", "ibl", "iprt2023"]
     assert all(list(record) == KEYS for record in records)
 
 
@@ -334,10 +334,10 @@ def test_missed_threshold_is_status_1(command: Callable[..., int]) -> None:
 def test_saved_pictures(command: Callable[..., int], tmp_path: Path) -> None:
     assert command(save=tmp_path / "new" / "panels", method=("all",)) == 0
     names = sorted(path.name for path in (tmp_path / "new" / "panels").iterdir())
-    assert names == [f"table-{name}-panorama.png" for name in ("ibl", "iprt", "iprt2023")]
+    assert names == [f"table-{name}-panorama.png" for name in ("em", "ibl", "iprt", "iprt2023")]
     with Image.open(tmp_path / "new" / "panels" / names[0]) as image:
         assert image.size == (120, 32)
-        assert json.loads(image.text["iprt:scores"])["method"] == "ibl"  # type: ignore[attr-defined]
+        assert json.loads(image.text["iprt:scores"])["method"] == "em"  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize(

@@ -52,7 +52,8 @@ def resampled(
     panorama = Panorama(device, frame.width, frame.height)
     panorama.load(frame)
     layout = PlaneLayout(view.width, view.height)
-    layer = RealLayer(device, layout, equirect=view.projection == "equirect", name="real")
+    equirect, clipped = view.projection == "equirect", frame.clipped is not None
+    layer = RealLayer(device, layout, equirect=equirect, name="real", clipped=clipped)
     constants = (device.upload("view", v.kernel_constants()) for v in (view, previous or view))
     layer.run(panorama, *constants)
 
