@@ -40,6 +40,7 @@ class Motion:
         self._clock, self._table = clock, table
         self._stirred_s = self._moved_s = -math.inf
         self._rate = Rate(clock)
+        self._step = 0  # of the last picture that was observed
         self._target_fps = target_fps
         self._pace: Pace | None = None
         self._usual_s: float | None = None  # of a frame of which nothing is given up
@@ -85,8 +86,9 @@ class Motion:
         return None if level.preview is None else level
 
     def observe(self, shown: Shown) -> None:
-        """Take note of a new picture."""
-        if shown.frames == 1:
+        """Take note of a new picture; of those that follow quickly, some may be left out."""
+        fresh, self._step = shown.step - self._step, shown.step
+        if 0 < shown.frames <= fresh:
             if not self.lively:
                 self._rate.clear()
             self._moved_s = self._clock()

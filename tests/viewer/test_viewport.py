@@ -250,6 +250,29 @@ def test_nothing_is_told_of_speed_at_rest(engine: Engine) -> None:
     viewport.close()
 
 
+def test_a_slow_window_counts_what_moves(engine: Engine) -> None:
+    """It looks when each picture is refined already, and has never seen its first view frame."""
+    now = [0.0]
+    viewport = Viewport(engine, LOOK, frames=2, clock=lambda: now[0])
+    at_rest(viewport)
+    for _ in range(3):
+        now[0] += 0.2
+        viewport.turn(1.0, 0.0)
+        end = time.monotonic() + DEADLINE_S
+        while True:
+            shown = viewport._client.shown
+            if shown is not None and shown.refined and shown.request == viewport._wanted:
+                break
+            assert time.monotonic() < end
+            time.sleep(0.005)
+        viewport.poll()
+    moving = viewport.poll()
+    assert moving is not None
+    assert moving.fps == pytest.approx(5.0)
+    assert moving.latency_frames == 2
+    viewport.close()
+
+
 def test_captions_tell_what_is_displayed(viewport: Viewport) -> None:
     """Not what was asked for and is still to come."""
     assert at_rest(viewport).caption == ""
