@@ -85,7 +85,7 @@ class Cloud:
     def nbytes(self) -> int:
         """Bytes of memory."""
         arrays = (getattr(self._held, field.name) for field in fields(self._held))
-        return sum(array.nbytes for array in arrays) + self._arrived.nbytes
+        return int(sum(array.nbytes for array in arrays) + self._arrived.nbytes)
 
     @property
     def positions(self) -> Float:

@@ -20,8 +20,8 @@ SEEN_THROUGH_M, SEEN_THROUGH = 0.1, 0.05
 """A sample nearer than the depth picture by both, absolutely and relatively, is not there."""
 AGREE_M, AGREE = 0.02, 0.03
 """Depths of one surface differ by less than the sum."""
-MIN_PAIRS = 2000
-"""With fewer samples in sight, a frame's colours cannot be compared."""
+MIN_PAIRS, MIN_SHARE = 200, 0.02
+"""With fewer samples in sight, absolutely or by the picture's pixels, colours are not compared."""
 MAX_PAIRS = 20000
 DARK = 0.02
 """Radiance below which colours are uncertain, as a share of the median of a frame."""
@@ -79,21 +79,19 @@ class Gathering:
         camera = self._camera
         rays = pixel_rays(picture.depth.shape, camera.fx, camera.fy, camera.cx, camera.cy)
         depth, normal = fit_planes(picture.depth, rays)
-        self._carve(self._sight(pose, depth.shape), picture.depth)
-        if (
-            self._compensate
-            and not self._empty
-            and not self._compensated(picture, depth, self._sight(pose, depth.shape))
-        ):
+        sight = self._sight(pose, depth.shape)
+        comparable = self._compensated(picture, depth, sight)
+        self._carve(sight, picture.depth)
+        if not comparable:
             self.left_out += 1
             return
         row, column = np.nonzero(depth)
         z = depth[row, column]
-        turn = pose[:3, :3].astype(np.float32)
+        turn, offset = pose[:3, :3].astype(np.float32), pose[:3, 3].astype(np.float32)
         color = picture.color[row, column] @ self.color_map.T.astype(np.float32)
         self.cloud.insert(
             Samples(
-                (rays[row, column] * z[:, None]) @ turn.T + pose[:3, 3].astype(np.float32),
+                np.asarray((rays[row, column] * z[:, None]) @ turn.T + offset, np.float32),
                 np.maximum(color, np.float32(0.0)),
                 normal[row, column] @ turn.T,
                 z * np.float32(0.5 / min(camera.fx, camera.fy)),
@@ -120,8 +118,9 @@ class Gathering:
 
     def _carve(self, sight: _Sight, depth: NDArray[np.float32]) -> None:
         """Remove the samples that the frame sees through."""
-        # Beside edges and where depth is missing, nothing is certain: the nearest one counts.
-        nearest = ndimage.minimum_filter(depth, 3)[sight.row, sight.column]
+        # A pixel beside an edge may be of either side: the nearest of its neighbours counts.
+        nearest = ndimage.minimum_filter(np.where(depth > 0.0, depth, np.inf), 3)
+        nearest = np.where(depth > 0.0, nearest, 0.0)[sight.row, sight.column]
         gap = nearest - sight.z
         through = (gap > SEEN_THROUGH_M) & (gap > SEEN_THROUGH * nearest)
         self.cloud.remove(sight.slot[through])
@@ -129,6 +128,8 @@ class Gathering:
 
     def _compensated(self, picture: Picture, depth: NDArray[np.float32], sight: _Sight) -> bool:
         """Find the map of this frame's colours to those of the first; whether there is one."""
+        if self._empty or not self._compensate:
+            return True
         brightness = picture.color.mean(axis=-1)
         dark = DARK * float(np.median(brightness))
         change = ndimage.maximum_filter(brightness, 3) - ndimage.minimum_filter(brightness, 3)
@@ -138,14 +139,15 @@ class Gathering:
         same = (seen_z > 0.0) & even[sight.row, sight.column]
         same &= np.abs(sight.z - seen_z) < AGREE_M + AGREE * seen_z
         index = np.flatnonzero(same)
-        if len(index) < MIN_PAIRS:
+        enough = max(MIN_PAIRS, MIN_SHARE * depth.size)
+        if len(index) < enough:
             return False
         if len(index) > MAX_PAIRS:
             index = self._random.choice(index, MAX_PAIRS, replace=False)
         there = self.cloud.at(sight.slot[index])
         row, column = sight.row[index], sight.column[index]
         usable = ~there.clipped & (there.color.mean(axis=1) > 0.0)
-        if usable.sum() < MIN_PAIRS // 2:
+        if usable.sum() < MIN_PAIRS:
             return False
         region = (row * REGIONS // depth.shape[0]) * REGIONS + column * REGIONS // depth.shape[1]
         pairs = Pairs(

@@ -1,4 +1,4 @@
-"""A cloud seen from a point, as an equirect picture: samples are discs, the nearest ones are seen."""
+"""A cloud seen from a point, as an equirect picture: samples are discs, the nearest are seen."""
 
 from __future__ import annotations
 
