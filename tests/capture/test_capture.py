@@ -77,16 +77,16 @@ def test_what_was_never_seen_is_marked(tmp_path: Path) -> None:
 
 def test_a_thing_that_went_away_is_removed(tmp_path: Path) -> None:
     ball = with_ball(np.array([0.3, -0.2, -1.2]), 0.3)
-    poses = [*AROUND, *AROUND]
+    # Twice without it: a tenth of depth is missing, and some of it is seen by one frame of a round.
+    poses = [*AROUND, *AROUND, *AROUND]
     stays = captured(tmp_path / "a", poses, ball)
-    goes = captured(tmp_path / "b", poses, [ball] * len(AROUND) + [room] * len(AROUND))
+    goes = captured(tmp_path / "b", poses, [ball] * len(AROUND) + [room] * 2 * len(AROUND))
     _, empty = expected()
     _, full = expected(trace=ball)
     there = (full < empty - 0.5) & (stays.seen == MEASURED) & (goes.seen == MEASURED)
     assert there.sum() > 50
     assert np.quantile(np.abs(stays.depth - full)[there], 0.8) < 0.05
-    # Where the only later frames that look there have no depth, something is left of it.
-    assert np.quantile(np.abs(goes.depth - empty)[there], 0.9) < 0.05
+    assert np.quantile(np.abs(goes.depth - empty)[there], 0.95) < 0.05
     assert goes.removed > 20 * max(stays.removed, 1)
 
 
