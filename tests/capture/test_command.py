@@ -167,7 +167,7 @@ def no_depth(folder: Path) -> None:
     ("change", "words", "message"),
     [
         (spoil("camera.toml"), (), "camera.toml: no such file; write one with fx, fy, cx, cy"),
-        (spoil("camera.toml", "fx", "focus"), (), "focus: unknown key"),
+        (spoil("camera.toml", "fx", "focus = 3\nfx"), (), "focus: unknown key"),
         (spoil("camera.toml", "fx = 55.0", "fx = -1"), (), "camera.toml: fx: "),
         (spoil("camera.toml", "fx", "fx ="), (), "camera.toml: not valid TOML"),
         (spoil("camera.toml", "fx", 'color = "a.png"\nfx'), (), "give color, depth and poses"),
