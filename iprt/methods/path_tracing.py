@@ -225,29 +225,34 @@ class PathTraceVirtual:
 
 
 class DeltaPathTracing(SparseMethod):
-    """Delta path tracing (Xu et al. 2023, Algorithm 1)."""
+    """Delta path tracing (Xu et al. 2023, Algorithm 1).
+
+    Attributes
+    ----------
+    environment : Environment
+    """
 
     own: type[PathTracingSettings] = DptSettings
     one_pass = False
 
     def __init__(self, setup: Setup) -> None:
-        self._environment = Environment(setup.device)
+        self.environment = Environment(setup.device)
         self._own = setup.features.settings.own(self.own)
         super().__init__(setup)
 
     def tracers(self) -> Tracers:
-        shared: dict[str, Any] = {"environment": self._environment, "own": self._own}
+        shared: dict[str, Any] = {"environment": self.environment, "own": self._own}
         return Tracers(
             partial(PathTraceReal, one_pass=self.one_pass, **shared),
             partial(PathTraceVirtual, **shared),
         )
 
     def prepare_video(self, world: World) -> None:
-        self._environment.sample(world.real.lights)
+        self.environment.sample(world.real.lights)
 
     def prepare_objects(self, world: World) -> None:
         if self._own.surfaces == "plane":
-            self._environment.plane = support_plane(world.real.frame.depth, world.objects.bounds)
+            self.environment.plane = support_plane(world.real.frame.depth, world.objects.bounds)
 
 
 class DifferentialPathTracing(DeltaPathTracing):
