@@ -14,6 +14,7 @@ from iprt.errors import IprtError
 
 CONVERGED = 256
 """Frames of the last picture with --seconds, where nothing is said."""
+TRUTH_FLAGS = "--sweep, --convergence, --seconds, --claims or --against"
 MAX_FRAMES = 100_000
 MAX_SEEDS = 100
 FRAMES, SEEDS, LEVELS, COUNTS = 30, 3, "0.9,0.93,0.95", "1,2,...,64"
@@ -34,6 +35,7 @@ def bench(
     convergence: str | None = None,
     reach: str | None = None,
     seconds: str | None = None,
+    claims: bool = False,
     against: bool = False,
     model: str | None = None,
     seeds: int | None = None,
@@ -88,6 +90,9 @@ def bench(
     seconds
         Times per picture, such as 0.2,1,5. What is scored is the last picture finished in time, and
         one more of --frames.
+    claims
+        Measure what the papers behind the methods claim, beside the papers' figures, and say what
+        holds. Views and --size as with --sweep.
     against
         Measure Mitsuba with Open Image Denoise too, in the world that the panorama describes and,
         with --model, in the full geometry. Each renderer has its own process, and they take turns.
@@ -129,14 +134,16 @@ def bench(
     followed = against or convergence is not None
     if seconds is not None and (followed or seeds is not None):
         raise IprtError("--seconds: does not go with --convergence, --against and --seeds")
-    against_truth = bool(sweep) or followed or seconds is not None
+    if claims and (sweep or followed or seconds is not None or seeds is not None or method):
+        raise IprtError("--claims: says what is measured; leave out --method, --sweep and the like")
+    against_truth = bool(sweep) or followed or seconds is not None or claims
     of_truth = {
         "--html": html,
         "--markdown": markdown,
         "--seeds": seeds,
         "--background": background,
     }
-    _require_use(against_truth, "--sweep, --convergence, --seconds or --against", of_truth)
+    _require_use(against_truth, TRUTH_FLAGS, of_truth)
     _require_use(bool(sweep), "--sweep", {"--one-at-a-time": one_at_a_time})
     _require_use(followed, "--convergence or --against", {"--reach": reach})
     _require_use(against, "--against", {"--model": model})
@@ -154,6 +161,7 @@ def bench(
     from iprt.commands.bench_truth import (
         Output,
         Plan,
+        measure_claims,
         measure_convergence,
         measure_equal_time,
         measure_sweep,
@@ -182,6 +190,8 @@ def bench(
             device=device,
             allow_outside=allow_outside,
         )
+    if claims:
+        return measure_claims(plan, frames, output)
     if seconds is not None:
         return measure_equal_time(plan, seconds, frames, output)
     if convergence is None:

@@ -18,6 +18,7 @@ from iprt.errors import IprtError
 from iprt.files.atomic import require_writable
 from iprt.files.termination import at_termination
 from iprt.files.wording import counted
+from iprt.measure.claims import CLAIMS, Verdict, claims_grid, run_claims
 from iprt.measure.convergence import Curve, parse_counts, run_convergence
 from iprt.measure.convergence_report import convergence_grid, convergence_plots, reach_grid
 from iprt.measure.equal_time import (
@@ -227,6 +228,27 @@ def measure_equal_time(plan: Plan, text: str, frames: int, output: Output) -> in
                 report.grids = [costs_grid(results), equal_time_grid(results)]
                 report.figures.append(equal_time_figures(result, colors))
                 output.write(report)
+    return 0
+
+
+def measure_claims(plan: Plan, frames: int, output: Output) -> int:
+    """Measure what papers claim, print, and write the page."""
+    plan.announce("claims of papers")
+    report = Report(f"{plan.scene.name}: claims of papers", plan.lines())
+    verdicts: list[Verdict] = []
+
+    def finish() -> None:
+        record = {**plan.record(), "claims": [verdict.record() for verdict in verdicts]}
+        output.print(record, [claims_grid(verdicts)])
+
+    total = len(plan.targets) * len(CLAIMS)
+    with printed_at_last(verdicts, finish), progress_bar("measuring", total) as progress:
+        for verdict in run_claims(
+            plan.scene, plan.targets, device=plan.device, frames=frames, progress=progress
+        ):
+            verdicts.append(verdict)
+            report.grids = [claims_grid(verdicts)]
+            output.write(report)
     return 0
 
 
