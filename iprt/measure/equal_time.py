@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from statistics import median
+from time import perf_counter
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -206,7 +206,7 @@ def costs_of(
             renderer.look(turned(view, count))
             renderer.step()
             device.wait()
-            return time.perf_counter()
+            return perf_counter()
 
         def with_video() -> None:
             renderer.load(replace(frame))  # equal, but another one
@@ -222,7 +222,7 @@ def costs_of(
             step()
         for number in range(1 + ROUNDS):
             for name, change in changes.items():
-                start = time.perf_counter()
+                start = perf_counter()
                 change()
                 spent = step() - start
                 if number:  # the first of its kind compiles kernels

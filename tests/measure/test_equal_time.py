@@ -78,7 +78,7 @@ def test_costs_are_those_of_the_frames_that_have_them(
     slow("step", 1.0)
     slow("load", 2.0)
     slow("move", 4.0)
-    monkeypatch.setattr(equal_time.time, "perf_counter", lambda: now[0])
+    monkeypatch.setattr(equal_time, "perf_counter", lambda: now[0])
     settings = Settings(method="ibl")
     frame, view = scene.frame(0), scene.views["near"].view
     costs = costs_of(device, frame, scene.instances, view, settings)
