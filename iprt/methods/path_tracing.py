@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import partial
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -27,6 +27,8 @@ from iprt.world.world import World
 FOOT_MARGIN, FOOT_HEIGHT = 0.5, 0.1
 """The plane is fitted to real surfaces around the objects' lowest box: within this share of its
 sides beside it, and of its diagonal above and below its lower side."""
+PLANE_ROWS = 256
+"""Rows of texels that are looked at, at most about twice as many."""
 FEWEST_POINTS = 16
 """Fewer do not tell a plane."""
 
@@ -90,10 +92,11 @@ def support_plane(depth: NDArray[np.float32], bounds: NDArray[np.float32]) -> ND
     margin = FOOT_MARGIN * (high - low)
     margin[1] = FOOT_HEIGHT * np.linalg.norm(high - low)
     low, high = low - margin, np.array([high[0], low[1], high[2]]) + margin
-    rows, columns = depth.shape
-    directions = View(columns, rows, projection="equirect").directions()
+    step = max(depth.shape[0] // PLANE_ROWS, 1)
+    directions = _directions(depth.shape[1], depth.shape[0], step)
+    depth = depth[::step, ::step]
     seen = np.isfinite(depth)
-    points = directions[seen] * depth[seen][:, None].astype(np.float64)
+    points = directions[seen] * depth[seen][:, None]
     near = points[((points >= low) & (points <= high)).all(axis=1)]
     middle, normal = 0.5 * (low + high), np.array([0.0, 1.0, 0.0])
     if len(near) >= FEWEST_POINTS:
@@ -102,6 +105,13 @@ def support_plane(depth: NDArray[np.float32], bounds: NDArray[np.float32]) -> ND
         if abs(steepest[1]) > np.sqrt(0.5):
             middle, normal = fitted, steepest * np.sign(steepest[1])
     return np.array([*normal, normal @ middle], np.float32)
+
+
+@lru_cache(maxsize=1)
+def _directions(columns: int, rows: int, step: int) -> NDArray[np.float64]:
+    """Directions of every `step`-th texel each way of an equirect picture."""
+    view = View(columns, rows, projection="equirect")
+    return view.directions()[::step, ::step].astype(np.float64)
 
 
 class PathTraceReal:
