@@ -22,13 +22,15 @@ AGREE_M, AGREE = 0.02, 0.03
 """Depths of one surface differ by less than the sum."""
 MIN_PAIRS, MIN_SHARE = 200, 0.02
 """With fewer samples in sight, absolutely or by the picture's pixels, colours are not compared."""
-MAX_PAIRS = 20000
+CELLS = 40
+"""Cells along each side of a picture, whose mean colours are compared: pixels alone are noisy."""
+MIN_CELLS = 20
 DARK = 0.02
 """Radiance below which colours are uncertain, as a share of the median of a frame."""
 MAX_GRADIENT = 0.2
 """Pixels whose neighbours differ by more of their brightness may be matched to what is beside."""
-REGIONS = 8
-"""Parts of a picture along each side, over which a map's errors are told apart."""
+REGION = 5
+"""Cells a side of the regions over which a map's errors are told apart."""
 SAME_COLORS = 0.002
 """A map that leaves less than this relative error stays as it is."""
 
@@ -71,7 +73,6 @@ class Gathering:
         self.removed = self.left_out = 0
         self.color_map: Matrix = np.eye(3)
         self._camera, self._compensate = camera, compensate
-        self._random = np.random.default_rng(seed)
         self._empty = True
 
     def add(self, picture: Picture, pose: Matrix) -> None:
@@ -142,19 +143,20 @@ class Gathering:
         enough = max(MIN_PAIRS, MIN_SHARE * depth.size)
         if len(index) < enough:
             return False
-        if len(index) > MAX_PAIRS:
-            index = self._random.choice(index, MAX_PAIRS, replace=False)
         there = self.cloud.at(sight.slot[index])
         row, column = sight.row[index], sight.column[index]
         usable = ~there.clipped & (there.color.mean(axis=1) > 0.0)
-        if usable.sum() < MIN_PAIRS:
+        row, column, color = row[usable], column[usable], there.color[usable]
+        cell = row * CELLS // depth.shape[0] * CELLS + column * CELLS // depth.shape[1]
+        count = np.bincount(cell, minlength=CELLS**2)
+        used = np.flatnonzero(count >= max(1, enough // CELLS**2))
+        if len(used) < MIN_CELLS:
             return False
-        region = (row * REGIONS // depth.shape[0]) * REGIONS + column * REGIONS // depth.shape[1]
         pairs = Pairs(
-            picture.color[row, column][usable].astype(np.float64),
-            there.color[usable].astype(np.float64),
-            np.ones(int(usable.sum())),
-            region[usable],
+            _means(picture.color[row, column], cell, count)[used],
+            _means(color, cell, count)[used],
+            count[used].astype(np.float64),
+            used // CELLS // REGION * CELLS + used % CELLS // REGION,
             dark * float(np.trace(self.color_map)) / 3.0,
         )
         found = pairs.fit()
@@ -163,3 +165,9 @@ class Gathering:
         if pairs.left(self.color_map)[0] >= SAME_COLORS:
             self.color_map = found
         return True
+
+
+def _means(color: NDArray[np.float32], cell: Indices, count: NDArray[np.integer]) -> Matrix:
+    """(len(count), 3) mean colours of cells."""
+    sums = [np.bincount(cell, channel, len(count)) for channel in color.T]
+    return np.asarray(np.stack(sums, axis=1) / np.maximum(count, 1)[:, None])

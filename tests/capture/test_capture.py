@@ -85,7 +85,7 @@ def test_a_thing_that_went_away_is_removed(tmp_path: Path) -> None:
     there = (full < empty - 0.5) & (stays.seen == MEASURED) & (goes.seen == MEASURED)
     assert there.sum() > 50
     assert np.quantile(np.abs(stays.depth - full)[there], 0.8) < 0.05
-    assert np.quantile(np.abs(goes.depth - empty)[there], 0.95) < 0.05
+    assert np.quantile(np.abs(goes.depth - empty)[there], 0.95) < 0.1
     assert goes.removed > 20 * max(stays.removed, 1)
 
 
