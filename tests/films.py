@@ -102,6 +102,19 @@ def films(**settings: Any) -> dict[str, Film]:
         "remembered": (_glossy(_passing(30, 15)), (clay,), LOOK, SEEN_ONLY),
         "environment": (room, _objects(), LOOK, {"method": "ibl"}),
         "shadowing environment": (glossy, (textured, plastic, mirror), LOOK, {"method": "em"}),
+        "delta paths": (room, (textured, plastic, mirror), LOOK, {"method": "dpt"}),
+        "delta paths around": (
+            room,
+            (clay,),
+            AROUND,
+            {"method": "dpt", "dpt": {"surfaces": "all"}},
+        ),
+        "differential paths": (
+            room,
+            (clay, plastic),
+            LOOK,
+            {"method": "pt-diff", "pt-diff": {"surfaces": "all"}},
+        ),
         "nothing": (_clipped(_room(29, 15)), (), LOOK, {}),
     }
     return {

@@ -124,6 +124,8 @@ SMALLER: dict[str, tuple[str, ...]] = {
     "bench": (*SIZE, "--frames", "1"),
     "bench --video": ("--size", "64", "32", "--frames", "2"),
     "bench --sweep": (*SIZE, "--view", "table", "--frames", "1", "--seeds", "1"),
+    "bench --seconds": (*SIZE, "--view", "table", "--seconds", "0.01", "--frames", "1"),
+    "bench --claims": (*SIZE, "--view", "table", "--frames", "1"),
     "bench --convergence": (*SIZE, "--convergence", "1,2", "--seeds", "1"),
     "bench --against": (*SIZE, "--convergence", "1,2", "--seeds", "1"),
     "profile": (*SIZE, "--frames", "1"),

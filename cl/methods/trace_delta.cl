@@ -86,11 +86,7 @@ TRACING_KERNEL void trace_delta(
     const int pixel = at.pixel, size = at.size;
     samples[pixel] += rays;
     // f cos is cos / pi, so that the sums are irradiance / pi, as the cache holds it.
-    const float3 irradiance = cached_irradiance(cache, at.p, at.n);
-    const float black = cache.black;
-    const float3 scale = (float3)(irradiance.x > black ? 1.0f / irradiance.x : 0.0f,
-                                  irradiance.y > black ? 1.0f / irradiance.y : 0.0f,
-                                  irradiance.z > black ? 1.0f / irradiance.z : 0.0f) / (float)rays;
+    const float3 scale = inverse_irradiance(cache, at.p, at.n) / (float)rays;
     blocked *= scale;
     bounce *= scale;
     store_planes(signal, size, pixel, blocked);

@@ -12,6 +12,9 @@ from iprt.commands.pairs import Size
 from iprt.commands.setting_flags import BALANCED, ChosenSettings, SettingFlags
 from iprt.errors import IprtError
 
+CONVERGED = 256
+"""Frames of the last picture with --seconds, where nothing is said."""
+TRUTH_FLAGS = "--sweep, --convergence, --seconds, --claims or --against"
 MAX_FRAMES = 100_000
 MAX_SEEDS = 100
 FRAMES, SEEDS, LEVELS, COUNTS = 30, 3, "0.9,0.93,0.95", "1,2,...,64"
@@ -31,6 +34,8 @@ def bench(
     one_at_a_time: bool = False,
     convergence: str | None = None,
     reach: str | None = None,
+    seconds: str | None = None,
+    claims: bool = False,
     against: bool = False,
     model: str | None = None,
     seeds: int | None = None,
@@ -48,7 +53,8 @@ def bench(
     stand still. Times are medians over the frames, after a warm-up. --sweep times every combination
     of settings, scores still pictures made with them against the truth, and marks the combinations
     that none other beats in both (the Pareto front). --convergence scores a still picture again and
-    again while it gets better, and shows the seconds spent. --against does so beside Mitsuba on the
+    again while it gets better, and shows the seconds spent. --seconds scores what each combination
+    makes of equal times, and shows what their frames cost. --against does so beside Mitsuba on the
     same cores, and shows the seconds that each needs.
 
     Parameters
@@ -58,20 +64,21 @@ def bench(
     view
         Name of a view of the scene, or `equirect` for the whole panorama, which is rendered anew
         for every frame instead of turning. Default: the scene's first view. With --sweep,
-        --convergence and --against it may be given several times; default: all views that have a
-        truth.
+        --convergence, --seconds and --against it may be given several times; default: all views
+        that have a truth.
     size
-        Width and height in pixels. Default: the view's own. With --sweep, --convergence and
-        --against, the size of the truth divided by a whole number.
+        Width and height in pixels. Default: the view's own. With --sweep, --convergence, --seconds
+        and --against, the size of the truth divided by a whole number.
     frames
-        Frames to time; with --sweep also the frames accumulated in each picture. Default: 30.
+        Frames to time; with --sweep also the frames accumulated in each picture; with --seconds
+        those of the last picture, which may take any time. Default: 30; with --seconds 256.
     method
         How virtual objects are lit: a name from `iprt methods`. Short for --set method=.
     setting_flags
         Quality preset and single settings. Later ones win: preset, file, flags.
     sweep
-        Values of a setting to measure, such as trace.rays=1,2 or quality=draft,balanced; may be
-        given several times, for all combinations.
+        Values of a setting to measure, such as trace.rays=1,2, quality=draft,balanced or
+        method=all; may be given several times, for all combinations.
     one_at_a_time
         With --sweep: change one setting at a time, instead of all combinations.
     convergence
@@ -80,6 +87,12 @@ def bench(
     reach
         With --convergence and --against: values of SSIM in the cuts; a table shows the time until
         each is reached. Default: 0.9,0.93,0.95.
+    seconds
+        Times per picture, such as 0.2,1,5. What is scored is the last picture finished in time, and
+        one more of --frames.
+    claims
+        Measure what the papers behind the methods claim, beside the papers' figures, and say what
+        holds. Views and --size as with --sweep.
     against
         Measure Mitsuba with Open Image Denoise too, in the world that the panorama describes and,
         with --model, in the full geometry. Each renderer has its own process, and they take turns.
@@ -119,29 +132,40 @@ def bench(
     if json and markdown:
         raise IprtError("--json and --markdown: give one of them")
     followed = against or convergence is not None
-    against_truth = bool(sweep) or followed
+    if seconds is not None and (followed or seeds is not None):
+        raise IprtError("--seconds: does not go with --convergence, --against and --seeds")
+    if claims and (sweep or followed or seconds is not None or seeds is not None or method):
+        raise IprtError("--claims: says what is measured; leave out --method, --sweep and the like")
+    against_truth = bool(sweep) or followed or seconds is not None or claims
     of_truth = {
         "--html": html,
         "--markdown": markdown,
         "--seeds": seeds,
         "--background": background,
     }
-    _require_use(against_truth, "--sweep, --convergence or --against", of_truth)
+    _require_use(against_truth, TRUTH_FLAGS, of_truth)
     _require_use(bool(sweep), "--sweep", {"--one-at-a-time": one_at_a_time})
     _require_use(followed, "--convergence or --against", {"--reach": reach})
     _require_use(against, "--against", {"--model": model})
     if followed and frames is not None:
         raise IprtError(f"--frames {frames}: has no effect; --convergence says how many frames")
-    frames = frames or FRAMES
+    frames = frames or (FRAMES if seconds is None else CONVERGED)
     if video:
         if against_truth or view:
-            raise IprtError("--video: renders nothing; leave out --view, --sweep and --convergence")
+            raise IprtError("--video: renders nothing; leave out --view, --sweep and the like")
         return _time_video(scene, size, frames, method, setting_flags, device, json, allow_outside)
     if not against_truth:
         return _time(scene, view, size, frames, method, setting_flags, device, json, allow_outside)
 
     from iprt.commands.bench_against import measure_against
-    from iprt.commands.bench_truth import Output, Plan, measure_convergence, measure_sweep
+    from iprt.commands.bench_truth import (
+        Output,
+        Plan,
+        measure_claims,
+        measure_convergence,
+        measure_equal_time,
+        measure_sweep,
+    )
     from iprt.measure.sweep import combinations
     from iprt.scene.scene import Scene
     from iprt.truth.backend import require_reference
@@ -151,7 +175,9 @@ def bench(
     if against:
         require_reference()
     opened = Scene.open(scene, allow_outside=allow_outside)
-    plan = Plan.of(opened, view, size, background or "truth", device, chosen, seeds or SEEDS)
+    plan = Plan.of(
+        opened, view, size, background or "truth", device, chosen, 1 if seconds else seeds or SEEDS
+    )
     output = Output(json=json, markdown=markdown, html=html)
     output.require_writable(plan.scene)
     if against:
@@ -164,6 +190,10 @@ def bench(
             device=device,
             allow_outside=allow_outside,
         )
+    if claims:
+        return measure_claims(plan, frames, output)
+    if seconds is not None:
+        return measure_equal_time(plan, seconds, frames, output)
     if convergence is None:
         return measure_sweep(plan, frames, output)
     return measure_convergence(plan, convergence, reach or LEVELS, output)

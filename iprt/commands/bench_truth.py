@@ -1,4 +1,4 @@
-"""`iprt bench --sweep` and `--convergence`: measure against truth, print, and write a page."""
+"""`iprt bench` against truth: measure, print, and write a page."""
 
 from __future__ import annotations
 
@@ -18,8 +18,17 @@ from iprt.errors import IprtError
 from iprt.files.atomic import require_writable
 from iprt.files.termination import at_termination
 from iprt.files.wording import counted
+from iprt.measure.claims import CLAIMS, Verdict, claims_grid, run_claims
 from iprt.measure.convergence import Curve, parse_counts, run_convergence
 from iprt.measure.convergence_report import convergence_grid, convergence_plots, reach_grid
+from iprt.measure.equal_time import (
+    EqualTime,
+    costs_grid,
+    equal_time_figures,
+    equal_time_grid,
+    parse_seconds,
+    run_equal_time,
+)
 from iprt.measure.protocol import provenance, provenance_line
 from iprt.measure.report import Report
 from iprt.measure.sweep import Combination, Outcome, frames_per_view, run_sweep
@@ -188,6 +197,57 @@ def measure_convergence(plan: Plan, text: str, reach: str, output: Output) -> in
             curves.append(curve)
             report.grids = [reach_grid(curves, levels), convergence_grid(curves)]
             report.plots = convergence_plots(curves)
+            output.write(report)
+    return 0
+
+
+def measure_equal_time(plan: Plan, text: str, frames: int, output: Output) -> int:
+    """Render with each of the settings for equal times, print, and write the page as it goes."""
+    budgets = parse_seconds(text)
+    plan.announce(f"{text} s per picture, then {counted(frames, 'frame')}")
+    report = Report(f"{plan.scene.name}: accuracy at equal time", plan.lines())
+    results: list[EqualTime] = []
+
+    def finish() -> None:
+        record = {**plan.record(), "results": [result.record() for result in results]}
+        output.print(record, [costs_grid(results), equal_time_grid(results)])
+
+    total = len(plan.targets) * len(plan.chosen)
+    with printed_at_last(results, finish), progress_bar("rendering", total) as progress:
+        for result, colors in run_equal_time(
+            plan.scene,
+            plan.targets,
+            plan.chosen,
+            budgets,
+            device=plan.device,
+            frames=frames,
+            progress=progress,
+        ):
+            results.append(result)
+            if output.html is not None:
+                report.grids = [costs_grid(results), equal_time_grid(results)]
+                report.figures.append(equal_time_figures(result, colors))
+                output.write(report)
+    return 0
+
+
+def measure_claims(plan: Plan, frames: int, output: Output) -> int:
+    """Measure what papers claim, print, and write the page."""
+    plan.announce("claims of papers")
+    report = Report(f"{plan.scene.name}: claims of papers", plan.lines())
+    verdicts: list[Verdict] = []
+
+    def finish() -> None:
+        record = {**plan.record(), "claims": [verdict.record() for verdict in verdicts]}
+        output.print(record, [claims_grid(verdicts)])
+
+    total = len(plan.targets) * len(CLAIMS)
+    with printed_at_last(verdicts, finish), progress_bar("measuring", total) as progress:
+        for verdict in run_claims(
+            plan.scene, plan.targets, device=plan.device, frames=frames, progress=progress
+        ):
+            verdicts.append(verdict)
+            report.grids = [claims_grid(verdicts)]
             output.write(report)
     return 0
 

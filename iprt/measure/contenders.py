@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -94,7 +95,9 @@ class IprtEntry:
         from iprt.device.choose import choose_device
         from iprt.device.compute import ComputeDevice
 
-        return _Iprt(self.combination, ComputeDevice(choose_device(self.device)), subject)
+        device = ComputeDevice(choose_device(self.device))
+        frame, instances = subject.frame(), subject.instances()
+        return IprtContender(self.combination, device, frame, instances, subject.target)
 
 
 @dataclass(frozen=True)
@@ -118,14 +121,24 @@ class PanoramaEntry:
         return _Panorama(subject)
 
 
-class _Iprt:
-    """A picture goes on where the last one ended, if that has fewer frames and the same seed."""
+class IprtContender:
+    """iprt in this process.
 
-    def __init__(self, combination: Combination, device: ComputeDevice, subject: Subject) -> None:
+    A picture goes on where the last one ended, if that has fewer frames and the same seed.
+    """
+
+    def __init__(
+        self,
+        combination: Combination,
+        device: ComputeDevice,
+        frame: Frame,
+        instances: Sequence[Instance],
+        target: Target,
+    ) -> None:
         from iprt.world.shared import Worlds
 
-        self._combination, self._device, self._target = combination, device, subject.target
-        self._frame, self._instances = subject.frame(), subject.instances()
+        self._combination, self._device, self._target = combination, device, target
+        self._frame, self._instances = frame, instances
         self._worlds = Worlds()
         self._kept: Any = None
         self._renderer: Renderer | None = None

@@ -16,6 +16,7 @@ from iprt.measure.cost_report import CostReport
 from iprt.measure.intervals import Estimate, Ratio
 from iprt.measure.pareto import pareto_front
 from iprt.measure.target import Radiance, Scores, Target, with_frames
+from iprt.settings.methods import methods
 from iprt.settings.model import Settings
 from iprt.settings.overrides import Assignment, changed, parse_assignment, resolved
 from iprt.settings.presets import STILL, Quality
@@ -156,6 +157,8 @@ def _axis(text: str, *, still: bool) -> list[Assignment]:
         raise IprtError(
             f"--sweep {text}: has no effect on a still picture, which averages all its frames"
         )
+    if key == "method" and words == ["all"]:
+        words = list(methods())
     if key != QUALITY:
         return [parse_assignment("--sweep", f"{key}={word}") for word in words]
     for word in words:

@@ -4,6 +4,9 @@ or are objects.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import pyopencl.array as cla
 
 from iprt.device.compute import ComputeDevice
@@ -46,15 +49,19 @@ class RealPixels:
         *,
         name: str,
         min_solid_angle: float = 0.0,
+        tracer: Callable[..., Any] = TraceReal,
     ) -> None:
-        """Objects that span less than `min_solid_angle` sr from a surface may be ignored."""
+        """Objects that span less than `min_solid_angle` sr from a surface may be ignored.
+
+        `tracer`: what traces the pixels, called as `TraceReal` is.
+        """
         settings = features.settings
         self._features = features
         self.layer = layer
         self._min_solid_angle = min_solid_angle
         self.guide = guide
         self.mask = Mask(device, guide, settings.mask, name=name, graded=features.delta)
-        self._trace = TraceReal(device, guide, features, name=name)
+        self._trace = tracer(device, guide, features, name=name)
         signal = Signal(name, "delta" if features.delta else "ratio", guide)
         self._filter = SignalFilter(
             device, [signal], settings, published=features.needs.published_filter
@@ -116,15 +123,20 @@ class ReflectingPixels:
         guide: Guide,
         gloss_guide: Guide | None,
         features: Features,
+        *,
+        tracer: Callable[..., Any] = TraceVirtual,
     ) -> None:
-        """Ids of `gloss_guide` are indices of real materials + 1."""
+        """Ids of `gloss_guide` are indices of real materials + 1.
+
+        `tracer`: what traces virtual surfaces, called as `TraceVirtual` is.
+        """
         settings, published = features.settings, features.needs.published_filter
         self._real, self._visible = real, visible
         # Eq. 3 measures how alike diffuse pixels are; reflections differ from pixel to pixel.
         sparse = settings.mask.sparse and not features.specular_signal
         mask_settings = settings.mask.model_copy(update={"sparse": sparse})
         self.mask = Mask(device, guide, mask_settings, name="object")
-        self._trace = TraceVirtual(device, guide, features)
+        self._trace = tracer(device, guide, features)
         self.gloss_mask: Mask | None = None
         self._signals = []
         if gloss_guide is not None:

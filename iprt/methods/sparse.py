@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pyopencl.array as cla
@@ -14,7 +16,21 @@ from iprt.gbuffer.context import FrameContext
 from iprt.gbuffer.guide import Guide, Guides, Layer, Spans
 from iprt.methods.pixels import RealPixels, ReflectingPixels
 from iprt.methods.protocol import Image, Method, Setup, Signals, in_front
+from iprt.methods.trace import TraceReal, TraceVirtual
 from iprt.world.world import World
+
+
+@dataclass(frozen=True)
+class Tracers:
+    """What traces the two kinds of pixels; both are called as the classes of the defaults are.
+
+    Attributes
+    ----------
+    real, virtual : callable
+    """
+
+    real: Callable[..., Any] = TraceReal
+    virtual: Callable[..., Any] = TraceVirtual
 
 
 class SparseMethod(Method):
@@ -38,11 +54,14 @@ class SparseMethod(Method):
         layers: list[Layer] = []
         masks: list[Mask] = []
         self._histories: list[Callable[[FrameContext], cla.Array | None] | None] = []
+        tracers = self.tracers()
         self.real_pixels: RealPixels | None = None
         if features.tracing:
             guide = self._guide("real", real.motion)
             layers.append(Layer(real.normal, real.depth, real.id))
-            self.real_pixels = RealPixels(device, real, guide, features, name="real")
+            self.real_pixels = RealPixels(
+                device, real, guide, features, name="real", tracer=tracers.real
+            )
             masks.append(self.real_pixels.mask)
             self._histories.append(self.real_pixels.history)
         gloss_guide = None
@@ -52,7 +71,7 @@ class SparseMethod(Method):
         guide = self._guide("object", objects.motion)
         layers.append(Layer(objects.normal, objects.depth, objects.id))
         self.reflecting_pixels = pixels = ReflectingPixels(
-            device, real, objects, guide, gloss_guide, features
+            device, real, objects, guide, gloss_guide, features, tracer=tracers.virtual
         )
         if pixels.gloss_mask is not None:
             masks.append(pixels.gloss_mask)
@@ -61,6 +80,10 @@ class SparseMethod(Method):
         self._histories.append(None)
         self._gather = Guides(device, self._guides, layers)
         self._masks = Masks(device, masks)
+
+    def tracers(self) -> Tracers:
+        """What traces the pixels; called once, before the first frame."""
+        return Tracers()
 
     def _guide(self, name: str, motion: cla.Array) -> Guide:
         """The guide of one more layer of the view."""

@@ -90,7 +90,7 @@ class Developer:
         name : str or None
             Name of the scene's view that is shown.
         baseline : Shown or None
-            The newest picture of the method `ibl`.
+            The newest picture of the method that is compared with.
         edits : sequence of ObjectEdit
             Since the scene's files were read.
         """
@@ -109,7 +109,7 @@ class Developer:
         pixels = lens.compare(left, lens.develop(other, exposure))
         warning = _warning(scene, name, shown, edits) if lens.against == "truth" else ""
         caption = self._caption(lens, words, shown, other, exposure, scored=not warning)
-        sides = None if lens.error else (words, labels.AGAINST[lens.against].name)
+        sides = None if lens.error else (words, labels.comparisons()[lens.against].name)
         return Developed(pixels, buffer, caption, warning, sides)
 
     def _other(
@@ -119,15 +119,17 @@ class Developer:
         if lens.against == "input":
             background = shown.picture.aovs.get("background")
             return "the input comes with the next picture" if background is None else background
-        if lens.against == "ibl":
-            if (
-                baseline is None
-                or baseline.frame != shown.frame
-                or baseline.request.view != shown.request.view
-            ):
-                return "IBL is being rendered"
-            return baseline.picture.color
-        return self.truth.picture(scene, name, shown)
+        if lens.method is None:
+            return self.truth.picture(scene, name, shown)
+        if (
+            baseline is None
+            or baseline.frame != shown.frame
+            or baseline.request.view != shown.request.view
+            or baseline.request.settings is None
+            or baseline.request.settings.method != lens.method
+        ):
+            return f"{lens.method} is being rendered"
+        return baseline.picture.color
 
     def _caption(
         self,
@@ -140,7 +142,7 @@ class Developer:
         scored: bool,
     ) -> str:
         assert lens.against is not None
-        name = labels.AGAINST[lens.against].name
+        name = labels.comparisons()[lens.against].name
         if lens.error:
             caption = f"Difference from {name.lower()}, white is {100 * ERROR_LEVELS / 255:.0f}%"
         else:

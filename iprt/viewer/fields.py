@@ -16,7 +16,6 @@ from iprt.settings.model import Settings
 from iprt.settings.presets import PRESETS, Quality
 from iprt.viewer.controls import Control, Slider, preset_of, value_of, with_preset, with_value
 from iprt.viewer.labels import (
-    AGAINST,
     BUFFERS,
     CURVES,
     MATERIALS,
@@ -25,6 +24,7 @@ from iprt.viewer.labels import (
     PICTURE,
     TURNED,
     Label,
+    comparisons,
 )
 from iprt.viewer.objects import ObjectState
 from iprt.viewer.ui_state import UiState
@@ -127,10 +127,11 @@ def lens_fields(ui: UiState) -> tuple[Field, ...]:
 
     def missing() -> Mapping[Any, str]:
         problem = ui.viewport.truth_problem
-        return {} if problem is None else {"truth": problem}
+        shown = {ui.settings.method: "it is the method of the picture"}
+        return shown if problem is None else {**shown, "truth": problem}
 
     buffers: dict[Any, Label] = {None: PICTURE, **BUFFERS}
-    others: dict[Any, Label] = {None: NOTHING, **AGAINST}
+    others: dict[Any, Label] = {None: NOTHING, **comparisons()}
     stops, share = (Slider(-8.0, 8.0, False, 0.0),), (Slider(0.0, 1.0, False, 0.0),)
     return (
         field("exposure", "number", "exposure_ev", sliders=stops, unit="EV", default=0.0),

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from iprt.geometry.material import MaterialKind
 from iprt.output.tone import Curve
-from iprt.viewer.lens import Against
+from iprt.settings.methods import methods
 from iprt.viewer.state import PlaybackMode
 
 
@@ -69,11 +69,16 @@ CURVES: Mapping[Curve, Label] = {
 }
 
 NOTHING = Label("Nothing", "Only the picture is shown.")
-AGAINST: Mapping[Against, Label] = {
-    "input": Label("Input", "The video without objects."),
-    "ibl": Label("Image-based lighting", "Objects lit as if the room were infinitely far away."),
-    "truth": Label("Truth", "The path-traced reference picture of this view."),
-}
+
+
+def comparisons() -> Mapping[str, Label]:
+    """Labels of all values of `iprt.viewer.lens.Lens.against`."""
+    return {
+        "input": Label("Input", "The video without objects."),
+        "truth": Label("Truth", "The path-traced reference picture of this view."),
+        **{name: Label(f"Method {name}", f"{info.title}.") for name, info in methods().items()},
+    }
+
 
 MATERIALS: Mapping[MaterialKind, Label] = {
     "diffuse": Label("Matte", "Scatters light evenly, like plaster or paper."),

@@ -12,10 +12,6 @@ from numpy.typing import NDArray
 
 from iprt.output.tone import Bytes, Curve, developed
 
-Against = Literal["input", "ibl", "truth"]
-"""Pictures to compare with: the video without objects, the baseline that is lit by the
-panorama as distant environment, or the path-traced truth of a view of the scene."""
-
 Appearance = Literal[
     "radiance", "change", "share", "ratio", "direction", "distance", "motion", "label", "count"
 ]
@@ -61,8 +57,9 @@ class Lens:
     curve : {"srgb", "filmic"}
     buffer : str or None
         The auxiliary picture that is shown in place of the picture.
-    against : {"input", "ibl", "truth"} or None
-        What is shown right of `split`.
+    against : str or None
+        What is shown right of `split`: `input`, the video without objects; `truth`, the path-traced
+        truth of a view of the scene; or the picture of a method, by its name.
     split : float
         Share of the width, from the left.
     error : bool
@@ -72,9 +69,14 @@ class Lens:
     exposure_ev: float = 0.0
     curve: Curve = "srgb"
     buffer: str | None = None
-    against: Against | None = None
+    against: str | None = None
     split: float = 0.5
     error: bool = False
+
+    @property
+    def method(self) -> str | None:
+        """Name of the method whose picture is compared with."""
+        return None if self.against in ("input", "truth") else self.against
 
     def factor(self, exposure: float) -> float:
         """Factor of radiance in a scene of this exposure."""

@@ -19,6 +19,7 @@ from iprt.output.picture import check_output, write_picture
 from iprt.output.png import write_pixels
 from iprt.scene.edits import Look
 from iprt.scene.placement import set_on
+from iprt.viewer.controls import with_value
 from iprt.viewer.developer import Developer
 from iprt.viewer.displayed import DisplayedFrame, Readout
 from iprt.viewer.engine import Client, Engine
@@ -206,9 +207,9 @@ class Viewport:
     def _ask(self) -> int:
         self._wanted = request = self._request()
         number = self._client.ask(request)
-        if self._lens.against == "ibl":
+        if self._lens.method is not None:
             settings = request.settings or self._engine.world.settings
-            baseline = settings.model_copy(update={"method": "ibl"})
+            baseline = with_value(settings, "method", self._lens.method)
             request = replace(request, settings=baseline, aovs=(), geometry=False)
             if self._baseline is None:
                 self._baseline = self._engine.client(request)

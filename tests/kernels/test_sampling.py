@@ -144,3 +144,47 @@ def test_cosine_directions_follow_their_density(device):
     counts = np.bincount(cells, minlength=256)
     expected = len(u) / 256
     assert np.sum((counts - expected) ** 2 / expected) < 255 + 4 * np.sqrt(2 * 255)
+
+
+def rotated(device, index, dimensions, seed):
+    index = np.asarray(index, np.uint32)
+    inputs = {
+        "index": index,
+        "dimensions": np.full_like(index, dimensions),
+        "seed": np.full_like(index, seed),
+    }
+    body = "p = rotated_sobol(index, dimensions, seed);"
+    return evaluate(device, ["maths/sampling.h"], body, inputs, {"p": "float2"})["p"]
+
+
+@pytest.mark.parametrize("dimensions", [0, 1, 7])
+def test_rotated_points_are_nets_shifted(device, dimensions):
+    """Cranley and Patterson's rotation: all points of a seed are moved alike, around the square."""
+    index = np.arange(256)
+    inputs = {"index": index.astype(np.uint32)}
+    body = f"""
+    const uint s = hash_combine(5, {dimensions});
+    shift = (float2)(u01(s), u01(hash_u32(s ^ 0x2f0b4c47u)));"""
+    shift = evaluate(device, ["maths/sampling.h"], body, inputs, {"shift": "float2"})["shift"]
+    points = rotated(device, index, dimensions, 5).astype(np.float64)
+    assert points.min() >= 0
+    assert points.max() < 1
+    unmoved = np.mod(points - shift.astype(np.float64) + 2.0**-23, 1.0)
+    for k in range(9):
+        assert_net(unmoved[: 2**k], k)
+    others = rotated(device, index, dimensions, 6).astype(np.float64)
+    moved = (others - points) % 1.0
+    assert np.ptp((moved - moved[0] + 0.5) % 1.0) < 1e-6
+    assert 1e-3 < moved[0].min() < moved[0].max() < 1.0 - 1e-3
+
+
+def test_pairs_of_rotated_dimensions_are_independent(device):
+    """Together they fill the space of four dimensions: a product's mean is that of its factors."""
+    index = np.arange(4096)
+    first, second = (rotated(device, index, pair, 3).astype(np.float64) for pair in (2, 3))
+    for a in (0, 1):
+        for b in (0, 1):
+            assert abs((first[:, a] * second[:, b]).mean() - 0.25) < 0.01
+            cells = np.histogram2d(first[:, a], second[:, b], bins=8, range=[(0, 1), (0, 1)])[0]
+            assert cells.min() > 0.4 * 64
+            assert cells.max() < 1.8 * 64

@@ -26,6 +26,7 @@ from iprt.measure.compare import Compared, Comparison, compare_views
 from iprt.measure.target import Scores, views_with_truth
 from iprt.output.display import display
 from iprt.output.exr import write_exr
+from iprt.settings.methods import methods
 from iprt.settings.model import Settings
 
 KEYS = ["view", "method", "background", "ssim", "ssim_cuts", "psnr", "mse", "rmse", "flip", "ms"]
@@ -295,7 +296,7 @@ def test_json_goes_to_stdout_alone(
     printed = json.loads(capsys.readouterr().out)
     records = printed.pop("results")
     assert printed == MADE
-    assert [record["method"] for record in records] == ["iprt", "em", "ibl", "iprt2023"]
+    assert [record["method"] for record in records] == list(methods())
     assert all(list(record) == KEYS for record in records)
 
 
@@ -334,10 +335,10 @@ def test_missed_threshold_is_status_1(command: Callable[..., int]) -> None:
 def test_saved_pictures(command: Callable[..., int], tmp_path: Path) -> None:
     assert command(save=tmp_path / "new" / "panels", method=("all",)) == 0
     names = sorted(path.name for path in (tmp_path / "new" / "panels").iterdir())
-    assert names == [f"table-{name}-panorama.png" for name in ("em", "ibl", "iprt", "iprt2023")]
+    assert names == [f"table-{name}-panorama.png" for name in sorted(methods())]
     with Image.open(tmp_path / "new" / "panels" / names[0]) as image:
         assert image.size == (120, 32)
-        assert json.loads(image.text["iprt:scores"])["method"] == "em"  # type: ignore[attr-defined]
+        assert json.loads(image.text["iprt:scores"])["method"] == "dpt"  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize(

@@ -19,6 +19,7 @@ from scipy import stats
 
 from iprt import cli
 from iprt.commands import bench_truth
+from iprt.commands.bench import TRUTH_FLAGS
 from iprt.commands.bench_truth import parse_levels
 from iprt.errors import DeviceError, IprtError
 from iprt.files.images import read_color
@@ -112,14 +113,23 @@ BAD: dict[str, tuple[list[str], str]] = {
     "no size": (["--sweep", "seed=1", "--size", "0", "0"], "--size 0 0: the truth of view 'near'"),
     "view": (["--sweep", "seed=1", "--view", "far"], "no view is named 'far'"),
     "formats": (["--sweep", "seed=1", "--json", "--markdown"], "--json and --markdown"),
-    "page": (["--html", "a.html"], "--html: is for --sweep, --convergence or --against"),
+    "page": (
+        ["--html", "a.html"],
+        f"--html: is for {TRUTH_FLAGS}",
+    ),
     "page in place": (["--sweep", "seed=1", "--html", "ROOM/truth.exr/a.html"], "not a folder"),
     "scene's file": (["--sweep", "seed=1", "--html", "ROOM/scene.toml"], "belongs to the scene"),
     "alone": (["--one-at-a-time"], "--one-at-a-time: is for --sweep"),
-    "one seed": (["--seeds", "2"], "--seeds: is for --sweep, --convergence or --against"),
+    "one seed": (
+        ["--seeds", "2"],
+        f"--seeds: is for {TRUTH_FLAGS}",
+    ),
     "no levels": (["--reach", "0.9"], "--reach: is for --convergence or --against"),
     "model": (["--convergence", "1", "--model", "m"], "--model: is for --against"),
     "counts": (["--convergence", "4,2"], "--convergence 4,2: expected rising numbers"),
+    "seconds": (["--seconds", "1,0.5"], "--seconds 1,0.5: expected rising times"),
+    "claims": (["--claims", "--sweep", "seed=1"], "--claims: says what is measured"),
+    "both": (["--seconds", "1", "--convergence", "1"], "--seconds: does not go with"),
     "levels": (["--convergence", "1", "--reach", "1.5"], "--reach 1.5: expected values of SSIM"),
     "views": (["--view", "near", "--view", "again"], "--view again: only one view is timed"),
 }

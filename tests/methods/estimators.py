@@ -7,7 +7,7 @@ another picture: estimates are noisy, and their means known.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -23,10 +23,10 @@ from iprt.footage.frame import Frame
 from iprt.gbuffer.guide import Guide, Guides, Layer
 from iprt.geometry.camera import View
 from iprt.geometry.mesh import Instance
-from iprt.methods.trace import TraceReal, TraceVirtual
 from iprt.renderer import Renderer
 from iprt.settings.features import Features
 from iprt.settings.filter import MaskSettings
+from iprt.settings.methods import methods
 from iprt.settings.model import Settings
 from iprt.world.real.camera_motion import STILL
 from iprt.world.real.irradiance import IrradianceCache
@@ -36,7 +36,10 @@ from tests.variants import variant
 from tests.world.real.lighting import uploaded
 from tests.worlds import Float, landscape_frame, sphere_frame
 
-Estimator = Literal["delta, aimed", "delta, even", "ratio", "em, aimed", "em, even"]
+Estimator = Literal[
+    "delta, aimed", "delta, even", "ratio", "em, aimed", "em, even",
+    "dpt, aimed", "dpt, even", "pt-diff, aimed", "pt-diff, even",
+]  # fmt: skip
 Around = Literal["plain", "sphere"]
 ESTIMATORS: tuple[Estimator, ...] = ("delta, aimed", "delta, even", "ratio")
 PLAIN = -1.5
@@ -106,7 +109,7 @@ class Kernels:
 
     def _real(self, seed: int, rays: int) -> tuple[Float, Float, Float]:
         renderer = self.renderer
-        trace = TraceReal(
+        trace = renderer.method.tracers().real(
             self.device, renderer.method.real_pixels.guide, self._features(seed, rays), name="run"
         )
         trace.run(
@@ -157,7 +160,7 @@ class Kernels:
         """(H, W, 3) "diffuse" (without albedo) and "specular" radiance of virtual surfaces."""
         renderer = self.renderer
         guide, mask, nothing = self._virtual
-        trace = TraceVirtual(self.device, guide, self._features(seed, rays))
+        trace = renderer.method.tracers().virtual(self.device, guide, self._features(seed, rays))
         albedo = renderer.visible.albedo
         trace.run(renderer.world, mask, self.view, albedo, nothing)
         planes = {"diffuse": trace.diffuse, "specular": trace.specular}
@@ -173,16 +176,22 @@ def kernels(
     *,
     aim_at: Float | None = None,
     view: View = VIEW,
+    own: Mapping[str, Any] | None = None,
 ) -> Iterator[Kernels]:
-    """`aim_at`: (H, W, 3) picture whose bright parts rays are aimed at, in place of the frame's."""
+    """`aim_at`: (H, W, 3) picture whose bright parts rays are aimed at, in place of the frame's.
+
+    `own`: settings of the estimator's method, where it has the method's name.
+    """
     name, _, way = estimator.partition(", ")
     others: dict[str, Any] = {
         "gbuffer": "cl", "mask": {"sparse": False}, "atrous": {"levels": 0},
         "irradiance": {"rows": 64}, "iprt": {"relight_reflections": False},
         "trace": {"light_sampling": way == "aimed", "jitter": False},
     }  # fmt: skip
-    em = name == "em"
-    chosen = Settings.model_validate(others | {"method": name}) if em else variant(name, **others)
+    if name in methods():
+        chosen = Settings.model_validate(others | {"method": name, name: own or {}})
+    else:
+        chosen = variant(name, **others)
     with Renderer(device, frame, objects, view, chosen) as renderer:
         renderer.step()
         lights = renderer.world.real.lights
@@ -190,6 +199,7 @@ def kernels(
         if lights is not None and aim_at is not None:
             lights.load(uploaded(device, aim_at))
             assert lights.count > 0
+            renderer.method.prepare_video(renderer.world)
         yield Kernels(device, renderer, device.upload("run view", view.kernel_constants()))
 
 

@@ -123,7 +123,8 @@ def test_only_what_counts_can_be_used(ui: Ui) -> None:
         assert lens["error"].read() == error
     lens["error"].write(True)
     assert not lens["split"].enabled()
-    assert "truth" in lens["against"].missing()
+    assert {"truth", ui.settings.method} == set(lens["against"].missing())
+    assert {"em", *lens["against"].missing()} < set(lens["against"].options())
 
 
 def test_own_settings_and_views_have_a_name_while_they_are_shown(ui: Ui) -> None:

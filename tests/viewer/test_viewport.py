@@ -20,6 +20,8 @@ from iprt.geometry.camera import View
 from iprt.output.display import display
 from iprt.renderer import Renderer
 from iprt.scene.scene import Scene
+from iprt.viewer.controls import with_value
+from iprt.viewer.displayed import DisplayedFrame
 from iprt.viewer.engine import Engine
 from iprt.viewer.lens import Lens
 from iprt.viewer.viewport import Viewport
@@ -128,6 +130,38 @@ def test_comparisons_are_of_the_same_view(
         np.testing.assert_array_equal(displayed.pixels, video)
     else:
         assert (np.abs(displayed.pixels.astype(int) - video)[on] > 4).any(), "no object"
+
+
+def test_a_method_is_compared_by_its_own_picture(
+    viewport: Viewport, engine: Engine, device: ComputeDevice
+) -> None:
+    """With the defaults that come with it; and while it is on its way, no other's is shown."""
+    captions = set()
+    for method in ("ibl", "em"):
+        viewport.lens = Lens(against=method, split=0.0)
+
+        def there(displayed: DisplayedFrame, method: str = method) -> bool:
+            captions.add(displayed.caption)
+            other = viewport._baseline and viewport._baseline.shown
+            return (
+                f"| Method {method}" in displayed.caption
+                and displayed.shown.refined
+                and other is not None
+                and other.refined
+            )
+
+        until(viewport, there)
+        displayed = until(viewport, lambda _: True)
+        settings = with_value(engine.world.settings, "method", method)
+        settings = settings.model_copy(update={"fading": 0.0})
+        instances, view = engine.scene.instances, displayed.shown.request.view
+        frames = displayed.shown.frames
+        with Renderer(device, engine.scene.frame(0), instances, view, settings) as renderer:
+            wanted = renderer.render(frames).color
+        np.testing.assert_array_equal(
+            displayed.pixels, Lens().develop(wanted, engine.scene.exposure)
+        )
+    assert any("em is being rendered" in caption for caption in captions)
 
 
 def test_readout_is_what_files_hold(viewport: Viewport, tmp_path: Path) -> None:

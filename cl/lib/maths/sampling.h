@@ -52,6 +52,18 @@ static inline float2 sobol_2d(uint index, uint seed)
     return (float2)(u01(reverse_bits(x)), u01(reverse_bits(y)));
 }
 
+// Point `index` of the 2D Sobol sequence for `dimensions`, a pair of dimensions of the integrand: its
+// order is shuffled, so that pairs are independent of each other, and it is shifted by a vector that
+// differs by `seed` (R. Cranley and T. N. L. Patterson, "Randomization of Number Theoretic Methods for
+// Multiple Integration", SIAM Journal on Numerical Analysis 13(6), 1976). In [0, 1)^2.
+static inline float2 rotated_sobol(uint index, uint dimensions, uint seed)
+{
+    index = shuffled_index(index, hash_u32(dimensions + 0x9e3779b9u));
+    const uint shift = hash_combine(seed, dimensions);
+    return (float2)(u01(reverse_bits(index) + shift),
+                    u01(reverse_bits(sobol_1_reversed(index)) + hash_u32(shift ^ 0x2f0b4c47u)));
+}
+
 // Point `index` of the 1D sequence `seed`, in [0, 1): for choices such as a lobe.
 static inline float sobol_1d(uint index, uint seed)
 {

@@ -11,6 +11,7 @@ import imageio.v3
 import numpy as np
 import pytest
 
+from iprt.settings.methods import DEFAULT
 from iprt.viewer import labels
 from iprt.viewer.labels import Label
 from tests.scene.files import write_rgb
@@ -34,6 +35,12 @@ def tab(user: User, name: str) -> Iterator[None]:
     user.press(name)
     yield
     user.press("Scene")
+
+
+CHOOSABLE = {
+    key: label for key, label in labels.comparisons().items() if key not in ("truth", DEFAULT)
+}
+"""A view without a truth, rendered by the default method, is compared with these."""
 
 
 def test_a_truth_that_is_not_there_cannot_be_chosen(user: User) -> None:
@@ -126,7 +133,7 @@ def test_colours_are_srgb_and_say_so(user: User) -> None:
     [
         ("Scene", "##material", labels.MATERIALS),
         ("Picture", "##buffer", labels.BUFFERS),
-        ("Picture", "##against", {k: v for k, v in labels.AGAINST.items() if k != "truth"}),
+        ("Picture", "##against", CHOOSABLE),
     ],
     ids=["materials", "buffers", "comparisons"],
 )

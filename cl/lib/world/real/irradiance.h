@@ -75,4 +75,14 @@ static inline float3 cached_irradiance(const IrradianceCache cache, float3 p, fl
     return weights > 0.0f ? sum / weights : (float3)(0.0f);
 }
 
+// 1 / (E_R / pi) of a point, per colour; 0 where it is black.
+static inline float3 inverse_irradiance(const IrradianceCache cache, float3 p, float3 n)
+{
+    const float3 irradiance = cached_irradiance(cache, p, n);
+    const float black = cache.black;
+    return (float3)(irradiance.x > black ? 1.0f / irradiance.x : 0.0f,
+                    irradiance.y > black ? 1.0f / irradiance.y : 0.0f,
+                    irradiance.z > black ? 1.0f / irradiance.z : 0.0f);
+}
+
 #endif

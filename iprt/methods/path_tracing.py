@@ -1,0 +1,272 @@
+"""Path tracing with next event estimation: delta path tracing and its one-pass baseline."""
+
+from __future__ import annotations
+
+from functools import lru_cache, partial
+from typing import Any
+
+import numpy as np
+import pyopencl.array as cla
+from numpy.typing import NDArray
+from pyopencl import cltypes
+
+from iprt.device.compute import ComputeDevice
+from iprt.filter.mask import Mask
+from iprt.gbuffer.guide import Guide, plane_defines
+from iprt.geometry.camera import View
+from iprt.methods.dpt import DptSettings, PathTracingSettings
+from iprt.methods.protocol import Setup
+from iprt.methods.pt_diff import PtDiffSettings
+from iprt.methods.sparse import SparseMethod, Tracers
+from iprt.methods.trace import traced_arguments
+from iprt.settings.features import Features
+from iprt.world.real.irradiance import IrradianceCache
+from iprt.world.real.lights import Lights
+from iprt.world.world import World
+
+FOOT_MARGIN, FOOT_HEIGHT = 0.5, 0.1
+"""The plane is fitted to real surfaces around the objects' lowest box: within this share of its
+sides beside it, and of its diagonal above and below its lower side."""
+PLANE_ROWS = 256
+"""Rows of texels that are looked at, at most about twice as many."""
+FEWEST_POINTS = 16
+"""Fewer do not tell a plane."""
+
+
+class Environment:
+    """What paths know of the scene beforehand: samples of its light, and the plane of the objects.
+
+    Attributes
+    ----------
+    plane : (4,) float32
+        Unit normal n, upwards, and offset n · p in metres, in the axes of the capture centre.
+    """
+
+    def __init__(self, device: ComputeDevice) -> None:
+        self._device = device
+        self._kernel = device.kernel("methods/environment_samples.cl", "environment_samples")
+        self._samples: cla.Array | None = None
+        self._count = 0
+        self.plane = np.array([0.0, 1.0, 0.0, 0.0], np.float32)
+
+    def sample(self, lights: Lights | None) -> None:
+        """Draw as many samples as the table of lights has cells."""
+        if lights is None:
+            return
+        cells = lights.rows * lights.columns
+        if self._samples is None:
+            self._samples = self._device.zeros("environment samples", (cells, 4))
+        self._count = cells if lights.count > 0 else 0
+        if self._count:
+            with self._device.profile.section("lights"):
+                self._kernel(
+                    (cells,), lights.arguments(), samples_count=cells, samples=self._samples
+                )
+
+    def arguments(self) -> dict[str, Any]:
+        """`PATH_PARAMETERS` of `cl/lib/methods/path_tracing.h`."""
+        return {
+            "environment_count": self._count,
+            "environment_samples": self._samples,
+            "support_plane": cltypes.make_float4(*self.plane),
+        }
+
+
+def support_plane(depth: NDArray[np.float32], bounds: NDArray[np.float32]) -> NDArray[np.float32]:
+    """The plane that the lowest object stands on, by least squares.
+
+    Parameters
+    ----------
+    depth : (H, W) float32
+        Metres from the capture centre; +inf: open sky.
+    bounds : (N, 2, 4) float32
+        Lower and upper corner of each object's box, at least one.
+
+    Returns
+    -------
+    (4,) float32
+        Unit normal n, upwards, and offset n · p. Horizontal, through the lower side of the box,
+        where the panorama shows too little around it.
+    """
+    low, high = bounds[np.argmin(bounds[:, 0, 1])][:, :3].astype(np.float64)
+    margin = FOOT_MARGIN * (high - low)
+    margin[1] = FOOT_HEIGHT * np.linalg.norm(high - low)
+    low, high = low - margin, np.array([high[0], low[1], high[2]]) + margin
+    step = max(depth.shape[0] // PLANE_ROWS, 1)
+    directions = _directions(depth.shape[1], depth.shape[0], step)
+    depth = depth[::step, ::step]
+    seen = np.isfinite(depth)
+    points = directions[seen] * depth[seen][:, None]
+    near = points[((points >= low) & (points <= high)).all(axis=1)]
+    middle, normal = 0.5 * (low + high), np.array([0.0, 1.0, 0.0])
+    if len(near) >= FEWEST_POINTS:
+        fitted = near.mean(axis=0)
+        steepest = np.linalg.svd(near - fitted, full_matrices=False)[2][2]
+        if abs(steepest[1]) > np.sqrt(0.5):
+            middle, normal = fitted, steepest * np.sign(steepest[1])
+    return np.array([*normal, normal @ middle], np.float32)
+
+
+@lru_cache(maxsize=1)
+def _directions(columns: int, rows: int, step: int) -> NDArray[np.float64]:
+    """Directions of every `step`-th texel each way of an equirect picture."""
+    view = View(columns, rows, projection="equirect")
+    return view.directions()[::step, ::step].astype(np.float64)
+
+
+class PathTraceReal:
+    """What objects change in the irradiance of real surfaces, at the traced pixels of a layer.
+
+    Attributes
+    ----------
+    signal : 6 planes
+        Valid at the pixels that were traced: irradiance that objects hide, and that they send,
+        over E_R.
+    """
+
+    def __init__(
+        self,
+        device: ComputeDevice,
+        guide: Guide,
+        features: Features,
+        *,
+        name: str,
+        environment: Environment,
+        own: PathTracingSettings,
+        one_pass: bool,
+    ) -> None:
+        self._device, self._guide, self._features = device, guide, features
+        self._environment = environment
+        layout = guide.layout
+        self.signal = device.zeros(f"{name} signal", layout.shape(6))
+        defines = plane_defines() | features.trace_defines()
+        defines |= {"MAX_BOUNCES": own.bounces, "ONE_PASS": one_pass}
+        kernel = device.kernel("methods/path_trace_real.cl", "path_trace_real", defines)
+        self._kernel = kernel.fixed(
+            layout.arguments(),
+            rays=features.settings.trace.rays,
+            frame_seed=features.settings.seed,
+            samples=device.zeros(f"{name} samples", layout.shape(1), np.uint32),
+            signal=self.signal,
+        )
+
+    def run(
+        self,
+        world: World,
+        mask: Mask,
+        view: cla.Array,
+        cache: IrradianceCache | None,
+        *,
+        min_solid_angle: float,
+    ) -> None:
+        """See `iprt.methods.trace.TraceReal`; objects that look small are not left out."""
+        del min_solid_angle
+        assert cache is not None
+        guide = self._guide
+        with self._device.profile.section("trace real"):
+            self._kernel(
+                (guide.layout.width * guide.layout.height,),
+                traced_arguments(guide, mask, view),
+                world.arguments(self._features),
+                cache.arguments(world.panorama),
+                self._environment.arguments(),
+            )
+
+
+class PathTraceVirtual:
+    """Light that visible virtual surfaces reflect, at the traced pixels.
+
+    Attributes
+    ----------
+    diffuse, specular : 3 planes or None
+        As of `iprt.methods.trace.TraceVirtual`.
+    hit : None
+        The filter takes reflections as painted on, as none knows how far away they are.
+    """
+
+    hit: cla.Array | None = None
+
+    def __init__(
+        self,
+        device: ComputeDevice,
+        guide: Guide,
+        features: Features,
+        *,
+        environment: Environment,
+        own: PathTracingSettings,
+    ) -> None:
+        self._device, self._guide, self._features = device, guide, features
+        self._environment = environment
+        layout = guide.layout
+        self.diffuse = self.specular = None
+        if features.diffuse_signal:
+            self.diffuse = device.zeros("diffuse signal", layout.shape(3))
+        if features.specular_signal:
+            self.specular = device.zeros("specular signal", layout.shape(3))
+        defines = guide.defines(**features.trace_defines()) | {"MAX_BOUNCES": own.bounces}
+        kernel = device.kernel("methods/path_trace_virtual.cl", "path_trace_virtual", defines)
+        self._kernel = kernel.fixed(
+            layout.arguments(),
+            {"diffuse": self.diffuse, "specular": self.specular},
+            rays=features.settings.trace.object_rays,
+            frame_seed=features.settings.seed,
+            samples=device.zeros("object samples", layout.shape(1), np.uint32),
+        )
+
+    def run(
+        self,
+        world: World,
+        mask: Mask,
+        view: cla.Array,
+        albedo: cla.Array,
+        history: cla.Array,
+    ) -> None:
+        """See `iprt.methods.trace.TraceVirtual`; every frame has all rays, whatever `history`."""
+        del history
+        guide = self._guide
+        with self._device.profile.section("trace virtual"):
+            self._kernel(
+                (guide.layout.width * guide.layout.height,),
+                traced_arguments(guide, mask, view),
+                world.arguments(self._features),
+                self._environment.arguments(),
+                albedo=albedo,
+            )
+
+
+class DeltaPathTracing(SparseMethod):
+    """Delta path tracing (Xu et al. 2023, Algorithm 1).
+
+    Attributes
+    ----------
+    environment : Environment
+    """
+
+    own: type[PathTracingSettings] = DptSettings
+    one_pass = False
+
+    def __init__(self, setup: Setup) -> None:
+        self.environment = Environment(setup.device)
+        self._own = setup.features.settings.own(self.own)
+        super().__init__(setup)
+
+    def tracers(self) -> Tracers:
+        shared: dict[str, Any] = {"environment": self.environment, "own": self._own}
+        return Tracers(
+            partial(PathTraceReal, one_pass=self.one_pass, **shared),
+            partial(PathTraceVirtual, **shared),
+        )
+
+    def prepare_video(self, world: World) -> None:
+        self.environment.sample(world.real.lights)
+
+    def prepare_objects(self, world: World) -> None:
+        if self._own.surfaces == "plane":
+            self.environment.plane = support_plane(world.real.frame.depth, world.objects.bounds)
+
+
+class DifferentialPathTracing(DeltaPathTracing):
+    """One-pass differential path tracing (Kán and Kaufmann 2013)."""
+
+    own = PtDiffSettings
+    one_pass = True
