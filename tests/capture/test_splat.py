@@ -22,7 +22,9 @@ def on_sphere(count: int, radius: float, color: float = 0.5) -> Samples:
 
 
 def joined(a: Samples, b: Samples) -> Samples:
-    return Samples(*(np.concatenate(pair) for pair in zip(vars(a).values(), vars(b).values())))
+    return Samples(
+        *(np.concatenate(pair) for pair in zip(vars(a).values(), vars(b).values(), strict=True))
+    )
 
 
 def test_a_sphere_is_seen_whole() -> None:
