@@ -31,6 +31,8 @@ MAX_GRADIENT = 0.2
 """Pixels whose neighbours differ by more of their brightness may be matched to what is beside."""
 REGION = 5
 """Cells a side of the regions over which a map's errors are told apart."""
+SURE_SCALE = 0.01
+"""Relative standard error up to which a scale per channel is believed, where no map is found."""
 SAME_COLORS = 0.002
 """A map that leaves less than this relative error stays as it is."""
 
@@ -160,6 +162,9 @@ class Gathering:
             dark * float(np.trace(self.color_map)) / 3.0,
         )
         found = pairs.fit()
+        if found is None and pairs.scale_error() < SURE_SCALE:
+            # Coarse pixels of textures match too roughly to tell more.
+            found = np.diag(pairs.scale())
         if found is None:
             return False
         if pairs.left(self.color_map)[0] >= SAME_COLORS:
