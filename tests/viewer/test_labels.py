@@ -10,9 +10,10 @@ import pytest
 from iprt.geometry.material import MaterialKind
 from iprt.geometry.mesh_files import MESH_SUFFIXES
 from iprt.output.tone import Curve
+from iprt.settings.methods import methods
 from iprt.viewer import labels
 from iprt.viewer.displayed import Readout
-from iprt.viewer.lens import BUFFERS, Against
+from iprt.viewer.lens import BUFFERS
 from iprt.viewer.screenshots import default_folder, free_path
 from iprt.viewer.state import PlaybackMode, Status
 
@@ -21,7 +22,7 @@ def test_everything_has_a_name_and_a_tooltip() -> None:
     groups = (
         (labels.BUFFERS, BUFFERS),
         (labels.CURVES, get_args(Curve)),
-        (labels.AGAINST, get_args(Against)),
+        (labels.comparisons(), ["input", "truth", *methods()]),
         (labels.MATERIALS, get_args(MaterialKind)),
         (labels.PLAYBACK, get_args(PlaybackMode)),
         (labels.PARTS, labels.PARTS),
