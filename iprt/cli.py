@@ -43,6 +43,7 @@ VERBS = {
     "settings": "iprt.commands.settings:settings",
     "methods": "iprt.commands.methods:methods",
     "reference": "iprt.commands.reference:reference",
+    "capture": "iprt.commands.capture:capture",
     "scene info": "iprt.commands.scene:info",
     "scene check": "iprt.commands.scene:check",
     "scene new": "iprt.commands.scene:new",

@@ -1,0 +1,1 @@
+"""Hand-held RGB-D sequences to a 360° scene."""

@@ -1,0 +1,102 @@
+"""Normals and smoother depth of a depth picture, by planes fitted to each pixel's neighbours.
+
+Section 5 of *Natural Environment Illumination*: least squares in the best conditioned of three
+ways, without a singular value decomposition.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+REACH = 2
+"""Neighbours on each side."""
+COLUMNS = 320
+"""In a picture this wide neighbours touch; in a wider one there are pixels between."""
+SAME_SURFACE_M, SAME_SURFACE = 0.1, 0.05
+"""Neighbours whose depth differs by more, absolutely or relatively, are of another surface."""
+MIN_SHARE = 0.5
+"""Pixels with fewer of their neighbours are edges, or noise."""
+MIN_CONDITION = 1e-3
+"""Determinant over the squared trace below which neighbours lie in a line."""
+MIN_COSINE = 0.1
+"""Surfaces seen at a flatter angle are left out."""
+
+Float = NDArray[np.float32]
+
+
+def pixel_rays(shape: tuple[int, int], fx: float, fy: float, cx: float, cy: float) -> Float:
+    """(H, W, 3) rays through the pixel centres, of z = 1, in OpenCV's axes."""
+    y, x = np.indices(shape, np.float32)
+    return np.stack([(x - cx) / fx, (y - cy) / fy, np.ones_like(x)], axis=-1).astype(np.float32)
+
+
+def fit_planes(depth: Float, rays: Float) -> tuple[Float, Float]:
+    """Refined depth, and normals.
+
+    Parameters
+    ----------
+    depth : (H, W) float32
+        Metres along +Z, 0 where there is none.
+    rays : (H, W, 3) float32
+        As from `pixel_rays`.
+
+    Returns
+    -------
+    depth : (H, W) float32
+        Of the fitted planes; 0 where none could be fitted.
+    normal : (H, W, 3) float32
+        Unit, towards the camera; 0 where there is none.
+    """
+    step = max(1, round(depth.shape[1] / COLUMNS))
+    offsets = range(-REACH * step, REACH * step + 1, step)
+    reach = REACH * step
+    near = np.minimum(SAME_SURFACE_M, SAME_SURFACE * depth)
+    point = rays * depth[..., None]
+    padded_depth = np.pad(depth, reach)
+    padded = np.pad(point, ((reach, reach), (reach, reach), (0, 0)))
+    height, width = depth.shape
+    count = np.zeros(depth.shape, np.float32)
+    first = np.zeros((*depth.shape, 3), np.float32)
+    second = np.zeros((*depth.shape, 6), np.float32)
+    for dy in offsets:
+        for dx in offsets:
+            at = np.s_[reach + dy : reach + dy + height, reach + dx : reach + dx + width]
+            same = ((np.abs(padded_depth[at] - depth) < near) & (depth > 0.0)).astype(np.float32)
+            count += same
+            # Relative to the pixel's own point: sums of squares lose no digits.
+            d = (padded[at] - point) * same[..., None]
+            first += d
+            second[..., :3] += d * d
+            second[..., 3:] += d * d[..., [1, 2, 0]]
+    count = np.maximum(count, 1.0)
+    mean = first / count[..., None]
+    xx, yy, zz = np.moveaxis(second[..., :3] / count[..., None] - mean * mean, -1, 0)
+    xy, yz, zx = np.moveaxis(
+        second[..., 3:] / count[..., None] - mean * mean[..., [1, 2, 0]], -1, 0
+    )
+    determinants = np.stack([yy * zz - yz * yz, xx * zz - zx * zx, xx * yy - xy * xy])
+    ways = np.stack(
+        [
+            np.stack([determinants[0], zx * yz - xy * zz, xy * yz - zx * yy], axis=-1),
+            np.stack([zx * yz - xy * zz, determinants[1], xy * zx - yz * xx], axis=-1),
+            np.stack([xy * yz - zx * yy, xy * zx - yz * xx, determinants[2]], axis=-1),
+        ]
+    )
+    best = np.argmax(determinants, axis=0)
+    normal = np.take_along_axis(ways, best[None, ..., None], axis=0)[0]
+    condition = np.max(determinants, axis=0) / np.maximum((xx + yy + zz) ** 2, 1e-30)
+    length = np.linalg.norm(normal, axis=-1, keepdims=True)
+    normal = normal / np.maximum(length, 1e-30)
+    towards = (normal * rays).sum(axis=-1)
+    normal = np.where(towards[..., None] > 0.0, -normal, normal)
+    flat = np.abs(towards) / np.linalg.norm(rays, axis=-1)
+    enough = MIN_SHARE * len(offsets) ** 2
+    good = (count >= enough) & (condition > MIN_CONDITION) & (flat > MIN_COSINE)
+    on_plane = ((point + mean) * normal).sum(axis=-1)
+    refined = on_plane / np.where(good, -np.abs(towards), 1.0)
+    good &= np.abs(refined - depth) < near
+    return (
+        np.where(good, refined, 0.0).astype(np.float32),
+        np.where(good[..., None], normal, 0.0).astype(np.float32),
+    )

@@ -1,0 +1,111 @@
+"""`iprt capture`: a hand-held RGB-D sequence to a 360° scene."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from iprt.commands.pairs import Size
+from iprt.commands.streams import reporting
+from iprt.errors import IprtError
+from iprt.files.wording import counted
+
+WIDTH = 1024
+FARTHEST_M = 1e5
+
+
+def capture(
+    sequence: tyro.conf.Positional[Path],
+    /,
+    *,
+    output: Annotated[Path, tyro.conf.arg(aliases=("-o",))],
+    center: str | None = None,
+    size: Size = None,
+    every: int = 1,
+    compensate: bool = True,
+) -> int:
+    """Make a 360° scene from a hand-held RGB-D sequence with poses.
+
+    Parameters
+    ----------
+    sequence
+        Folder of pictures, depth, poses and a camera.toml, as TUM RGB-D sequences have them or
+        with numbered pictures (docs/capture.md).
+    output
+        Scene folder to make.
+    center
+        X,Y,Z in metres: the panorama's centre in the world of the poses, as the pose file has it.
+        Default: the mean position of the camera.
+    size
+        Width and height of the panorama, twice as wide as high. Default: 1024 512.
+    every
+        Use every n-th frame.
+    compensate
+        Take colours as they are. By default, all frames are brought to the exposure and white
+        balance of the first.
+
+    Returns
+    -------
+    int
+        Exit status 0.
+    """
+    from iprt.capture.scene import capture_panorama, write_scene
+    from iprt.capture.sequence import RgbdSequence
+    from iprt.commands.progress import progress_bar
+    from iprt.commands.scene_report import first_look
+    from iprt.files.atomic import require_writable
+    from iprt.files.untrusted import MAX_SIDE
+    from iprt.scene.manifest import MANIFEST_NAME
+
+    width, height = size or (WIDTH, WIDTH // 2)
+    if width != 2 * height or not 16 <= width <= MAX_SIDE:
+        raise IprtError(
+            f"--size {width} {height}: expected twice as wide as high, 16 8 to "
+            f"{MAX_SIDE} {MAX_SIDE // 2}"
+        )
+    if every < 1:
+        raise IprtError(f"--every {every}: expected 1 or more")
+    if output.exists() and (not output.is_dir() or any(output.iterdir())):
+        raise IprtError(f"{output}: is there already; choose another folder")
+    require_writable(output / MANIFEST_NAME)
+    at = None if center is None else _point(center)
+    opened = RgbdSequence.open(sequence)
+    frames = len(range(0, len(opened.shots), every))
+    with progress_bar("capture", frames, remaining=True) as update:
+        captured = capture_panorama(
+            opened,
+            width=width,
+            center=None if at is None else opened.world_from_poses @ at,
+            every=every,
+            compensate=compensate,
+            progress=update,
+        )
+    write_scene(output, captured)
+    with reporting(f"{output} has been made all the same"):
+        x, y, z = opened.world_from_poses.T @ captured.center
+        print("\n".join(first_look(output)))
+        print(
+            f"cloud: {counted(captured.samples, 'sample')} held, {captured.removed} removed as "
+            f"seen through; centre {x:.3f},{y:.3f},{z:.3f}"
+        )
+        if captured.left_out:
+            print(
+                f"warning: {counted(captured.left_out, 'frame')} of {frames} left out: too little "
+                "of what was seen before is in them to compare colours; --no-compensate uses them"
+            )
+        print(
+            f"{output}: {captured.seen_share:.1%} of the sphere seen by {counted(frames, 'frame')}"
+        )
+    return 0
+
+
+def _point(text: str) -> list[float]:
+    try:
+        point = [float(word) for word in text.split(",")]
+        if len(point) != 3 or not all(abs(value) <= FARTHEST_M for value in point):
+            raise ValueError
+    except ValueError:
+        raise IprtError(f"--center {text}: expected X,Y,Z in metres, such as 0.5,1,-2") from None
+    return point
