@@ -14,7 +14,7 @@ from scipy import ndimage
 from iprt.capture.cloud import Cloud, Samples
 from iprt.capture.planes import fit_planes, pixel_rays
 from iprt.capture.sequence import CameraTable, Picture
-from iprt.footage.color_fit import MAJORITY, Pairs, sane, weighted_quantile
+from iprt.footage.color_fit import Pairs
 
 SEEN_THROUGH_M, SEEN_THROUGH = 0.1, 0.05
 """A sample nearer than the depth picture by both, absolutely and relatively, is not there."""
@@ -31,8 +31,8 @@ MAX_GRADIENT = 0.2
 """Pixels whose neighbours differ by more of their brightness may be matched to what is beside."""
 REGION = 5
 """Cells a side of the regions over which a map's errors are told apart."""
-COARSELY_EXPLAINED = 0.2
-"""Relative error up to which a scale explains a pair; highlights and noise make it as large."""
+SURE_SCALE = 0.01
+"""Relative standard error up to which a scale per channel is believed, where no map is found."""
 SAME_COLORS = 0.002
 """A map that leaves less than this relative error stays as it is."""
 
@@ -154,36 +154,22 @@ class Gathering:
         used = np.flatnonzero(count >= max(1, enough // CELLS**2))
         if len(used) < MIN_CELLS:
             return False
-        seen = _means(picture.color[row, column], cell, count)[used]
-        wanted = _means(color, cell, count)[used]
-        weight = count[used].astype(np.float64)
         pairs = Pairs(
-            seen,
-            wanted,
-            weight,
+            _means(picture.color[row, column], cell, count)[used],
+            _means(color, cell, count)[used],
+            count[used].astype(np.float64),
             used // CELLS // REGION * CELLS + used % CELLS // REGION,
             dark * float(np.trace(self.color_map)) / 3.0,
         )
         found = pairs.fit()
-        if found is None:
-            found = _scale(seen, wanted, weight)
+        if found is None and pairs.scale_error() < SURE_SCALE:
+            # Coarse pixels of textures match too roughly to tell more.
+            found = np.diag(pairs.scale())
         if found is None:
             return False
         if pairs.left(self.color_map)[0] >= SAME_COLORS:
             self.color_map = found
         return True
-
-
-def _scale(seen: Matrix, wanted: Matrix, weight: Matrix) -> Matrix | None:
-    """A scale per channel, where no map explains most pairs well; None if it explains few at all.
-
-    The coarse approximation of section 4.2.
-    """
-    ratio = wanted / np.maximum(seen, 1e-9)
-    scale = np.array([weighted_quantile(channel, weight) for channel in ratio.T])
-    error = np.abs(seen * scale - wanted).mean(axis=1) / wanted.mean(axis=1)
-    explained = weight[error < COARSELY_EXPLAINED].sum() > MAJORITY * weight.sum()
-    return np.diag(scale) if explained and sane(np.diag(scale)) else None
 
 
 def _means(color: NDArray[np.float32], cell: Indices, count: NDArray[np.integer]) -> Matrix:

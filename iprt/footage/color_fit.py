@@ -72,7 +72,7 @@ class Pairs:
 
         None if it is not sane, or explains no majority of them.
         """
-        matrix = np.diag(self._median_scale())
+        matrix = np.diag(self.scale())
         width = WIDEST
         for _ in range(STEPS):
             error = self._errors(matrix)
@@ -83,6 +83,12 @@ class Pairs:
         if not sane(matrix) or self._share[self._errors(matrix) < EXPLAINED].sum() < MAJORITY:
             return None
         return matrix
+
+    def scale_error(self) -> float:
+        """Standard error of `scale`, relative: by how far quotients are from it, in the median."""
+        errors = self._errors(np.diag(self.scale()))
+        effective = 1.0 / float((self._share * self._share).sum())
+        return weighted_quantile(errors, self._share) / float(np.sqrt(effective))
 
     def left(self, matrix: Values) -> tuple[float, float]:
         """Residual of a map, and its standard error by how pairs within regions differ.
@@ -109,8 +115,8 @@ class Pairs:
         difference = self._u @ matrix.T - self._r
         return np.asarray(np.sqrt((difference * difference).mean(axis=1)))
 
-    def _median_scale(self) -> Values:
-        """Per channel; 1 where a channel is black."""
+    def scale(self) -> Values:
+        """(3,) median quotients of `wanted` and `seen`, per channel; 1 where a channel is black."""
         scale = np.ones(3)
         for channel in range(3):
             seen, wanted = self._seen[:, channel], self._wanted[:, channel]

@@ -63,6 +63,7 @@ METHOD = MethodInfo(
     "iprt.methods.path_tracing:DeltaPathTracing",
     paper="Xu, Jiang, Wang, Li and Geng, Delta Path Tracing for Real-Time Global Illumination in "
     "Mixed Reality, IEEE VR 2023",
+    doi="10.1109/VR55154.2023.00020",
     settings=DptSettings,
     needs=_needs,
     defaults=DEFAULTS,
