@@ -109,6 +109,18 @@ def films(**settings: Any) -> dict[str, Film]:
             AROUND,
             {"method": "dpt", "dpt": {"surfaces": "all"}},
         ),
+        "impostor": (
+            room,
+            (textured, plastic, mirror),
+            LOOK,
+            {"method": "dit", "dit": {"resolution": 9}},
+        ),
+        "impostor around": (
+            _drifting(_landscape()),
+            (clay,),
+            AROUND,
+            {"method": "dit", "dit": {"resolution": 8, "directions": "boxes"}},
+        ),
         "differential paths": (
             room,
             (clay, plastic),

@@ -107,13 +107,14 @@ class Features:
             deforming=deforming,
             equirect_view=view.projection == "equirect",
             opening_environment=tracing
+            and not needs.impostor
             and settings.trace.openings == "environment"
             and footage.openings,
             clipped=footage.clips,
             color_map=bool(kinds) and footage.drifts,
             video=footage.video,
             background=tracing
-            and not needs.distant
+            and not (needs.distant or needs.impostor)
             and settings.trace.background
             and footage.static_camera,
             real_materials=footage.real_materials if tracing and needs.gloss else (),
@@ -160,6 +161,11 @@ class Features:
     def light_sampling(self) -> bool:
         """Rays are aimed at lights."""
         return self.tracing and self.settings.trace.light_sampling
+
+    @property
+    def impostor(self) -> bool:
+        """Rays see a distance impostor around the objects."""
+        return self.tracing and self.needs.impostor
 
     @property
     def relit_reflections(self) -> bool:
@@ -237,6 +243,7 @@ class Features:
             "HAS_DIFFUSE": self.diffuse_signal,
             "HAS_SPECULAR": self.specular_signal,
             "DISTANT_ENVIRONMENT": self.needs.distant or not self.tracing,
+            "IMPOSTOR": self.impostor,
             "MAX_BOUNCES": self.settings.trace.bounces,
             "TOUCHED_FRAMES": TOUCHED_FRAMES,
             **(bvh_defines(textured=self.textured) if self.bvh else {}),
@@ -267,6 +274,7 @@ class Features:
             "memory of what moving things hide": self.background,
             "irradiance cache of the panorama": self.delta,
             "aiming rays at lights": self.light_sampling,
+            "distance impostor around the objects": self.impostor,
             "shadows in what objects reflect off screen": self.ratio_map,
             "bounding volume hierarchy of the objects": self.bvh or self.primary_rays,
             "objects in the view by rays, without OpenGL": self.primary_rays,

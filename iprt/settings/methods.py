@@ -46,6 +46,9 @@ class Needs:
     distant : bool
         Rays that light takes see the panorama infinitely far away, in their direction; only E_R is
         found through its depth.
+    impostor : bool
+        Rays that light takes see a distance impostor around the objects, which the method
+        places; only E_R is found through the panorama's depth.
     relit : bool
         Real surfaces are relit: the method returns `Signals.ratio`.
     objects : {"triangles", "layers"}
@@ -64,6 +67,7 @@ class Needs:
 
     tracing: bool = False
     distant: bool = False
+    impostor: bool = False
     relit: bool = False
     objects: Literal["triangles", "layers"] = "triangles"
     irradiance: bool = False

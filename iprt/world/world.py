@@ -11,7 +11,9 @@ from iprt.geometry.camera import View
 from iprt.settings.features import Features
 from iprt.world.objects.object_layers import EMPTY
 from iprt.world.objects.objects import Objects
+from iprt.world.real.impostor import Impostor
 from iprt.world.real.irradiance import IrradianceCache
+from iprt.world.real.lights import Lights
 from iprt.world.real.panorama import Panorama
 from iprt.world.real.real_world import RealWorld
 
@@ -23,11 +25,14 @@ class World:
     ----------
     real : RealWorld
     objects : Objects
+    impostor : Impostor or None
+        What rays meet instead of `real`, once the method has placed it.
     """
 
     def __init__(self, real: RealWorld, objects: Objects) -> None:
         self.real = real
         self.objects = objects
+        self.impostor: Impostor | None = None
         self._relit: dict[str, Any] = {}
 
     @property
@@ -38,6 +43,11 @@ class World:
     def irradiance(self) -> IrradianceCache | None:
         """E_R, where the method needs it."""
         return self.real.irradiance
+
+    @property
+    def lights(self) -> Lights | None:
+        """What rays are aimed by; None: they are not aimed."""
+        return self.real.lights if self.impostor is None else self.impostor.lights
 
     @property
     def bounds(self) -> cla.Array:
@@ -80,6 +90,7 @@ class World:
             "objects_count": self.bounds.shape[0],
             "materials": objects.materials,
             **(real.lights.arguments() if real.lights else {}),
+            **(self.impostor.arguments() if self.impostor else {}),
             **self._relit,
             **(real.highlight.arguments() if real.highlight else {}),
         }

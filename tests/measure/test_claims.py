@@ -62,6 +62,14 @@ def test_times_decide() -> None:
     line = {f'bounces": {count}': 10.0 + count for count in (3, 5, 7, 10)}
     assert found("Time grows", line, {}).holds
     assert not found("Time grows", {**line, 'bounces": 10': 25.0}, {}).holds
+    for ours, holds in ((1.3, True), (1.6, False), (0.9, False)):
+        assert found("Environment mapping costs", {'"dit"': ours, '"em"': 1.0}, {}).holds == holds
+    for many, holds in ((2.0, True), (8.0, False)):
+        ms = {'"cached"': 1.0, '"cached", "trace.rays": 128': many}
+        ms |= {'"all"': 1.0, '"all", "trace.rays": 128': 10.6}
+        told = found("The cache of directions", ms, {})
+        assert told.holds == holds
+        assert "0.100 without" in told.measured
     for sparse, holds in ((0.8, True), (1.1, False)):
         ms = {'sparse": true': sparse, 'sparse": false': 1.0}
         assert found("Sparse tracing", ms, {}).holds == holds
@@ -73,6 +81,8 @@ def test_pictures_decide() -> None:
         assert found("SSIM above", {}, ssim).holds == holds
         ssim = {'back_faces": true': ours, 'back_faces": false': 0.9}
         assert found("Substituted", {}, ssim).holds == holds
+    for ours, holds in ((0.91, True), (0.89, False)):
+        assert found("Light varies", {}, {'"dit"': ours, '"em"': 0.9}).holds == holds
     assert found("No more error", {}, {"pt-diff": 0.9, "dpt": 0.902}).holds
     assert not found("No more error", {}, {"pt-diff": 0.9, "dpt": 0.8}).holds
 
@@ -81,7 +91,8 @@ def test_claims_are_of_installed_methods_and_settings() -> None:
     known = Known(dict.fromkeys(["method"], 1.0), dict.fromkeys(["method"], 0.9))
     for claim in CLAIMS:
         claim.measure(cast(Subject, known))
-    assert {"iprt2023", "ibl", "dpt", "pt-diff"} == {values["method"] for values in known.asked}
+    methods_asked = {values["method"] for values in known.asked}
+    assert methods_asked == {"iprt2023", "ibl", "dpt", "pt-diff", "dit", "em"}
     for values in known.asked:
         assert values["method"] in methods()
         assert set(values) <= set(all_settings())

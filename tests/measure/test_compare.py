@@ -338,7 +338,7 @@ def test_saved_pictures(command: Callable[..., int], tmp_path: Path) -> None:
     assert names == [f"table-{name}-panorama.png" for name in sorted(methods())]
     with Image.open(tmp_path / "new" / "panels" / names[0]) as image:
         assert image.size == (120, 32)
-        assert json.loads(image.text["iprt:scores"])["method"] == "dpt"  # type: ignore[attr-defined]
+        assert json.loads(image.text["iprt:scores"])["method"] == "dit"  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize(

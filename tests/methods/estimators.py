@@ -39,6 +39,7 @@ from tests.worlds import Float, landscape_frame, sphere_frame
 Estimator = Literal[
     "delta, aimed", "delta, even", "ratio", "em, aimed", "em, even",
     "dpt, aimed", "dpt, even", "pt-diff, aimed", "pt-diff, even",
+    "dit, aimed", "dit, even",
 ]  # fmt: skip
 Around = Literal["plain", "sphere"]
 ESTIMATORS: tuple[Estimator, ...] = ("delta, aimed", "delta, even", "ratio")
@@ -194,7 +195,7 @@ def kernels(
         chosen = variant(name, **others)
     with Renderer(device, frame, objects, view, chosen) as renderer:
         renderer.step()
-        lights = renderer.world.real.lights
+        lights = renderer.world.lights
         assert (lights is not None) == (way == "aimed")
         if lights is not None and aim_at is not None:
             lights.load(uploaded(device, aim_at))

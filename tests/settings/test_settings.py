@@ -125,7 +125,7 @@ def test_later_ones_win(tmp_path: Path) -> None:
         ("mask.sparse=no", "expected true or false"),
         ("fading=nan", "expected a number from 0 to 1"),
         ("atrous.deviations=inf", "expected a number above 0 and at most 100"),
-        ("method=ipbl", '--set method=ipbl: expected "iprt" or "dpt"'),
+        ("method=ipbl", '--set method=ipbl: expected "iprt" or "dit"'),
         ("seed=99999999999", "expected a whole number from 0 to 2147483647"),
     ],
 )

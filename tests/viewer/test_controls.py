@@ -151,7 +151,7 @@ def test_sliders_of_any_model_hold_what_it_allows(
         ("trace.rays", None, "trace.rays = null: expected a whole number"),
         ("mask.sparse", 1, "mask.sparse = 1: expected true or false"),
         ("fading", float("nan"), "fading = NaN: expected a number from 0 to 1"),
-        ("method", "path\ntracer", 'expected "iprt" or "dpt"'),
+        ("method", "path\ntracer", 'expected "iprt" or "dit"'),
         ("trace.raiz", 1, "there is no setting 'trace.raiz'; did you mean trace.rays?"),
         ("trace", 1, "'trace' is a group"),
     ],

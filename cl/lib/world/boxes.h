@@ -95,6 +95,19 @@ static inline float3 sample_boxes(__global const float4 *restrict boxes, int cou
     return safe_normalize(with_component(low + at_face * (high - low), face, plane) - at.x, at.n);
 }
 
+// Does a ray from o, along d, meet a box?
+static inline int meets_boxes(__global const float4 *restrict boxes, int count, float3 o, float3 d)
+{
+    int met = 0;
+    for (int i = 0; i < count; i++) {
+        const float3 a = (boxes[2 * i].xyz - o) / d, b = (boxes[2 * i + 1].xyz - o) / d;
+        const float3 near = fmin(a, b), far = fmax(a, b);
+        const float leave = fmin(far.x, fmin(far.y, far.z));
+        met |= leave > 0.0f && fmax(near.x, fmax(near.y, near.z)) <= leave;
+    }
+    return met;
+}
+
 // Density per solid angle with which sample_boxes() sends a ray along d.
 static inline float box_density(__global const float4 *restrict boxes, int count, const BoxView at,
                                 float3 d)

@@ -1,5 +1,5 @@
 // Parameters of kernels that trace the scene, and the structs made of them. The host gives them by
-// name, in groups: `Panorama.arguments`, `Background.arguments`.
+// name, in groups: `Panorama.arguments`, `Background.arguments`, `Impostor.arguments`.
 #ifndef IPRT_SCENE_H
 #define IPRT_SCENE_H
 
@@ -24,19 +24,28 @@
 #define OUTSIDE
 #endif
 
+#ifdef IMPOSTOR
+#define REAL_IMPOSTOR_PARAMETERS , IMPOSTOR_PARAMETERS
+#define REAL_IMPOSTOR , IMPOSTOR_OF_PARAMETERS
+#else
+#define REAL_IMPOSTOR_PARAMETERS
+#define REAL_IMPOSTOR
+#endif
+
 #define REAL_PARAMETERS                                                                            \
     const int real_width, const int real_height, const int real_levels,                            \
         __global const float2 *restrict real_range, __global const float2 *restrict real_column,   \
         __global const float *restrict real_row, __global const float4 *restrict real_surface,     \
         const float real_thickness_m, const float real_thickness_ratio, const float real_bias,     \
         const float real_nearest, const float real_farthest,                                       \
-        __global const float *restrict real_color BACKGROUND_PARAMETERS OUTSIDE_PARAMETERS
+        __global const float *restrict real_color BACKGROUND_PARAMETERS OUTSIDE_PARAMETERS         \
+        REAL_IMPOSTOR_PARAMETERS
 
 #define REAL_LAYER                                                                                 \
     {                                                                                              \
         {real_width, real_height, real_levels, real_range, real_column, real_row WORK},            \
             real_surface, real_thickness_m, real_thickness_ratio, real_bias, real_nearest,         \
-            real_farthest BACKGROUND_LAYER                                                         \
+            real_farthest BACKGROUND_LAYER REAL_IMPOSTOR                                           \
     }
 
 #endif

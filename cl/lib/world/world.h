@@ -144,6 +144,9 @@ static inline float3 relit_factor(const Relit relit, float3 d)
 // in.
 static inline float3 captured_radiance(const World world, const RealHit hit, float3 d)
 {
+#ifdef IMPOSTOR
+    return impostor_radiance(world.real.impostor, hit.direction);
+#else
     __global const float *picture = world.color;
     int width = world.real.grid.width, height = world.real.grid.height;
     float2 uv = equirect_uv(hit.direction);
@@ -173,6 +176,7 @@ static inline float3 captured_radiance(const World world, const RealHit hit, flo
     }
 #endif
     return panorama_bilinear(picture, width, height, uv);
+#endif
 }
 
 // The same, with what objects do to it.

@@ -26,14 +26,16 @@ class Lights:
         Means over the cells.
     """
 
-    def __init__(self, device: ComputeDevice, width: int, height: int) -> None:
-        self._device = device
+    def __init__(
+        self, device: ComputeDevice, width: int, height: int, *, name: str = "light"
+    ) -> None:
+        self._device, self._name = device, name
         self.rows, self.columns = min(LIGHT_ROWS, height), min(2 * LIGHT_ROWS, width)
         cells = self.rows * self.columns
-        self._cumulative = device.zeros("light cumulative", (cells + 1,))
-        self._cell = device.zeros("light cells", (cells,), np.int32)
-        self._density = device.zeros("light density", (cells,))
-        self.luminance = device.empty("light luminance", (self.rows, self.columns))
+        self._cumulative = device.zeros(f"{name} cumulative", (cells + 1,))
+        self._cell = device.zeros(f"{name} cells", (cells,), np.int32)
+        self._density = device.zeros(f"{name} density", (cells,))
+        self.luminance = device.empty(f"{name} luminance", (self.rows, self.columns))
         self._sum = device.kernel("world/real/radiance.cl", "sum_luminance").fixed(
             columns=self.columns, rows=self.rows, mean=self.luminance
         )
@@ -65,14 +67,15 @@ class Lights:
             self._device.write(self._density, density.astype(np.float32))
 
     def arguments(self) -> dict[str, Any]:
-        """`LIGHT_PARAMETERS` of `cl/lib/world/real/lights.h`."""
+        """`LIGHT_PARAMETERS` of `cl/lib/world/real/lights.h`, which begin with its name."""
+        prefix = self._name.replace(" ", "_")
         return {
-            "light_cumulative": self._cumulative,
-            "light_cell": self._cell,
-            "light_density_table": self._density,
-            "light_count": self.count,
-            "light_columns": self.columns,
-            "light_rows": self.rows,
+            f"{prefix}_cumulative": self._cumulative,
+            f"{prefix}_cell": self._cell,
+            f"{prefix}_density_table": self._density,
+            f"{prefix}_count": self.count,
+            f"{prefix}_columns": self.columns,
+            f"{prefix}_rows": self.rows,
         }
 
 

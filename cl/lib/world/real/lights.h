@@ -5,6 +5,8 @@
 // the real surface; its density per area is p0 cos_0 / |y|^2 with p0 the table's, and per solid
 // angle at x that times |y - x|^2 / cos_y, so that parallax is right. Whether y is visible from x
 // is for the same march to say that every other ray takes.
+//
+// -D IMPOSTOR aims at the table's directions as they are: whatever a ray meets, its density is known.
 #ifndef IPRT_LIGHTS_H
 #define IPRT_LIGHTS_H
 
@@ -26,13 +28,22 @@ typedef struct {
     int rows;
 } Lights;
 
+// The table of the panorama, or of the impostor, which has one about its own centre.
+#ifdef IMPOSTOR
+#define LIGHT_NAME(name) impostor_light_##name
+#else
+#define LIGHT_NAME(name) light_##name
+#endif
+
 #define LIGHT_PARAMETERS                                                                           \
-    __global const float *restrict light_cumulative, __global const int *restrict light_cell,      \
-        __global const float *restrict light_density_table, const int light_count,                 \
-        const int light_columns, const int light_rows
+    __global const float *restrict LIGHT_NAME(cumulative),                                         \
+        __global const int *restrict LIGHT_NAME(cell),                                             \
+        __global const float *restrict LIGHT_NAME(density_table), const int LIGHT_NAME(count),     \
+        const int LIGHT_NAME(columns), const int LIGHT_NAME(rows)
 
 #define LIGHTS                                                                                     \
-    {light_cumulative, light_cell, light_density_table, light_count, light_columns, light_rows}
+    {LIGHT_NAME(cumulative), LIGHT_NAME(cell), LIGHT_NAME(density_table), LIGHT_NAME(count),       \
+     LIGHT_NAME(columns), LIGHT_NAME(rows)}
 
 // Unit direction from the capture centre, with the table's density; u in [0, 1)^2.
 static inline float3 sample_light(const Lights lights, float2 u)
@@ -73,7 +84,7 @@ static inline int aims_behind(const RealLayer layer, int texel)
 // Direction from x to the point of the tangent plane that the panorama shows towards v, in `texel`.
 static inline float3 towards_light(const RealLayer layer, float3 v, int texel, float3 x)
 {
-#ifdef DISTANT_ENVIRONMENT
+#if defined(DISTANT_ENVIRONMENT) || defined(IMPOSTOR)
     return v;
 #else
     float4 surface = layer.surface[texel];
@@ -92,20 +103,27 @@ static inline float3 towards_light(const RealLayer layer, float3 v, int texel, f
 #endif
 }
 
+static inline int light_cell(const Lights lights, float3 v)
+{
+    const float2 uv = equirect_uv(v);
+    return min((int)(uv.y * lights.rows), lights.rows - 1) * lights.columns
+        + min((int)(uv.x * lights.columns), lights.columns - 1);
+}
+
 // Density per solid angle at x with which light sampling sends a ray along d to what it has hit.
 static inline float light_density(const Lights lights, const RealLayer layer, const RealHit hit,
                                   float3 x, float3 d)
 {
+#ifdef IMPOSTOR
+    return lights.count > 0 ? lights.density[light_cell(lights, d)] : 0.0f;
+#else
     if (lights.count == 0 || (hit.kind != HIT_SURFACE && hit.kind != HIT_SKY))
         return 0.0f;
 #ifdef BACKGROUND
     if (hit.behind != aims_behind(layer, hit.texel))
         return 0.0f;
 #endif
-    const float2 uv = equirect_uv(hit.direction);
-    const int cell = min((int)(uv.y * lights.rows), lights.rows - 1) * lights.columns
-        + min((int)(uv.x * lights.columns), lights.columns - 1);
-    const float density = lights.density[cell];
+    const float density = lights.density[light_cell(lights, hit.direction)];
     if (!(density > 0.0f) || hit.kind == HIT_SKY)
         return density;
 #ifdef BACKGROUND
@@ -119,6 +137,7 @@ static inline float light_density(const Lights lights, const RealLayer layer, co
         return 0.0f;
     return density * towards_centre * hit.t * hit.t
         / (dot(y, y) * fmax(fabs(dot(g, d)), 1e-6f * towards_centre));
+#endif
 }
 
 #endif

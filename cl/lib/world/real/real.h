@@ -6,11 +6,15 @@
 //
 // -D BACKGROUND: a second layer holds, per texel, the farthest surface that the video has shown
 // there (remember.cl), which is the first one's own where nothing nearer hides it (background.h).
+// -D IMPOSTOR: rays do not march, but meet what the distance impostor shows (impostor.h).
 #ifndef IPRT_REAL_H
 #define IPRT_REAL_H
 
 #include "maths/grid.h"
 #include "maths/tracing.h"
+#ifdef IMPOSTOR
+#include "world/real/impostor.h"
+#endif
 
 #define SURFACE_EAST 1      // connected with the neighbour in that direction
 #define SURFACE_WEST 2
@@ -40,12 +44,16 @@ typedef struct {
     __global const float2 *back_range;     // as `grid.range`
     __global const float *back_color;      // radiance, 3 a texel
 #endif
+#ifdef IMPOSTOR
+    Impostor impostor;
+#endif
 } RealLayer;
 
 typedef struct {
     float t;            // metres along the ray; INFINITY for HIT_SKY and HIT_UNKNOWN
-    float3 direction;   // where the panorama shows the radiance of what was hit
-    int texel;
+    float3 direction;   // where the panorama shows the radiance of what was hit; with an impostor,
+                        // from its centre, of any length
+    int texel;          // there; with an impostor, in the ray's own direction
     int kind;           // HIT_*
 #ifdef BACKGROUND
     int behind;         // it is background that the first layer hides
@@ -284,6 +292,18 @@ static inline ALWAYS_INLINE RealHit trace_real_layer(
 #ifdef BACKGROUND
     hit.behind = 0;
 #endif
+#ifdef IMPOSTOR
+    COUNT_RAY(layer.grid.work, WORK_REAL);
+    COUNT_STEPS(layer.grid.work, WORK_REAL, layer.impostor.steps);
+    const float3 x = o - layer.impostor.centre;
+    hit.t = trace_impostor(layer.impostor, x, d);
+    hit.direction = x + hit.t * d;
+    if (!(impostor_inverse_distance(layer.impostor, hit.direction) > 0.0f)) {
+        hit.t = INFINITY;
+        hit.kind = HIT_SKY;
+    }
+    return hit;
+#else
     int found = 0;
 #ifndef DISTANT_ENVIRONMENT
     COUNT_RAY(layer.grid.work, WORK_REAL);
@@ -307,6 +327,7 @@ static inline ALWAYS_INLINE RealHit trace_real_layer(
 #endif
     }
     return hit;
+#endif
 }
 
 #endif

@@ -1,0 +1,95 @@
+// The distance impostor: a cube map of what is around a point, radiance and inverse distance, by which
+// rays from other points find the real surfaces (L. Szirmay-Kalos, B. Aszódi, I. Lazányi, M. Premecz,
+// "Approximate Ray-Tracing on the GPU with Distance Impostors", Computer Graphics Forum 24(3), 2005).
+//
+// Inverse distances are blended between texels, as those of a plane are linear across a face but for
+// the length of the direction; that of open sky is 0. Faces are blended each by itself.
+#ifndef IPRT_IMPOSTOR_H
+#define IPRT_IMPOSTOR_H
+
+#include "maths/cube.h"
+#include "world/real/panorama.h"
+
+typedef struct {
+    __global const float4 *texels;   // [6 * side * side] rgb radiance, w inverse distance, 1/m
+    __global const float *inverse;   // the inverse distance again
+    float3 centre;                   // about the capture centre, metres
+    int side;
+    int steps;                       // by which a hit is refined
+    float farthest;                  // metres along a ray beyond which all is open sky
+} Impostor;
+
+#define IMPOSTOR_PARAMETERS                                                                        \
+    __global const float4 *restrict impostor_texels, __global const float *restrict impostor_inverse, \
+        const float4 impostor_centre, const int impostor_side, const int impostor_steps,           \
+        const float impostor_farthest
+
+#define IMPOSTOR_OF_PARAMETERS                                                                     \
+    {                                                                                              \
+        impostor_texels, impostor_inverse, impostor_centre.xyz, impostor_side, impostor_steps,     \
+            impostor_farthest                                                                      \
+    }
+
+// Four texels of a face around a direction of any length.
+static inline ALWAYS_INLINE Taps cube_taps(int side, float3 v)
+{
+    const float3 size = fabs(v);
+    const int axis = size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;
+    const float3 r = to_face(axis, v);
+    const float scale = 0.5f * side / fmax(fabs(r.x), 1e-30f), middle = 0.5f * side - 0.5f;
+    const float x = clamp(scale * r.y + middle, 0.0f, side - 1.0f);
+    const float y = clamp(scale * r.z + middle, 0.0f, side - 1.0f);
+    const int x0 = (int)x, y0 = (int)y, x1 = min(x0 + 1, side - 1);
+    const int face = (2 * axis + (r.x < 0.0f)) * side;
+    const int row0 = (face + y0) * side, row1 = (face + min(y0 + 1, side - 1)) * side;
+    return (Taps){row0 + x0, row0 + x1, row1 + x0, row1 + x1, x - x0, y - y0};
+}
+
+// 1/m towards v, which leads from the impostor's centre.
+static inline ALWAYS_INLINE float impostor_inverse_distance(const Impostor impostor, float3 v)
+{
+    return blend_texels(impostor.inverse, 1, 0, cube_taps(impostor.side, v));
+}
+
+static inline ALWAYS_INLINE float3 impostor_radiance(const Impostor impostor, float3 v)
+{
+    __global const float *texels = (__global const float *)impostor.texels;
+    const Taps t = cube_taps(impostor.side, v);
+    return (float3)(blend_texels(texels, 4, 0, t), blend_texels(texels, 4, 1, t),
+                    blend_texels(texels, 4, 2, t));
+}
+
+// Metres along the ray from x, about the impostor's centre, to what it meets; at most `farthest`.
+//
+// The first guess takes what is seen in the ray's direction for a plane across it. Each step looks up
+// how far the surface is in the direction of the last point: points before it and behind it, once both
+// are known, are joined by a secant; until then the point moves by what it is off.
+static inline ALWAYS_INLINE float trace_impostor(const Impostor impostor, float3 x, float3 d)
+{
+    const float least = 1.0f / impostor.farthest;
+    const float first = 1.0f / fmax(impostor_inverse_distance(impostor, d), least);
+    float t = clamp(first - dot(x, d), 0.0f, impostor.farthest);
+    float under = 0.0f, over = 0.0f, under_ratio = 0.0f, over_ratio = 0.0f;
+    int is_under = 0, is_over = 0;
+    for (int step = 0; step < impostor.steps; step++) {
+        const float3 at = x + t * d;
+        const float inverse = fmax(impostor_inverse_distance(impostor, at), least);
+        const float ratio = length(at) * inverse;
+        if (ratio < 1.0f) {
+            is_under = 1;
+            under = t;
+            under_ratio = ratio;
+        } else {
+            is_over = 1;
+            over = t;
+            over_ratio = ratio;
+        }
+        const float next = is_under && is_over
+            ? under + (over - under) * (1.0f - under_ratio) / (over_ratio - under_ratio)
+            : t + (1.0f - ratio) / inverse;
+        t = clamp(next, 0.0f, impostor.farthest);
+    }
+    return t;
+}
+
+#endif
