@@ -304,8 +304,8 @@ CLAIMS = (
     ),
     Claim(
         NEI,
-        "Environment mapping costs less than distance impostor tracing, by little once visibility is "
-        "tested",
+        "Environment mapping costs less than distance impostor tracing, by little once visibility "
+        "is tested",
         "1.30x, 1.26x, 1.23x at 16, 32, 64 samples (Table 3; PC)",
         _impostor_costs,
         "",
