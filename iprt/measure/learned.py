@@ -59,7 +59,7 @@ def learn_frame(
     panorama.load(frame)
     learner = Learner(device, own.samples, own.models)
     metre, unit = panorama.scale, panorama.mean_radiance
-    how = Learning(own.radius * metre, metre, unit, own.forgetting)
+    how = Learning(own.search_radius * metre, metre, unit, own.forgetting)
     held_out = _surfaces(learner.draw(panorama))
     held = np.unique(_keys(held_out))
     megabytes, times, seen = [], [], []

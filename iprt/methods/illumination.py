@@ -81,7 +81,7 @@ class OnlineIllumination(SparseMethod):
         own, learner = self._own, self.environment.learner
         self._left -= own.samples
         how = Learning(
-            radius=own.radius * self._metre,
+            radius=own.search_radius * self._metre,
             metre=self._metre,
             unit=max(world.panorama.mean_radiance, 1e-20),
             forgetting=own.forgetting,

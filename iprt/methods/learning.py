@@ -222,7 +222,8 @@ class Learner:
     def _cell(self, points: Float) -> NDArray[np.int64]:
         """(..., 3) coordinates of the cells of points, as `grid_cell` computes them."""
         scaled = points * np.float32(self._inverse_radius)
-        return np.floor(np.clip(scaled, -(2.0**31), 2.0**31 - 1.0)).astype(np.int64)
+        cells: NDArray[np.int64] = np.floor(np.clip(scaled, -(2.0**31), 2.0**31 - 1.0)).astype(int)
+        return cells
 
     def _create(self, samples: Float, how: Learning) -> None:
         """Models at samples that none covers, each where the ones before do not cover it."""
@@ -271,8 +272,8 @@ class Learner:
 def _place(cell: NDArray[np.int64]) -> NDArray[np.int64]:
     """(N,) places in the table of cells (N, 3), as `grid_place` computes them."""
     wrapped = cell & (np.array(GRID) - 1)
-    place: NDArray[np.int64] = (wrapped[..., 2] * GRID[1] + wrapped[..., 1]) * GRID[0]
-    return place + wrapped[..., 0]
+    place: NDArray[np.int64] = wrapped @ np.array([1, GRID[0], GRID[0] * GRID[1]])
+    return place
 
 
 def _starts(place: NDArray[np.int64]) -> NDArray[np.int32]:

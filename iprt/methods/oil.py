@@ -38,7 +38,7 @@ class OilSettings(PathSettings):
         description="Linear models that there may be at most, 104 bytes each and their places in "
         "the grid.",
     )
-    radius: float = Field(
+    search_radius: float = Field(
         default=0.2,
         gt=0.0,
         le=10.0,
