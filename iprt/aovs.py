@@ -139,6 +139,7 @@ AOVS: dict[str, Reader] = {
     "hit_distance": _of_method("hit_distance"),
     "history_length": _of_method("history_length"),
     "variance": _of_method("variance"),
+    "learned": _of_method("learned"),
 }
 """Name -> what reads it back. background: radiance without objects; normal (world) and depth
 (metres from the capture centre) of what is seen; albedo and coverage of the objects; motion: x and
@@ -150,7 +151,8 @@ hit_distance: metres from objects to what they reflect specularly, 1e6: the sky,
 history_length: frames with all their rays that the temporal mean is worth; variance: of the
 luminance of that mean, which guides the spatial filter (of real surfaces: what objects change, as a
 fraction of E_R with `iprt`, over pi with `iprt2023`; of objects: of diffuse and
-specular light, added up). All but the background is in the colours of the video's reference frame
+specular light, added up); learned: radiance of real surfaces as `oil` has learned it, 0 where it
+has not. All but the background is in the colours of the video's reference frame
 (`iprt.footage.drift`), where the frame's differ."""
 
 

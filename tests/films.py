@@ -127,6 +127,18 @@ def films(**settings: Any) -> dict[str, Film]:
             LOOK,
             {"method": "pt-diff", "pt-diff": {"surfaces": "all"}},
         ),
+        "learned": (
+            room,
+            (clay, brass),
+            LOOK,
+            {"method": "oil", "oil": {"samples": 256, "models": 64, "region": 1.0}},
+        ),
+        "learned on a walk": (
+            _carried(room),
+            (plastic, mirror),
+            LOOK,
+            {"method": "oil", "oil": {"samples": 256, "models": 64, "surfaces": "all"}},
+        ),
         "nothing": (_clipped(_room(29, 15)), (), LOOK, {}),
     }
     return {

@@ -5,6 +5,8 @@
 // difference (Kan and Kaufmann's one-pass differential rendering); without it, only what objects hide
 // is traced (delta path tracing).
 // -D DISTANT_ENVIRONMENT relights the surfaces of one plane only.
+// -D LOCAL_REGION relights what lies within the boxes of objects, enlarged by this share (W. Lee et al.
+// 2022, section V).
 //
 // in   list, count    pixels to trace (y * width + x) and how many
 //      guide          7 planes (lib/gbuffer/guide.h): world normal, position, id
@@ -17,6 +19,20 @@
 #include "methods/path_tracing.h"
 #include "methods/traced.h"
 #include "world/real/irradiance.h"
+
+#ifdef LOCAL_REGION
+// Whether p lies in one of the boxes, of which `boxes` holds the lower and the upper corners.
+static inline int in_region(__global const float4 *restrict boxes, int count, float3 p)
+{
+    int inside = 0;
+    for (int i = 0; i < count; i++) {
+        const float3 low = boxes[2 * i].xyz, high = boxes[2 * i + 1].xyz;
+        const float3 from_middle = fabs(p - 0.5f * (low + high));
+        inside |= all(from_middle <= 0.5f * (1.0f + LOCAL_REGION) * (high - low));
+    }
+    return inside;
+}
+#endif
 
 TRACING_KERNEL void path_trace_real(
     TRACED_PARAMETERS,
@@ -42,14 +58,15 @@ TRACING_KERNEL void path_trace_real(
     start.n = start.viewer = at.n;
     start.albedo = (float3)(0.0f);
     start.material = -1;
-#ifdef DISTANT_ENVIRONMENT
+#ifdef LOCAL_REGION
+    const int traced = in_region(objects_bounds, objects_count, at.p) ? paths : 0;
+#elif defined(DISTANT_ENVIRONMENT)
     const int traced = on_plane(support_plane, at.p, at.n) ? paths : 0;
 #else
     const int traced = paths;
 #endif
     for (int path = 0; path < traced; path++) {
-        const PathSums sums = trace_pairs(world, start, environment_count, environment_samples,
-                                          support_plane, at.seed, first + path);
+        const PathSums sums = trace_pairs(world, start, at.seed, first + path, PATH_ARGUMENTS);
 #ifdef ONE_PASS
         hidden += sums.unoccluded - sums.passing;
 #else

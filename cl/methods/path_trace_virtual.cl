@@ -43,8 +43,7 @@ TRACING_KERNEL void path_trace_virtual(
     float3 diffuse_sum = (float3)(0.0f), specular_sum = (float3)(0.0f);
     int met = 0;
     for (int path = 0; path < paths; path++) {
-        const PathSums sums = trace_pairs(world, start, environment_count, environment_samples,
-                                          support_plane, at.seed, first + path);
+        const PathSums sums = trace_pairs(world, start, at.seed, first + path, PATH_ARGUMENTS);
         diffuse_sum += sums.diffuse;
         specular_sum += sums.specular;
         met |= sums.met;

@@ -16,8 +16,10 @@ from iprt.measure.bench import timed_together
 from iprt.measure.camera_motion import Turn
 from iprt.measure.compare import render_target, scored
 from iprt.measure.intervals import Ratio
+from iprt.measure.learned import Learned, learn_frame
 from iprt.measure.sweep import still_settings
 from iprt.measure.target import Radiance, Scores, Target, with_frames
+from iprt.methods.oil import OilSettings
 from iprt.output.display import display
 from iprt.output.grid import Grid
 from iprt.settings.overrides import Assignment, changed, resolved
@@ -34,6 +36,7 @@ Values = Mapping[str, Any]
 IPRT = "IPRT (Wu and Wang 2023)"
 DPT = "DPT (Xu et al. 2023)"
 NEI = "NEI (Rohmer et al. 2017)"
+OIL = "OIL (Lee et al. 2022)"
 
 
 @dataclass(frozen=True)
@@ -108,6 +111,7 @@ class Subject:
         self._scene, self._target, self._frame = scene, target, frame
         self._device, self._frames = device, frames
         self._pictures: dict[str, Radiance] = {}
+        self._learned: Learned | None = None
 
     def times(self, *variants: Values) -> list[list[float]]:
         """Milliseconds of the frames of each, which take turns while a head turns slowly."""
@@ -133,6 +137,15 @@ class Subject:
     def scores(self, values: Values) -> Scores:
         """Of the picture, against the truth."""
         return scored(self._target, self.picture(values), str(dict(values)))
+
+    def learned(self) -> Learned:
+        """What `oil` learns of the panorama in as many frames as are timed."""
+        if self._learned is None:
+            exposure = self._target.exposure
+            self._learned = learn_frame(
+                self._device, self._frame, OilSettings(), self._frames, exposure
+            )
+        return self._learned
 
     def likeness(self, values: Values, other: Values) -> float:
         """SSIM of two pictures as displayed."""
@@ -241,8 +254,33 @@ def _above_em(subject: Subject) -> Found:
     return Found(measured, all(a > b for a, b in pairs))
 
 
+def _finer_than_voxels(subject: Subject) -> Found:
+    found = subject.learned()
+    return Found(
+        f"RMSE {found.error:.4f}; voxels of {found.megabytes[-1]:.2f} MB or more: dense "
+        f"{found.dense_error:.4f}, only those with samples {found.sparse_error:.4f}",
+        found.error < found.dense_error,
+    )
+
+
+def _learns_fast(subject: Subject) -> Found:
+    ms = subject.learned().ms
+    return Found(f"{ms:.0f} ms for {OilSettings().samples} samples", ms < 100.0)
+
+
+def _flattens(subject: Subject) -> Found:
+    memory = subject.learned().megabytes
+    middle = memory[len(memory) // 2]
+    return Found(
+        f"{memory[0]:.2f} MB after the first frame, {middle:.2f} after half of them, "
+        f"{memory[-1]:.2f} after all {len(memory)}",
+        memory[-1] - middle < 0.5 * (middle - memory[0]),
+    )
+
+
 RTX_3080 = "RTX 3080, 1280x720"
 GTX_2080 = "GeForce 2080, 1024x1024"
+TITAN = "TITAN RTX"
 CLAIMS = (
     Claim(
         IPRT,
@@ -323,6 +361,27 @@ CLAIMS = (
         "by pictures (Figures 9 and 11)",
         _above_em,
         "",
+    ),
+    Claim(
+        OIL,
+        "Shows more detail than a voxel volume of at least equal memory",
+        "by pictures (Figure 10)",
+        _finer_than_voxels,
+        "the panorama has less detail than voxels of that size",
+    ),
+    Claim(
+        OIL,
+        "Learns in less than 100 ms per frame",
+        f"17 to 92 ms (section VII-C; {TITAN})",
+        _learns_fast,
+        "the device is slower",
+    ),
+    Claim(
+        OIL,
+        "Memory grows ever more slowly",
+        "364 to 416 MB after a thousand frames (Figure 11)",
+        _flattens,
+        "a panorama shows all surfaces from its first frame on",
     ),
 )
 

@@ -10,8 +10,8 @@ from iprt.settings.methods import MethodInfo, MethodSettings, Needs
 from iprt.settings.model import Settings
 
 
-class PathTracingSettings(MethodSettings):
-    """Path tracing of objects and of the real surfaces around them."""
+class PathSettings(MethodSettings):
+    """Paths."""
 
     bounces: int = Field(
         default=3,
@@ -20,6 +20,11 @@ class PathTracingSettings(MethodSettings):
         description="Surfaces that a path may meet, the one in the view included: 1 is direct "
         "light, and each further one costs less than the one before.",
     )
+
+
+class PathTracingSettings(PathSettings):
+    """Path tracing of objects and of the real surfaces around them."""
+
     surfaces: Literal["plane", "all"] = Field(
         default="plane",
         description="plane: the plane below the objects, in a panorama infinitely far away, as "

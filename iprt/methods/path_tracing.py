@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pyopencl import cltypes
 
 from iprt.device.compute import ComputeDevice
+from iprt.device.program import Define
 from iprt.filter.mask import Mask
 from iprt.gbuffer.guide import Guide, plane_defines
 from iprt.geometry.camera import View
@@ -62,6 +63,11 @@ class Environment:
                 self._kernel(
                     (cells,), lights.arguments(), samples_count=cells, samples=self._samples
                 )
+
+    @property
+    def defines(self) -> dict[str, Define]:
+        """`-D` variants of kernels whose paths know it."""
+        return {}
 
     def arguments(self) -> dict[str, Any]:
         """`PATH_PARAMETERS` of `cl/lib/methods/path_tracing.h`."""
@@ -132,7 +138,7 @@ class PathTraceReal:
         *,
         name: str,
         environment: Environment,
-        own: PathTracingSettings,
+        bounces: int,
         one_pass: bool,
     ) -> None:
         self._device, self._guide, self._features = device, guide, features
@@ -140,7 +146,7 @@ class PathTraceReal:
         layout = guide.layout
         self.signal = device.zeros(f"{name} signal", layout.shape(6))
         defines = plane_defines() | features.trace_defines()
-        defines |= {"MAX_BOUNCES": own.bounces, "ONE_PASS": one_pass}
+        defines |= {"MAX_BOUNCES": bounces, "ONE_PASS": one_pass} | environment.defines
         kernel = device.kernel("methods/path_trace_real.cl", "path_trace_real", defines)
         self._kernel = kernel.fixed(
             layout.arguments(),
@@ -193,7 +199,7 @@ class PathTraceVirtual:
         features: Features,
         *,
         environment: Environment,
-        own: PathTracingSettings,
+        bounces: int,
     ) -> None:
         self._device, self._guide, self._features = device, guide, features
         self._environment = environment
@@ -203,7 +209,8 @@ class PathTraceVirtual:
             self.diffuse = device.zeros("diffuse signal", layout.shape(3))
         if features.specular_signal:
             self.specular = device.zeros("specular signal", layout.shape(3))
-        defines = guide.defines(**features.trace_defines()) | {"MAX_BOUNCES": own.bounces}
+        defines = guide.defines(**features.trace_defines()) | {"MAX_BOUNCES": bounces}
+        defines |= environment.defines
         kernel = device.kernel("methods/path_trace_virtual.cl", "path_trace_virtual", defines)
         self._kernel = kernel.fixed(
             layout.arguments(),
@@ -251,7 +258,7 @@ class DeltaPathTracing(SparseMethod):
         super().__init__(setup)
 
     def tracers(self) -> Tracers:
-        shared: dict[str, Any] = {"environment": self.environment, "own": self._own}
+        shared: dict[str, Any] = {"environment": self.environment, "bounces": self._own.bounces}
         return Tracers(
             partial(PathTraceReal, one_pass=self.one_pass, **shared),
             partial(PathTraceVirtual, **shared),

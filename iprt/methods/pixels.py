@@ -147,9 +147,9 @@ class ReflectingPixels:
         kinds += ["diffuse"] if features.diffuse_signal else []
         self._signals += [Signal(kind, kind, guide) for kind in kinds]
         self._filter = SignalFilter(device, self._signals, settings, published=published)
-        self._reflections = (
-            ReflectionMotion(device, guide) if features.specular_signal and not published else None
-        )
+        # Tracers that do not know how far away reflections are have them taken as painted on.
+        moving = self._trace.hit is not None and not published
+        self._reflections = ReflectionMotion(device, guide) if moving else None
         self.change: cla.Array | None = None
         self.diffuse: cla.Array | None = None
         self.specular: cla.Array | None = None

@@ -60,6 +60,9 @@ BUFFERS: Mapping[str, Label] = {
     "hit_distance": Label("Reflection distance", "How far away what objects reflect is."),
     "history_length": Label("Frames averaged", "How many frames each pixel is the mean of."),
     "variance": Label("Noise", "How noisy each pixel is before the filter."),
+    "learned": Label(
+        "Learned light", "What the method oil has learned of the light that real surfaces send."
+    ),
 }
 """All of `iprt.viewer.lens.BUFFERS`."""
 

@@ -40,6 +40,7 @@ BUFFERS: Mapping[str, Appearance] = {
     "hit_distance": "distance",
     "history_length": "count",
     "variance": "count",
+    "learned": "radiance",
 }
 """How the values of an auxiliary picture become colours: all of `iprt.aovs.AOVS`, by name."""
 UNITS = {"depth": "m", "motion": "px", "hit_distance": "m", "history_length": "frames"}

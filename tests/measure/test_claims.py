@@ -13,6 +13,7 @@ from iprt import cli
 from iprt.measure import claims
 from iprt.measure.claims import CLAIMS, Claim, Found, Subject, Verdict, claims_grid
 from iprt.measure.intervals import Ratio
+from iprt.measure.learned import Learned
 from iprt.measure.target import Scores
 from iprt.settings.methods import methods
 from iprt.settings.overrides import all_settings
@@ -22,8 +23,11 @@ from tests.measure.tiny import write_tiny
 class Known:
     """A subject whose times and scores follow from the settings, and that keeps what was asked."""
 
-    def __init__(self, ms: dict[str, float], ssim: dict[str, float]) -> None:
+    def __init__(
+        self, ms: dict[str, float], ssim: dict[str, float], learned: Learned | None = None
+    ) -> None:
         self._ms, self._ssim = ms, ssim
+        self._learned = learned or Learned(0.1, 0.2, 0.05, (1.0, 2.0, 2.1), 50.0, 1.0)
         self.asked: list[dict[str, Any]] = []
 
     def _of(self, values: dict[str, Any], table: dict[str, float]) -> float:
@@ -41,14 +45,19 @@ class Known:
         ssim = self._of(values, self._ssim)
         return Scores(ssim, (ssim, ssim - 0.1), 30.0, 0.0, 1.0 - ssim, None)
 
+    def learned(self) -> Learned:
+        return self._learned
+
     def likeness(self, values: dict[str, Any], other: dict[str, Any]) -> float:
         self.asked += [values, other]
         return 0.97
 
 
-def found(text: str, ms: dict[str, float], ssim: dict[str, float]) -> Found:
+def found(
+    text: str, ms: dict[str, float], ssim: dict[str, float], learned: Learned | None = None
+) -> Found:
     (claim,) = (claim for claim in CLAIMS if claim.text.startswith(text))
-    return claim.measure(cast(Subject, Known(ms, ssim)))
+    return claim.measure(cast(Subject, Known(ms, ssim, learned)))
 
 
 def test_times_decide() -> None:
@@ -85,6 +94,14 @@ def test_pictures_decide() -> None:
         assert found("Light varies", {}, {'"dit"': ours, '"em"': 0.9}).holds == holds
     assert found("No more error", {}, {"pt-diff": 0.9, "dpt": 0.902}).holds
     assert not found("No more error", {}, {"pt-diff": 0.9, "dpt": 0.8}).holds
+
+
+def test_what_was_learned_decides() -> None:
+    poor = Learned(0.3, 0.2, 0.05, (1.0, 1.5, 2.0), 150.0, 1.0)
+    for text in ("Shows more detail", "Learns in less", "Memory grows ever"):
+        assert found(text, {}, {}).holds
+        assert not found(text, {}, {}, poor).holds
+    assert "50 ms" in found("Learns in less", {}, {}).measured
 
 
 def test_claims_are_of_installed_methods_and_settings() -> None:

@@ -1,0 +1,112 @@
+// Radiance of real surfaces as learned from a video: local linear models, W. Lee et al., "Online
+// Illumination Learning for Interactive Global Illumination in Augmented Reality" (IEEE Access 2022).
+//
+// A model is MODEL_PARTS float4, in the axes of the world:
+//   centre, bandwidth | normal, samples learned | radiance at the centre, sum of weights |
+//   slope along the first tangent, sum of squared errors | along the second, 0
+// Slopes are per search radius. Tangents are those of build_frame().
+//
+// Models are kept in a uniform grid, whose cells are as wide as the search radius. A cell lists those
+// that reach it. Its place in the table is that of its coordinates modulo the grid's size, so that the
+// grid has no end: what shares a place is far apart, and the distance tells it apart.
+#ifndef IPRT_LEARNED_H
+#define IPRT_LEARNED_H
+
+#include "maths/maths.h"
+#include "maths/sampling.h"
+
+#define MODEL_PARTS 5
+#define SAMPLE_PARTS 3
+// Cells of the table along each axis, powers of two.
+#define GRID_X 32
+#define GRID_Y 16
+#define GRID_Z 32
+// A model takes part where its weight is as much, epsilon of section IV-A.
+#define LEAST_WEIGHT 0.1f
+// ... and the surface faces as its own: cosine.
+#define ALIKE_NORMAL 0.7f
+// Models are asked once they have learned so many samples.
+#define ASKED_FROM 8.0f
+
+typedef struct {
+    __global const float4 *models;
+    __global const int *start;       // of each cell's part of `list`, and the end of the last one's
+    __global const int *list;        // numbers of models
+    __global const float *pose;      // 3 x 4, row by row: from the capture centre's axes to the world's
+    float inverse_radius;            // 1 / metres
+} Learned;
+
+#define LEARNED_PARAMETERS                                                                         \
+    __global const float4 *restrict learned_models, __global const int *restrict learned_start,    \
+        __global const int *restrict learned_list, __global const float *restrict learned_pose,    \
+        const float learned_inverse_radius
+
+#define LEARNED                                                                                    \
+    (Learned)                                                                                      \
+    {                                                                                              \
+        learned_models, learned_start, learned_list, learned_pose, learned_inverse_radius          \
+    }
+
+static inline float3 to_world(__global const float *pose, float3 v, float w)
+{
+    return (float3)(pose[0] * v.x + pose[1] * v.y + pose[2] * v.z + pose[3] * w,
+                    pose[4] * v.x + pose[5] * v.y + pose[6] * v.z + pose[7] * w,
+                    pose[8] * v.x + pose[9] * v.y + pose[10] * v.z + pose[11] * w);
+}
+
+// Coordinates of the cell of a point; a point that is not finite has some cell, too.
+static inline int3 grid_cell(float3 p, float inverse_radius)
+{
+    return convert_int3_sat_rtn(p * inverse_radius);
+}
+
+static inline int grid_place(int3 cell)
+{
+    return ((cell.z & (GRID_Z - 1)) * GRID_Y + (cell.y & (GRID_Y - 1))) * GRID_X
+        + (cell.x & (GRID_X - 1));
+}
+
+// Weight of a model at a distance of d from its centre (Eq. 3).
+static inline float model_weight(float3 d, float bandwidth)
+{
+    return exp(-0.5f * dot(d, d) / (bandwidth * bandwidth));
+}
+
+// The weighted mean of what the models around p, in the world, predict (Eq. 4), times the sum of their
+// weights, which is the fourth. `greatest`: the greatest weight of any model there, asked or not.
+static inline float4 ask_around(const Learned learned, float3 p, float3 n, float *greatest)
+{
+    const int place = grid_place(grid_cell(p, learned.inverse_radius));
+    const int end = learned.start[place + 1];
+    float4 sum = (float4)(0.0f);
+    *greatest = 0.0f;
+    for (int i = learned.start[place]; i < end; i++) {
+        __global const float4 *model = learned.models + MODEL_PARTS * learned.list[i];
+        const float4 centre = model[0], facing = model[1];
+        const float3 d = p - centre.xyz;
+        const float weight = model_weight(d, centre.w);
+        if (!(weight >= LEAST_WEIGHT && dot(facing.xyz, n) >= ALIKE_NORMAL))
+            continue;
+        *greatest = fmax(*greatest, weight);
+        if (facing.w < ASKED_FROM)
+            continue;
+        const Frame frame = build_frame(facing.xyz);
+        const float x = dot(d, frame.x) * learned.inverse_radius;
+        const float y = dot(d, frame.y) * learned.inverse_radius;
+        const float3 predicted = model[2].xyz + x * model[3].xyz + y * model[4].xyz;
+        sum += weight * (float4)(fmax(predicted, 0.0f), 1.0f);
+    }
+    return sum;
+}
+
+// What was learned of the radiance at p, with normal n, both in the axes of the capture centre; w: 1,
+// or 0 where nothing was.
+static inline float4 learned_radiance(const Learned learned, float3 p, float3 n)
+{
+    float greatest;
+    const float4 sum = ask_around(learned, to_world(learned.pose, p, 1.0f),
+                                  to_world(learned.pose, n, 0.0f), &greatest);
+    return sum.w > 0.0f ? (float4)(sum.xyz / sum.w, 1.0f) : (float4)(0.0f);
+}
+
+#endif

@@ -1,0 +1,299 @@
+"""Radiance of real surfaces, learned online: local linear models in a uniform grid."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from iprt.device.compute import ComputeDevice
+from iprt.files.kernel_source import constant
+from iprt.world.real.panorama import Panorama
+
+Float = NDArray[np.float32]
+
+HEADER = "lib/methods/learned.h"
+MODEL_PARTS = constant(HEADER, "MODEL_PARTS")
+SAMPLE_PARTS = constant(HEADER, "SAMPLE_PARTS")
+GRID = tuple(constant(HEADER, f"GRID_{axis}") for axis in "XYZ")
+"""Cells of the table along each axis."""
+CELLS = GRID[0] * GRID[1] * GRID[2]
+MOST_PLACES = 27
+"""Cells that a model may reach."""
+LEAST_WEIGHT, ALIKE_NORMAL = 0.1, 0.7
+"""As in `cl/lib/methods/learned.h`."""
+WIDEST = 1.0 / np.sqrt(-2.0 * np.log(LEAST_WEIGHT))
+"""Bandwidth of a model that reaches as far as the search radius, over this."""
+
+LEAST_REACH = 0.1
+"""How far a new model reaches at least, over the search radius."""
+PRIOR = 1e-5
+"""Inverse of the diagonal of the first P (section IV-A)."""
+FIRST_FORGETTING = 0.97
+"""Forgetting factor of a model's first sample (section IV-A)."""
+RATE = 1.0
+"""Of the gradient descent. The paper's is in its supplement."""
+SLOPES_PENALTY = 1e-3
+"""γ_1 of Eq. 8, of coefficients over the search radius."""
+BANDWIDTH_PENALTY = 1e-10
+"""γ_2 of Eq. 8, of bandwidths in metres of a room."""
+
+
+@dataclass(frozen=True)
+class Learning:
+    """Parameters of a learner.
+
+    Attributes
+    ----------
+    radius : float
+        Search radius, metres.
+    metre : float
+        What is a metre in a room, metres.
+    unit : float
+        Radiance that errors are relative to, together with the model's own.
+    forgetting, first_forgetting : float
+        Forgetting factor in the end, and of a model's first sample.
+    rate : float
+        Of the gradient descent of bandwidths; 0: they stay.
+    slopes_penalty : float
+        γ_1.
+    """
+
+    radius: float
+    metre: float = 1.0
+    unit: float = 1.0
+    forgetting: float = 0.999
+    first_forgetting: float = FIRST_FORGETTING
+    rate: float = RATE
+    slopes_penalty: float = SLOPES_PENALTY
+
+
+class Learner:
+    """Local linear models of the radiance of real surfaces (Lee et al. 2022, section IV).
+
+    Parameters
+    ----------
+    samples : int
+        That are learned at a time.
+    capacity : int
+        Models that there may be.
+
+    Attributes
+    ----------
+    count : int
+        Models that there are.
+    learned : int
+        Samples that were drawn from panoramas so far.
+    """
+
+    def __init__(self, device: ComputeDevice, samples: int, capacity: int) -> None:
+        self._device, self._samples, self._capacity = device, samples, capacity
+        self.count = self.learned = 0
+        self._models = device.zeros("learned models", (capacity, MODEL_PARTS, 4))
+        self._information = device.zeros("learned information", (capacity, 6))
+        self._start = device.zeros("learned cells", (CELLS + 1,), np.int32)
+        self._list = device.zeros("learned places", (MOST_PLACES * capacity,), np.int32)
+        self._pose = device.upload("learned pose", np.eye(4, dtype=np.float32)[:3].ravel())
+        self._sample_start = device.zeros("sample cells", (CELLS + 1,), np.int32)
+        self._drawn = device.zeros("samples", (samples, SAMPLE_PARTS, 4))
+        self._predicted = device.zeros("predicted samples", (samples, 4))
+        self._greatest = device.zeros("covered samples", (samples,))
+        self._draw = device.kernel("methods/draw_samples.cl", "draw_samples").fixed(
+            count=samples, pose=self._pose, samples=self._drawn
+        )
+        defines = {"PRIOR": PRIOR}
+        self._learn = device.kernel("methods/learn_models.cl", "learn_models", defines).fixed(
+            start=self._sample_start,
+            samples=self._drawn,
+            models=self._models,
+            information=self._information,
+        )
+        self._ask = device.kernel("methods/ask_models.cl", "ask_models").fixed(
+            samples=self._drawn, predicted=self._predicted, greatest=self._greatest
+        )
+        self._inverse_radius = 0.0
+        self._places = 0
+
+    def arguments(self) -> dict[str, Any]:
+        """`LEARNED_PARAMETERS` of `cl/lib/methods/learned.h`."""
+        return {
+            "learned_models": self._models,
+            "learned_start": self._start,
+            "learned_list": self._list,
+            "learned_pose": self._pose,
+            "learned_inverse_radius": self._inverse_radius,
+        }
+
+    def models(self) -> Float:
+        """(count, MODEL_PARTS, 4) as in `cl/lib/methods/learned.h`."""
+        read: Float = self._device.read(self._models)[: self.count]
+        return read
+
+    @property
+    def nbytes(self) -> int:
+        """Of the models, what is known of each, and their places in the grid."""
+        model = 4 * (4 * MODEL_PARTS + 6)
+        return model * self.count + 4 * (self._places + CELLS + 1)
+
+    def forget(self) -> None:
+        """Begin anew."""
+        self.count = self._places = 0
+        self._device.fill_zero(self._start)
+
+    def place(self, pose: NDArray[np.float64] | None) -> None:
+        """Where the capture centre is: (4, 4) to the world's axes; None: these are its own."""
+        rows = (np.eye(4) if pose is None else pose)[:3]
+        self._device.write(self._pose, rows.astype(np.float32).ravel())
+
+    def draw(self, panorama: Panorama) -> Float:
+        """The next samples of a panorama, (N, SAMPLE_PARTS, 4) as in `draw_samples.cl`."""
+        self._draw(
+            (self._samples,),
+            width=panorama.width,
+            height=panorama.height,
+            first=self.learned,
+            surface=panorama.surface,
+            radiance=panorama.radiated,
+        )
+        # The kernel takes it as a signed number, which may not run over.
+        self.learned = (self.learned + self._samples) % 2**30
+        drawn: Float = self._device.read(self._drawn)
+        return drawn
+
+    def learn(self, samples: Float, how: Learning) -> None:
+        """Update the models that samples lie in, and add models where none does.
+
+        Parameters
+        ----------
+        samples : (N, SAMPLE_PARTS, 4) float32
+            As `draw` returns them; those that are no surfaces or not finite are left out.
+        how : Learning
+        """
+        device = self._device
+        self._inverse_radius = float(np.float32(1.0 / how.radius))
+        known = (samples[:, 1, 3] > 0.0) & np.isfinite(samples).all(axis=(1, 2))
+        samples = samples[known][: self._samples]
+        if not len(samples):
+            return
+        cell = _place(self._cell(samples[:, 0, :3]))
+        order = np.argsort(cell, kind="stable")
+        samples = samples[order]
+        device.write(self._sample_start, _starts(cell))
+        _, greatest = self._asked(samples)
+        self._create(samples[~(greatest >= LEAST_WEIGHT)], how)
+        if self.count:
+            self._learn(
+                (self.count,),
+                count=self.count,
+                radius=how.radius,
+                first_forgetting=min(how.first_forgetting, how.forgetting),
+                last_forgetting=how.forgetting,
+                unit=how.unit,
+                rate=how.rate,
+                slopes_penalty=how.slopes_penalty,
+                bandwidth_penalty=BANDWIDTH_PENALTY * (how.metre / how.radius) ** 4,
+            )
+        self._index(how.radius)
+
+    def ask(self, samples: Float) -> tuple[Float, NDArray[np.bool_]]:
+        """What was learned where samples are, of which there are no more than are drawn.
+
+        Returns
+        -------
+        radiance : (N, 3) float32
+        known : (N,) bool
+            Where something was learned; elsewhere `radiance` is 0.
+        """
+        predicted, _ = self._asked(samples)
+        return predicted[:, :3], predicted[:, 3] > 0.0
+
+    def _asked(self, samples: Float) -> tuple[Float, Float]:
+        """(N, 4) and (N,) of `ask_models.cl`; the device then holds the samples."""
+        device, count = self._device, len(samples)
+        padded = np.zeros(self._drawn.shape, np.float32)
+        padded[:count] = samples
+        device.write(self._drawn, padded)
+        self._ask((count,), self.arguments(), count=count)
+        return device.read(self._predicted)[:count], device.read(self._greatest)[:count]
+
+    def _cell(self, points: Float) -> NDArray[np.int64]:
+        """(..., 3) coordinates of the cells of points, as `grid_cell` computes them."""
+        scaled = points * np.float32(self._inverse_radius)
+        cells: NDArray[np.int64] = np.floor(np.clip(scaled, -(2.0**31), 2.0**31 - 1.0)).astype(int)
+        return cells
+
+    def _create(self, samples: Float, how: Learning) -> None:
+        """Models at samples that none covers, each where the ones before do not cover it."""
+        chosen = _thinned(samples, how.radius)[: self._capacity - self.count]
+        if not len(chosen):
+            return
+        new = slice(self.count, self.count + len(chosen))
+        models, information = (
+            self._device.read(buffer) for buffer in (self._models, self._information)
+        )
+        # Between models that have shrunk, a new one reaches no farther than the nearest of them.
+        reach = np.full(len(chosen), how.radius)
+        if self.count:
+            known = cKDTree(models[: self.count, 0, :3])
+            nearest = known.query(chosen[:, 0, :3], distance_upper_bound=how.radius)[0]
+            reach = np.clip(nearest, LEAST_REACH * how.radius, how.radius)
+        models[new] = 0.0
+        models[new, 0, :3] = chosen[:, 0, :3]
+        models[new, 0, 3] = WIDEST * reach
+        models[new, 1, :3] = chosen[:, 1, :3]
+        information[new] = np.array([PRIOR, 0.0, 0.0, PRIOR, 0.0, PRIOR], np.float32)
+        self._device.write(self._models, models)
+        self._device.write(self._information, information)
+        self.count = new.stop
+
+    def _index(self, radius: float) -> None:
+        """List in each cell the models that reach it."""
+        models = self.models()
+        centre, reach = models[:, 0, :3], models[:, 0, 3] / WIDEST
+        low = self._cell(centre - reach[:, None])
+        steps = np.stack(np.meshgrid(*[np.arange(3)] * 3, indexing="ij"), -1).reshape(-1, 3)
+        cells = low[:, None] + steps
+        # A little farther, as kernels round otherwise.
+        nearest = np.clip(centre[:, None], cells * radius, (cells + 1) * radius)
+        apart = np.linalg.norm(nearest - centre[:, None], axis=-1)
+        model, step = np.nonzero(apart <= 1.001 * reach[:, None])
+        place = _place(cells[model, step])
+        order = np.argsort(place, kind="stable")
+        listed = np.zeros(self._list.shape, np.int32)
+        listed[: len(order)] = model[order]
+        self._places = len(order)
+        self._device.write(self._list, listed)
+        self._device.write(self._start, _starts(place))
+
+
+def _place(cell: NDArray[np.int64]) -> NDArray[np.int64]:
+    """(N,) places in the table of cells (N, 3), as `grid_place` computes them."""
+    wrapped = cell & (np.array(GRID) - 1)
+    place: NDArray[np.int64] = wrapped @ np.array([1, GRID[0], GRID[0] * GRID[1]])
+    return place
+
+
+def _starts(place: NDArray[np.int64]) -> NDArray[np.int32]:
+    """(CELLS + 1,) where the part of each cell begins in a list that is sorted by places."""
+    counts: NDArray[np.int64] = np.bincount(place, minlength=CELLS)
+    return np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
+
+
+def _thinned(samples: Float, radius: float) -> Float:
+    """Samples in their order, without those within the radius of one before that faces alike."""
+    if not len(samples):
+        return samples
+    points, normals = samples[:, 0, :3].astype(np.float64), samples[:, 1, :3]
+    around = cKDTree(points)
+    left = np.ones(len(samples), bool)
+    chosen = []
+    for i in range(len(samples)):
+        if not left[i]:
+            continue
+        chosen.append(i)
+        near = np.asarray(around.query_ball_point(points[i], radius))
+        left[near[normals[near] @ normals[i] >= ALIKE_NORMAL]] = False
+    return samples[chosen]
