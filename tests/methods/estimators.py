@@ -38,7 +38,7 @@ from tests.worlds import Float, landscape_frame, sphere_frame
 
 Estimator = Literal[
     "delta, aimed", "delta, even", "ratio", "em, aimed", "em, even",
-    "dpt, aimed", "dpt, even", "pt-diff, aimed", "pt-diff, even",
+    "dpt, aimed", "dpt, even", "pt-diff, aimed", "pt-diff, even", "vct, even",
 ]  # fmt: skip
 Around = Literal["plain", "sphere"]
 ESTIMATORS: tuple[Estimator, ...] = ("delta, aimed", "delta, even", "ratio")
