@@ -52,6 +52,7 @@ FEW: dict[str, Any] = {
     "atrous": {"levels": 2},
     "gloss": {"rays": 2},
 }
+FEW_VOXELS: dict[str, Any] = {"voxels": 16, "object_voxels": 16}
 SEEN_ONLY: dict[str, Any] = {"iprt": {"relight_reflections": False}}
 """Without the map of what objects do off screen, which takes longer than these pictures."""
 LAYERS: dict[str, Any] = {
@@ -138,6 +139,13 @@ def films(**settings: Any) -> dict[str, Film]:
             (plastic, mirror),
             LOOK,
             {"method": "oil", "oil": {"samples": 256, "models": 64, "surfaces": "all"}},
+        ),
+        "cones": (room, (textured, plastic, mirror), LOOK, {"method": "vct", "vct": FEW_VOXELS}),
+        "cones around": (
+            _landscape(),
+            (clay,),
+            AROUND,
+            {"method": "vct", "vct": {**FEW_VOXELS, "anisotropic": False}},
         ),
         "nothing": (_clipped(_room(29, 15)), (), LOOK, {}),
     }

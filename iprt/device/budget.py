@@ -12,6 +12,9 @@ REMEDIES = {
     "equirect layer": "use a smaller panorama",
     "irradiance": "lower irradiance.rows",
     "ratio map": "lower iprt.ratio_rows",
+    "scene voxels": "lower vct.voxels",
+    "object voxels": "lower vct.object_voxels",
+    "prefiltered ": "use a smaller panorama",
     "bvh ": "use simpler meshes and textures",
 }
 """How the names of buffers start -> what makes them smaller; all others have the picture's size."""

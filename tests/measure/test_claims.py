@@ -68,6 +68,8 @@ def test_times_decide() -> None:
     for mixed, holds in ((1.04, True), (1.06, False)):
         ms = {"dpt": mixed, '"trace.light_sampling": false': 1.0}
         assert found("Multiple importance", ms, {}).holds == holds
+    for cones, holds in ((1.5, True), (0.9, False)):
+        assert found("Voxel cone tracing takes", {"em": 1.0, "vct": cones}, {}).holds == holds
     line = {f'bounces": {count}': 10.0 + count for count in (3, 5, 7, 10)}
     assert found("Time grows", line, {}).holds
     assert not found("Time grows", {**line, 'bounces": 10': 25.0}, {}).holds
@@ -93,6 +95,8 @@ def test_pictures_decide() -> None:
     for ours, holds in ((0.91, True), (0.89, False)):
         assert found("Light varies", {}, {'"dit"': ours, '"em"': 0.9}).holds == holds
     assert found("No more error", {}, {"pt-diff": 0.9, "dpt": 0.902}).holds
+    assert found("Voxel cone tracing varies", {}, {"em": 0.8, "vct": 0.9}).holds
+    assert not found("Voxel cone tracing varies", {}, {"em": 0.9, "vct": 0.8}).holds
     assert not found("No more error", {}, {"pt-diff": 0.9, "dpt": 0.8}).holds
 
 
@@ -109,7 +113,7 @@ def test_claims_are_of_installed_methods_and_settings() -> None:
     for claim in CLAIMS:
         claim.measure(cast(Subject, known))
     methods_asked = {values["method"] for values in known.asked}
-    assert methods_asked == {"iprt2023", "ibl", "dpt", "pt-diff", "dit", "em"}
+    assert methods_asked == {"iprt2023", "ibl", "dpt", "pt-diff", "dit", "em", "vct"}
     for values in known.asked:
         assert values["method"] in methods()
         assert set(values) <= set(all_settings())
