@@ -75,7 +75,7 @@ def test_times_decide() -> None:
     assert not found("Time grows", {**line, 'bounces": 10': 25.0}, {}).holds
     for ours, holds in ((1.3, True), (1.6, False), (0.9, False)):
         assert found("Environment mapping costs", {'"dit"': ours, '"em"': 1.0}, {}).holds == holds
-    for many, holds in ((2.0, True), (8.0, False)):
+    for many, holds in ((9.0, True), (10.0, False)):
         ms = {'"cached"': 1.0, '"cached", "trace.rays": 128': many}
         ms |= {'"all"': 1.0, '"all", "trace.rays": 128': 10.6}
         told = found("The cache of directions", ms, {})
