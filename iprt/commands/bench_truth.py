@@ -18,7 +18,7 @@ from iprt.errors import IprtError
 from iprt.files.atomic import require_writable
 from iprt.files.termination import at_termination
 from iprt.files.wording import counted
-from iprt.measure.claims import CLAIMS, Verdict, claims_grid, run_claims
+from iprt.measure.claims import Verdict, claims_grid, run_claims
 from iprt.measure.convergence import Curve, parse_counts, run_convergence
 from iprt.measure.convergence_report import convergence_grid, convergence_plots, reach_grid
 from iprt.measure.equal_time import (
@@ -30,6 +30,7 @@ from iprt.measure.equal_time import (
     run_equal_time,
 )
 from iprt.measure.protocol import provenance, provenance_line
+from iprt.measure.published import CLAIMS
 from iprt.measure.report import Report
 from iprt.measure.sweep import Combination, Outcome, frames_per_view, run_sweep
 from iprt.measure.sweep_report import passes_grid, sweep_figures, sweep_grid, sweep_plots
@@ -244,7 +245,7 @@ def measure_claims(plan: Plan, frames: int, output: Output) -> int:
     total = len(plan.targets) * len(CLAIMS)
     with printed_at_last(verdicts, finish), progress_bar("measuring", total) as progress:
         for verdict in run_claims(
-            plan.scene, plan.targets, device=plan.device, frames=frames, progress=progress
+            plan.scene, plan.targets, CLAIMS, device=plan.device, frames=frames, progress=progress
         ):
             verdicts.append(verdict)
             report.grids = [claims_grid(verdicts)]

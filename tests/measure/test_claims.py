@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 from iprt import cli
-from iprt.measure import claims
-from iprt.measure.claims import CLAIMS, Claim, Found, Subject, Verdict, claims_grid
+from iprt.commands import bench_truth
+from iprt.measure.claims import Claim, Found, Subject, Verdict, claims_grid
 from iprt.measure.intervals import Ratio
 from iprt.measure.learned import Learned
+from iprt.measure.published import CLAIMS
 from iprt.measure.target import Scores
 from iprt.settings.methods import methods
 from iprt.settings.overrides import all_settings
@@ -132,7 +133,7 @@ def test_a_view_is_measured(
 ) -> None:
     """The one about image-based lighting, from files to JSON and a page."""
     folder = write_tiny(tmp_path / "room", "near")
-    monkeypatch.setattr(claims, "CLAIMS", CLAIMS[:2])
+    monkeypatch.setattr(bench_truth, "CLAIMS", CLAIMS[:2])
     page = tmp_path / "page.html"
     words = ["bench", str(folder), "--claims", "--frames", "2", "--device", "pocl"]
     assert cli.main([*words, "--json", "--html", str(page)]) == 0
