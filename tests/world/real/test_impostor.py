@@ -268,11 +268,9 @@ def test_refinement_converges_to_what_a_ray_meets(device: ComputeDevice, of: str
         assert (kind == SURFACE).all()
         np.testing.assert_allclose(p, o - CENTRE + t[:, None] * d, atol=1e-4)
         errors.append(np.quantile(np.abs(t / true - 1.0), 0.8))
-    print(of, [f"{e:.5f}" for e in errors])
-    for before, after in pairwise(errors[:5]):
+    for before, after in pairwise(errors[:4]):
         assert after < 0.7 * before
-    assert errors[4] < 2e-3
-    assert errors[5] < 1e-3
+    assert max(errors[3:]) < 1e-3
 
 
 def test_rays_from_the_centre_need_no_refinement(device: ComputeDevice) -> None:
