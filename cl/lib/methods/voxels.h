@@ -115,9 +115,9 @@ static inline float4 blend_voxels(__global const float4 *voxels, const VoxelTaps
         + taps.weights.z * voxels[taps.below_a] + taps.weights.w * voxels[taps.below_b];
 }
 
-// The level whose voxels are at most a quarter as wide as a cone `t` metres on, as layers of wider ones that
-// hide the same part of it would add up, and at most as wide as the surface that it starts
-// from lets them be.
+// The level whose voxels are at most a quarter as wide as a cone `t` metres on, as layers of wider ones
+// that hide the same part of it would add up, and at most as wide as the surface that it starts from lets
+// them be.
 static inline int cone_level(const Voxels voxels, const Cone cone, float t)
 {
     const float wide = fmin(0.5f * cone.slope * t, (cone.lift + cone.rise * t) / CONE_CLEARANCE);
