@@ -87,16 +87,20 @@ def met_by_brute_force(surface: Float, centre: Float, d: Float) -> tuple[Float, 
     return found, last
 
 
-def test_the_nearest_surface_wins(device: ComputeDevice) -> None:
-    side, frame = 14, PILLARED.frame(64, 32)
+@pytest.mark.parametrize("up", [1.0, -1.0])
+def test_the_nearest_surface_wins(device: ComputeDevice, up: float) -> None:
+    """Above what it hides in the panorama, or below."""
+    centre = (CENTRE[0], up * CENTRE[1], CENTRE[2])
+    world = World(solids=(Box((-0.8, -0.4 * up, -1.5), (0.25, 1.0, 0.2)),))
+    side, frame = 14, world.frame(64, 32)
     depth = np.repeat(frame.depth[..., None], 3, -1)
     panorama = panorama_of(device, replace(frame, color=depth))
     with mock.patch.object(Impostor, "fill"):
-        texels = faces(device, placed(device, panorama, side=side), side).reshape(-1, 4)
+        texels = faces(device, placed(device, panorama, centre, side=side), side).reshape(-1, 4)
     found = texels[:, 3]
     surface = device.read(panorama.surface).astype(np.float64)
     d = texel_directions(side).reshape(-1, 3)
-    wanted, last = met_by_brute_force(surface, np.array(CENTRE), d)
+    wanted, last = met_by_brute_force(surface, np.array(centre), d)
     # Behind the pillar nothing was seen.
     assert 10 < (wanted < 0.0).sum() < 200
     # Rows of the panorama are curved, and outlines of texels straight.
@@ -108,7 +112,7 @@ def test_the_nearest_surface_wins(device: ComputeDevice) -> None:
     assert hiding.sum() > 5
     assert same[hiding].mean() > 0.9
     # Its colour is its own: here, how far it is from the camera.
-    seen = np.linalg.norm(np.array(CENTRE) + d[both] / wanted[both][:, None], axis=1)
+    seen = np.linalg.norm(np.array(centre) + d[both] / wanted[both][:, None], axis=1)
     off = np.abs(texels[both, 0] / seen - 1.0)
     assert np.quantile(off[hiding], 0.7) < 0.05
 
