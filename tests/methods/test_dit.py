@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -19,8 +20,9 @@ from tests.kernels.wrap import evaluate
 from tests.methods.estimators import Around, Estimator, confirm, furnace, kernels, lamps
 from tests.methods.test_em import CLAY, windowed
 from tests.methods.test_estimators import BALL, LAMP, RUNS, as_large, ball_factor, box_of
+from tests.oracles.worlds import Box, World
 from tests.rendering import render
-from tests.worlds import Float, ball, sphere_frame
+from tests.worlds import Float, ball, bright_walls, room_frame, sphere_frame
 
 LOOK = View(48, 36, pitch_deg=-35.0)
 MIRROR = Material("conductor", (0.9, 0.8, 0.7), alpha=0.0)
@@ -98,6 +100,32 @@ def test_only_as_many_rays_as_the_cache_holds(device: ComputeDevice) -> None:
     assert close.sum() > 10
     assert one[:, close].std(0).mean() > 2.0 * all_of_them[:, close].std(0).mean()
     assert one[:, close].mean() == pytest.approx(all_of_them[:, close].mean(), rel=0.05)
+
+
+@pytest.mark.parametrize("directions", ["cached", "boxes"])
+def test_nothing_changes_behind_what_hides_the_objects(
+    device: ComputeDevice, directions: str
+) -> None:
+    """The floor below a table gets no light from a ball above it, and keeps its own."""
+    table = Box((0.1, -0.55, -1.2), (0.5, 0.03, 0.4))
+    at, radius = np.array([0.1, -0.3, -1.2]), 0.12
+    frame = room_frame(World(solids=(table,)), 256, 128, bright_walls)
+    own = {"directions": directions, "cache": 64}
+    view = View(28, 28, pitch_deg=-45.0, fov_y_deg=70.0)
+    objects = [ball(tuple(at), radius, LAMP)]
+    with kernels(device, frame, objects, "dit, even", view=view, own=own) as run:
+        points, _ = run.receivers()
+        change = np.abs(run.parts(0, 256)).max(axis=(-1, -2))
+    ends = at + radius * np.array(list(product((-1.0, 1.0), repeat=3)))
+    hidden = np.ones(points.shape[:2], bool)
+    for end in ends:
+        enters, leaves, *_ = table.interval(points, end - points)
+        hidden &= (enters > 0.01) & (enters < leaves) & (leaves < 1.0)
+    assert hidden.sum() > 20
+    assert not change[hidden].any()
+    on_top = np.abs(points[..., 1] + 0.52) < 0.01
+    assert on_top.sum() > 20
+    assert (change[on_top] > 0.0).mean() > 0.9
 
 
 def test_boxes_are_met_as_slabs_say(device: ComputeDevice) -> None:

@@ -121,6 +121,12 @@ static inline ALWAYS_INLINE PathResult trace_path(
     result.distance = INFINITY;
     result.real = result.arriving = (float3)(0.0f);
     float3 throughput = (float3)(1.0f);
+#if defined(DELTA) && defined(IMPOSTOR)
+    // What hides a real surface from the middle of the objects is in the way of its rays towards them; the
+    // map does not show it from behind.
+    if (impostor_hides(world.real.impostor, o - world.real.impostor.centre))
+        return result;
+#endif
 #ifdef GLOSS
     int reflected = 0;
 #endif

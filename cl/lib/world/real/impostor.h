@@ -10,6 +10,9 @@
 #include "maths/cube.h"
 #include "world/real/panorama.h"
 
+// Points this many times as far from the centre as what it sees in their direction are hidden from it.
+#define IMPOSTOR_HIDDEN 1.25f
+
 typedef struct {
     __global const float4 *texels;   // [6 * side * side] rgb radiance, w inverse distance, 1/m
     __global const float *inverse;   // the inverse distance again
@@ -57,6 +60,12 @@ static inline ALWAYS_INLINE float3 impostor_radiance(const Impostor impostor, fl
     const Taps t = cube_taps(impostor.side, v);
     return (float3)(blend_texels(texels, 4, 0, t), blend_texels(texels, 4, 1, t),
                     blend_texels(texels, 4, 2, t));
+}
+
+// Whether something hides the point x from the centre, about which it is.
+static inline ALWAYS_INLINE int impostor_hides(const Impostor impostor, float3 x)
+{
+    return length(x) * impostor_inverse_distance(impostor, x) > IMPOSTOR_HIDDEN;
 }
 
 // Metres along the ray from x, about the impostor's centre, to what it meets; at most `farthest`.
