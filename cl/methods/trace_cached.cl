@@ -78,12 +78,13 @@ TRACING_KERNEL void trace_cached(
         const float3 o_object = at.p + world.real.bias * at.n;
         Scatter s = no_scatter(at.n);
         int chosen = 0;
-        for (; next < rays && !chosen; next++) {
-            s = sample_direction(world, at.n, first + next, at.seed);
+        for (int i = next; i < rays && !chosen; i++) {
+            next = i + 1;
+            s = sample_direction(world, at.n, first + i, at.seed);
             if (cache_size == 0) {
                 chosen = 1;
             } else if (meets_objects(world, o_object, s)) {
-                const float u = u01(hash_combine(hash_combine(at.seed, CHOICE), first + next));
+                const float u = u01(hash_combine(hash_combine(at.seed, CHOICE), first + i));
                 chosen = u * left < traced - ray;
                 left--;
             }

@@ -97,10 +97,10 @@ class Learner:
         self._start = device.zeros("learned cells", (CELLS + 1,), np.int32)
         self._list = device.zeros("learned places", (MOST_PLACES * capacity,), np.int32)
         self._pose = device.upload("learned pose", np.eye(4, dtype=np.float32)[:3].ravel())
-        self._sample_start = device.zeros("sample cells", (CELLS + 1,), np.int32)
-        self._drawn = device.zeros("samples", (samples, SAMPLE_PARTS, 4))
-        self._predicted = device.zeros("predicted samples", (samples, 4))
-        self._greatest = device.zeros("covered samples", (samples,))
+        self._sample_start = device.zeros("drawn samples cells", (CELLS + 1,), np.int32)
+        self._drawn = device.zeros("drawn samples", (samples, SAMPLE_PARTS, 4))
+        self._predicted = device.zeros("drawn samples predicted", (samples, 4))
+        self._greatest = device.zeros("drawn samples covered", (samples,))
         self._draw = device.kernel("methods/draw_samples.cl", "draw_samples").fixed(
             count=samples, pose=self._pose, samples=self._drawn
         )

@@ -38,6 +38,10 @@ SETTINGS: dict[str, dict[str, Any]] = {
     "layers": {"method": "iprt2023"},
     "ratio": {"method": "iprt2023", "iprt2023": {"objects": "triangles"}},
     "ibl": {"method": "ibl"},
+    "dit": {"method": "dit"},
+    "dpt": {"method": "dpt"},
+    "oil": {"method": "oil"},
+    "vct": {"method": "vct"},
 }
 
 
@@ -139,18 +143,27 @@ LOWERED: dict[str, Callable[[Frame], tuple[Frame, View, dict[str, Any], int]]] =
     "lower irradiance.rows": lambda frame: (frame, VIEW, {"irradiance": {"rows": 64}}, 4),
     "lower iprt.ratio_rows": lambda frame: (frame, VIEW, {"iprt": {"ratio_rows": 32}}, 4),
     "use simpler meshes and textures": lambda frame: (frame, VIEW, {}, 3),
+    "lower dit.resolution": lambda frame: (frame, VIEW, {"dit": {"resolution": 128}}, 4),
+    "lower oil.models": lambda frame: (frame, VIEW, {"oil": {"models": 1024}}, 4),
+    "lower oil.samples": lambda frame: (frame, VIEW, {"oil": {"samples": 1024}}, 4),
+    "lower vct.voxels": lambda frame: (frame, VIEW, {"vct": {"voxels": 64}}, 4),
+    "lower vct.object_voxels": lambda frame: (frame, VIEW, {"vct": {"object_voxels": 32}}, 4),
 }
 
 
 @pytest.mark.parametrize("what", LOWERED)
 def test_what_is_said_to_be_lowered_is_what_gets_lower(what: str, frame: Frame) -> None:
     """And nothing else does."""
-    before = shares(RenderPlan.of(frame, objects(), VIEW))
+    less_frame, view, less, subdivisions = LOWERED[what](frame)
+    method = [("method", name) for name in ("dit", "oil", "vct") if name in less]
+
+    def needed(frame: Frame, view: View, subdivisions: int, settings: dict[str, Any]) -> RenderPlan:
+        chosen = Settings.model_validate({**dict(method), **settings})
+        return RenderPlan.of(frame, objects(subdivisions), view, chosen)
+
+    before = shares(needed(frame, VIEW, 4, {}))
     assert set(before) == set(LOWERED)
-    less_frame, view, settings, subdivisions = LOWERED[what](frame)
-    after = shares(
-        RenderPlan.of(less_frame, objects(subdivisions), view, Settings.model_validate(settings))
-    )
+    after = shares(needed(less_frame, view, subdivisions, less))
     assert after.pop(what) < before.pop(what)
     assert after == before
 
