@@ -38,7 +38,7 @@
 #define ANY_OF(CHOSEN) (CHOSEN)
 #endif
 
-// Of a plane, at a tile whose first pixel is p.
+// Reads the tile of a plane whose first pixel is p.
 static inline floats load_tile(__global const float *restrict plane, int p, int stride)
 {
 #ifdef WIDE

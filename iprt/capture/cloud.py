@@ -113,7 +113,7 @@ class Cloud:
         )
         kept = slot < self._slots
         place, source = (bucket * self._slots + slot)[kept], order[kept]
-        # Of those that take the same slot, the last stays.
+        # Where several take the same slot, the last one stays.
         place, last = np.unique(place[::-1], return_index=True)
         source = source[::-1][last]
         for field in fields(samples):

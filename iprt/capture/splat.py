@@ -22,7 +22,7 @@ MAX_STRETCH = 8
 SAME_SURFACE = 0.03
 """Discs no further behind the nearest, relatively, are blended with it."""
 CLIPPED_WEIGHT = 1e-3
-"""Of colours that were too bright for the camera; others of the same surface win."""
+"""Weight of colours that were too bright for the camera; others of the same surface win."""
 AT_ONCE = 2**18
 """Samples that are drawn at once: bounds memory."""
 

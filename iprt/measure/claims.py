@@ -110,7 +110,7 @@ class Subject:
         return timed_together(self._device, reels, lambda count: count >= self._frames)
 
     def ratio(self, values: Values, base: Values) -> Ratio:
-        """Of the times of frames."""
+        """Ratio of the times of their frames, `values` over `base`."""
         times, others = self.times(values, base)
         return Ratio.of(times, others)
 
@@ -125,7 +125,7 @@ class Subject:
         return self._pictures[key]
 
     def scores(self, values: Values) -> Scores:
-        """Of the picture, against the truth."""
+        """Scores of the picture against the truth."""
         return scored(self._target, self.picture(values), str(dict(values)))
 
     def learned(self) -> Learned:

@@ -35,7 +35,7 @@ PRIOR = 1e-5
 FIRST_FORGETTING = 0.97
 """Forgetting factor of a model's first sample (section IV-A)."""
 RATE = 1.0
-"""Of the gradient descent. The paper's is in its supplement."""
+"""Step of the gradient descent. The paper has its own in a supplement."""
 SLOPES_PENALTY = 1e-3
 """γ_1 of Eq. 8, of coefficients over the search radius."""
 BANDWIDTH_PENALTY = 1e-10
@@ -134,7 +134,7 @@ class Learner:
 
     @property
     def nbytes(self) -> int:
-        """Of the models, what is known of each, and their places in the grid."""
+        """Bytes that the models, their information matrices and their places in the grid take."""
         model = 4 * (4 * MODEL_PARTS + 6)
         return model * self.count + 4 * (self._places + CELLS + 1)
 

@@ -119,7 +119,7 @@ class Voxels:
         `Grid.levels`.
     grid : Grid
     resolution : int
-        Of which there are at most so many voxels cubed in the finest level.
+        The finest level has at most so many voxels cubed.
     """
 
     def __init__(

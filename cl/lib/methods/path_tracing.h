@@ -153,7 +153,7 @@ static inline ALWAYS_INLINE PathSums trace_pairs(
     sums.blocked = (float3)(0.0f);
 #endif
     sums.met = 0;
-    // Of the first surface, then of those after it.
+    // `first_*` belong to the first surface, `throughput` to those after it.
     float first_diffuse = 1.0f;
     float3 first_specular = (float3)(0.0f), throughput = (float3)(1.0f);
     for (int ray = 0; ray < RAYS_PER_BOUNCE * MAX_BOUNCES; ray++) {
