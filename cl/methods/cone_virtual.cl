@@ -9,6 +9,7 @@
 //      materials         lib/world/brdf.h
 //      scene, objects    lib/methods/voxels.h
 //      surroundings      lib/methods/prefiltered.h
+//      delta             lib/methods/voxels.h (-D DELTA): what objects change of real surfaces
 // out  diffuse           3 planes (-D HAS_DIFFUSE): irradiance / pi
 //      specular          3 planes (-D HAS_SPECULAR): radiance
 //      hit               1 plane (-D HAS_SPECULAR): metres to what is reflected, as trace_virtual.cl
@@ -29,6 +30,9 @@ TRACING_KERNEL void cone_virtual(
     SCENE_VOXEL_PARAMETERS,
     OBJECT_VOXEL_PARAMETERS,
     SURROUNDINGS_PARAMETERS,
+#ifdef DELTA
+    DELTA_VOXEL_PARAMETERS,
+#endif
     const int cones,
     __global uint *restrict samples,
 #ifdef HAS_DIFFUSE
@@ -44,6 +48,9 @@ TRACING_KERNEL void cone_virtual(
     COUNT_ITEM;
     const Voxels scene = SCENE_VOXELS, objects = OBJECT_VOXELS;
     const Surroundings around = SURROUNDINGS;
+#ifdef DELTA
+    const Voxels delta = DELTA_VOXELS;
+#endif
     const TracedPixel at = TRACED_PIXEL(item, 0x76636f6eu);
     const Material material = load_material(materials, at.id - 1);
     const float3 color = load_planes(albedo, at.size, at.pixel);
@@ -82,7 +89,11 @@ TRACING_KERNEL void cone_virtual(
         cone.o = at.p;
         cone.lift = CONE_FAR;
         const ConeLight real = trace_cone(scene, cone, scene.box.w, 0.0f, 1);
-        const float3 arriving = object.radiance + object.passed * all_arriving(around, cone, real);
+        float3 behind = all_arriving(around, cone, real);
+#ifdef DELTA
+        behind = fmax(behind + trace_cone(delta, cone, delta.box.w, 0.0f, 1).radiance, 0.0f);
+#endif
+        const float3 arriving = object.radiance + object.passed * behind;
         met |= object.passed < 1.0f;
         diffuse_sum += diffuse_share * arriving;
         specular_sum += specular_share * arriving;

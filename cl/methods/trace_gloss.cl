@@ -48,7 +48,7 @@ TRACING_KERNEL void trace_gloss(
     }
     const TracedPixel at = TRACED_PIXEL(item, 0x676c6f73u);
     samples[at.pixel] += rays;
-    const float3 share = seen_share(world, load_material(real_materials, at.id - 1), at.p);
+    const float3 share = seen_highlight(world, load_material(real_materials, at.id - 1), at.p);
     store_planes(change, at.size, at.pixel, (shown - share * hidden) / (float)rays);
     if (met)
         touched[at.pixel] = TOUCHED_FRAMES;

@@ -17,109 +17,13 @@ from iprt.methods.protocol import Setup, Signals
 from iprt.methods.sparse import SparseMethod, Tracers
 from iprt.methods.trace import traced_arguments
 from iprt.methods.vct import VctSettings
-from iprt.methods.voxels import PrefilteredPanorama, Voxels, fitted_grid, room_box
+from iprt.methods.voxel_world import GatheringWorld, VoxelWorld
 from iprt.settings.features import TOUCHED_FRAMES, Features
 from iprt.world.real.irradiance import IrradianceCache
 from iprt.world.world import World
 
 
-class VoxelWorld:
-    """Room and objects as voxels, and the panorama around them. It follows both.
-
-    Attributes
-    ----------
-    scene, objects : Voxels
-    panorama, outside : PrefilteredPanorama
-        What is around the room's voxels, and behind its windows, where the features ask for that.
-    """
-
-    def __init__(self, device: ComputeDevice, features: Features, own: VctSettings) -> None:
-        self._device = device
-        self.scene = Voxels(device, "scene", own.voxels, anisotropic=own.anisotropic)
-        self.objects = Voxels(device, "object", own.object_voxels, anisotropic=own.anisotropic)
-        openings = features.opening_environment
-        self.panorama = PrefilteredPanorama(device, "prefiltered")
-        self.outside: PrefilteredPanorama | None = None
-        if openings:
-            self.outside = PrefilteredPanorama(device, "outside", openings=True)
-        voxels = own.object_voxels**3
-        self._surface = device.zeros("object voxels surface", (voxels, 4))
-        self._facing = device.zeros("object voxels facing", (voxels, 4))
-        scene, objects = self.scene, self.objects
-        self._voxelize_real = device.kernel(
-            "methods/voxelize_real.cl",
-            "voxelize_real",
-            {"OPENING_ENVIRONMENT": openings},
-        ).fixed(levels=scene.levels, opacity=scene.opacity, light=scene.light)
-        self._voxelize_objects = device.kernel(
-            "methods/voxelize_objects.cl", "voxelize_objects", features.trace_defines()
-        ).fixed(
-            levels=objects.levels,
-            opacity=objects.opacity,
-            surface=self._surface,
-            facing=self._facing,
-        )
-        self._light_objects = device.kernel(
-            "methods/light_objects.cl", "light_objects", {"OPENING_ENVIRONMENT": openings}
-        ).fixed(surface=self._surface, facing=self._facing, light=objects.light)
-        self._seen = (0, 0)
-
-    def follow(self, world: World, features: Features) -> None:
-        """Follow the video and the objects. Nothing is done if neither has changed."""
-        seen = (world.real.version, world.objects.version)
-        before, self._seen = self._seen, seen
-        if seen == before:
-            return
-        if seen[0] != before[0]:
-            with self._device.profile.section("voxels of the room"):
-                self._inject_real(world)
-        with self._device.profile.section("voxels of objects"):
-            if seen[1] != before[1] or before[1] == 0:
-                self._inject_objects(world.arguments(features), world.objects.bounds)
-            self._light_objects((self.objects.finest,), self.arguments())
-            self.objects.reduce()
-
-    def _inject_real(self, world: World) -> None:
-        panorama = world.panorama
-        self.panorama.load(panorama)
-        if self.outside is not None:
-            self.outside.load(panorama)
-        box = room_box(world.real.frame.depth, panorama.median_depth)
-        scene = self.scene
-        scene.place(fitted_grid(*box, scene.resolution))
-        self._voxelize_real(
-            (scene.finest,),
-            self.panorama.arguments(),
-            real_width=panorama.width,
-            real_height=panorama.height,
-            real_surface=panorama.surface,
-            box=scene.box,
-        )
-        scene.reduce()
-
-    def _inject_objects(self, traced: dict[str, Any], bounds: Any) -> None:
-        objects = self.objects
-        corners = bounds[..., :3].astype(np.float64)
-        grid = fitted_grid(corners[:, 0].min(0), corners[:, 1].max(0), objects.resolution)
-        objects.place(grid)
-        for buffer in (objects.opacity, self._surface, self._facing):
-            self._device.fill_zero(buffer)
-        x, y, z = grid.size
-        for axis, columns in enumerate(((y, z), (z, x), (x, y))):
-            self._voxelize_objects(columns, traced, axis=axis, box=objects.box)
-        objects.reduce()
-
-    def arguments(self) -> dict[str, Any]:
-        """`SCENE_VOXEL_PARAMETERS`, `OBJECT_VOXEL_PARAMETERS` and `SURROUNDINGS_PARAMETERS`."""
-        return {
-            **self.scene.arguments(),
-            **self.objects.arguments(),
-            **self.panorama.arguments(),
-            **({} if self.outside is None else self.outside.arguments()),
-        }
-
-
-def _cone_defines(features: Features) -> dict[str, Define]:
+def cone_defines(features: Features) -> dict[str, Define]:
     """`-D` variants of kernels that trace cones."""
     return {
         "OPENING_ENVIRONMENT": features.opening_environment,
@@ -145,17 +49,17 @@ class ConeReal:
         *,
         name: str,
         voxels: VoxelWorld,
-        own: VctSettings,
+        cones: int,
     ) -> None:
         self._device, self._guide, self._voxels = device, guide, voxels
         layout = guide.layout
         self.signal = device.zeros(f"{name} signal", layout.shape(6))
-        defines = plane_defines() | _cone_defines(features)
+        defines = plane_defines() | cone_defines(features)
         self._kernel = device.kernel("methods/cone_real.cl", "cone_real", defines).fixed(
             layout.arguments(),
             rays=features.settings.trace.rays,
             frame_seed=features.settings.seed,
-            cones=own.cones,
+            cones=cones,
             samples=device.zeros(f"{name} samples", layout.shape(1), np.uint32),
             signal=self.signal,
         )
@@ -199,7 +103,7 @@ class ConeVirtual:
         features: Features,
         *,
         voxels: VoxelWorld,
-        own: VctSettings,
+        cones: int,
     ) -> None:
         self._device, self._guide, self._voxels = device, guide, voxels
         layout = guide.layout
@@ -213,14 +117,15 @@ class ConeVirtual:
             **dict(features.materials),
             HAS_DIFFUSE=features.diffuse_signal,
             HAS_SPECULAR=features.specular_signal,
-            **_cone_defines(features),
+            DELTA=voxels.delta is not None,
+            **cone_defines(features),
         )
         self._kernel = device.kernel("methods/cone_virtual.cl", "cone_virtual", defines).fixed(
             layout.arguments(),
             {"diffuse": self.diffuse, "specular": self.specular, "hit_distance": self.hit},
             rays=features.settings.trace.object_rays,
             frame_seed=features.settings.seed,
-            cones=own.cones,
+            cones=cones,
             samples=device.zeros("object samples", layout.shape(1), np.uint32),
         )
 
@@ -255,11 +160,18 @@ class VoxelConeTracing(SparseMethod):
 
     def __init__(self, setup: Setup) -> None:
         self._own = setup.features.settings.own(VctSettings)
-        self.voxels = VoxelWorld(setup.device, setup.features, self._own)
+        own = self._own
+        self.voxels = GatheringWorld(
+            setup.device,
+            setup.features,
+            room=own.voxels,
+            objects=own.object_voxels,
+            anisotropic=own.anisotropic,
+        )
         super().__init__(setup)
 
     def tracers(self) -> Tracers:
-        shared: dict[str, Any] = {"voxels": self.voxels, "own": self._own}
+        shared: dict[str, Any] = {"voxels": self.voxels, "cones": self._own.cones}
         return Tracers(partial(ConeReal, **shared), partial(ConeVirtual, **shared))
 
     def trace(self, world: World, context: FrameContext) -> Signals:

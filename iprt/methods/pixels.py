@@ -125,10 +125,12 @@ class ReflectingPixels:
         features: Features,
         *,
         tracer: Callable[..., Any] = TraceVirtual,
+        gloss_tracer: Callable[..., Any] = TraceGloss,
     ) -> None:
         """Ids of `gloss_guide` are indices of real materials + 1.
 
-        `tracer`: what traces virtual surfaces, called as `TraceVirtual` is.
+        `tracer`, `gloss_tracer`: what traces virtual surfaces and glossy real ones, called as
+        `TraceVirtual` and `TraceGloss` are.
         """
         settings, published = features.settings, features.needs.published_filter
         self._real, self._visible = real, visible
@@ -141,7 +143,7 @@ class ReflectingPixels:
         self._signals = []
         if gloss_guide is not None:
             self.gloss_mask = Mask(device, gloss_guide, settings.mask, name="gloss")
-            self._trace_gloss = TraceGloss(device, gloss_guide, features)
+            self._trace_gloss = gloss_tracer(device, gloss_guide, features)
             self._signals.append(Signal("gloss", "specular", gloss_guide))
         kinds: list[Kind] = ["specular"] if features.specular_signal else []
         kinds += ["diffuse"] if features.diffuse_signal else []

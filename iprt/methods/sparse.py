@@ -16,21 +16,22 @@ from iprt.gbuffer.context import FrameContext
 from iprt.gbuffer.guide import Guide, Guides, Layer, Spans
 from iprt.methods.pixels import RealPixels, ReflectingPixels
 from iprt.methods.protocol import Image, Method, Setup, Signals, in_front
-from iprt.methods.trace import TraceReal, TraceVirtual
+from iprt.methods.trace import TraceGloss, TraceReal, TraceVirtual
 from iprt.world.world import World
 
 
 @dataclass(frozen=True)
 class Tracers:
-    """What traces the two kinds of pixels; both are called as the classes of the defaults are.
+    """What traces the kinds of pixels; all are called as the classes of the defaults are.
 
     Attributes
     ----------
-    real, virtual : callable
+    real, virtual, gloss : callable
     """
 
     real: Callable[..., Any] = TraceReal
     virtual: Callable[..., Any] = TraceVirtual
+    gloss: Callable[..., Any] = TraceGloss
 
 
 class SparseMethod(Method):
@@ -71,7 +72,14 @@ class SparseMethod(Method):
         guide = self._guide("object", objects.motion)
         layers.append(Layer(objects.normal, objects.depth, objects.id))
         self.reflecting_pixels = pixels = ReflectingPixels(
-            device, real, objects, guide, gloss_guide, features, tracer=tracers.virtual
+            device,
+            real,
+            objects,
+            guide,
+            gloss_guide,
+            features,
+            tracer=tracers.virtual,
+            gloss_tracer=tracers.gloss,
         )
         if pixels.gloss_mask is not None:
             masks.append(pixels.gloss_mask)

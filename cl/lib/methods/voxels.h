@@ -41,6 +41,13 @@ typedef struct {
 
 #define OBJECT_VOXELS {object_opacity, object_light, object_levels, object_count, object_box}
 
+// Real surfaces around the objects, and what objects change there (methods/inject_real.cl).
+#define DELTA_VOXEL_PARAMETERS                                                                     \
+    __global const float4 *restrict delta_opacity, __global const float4 *restrict delta_light,    \
+        __global const int4 *restrict delta_levels, const int delta_count, const float4 delta_box
+
+#define DELTA_VOXELS {delta_opacity, delta_light, delta_levels, delta_count, delta_box}
+
 typedef struct {
     float3 o;
     float3 d;

@@ -210,6 +210,27 @@ static inline BrdfSample sample_specular(const Material material, float3 albedo,
 }
 #endif
 
+#ifdef BRDF_SPECULAR_LOBE
+// The direction that a mirror would reflect o in, with the weight of the whole lobe around it, and the solid
+// angle of a cone that is as dense as the lobe is there: the inverse of sample_specular()'s density.
+static inline BrdfSample mirrored_lobe(const Material material, float3 albedo, const Frame frame, float3 o,
+                                       float *solid_angle)
+{
+    BrdfSample sample;
+    sample.specular = 1;
+    sample.wi = frame_to_world(frame, (float3)(-o.x, -o.y, o.z));
+    float unshadowed = 1.0f;
+    *solid_angle = 0.0f;
+#ifdef BRDF_GGX
+    const float slope = ggx_slope(o, material.alpha);
+    unshadowed = 0.5f * (o.z + slope) / slope;
+    *solid_angle = 2.0f * IPRT_PI * material.alpha * material.alpha * (o.z + slope);
+#endif
+    sample.weight = specular_reflectance(material, albedo, o.z) * unshadowed;
+    return sample;
+}
+#endif
+
 // Choose a lobe with u.z, a direction in it with u.xy; u in [0, 1)^3.
 static inline BrdfSample brdf_sample(const Material material, float3 albedo, float3 n, float3 wo,
                                      float3 u)

@@ -86,14 +86,11 @@ static inline int gloss_at(const World world, const RealHit hit)
     return seen ? world.gloss.map[hit.texel] : 0;
 }
 
-// How much of a computed reflection in a real surface at p the camera can have seen. Of a conductor
-// nothing else was seen that would tell.
-static inline float3 seen_share(const World world, const Material material, float3 p)
+// seen_share() of gloss.h.
+static inline float3 seen_highlight(const World world, const Material material, float3 p)
 {
-    const float2 texel = equirect_uv(p)
-        * (float2)((float)world.real.grid.width, (float)world.real.grid.height);
-    return material.kind == KIND_CONDUCTOR
-        ? (float3)(1.0f) : gain_at(world.gloss.gain, world.gloss.columns, world.gloss.rows, texel);
+    return seen_share(material, world.gloss.gain, world.gloss.columns, world.gloss.rows,
+                      world.real.grid.width, world.real.grid.height, p);
 }
 
 // The direction in which a glossy real surface at p with normal n reflects a ray along d.
@@ -104,7 +101,7 @@ static inline BrdfSample reflect_real(const World world, int index, float3 p, fl
     const Frame frame = build_frame(n);
     BrdfSample sample = sample_specular(material, world.gloss.reflectance[index].xyz, frame,
                                         brdf_local_wo(frame, -d), u);
-    sample.weight *= seen_share(world, material, p);
+    sample.weight *= seen_highlight(world, material, p);
     return sample;
 }
 #endif

@@ -2,6 +2,8 @@
 #ifndef IPRT_GLOSS_H
 #define IPRT_GLOSS_H
 
+#include "maths/equirect.h"
+#include "world/brdf.h"
 #include "world/real/panorama.h"
 
 // `at` in texels of the panorama, (0, 0) its upper left corner.
@@ -9,6 +11,15 @@ static inline float3 gain_at(__global const float4 *restrict gain, int columns, 
 {
     return equirect_bilinear((__global const float *)gain, 4, columns, rows,
                              at / ((float)CELL * (float2)((float)columns, (float)rows)));
+}
+
+// How much of a computed reflection in a real surface at p the camera can have seen, of a panorama of that
+// size. Of a conductor nothing else was seen that would tell.
+static inline float3 seen_share(const Material material, __global const float4 *gain, int columns, int rows,
+                                int width, int height, float3 p)
+{
+    const float2 texel = equirect_uv(p) * (float2)((float)width, (float)height);
+    return material.kind == KIND_CONDUCTOR ? (float3)(1.0f) : gain_at(gain, columns, rows, texel);
 }
 
 #endif
