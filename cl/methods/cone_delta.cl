@@ -3,8 +3,9 @@
 // them, by cones towards the lights as wide as these (Eq. 2), and by cones that fill the hemisphere (Eq. 6)
 // what objects send and what real surfaces around send less.
 //
-// A frame traces `rays` of the cones towards lights, chosen by the irradiance that the lights send, and all
-// `cones` others, one along the normal and a ring around it that turns from frame to frame.
+// `cones` of the latter have equal shares of the cosine: one is along the normal, the others are a ring around
+// it that turns from frame to frame. A frame traces `rays` of them, and as many towards lights, which are
+// chosen by the irradiance that they send.
 //
 // in   list, count       pixels to trace (y * width + x) and how many
 //      guide             7 planes (lib/gbuffer/guide.h): world normal, position, id
@@ -77,10 +78,11 @@ TRACING_KERNEL void cone_delta(
             * light_passing(lights, number, light, at.p, VOXEL_SLACK * objects.box.w).x * arriving;
     }
 
-    for (int number = 0; number < (voxels_above(delta, at.p, at.n) ? cones : 0); number++) {
-        // Shares of the cosine: one cap around the normal, the others beside each other.
-        const float radius = number ? sqrt(0.5f + 0.5f / cones) : 0.0f;
-        const float2 around = radius * unit_circle(number ? (number - 1 + u.y) / (cones - 1) : 0.0f);
+    for (int ray = 0; ray < (voxels_above(delta, at.p, at.n) ? rays : 0); ray++) {
+        const float turn = (ray + u.y) / rays * cones;
+        // The middles of the shares, by the sine of their angle: of a cap, and of the rest.
+        const float radius = turn < 1.0f ? 0.0f : sqrt(0.5f + 0.5f / cones);
+        const float2 around = radius * unit_circle(fmax(turn - 1.0f, 0.0f) / (cones - 1));
         cone.rise = sqrt(1.0f - radius * radius);
         cone.d = frame_to_world(build_frame(at.n), (float3)(around.x, around.y, cone.rise));
         cone.slope = cone_slope(IPRT_PI / (cones * cone.rise));
@@ -91,8 +93,8 @@ TRACING_KERNEL void cone_delta(
         const int stopped = object.passed < 1.0f;
         const ConeLight less =
             trace_cone(delta, cone, start, stopped ? object.distance : 0.0f, 1);
-        hidden -= object.passed / cones * less.radiance;
-        sent += less.front / cones * object.radiance;
+        hidden -= object.passed / rays * less.radiance;
+        sent += less.front / rays * object.radiance;
         met |= stopped;
     }
     samples[at.pixel] = first + 1;

@@ -2,7 +2,7 @@
 //
 // in   panorama          lib/world/scene.h
 //      prefiltered       lib/methods/prefiltered.h; `level` has the grid's resolution
-// out  cells             2 float4 a cell: radiance, metres (0: open sky); normal
+// out  cells             2 float4 a cell: radiance, metres (0: open sky); normal, 1 where it is a window's
 #include "methods/prefiltered.h"
 #include "world/real/real.h"
 
@@ -28,5 +28,6 @@ __kernel void light_cells(
     const int cell = y * size.x + x;
     cells[2 * cell] = (float4)(vload3(size.z + cell, panorama.texels),
                                !sky && inverse > 0.0f ? 1.0f / inverse : 0.0f);
-    cells[2 * cell + 1] = (float4)(safe_normalize(-surface.xyz, -d), 0.0f);
+    cells[2 * cell + 1] = (float4)(safe_normalize(-surface.xyz, -d),
+                                   (int)surface.w & SURFACE_OPENING ? 1.0f : 0.0f);
 }

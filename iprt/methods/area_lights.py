@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.geometry.camera import View
+from iprt.geometry.camera import View, equirect_pixel
 
 Float = NDArray[np.float64]
 
@@ -84,7 +84,7 @@ def _half(flux: Float) -> int:
 
 
 def area_lights(
-    radiance: Float, distance: Float, normal: Float, count: int, farthest: float
+    radiance: Float, distance: Float, normal: Float, opening: Float, count: int, farthest: float
 ) -> NDArray[np.float32]:
     """A disc for each region of a panorama.
 
@@ -99,14 +99,19 @@ def area_lights(
         Metres from the capture centre; 0: open sky.
     normal : (rows, columns, 3) float64
         Unit vectors towards the capture centre.
+    opening : (rows, columns) float64
+        1 where it is a window's.
+    count : int
+        Regions.
     farthest : float
         Largest distance, metres.
 
     Returns
     -------
     (N, 3, 4) float32
-        N <= count. Position in the axes of the capture centre and squared radius, in metres; normal;
-        radiance times area along the normal, per colour.
+        N <= count. Position in the axes of the capture centre and squared radius, in metres; normal,
+        and the share of the flux that comes through windows; radiance times area along the normal,
+        per colour.
     """
     rows, columns = distance.shape
     directions = View(columns, rows, projection="equirect").directions().astype(np.float64)
@@ -132,12 +137,16 @@ def area_lights(
         cosine = max(float(-facing @ towards[place]), LEAST_COSINE)
         reach = float(centre @ centre) + squared
         power = flux[part].reshape(-1, 3).sum(axis=0) * reach / cosine
-        found.append([[*BEFORE * centre, squared], [*facing, 0.0], [*power, 0.0]])
+        open_share = float(share @ opening[part].ravel())
+        found.append([[*BEFORE * centre, squared], [*facing, open_share], [*power, 0.0]])
     return np.array(found, np.float32).reshape(-1, 3, 4)
 
 
-def aimed(lights: NDArray[np.float32], low: Float, high: Float) -> NDArray[np.float32]:
-    """`AreaLight`s of `cl/lib/methods/area_lights.h`: with maps that hold a box.
+def aimed(
+    lights: NDArray[np.float32], low: Float, high: Float, outside: Float | None
+) -> NDArray[np.float32]:
+    """`AreaLight`s of `cl/lib/methods/area_lights.h`: with maps that hold a box, and windows that
+    show what is behind them from there.
 
     Parameters
     ----------
@@ -145,6 +154,8 @@ def aimed(lights: NDArray[np.float32], low: Float, high: Float) -> NDArray[np.fl
         Of `area_lights`.
     low, high : (3,) float64
         Corners of the box, metres.
+    outside : (rows, columns, 3) float64 or None
+        Radiance behind windows, equirect; None: they send alike in all directions.
 
     Returns
     -------
@@ -162,4 +173,15 @@ def aimed(lights: NDArray[np.float32], low: Float, high: Float) -> NDArray[np.fl
         away[:, None] > 1e-6, axis / np.maximum(away, 1e-9)[:, None], lights[:, 1, :3]
     )
     rows[:, 3, 3] = np.sin(0.5 * angle)
+    if outside is not None:
+        here, there = (_looked_up(outside, way) for way in (position, -axis))
+        share = lights[:, 1, 3:]
+        rows[:, 2, :3] *= 1.0 + share * (there / np.maximum(here, 1e-9) - 1.0)
     return rows
+
+
+def _looked_up(picture: Float, directions: Float) -> Float:
+    """(N, 3) texels of an equirect picture in directions (N, 3) of any length."""
+    rows, columns, _ = picture.shape
+    x, y = np.floor(equirect_pixel(directions, columns, rows)).astype(int).T
+    return np.asarray(picture[np.clip(y, 0, rows - 1), x % columns])

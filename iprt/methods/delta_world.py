@@ -11,7 +11,7 @@ from iprt.files.kernel_source import constant
 from iprt.methods.area_lights import aimed, area_lights
 from iprt.methods.dvct import DvctSettings
 from iprt.methods.voxel_world import VoxelWorld, box_around
-from iprt.methods.voxels import Voxels, fitted_grid
+from iprt.methods.voxels import Float, Voxels, fitted_grid
 from iprt.settings.features import Features
 from iprt.world.world import World
 
@@ -52,6 +52,7 @@ class DeltaWorld(VoxelWorld):
         self._cells = device.zeros("area light cells", (height, width, 2, 4))
         self.lights = device.zeros("area lights", (own.lights, LIGHT_ROWS, 4))
         self.light_count, self._own = 0, own
+        self._behind: Float | None = None
         self._discs = np.zeros((0, LIGHT_ROWS - 1, 4), np.float32)
         side = own.map_side
         self.maps = device.zeros("area light maps", (own.lights, side, side, 2))
@@ -77,9 +78,12 @@ class DeltaWorld(VoxelWorld):
                 cells[..., 0, :3],
                 cells[..., 0, 3],
                 cells[..., 1, :3],
+                cells[..., 1, 3],
                 self._own.lights,
                 world.panorama.farthest,
             )
+            if self.outside is not None:
+                self._behind = self.outside.level(CELL_LEVEL)
 
     def light_objects(self, world: World, features: Features) -> None:
         low, high = box_around(world.objects.bounds)
@@ -101,11 +105,11 @@ class DeltaWorld(VoxelWorld):
         )
         delta.reduce()
 
-    def _aim(self, low: Any, high: Any) -> None:
+    def _aim(self, low: Float, high: Float) -> None:
         """Let the maps of all lights show a box around the objects and what is beside them."""
         rows = np.zeros(self.lights.shape, np.float32)
         self.light_count = len(self._discs)
-        rows[: self.light_count] = aimed(self._discs, low, high)
+        rows[: self.light_count] = aimed(self._discs, low, high, self._behind)
         self._device.write(self.lights, rows)
 
     def _panorama_arguments(self, world: World) -> dict[str, Any]:

@@ -28,7 +28,8 @@ class DvctSettings(MethodSettings):
         default=9,
         ge=2,
         le=64,
-        description="Diffuse cones that fill a hemisphere.",
+        description="Diffuse cones that fill a hemisphere. A frame traces a few of them "
+        "(trace.rays, trace.object_rays).",
     )
     voxels: int = Field(
         default=64,
@@ -61,7 +62,7 @@ METHOD = MethodInfo(
     settings=DvctSettings,
     needs=_needs,
     defaults={
-        "trace.rays": 8,
+        "trace.rays": 2,
         "trace.object_rays": 4,
         "trace.jitter": False,
         "trace.background": False,

@@ -180,7 +180,7 @@ class PrefilteredPanorama:
         """`name`: that of the kernels' parameter. `openings`: where the panorama shows neither
         window nor sky, it holds what windows show in that direction.
         """
-        self._name = name
+        self._device, self._name = device, name
         rows, first, height = [], 0, PREFILTERED_ROWS
         while height >= COARSEST_ROWS:
             rows.append([2 * height, height, first, 0])
@@ -211,6 +211,12 @@ class PrefilteredPanorama:
                 texels=self.texels,
             )
             source = width, height, first
+
+    def level(self, number: int) -> Float:
+        """(height, width, 3) texels of a level."""
+        width, height, first, _ = self.levels[number].tolist()
+        texels = self._device.read(self.texels)[first : first + width * height]
+        return np.asarray(texels.reshape(height, width, 3), np.float64)
 
     def arguments(self) -> dict[str, Any]:
         """Parameters of `cl/lib/methods/prefiltered.h`."""

@@ -39,7 +39,7 @@ from tests.worlds import Float, landscape_frame, sphere_frame
 Estimator = Literal[
     "delta, aimed", "delta, even", "ratio", "em, aimed", "em, even",
     "dpt, aimed", "dpt, even", "pt-diff, aimed", "pt-diff, even", "oil, aimed",
-    "dit, aimed", "dit, even", "vct, even",
+    "dit, aimed", "dit, even", "vct, even", "dvct, even",
 ]  # fmt: skip
 Around = Literal["plain", "sphere"]
 ESTIMATORS: tuple[Estimator, ...] = ("delta, aimed", "delta, even", "ratio")
