@@ -18,6 +18,10 @@ from iprt.settings.features import Features
 from iprt.world.real.impostor import Impostor
 from iprt.world.world import World
 
+SLACK = 0.25
+"""While objects move, the map stays until their middle is so many of their radii from its centre:
+section 6.1 wants a threshold by their size, and does not say which."""
+
 
 class TraceCached(RealTracer):
     """Rays in those of the sampled directions that meet the boxes of objects."""
@@ -62,8 +66,11 @@ class DistanceImpostorTracing(SparseMethod):
         self._placed = False
 
     def trace(self, world: World, context: FrameContext) -> Signals:
-        centre = middle_of(world.objects.bounds)
-        if not self._placed or not np.array_equal(centre, self.impostor.centre):
+        bounds = world.objects.bounds
+        centre = middle_of(bounds)
+        # Objects at rest have a map of their own place, however they came there.
+        slack = SLACK * radius_of(bounds) if context.objects_changed else 0.0
+        if not self._placed or np.linalg.norm(centre - self.impostor.centre) > slack:
             self.impostor.place(world.panorama, centre)
             self._placed = True
         world.impostor = self.impostor
@@ -74,3 +81,8 @@ def middle_of(bounds: NDArray[np.float32]) -> NDArray[np.float32]:
     """(3,) middle of all boxes (N, 2, 4)."""
     middle = 0.5 * (bounds[:, 0].min(axis=0) + bounds[:, 1].max(axis=0))
     return np.asarray(middle[:3], np.float32)
+
+
+def radius_of(bounds: NDArray[np.float32]) -> float:
+    """Half the diagonal of the box around all boxes (N, 2, 4)."""
+    return 0.5 * float(np.linalg.norm((bounds[:, 1].max(axis=0) - bounds[:, 0].min(axis=0))[:3]))
