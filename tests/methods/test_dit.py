@@ -13,7 +13,6 @@ from iprt.device.compute import ComputeDevice
 from iprt.footage.frame import Frame
 from iprt.geometry.camera import View
 from iprt.geometry.material import Material
-from iprt.geometry.mesh import Instance
 from iprt.methods import impostor_tracing
 from iprt.methods.impostor_tracing import SLACK, middle_of, radius_of
 from iprt.renderer import Renderer
