@@ -210,6 +210,34 @@ def test_the_room_is_where_most_surfaces_are() -> None:
 # Cones ---------------------------------------------------------------------------------------
 
 
+def test_voxels_are_narrow_and_clear_of_the_surface(device: ComputeDevice) -> None:
+    """A quarter of the cone's width at most, and 2/3 of its height above where it starts."""
+    rng = np.random.default_rng(1)
+    voxel, count, n = 0.1, 6, 4000
+    slope, rise = rng.uniform(0.0, 1.7, n), rng.uniform(0.0, 1.0, n)
+    lift, t = rng.choice([0.0, 0.15, 0.6, 1e30], n), rng.uniform(0.0, 20.0, n)
+    inputs = {"slope": slope, "rise": rise, "lift": lift, "t": t}
+    found = evaluate(
+        device,
+        ["methods/voxels.h"],
+        """
+        const Voxels voxels = {box, box, (__global const int4 *)box, count_of, box[0]};
+        const Cone cone = {(float3)(0.0f), (float3)(1.0f, 0.0f, 0.0f), slope, lift, rise};
+        level = cone_level(voxels, cone, t);
+        """,
+        {name: values.astype(np.float32) for name, values in inputs.items()},
+        {"level": "int"},
+        tables={"box": np.array([[0.0, 0.0, 0.0, voxel]], np.float32)},
+        parameters="const int count_of",
+        arguments={"count_of": count},
+    )["level"]
+    most = np.minimum(2.0 * slope * t / 4.0, (lift + rise * t) / 1.5)
+    levels = voxel * 2.0 ** np.arange(count)
+    wanted = np.maximum((levels <= most[:, None]).sum(1) - 1, 0)
+    assert set(wanted) == set(range(count))
+    assert (found != wanted).mean() < 1e-3  # those at a limit
+
+
 @pytest.mark.parametrize("side", [64, 72])
 @pytest.mark.parametrize("slope", [0.0, 0.1, 0.4, 1.5])
 def test_a_homogeneous_medium_lets_its_exponential_pass(
