@@ -106,8 +106,13 @@ def test_a_box_fills_the_voxels_that_it_fills(device: ComputeDevice) -> None:
     assert 0 < lit.sum() < (wanted.max(-1) > 0.0).sum()
 
 
-def test_a_sheet_is_two_voxels_thick(device: ComputeDevice) -> None:
-    with kernels(device, furnace("plain"), [disc(*DISC, BLACK)], "vct, even", own=COARSE) as run:
+@pytest.mark.parametrize("faces", ["up", "down"])
+def test_a_sheet_is_two_voxels_thick(device: ComputeDevice, faces: str) -> None:
+    """Whichever side of it the rays meet."""
+    sheet, over = disc(*DISC, BLACK), np.diag([1.0, -1.0, -1.0, 1.0])
+    over[:3, 3] = 2.0 * np.array(DISC[0]) * [0.0, 1.0, 1.0]
+    sheet = sheet if faces == "up" else replace(sheet, to_world=over @ sheet.to_world)
+    with kernels(device, furnace("plain"), [sheet], "vct, even", own=COARSE) as run:
         voxels = run.renderer.method.voxels.objects
         opacity, _ = planes_of(run, voxels)
     layers = opacity[..., 1].sum(axis=(0, 2)) * voxels.grid.voxel**2
