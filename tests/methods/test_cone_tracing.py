@@ -56,12 +56,11 @@ def planes_of(run: Kernels, voxels: Voxels) -> tuple[Float, Float]:
 # Voxels --------------------------------------------------------------------------------------
 
 
-def turned_box() -> tuple[Instance, Float]:
-    half = np.array([0.5, 0.2, 0.15])
+def turned_box(half: Float) -> Instance:
     to_world = np.eye(4)
     to_world[:3, :3] = View(1, 1, yaw_deg=25.0, pitch_deg=10.0).world_from_view
     to_world[:3, 3] = (0.3, -1.0, -1.1)
-    return replace(cuboid((0, 0, 0), half, CLAY), to_world=to_world), half
+    return replace(cuboid((0, 0, 0), half, CLAY), to_world=to_world)
 
 
 def box_opacity(grid: Grid, to_world: Float, half: Float) -> Float:
@@ -90,7 +89,8 @@ def box_opacity(grid: Grid, to_world: Float, half: Float) -> Float:
 
 
 def test_a_box_fills_the_voxels_that_it_fills(device: ComputeDevice) -> None:
-    box, half = turned_box()
+    half = np.array([0.5, 0.2, 0.15])
+    box = turned_box(half)
     with kernels(device, furnace("sphere"), [box], "vct, even", own=COARSE) as run:
         voxels = run.renderer.method.voxels.objects
         opacity, light = planes_of(run, voxels)
@@ -105,6 +105,16 @@ def test_a_box_fills_the_voxels_that_it_fills(device: ComputeDevice) -> None:
     lit = light[..., 3] > 0.0
     assert (wanted[lit].max(-1) > 0.0).mean() > 0.99
     assert 0 < lit.sum() < (wanted.max(-1) > 0.0).sum()
+
+
+def test_a_box_thinner_than_a_voxel_is_solid(device: ComputeDevice) -> None:
+    half = np.array([0.5, 0.004, 0.3])
+    box = turned_box(half)
+    with kernels(device, furnace("sphere"), [box], "vct, even", own=COARSE) as run:
+        voxels = run.renderer.method.voxels.objects
+        opacity, _ = planes_of(run, voxels)
+    wanted = box_opacity(voxels.grid, box.to_world, half)
+    assert (np.abs(opacity[..., 1] - wanted[..., 1]) > 1e-5).mean() < 2e-3
 
 
 @pytest.mark.parametrize("faces", ["up", "down"])
