@@ -12,7 +12,7 @@ from iprt.device.compute import ComputeDevice
 from iprt.geometry.camera import View
 from iprt.geometry.material import Material
 from iprt.geometry.mesh import Instance
-from iprt.methods.voxels import Grid, Voxels, fitted_grid, room_box
+from iprt.methods.voxels import Grid, Voxels
 from iprt.renderer import Renderer
 from iprt.settings.model import Settings
 from tests.kernels.wrap import evaluate
@@ -196,31 +196,6 @@ def test_eight_voxels_make_one(device: ComputeDevice, anisotropic: bool) -> None
     halved = [number for number in range(4) if (np.array(grid.size) % 2**number == 0).all()]
     sums = [level(number, 1).sum((0, 1, 2)) * 8.0**number for number in halved]
     np.testing.assert_allclose(sums, np.broadcast_to(sums[0], (len(sums), 4)), rtol=1e-5)
-
-
-def test_grids_hold_their_box() -> None:
-    rng = np.random.default_rng(2)
-    for _ in range(50):
-        low = rng.normal(size=3)
-        high = low + 10.0 ** rng.uniform(-4.0, 1.0, 3)
-        grid = fitted_grid(low, high, 32)
-        size = np.array(grid.size)
-        assert size.prod() <= 32**3
-        assert (grid.low <= low - 1.5 * grid.voxel).all()
-        assert (grid.low + grid.voxel * size >= high + 1.5 * grid.voxel).all()
-    assert fitted_grid(np.zeros(3), np.ones(3), 64).voxel == pytest.approx(1.0 / 60.0, rel=0.1)
-
-
-def test_the_room_is_where_most_surfaces_are() -> None:
-    frame = sphere_frame(2.0, 128, 64, 1.0)
-    low, high = room_box(frame.depth, 2.0)
-    np.testing.assert_allclose([-low, high], 2.0, rtol=0.05)
-    far = frame.depth.copy()
-    far[:, 60:64] = 1e4
-    low, high = room_box(far, 2.0)
-    assert max(-low.min(), high.max()) <= 6.0
-    nothing = np.full_like(far, np.inf)
-    np.testing.assert_array_equal(room_box(nothing, 0.0), [-np.ones(3), np.ones(3)])
 
 
 # Cones ---------------------------------------------------------------------------------------
