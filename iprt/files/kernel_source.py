@@ -151,6 +151,11 @@ def constant(file: str, name: str) -> int:
     return int(_source(file).expanded(name))
 
 
+def float_constant(file: str, name: str) -> float:
+    """The same of a number in single precision, such as 0.1f."""
+    return float(_source(file).expanded(name).removesuffix("f"))
+
+
 @cache
 def _source(file: str) -> KernelSource:
     read = KernelSource(CL / "lib")

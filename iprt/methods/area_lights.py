@@ -128,7 +128,9 @@ def area_lights(
         towards = directions[part].reshape(-1, 3)
         place = int(np.argmax(towards @ (share @ towards)))
         centre = points[part].reshape(-1, 3)[place]
-        spread = share @ np.square(points[part].reshape(-1, 3) - share @ points[part].reshape(-1, 3))
+        spread = share @ np.square(
+            points[part].reshape(-1, 3) - share @ points[part].reshape(-1, 3)
+        )
         # A disc's points are, in the mean of squares, half of its squared radius from its centre.
         cell = np.pi / rows * away[part].ravel()[place]
         squared = 2.0 * float(spread.sum()) + cell**2 / np.pi

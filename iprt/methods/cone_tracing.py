@@ -6,20 +6,17 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-import pyopencl.array as cla
 
 from iprt.device.compute import ComputeDevice
 from iprt.device.program import Define
-from iprt.filter.mask import Mask
 from iprt.gbuffer.context import FrameContext
 from iprt.gbuffer.guide import Guide, plane_defines
 from iprt.methods.protocol import Setup, Signals
 from iprt.methods.sparse import SparseMethod, Tracers
-from iprt.methods.trace import traced_arguments
+from iprt.methods.trace import RealTracer, VirtualTracer
 from iprt.methods.vct import VctSettings
 from iprt.methods.voxel_world import GatheringWorld, VoxelWorld
 from iprt.settings.features import TOUCHED_FRAMES, Features
-from iprt.world.real.irradiance import IrradianceCache
 from iprt.world.world import World
 
 
@@ -31,15 +28,8 @@ def cone_defines(features: Features) -> dict[str, Define]:
     }
 
 
-class ConeReal:
-    """What objects change in the irradiance of real surfaces, at the traced pixels of a layer.
-
-    Attributes
-    ----------
-    signal : 6 planes
-        Valid at the pixels that were traced: irradiance that objects hide, and that they send,
-        over E_R.
-    """
+class ConeReal(RealTracer):
+    """Cones through the voxels of the objects, and of the room behind those that meet one."""
 
     def __init__(
         self,
@@ -51,50 +41,16 @@ class ConeReal:
         voxels: VoxelWorld,
         cones: int,
     ) -> None:
-        self._device, self._guide, self._voxels = device, guide, voxels
-        layout = guide.layout
-        self.signal = device.zeros(f"{name} signal", layout.shape(6))
+        self._voxels = voxels
         defines = plane_defines() | cone_defines(features)
-        self._kernel = device.kernel("methods/cone_real.cl", "cone_real", defines).fixed(
-            layout.arguments(),
-            rays=features.settings.trace.rays,
-            frame_seed=features.settings.seed,
-            cones=cones,
-            samples=device.zeros(f"{name} samples", layout.shape(1), np.uint32),
-            signal=self.signal,
-        )
+        super().__init__(device, guide, features, "cone_real", defines, name=name, cones=cones)
 
-    def run(
-        self,
-        world: World,
-        mask: Mask,
-        view: cla.Array,
-        cache: IrradianceCache | None,
-        *,
-        min_solid_angle: float,
-    ) -> None:
-        """See `iprt.methods.trace.TraceReal`; objects that look small are not left out."""
-        del min_solid_angle
-        assert cache is not None
-        layout = self._guide.layout
-        with self._device.profile.section("trace real"):
-            self._kernel(
-                (layout.width * layout.height,),
-                traced_arguments(self._guide, mask, view),
-                self._voxels.arguments(),
-                cache.arguments(world.panorama),
-            )
+    def arguments(self, world: World) -> dict[str, Any]:
+        return self._voxels.arguments()
 
 
-class ConeVirtual:
-    """Light that visible virtual surfaces reflect, at the traced pixels.
-
-    Attributes
-    ----------
-    diffuse, specular : 3 planes or None
-    hit : 1 plane or None
-        As of `iprt.methods.trace.TraceVirtual`.
-    """
+class ConeVirtual(VirtualTracer):
+    """Cones through the voxels of the objects and of the room."""
 
     def __init__(
         self,
@@ -105,14 +61,7 @@ class ConeVirtual:
         voxels: VoxelWorld,
         cones: int,
     ) -> None:
-        self._device, self._guide, self._voxels = device, guide, voxels
-        layout = guide.layout
-        self.diffuse = self.specular = self.hit = None
-        if features.diffuse_signal:
-            self.diffuse = device.zeros("diffuse signal", layout.shape(3))
-        if features.specular_signal:
-            self.specular = device.zeros("specular signal", layout.shape(3))
-            self.hit = device.zeros("specular hit distance", layout.shape(1))
+        self._voxels = voxels
         defines = guide.defines(
             **dict(features.materials),
             HAS_DIFFUSE=features.diffuse_signal,
@@ -120,34 +69,10 @@ class ConeVirtual:
             DELTA=voxels.delta is not None,
             **cone_defines(features),
         )
-        self._kernel = device.kernel("methods/cone_virtual.cl", "cone_virtual", defines).fixed(
-            layout.arguments(),
-            {"diffuse": self.diffuse, "specular": self.specular, "hit_distance": self.hit},
-            rays=features.settings.trace.object_rays,
-            frame_seed=features.settings.seed,
-            cones=cones,
-            samples=device.zeros("object samples", layout.shape(1), np.uint32),
-        )
+        super().__init__(device, guide, features, "cone_virtual", defines, cones=cones)
 
-    def run(
-        self,
-        world: World,
-        mask: Mask,
-        view: cla.Array,
-        albedo: cla.Array,
-        history: cla.Array,
-    ) -> None:
-        """See `iprt.methods.trace.TraceVirtual`; every frame has all cones, whatever `history`."""
-        del history
-        layout = self._guide.layout
-        with self._device.profile.section("trace virtual"):
-            self._kernel(
-                (layout.width * layout.height,),
-                traced_arguments(self._guide, mask, view),
-                self._voxels.arguments(),
-                albedo=albedo,
-                materials=world.objects.materials,
-            )
+    def arguments(self, world: World) -> dict[str, Any]:
+        return self._voxels.arguments() | {"materials": world.objects.materials}
 
 
 class VoxelConeTracing(SparseMethod):

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from iprt.device.compute import ComputeDevice
-from iprt.files.kernel_source import constant
+from iprt.files.kernel_source import constant, float_constant
 from iprt.world.real.panorama import Panorama
 
 Float = NDArray[np.float32]
@@ -23,8 +23,8 @@ GRID = tuple(constant(HEADER, f"GRID_{axis}") for axis in "XYZ")
 CELLS = GRID[0] * GRID[1] * GRID[2]
 MOST_PLACES = 27
 """Cells that a model may reach."""
-LEAST_WEIGHT, ALIKE_NORMAL = 0.1, 0.7
-"""As in `cl/lib/methods/learned.h`."""
+LEAST_WEIGHT = float_constant(HEADER, "LEAST_WEIGHT")
+ALIKE_NORMAL = float_constant(HEADER, "ALIKE_NORMAL")
 WIDEST = 1.0 / np.sqrt(-2.0 * np.log(LEAST_WEIGHT))
 """Bandwidth of a model that reaches as far as the search radius, over this."""
 

@@ -12,16 +12,14 @@ from pyopencl import cltypes
 
 from iprt.device.compute import ComputeDevice
 from iprt.device.program import Define
-from iprt.filter.mask import Mask
 from iprt.gbuffer.guide import Guide, plane_defines
 from iprt.geometry.camera import View
 from iprt.methods.dpt import DptSettings, PathTracingSettings
 from iprt.methods.protocol import Setup
 from iprt.methods.pt_diff import PtDiffSettings
 from iprt.methods.sparse import SparseMethod, Tracers
-from iprt.methods.trace import traced_arguments
+from iprt.methods.trace import RealTracer, VirtualTracer
 from iprt.settings.features import Features
-from iprt.world.real.irradiance import IrradianceCache
 from iprt.world.real.lights import Lights
 from iprt.world.world import World
 
@@ -120,15 +118,8 @@ def _directions(columns: int, rows: int, step: int) -> NDArray[np.float64]:
     return view.directions()[::step, ::step].astype(np.float64)
 
 
-class PathTraceReal:
-    """What objects change in the irradiance of real surfaces, at the traced pixels of a layer.
-
-    Attributes
-    ----------
-    signal : 6 planes
-        Valid at the pixels that were traced: irradiance that objects hide, and that they send,
-        over E_R.
-    """
+class PathTraceReal(RealTracer):
+    """Paths that meet objects; `one_pass`: each with and without them."""
 
     def __init__(
         self,
@@ -141,56 +132,17 @@ class PathTraceReal:
         bounces: int,
         one_pass: bool,
     ) -> None:
-        self._device, self._guide, self._features = device, guide, features
         self._environment = environment
-        layout = guide.layout
-        self.signal = device.zeros(f"{name} signal", layout.shape(6))
         defines = plane_defines() | features.trace_defines()
         defines |= {"MAX_BOUNCES": bounces, "ONE_PASS": one_pass} | environment.defines
-        kernel = device.kernel("methods/path_trace_real.cl", "path_trace_real", defines)
-        self._kernel = kernel.fixed(
-            layout.arguments(),
-            rays=features.settings.trace.rays,
-            frame_seed=features.settings.seed,
-            samples=device.zeros(f"{name} samples", layout.shape(1), np.uint32),
-            signal=self.signal,
-        )
+        super().__init__(device, guide, features, "path_trace_real", defines, name=name)
 
-    def run(
-        self,
-        world: World,
-        mask: Mask,
-        view: cla.Array,
-        cache: IrradianceCache | None,
-        *,
-        min_solid_angle: float,
-    ) -> None:
-        """See `iprt.methods.trace.TraceReal`; objects that look small are not left out."""
-        del min_solid_angle
-        assert cache is not None
-        guide = self._guide
-        with self._device.profile.section("trace real"):
-            self._kernel(
-                (guide.layout.width * guide.layout.height,),
-                traced_arguments(guide, mask, view),
-                world.arguments(self._features),
-                cache.arguments(world.panorama),
-                self._environment.arguments(),
-            )
+    def arguments(self, world: World) -> dict[str, Any]:
+        return super().arguments(world) | self._environment.arguments()
 
 
-class PathTraceVirtual:
-    """Light that visible virtual surfaces reflect, at the traced pixels.
-
-    Attributes
-    ----------
-    diffuse, specular : 3 planes or None
-        As of `iprt.methods.trace.TraceVirtual`.
-    hit : None
-        The filter takes reflections as painted on, as none knows how far away they are.
-    """
-
-    hit: cla.Array | None = None
+class PathTraceVirtual(VirtualTracer):
+    """Paths from virtual surfaces."""
 
     def __init__(
         self,
@@ -201,44 +153,13 @@ class PathTraceVirtual:
         environment: Environment,
         bounces: int,
     ) -> None:
-        self._device, self._guide, self._features = device, guide, features
         self._environment = environment
-        layout = guide.layout
-        self.diffuse = self.specular = None
-        if features.diffuse_signal:
-            self.diffuse = device.zeros("diffuse signal", layout.shape(3))
-        if features.specular_signal:
-            self.specular = device.zeros("specular signal", layout.shape(3))
         defines = guide.defines(**features.trace_defines()) | {"MAX_BOUNCES": bounces}
         defines |= environment.defines
-        kernel = device.kernel("methods/path_trace_virtual.cl", "path_trace_virtual", defines)
-        self._kernel = kernel.fixed(
-            layout.arguments(),
-            {"diffuse": self.diffuse, "specular": self.specular},
-            rays=features.settings.trace.object_rays,
-            frame_seed=features.settings.seed,
-            samples=device.zeros("object samples", layout.shape(1), np.uint32),
-        )
+        super().__init__(device, guide, features, "path_trace_virtual", defines, finds_hit=False)
 
-    def run(
-        self,
-        world: World,
-        mask: Mask,
-        view: cla.Array,
-        albedo: cla.Array,
-        history: cla.Array,
-    ) -> None:
-        """See `iprt.methods.trace.TraceVirtual`; every frame has all rays, whatever `history`."""
-        del history
-        guide = self._guide
-        with self._device.profile.section("trace virtual"):
-            self._kernel(
-                (guide.layout.width * guide.layout.height,),
-                traced_arguments(guide, mask, view),
-                world.arguments(self._features),
-                self._environment.arguments(),
-                albedo=albedo,
-            )
+    def arguments(self, world: World) -> dict[str, Any]:
+        return super().arguments(world) | self._environment.arguments()
 
 
 class DeltaPathTracing(SparseMethod):

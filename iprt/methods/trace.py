@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 import pyopencl.array as cla
 
 from iprt.device.compute import ComputeDevice
+from iprt.device.program import Define
 from iprt.filter.mask import Mask
 from iprt.gbuffer.guide import Guide, plane_defines
 from iprt.settings.features import Features
@@ -26,34 +28,77 @@ def traced_arguments(guide: Guide, mask: Mask, view: cla.Array) -> dict[str, Any
     }
 
 
-class TraceReal:
-    """Changes of irradiance by objects, at the traced pixels of a real layer.
+class _Tracer:
+    """A kernel that sends rays, or cones, from the traced pixels of a guide's layer."""
+
+    def __init__(
+        self,
+        device: ComputeDevice,
+        guide: Guide,
+        features: Features,
+        kernel: str,
+        defines: Mapping[str, Define],
+        *,
+        name: str | None,
+        rays: int,
+        planes: Mapping[str, cla.Array | None],
+        **own: Any,
+    ) -> None:
+        """`kernel`: of the file of the same name. `name`: that of the buffer in which it counts
+        the samples of each pixel; None: it draws none. `planes`: what it writes, by parameter.
+        `own`: parameters that only this kernel has.
+        """
+        self._device, self._guide, self._features = device, guide, features
+        layout = guide.layout
+        if name is not None:
+            own["samples"] = device.zeros(f"{name} samples", layout.shape(1), np.uint32)
+        self._kernel = device.kernel(f"methods/{kernel}.cl", kernel, defines).fixed(
+            layout.arguments(), planes, rays=rays, frame_seed=features.settings.seed, **own
+        )
+
+    def arguments(self, world: World) -> dict[str, Any]:
+        """What the rays meet, as kernel arguments."""
+        return world.arguments(self._features)
+
+    def _launch(self, section: str, world: World, mask: Mask, view: cla.Array, **more: Any) -> None:
+        """`more`: arguments that vary; the kernel may lack some."""
+        layout = self._guide.layout
+        with self._device.profile.section(section):
+            self._kernel(
+                (layout.width * layout.height,),
+                traced_arguments(self._guide, mask, view),
+                self.arguments(world),
+                more,
+            )
+
+
+class RealTracer(_Tracer):
+    """What objects change in the irradiance of real surfaces, at the traced pixels of a layer.
 
     Attributes
     ----------
     signal : 6 planes
-        Valid at the pixels that were traced. Estimator "delta": blocked / E_R rgb, bounce / E_R
-        rgb; "ratio": E_R rgb, E_RV rgb, irradiance over π.
+        Valid at the pixels that were traced. Irradiance that objects hide, and that they send,
+        over E_R: rgb each.
     """
 
     def __init__(
-        self, device: ComputeDevice, guide: Guide, features: Features, *, name: str
+        self,
+        device: ComputeDevice,
+        guide: Guide,
+        features: Features,
+        kernel: str,
+        defines: Mapping[str, Define],
+        *,
+        name: str,
+        **own: Any,
     ) -> None:
-        self._device = device
-        self._guide = guide
-        self._features = features
-        # Its rays look into the view only where this holds layers of the objects.
-        equirect = guide.equirect and features.traced_layers
-        defines = plane_defines(equirect=equirect, **features.trace_defines())
-        kernel = "trace_delta" if features.delta else "trace_real"
-        layout = guide.layout
-        self.signal = device.zeros(f"{name} signal", layout.shape(6))
-        self._kernel = device.kernel(f"methods/{kernel}.cl", kernel, defines).fixed(
-            layout.arguments(),
-            rays=features.settings.trace.rays,
-            frame_seed=features.settings.seed,
-            samples=device.zeros(f"{name} samples", layout.shape(1), np.uint32),
-            signal=self.signal,
+        """`own`: parameters that only this kernel has."""
+        self.signal = device.zeros(f"{name} signal", guide.layout.shape(6))
+        rays = features.settings.trace.rays
+        planes = {"signal": self.signal}
+        super().__init__(
+            device, guide, features, kernel, defines, name=name, rays=rays, planes=planes, **own
         )
 
     def run(
@@ -65,21 +110,27 @@ class TraceReal:
         *,
         min_solid_angle: float,
     ) -> None:
-        """`cache` holds E_R for the estimator "delta", which ignores objects that span less than
-        `min_solid_angle` sr.
-        """
-        guide = self._guide
-        with self._device.profile.section("trace real"):
-            self._kernel(
-                (guide.layout.width * guide.layout.height,),
-                traced_arguments(guide, mask, view),
-                world.arguments(self._features),
-                {} if cache is None else cache.arguments(world.panorama),
-                {} if cache is None else {"min_solid_angle": min_solid_angle},
-            )
+        """`cache` holds E_R. Objects that span less than `min_solid_angle` sr may be ignored."""
+        known = {} if cache is None else cache.arguments(world.panorama)
+        self._launch("trace real", world, mask, view, min_solid_angle=min_solid_angle, **known)
 
 
-class TraceVirtual:
+class TraceReal(RealTracer):
+    """Changes of irradiance by the estimator "delta", or, by "ratio", irradiance with and without
+    objects: then `signal` is E_R rgb and E_RV rgb, irradiance over π, and no cache is needed.
+    """
+
+    def __init__(
+        self, device: ComputeDevice, guide: Guide, features: Features, *, name: str
+    ) -> None:
+        # Its rays look into the view only where this holds layers of the objects.
+        equirect = guide.equirect and features.traced_layers
+        defines = plane_defines(equirect=equirect, **features.trace_defines())
+        kernel = "trace_delta" if features.delta else "trace_real"
+        super().__init__(device, guide, features, kernel, defines, name=name)
+
+
+class VirtualTracer(_Tracer):
     """Light that visible virtual surfaces reflect, at the traced pixels.
 
     Attributes
@@ -89,31 +140,40 @@ class TraceVirtual:
     specular : 3 planes or None
         Radiance; None when no material has a specular part.
     hit : 1 plane or None
-        Metres to what the specular lobe reflects, 1e6: the sky, 0: nothing; None as `specular`.
+        Metres to what the specular lobe reflects, 1e6: the sky, 0: nothing; None as `specular`, and
+        where the kernel does not find it: the filter then takes reflections as painted on.
     """
 
-    def __init__(self, device: ComputeDevice, guide: Guide, features: Features) -> None:
-        self._device = device
-        self._guide = guide
-        self._features = features
-        defines = guide.defines(
-            **features.relit_defines(),
-            JITTER=features.jitter,
-            **features.gloss_defines(),
-        )
+    def __init__(
+        self,
+        device: ComputeDevice,
+        guide: Guide,
+        features: Features,
+        kernel: str,
+        defines: Mapping[str, Define],
+        *,
+        finds_hit: bool = True,
+        **own: Any,
+    ) -> None:
+        """`own`: parameters that only this kernel has."""
         layout = guide.layout
         self.diffuse = self.specular = self.hit = None
         if features.diffuse_signal:
             self.diffuse = device.zeros("diffuse signal", layout.shape(3))
         if features.specular_signal:
             self.specular = device.zeros("specular signal", layout.shape(3))
+        if features.specular_signal and finds_hit:
             self.hit = device.zeros("specular hit distance", layout.shape(1))
-        self._kernel = device.kernel("methods/trace_virtual.cl", "trace_virtual", defines).fixed(
-            layout.arguments(),
-            {"diffuse": self.diffuse, "specular": self.specular, "hit_distance": self.hit},
+        super().__init__(
+            device,
+            guide,
+            features,
+            kernel,
+            defines,
+            name="object",
             rays=features.settings.trace.object_rays,
-            frame_seed=features.settings.seed,
-            samples=device.zeros("object samples", layout.shape(1), np.uint32),
+            planes={"diffuse": self.diffuse, "specular": self.specular, "hit_distance": self.hit},
+            **own,
         )
 
     def run(
@@ -124,19 +184,23 @@ class TraceVirtual:
         albedo: cla.Array,
         history: cla.Array,
     ) -> None:
-        """`history` is the `Temporal.length` of the signals."""
-        guide = self._guide
-        with self._device.profile.section("trace virtual"):
-            self._kernel(
-                (guide.layout.width * guide.layout.height,),
-                traced_arguments(guide, mask, view),
-                world.arguments(self._features),
-                albedo=albedo,
-                history=history,
-            )
+        """`history` is the `Temporal.length` of the signals; some send all rays in every frame."""
+        self._launch("trace virtual", world, mask, view, albedo=albedo, history=history)
 
 
-class TraceGloss:
+class TraceVirtual(VirtualTracer):
+    """Rays that meet real surfaces and objects."""
+
+    def __init__(self, device: ComputeDevice, guide: Guide, features: Features) -> None:
+        defines = guide.defines(
+            **features.relit_defines(),
+            JITTER=features.jitter,
+            **features.gloss_defines(),
+        )
+        super().__init__(device, guide, features, "trace_virtual", defines)
+
+
+class GlossTracer(_Tracer):
     """Reflected objects, less what they hide, at the traced pixels of glossy real surfaces.
 
     Attributes
@@ -150,30 +214,25 @@ class TraceGloss:
         device: ComputeDevice,
         guide: Guide,
         features: Features,
+        kernel: str,
+        defines: Mapping[str, Define],
+        *,
+        name: str | None,
     ) -> None:
         """Ids of `guide` are indices of the real materials + 1."""
-        self._device = device
-        self._guide = guide
-        self._features = features
-        defines = guide.defines(
-            **features.relit_defines(),
-            **features.gloss_defines(),
-        )
-        layout = guide.layout
-        self.change = device.zeros("gloss signal", layout.shape(3))
-        self._kernel = device.kernel("methods/trace_gloss.cl", "trace_gloss", defines).fixed(
-            layout.arguments(),
-            rays=features.settings.trace.rays,
-            frame_seed=features.settings.seed,
-            samples=device.zeros("gloss samples", layout.shape(1), np.uint32),
-            change=self.change,
+        self.change = device.zeros("gloss signal", guide.layout.shape(3))
+        rays, planes = features.settings.trace.rays, {"change": self.change}
+        super().__init__(
+            device, guide, features, kernel, defines, name=name, rays=rays, planes=planes
         )
 
     def run(self, world: World, mask: Mask, view: cla.Array) -> None:
-        guide = self._guide
-        with self._device.profile.section("trace gloss"):
-            self._kernel(
-                (guide.layout.width * guide.layout.height,),
-                traced_arguments(guide, mask, view),
-                world.arguments(self._features),
-            )
+        self._launch("trace gloss", world, mask, view)
+
+
+class TraceGloss(GlossTracer):
+    """Rays of the specular lobe."""
+
+    def __init__(self, device: ComputeDevice, guide: Guide, features: Features) -> None:
+        defines = guide.defines(**features.relit_defines(), **features.gloss_defines())
+        super().__init__(device, guide, features, "trace_gloss", defines, name="gloss")

@@ -11,7 +11,7 @@ import pytest
 from iprt.device.compute import ComputeDevice
 from iprt.device.signature import Parameter, signature
 from iprt.errors import KernelError
-from iprt.files.kernel_source import constant
+from iprt.files.kernel_source import constant, float_constant
 from tests.films import entry_points, planned_kernels
 
 HEADER = """
@@ -73,6 +73,7 @@ def test_constants_of_headers() -> None:
     """Those of the files that they include too."""
     assert constant("lib/gbuffer/guide.h", "LEVEL_NONE") == 255
     assert constant("filter/mask.cl", "GUIDE_PLANES") == 7
+    assert float_constant("lib/methods/learned.h", "ALIKE_NORMAL") == 0.7
 
 
 def test_no_such_kernel() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -75,12 +76,12 @@ def arriving(frame: Frame, openings: str, o: Float, d: Float) -> tuple[Float, ND
 
 def render_ball(
     device: ComputeDevice, frame: Frame, solid: Sphere, view: View, openings: str, frames: int,
-    rays: int = 1,
+    rays: int = 1, **others: Any,
 ) -> RenderedFrame:  # fmt: skip
     trace = {"rays": rays, "openings": openings, "jitter": False}
     raw = {"fading": 0.0, "atrous": {"levels": 0}, "mask": {"sparse": False}}
     sure = {"rows": 64, "rays": 256, "samples": 512}
-    settings = Settings.model_validate({"trace": trace, "irradiance": sure, **raw})
+    settings = Settings.model_validate({"trace": trace, "irradiance": sure, **raw, **others})
     objects = [ball(solid.centre, solid.radius, MIRROR, subdivisions=5)]
     return render(device, frame, objects, view, settings, frames)
 

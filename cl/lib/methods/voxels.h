@@ -167,10 +167,11 @@ static inline ALWAYS_INLINE ConeLight trace_cone(
         const int aligned = popcount((layer & -layer) - 1);
         const int level = min(aligned, cone_level(voxels, cone, fmax((layer - begin) / pace, 0.0f)));
         const int width = 1 << level;
+        // The last one may begin inside and have its middle outside.
+        if (!((layer - begin) / pace < span.y))
+            break;
         const float at = (layer + 0.5f * width - begin) / pace;
         layer += width;
-        if (!(at < span.y))
-            break;
         const VoxelTaps taps = voxel_taps(voxels.levels[level], axis,
                                           (from + at / voxels.box.w * cone.d) / (float)width);
         const float4 opacity = blend_voxels(voxels.opacity, taps);
