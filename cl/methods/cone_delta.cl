@@ -1,6 +1,6 @@
 // What objects change in the irradiance of real surfaces (T. A. Franke, "Delta Voxel Cone Tracing", section
 // 3.2), relative to the irradiance E_R that the surfaces have without objects: light that objects hide from
-// them, by cones towards the lights as wide as these (Eq. 2), and by cones that fill the hemisphere (Eq. 6)
+// them, by cones towards the lights (Eq. 2), and by cones that fill the hemisphere (Eq. 6)
 // what objects send and what real surfaces around send less.
 //
 // `cones` of the latter have equal shares of the cosine: one is along the normal, the others are a ring around
@@ -23,6 +23,10 @@
 
 // Cones that rise less than so much per metre start as far away as these.
 #define LEAST_RISE 0.05f
+
+// A cone is as wide as this share of a light, and goes to a place in it that differs from frame to frame. Cones
+// as wide as a light make shadows too dark.
+#define CONE_SHARE 0.2f
 
 TRACING_KERNEL void cone_delta(
     TRACED_PARAMETERS,
@@ -64,10 +68,15 @@ TRACING_KERNEL void cone_delta(
         if (!(chosen > 0.0f))
             continue;
         const float3 away = light.position - at.p;
-        const float distance = length(away);
-        cone.d = away / distance;
+        const float squared = dot(away, away);
+        const float wide = sqrt(light.squared_radius / fmax(squared, 1e-12f));
+        const float2 v = sobol_2d(first, hash_combine(at.seed, number + 1));
+        const float2 off = fmin(wide, MOST_SLOPE) * sqrt(v.y) * unit_circle(v.x);
+        const float3 axis = away * rsqrt(squared);
+        cone.d = frame_to_world(build_frame(axis), (float3)(off.x, off.y, 1.0f));
+        cone.d /= length(cone.d);
         cone.rise = dot(cone.d, at.n);
-        cone.slope = fmin(sqrt(light.squared_radius) / distance, MOST_SLOPE);
+        cone.slope = CONE_SHARE * fmin(wide, MOST_SLOPE);
         // The surface is none of the objects' voxels: they count from its very point on.
         cone.lift = CONE_FAR;
         const float passed = trace_cone(objects, cone, 0.0f, 0.0f, 0).passed;

@@ -43,10 +43,10 @@ def median_cut(flux: Float, count: int) -> list[Region]:
     count : int
         Regions to end with; fewer where there are fewer cells that send light.
     """
-    rows, columns = flux.shape
-    whole = Region(0, rows, 0, columns)
+    if not flux.any():
+        return []
     # Equal fluxes are divided in the order in which they were found.
-    queue = [(-float(flux.sum()), 0, whole)]
+    queue = [(-float(flux.sum()), 0, _lit(flux, Region(0, flux.shape[0], 0, flux.shape[1])))]
     done: list[Region] = []
     number = 0
     while queue and len(queue) + len(done) < count:
@@ -57,9 +57,20 @@ def median_cut(flux: Float, count: int) -> list[Region]:
         for half in halves if len(halves) == 2 else ():
             number += 1
             part = flux[half.top : half.bottom, half.left : half.right].sum()
-            heapq.heappush(queue, (-float(part), number, half))
-    found = done + [region for _, _, region in sorted(queue)]
-    return [r for r in found if flux[r.top : r.bottom, r.left : r.right].sum() > 0.0]
+            heapq.heappush(queue, (-float(part), number, _lit(flux, half)))
+    return done + [region for _, _, region in sorted(queue)]
+
+
+def _lit(flux: Float, region: Region) -> Region:
+    """Without the rows and columns at its rim that send nothing."""
+    part = flux[region.top : region.bottom, region.left : region.right] > 0.0
+    rows, columns = np.flatnonzero(part.any(axis=1)), np.flatnonzero(part.any(axis=0))
+    return Region(
+        region.top + int(rows[0]),
+        region.top + int(rows[-1]) + 1,
+        region.left + int(columns[0]),
+        region.left + int(columns[-1]) + 1,
+    )
 
 
 def _divided(flux: Float, region: Region) -> list[Region]:
@@ -88,8 +99,8 @@ def area_lights(
 ) -> NDArray[np.float32]:
     """A disc for each region of a panorama.
 
-    It lies where the cell nearest to the region's centroid of flux is, faces as its surfaces do in the
-    mean, and sends towards the capture centre what the region does.
+    It lies where the cell nearest to the region's centroid of flux is, faces as its surfaces do in
+    the mean, and sends towards the capture centre what the region does.
 
     Parameters
     ----------
@@ -109,9 +120,9 @@ def area_lights(
     Returns
     -------
     (N, 3, 4) float32
-        N <= count. Position in the axes of the capture centre and squared radius, in metres; normal,
-        and the share of the flux that comes through windows; radiance times area along the normal,
-        per colour.
+        N <= count. Position in the axes of the capture centre and squared radius, in metres;
+        normal, and the share of the flux that comes through windows; radiance times area along the
+        normal, per colour.
     """
     rows, columns = distance.shape
     directions = View(columns, rows, projection="equirect").directions().astype(np.float64)

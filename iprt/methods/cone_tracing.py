@@ -5,8 +5,6 @@ from __future__ import annotations
 from functools import partial
 from typing import Any
 
-import numpy as np
-
 from iprt.device.compute import ComputeDevice
 from iprt.device.program import Define
 from iprt.gbuffer.context import FrameContext
