@@ -16,8 +16,8 @@ REMEDIES = {
     "object voxels": "lower vct.object_voxels",
     "prefiltered ": "use a smaller panorama",
     "impostor ": "lower dit.resolution",
-    "learned ": "lower oil.models",
-    "drawn samples": "lower oil.samples",
+    "learned ": "lower learning.models",
+    "drawn samples": "lower learning.samples",
     "bvh ": "use simpler meshes and textures",
 }
 """How the names of buffers start -> what makes them smaller; all others have the picture's size."""

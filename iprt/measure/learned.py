@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
 from iprt.footage.frame import Frame
-from iprt.methods.learning import Learner, Learning
-from iprt.methods.oil import OilSettings
 from iprt.output.display import display
+from iprt.settings.trace import LearningSettings
+from iprt.world.real.learning import Learner, Learning
 from iprt.world.real.panorama import Panorama
 
 Float = NDArray[np.float32]
@@ -52,7 +52,7 @@ class Learned:
 
 
 def learn_frame(
-    device: ComputeDevice, frame: Frame, own: OilSettings, frames: int, exposure: float
+    device: ComputeDevice, frame: Frame, own: LearningSettings, frames: int, exposure: float
 ) -> Learned:
     """Learn from so many frames that show the same, and ask at texels that were held out."""
     panorama = Panorama(device, frame.width, frame.height)

@@ -56,6 +56,7 @@ class RealWorld:
             color_map=features.color_map,
             share=not (features.video or features.color_map),
             background=features.settings.trace if features.background else None,
+            learning=features.settings.learning if features.learning else None,
         )
         self._color_map = ColorMap(device) if features.color_map else None
         self.lights = Lights(device, frame.width, frame.height) if features.light_sampling else None
@@ -97,15 +98,24 @@ class RealWorld:
         if features.objects:
             changed = self.panorama.flux.change
             cut = abandoned or is_cut(before, frame, changed)
-            if cut or changed > SWITCHED:
+            other_light = cut or changed > SWITCHED
+            if other_light:
                 self.cut_version = self.version
             elsewhere = cut or not np.array_equal(motion, STILL)
             self.panorama.remember(forget=elsewhere or changed > OTHER_LIGHT)
+            if self.panorama.learned is not None:
+                first = self.version == 1
+                self.panorama.learned.follow(self.panorama, frame.pose, forget=first or other_light)
             if self.lights is not None:
                 self.lights.load(self.panorama.radiance, self.panorama.hidden_light)
             if self.irradiance is not None:
                 self.irradiance.place(self.panorama, motion, changed=changed, cut=cut)
         self.frame, self._complete = frame, True
+
+    def learn(self) -> None:
+        """Learn more of the frame's radiance, where that is asked for; once a view frame."""
+        if self.panorama.learned is not None:
+            self.panorama.learned.learn(self.panorama)
 
     def split_highlights(self) -> None:
         """Take highlights off the panorama before its first use, where surfaces are glossy."""

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
-from iprt.methods.learning import PRIOR, WIDEST, Learner, Learning
+from iprt.world.real.learning import PRIOR, WIDEST, Learner, Learning
 from iprt.world.real.panorama import Panorama
 from tests.oracles.learned import Model, predicted, tangents, weight_of
 from tests.oracles.worlds import World

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,11 +11,13 @@ from scipy.spatial import cKDTree
 
 from iprt.device.compute import ComputeDevice
 from iprt.files.kernel_source import constant
-from iprt.world.real.panorama import Panorama
+
+if TYPE_CHECKING:
+    from iprt.world.real.panorama import Panorama
 
 Float = NDArray[np.float32]
 
-HEADER = "lib/methods/learned.h"
+HEADER = "lib/world/real/learned.h"
 MODEL_PARTS = constant(HEADER, "MODEL_PARTS")
 SAMPLE_PARTS = constant(HEADER, "SAMPLE_PARTS")
 GRID = tuple(constant(HEADER, f"GRID_{axis}") for axis in "XYZ")
@@ -24,7 +26,7 @@ CELLS = GRID[0] * GRID[1] * GRID[2]
 MOST_PLACES = 27
 """Cells that a model may reach."""
 LEAST_WEIGHT, ALIKE_NORMAL = 0.1, 0.7
-"""As in `cl/lib/methods/learned.h`."""
+"""As in `cl/lib/world/real/learned.h`."""
 WIDEST = 1.0 / np.sqrt(-2.0 * np.log(LEAST_WEIGHT))
 """Bandwidth of a model that reaches as far as the search radius, over this."""
 
@@ -101,24 +103,24 @@ class Learner:
         self._drawn = device.zeros("drawn samples", (samples, SAMPLE_PARTS, 4))
         self._predicted = device.zeros("drawn samples predicted", (samples, 4))
         self._greatest = device.zeros("drawn samples covered", (samples,))
-        self._draw = device.kernel("methods/draw_samples.cl", "draw_samples").fixed(
+        self._draw = device.kernel("world/real/draw_samples.cl", "draw_samples").fixed(
             count=samples, pose=self._pose, samples=self._drawn
         )
         defines = {"PRIOR": PRIOR}
-        self._learn = device.kernel("methods/learn_models.cl", "learn_models", defines).fixed(
+        self._learn = device.kernel("world/real/learn_models.cl", "learn_models", defines).fixed(
             start=self._sample_start,
             samples=self._drawn,
             models=self._models,
             information=self._information,
         )
-        self._ask = device.kernel("methods/ask_models.cl", "ask_models").fixed(
+        self._ask = device.kernel("world/real/ask_models.cl", "ask_models").fixed(
             samples=self._drawn, predicted=self._predicted, greatest=self._greatest
         )
         self._inverse_radius = 0.0
         self._places = 0
 
     def arguments(self) -> dict[str, Any]:
-        """`LEARNED_PARAMETERS` of `cl/lib/methods/learned.h`."""
+        """`LEARNED_PARAMETERS` of `cl/lib/world/real/learned.h`."""
         return {
             "learned_models": self._models,
             "learned_start": self._start,
@@ -128,7 +130,7 @@ class Learner:
         }
 
     def models(self) -> Float:
-        """(count, MODEL_PARTS, 4) as in `cl/lib/methods/learned.h`."""
+        """(count, MODEL_PARTS, 4) as in `cl/lib/world/real/learned.h`."""
         read: Float = self._device.read(self._models)[: self.count]
         return read
 

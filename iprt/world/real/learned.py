@@ -1,0 +1,67 @@
+"""What a video has shown of the radiance of real surfaces, as rays ask for it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.device.compute import ComputeDevice
+from iprt.world.real.learning import Learner, Learning
+
+if TYPE_CHECKING:
+    from iprt.settings.trace import LearningSettings
+    from iprt.world.real.panorama import Panorama
+
+
+class LearnedRadiance:
+    """Models of the radiance of real surfaces, which follow a video from frame to frame.
+
+    Models stay where their surfaces are, in the axes of the world, while the camera moves.
+
+    Attributes
+    ----------
+    learner : Learner
+    """
+
+    def __init__(self, device: ComputeDevice, settings: LearningSettings) -> None:
+        self._device, self._settings = device, settings
+        self.learner = Learner(device, settings.samples, settings.models)
+        self._left, self._metre = 0, 1.0
+
+    def follow(self, panorama: Panorama, pose: NDArray[np.float64] | None, *, forget: bool) -> None:
+        """Follow the video to the frame that `panorama` holds, which is learned from now on.
+
+        Parameters
+        ----------
+        panorama : Panorama
+        pose : (4, 4) float64 or None
+            From the axes of the capture centre to the world's; None: these are the same.
+        forget : bool
+            The frames before showed another scene, or another light.
+        """
+        if forget:
+            self.learner.forget()
+            self._metre = panorama.scale
+        self.learner.place(pose)
+        self._left = panorama.width * panorama.height
+
+    def learn(self, panorama: Panorama) -> None:
+        """Learn from so many texels as are learned at a time, until all were drawn on average."""
+        if self._left <= 0:
+            return
+        own = self._settings
+        self._left -= own.samples
+        how = Learning(
+            radius=own.search_radius * self._metre,
+            metre=self._metre,
+            unit=max(panorama.mean_radiance, 1e-20),
+            forgetting=own.forgetting,
+        )
+        with self._device.profile.section("learn"):
+            self.learner.learn(self.learner.draw(panorama), how)
+
+    def arguments(self) -> dict[str, Any]:
+        """`LEARNED_PARAMETERS` of `cl/lib/world/real/learned.h`."""
+        return self.learner.arguments()
