@@ -13,13 +13,25 @@
 // another's side before it.
 #define HIDDEN_FACING 0.05f
 
-// What happens to a ray in one texel, and where it first passes behind the first layer.
+// What happens to a ray in one texel, and where it first passes behind the first layer. The first back
+// face that is assumed is kept, and the ray goes on: what was seen behind it counts more.
 static inline int noted_leaf(const RealLayer layer, const PolarRay ray, const Segment at, int *side,
                              RealHit *hit)
 {
-    const int found = real_leaf(layer, ray, at, side, hit);
+    int found = real_leaf(layer, ray, at, side, hit);
     if (found ? hit->kind != HIT_SURFACE : *side == SIDE_BEHIND || *side == SIDE_BETWEEN)
         hit->hidden_from = fmin(hit->hidden_from, fmax(polar_t(ray, at.u0), 0.0f));
+#ifdef BASSRT
+    if (found && hit->kind == HIT_BACK_FACE) {
+        if (!(hit->assumed.t < INFINITY)) {
+            hit->assumed.t = hit->t;
+            hit->assumed.direction = hit->direction;
+            hit->assumed.texel = hit->texel;
+        }
+        *side = SIDE_BEHIND;
+        found = 0;
+    }
+#endif
     return found;
 }
 

@@ -59,6 +59,15 @@ typedef struct {
 #endif
 } RealLayer;
 
+#ifdef LEARNED_HIDDEN
+// The first back face that a ray has passed, members as those of RealHit.
+typedef struct {
+    float t;            // INFINITY: none
+    float3 direction;
+    int texel;
+} AssumedHit;
+#endif
+
 typedef struct {
     float t;            // metres along the ray; INFINITY for HIT_SKY and HIT_UNKNOWN
     float3 direction;   // where the panorama shows the radiance of what was hit; with an impostor,
@@ -69,6 +78,7 @@ typedef struct {
     int behind;         // it is background that the first layer hides
 #endif
 #ifdef LEARNED_HIDDEN
+    AssumedHit assumed;
     float hidden_from;  // metres along the ray to where it first passes behind the first layer
     float3 learned;     // radiance of HIT_LEARNED
 #endif
@@ -329,7 +339,7 @@ static inline ALWAYS_INLINE RealHit trace_real_layer(
     return hit;
 #else
 #ifdef LEARNED_HIDDEN
-    hit.hidden_from = INFINITY;
+    hit.hidden_from = hit.assumed.t = INFINITY;
 #endif
     int found = 0;
 #ifndef DISTANT_ENVIRONMENT
@@ -346,6 +356,13 @@ static inline ALWAYS_INLINE RealHit trace_real_layer(
 #ifdef LEARNED_HIDDEN
     if (hidden_surface(layer, o, d, found == 1, t_last, &hit))
         return hit;
+    if (hit.assumed.t < INFINITY) {
+        found = 1;
+        hit.t = hit.assumed.t;
+        hit.direction = hit.assumed.direction;
+        hit.texel = hit.assumed.texel;
+        hit.kind = HIT_BACK_FACE;
+    }
 #endif
 #endif
     if (found != 1) {
