@@ -132,13 +132,23 @@ def films(**settings: Any) -> dict[str, Film]:
             room,
             (clay, brass),
             LOOK,
-            {"method": "oil", "oil": {"samples": 256, "models": 64, "region": 1.0}},
+            {"method": "oil", "oil": {"region": 1.0}, "learning": {"samples": 256, "models": 64}},
+        ),
+        "learned and hidden": (
+            _carried(room),
+            (clay, mirror),
+            LOOK,
+            {**SEEN_ONLY, "trace": {"learned": True}, "learning": {"samples": 256, "models": 64}},
         ),
         "learned on a walk": (
             _carried(room),
             (plastic, mirror),
             LOOK,
-            {"method": "oil", "oil": {"samples": 256, "models": 64, "surfaces": "all"}},
+            {
+                "method": "oil",
+                "oil": {"surfaces": "all"},
+                "learning": {"samples": 256, "models": 64},
+            },
         ),
         "cones": (room, (textured, plastic, mirror), LOOK, {"method": "vct", "vct": FEW_VOXELS}),
         "cones around": (
