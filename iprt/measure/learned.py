@@ -60,12 +60,12 @@ def learn_frame(
     learner = Learner(device, own.samples, own.models)
     metre, unit = panorama.scale, panorama.mean_radiance
     how = Learning(own.search_radius * metre, metre, unit, own.forgetting)
-    held_out = _surfaces(learner.draw(panorama))
+    held_out = _surfaces(learner.draw(panorama.surfaces, panorama.radiated))
     held = np.unique(_keys(held_out))
     megabytes, times, seen = [], [], []
     for _ in range(frames):
         start = time.perf_counter()
-        drawn = learner.draw(panorama)
+        drawn = learner.draw(panorama.surfaces, panorama.radiated)
         taken = time.perf_counter() - start
         drawn = _surfaces(drawn)
         drawn = drawn[~np.isin(_keys(drawn), held)]

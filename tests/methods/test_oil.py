@@ -69,8 +69,8 @@ def test_radiance_is_that_which_was_learned(device: ComputeDevice) -> None:
         with Renderer(device, frame, objects, VIEW, last) as renderer:
             learner = renderer.real_world.panorama.learned.learner
 
-            def brighter(panorama: Any, draw: Any = learner.draw, factor: float = factor) -> Any:
-                drawn = draw(panorama)
+            def brighter(*texels: Any, draw: Any = learner.draw, factor: float = factor) -> Any:
+                drawn = draw(*texels)
                 drawn[:, 2, :3] *= factor
                 return drawn
 
@@ -97,7 +97,7 @@ def test_windows_show_what_the_panorama_does(device: ComputeDevice) -> None:
         with Renderer(device, everywhere, objects, VIEW, settings) as renderer:
             if settings.method == "oil":
                 learner = renderer.real_world.panorama.learned.learner
-                learner.draw = lambda _, draw=learner.draw: draw(walls)
+                learner.draw = lambda *_, draw=learner.draw: draw(walls.surfaces, walls.radiated)
             pictures.append(renderer.render(4).color)
     assert learner.count > 100
     np.testing.assert_array_equal(*pictures)

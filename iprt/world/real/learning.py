@@ -13,7 +13,9 @@ from iprt.device.compute import ComputeDevice
 from iprt.files.kernel_source import constant
 
 if TYPE_CHECKING:
-    from iprt.world.real.panorama import Panorama
+    import pyopencl.array as cla
+
+    from iprt.world.real.surfaces import Surfaces
 
 Float = NDArray[np.float32]
 
@@ -150,15 +152,21 @@ class Learner:
         rows = (np.eye(4) if pose is None else pose)[:3]
         self._device.write(self._pose, rows.astype(np.float32).ravel())
 
-    def draw(self, panorama: Panorama) -> Float:
-        """The next samples of a panorama, (N, SAMPLE_PARTS, 4) as in `draw_samples.cl`."""
+    def draw(self, surfaces: Surfaces, radiance: cla.Array) -> Float:
+        """The next samples of a panorama with this radiance, (H, W, 3) float32.
+
+        Returns
+        -------
+        (N, SAMPLE_PARTS, 4) float32
+            As in `cl/world/real/draw_samples.cl`.
+        """
         self._draw(
             (self._samples,),
-            width=panorama.width,
-            height=panorama.height,
+            width=surfaces.width,
+            height=surfaces.height,
             first=self.learned,
-            surface=panorama.surface,
-            radiance=panorama.radiated,
+            surface=surfaces.surface,
+            radiance=radiance,
         )
         # The kernel takes it as a signed number, which may not run over.
         self.learned = (self.learned + self._samples) % 2**30

@@ -166,6 +166,11 @@ class Panorama:
         )
         self._pyramid.run(background.range, self.shape)
 
+    def learn(self) -> None:
+        """Learn more of the radiance of the loaded frame, where that is learned."""
+        if self.learned is not None:
+            self.learned.learn(self.surfaces, self.radiated, self.mean_radiance)
+
     def _enlarged(self, image: Any) -> Any:
         if self._repeat == 1:
             return image

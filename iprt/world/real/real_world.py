@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pyopencl.array as cla
+from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
 from iprt.footage.cut import SWITCHED, is_cut
@@ -103,19 +104,18 @@ class RealWorld:
                 self.cut_version = self.version
             elsewhere = cut or not np.array_equal(motion, STILL)
             self.panorama.remember(forget=elsewhere or changed > OTHER_LIGHT)
-            if self.panorama.learned is not None:
-                first = self.version == 1
-                self.panorama.learned.follow(self.panorama, frame.pose, forget=first or other_light)
+            self._follow_learned(frame.pose, forget=other_light or self.version == 1)
             if self.lights is not None:
                 self.lights.load(self.panorama.radiance, self.panorama.hidden_light)
             if self.irradiance is not None:
                 self.irradiance.place(self.panorama, motion, changed=changed, cut=cut)
         self.frame, self._complete = frame, True
 
-    def learn(self) -> None:
-        """Learn more of the frame's radiance, where that is asked for; once a view frame."""
-        if self.panorama.learned is not None:
-            self.panorama.learned.learn(self.panorama)
+    def _follow_learned(self, pose: NDArray[np.float64] | None, *, forget: bool) -> None:
+        panorama = self.panorama
+        if panorama.learned is not None:
+            texels = panorama.width * panorama.height
+            panorama.learned.follow(pose, texels=texels, scale=panorama.scale, forget=forget)
 
     def split_highlights(self) -> None:
         """Take highlights off the panorama before its first use, where surfaces are glossy."""

@@ -76,9 +76,10 @@ def learned_of(
     for index, shown in enumerate((*before, frame)):
         panorama.load(shown)
         panorama.remember(forget=index == 0)
-        panorama.learned.follow(panorama, shown.pose, forget=index == 0)
+        texels, first = panorama.width * panorama.height, index == 0
+        panorama.learned.follow(shown.pose, texels=texels, scale=panorama.scale, forget=first)
         for _ in range(4):
-            panorama.learned.learn(panorama)
+            panorama.learn()
     return panorama
 
 
@@ -139,17 +140,18 @@ def test_rays_meet_the_wall_behind_a_panel(device: ComputeDevice, pose: Float) -
 
 def test_backs_of_thin_things_are_met(device: ComputeDevice) -> None:
     """Within the thickness that is assumed of what the frame shows, too."""
-    behind = pose_at((0.0, 0.0, -2.2))
+    behind, turned = pose_at((0.0, 0.0, -2.2)), pose_at((0.0, 0.0, 0.0), 120.0)
     panel = Box(CRATE.centre, (0.4, 0.4, 0.01))
     for thing in (CRATE, panel):
         world = World(solids=(thing,))
-        panorama = learned_of(device, seen(world), seen(world, behind))
+        panorama = learned_of(device, seen(world, turned), seen(world, behind))
         rng = np.random.default_rng(2)
         aim = rng.uniform((-0.25, -0.45, -1.2 - thing.half[2]), (0.25, 0.05, -1.2), (2000, 3))
         aim[:, 2] = -1.2 - thing.half[2]
         o = aim + rng.uniform((-0.3, -0.3, -0.7), (0.3, 0.3, -0.3), aim.shape)
         t = np.linalg.norm(aim - o, axis=1)
-        found = traced(device, panorama, o, (aim - o) / t[:, None], "-DLEARNED_HIDDEN")
+        d = (aim - o) / t[:, None]
+        found = traced(device, panorama, o, d, "-DLEARNED_HIDDEN", pose=turned)
         met = found.kind == LEARNED
         assert met.mean() > 0.95
         assert np.quantile(np.abs(found.t - t)[met], 0.95) < 0.02
