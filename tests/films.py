@@ -53,6 +53,7 @@ FEW: dict[str, Any] = {
     "gloss": {"rays": 2},
 }
 FEW_VOXELS: dict[str, Any] = {"voxels": 16, "object_voxels": 16}
+FEW_DELTA_VOXELS: dict[str, Any] = {"voxels": 16, "room_voxels": 16, "lights": 4, "map_side": 9}
 SEEN_ONLY: dict[str, Any] = {"iprt": {"relight_reflections": False}}
 """Without the map of what objects do off screen, which takes longer than these pictures."""
 LAYERS: dict[str, Any] = {
@@ -132,13 +133,23 @@ def films(**settings: Any) -> dict[str, Film]:
             room,
             (clay, brass),
             LOOK,
-            {"method": "oil", "oil": {"samples": 256, "models": 64, "region": 1.0}},
+            {"method": "oil", "oil": {"region": 1.0}, "learning": {"samples": 256, "models": 64}},
+        ),
+        "learned and hidden": (
+            _carried(room),
+            (clay, mirror),
+            LOOK,
+            {**SEEN_ONLY, "trace": {"learned": True}, "learning": {"samples": 256, "models": 64}},
         ),
         "learned on a walk": (
             _carried(room),
             (plastic, mirror),
             LOOK,
-            {"method": "oil", "oil": {"samples": 256, "models": 64, "surfaces": "all"}},
+            {
+                "method": "oil",
+                "oil": {"surfaces": "all"},
+                "learning": {"samples": 256, "models": 64},
+            },
         ),
         "cones": (room, (textured, plastic, mirror), LOOK, {"method": "vct", "vct": FEW_VOXELS}),
         "cones around": (
@@ -146,6 +157,18 @@ def films(**settings: Any) -> dict[str, Film]:
             (clay,),
             AROUND,
             {"method": "vct", "vct": {**FEW_VOXELS, "anisotropic": False}},
+        ),
+        "delta cones": (
+            glossy,
+            (textured, plastic, mirror),
+            LOOK,
+            {"method": "dvct", "dvct": FEW_DELTA_VOXELS},
+        ),
+        "delta cones around": (
+            _landscape(),
+            (clay,),
+            AROUND,
+            {"method": "dvct", "dvct": {**FEW_DELTA_VOXELS, "anisotropic": False}},
         ),
         "nothing": (_clipped(_room(29, 15)), (), LOOK, {}),
     }

@@ -1,10 +1,10 @@
 // What was learned of the radiance of the real surfaces in a view.
 //
 // in   guide   7 planes (lib/gbuffer/guide.h): world normal, position, id
-//      models  lib/methods/learned.h
+//      models  lib/world/real/learned.h
 // out  shown   3 planes: radiance, 0 where nothing was learned
 #include "gbuffer/planes.h"
-#include "methods/learned.h"
+#include "world/real/learned.h"
 
 __kernel void show_learned(
     const int width,
@@ -19,7 +19,7 @@ __kernel void show_learned(
     const int pixel = plane_index(x, y, width), size = plane_size(width, height);
     float4 radiance = (float4)(0.0f);
     if (guide[6 * size + pixel] > 0.0f)
-        radiance = learned_radiance(LEARNED, load_planes(guide + 3 * size, size, pixel),
+        radiance = learned_radiance(LEARNED_OF_PARAMETERS, load_planes(guide + 3 * size, size, pixel),
                                     load_planes(guide, size, pixel));
     store_planes(shown, size, pixel, radiance.xyz);
 }

@@ -14,10 +14,10 @@ from iprt.measure.intervals import Ratio
 from iprt.measure.learned import Learned, learn_frame
 from iprt.measure.sweep import still_settings
 from iprt.measure.target import Radiance, Scores, Target, with_frames
-from iprt.methods.oil import OilSettings
 from iprt.output.display import display
 from iprt.output.grid import Grid
 from iprt.settings.overrides import Assignment, changed, resolved
+from iprt.settings.trace import LearningSettings
 
 if TYPE_CHECKING:
     from iprt.device.compute import ComputeDevice
@@ -133,7 +133,7 @@ class Subject:
         if self._learned is None:
             exposure = self._target.exposure
             self._learned = learn_frame(
-                self._device, self._frame, OilSettings(), self._frames, exposure
+                self._device, self._frame, LearningSettings(), self._frames, exposure
             )
         return self._learned
 

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
 from iprt.footage.frame import Frame
-from iprt.methods.learning import Learner, Learning
-from iprt.methods.oil import OilSettings
 from iprt.output.display import display
+from iprt.settings.trace import LearningSettings
+from iprt.world.real.learning import Learner, Learning
 from iprt.world.real.panorama import Panorama
 
 Float = NDArray[np.float32]
@@ -52,7 +52,7 @@ class Learned:
 
 
 def learn_frame(
-    device: ComputeDevice, frame: Frame, own: OilSettings, frames: int, exposure: float
+    device: ComputeDevice, frame: Frame, own: LearningSettings, frames: int, exposure: float
 ) -> Learned:
     """Learn from so many frames that show the same, and ask at texels that were held out."""
     panorama = Panorama(device, frame.width, frame.height)
@@ -60,12 +60,12 @@ def learn_frame(
     learner = Learner(device, own.samples, own.models)
     metre, unit = panorama.scale, panorama.mean_radiance
     how = Learning(own.search_radius * metre, metre, unit, own.forgetting)
-    held_out = _surfaces(learner.draw(panorama))
+    held_out = _surfaces(learner.draw(panorama.surfaces, panorama.radiated))
     held = np.unique(_keys(held_out))
     megabytes, times, seen = [], [], []
     for _ in range(frames):
         start = time.perf_counter()
-        drawn = learner.draw(panorama)
+        drawn = learner.draw(panorama.surfaces, panorama.radiated)
         taken = time.perf_counter() - start
         drawn = _surfaces(drawn)
         drawn = drawn[~np.isin(_keys(drawn), held)]

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from iprt.measure.claims import Claim, Found, Subject, cuts
-from iprt.methods.oil import OilSettings
+from iprt.settings.trace import LearningSettings
 
 IPRT = "IPRT (Wu and Wang 2023)"
 DPT = "DPT (Xu et al. 2023)"
@@ -118,7 +118,7 @@ def _finer_than_voxels(subject: Subject) -> Found:
 
 def _learns_fast(subject: Subject) -> Found:
     ms = subject.learned().ms
-    return Found(f"{ms:.0f} ms for {OilSettings().samples} samples", ms < 100.0)
+    return Found(f"{ms:.0f} ms for {LearningSettings().samples} samples", ms < 100.0)
 
 
 def _flattens(subject: Subject) -> Found:

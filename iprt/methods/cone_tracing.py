@@ -87,6 +87,7 @@ class VoxelConeTracing(SparseMethod):
         self.voxels = GatheringWorld(
             setup.device,
             setup.features,
+            method="vct",
             room=own.voxels,
             objects=own.object_voxels,
             anisotropic=own.anisotropic,

@@ -43,11 +43,12 @@ class DeltaWorld(VoxelWorld):
         super().__init__(
             device,
             features,
+            method="dvct",
             room=own.room_voxels,
             objects=own.voxels,
             anisotropic=own.anisotropic,
         )
-        self.delta = Voxels(device, "delta", own.voxels, anisotropic=own.anisotropic)
+        self.delta = Voxels(device, "delta", own.voxels, anisotropic=own.anisotropic, of="dvct")
         width, height, *_ = self.panorama.levels[CELL_LEVEL].tolist()
         self._cells = device.zeros("area light cells", (height, width, 2, 4))
         self.lights = device.zeros("area lights", (own.lights, LIGHT_ROWS, 4))

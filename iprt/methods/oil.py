@@ -11,7 +11,7 @@ from iprt.settings.methods import MethodInfo, Needs
 
 
 class OilSettings(PathSettings):
-    """Learning of the radiance of real surfaces, and path tracing in the local region."""
+    """Path tracing in the local region."""
 
     surfaces: Literal["region", "all"] = Field(
         default="region",
@@ -24,33 +24,6 @@ class OilSettings(PathSettings):
         le=10.0,
         description="Share of their size by which the boxes of objects are enlarged.",
     )
-    samples: int = Field(
-        default=16384,
-        ge=64,
-        le=2**20,
-        description="Samples of the panorama that a frame learns from, until as many as it has "
-        "texels were drawn from a frame of the video.",
-    )
-    models: int = Field(
-        default=32768,
-        ge=64,
-        le=2**20,
-        description="Linear models that there may be at most, 104 bytes each and their places in "
-        "the grid.",
-    )
-    search_radius: float = Field(
-        default=0.2,
-        gt=0.0,
-        le=10.0,
-        description="Search radius: how far a model reaches at most.",
-        json_schema_extra={"unit": "m"},
-    )
-    forgetting: float = Field(
-        default=0.999,
-        ge=0.9,
-        le=1.0,
-        description="What a sample's weight is multiplied by with each later one, in the end.",
-    )
 
 
 METHOD = MethodInfo(
@@ -61,7 +34,7 @@ METHOD = MethodInfo(
     "Illumination in Augmented Reality, IEEE Access 2022",
     doi="10.1109/ACCESS.2022.3214516",
     settings=OilSettings,
-    needs=lambda settings: Needs(tracing=True, relit=True, irradiance=True),
+    needs=lambda settings: Needs(tracing=True, relit=True, irradiance=True, learned=True),
     defaults={
         **{key: value for key, value in DEFAULTS.items() if key != "atrous.levels"},
         "trace.rays": 2,

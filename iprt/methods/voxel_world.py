@@ -25,6 +25,8 @@ class VoxelWorld(ABC):
 
     Parameters
     ----------
+    method : str
+        Names of buffers begin with it.
     room, objects : int
         Resolution of each: at most so many voxels cubed.
     anisotropic : bool
@@ -46,20 +48,21 @@ class VoxelWorld(ABC):
         device: ComputeDevice,
         features: Features,
         *,
+        method: str,
         room: int,
         objects: int,
         anisotropic: bool,
     ) -> None:
         self._device = device
-        self.scene = Voxels(device, "scene", room, anisotropic=anisotropic)
-        self.objects = Voxels(device, "object", objects, anisotropic=anisotropic)
+        self.scene = Voxels(device, "scene", room, anisotropic=anisotropic, of=method)
+        self.objects = Voxels(device, "object", objects, anisotropic=anisotropic, of=method)
         openings = features.opening_environment
         self.panorama = PrefilteredPanorama(device, "prefiltered")
         self.outside: PrefilteredPanorama | None = None
         if openings:
             self.outside = PrefilteredPanorama(device, "outside", openings=True)
-        self._surface = device.zeros("object voxels surface", (objects**3, 4))
-        self._facing = device.zeros("object voxels facing", (objects**3, 4))
+        self._surface = device.zeros(f"{method} object voxels surface", (objects**3, 4))
+        self._facing = device.zeros(f"{method} object voxels facing", (objects**3, 4))
         scene = self.scene
         self._voxelize_real = device.kernel(
             "methods/voxelize_real.cl",
@@ -144,11 +147,19 @@ class GatheringWorld(VoxelWorld):
         device: ComputeDevice,
         features: Features,
         *,
+        method: str,
         room: int,
         objects: int,
         anisotropic: bool,
     ) -> None:
-        super().__init__(device, features, room=room, objects=objects, anisotropic=anisotropic)
+        super().__init__(
+            device,
+            features,
+            method=method,
+            room=room,
+            objects=objects,
+            anisotropic=anisotropic,
+        )
         self._gather = device.kernel(
             "methods/light_objects.cl",
             "light_objects",

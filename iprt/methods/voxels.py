@@ -123,15 +123,19 @@ class Voxels:
     """
 
     def __init__(
-        self, device: ComputeDevice, name: str, resolution: int, *, anisotropic: bool
+        self, device: ComputeDevice, name: str, resolution: int, *, anisotropic: bool, of: str = ""
     ) -> None:
-        """`resolution` cubed voxels at most in the finest level."""
+        """`resolution` cubed voxels at most in the finest level.
+
+        `name`: that of the kernels' parameters. `of`: what names of buffers begin with.
+        """
         self._device, self._name, self.resolution = device, name, resolution
+        label = f"{of} {name} voxels"
         # Levels whose sides are no multiples of two have more than an eighth of the finer ones.
         voxels = resolution**3 + resolution**3 // 4
-        self.opacity = device.zeros(f"{name} voxels opacity", (voxels, 4))
-        self.light = device.zeros(f"{name} voxels light", (voxels, 4))
-        self.levels = device.zeros(f"{name} voxels levels", (MOST_LEVELS, 4), np.int32)
+        self.opacity = device.zeros(f"{label} opacity", (voxels, 4))
+        self.light = device.zeros(f"{label} light", (voxels, 4))
+        self.levels = device.zeros(f"{label} levels", (MOST_LEVELS, 4), np.int32)
         self._reduce = device.kernel(
             "methods/reduce_voxels.cl", "reduce_voxels", {"ISOTROPIC": not anisotropic}
         ).fixed(levels=self.levels, opacity=self.opacity, light=self.light)

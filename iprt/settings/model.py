@@ -16,7 +16,12 @@ from pydantic import (
 
 from iprt.settings.filter import AtrousSettings, InterpolateSettings, MaskSettings, TemporalSettings
 from iprt.settings.methods import DEFAULT, MethodSettings, methods
-from iprt.settings.trace import GlossSettings, IrradianceSettings, TraceSettings
+from iprt.settings.trace import (
+    GlossSettings,
+    IrradianceSettings,
+    LearningSettings,
+    TraceSettings,
+)
 
 OwnSettings = TypeVar("OwnSettings", bound=MethodSettings)
 
@@ -84,6 +89,7 @@ class Settings(BaseModel):
     trace: TraceSettings = TraceSettings()
     gloss: GlossSettings = GlossSettings()
     irradiance: IrradianceSettings = IrradianceSettings()
+    learning: LearningSettings = LearningSettings()
     mask: MaskSettings = MaskSettings()
     interpolate: InterpolateSettings = InterpolateSettings()
     temporal: TemporalSettings = TemporalSettings()

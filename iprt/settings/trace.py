@@ -58,6 +58,11 @@ class TraceSettings(BaseModel):
         description="Remember what moving things hide in the video of a camera that stays, for "
         "rays that pass behind these.",
     )
+    learned: bool = Field(
+        default=False,
+        description="Rays find surfaces that the panorama hides where earlier frames have shown "
+        "them, and take what is learned of their radiance.",
+    )
     openings: Literal["environment", "surface"] = Field(
         default="environment",
         description="What windows show: what is far behind them, or their own radiance.",
@@ -81,6 +86,40 @@ class GlossSettings(BaseModel):
         description="Rays per glossy texel, once per video frame, that find the highlight to take "
         "off.",
         json_schema_extra={"unit": "rays"},
+    )
+
+
+class LearningSettings(BaseModel):
+    """How the radiance of real surfaces is learned from the video, where a method asks for it."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    samples: int = Field(
+        default=16384,
+        ge=64,
+        le=2**20,
+        description="Samples of the panorama that a frame learns from, until as many as it has "
+        "texels were drawn from a frame of the video.",
+    )
+    models: int = Field(
+        default=32768,
+        ge=64,
+        le=2**20,
+        description="Linear models that there may be at most, 104 bytes each and their places in "
+        "the grid.",
+    )
+    search_radius: float = Field(
+        default=0.2,
+        gt=0.0,
+        le=10.0,
+        description="Search radius: how far a model reaches at most, in a room.",
+        json_schema_extra={"unit": "m"},
+    )
+    forgetting: float = Field(
+        default=0.999,
+        ge=0.9,
+        le=1.0,
+        description="What a sample's weight is multiplied by with each later one, in the end.",
     )
 
 

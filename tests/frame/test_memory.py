@@ -42,6 +42,7 @@ SETTINGS: dict[str, dict[str, Any]] = {
     "dpt": {"method": "dpt"},
     "oil": {"method": "oil"},
     "vct": {"method": "vct"},
+    "dvct": {"method": "dvct"},
 }
 
 
@@ -144,10 +145,13 @@ LOWERED: dict[str, Callable[[Frame], tuple[Frame, View, dict[str, Any], int]]] =
     "lower iprt.ratio_rows": lambda frame: (frame, VIEW, {"iprt": {"ratio_rows": 32}}, 4),
     "use simpler meshes and textures": lambda frame: (frame, VIEW, {}, 3),
     "lower dit.resolution": lambda frame: (frame, VIEW, {"dit": {"resolution": 128}}, 4),
-    "lower oil.models": lambda frame: (frame, VIEW, {"oil": {"models": 1024}}, 4),
-    "lower oil.samples": lambda frame: (frame, VIEW, {"oil": {"samples": 1024}}, 4),
+    "lower learning.models": lambda frame: (frame, VIEW, {"learning": {"models": 1024}}, 4),
+    "lower learning.samples": lambda frame: (frame, VIEW, {"learning": {"samples": 1024}}, 4),
     "lower vct.voxels": lambda frame: (frame, VIEW, {"vct": {"voxels": 64}}, 4),
     "lower vct.object_voxels": lambda frame: (frame, VIEW, {"vct": {"object_voxels": 32}}, 4),
+    "lower dvct.room_voxels": lambda frame: (frame, VIEW, {"dvct": {"room_voxels": 64}}, 4),
+    "lower dvct.voxels": lambda frame: (frame, VIEW, {"dvct": {"voxels": 32}}, 4),
+    "lower dvct.map_side": lambda frame: (frame, VIEW, {"dvct": {"map_side": 32}}, 4),
 }
 
 
@@ -155,7 +159,8 @@ LOWERED: dict[str, Callable[[Frame], tuple[Frame, View, dict[str, Any], int]]] =
 def test_what_is_said_to_be_lowered_is_what_gets_lower(what: str, frame: Frame) -> None:
     """And nothing else does."""
     less_frame, view, less, subdivisions = LOWERED[what](frame)
-    method = [("method", name) for name in ("dit", "oil", "vct") if name in less]
+    asking = {"dit": "dit", "learning": "oil", "vct": "vct", "dvct": "dvct"}
+    method = [("method", asking[group]) for group in less if group in asking]
 
     def needed(frame: Frame, view: View, subdivisions: int, settings: dict[str, Any]) -> RenderPlan:
         chosen = Settings.model_validate({**dict(method), **settings})

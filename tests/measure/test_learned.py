@@ -7,9 +7,9 @@ import pytest
 
 from iprt.device.compute import ComputeDevice
 from iprt.measure.learned import TABLE_BYTES, VOXEL_BYTES, learn_frame, voxel_means
-from iprt.methods.oil import OilSettings
-from tests.methods.test_learning import samples
+from iprt.settings.trace import LearningSettings
 from tests.oracles.worlds import World
+from tests.world.real.test_learning import samples
 from tests.worlds import bright_walls, room_frame
 
 
@@ -31,7 +31,7 @@ def test_voxels_hold_the_means_of_their_samples() -> None:
 def test_a_room_is_learned(device: ComputeDevice) -> None:
     """Of even walls with waves, with less error than by voxels; memory grows and flattens."""
     frame = room_frame(World(), 256, 128, bright_walls)
-    own = OilSettings(samples=4096, models=8192)
+    own = LearningSettings(samples=4096, models=8192)
     found = learn_frame(device, frame, own, 6, 0.5)
     assert found.error < 0.5 * found.dense_error
     assert found.known > 0.9

@@ -31,14 +31,14 @@ MIRROR = Material("conductor", (0.9, 0.8, 0.7), alpha=0.0)
 FEW = {"samples": 4096, "models": 8192}
 
 
-def chosen(**own: Any) -> Settings:
-    return Settings.model_validate({"method": "oil", "oil": {**FEW, **own}})
+def chosen(**learning: Any) -> Settings:
+    return Settings.model_validate({"method": "oil", "learning": {**FEW, **learning}})
 
 
-def plain(method: str, **own: Any) -> Settings:
+def plain(method: str) -> Settings:
     """As traced: what remains is noise, which averages out."""
     return Settings.model_validate({
-        "method": method, method: {"surfaces": "all", "bounces": 5, **own},
+        "method": method, method: {"surfaces": "all", "bounces": 5}, "learning": FEW,
         "fading": 0.0, "atrous": {"levels": 0}, "mask": {"sparse": False},
         "trace": {"rays": 8, "object_rays": 8},
     })  # fmt: skip
@@ -53,7 +53,7 @@ def test_the_picture_is_that_of_path_tracing(device: ComputeDevice) -> None:
     ]
     ours, theirs = (
         render(device, frame, objects, VIEW, settings, 24).color
-        for settings in (plain("oil", **FEW), plain("dpt"))
+        for settings in (plain("oil"), plain("dpt"))
     )
     assert np.abs(ours - theirs).mean() < 0.015 * theirs.mean()
     assert abs(ours.mean() - theirs.mean()) < 3e-3 * theirs.mean()
@@ -65,12 +65,12 @@ def test_radiance_is_that_which_was_learned(device: ComputeDevice) -> None:
     objects = [ball((0.2, -1.0, -1.4), 0.3, MIRROR, subdivisions=5)]
     shown = []
     for factor in (1.0, 3.0):
-        last = plain("oil", **FEW).model_copy(update={"fading": 1.0})
+        last = plain("oil").model_copy(update={"fading": 1.0})
         with Renderer(device, frame, objects, VIEW, last) as renderer:
-            learner = renderer.method.environment.learner
+            learner = renderer.real_world.panorama.learned.learner
 
-            def brighter(panorama: Any, draw: Any = learner.draw, factor: float = factor) -> Any:
-                drawn = draw(panorama)
+            def brighter(*texels: Any, draw: Any = learner.draw, factor: float = factor) -> Any:
+                drawn = draw(*texels)
                 drawn[:, 2, :3] *= factor
                 return drawn
 
@@ -93,11 +93,11 @@ def test_windows_show_what_the_panorama_does(device: ComputeDevice) -> None:
     walls = Panorama(device, 128, 64)
     walls.load(frame)
     pictures = []
-    for settings in (plain("oil", **FEW), plain("dpt")):
+    for settings in (plain("oil"), plain("dpt")):
         with Renderer(device, everywhere, objects, VIEW, settings) as renderer:
             if settings.method == "oil":
-                learner = renderer.method.environment.learner
-                learner.draw = lambda _, draw=learner.draw: draw(walls)
+                learner = renderer.real_world.panorama.learned.learner
+                learner.draw = lambda *_, draw=learner.draw: draw(walls.surfaces, walls.radiated)
             pictures.append(renderer.render(4).color)
     assert learner.count > 100
     np.testing.assert_array_equal(*pictures)
@@ -112,7 +112,7 @@ def test_the_view_of_what_was_learned(device: ComputeDevice) -> None:
         guide = renderer.layout.interior(
             device.read(renderer.method.real_pixels.guide.current)
         ).astype(np.float64)
-        models = renderer.method.environment.learner.models()
+        models = renderer.real_world.panorama.learned.learner.models()
         radius = 0.2 * renderer.real_world.panorama.scale
         background = read_aov(renderer, "background")
     normals, points = (np.moveaxis(guide[i : i + 3], 0, -1).reshape(-1, 3) for i in (0, 3))
@@ -131,7 +131,7 @@ def test_what_was_learned_stays_where_it_is_while_the_camera_moves(device: Compu
     with Renderer(device, first, objects, VIEW, settings, footage=Footage.of(first)) as renderer:
         renderer.render(6)
         # Nothing is learned from the second frame.
-        renderer.method.environment.learner.learn = lambda samples, how: None
+        renderer.real_world.panorama.learned.learner.learn = lambda samples, how: None
         renderer.load(second)
         renderer.step()
         shown, background = (read_aov(renderer, name) for name in ("learned", "background"))
@@ -149,7 +149,7 @@ def test_a_cut_forgets(device: ComputeDevice) -> None:
         footage=Footage(video=True, static_camera=True),
     ) as renderer:  # fmt: skip
         renderer.render(3)
-        learner = renderer.method.environment.learner
+        learner = renderer.real_world.panorama.learned.learner
         known = learner.models()[:, 1, 3].max()
         renderer.load(replace(bright, color=0.98 * bright.color))
         renderer.step()
@@ -166,7 +166,7 @@ def test_a_still_is_learned_until_as_many_samples_as_texels_were_drawn(
     settings = chosen(samples=512)
     with Renderer(device, frame, [ball(*BALL, LAMP)], VIEW, settings) as renderer:
         renderer.render(7)
-        assert renderer.method.environment.learner.learned == 64 * 32
+        assert renderer.real_world.panorama.learned.learner.learned == 64 * 32
 
 
 def test_real_surfaces_change_within_the_region_alone(device: ComputeDevice) -> None:
@@ -175,7 +175,7 @@ def test_real_surfaces_change_within_the_region_alone(device: ComputeDevice) -> 
     view = View(48, 36, pitch_deg=-45.0, fov_y_deg=70.0)
     parts = {}
     for name, own in (("all", {"surfaces": "all"}), ("region", {"region": 1.5})):
-        with kernels(device, frame, [thing], "oil, aimed", view=view, own={**FEW, **own}) as run:
+        with kernels(device, frame, [thing], "oil, aimed", view=view, own=own) as run:
             parts[name] = run.parts(3, 8)
             points, _ = run.receivers()
             low, high = bounds_of(run.renderer)

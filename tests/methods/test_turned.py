@@ -31,6 +31,7 @@ VIEWS = {
 }
 OWN: dict[str, dict[str, Any]] = {
     "vct": {"voxels": 48, "object_voxels": 48},
+    "dvct": {"voxels": 48, "room_voxels": 48},
     "dit": {"resolution": 64},
 }
 

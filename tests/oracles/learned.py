@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.footage.frame import LUMINANCE
-from iprt.methods.learning import BANDWIDTH_PENALTY, PRIOR, Learning
+from iprt.world.real.learning import BANDWIDTH_PENALTY, PRIOR, Learning
 
 Float = NDArray[np.float64]
 
@@ -102,7 +102,7 @@ def predicted(models: Float, points: Float, normals: Float, radius: float) -> tu
     Parameters
     ----------
     models : (M, 5, 4)
-        As in `cl/lib/methods/learned.h`.
+        As in `cl/lib/world/real/learned.h`.
     points, normals : (N, 3)
 
     Returns

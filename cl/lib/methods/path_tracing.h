@@ -7,7 +7,7 @@
 //
 // -D MAX_BOUNCES is how many surfaces a path may meet, the first included: 1 is direct light.
 // -D LIGHT_SAMPLING aims at the environment; without, all rays are sampled by the reflectance.
-// -D LEARNED_RADIANCE: real surfaces send what was learned of them (learned.h), and what the panorama
+// -D LEARNED_RADIANCE: real surfaces send what was learned of them (lib/world/real/learned.h), and what the panorama
 // shows of them where nothing was.
 #ifndef IPRT_PATH_TRACING_H
 #define IPRT_PATH_TRACING_H
@@ -16,23 +16,12 @@
 #include "world/brdf.h"
 #include "world/direction.h"
 
-#ifdef LEARNED_RADIANCE
-#include "methods/learned.h"
-#define PATH_LEARNED_PARAMETERS , LEARNED_PARAMETERS
-#define PATH_LEARNED , LEARNED
-#define LEARNED_PARAMETER , const Learned learned
-#else
-#define PATH_LEARNED_PARAMETERS
-#define PATH_LEARNED
-#define LEARNED_PARAMETER
-#endif
-
 #define PATH_PARAMETERS                                                                            \
     const int environment_count, __global const float4 *restrict environment_samples,              \
-        const float4 support_plane PATH_LEARNED_PARAMETERS
+        const float4 support_plane
 
 // What trace_pairs takes of them.
-#define PATH_ARGUMENTS environment_count, environment_samples, support_plane PATH_LEARNED
+#define PATH_ARGUMENTS environment_count, environment_samples, support_plane
 
 // How many rays a surface sends where a pixel sends `rays` pairs.
 #ifdef LIGHT_SAMPLING
@@ -122,16 +111,15 @@ static inline float3 environment_direction(int count, __global const float4 *res
 #endif
 
 #ifdef LEARNED_RADIANCE
-#define PATH_RADIANCE(hit, o, d) path_radiance(world, learned, hit, o, d)
+#define PATH_RADIANCE(hit, o, d) path_radiance(world, hit, o, d)
 
 // Radiance without objects of what a ray from o in direction d has hit.
-static inline float3 path_radiance(const World world, const Learned learned, const RealHit hit,
-                                   float3 o, float3 d)
+static inline float3 path_radiance(const World world, const RealHit hit, float3 o, float3 d)
 {
     const float4 plane = world.real.surface[hit.texel];
     float4 known = (float4)(0.0f);
     if (hit.kind <= HIT_BACK_FACE && !((int)plane.w & SURFACE_OPENING))
-        known = learned_radiance(learned, o + hit.t * d,
+        known = learned_radiance(world.real.learned, o + hit.t * d,
                                  safe_normalize(-plane.xyz, (float3)(0.0f, 1.0f, 0.0f)));
     return known.w > 0.0f ? known.xyz : captured_radiance(world, hit, d);
 }
@@ -143,7 +131,7 @@ static inline float3 path_radiance(const World world, const Learned learned, con
 // compilers inline them.
 static inline ALWAYS_INLINE PathSums trace_pairs(
     const World world, PathSurface at, uint seed, uint index, int environment_count,
-    __global const float4 *restrict environment_samples, float4 plane LEARNED_PARAMETER)
+    __global const float4 *restrict environment_samples, float4 plane)
 {
     PathSums sums;
     sums.diffuse = sums.specular = (float3)(0.0f);

@@ -1,5 +1,6 @@
 // Parameters of kernels that trace the scene, and the structs made of them. The host gives them by
-// name, in groups: `Panorama.arguments`, `Background.arguments`, `Impostor.arguments`.
+// name, in groups: `Panorama.arguments`, `Background.arguments`, `LearnedRadiance.arguments`,
+// `Impostor.arguments`.
 #ifndef IPRT_SCENE_H
 #define IPRT_SCENE_H
 
@@ -14,6 +15,14 @@
 #else
 #define BACKGROUND_PARAMETERS
 #define BACKGROUND_LAYER
+#endif
+
+#ifdef LEARNED
+#define REAL_LEARNED_PARAMETERS , LEARNED_PARAMETERS
+#define REAL_LEARNED , LEARNED_OF_PARAMETERS
+#else
+#define REAL_LEARNED_PARAMETERS
+#define REAL_LEARNED
 #endif
 
 #ifdef OPENING_ENVIRONMENT
@@ -39,13 +48,13 @@
         const float real_thickness_m, const float real_thickness_ratio, const float real_bias,     \
         const float real_nearest, const float real_farthest,                                       \
         __global const float *restrict real_color BACKGROUND_PARAMETERS OUTSIDE_PARAMETERS         \
-        REAL_IMPOSTOR_PARAMETERS
+        REAL_LEARNED_PARAMETERS REAL_IMPOSTOR_PARAMETERS
 
 #define REAL_LAYER                                                                                 \
     {                                                                                              \
         {real_width, real_height, real_levels, real_range, real_column, real_row WORK},            \
             real_surface, real_thickness_m, real_thickness_ratio, real_bias, real_nearest,         \
-            real_farthest BACKGROUND_LAYER REAL_IMPOSTOR                                           \
+            real_farthest BACKGROUND_LAYER REAL_LEARNED REAL_IMPOSTOR                              \
     }
 
 #endif

@@ -6,6 +6,8 @@
 //
 // -D BACKGROUND: a second layer holds, per texel, the farthest surface that the video has shown
 // there (remember.cl), which is the first one's own where nothing nearer hides it (background.h).
+// -D LEARNED_HIDDEN: behind the first layer, rays also find surfaces that the video has shown before and
+// whose radiance was learned (hidden.h).
 // -D IMPOSTOR: rays do not march, but meet what the distance impostor shows (impostor.h).
 #ifndef IPRT_REAL_H
 #define IPRT_REAL_H
@@ -14,6 +16,10 @@
 #include "maths/tracing.h"
 #ifdef IMPOSTOR
 #include "world/real/impostor.h"
+#endif
+#if defined(LEARNED_HIDDEN) || defined(LEARNED_RADIANCE)
+#define LEARNED
+#include "world/real/learned.h"
 #endif
 
 #define SURFACE_EAST 1      // connected with the neighbour in that direction
@@ -30,6 +36,7 @@
 #define HIT_BACK_FACE 2     // it meets an assumed back face (BASSRT)
 #define HIT_SKY 3           // it leaves the scene through open sky
 #define HIT_UNKNOWN 4       // it leaves the scene behind visible surfaces, or at the step cap
+#define HIT_LEARNED 5       // it meets a hidden surface whose radiance was learned
 
 typedef struct {
     Grid grid;
@@ -44,10 +51,22 @@ typedef struct {
     __global const float2 *back_range;     // as `grid.range`
     __global const float *back_color;      // radiance, 3 a texel
 #endif
+#ifdef LEARNED
+    Learned learned;
+#endif
 #ifdef IMPOSTOR
     Impostor impostor;
 #endif
 } RealLayer;
+
+#ifdef LEARNED_HIDDEN
+// The first back face that a ray has passed, members as those of RealHit.
+typedef struct {
+    float t;            // INFINITY: none
+    float3 direction;
+    int texel;
+} AssumedHit;
+#endif
 
 typedef struct {
     float t;            // metres along the ray; INFINITY for HIT_SKY and HIT_UNKNOWN
@@ -57,6 +76,11 @@ typedef struct {
     int kind;           // HIT_*
 #ifdef BACKGROUND
     int behind;         // it is background that the first layer hides
+#endif
+#ifdef LEARNED_HIDDEN
+    AssumedHit assumed;
+    float hidden_from;  // metres along the ray to where it first passes behind the first layer
+    float3 learned;     // radiance of HIT_LEARNED
 #endif
 } RealHit;
 
@@ -236,6 +260,13 @@ static inline int real_leaf(const RealLayer layer, const PolarRay ray, const Seg
     return 1;
 }
 
+#ifdef LEARNED_HIDDEN
+#include "world/real/hidden.h"
+#define REAL_LEAF noted_leaf
+#else
+#define REAL_LEAF real_leaf
+#endif
+
 #define MARCH_NAME march_real_layer
 #define MARCH_LAYER RealLayer
 #define MARCH_STATE int
@@ -243,7 +274,7 @@ static inline int real_leaf(const RealLayer layer, const PolarRay ray, const Seg
 #define MARCH_WORK WORK_REAL
 #define MARCH_SKIP(state, near, far, range, cell)                                                  \
     real_skip(layer, &state, near, far, range, cell)
-#define MARCH_LEAF(layer, ray, at, state, hit) real_leaf(layer, ray, at, state, hit)
+#define MARCH_LEAF(layer, ray, at, state, hit) REAL_LEAF(layer, ray, at, state, hit)
 #define MARCH_END(state) (state == SIDE_BEHIND ? -1 : 0)
 #include "world/real/march.h"
 
@@ -257,6 +288,9 @@ static inline int radial_real(const RealLayer layer, const PolarRay ray, int tex
     const float2 range = layer.grid.range[texel];
     const float radius = surface_radius(0.0f, dot(surface.xyz, ray.d), 1.0f, 1.0f, range);
     if (ray.od > radius + layer.bias) {
+#ifdef LEARNED_HIDDEN
+        hit->hidden_from = 0.0f;
+#endif
 #ifdef BACKGROUND
         return radial_background(layer, ray, texel, hit);
 #else
@@ -304,6 +338,9 @@ static inline ALWAYS_INLINE RealHit trace_real_layer(
     }
     return hit;
 #else
+#ifdef LEARNED_HIDDEN
+    hit.hidden_from = hit.assumed.t = INFINITY;
+#endif
     int found = 0;
 #ifndef DISTANT_ENVIRONMENT
     COUNT_RAY(layer.grid.work, WORK_REAL);
@@ -316,6 +353,17 @@ static inline ALWAYS_INLINE RealHit trace_real_layer(
         found = radial_real(layer, ray, texel, &hit);
     else
         found = march_real_layer(layer, ray, 0.0f, t_last, SIDE_FRONT, &hit);
+#ifdef LEARNED_HIDDEN
+    if (hidden_surface(layer, o, d, found == 1, t_last, &hit))
+        return hit;
+    if (hit.assumed.t < INFINITY) {
+        found = 1;
+        hit.t = hit.assumed.t;
+        hit.direction = hit.assumed.direction;
+        hit.texel = hit.assumed.texel;
+        hit.kind = HIT_BACK_FACE;
+    }
+#endif
 #endif
     if (found != 1) {
         hit.t = INFINITY;

@@ -1,11 +1,11 @@
 // What models predict at samples, and by how much the nearest covers each (W. Lee et al. 2022, section
 // IV-A).
 //
-// in   samples    methods/draw_samples.cl
-//      models     lib/methods/learned.h
+// in   samples    world/real/draw_samples.cl
+//      models     lib/world/real/learned.h
 // out  predicted  weighted mean of the models' radiance (Eq. 4), sum of their weights; 0: none is asked
 //      greatest   weight of any model
-#include "methods/learned.h"
+#include "world/real/learned.h"
 
 __kernel void ask_models(
     const int count,                            // of samples
@@ -19,7 +19,7 @@ __kernel void ask_models(
         return;
     __global const float4 *sample = samples + SAMPLE_PARTS * i;
     float weight;
-    const float4 sum = ask_around(LEARNED, sample[0].xyz, sample[1].xyz, &weight);
+    const float4 sum = ask_around(LEARNED_OF_PARAMETERS, sample[0].xyz, sample[1].xyz, &weight);
     predicted[i] = sum.w > 0.0f ? (float4)(sum.xyz / sum.w, sum.w) : (float4)(0.0f);
     greatest[i] = weight;
 }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,11 +11,15 @@ from scipy.spatial import cKDTree
 
 from iprt.device.compute import ComputeDevice
 from iprt.files.kernel_source import constant, float_constant
-from iprt.world.real.panorama import Panorama
+
+if TYPE_CHECKING:
+    import pyopencl.array as cla
+
+    from iprt.world.real.surfaces import Surfaces
 
 Float = NDArray[np.float32]
 
-HEADER = "lib/methods/learned.h"
+HEADER = "lib/world/real/learned.h"
 MODEL_PARTS = constant(HEADER, "MODEL_PARTS")
 SAMPLE_PARTS = constant(HEADER, "SAMPLE_PARTS")
 GRID = tuple(constant(HEADER, f"GRID_{axis}") for axis in "XYZ")
@@ -101,24 +105,24 @@ class Learner:
         self._drawn = device.zeros("drawn samples", (samples, SAMPLE_PARTS, 4))
         self._predicted = device.zeros("drawn samples predicted", (samples, 4))
         self._greatest = device.zeros("drawn samples covered", (samples,))
-        self._draw = device.kernel("methods/draw_samples.cl", "draw_samples").fixed(
+        self._draw = device.kernel("world/real/draw_samples.cl", "draw_samples").fixed(
             count=samples, pose=self._pose, samples=self._drawn
         )
         defines = {"PRIOR": PRIOR}
-        self._learn = device.kernel("methods/learn_models.cl", "learn_models", defines).fixed(
+        self._learn = device.kernel("world/real/learn_models.cl", "learn_models", defines).fixed(
             start=self._sample_start,
             samples=self._drawn,
             models=self._models,
             information=self._information,
         )
-        self._ask = device.kernel("methods/ask_models.cl", "ask_models").fixed(
+        self._ask = device.kernel("world/real/ask_models.cl", "ask_models").fixed(
             samples=self._drawn, predicted=self._predicted, greatest=self._greatest
         )
         self._inverse_radius = 0.0
         self._places = 0
 
     def arguments(self) -> dict[str, Any]:
-        """`LEARNED_PARAMETERS` of `cl/lib/methods/learned.h`."""
+        """`LEARNED_PARAMETERS` of `cl/lib/world/real/learned.h`."""
         return {
             "learned_models": self._models,
             "learned_start": self._start,
@@ -128,7 +132,7 @@ class Learner:
         }
 
     def models(self) -> Float:
-        """(count, MODEL_PARTS, 4) as in `cl/lib/methods/learned.h`."""
+        """(count, MODEL_PARTS, 4) as in `cl/lib/world/real/learned.h`."""
         read: Float = self._device.read(self._models)[: self.count]
         return read
 
@@ -148,15 +152,21 @@ class Learner:
         rows = (np.eye(4) if pose is None else pose)[:3]
         self._device.write(self._pose, rows.astype(np.float32).ravel())
 
-    def draw(self, panorama: Panorama) -> Float:
-        """The next samples of a panorama, (N, SAMPLE_PARTS, 4) as in `draw_samples.cl`."""
+    def draw(self, surfaces: Surfaces, radiance: cla.Array) -> Float:
+        """The next samples of a panorama with this radiance, (H, W, 3) float32.
+
+        Returns
+        -------
+        (N, SAMPLE_PARTS, 4) float32
+            As in `cl/world/real/draw_samples.cl`.
+        """
         self._draw(
             (self._samples,),
-            width=panorama.width,
-            height=panorama.height,
+            width=surfaces.width,
+            height=surfaces.height,
             first=self.learned,
-            surface=panorama.surface,
-            radiance=panorama.radiated,
+            surface=surfaces.surface,
+            radiance=radiance,
         )
         # The kernel takes it as a signed number, which may not run over.
         self.learned = (self.learned + self._samples) % 2**30

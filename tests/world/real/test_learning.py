@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
-from iprt.methods.learning import PRIOR, WIDEST, Learner, Learning
+from iprt.world.real.learning import PRIOR, WIDEST, Learner, Learning
 from iprt.world.real.panorama import Panorama
 from tests.oracles.learned import Model, predicted, tangents, weight_of
 from tests.oracles.worlds import World
@@ -282,7 +282,7 @@ def test_samples_are_the_surfaces_of_the_panorama(device: ComputeDevice) -> None
     device.write(panorama.radiance, color)
     learner = Learner(device, 4096, 64)
     learner.place(pose)
-    drawn = learner.draw(panorama).astype(np.float64)
+    drawn = learner.draw(panorama.surfaces, panorama.radiated).astype(np.float64)
     valid = drawn[:, 1, 3] > 0.0
     local = (drawn[:, 0, :3] - pose[:3, 3]) @ pose[:3, :3]
     normal = drawn[:, 1, :3] @ pose[:3, :3]
@@ -299,5 +299,5 @@ def test_samples_are_the_surfaces_of_the_panorama(device: ComputeDevice) -> None
     np.testing.assert_allclose(drawn[valid, 0, 3], distance[valid] * np.pi / 64, rtol=1e-4)
     up = np.histogram(local[valid, 1] / distance[valid], 8, (-1.0, 1.0))[0]
     assert up.min() > 0.6 * up.max()
-    again = learner.draw(panorama)
+    again = learner.draw(panorama.surfaces, panorama.radiated)
     assert not np.array_equal(again, drawn.astype(np.float32))

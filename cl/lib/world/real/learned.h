@@ -41,7 +41,7 @@ typedef struct {
         __global const int *restrict learned_list, __global const float *restrict learned_pose,    \
         const float learned_inverse_radius
 
-#define LEARNED                                                                                    \
+#define LEARNED_OF_PARAMETERS                                                                      \
     (Learned)                                                                                      \
     {                                                                                              \
         learned_models, learned_start, learned_list, learned_pose, learned_inverse_radius          \
@@ -52,6 +52,14 @@ static inline float3 to_world(__global const float *pose, float3 v, float w)
     return (float3)(pose[0] * v.x + pose[1] * v.y + pose[2] * v.z + pose[3] * w,
                     pose[4] * v.x + pose[5] * v.y + pose[6] * v.z + pose[7] * w,
                     pose[8] * v.x + pose[9] * v.y + pose[10] * v.z + pose[11] * w);
+}
+
+// A direction in the world, in the axes of the capture centre.
+static inline float3 to_centre(__global const float *pose, float3 v)
+{
+    return (float3)(pose[0] * v.x + pose[4] * v.y + pose[8] * v.z,
+                    pose[1] * v.x + pose[5] * v.y + pose[9] * v.z,
+                    pose[2] * v.x + pose[6] * v.y + pose[10] * v.z);
 }
 
 // Coordinates of the cell of a point; a point that is not finite has some cell, too.

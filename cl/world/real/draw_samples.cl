@@ -6,7 +6,7 @@
 //      pose      3 x 4: from the capture centre's axes to the world's
 // out  samples   SAMPLE_PARTS float4 each, in the axes of the world: position, width of the texel in
 //                metres | normal, 1, or 0: no surface | radiance, 0
-#include "methods/learned.h"
+#include "world/real/learned.h"
 #include "world/real/real.h"
 
 __kernel void draw_samples(

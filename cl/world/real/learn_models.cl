@@ -5,11 +5,11 @@
 // P of Eq. 6 is kept as its inverse, to which a sample adds w x x^T: it stays positive definite in
 // single precision. -D PRIOR is what it starts with, the inverse of 1e5.
 //
-// in      samples      methods/draw_samples.cl, sorted by cells
+// in      samples      world/real/draw_samples.cl, sorted by cells
 //         start        the first sample of each cell, and the end of the last one's
-// in, out models       lib/methods/learned.h
+// in, out models       lib/world/real/learned.h
 //         information  6 a model: P^-1, upper triangle row by row
-#include "methods/learned.h"
+#include "world/real/learned.h"
 
 // Errors of the first samples are those of a model that is not determined yet.
 #define ERRORS_FROM 4.0f
