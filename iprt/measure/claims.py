@@ -6,6 +6,10 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
+
 from iprt.measure import metrics
 from iprt.measure.bench import timed_together
 from iprt.measure.camera_motion import Turn
@@ -27,6 +31,10 @@ if TYPE_CHECKING:
 
 Values = Mapping[str, Any]
 """Settings by dotted key, a method among them."""
+NEAR = 0.04
+"""Pixels are near an object within this share of the picture's height."""
+SEEN = 0.02
+"""Differences of displayed values from which on they count as seen."""
 
 
 @dataclass(frozen=True)
@@ -127,6 +135,33 @@ class Subject:
     def scores(self, values: Values) -> Scores:
         """Scores of the picture against the truth."""
         return scored(self._target, self.picture(values), str(dict(values)))
+
+    def errors(self, values: Values) -> tuple[float, float]:
+        """Mean errors, as displayed, of real surfaces that objects change to be seen: of those
+        within `NEAR` of an object in the picture, and of all others.
+        """
+        target = self._target
+        truth = target.shown
+        shown, plain = (
+            display(self.picture(v), target.exposure) for v in (values, {"method": "ibl"})
+        )
+        away = distance_transform_edt(self._coverage() == 0.0)
+        # Image-based lighting leaves real surfaces as they are.
+        changed = (np.abs(truth - plain).max(axis=-1) > SEEN) & (away > 0.0)
+        near = away <= NEAR * len(truth)
+        error = np.abs(shown - truth).mean(axis=-1)
+        return float(error[changed & near].mean()), float(error[changed & ~near].mean())
+
+    def _coverage(self) -> NDArray[np.float32]:
+        """(H, W) share of each pixel that objects cover."""
+        from iprt.renderer import Renderer
+
+        instances = self._scene.instances_named(self._target.objects)
+        settings = still_settings(_settings({"method": "ibl"}), 0)
+        with Renderer(
+            self._device, self._frame, instances, self._target.view, settings
+        ) as renderer:
+            return renderer.render(1, ["coverage"]).aovs["coverage"]
 
     def learned(self) -> Learned:
         """What `oil` learns of the panorama in as many frames as are timed."""

@@ -17,6 +17,7 @@ IPRT = "IPRT (Wu and Wang 2023)"
 DPT = "DPT (Xu et al. 2023)"
 NEI = "NEI (Rohmer et al. 2017)"
 OIL = "OIL (Lee et al. 2022)"
+DVCT = "DVCT (Franke 2014)"
 
 
 def _faster(subject: Subject, *, surfaces: str, bounces: Sequence[int], least: float) -> Found:
@@ -141,9 +142,42 @@ def _with_place(subject: Subject) -> Found:
     return Found(f"RMSE {cones:.4g} against {distant:.4g}", cones < distant)
 
 
+def _grows(subject: Subject) -> Found:
+    """Of real surfaces and objects alike."""
+    counts = (2, 4, 8, 16)
+    variants = [
+        {"method": "dvct", "trace.rays": n, "trace.object_rays": n, "dvct.cones": 16}
+        for n in counts
+    ]
+    times = [median(t) for t in subject.times(*variants)]
+    slope, start = np.polyfit(counts, times, 1)
+    off = np.abs(np.polyval([slope, start], counts) - times).max() / times[-1]
+    measured = ", ".join(f"{t:.1f} ms with {n}" for n, t in zip(counts, times, strict=True))
+    return Found(f"{measured}: {100 * off:.0f}% off a line", bool(off < 0.05 and slope > 0.0))
+
+
+def _near_contact(subject: Subject) -> Found:
+    near, far = subject.errors({"method": "dvct"})
+    return Found(f"{near:.4f} near objects, {far:.4f} elsewhere", near > far)
+
+
+def _finer(subject: Subject) -> Found:
+    counts = (32, 64, 128)
+    found = [cuts(subject.scores({"method": "dvct", "dvct.voxels": n})) for n in counts]
+    means = [math.fsum(each) / len(each) for each in found]
+    measured = ", ".join(f"{m:.4f} with {n}³" for n, m in zip(counts, means, strict=True))
+    return Found(measured, means[0] < means[1] < means[2])
+
+
+def _quicker_than_paths(subject: Subject) -> Found:
+    ratio = subject.ratio(_paths("pt-diff", "all", 1), {"method": "dvct"}).value
+    return Found(f"{ratio:.2f}x (pt-diff, surfaces=all, 1 bounce)", ratio > 1.0)
+
+
 RTX_3080 = "RTX 3080, 1280x720"
 GTX_2080 = "GeForce 2080, 1024x1024"
 TITAN = "TITAN RTX"
+GTX_780 = "GTX 780"
 CLAIMS = (
     Claim(
         IPRT,
@@ -238,6 +272,34 @@ CLAIMS = (
         "by pictures (Figures 9 and 11)",
         _with_place,
         "",
+    ),
+    Claim(
+        DVCT,
+        "Time grows linearly with the number of cones",
+        f"cones of all surfaces are traced in the same way (section 3.2; {GTX_780})",
+        _grows,
+        "what a frame does besides takes most of its time",
+    ),
+    Claim(
+        DVCT,
+        "Errors are largest near the contact of objects and real surfaces",
+        "by pictures (Figure 3)",
+        _near_contact,
+        "regions that stand for all light make errors of their own far from objects",
+    ),
+    Claim(
+        DVCT,
+        "Finer volumes come nearer to the truth",
+        "256³ and more (sections 3.2 and 4.4)",
+        _finer,
+        "once voxels are small, lights and wide cones decide",
+    ),
+    Claim(
+        DVCT,
+        "Takes less time than ray tracing",
+        f"29 ms against 714 and 588 (Figure 5; {GTX_780}, GTX 690, 720x576)",
+        _quicker_than_paths,
+        "rays that meet no object end at once, cones go through all voxels on their way",
     ),
     Claim(
         OIL,

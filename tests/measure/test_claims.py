@@ -46,6 +46,10 @@ class Known:
         ssim = self._of(values, self._ssim)
         return Scores(ssim, (ssim, ssim - 0.1), 30.0, 0.0, 1.0 - ssim, None)
 
+    def errors(self, values: dict[str, Any]) -> tuple[float, float]:
+        near = self._of(values, self._ssim)
+        return near, 0.9
+
     def learned(self) -> Learned:
         return self._learned
 
@@ -71,9 +75,14 @@ def test_times_decide() -> None:
         assert found("Multiple importance", ms, {}).holds == holds
     for cones, holds in ((1.5, True), (0.9, False)):
         assert found("Voxel cone tracing takes", {"em": 1.0, "vct": cones}, {}).holds == holds
+    line = {f'trace.rays": {count},': 10.0 + count for count in (2, 4, 8, 16)}
+    assert found("Time grows linearly with the number", line, {}).holds
+    assert not found("Time grows linearly with the number", {**line, 'rays": 4,': 19.0}, {}).holds
+    for paths, holds in ((1.1, True), (0.9, False)):
+        assert found("Takes less time", {"pt-diff": paths, "dvct": 1.0}, {}).holds == holds
     line = {f'bounces": {count}': 10.0 + count for count in (3, 5, 7, 10)}
-    assert found("Time grows", line, {}).holds
-    assert not found("Time grows", {**line, 'bounces": 10': 25.0}, {}).holds
+    assert found("Time grows linearly with bounces", line, {}).holds
+    assert not found("Time grows linearly with bounces", {**line, 'bounces": 10': 25.0}, {}).holds
     for ours, holds in ((1.3, True), (1.6, False), (0.9, False)):
         assert found("Environment mapping costs", {'"dit"': ours, '"em"': 1.0}, {}).holds == holds
     for many, holds in ((9.0, True), (10.0, False)):
@@ -99,6 +108,11 @@ def test_pictures_decide() -> None:
     assert found("Voxel cone tracing varies", {}, {"em": 0.8, "vct": 0.9}).holds
     assert not found("Voxel cone tracing varies", {}, {"em": 0.9, "vct": 0.8}).holds
     assert not found("No more error", {}, {"pt-diff": 0.9, "dpt": 0.8}).holds
+    for coarse, holds in ((0.8, True), (0.96, False)):
+        ssim = {'voxels": 32': coarse, 'voxels": 64': 0.9, 'voxels": 128': 0.95}
+        assert found("Finer volumes", {}, ssim).holds == holds
+    for near, holds in ((0.95, True), (0.85, False)):
+        assert found("Errors are largest", {}, {"dvct": near}).holds == holds
 
 
 def test_what_was_learned_decides() -> None:
@@ -114,7 +128,7 @@ def test_claims_are_of_installed_methods_and_settings() -> None:
     for claim in CLAIMS:
         claim.measure(cast(Subject, known))
     methods_asked = {values["method"] for values in known.asked}
-    assert methods_asked == {"iprt2023", "ibl", "dpt", "pt-diff", "dit", "em", "vct"}
+    assert methods_asked == {"iprt2023", "ibl", "dpt", "pt-diff", "dit", "em", "vct", "dvct"}
     for values in known.asked:
         assert values["method"] in methods()
         assert set(values) <= set(all_settings())
