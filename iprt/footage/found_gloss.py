@@ -36,9 +36,9 @@ BRIGHT = 3.0
 MIN_TOLERANCE, NOISE = 0.002, 3.0
 """Least distance from a plane of what is on it, over depth, and the same in `Frame.fit_tolerance`.
 """
-SCREEN = (1, 4)
-"""Which of `ALPHAS` are tried first, without the shading, and the least t to look further."""
-MIN_SCREEN_T = 3.0
+SCREEN, SCREEN_RAYS, MIN_SCREEN_T = (1, 4), 4, 3.0
+"""Which of `ALPHAS` are tried first, without the shading, with how many rays, and the least t to
+look further."""
 MIN_T, MAX_CHANCE = 8.0, 1e-3
 """Least t of a reflection, and largest probability that chance would show it somewhere. Shading
 that the panorama does not explain reaches t = 6 in rooms of matte surfaces."""
@@ -52,7 +52,7 @@ UPRIGHT = 0.9
 
 
 def find_gloss(frame: Frame, taken: frozenset[str] = frozenset()) -> tuple[RealMaterial, ...]:
-    """The planes that reflect, the largest first; `taken` are names that others have.
+    """The planes that reflect; `taken` are names that others have.
 
     Parameters
     ----------
@@ -95,8 +95,12 @@ def _worth_a_look(around: RoomCells, plane: CellPlane) -> bool:
     """Whether anything goes with its reflections, shading or not: most walls end here."""
     nothing = np.zeros((0, len(plane.cells), 3))
     picture = PlanePicture(around.cells, plane.cells, around.color, nothing)
-    fits = [picture.fit(reflected(around, plane, ALPHAS[i], i), ALPHAS[i]) for i in SCREEN]
-    return max(fit.t for fit in fits) >= MIN_SCREEN_T
+    for index in SCREEN:
+        alpha = ALPHAS[index]
+        fit = picture.fit(reflected(around, plane, alpha, index, SCREEN_RAYS), alpha)
+        if fit.t >= MIN_SCREEN_T and fit.strength >= STRENGTH[0]:
+            return True
+    return False
 
 
 def _shading(frame: Frame, around: RoomCells, planes: list[CellPlane]) -> list[Float]:

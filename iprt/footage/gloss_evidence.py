@@ -99,6 +99,29 @@ class Reflection:
     fit: Fit
 
 
+@dataclass(frozen=True)
+class _Varied:
+    """What regressions for all roughnesses share, of m cells that are kept.
+
+    Attributes
+    ----------
+    around : (m, 3) float64
+        Means of L around.
+    seen : (3 m,) float64
+        L less its mean around, over that.
+    shading : (3 m, K) float64
+        The same of E.
+    weight, block : (3 m,)
+        Solid angles over their mean; numbers of blocks.
+    """
+
+    around: Float
+    seen: Float
+    shading: Float
+    weight: Float
+    block: NDArray[np.intp]
+
+
 class PlanePicture:
     """A plane's cells as they were seen and lit, less their means around.
 
@@ -128,15 +151,16 @@ class PlanePicture:
 
     def fit(self, reflected: Float, alpha: float) -> Fit:
         """By what a coat of one roughness would reflect, (n, 3)."""
-        return self._fit(self._smooth(reflected, alpha))[0]
+        return self._fit(self._varied(), self._smooth(reflected, alpha))[0]
 
     def reflection(self, reflected: list[Float]) -> Reflection:
         """By what coats of the roughnesses `ALPHAS` would reflect, (n, 3) each."""
         smooth = [self._smooth(part, alpha) for alpha, part in zip(ALPHAS, reflected, strict=True)]
         for _ in range(ROUNDS):
-            fits = [self._fit(part) for part in smooth]
-            best = int(np.argmax([fit.explained for fit, _ in fits]))
-            odd = np.abs(fits[best][1]).max(axis=-1) > ODD * _deviation(fits[best][1])
+            varied = self._varied()
+            fits = [self._fit(varied, part) for part in smooth]
+            _, left = fits[int(np.argmax([fit.explained for fit, _ in fits]))]
+            odd = np.abs(left).max(axis=-1) > ODD * _deviation(left)
             self._kept[np.flatnonzero(self._kept)[odd]] = False
         return self._reflection(smooth)
 
@@ -165,22 +189,25 @@ class PlanePicture:
         mean = self._mean(part, self._kept, AROUND * self._rows / np.pi)
         return np.asarray((part - mean)[self._kept])
 
-    def _regressors(self, reflected: Float) -> tuple[Float, Float]:
-        """(3 m,) of L, and (3 m, 1 + K) of S and of E, over means around."""
+    def _varied(self) -> _Varied:
         deviation = AROUND * self._rows / np.pi
         seen = np.maximum(self._mean(self._color, self._kept, deviation)[self._kept], 1e-12)
         lit = self._mean(self._irradiance.sum(0), self._kept, deviation)[self._kept]
         lit = np.maximum(lit, 1e-12)
-        parts = [self._varying(reflected) / seen]
-        parts += [self._varying(part) / lit for part in self._irradiance]
-        y = (self._varying(self._color) / seen).ravel()
-        return y, np.stack([part.ravel() for part in parts], axis=-1)
+        shading = [(self._varying(part) / lit).ravel() for part in self._irradiance]
+        return _Varied(
+            around=seen,
+            seen=(self._varying(self._color) / seen).ravel(),
+            shading=np.stack(shading, axis=-1) if shading else np.zeros((seen.size, 0)),
+            weight=np.repeat(self._weight[self._kept], 3),
+            block=np.repeat(self._block[self._kept], 3),
+        )
 
-    def _fit(self, reflected: Float) -> tuple[Fit, Float]:
+    def _fit(self, varied: _Varied, reflected: Float) -> tuple[Fit, Float]:
         """The fit, and its residuals (m, 3)."""
-        y, x = self._regressors(reflected)
-        own = np.repeat(self._weight[self._kept], 3)
-        block = np.repeat(self._block[self._kept], 3)
+        y, own, block = varied.seen, varied.weight, varied.block
+        own_part = (self._varying(reflected) / varied.around).ravel()
+        x = np.concatenate([own_part[:, None], varied.shading], axis=-1)
         weight, factors, left, normal = own, np.zeros(x.shape[1]), y, np.eye(x.shape[1])
         for _ in range(STEPS):
             factors, normal = _least_squares(x, y, weight)
@@ -190,13 +217,14 @@ class PlanePicture:
         sums = np.stack([np.bincount(block, column) for column in score.T], axis=-1)
         inverse = np.linalg.inv(normal)
         error = np.sqrt((inverse @ (sums.T @ sums) @ inverse)[0, 0])
-        without, _ = _least_squares(x[:, 1:], y, weight)
-        rest = weight @ (y - x[:, 1:] @ without) ** 2
+        rest = y
+        if x.shape[1] > 1:
+            rest = y - x[:, 1:] @ _least_squares(x[:, 1:], y, weight)[0]
         beyond = (factors[0] * reflected > self._color).any(axis=-1)[self._kept]
         fit = Fit(
             strength=float(factors[0]),
             error=float(error),
-            explained=float(1.0 - weight @ left**2 / max(rest, 1e-30)),
+            explained=float(1.0 - weight @ left**2 / max(weight @ rest**2, 1e-30)),
             beyond=float(beyond.mean()),
             blocks=len(np.unique(block)),
         )
@@ -204,9 +232,9 @@ class PlanePicture:
 
     def _reflection(self, smooth: list[Float]) -> Reflection:
         fits, costs = [], []
-        scale = 0.0
+        scale, varied = 0.0, self._varied()
         for part in smooth:
-            fit, left = self._fit(part)
+            fit, left = self._fit(varied, part)
             # One scale for all: costs are compared.
             scale = scale or _deviation(left)
             cost = _huber_cost(left, scale).sum(axis=-1) * self._weight[self._kept]

@@ -80,10 +80,12 @@ class RoomCells:
         )
 
 
-def reflected(around: RoomCells, plane: CellPlane, alpha: float, seed: int) -> Float:
+def reflected(
+    around: RoomCells, plane: CellPlane, alpha: float, seed: int, rays: int = RAYS
+) -> Float:
     """(n, 3) radiance that a coat reflects towards the capture centre, of a plane's cells.
 
-    The integral of f_s L cos over the GGX lobe, by `RAYS` visible normals (Dupuy and Benyoub, HPG
+    The integral of f_s L cos over the GGX lobe, by visible normals (Dupuy and Benyoub, HPG
     2023), with Smith's masking as in `cl/lib/world/brdf.h`; noisy.
     """
     cells, on = around.cells, plane.cells
@@ -94,9 +96,9 @@ def reflected(around: RoomCells, plane: CellPlane, alpha: float, seed: int) -> F
     masked = _masking(out[:, 2], alpha)
     rng = np.random.default_rng(seed)
     total = np.zeros((len(on), 3))
-    for ray in range(RAYS):
+    for ray in range(rays):
         u, v = rng.random((2, len(on)))
-        facet = _visible_normal(out, alpha, u, (ray + v) / RAYS)
+        facet = _visible_normal(out, alpha, u, (ray + v) / rays)
         cosine = (out * facet).sum(-1)
         into = 2.0 * cosine[:, None] * facet - out
         leaves = into[:, 2] > LOWEST
@@ -104,7 +106,7 @@ def reflected(around: RoomCells, plane: CellPlane, alpha: float, seed: int) -> F
         weight /= 1.0 + masked + _masking(into[:, 2], alpha)
         found = radiance_along(around, start[leaves], into[leaves] @ local)
         total[leaves] += weight[leaves, None] * found
-    return total / RAYS
+    return total / rays
 
 
 def radiance_along(around: RoomCells, start: Float, direction: Float) -> Float:

@@ -26,6 +26,7 @@ from iprt.footage.video.stream import Ahead
 from iprt.geometry.camera import View
 from iprt.geometry.keyframes import ViewMotion
 from iprt.geometry.mesh import Instance
+from iprt.scene.found_gloss import found_materials
 from iprt.scene.manifest import (
     MANIFEST_NAME,
     Manifest,
@@ -249,9 +250,33 @@ class Scene:
                 first, last = self.frame_indices[0], self.frame_indices[-1]
                 raise SceneError(f"{self.name}: no frame {index}; the scene has {first} to {last}")
 
-    @cached_property
+    @property
     def real_materials(self) -> tuple[RealMaterial, ...]:
-        """The glossy real surfaces, in the manifest's order.
+        """The glossy real surfaces: those found, where the video's are (`gloss`), then those
+        declared, which hold where they overlap.
+
+        Raises
+        ------
+        FormatError
+            As `declared_materials`.
+        """
+        found = self.found_materials if self.manifest.video.gloss == "auto" else ()
+        return found + self.declared_materials
+
+    @cached_property
+    def found_materials(self) -> tuple[RealMaterial, ...]:
+        """Those that nobody declared (`iprt.footage.found_gloss`).
+
+        Raises
+        ------
+        FormatError
+            As `declared_materials`.
+        """
+        return found_materials(self.source, self.manifest, self.declared_materials)
+
+    @cached_property
+    def declared_materials(self) -> tuple[RealMaterial, ...]:
+        """The glossy real surfaces that the manifest names, in its order.
 
         Raises
         ------
