@@ -201,7 +201,9 @@ def visible(cells: Cells, x: Float, y: Float, steps: int) -> NDArray[np.bool_]:
     return free
 
 
-def cell_towards(point: NDArray[np.floating], radius: NDArray[np.floating], rows: int) -> NDArray[np.intp]:
+def cell_towards(
+    point: NDArray[np.floating], radius: NDArray[np.floating], rows: int
+) -> NDArray[np.intp]:
     """Number of the cell of a grid that points (..., 3) at a distance (...) are seen in."""
     polar = np.arccos(np.clip(point[..., 1] / np.maximum(radius, 1e-12), -1.0, 1.0))
     azimuth = np.arctan2(point[..., 0], -point[..., 2])

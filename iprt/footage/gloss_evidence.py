@@ -42,6 +42,8 @@ BLOCK = np.deg2rad(11.25)
 """Side of a block of cells."""
 HUBER, ODD = 1.5, 4.0
 """Residuals beyond the one count linearly, beyond the other not at all, in standard deviations."""
+MODEL = 0.02
+"""Standard deviation of what the model itself leaves, over the radiance around."""
 STEPS, ROUNDS = 8, 3
 
 Grid = NDArray[np.float64]
@@ -260,8 +262,8 @@ def _least_squares(x: Float, y: Float, weight: Float) -> tuple[Float, Float]:
 
 
 def _deviation(left: Float) -> float:
-    """Standard deviation by the median, of a normal distribution."""
-    return max(1.4826 * float(np.median(np.abs(left))), 1e-12)
+    """Standard deviation by the median, of a normal distribution; `MODEL` at least."""
+    return max(1.4826 * float(np.median(np.abs(left))), MODEL)
 
 
 def _huber(left: Float) -> Float:
