@@ -2,7 +2,7 @@
 
 A plane is taken to be glossy only where the evidence is strong (`is_strong`); all others stay
 diffuse. What is told best is a window's reflection in a floor of little texture. What cannot be
-told: roughness above 0.3; reflections of surroundings that are evenly bright; metals and mirrors,
+told: roughness above 0.4; reflections of surroundings that are evenly bright; metals and mirrors,
 which show nothing of their own; curved things; gloss that only a part of a plane has.
 """
 

@@ -19,6 +19,7 @@ jackknife over the same blocks.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,12 +33,15 @@ ALPHAS = (0.03, 0.05, 0.08, 0.13, 0.2, 0.3)
 """GGX roughness that is tried. Beyond, a reflection is as smooth as shading, and cannot be told."""
 AROUND = np.deg2rad(5.6)
 """Deviation of the Gaussian that means are taken by, in rad."""
-LOBE = 0.5
+LOBE = 0.3
 """That of the mean of S over neighbours, which takes off its noise, in α."""
 LEAST = 0.3
 """The least of these, in cells."""
 SMOOTH = np.deg2rad(2.25)
 """Deviation of the mean of E over neighbours, which was found for every other cell."""
+SHARPER = 1.4
+"""α over the one that explains most: of a wide reflection, shading and the mean around take a part.
+As measured in rooms whose gloss is known, with and without texture, α from 0.05 to 0.2."""
 BLOCK = np.deg2rad(11.25)
 """Side of a block of cells."""
 HUBER, ODD = 1.5, 4.0
@@ -93,7 +97,7 @@ class Reflection:
     spread : float
         Factor of one standard deviation of α, at least 1.
     fit : Fit
-        Of the best of `ALPHAS`.
+        Of the one of `ALPHAS` that explains most.
     """
 
     alpha: float
@@ -155,7 +159,7 @@ class PlanePicture:
         """By what a coat of one roughness would reflect, (n, 3)."""
         return self._fit(self._varied(), self._smooth(reflected, alpha))[0]
 
-    def reflection(self, reflected: list[Float]) -> Reflection:
+    def reflection(self, reflected: Sequence[Float]) -> Reflection:
         """By what coats of the roughnesses `ALPHAS` would reflect, (n, 3) each."""
         smooth = [self._smooth(part, alpha) for alpha, part in zip(ALPHAS, reflected, strict=True)]
         for _ in range(ROUNDS):
@@ -226,13 +230,13 @@ class PlanePicture:
         fit = Fit(
             strength=float(factors[0]),
             error=float(error),
-            explained=float(1.0 - weight @ left**2 / max(weight @ rest**2, 1e-30)),
+            explained=1.0 - float(weight @ left**2) / max(float(weight @ rest**2), 1e-30),
             beyond=float(beyond.mean()),
             blocks=len(np.unique(block)),
         )
         return fit, left.reshape(-1, 3)
 
-    def _reflection(self, smooth: list[Float]) -> Reflection:
+    def _reflection(self, smooth: Sequence[Float]) -> Reflection:
         fits, costs = [], []
         scale, varied = 0.0, self._varied()
         for part in smooth:
@@ -249,7 +253,7 @@ class PlanePicture:
         count = len(without)
         deviation = np.sqrt((count - 1) / count * np.square(without - without.mean()).sum())
         best = int(np.argmax([fit.explained for fit in fits]))
-        alpha = float(np.exp(_lowest(total)))
+        alpha = SHARPER * float(np.exp(_lowest(total)))
         return Reflection(alpha, float(np.exp(deviation)), fits[best])
 
 
@@ -258,7 +262,7 @@ def _least_squares(x: Float, y: Float, weight: Float) -> tuple[Float, Float]:
     weighted = x * weight[:, None]
     normal = x.T @ weighted
     normal += 1e-9 * max(float(np.trace(normal)), 1e-30) * np.eye(len(normal))
-    return np.linalg.solve(normal, weighted.T @ y), normal
+    return np.asarray(np.linalg.solve(normal, weighted.T @ y), np.float64), normal
 
 
 def _deviation(left: Float) -> float:

@@ -19,7 +19,7 @@ from iprt.geometry.coat import fresnel_dielectric
 
 IOR = 1.5
 """Index of refraction of the coat that is assumed: most varnishes, plastics and glazes."""
-RAYS = 8
+RAYS = 12
 """Per cell and roughness; neighbours are averaged as far as the lobe is wide."""
 STEPS, HALVINGS = 32, 4
 """Points of a ray that are looked at, by angle about the capture centre, and bisections."""
@@ -155,7 +155,7 @@ def _found(around: RoomCells, start: Float, direction: Float) -> Float:
         open_ = around.open[cell]
         sky = cell_towards(way[open_], np.ones(open_.sum(), np.float32), OUTSIDE_ROWS)
         radiance[open_] = around.outside[sky]
-    return radiance
+    return np.asarray(radiance, np.float64)
 
 
 def _tangents(normal: Float) -> tuple[Float, Float]:
