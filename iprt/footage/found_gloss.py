@@ -2,7 +2,7 @@
 
 A plane is taken to be glossy only where the evidence is strong (`is_strong`); all others stay
 diffuse. What is told best is a window's reflection in a floor of little texture. What cannot be
-told: roughness above 0.4; reflections of surroundings that are evenly bright; metals and mirrors,
+told: roughness above 0.35; reflections of surroundings that are evenly bright; metals and mirrors,
 which show nothing of their own; curved things; gloss that only a part of a plane has.
 """
 
@@ -42,9 +42,11 @@ look further."""
 MIN_T, MAX_CHANCE = 8.0, 1e-3
 """Least t of a reflection, and largest probability that chance would show it somewhere. Shading
 that the panorama does not explain reaches t = 6 in rooms of matte surfaces."""
-STRENGTH = (0.25, 2.5)
-"""Strengths over that of an index of 1.5 that are believed: those of indices from 1.2 to 1.9, and
+STRENGTH = (0.25, 2.0)
+"""Strengths over that of an index of 1.5 that are believed: those of indices from 1.2 to 1.8, and
 windows whose sky is brighter or darker where the camera did not see it."""
+MAX_ALPHA = 0.35
+"""Shading that the panorama does not explain looks like reflections rougher than this."""
 MAX_BEYOND = 0.3
 """Largest share of cells whose reflection would be more than was seen."""
 UPRIGHT = 0.9
@@ -86,6 +88,7 @@ def is_strong(reflection: Reflection, tries: int) -> bool:
     return (
         fit.t >= MIN_T
         and fit.chance(tries) <= MAX_CHANCE
+        and reflection.alpha <= MAX_ALPHA
         and STRENGTH[0] <= fit.strength <= STRENGTH[1]
         and fit.beyond <= MAX_BEYOND
     )

@@ -14,7 +14,7 @@ from tests.frame.radiosity import ROOM, Window, room
 from tests.oracles.brdf import evaluate_specular, ggx
 from tests.worlds import Float
 
-RAYS, WINDOW_POINTS = 64, 24
+RAYS, WINDOW_POINTS = 32, 16
 
 
 def sky(directions: Float) -> Float:

@@ -1,4 +1,4 @@
-"""Glossy surfaces that a scene does not declare: when they are looked for, kept, told and written."""
+"""Glossy surfaces that a scene does not declare: looked for once, kept, told and written."""
 
 from __future__ import annotations
 
