@@ -48,6 +48,7 @@ VERBS = {
     "scene check": "iprt.commands.scene:check",
     "scene new": "iprt.commands.scene:new",
     "scene add": "iprt.commands.scene:add",
+    "scene gloss": "iprt.commands.scene_gloss:gloss",
 }
 """Words after `iprt` -> the function that does it. It returns the exit code, or None for 0."""
 

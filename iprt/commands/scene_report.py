@@ -116,9 +116,10 @@ def report_lines(report: SceneReport) -> list[str]:
 def _real_material_line(entry: RealMaterialReport) -> str:
     """`entry` as text."""
     warned = "".join(f"; warning: {phrase}" for phrase in entry.warnings())
+    found = f"; {entry.evidence.line()}" if entry.evidence is not None else ""
     return (
         f"glossy     {entry.name}: {entry.kind}, alpha {entry.alpha:g}; "
-        f"{_share(entry.share)}{warned}"
+        f"{_share(entry.share)}{found}{warned}"
     )
 
 

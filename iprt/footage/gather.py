@@ -195,13 +195,15 @@ def visible(cells: Cells, x: Float, y: Float, steps: int) -> NDArray[np.bool_]:
     for step in range(steps):
         point = start + np.float32(0.02 + 0.94 * (step + 0.5) / steps) * way
         radius = np.sqrt(np.einsum("ijk,ijk->ij", point, point))
-        front = depth[_cell(point, radius, cells.rows)]
+        front = depth[cell_towards(point, radius, cells.rows)]
         below = radius - front
         free &= (below <= CLEARANCE * front) | (below >= THICKNESS * front)
     return free
 
 
-def _cell(point: NDArray[np.floating], radius: NDArray[np.floating], rows: int) -> NDArray[np.intp]:
+def cell_towards(
+    point: NDArray[np.floating], radius: NDArray[np.floating], rows: int
+) -> NDArray[np.intp]:
     """Number of the cell of a grid that points (..., 3) at a distance (...) are seen in."""
     polar = np.arccos(np.clip(point[..., 1] / np.maximum(radius, 1e-12), -1.0, 1.0))
     azimuth = np.arctan2(point[..., 0], -point[..., 2])
@@ -259,7 +261,7 @@ def irradiance_of_lights(
     if outside.any():
         far = chosen[outside]
         way = cells.point[far] - x[:, None]
-        at = _cell(way, np.linalg.norm(way, axis=-1), OUTSIDE_ROWS)
+        at = cell_towards(way, np.linalg.norm(way, axis=-1), OUTSIDE_ROWS)
         for light in range(lights.shape[2]):
             there = lights[..., light]
             if there[far].any():

@@ -32,6 +32,36 @@ class Plane:
 
 
 @dataclass(frozen=True)
+class Evidence:
+    """How sure it is that a surface reflects.
+
+    Attributes
+    ----------
+    t : float
+        Student's t of the reflection's strength.
+    strength : float
+        Over that of a coat with an index of refraction of 1.5.
+    error : float
+        Standard error of `strength`.
+    low, high : float
+        Roughness less and plus a standard deviation.
+    """
+
+    t: float
+    strength: float
+    error: float
+    low: float
+    high: float
+
+    def line(self) -> str:
+        """As text."""
+        return (
+            f"found: alpha {self.low:.2g} to {self.high:.2g}, strength {self.strength:.2f} "
+            f"± {self.error:.2f}, t = {self.t:.0f}"
+        )
+
+
+@dataclass(frozen=True)
 class RealMaterial:
     """A glossy real surface: which texels of the panorama show it, and how it reflects.
 
@@ -50,6 +80,8 @@ class RealMaterial:
         Largest distance of chromaticities, see `chromaticity`.
     plane : Plane or None
         The surface lies on it and is parallel to it (`PARALLEL`).
+    evidence : Evidence or None
+        Of a surface that nobody declared (`iprt.footage.found_gloss`).
     """
 
     name: str
@@ -58,6 +90,7 @@ class RealMaterial:
     color: Triple | None = None
     color_tolerance: float = 0.05
     plane: Plane | None = None
+    evidence: Evidence | None = None
 
     def place(self, frame: Frame) -> Mask:
         """(H, W) bool: the texels that may show this surface, by all but their colour."""

@@ -15,6 +15,7 @@ from iprt.files.images import picture_size
 from iprt.files.problems import problems_error
 from iprt.footage.clipped import Recovered
 from iprt.footage.frame import Frame
+from iprt.footage.gloss import Evidence
 from iprt.footage.openings import classify_holes, solid_angles
 from iprt.footage.surroundings import Surroundings, normal_warnings
 from iprt.footage.video.incidents import bad_frames
@@ -54,12 +55,15 @@ class ObjectReport:
 
 @dataclass(frozen=True)
 class RealMaterialReport:
-    """A glossy real surface, and how much of the first frame shows it."""
+    """A glossy real surface, how much of the first frame shows it, and the evidence of one that is
+    not declared.
+    """
 
     name: str
     kind: str
     alpha: float
     share: Share
+    evidence: Evidence | None
 
     def warnings(self) -> list[str]:
         """Faults of its region."""
@@ -151,6 +155,7 @@ def describe_scene(scene: Scene, frame: Frame, raw: RawFrame) -> SceneReport:
                 "mirror" if table.material.is_mirror else table.material.kind,
                 table.material.alpha,
                 share(frame.gloss == index + 1),
+                table.evidence,
             )
             for index, table in enumerate(scene.real_materials)
         ),

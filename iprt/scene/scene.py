@@ -8,14 +8,10 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
-from iprt.errors import FormatError, SceneError
-from iprt.files.images import read_color
+from iprt.errors import SceneError
 from iprt.files.path_safety import anywhere, require_inside
 from iprt.files.problems import problems_error
-from iprt.files.untrusted import MAX_PIXELS, is_file
+from iprt.files.untrusted import is_file
 from iprt.footage.clipped import ClippedLights
 from iprt.footage.drift import Drift
 from iprt.footage.frame import Frame
@@ -26,6 +22,7 @@ from iprt.footage.video.stream import Ahead
 from iprt.geometry.camera import View
 from iprt.geometry.keyframes import ViewMotion
 from iprt.geometry.mesh import Instance
+from iprt.scene.found_gloss import found_materials
 from iprt.scene.manifest import (
     MANIFEST_NAME,
     Manifest,
@@ -33,6 +30,7 @@ from iprt.scene.manifest import (
     read_manifest,
 )
 from iprt.scene.objects import SceneObject, load_objects, objects_at
+from iprt.scene.real_materials import declared_materials
 from iprt.scene.scene_files import made_of, missing_files
 
 
@@ -249,39 +247,40 @@ class Scene:
                 first, last = self.frame_indices[0], self.frame_indices[-1]
                 raise SceneError(f"{self.name}: no frame {index}; the scene has {first} to {last}")
 
-    @cached_property
+    @property
     def real_materials(self) -> tuple[RealMaterial, ...]:
-        """The glossy real surfaces, in the manifest's order.
+        """The glossy real surfaces: those found, where the video's are (`gloss`), then those
+        declared, which hold where they overlap.
+
+        Raises
+        ------
+        FormatError
+            As `declared_materials`.
+        """
+        found = self.found_materials if self.manifest.video.gloss == "auto" else ()
+        return found + self.declared_materials
+
+    @cached_property
+    def found_materials(self) -> tuple[RealMaterial, ...]:
+        """Those that nobody declared (`iprt.footage.found_gloss`).
+
+        Raises
+        ------
+        FormatError
+            As `declared_materials`.
+        """
+        return found_materials(self.source, self.manifest, self.declared_materials)
+
+    @cached_property
+    def declared_materials(self) -> tuple[RealMaterial, ...]:
+        """The glossy real surfaces that the manifest names, in its order.
 
         Raises
         ------
         FormatError
             A mask cannot be read, or is not twice as wide as high, or all are too large together.
         """
-        masks: dict[str, NDArray[np.bool_]] = {}
-        for table in self.manifest.real_materials:
-            if table.mask is not None and table.mask not in masks:
-                masks[table.mask] = self._mask(self.root / table.mask)
-            if sum(mask.size for mask in masks.values()) > MAX_PIXELS:
-                raise FormatError(
-                    f"{self.name}: its masks have more than the {MAX_PIXELS} pixels that are read"
-                )
-        return tuple(
-            table.real_material(None if table.mask is None else masks[table.mask])
-            for table in self.manifest.real_materials
-        )
-
-    def _mask(self, path: Path) -> NDArray[np.bool_]:
-        """The mask (h, w) in a file, turned as the pictures of `[video]` are."""
-        mask = (read_color(path) > 0.0).any(axis=-1)
-        height, width = mask.shape
-        if width != 2 * height:
-            raise FormatError(
-                f"{path}: {width} x {height} pixels; a mask covers the whole panorama and is twice "
-                "as wide as high"
-            )
-        columns = self.manifest.video.yaw_offset_deg / 360.0 * width
-        return np.roll(mask, int(np.floor(columns + 0.5)), axis=1)
+        return declared_materials(self.root, self.manifest)
 
     def time_of(self, index: int) -> float:
         """Seconds from the video's first frame to frame `index`, which keyframes count by.

@@ -23,6 +23,9 @@ class VideoTable(Table):
 
     `white` is the linear radiance from which on the camera's colour is clipped, `inf` for never. By
     default it is 1 for integers, and floats and HDR video never are.
+
+    `gloss` is "auto" where glossy surfaces are looked for in the first frame, and "declared" where
+    they are those of `[[real_materials]]` only.
     """
 
     color: FramePath
@@ -39,3 +42,4 @@ class VideoTable(Table):
     frames: Annotated[list[FrameNumber], Field(min_length=2, max_length=2)] | None = None
     fps: Factor | None = None
     loop: bool = False
+    gloss: Literal["auto", "declared"] = "auto"

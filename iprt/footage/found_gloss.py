@@ -1,0 +1,173 @@
+"""Gloss that nobody declared: which large planes of a frame reflect, found in its picture.
+
+A plane is taken to be glossy only where the evidence is strong (`is_strong`); all others stay
+diffuse. What is told best is a window's reflection in a floor of little texture. What cannot be
+told: roughness above 0.35; reflections of surroundings that are evenly bright; metals and mirrors,
+which show nothing of their own; curved things; gloss that only a part of a plane has.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.footage.frame import Frame
+from iprt.footage.gather import (
+    Cells,
+    Float,
+    Receivers,
+    cell_means,
+    irradiance_of_lights,
+    irradiance_of_rest,
+)
+from iprt.footage.gloss import Evidence, Plane, RealMaterial
+from iprt.footage.gloss_evidence import ALPHAS, PlanePicture, Reflection
+from iprt.footage.mirrored import IOR, RoomCells, reflected
+from iprt.footage.planes import CellPlane, find_planes
+from iprt.footage.segments import lifted
+from iprt.geometry.material import Material
+
+ROWS, LIGHT_ROWS, REST_ROWS = 128, 64, 16
+"""Rows of cells: what is looked at; lights and points that receive them; everything else."""
+LIGHT_STEPS, REST_STEPS = 12, 6
+"""Points at which lines of sight are tested."""
+BRIGHT = 3.0
+"""A cell so many times as bright as the mean is a light."""
+MIN_TOLERANCE, NOISE = 0.002, 3.0
+"""Least distance from a plane of what is on it, over depth, and the same in `Frame.fit_tolerance`.
+"""
+SCREEN, SCREEN_RAYS, MIN_SCREEN_T = (1, 4), 4, 3.0
+"""Which of `ALPHAS` are tried first, without the shading, with how many rays, and the least t to
+look further."""
+MIN_T, MAX_CHANCE = 8.0, 1e-3
+"""Least t of a reflection, and largest probability that chance would show it somewhere. Shading
+that the panorama does not explain reaches t = 6 in rooms of matte surfaces."""
+STRENGTH = (0.25, 2.0)
+"""Strengths over that of an index of 1.5 that are believed: those of indices from 1.2 to 1.8, and
+windows whose sky is brighter or darker where the camera did not see it."""
+MAX_ALPHA = 0.35
+"""Shading that the panorama does not explain looks like reflections rougher than this."""
+MAX_BEYOND = 0.3
+"""Largest share of cells whose reflection would be more than was seen."""
+UPRIGHT = 0.9
+"""Least cosine with the vertical of floors, tops and ceilings."""
+
+
+def find_gloss(frame: Frame, taken: frozenset[str] = frozenset()) -> tuple[RealMaterial, ...]:
+    """The planes that reflect; `taken` are names that others have.
+
+    Parameters
+    ----------
+    frame : Frame
+        Sanitised, its clipped lights recovered. Cells of which a part is known to be glossy
+        (`Frame.gloss`) are left out.
+    """
+    around = RoomCells.of(frame, min(ROWS, frame.height))
+    cells = around.cells
+    tolerance = max(MIN_TOLERANCE, NOISE * frame.fit_tolerance)
+    usable = around.color.min(axis=-1) > 0.0
+    if frame.gloss is not None:
+        usable &= cell_means(frame.gloss > 0, cells.rows).ravel() == 0.0
+    planes = find_planes(cells, tolerance, usable)
+    chosen = [plane for plane in planes if _worth_a_look(around, plane)]
+    found: list[RealMaterial] = []
+    for plane, shading in zip(chosen, _shading(frame, around, chosen), strict=True):
+        picture = PlanePicture(cells, plane.cells, around.color, shading)
+        parts = [reflected(around, plane, alpha, index) for index, alpha in enumerate(ALPHAS)]
+        reflection = picture.reflection(parts)
+        if is_strong(reflection, len(planes) * len(ALPHAS)):
+            names = taken | {material.name for material in found}
+            name = _free_name(_kind(plane, planes), names)
+            found.append(_material(name, cells, plane, tolerance, reflection))
+    return tuple(found)
+
+
+def is_strong(reflection: Reflection, tries: int) -> bool:
+    """Whether the evidence of a reflection, the best of so many tries, is believed."""
+    fit = reflection.fit
+    return (
+        fit.t >= MIN_T
+        and fit.chance(tries) <= MAX_CHANCE
+        and reflection.alpha <= MAX_ALPHA
+        and STRENGTH[0] <= fit.strength <= STRENGTH[1]
+        and fit.beyond <= MAX_BEYOND
+    )
+
+
+def _worth_a_look(around: RoomCells, plane: CellPlane) -> bool:
+    """Whether anything goes with its reflections, shading or not: most walls end here."""
+    nothing = np.zeros((0, len(plane.cells), 3))
+    picture = PlanePicture(around.cells, plane.cells, around.color, nothing)
+    for index in SCREEN:
+        alpha = ALPHAS[index]
+        fit = picture.fit(reflected(around, plane, alpha, index, SCREEN_RAYS), alpha)
+        if fit.t >= MIN_SCREEN_T and fit.strength >= STRENGTH[0]:
+            return True
+    return False
+
+
+def _shading(frame: Frame, around: RoomCells, planes: list[CellPlane]) -> list[Float]:
+    """(2, n, 3) irradiance of each plane's cells over π: by lights, and by all else."""
+    fine = around.cells
+    rows = min(LIGHT_ROWS, fine.rows)
+    middle = Cells.of(around.shown, rows)
+    coarse = Cells.of(around.shown, min(REST_ROWS, rows))
+    color = cell_means(frame.radiance, rows)
+    mean = np.average(color.mean(axis=-1).ravel(), weights=middle.solid_angle)
+    light = middle.opening.reshape(rows, -1) > 0.5
+    light |= color.mean(axis=-1) > BRIGHT * mean
+    share = cell_means(~light, coarse.rows).ravel()
+    dim = cell_means(color * ~light[..., None], coarse.rows).reshape(-1, 3)
+    lights = (color * light[..., None]).reshape(-1, 3, 1)
+    found = []
+    for plane in planes:
+        at, nearest = _sparse(plane.cells, fine.rows, fine.rows // rows)
+        receivers = Receivers(lifted(fine, at), fine.normal[at])
+        direct, taken = irradiance_of_lights(receivers, middle, fine, lights, LIGHT_STEPS)
+        rest = irradiance_of_rest(receivers, coarse, dim, share, taken, REST_STEPS)
+        found.append(np.stack([direct[..., 0], rest])[:, nearest] / np.pi)
+    return found
+
+
+def _sparse(
+    on: NDArray[np.intp], rows: int, step: int
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """One of `on` (n,) per block of step x step cells, and the number (n,) of each cell's."""
+    row, column = np.divmod(on, 2 * rows)
+    _, first, nearest = np.unique(
+        row // step * 2 * rows + column // step, return_index=True, return_inverse=True
+    )
+    return on[first], nearest.astype(np.intp)
+
+
+def _material(
+    name: str, cells: Cells, plane: CellPlane, tolerance: float, reflection: Reflection
+) -> RealMaterial:
+    fit = reflection.fit
+    x, y, z = (round(float(value), 5) for value in plane.normal)
+    u, v, w = (round(float(value), 5) for value in plane.offset * plane.normal)
+    reach = tolerance * float(np.median(cells.depth[plane.cells]))
+    evidence = Evidence(
+        t=fit.t,
+        strength=fit.strength,
+        error=fit.error,
+        low=reflection.alpha / reflection.spread,
+        high=reflection.alpha * reflection.spread,
+    )
+    coat = Material("plastic", alpha=round(reflection.alpha, 3), ior=IOR)
+    return RealMaterial(
+        name, coat, plane=Plane((u, v, w), (x, y, z), round(reach, 5)), evidence=evidence
+    )
+
+
+def _kind(plane: CellPlane, planes: list[CellPlane]) -> str:
+    """What to call a plane: the lowest that looks up is the floor."""
+    if plane.normal[1] > UPRIGHT:
+        lowest = min(other.offset for other in planes if other.normal[1] > UPRIGHT)
+        return "floor" if plane.offset <= lowest else "top"
+    return "ceiling" if plane.normal[1] < -UPRIGHT else "wall"
+
+
+def _free_name(wanted: str, taken: frozenset[str]) -> str:
+    numbered = (wanted, *(f"{wanted}_{number}" for number in range(2, len(taken) + 3)))
+    return next(name for name in numbered if name not in taken)

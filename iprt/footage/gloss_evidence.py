@@ -1,0 +1,291 @@
+"""Whether a surface reflects: how its picture goes with what a coat on it would reflect.
+
+Of a plane's cells the camera saw
+
+    L = ρ E / π + k S(α)
+
+with E their irradiance, S the reflection that a coat of roughness α and index of refraction 1.5
+would show the camera (`iprt.footage.mirrored`), k its strength, and ρ a reflectance that textures
+vary in ways that have nothing to do with S. L, E and S are taken less their means around, which
+leaves what varies over a few degrees, and over the mean of L around. k and factors on E, of lights
+and of all else apart, then come from a robust regression (Huber) over cells and colours. Cells that
+nothing of this explains, such as the rim of a sunny patch, are left out, also of the means.
+
+The standard error of k counts blocks of cells as one observation each (cluster-robust sandwich;
+Huber 1967, White 1980), because neighbouring errors are alike. α is where the regression explains
+most, by a parabola through the best of `ALPHAS` and its neighbours; its uncertainty is that of a
+jackknife over the same blocks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+from scipy.ndimage import gaussian_filter
+
+from iprt.footage.gather import Cells, Float
+
+ALPHAS = (0.03, 0.05, 0.08, 0.13, 0.2, 0.3)
+"""GGX roughness that is tried. Beyond, a reflection is as smooth as shading, and cannot be told."""
+AROUND = np.deg2rad(5.6)
+"""Deviation of the Gaussian that means are taken by, in rad."""
+LOBE = 0.3
+"""That of the mean of S over neighbours, which takes off its noise, in α."""
+LEAST = 0.3
+"""The least of these, in cells."""
+SMOOTH = np.deg2rad(2.25)
+"""Deviation of the mean of E over neighbours, which was found for every other cell."""
+SHARPER = 1.2
+"""α over the one that explains most: of a wide reflection, shading and the mean around take a part.
+Measured in rooms whose gloss is known; 1.0 to 1.7 in single ones."""
+BLOCK = np.deg2rad(11.25)
+"""Side of a block of cells."""
+HUBER, ODD = 1.5, 4.0
+"""Residuals beyond the one count linearly, beyond the other not at all, in standard deviations."""
+MODEL = 0.02
+"""Standard deviation of what the model itself leaves, over the radiance around."""
+STEPS, ROUNDS = 8, 3
+
+Grid = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Fit:
+    """What the regression found for one roughness.
+
+    Attributes
+    ----------
+    strength : float
+        k.
+    error : float
+        Its standard error.
+    explained : float
+        Share of the squares that S explains of what E leaves.
+    beyond : float
+        Share of the cells in which k S is more than was seen.
+    blocks : int
+        Blocks of cells.
+    """
+
+    strength: float
+    error: float
+    explained: float
+    beyond: float
+    blocks: int
+
+    @property
+    def t(self) -> float:
+        """Student's t of the strength."""
+        return self.strength / self.error if self.error > 0.0 else 0.0
+
+    def chance(self, tries: int) -> float:
+        """Probability of such a t without any reflection, in the best of so many tries."""
+        return min(1.0, tries * float(stats.t.sf(self.t, max(self.blocks - 1, 1))))
+
+
+@dataclass(frozen=True)
+class Reflection:
+    """What is known of a plane's reflection: the fit at `ALPHAS`, and α with its spread.
+
+    Attributes
+    ----------
+    alpha : float
+    spread : float
+        Factor of one standard deviation of α, at least 1.
+    fit : Fit
+        Of the one of `ALPHAS` that explains most.
+    """
+
+    alpha: float
+    spread: float
+    fit: Fit
+
+
+@dataclass(frozen=True)
+class _Varied:
+    """What regressions for all roughnesses share, of m cells that are kept.
+
+    Attributes
+    ----------
+    around : (m, 3) float64
+        Means of L around.
+    seen : (3 m,) float64
+        L less its mean around, over that.
+    shading : (3 m, K) float64
+        The same of E.
+    weight, block : (3 m,)
+        Solid angles over their mean; numbers of blocks.
+    """
+
+    around: Float
+    seen: Float
+    shading: Float
+    weight: Float
+    block: NDArray[np.intp]
+
+
+class PlanePicture:
+    """A plane's cells as they were seen and lit, less their means around.
+
+    Parameters
+    ----------
+    cells : Cells
+    on : (n,) int
+        The plane's cells.
+    color : (N, 3) float64
+        Radiance of all cells.
+    irradiance : (K, n, 3) float64
+        By K kinds of light.
+    """
+
+    def __init__(self, cells: Cells, on: NDArray[np.intp], color: Float, irradiance: Float) -> None:
+        self._rows, self._on = cells.rows, on
+        self._color = color[on]
+        self._weight = cells.solid_angle[on] / cells.solid_angle[on].mean()
+        side = max(1, round(BLOCK * cells.rows / np.pi))
+        row, column = np.divmod(on, 2 * cells.rows)
+        _, block = np.unique(row // side * 2 * cells.rows + column // side, return_inverse=True)
+        self._block = block.astype(np.intp)
+        self._kept = np.ones(len(on), bool)
+        self._irradiance = np.zeros(irradiance.shape)
+        for kind, part in enumerate(irradiance):
+            self._irradiance[kind] = self._mean(part, self._whole, SMOOTH * cells.rows / np.pi)
+
+    def fit(self, reflected: Float, alpha: float) -> Fit:
+        """By what a coat of one roughness would reflect, (n, 3)."""
+        return self._fit(self._varied(), self._smooth(reflected, alpha))[0]
+
+    def reflection(self, reflected: Sequence[Float]) -> Reflection:
+        """By what coats of the roughnesses `ALPHAS` would reflect, (n, 3) each."""
+        smooth = [self._smooth(part, alpha) for alpha, part in zip(ALPHAS, reflected, strict=True)]
+        for _ in range(ROUNDS):
+            varied = self._varied()
+            fits = [self._fit(varied, part) for part in smooth]
+            _, left = fits[int(np.argmax([fit.explained for fit, _ in fits]))]
+            odd = np.abs(left).max(axis=-1) > ODD * _deviation(left)
+            self._kept[np.flatnonzero(self._kept)[odd]] = False
+        return self._reflection(smooth)
+
+    def _smooth(self, reflected: Float, alpha: float) -> Float:
+        return self._mean(reflected, self._whole, max(LOBE * alpha * self._rows / np.pi, LEAST))
+
+    @property
+    def _whole(self) -> NDArray[np.bool_]:
+        return np.ones(len(self._on), bool)
+
+    def _mean(self, part: Float, kept: NDArray[np.bool_], deviation: float) -> Float:
+        """Gaussian means (n, 3) over the kept cells; `deviation` in cells."""
+        shape = (self._rows, 2 * self._rows)
+        sums, count = np.zeros((*shape, part.shape[-1])), np.zeros(shape)
+        sums.reshape(-1, part.shape[-1])[self._on[kept]] = part[kept]
+        count.ravel()[self._on[kept]] = 1.0
+        spread = (deviation, deviation)
+        mode = ("nearest", "wrap")
+        count = gaussian_filter(count, spread, mode=mode)
+        sums = gaussian_filter(sums, (*spread, 0.0), mode=(*mode, "nearest"))
+        whole = sums / np.maximum(count, 1e-9)[..., None]
+        return np.asarray(whole.reshape(-1, part.shape[-1])[self._on])
+
+    def _varying(self, part: Float) -> Float:
+        """Kept cells' differences (m, 3) from their means around."""
+        mean = self._mean(part, self._kept, AROUND * self._rows / np.pi)
+        return np.asarray((part - mean)[self._kept])
+
+    def _varied(self) -> _Varied:
+        deviation = AROUND * self._rows / np.pi
+        seen = np.maximum(self._mean(self._color, self._kept, deviation)[self._kept], 1e-12)
+        lit = self._mean(self._irradiance.sum(0), self._kept, deviation)[self._kept]
+        lit = np.maximum(lit, 1e-12)
+        shading = [(self._varying(part) / lit).ravel() for part in self._irradiance]
+        return _Varied(
+            around=seen,
+            seen=(self._varying(self._color) / seen).ravel(),
+            shading=np.stack(shading, axis=-1) if shading else np.zeros((seen.size, 0)),
+            weight=np.repeat(self._weight[self._kept], 3),
+            block=np.repeat(self._block[self._kept], 3),
+        )
+
+    def _fit(self, varied: _Varied, reflected: Float) -> tuple[Fit, Float]:
+        """The fit, and its residuals (m, 3)."""
+        y, own, block = varied.seen, varied.weight, varied.block
+        own_part = (self._varying(reflected) / varied.around).ravel()
+        x = np.concatenate([own_part[:, None], varied.shading], axis=-1)
+        weight, factors, left, normal = own, np.zeros(x.shape[1]), y, np.eye(x.shape[1])
+        for _ in range(STEPS):
+            factors, normal = _least_squares(x, y, weight)
+            left = y - x @ factors
+            weight = own * _huber(left)
+        score = x * (weight * left)[:, None]
+        sums = np.stack([np.bincount(block, column) for column in score.T], axis=-1)
+        inverse = np.linalg.inv(normal)
+        error = np.sqrt((inverse @ (sums.T @ sums) @ inverse)[0, 0])
+        rest = y
+        if x.shape[1] > 1:
+            rest = y - x[:, 1:] @ _least_squares(x[:, 1:], y, weight)[0]
+        beyond = (factors[0] * reflected > self._color).any(axis=-1)[self._kept]
+        fit = Fit(
+            strength=float(factors[0]),
+            error=float(error),
+            explained=1.0 - float(weight @ left**2) / max(float(weight @ rest**2), 1e-30),
+            beyond=float(beyond.mean()),
+            blocks=len(np.unique(block)),
+        )
+        return fit, left.reshape(-1, 3)
+
+    def _reflection(self, smooth: Sequence[Float]) -> Reflection:
+        fits, costs = [], []
+        scale, varied = 0.0, self._varied()
+        for part in smooth:
+            fit, left = self._fit(varied, part)
+            # One scale for all: costs are compared.
+            scale = scale or _deviation(left)
+            cost = _huber_cost(left, scale).sum(axis=-1) * self._weight[self._kept]
+            costs.append(np.bincount(self._block[self._kept], cost, self._block.max() + 1))
+            fits.append(fit)
+        cost = np.array(costs)
+        total = cost.sum(axis=1)
+        used = cost.any(axis=0)
+        without = np.array([_lowest(total - part) for part in cost.T[used]])
+        count = len(without)
+        deviation = np.sqrt((count - 1) / count * np.square(without - without.mean()).sum())
+        best = int(np.argmax([fit.explained for fit in fits]))
+        alpha = SHARPER * float(np.exp(_lowest(total)))
+        return Reflection(alpha, float(np.exp(deviation)), fits[best])
+
+
+def _least_squares(x: Float, y: Float, weight: Float) -> tuple[Float, Float]:
+    """Weighted factors, and the matrix of the normal equations."""
+    weighted = x * weight[:, None]
+    normal = x.T @ weighted
+    normal += 1e-9 * max(float(np.trace(normal)), 1e-30) * np.eye(len(normal))
+    return np.asarray(np.linalg.solve(normal, weighted.T @ y), np.float64), normal
+
+
+def _deviation(left: Float) -> float:
+    """Standard deviation by the median, of a normal distribution; `MODEL` at least."""
+    return max(1.4826 * float(np.median(np.abs(left))), MODEL)
+
+
+def _huber(left: Float) -> Float:
+    bound = HUBER * _deviation(left)
+    return np.asarray(np.minimum(1.0, bound / np.maximum(np.abs(left), 1e-30)))
+
+
+def _huber_cost(left: Float, scale: float) -> Float:
+    bound, size = HUBER * scale, np.abs(left)
+    return np.asarray(np.where(size < bound, 0.5 * size * size, bound * (size - 0.5 * bound)))
+
+
+def _lowest(cost: Float) -> float:
+    """Logarithm of α at the bottom of a parabola through the lowest cost and its neighbours."""
+    x = np.log(ALPHAS)
+    best = int(np.clip(np.argmin(cost), 1, len(x) - 2))
+    near = slice(best - 1, best + 2)
+    bent, slope, _ = np.polyfit(x[near] - x[best], cost[near], 2)
+    if not bent > 0.0:
+        return float(x[np.argmin(cost)])
+    return float(np.clip(x[best] - 0.5 * slope / bent, x[0], x[-1]))

@@ -1,0 +1,51 @@
+"""Glossy surfaces that were found, as tables of `scene.toml`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from iprt.errors import SceneError
+from iprt.files.atomic import replacing
+from iprt.footage.gloss import RealMaterial
+from iprt.scene.edit import changing, table_text
+from iprt.scene.manifest import MANIFEST_NAME, manifest_text, parse_manifest
+
+
+def declaration(material: RealMaterial) -> str:
+    """The `[[real_materials]]` table of a coat on a plane, and its evidence as a comment."""
+    plane, evidence, coat = material.plane, material.evidence, material.material
+    assert plane is not None
+    table = table_text(
+        "real_materials", name=material.name, kind=coat.kind, alpha=coat.alpha, ior=coat.ior
+    )
+    place = (
+        f"plane = {{ point = {list(plane.point)}, normal = {list(plane.normal)}, "
+        f"tolerance = {plane.tolerance} }}\n"
+    )
+    return (f"# {evidence.line()}\n" if evidence is not None else "") + table + place
+
+
+def declare(root: Path, materials: Iterable[RealMaterial]) -> None:
+    """Append declarations to the `scene.toml` of a folder; all else that it says stays.
+
+    Raises
+    ------
+    SceneError
+        It cannot be extended, or is read-only; nothing has been written.
+    FormatError
+        It cannot be written.
+    """
+    path = root / MANIFEST_NAME
+    with changing(root):
+        # TOML lets [[real_materials]] follow other tables.
+        tables = [declaration(material) for material in materials]
+        text = "\n".join([manifest_text(path).rstrip("\r\n") + "\n", *tables])
+        try:
+            parse_manifest(text, str(path))
+        except SceneError as error:
+            raise SceneError(
+                f"cannot be extended: {error}", several_lines=error.several_lines
+            ) from error
+        with replacing(path) as temporary:
+            temporary.write_bytes(text.encode("utf-8"))

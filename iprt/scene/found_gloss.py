@@ -1,0 +1,128 @@
+"""Glossy surfaces that a scene does not declare, looked for once and kept between runs."""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+from contextlib import suppress
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import Field, TypeAdapter, ValidationError
+
+from iprt.device.caches import own_folder
+from iprt.errors import FormatError
+from iprt.files.atomic import replacing
+from iprt.files.table import Ior, Point, Table, Unit
+from iprt.footage.clipped import ClippedLights
+from iprt.footage.found_gloss import find_gloss
+from iprt.footage.gloss import MAX_REAL_MATERIALS, Evidence, Plane, RealMaterial, with_gloss
+from iprt.footage.video.source import FrameSource
+from iprt.geometry.material import Material
+from iprt.scene.manifest import Manifest
+
+LOG = logging.getLogger("iprt.scene")
+VERSION = 1
+"""To be raised when `find_gloss` finds other things."""
+MIN_HEIGHT = 64
+"""Panoramas with fewer rows show no reflection that could be told from anything else."""
+MOST_BYTES = 1 << 16
+
+
+class _Kept(Table):
+    """A surface as the cache holds it; fields as in `RealMaterial`, `Plane` and `Evidence`."""
+
+    name: Annotated[str, Field(pattern=r"^[a-z]+(_[0-9]+)?$")]
+    alpha: Unit
+    ior: Ior
+    point: Point
+    normal: Point
+    tolerance: Annotated[float, Field(gt=0.0)]
+    t: float
+    strength: float
+    error: float
+    low: float
+    high: float
+
+    @classmethod
+    def of(cls, material: RealMaterial) -> _Kept:
+        plane, evidence = material.plane, material.evidence
+        assert plane is not None
+        assert evidence is not None
+        return cls(
+            name=material.name,
+            alpha=material.material.alpha,
+            ior=material.material.ior,
+            point=list(plane.point),
+            normal=list(plane.normal),
+            tolerance=plane.tolerance,
+            t=evidence.t,
+            strength=evidence.strength,
+            error=evidence.error,
+            low=evidence.low,
+            high=evidence.high,
+        )
+
+    def material(self) -> RealMaterial:
+        (x, y, z), (u, v, w) = self.point, self.normal
+        return RealMaterial(
+            self.name,
+            Material("plastic", alpha=self.alpha, ior=self.ior),
+            plane=Plane((x, y, z), (u, v, w), self.tolerance),
+            evidence=Evidence(self.t, self.strength, self.error, self.low, self.high),
+        )
+
+
+_ALL_KEPT = TypeAdapter(list[_Kept])
+
+
+def found_materials(
+    source: FrameSource, manifest: Manifest, declared: tuple[RealMaterial, ...]
+) -> tuple[RealMaterial, ...]:
+    """What `find_gloss` finds in a scene's first frame beside what is declared.
+
+    It is kept in `~/.cache/iprt/gloss`, by the table `[video]`, what is declared, and size and time
+    of the frame's files. A folder that cannot be written is no error; nor is a frame that cannot be
+    read, which whoever needs it reports.
+    """
+    file = own_folder() / "gloss" / f"{_key(source, manifest)}.json"
+    kept = _read(file)
+    if kept is None:
+        try:
+            raw = source.read(source.indices[0])
+        except FormatError:
+            return ()
+        if raw.color.shape[0] < MIN_HEIGHT:
+            return ()
+        LOG.info("looking for glossy surfaces, once for this footage")
+        frame = ClippedLights(source.white)(with_gloss(raw.sanitised(), declared))
+        names = frozenset(material.name for material in declared)
+        kept = find_gloss(frame, names)
+        with suppress(FormatError), replacing(file) as temporary:
+            temporary.write_bytes(_ALL_KEPT.dump_json([_Kept.of(material) for material in kept]))
+    return kept[: MAX_REAL_MATERIALS - len(declared)]
+
+
+def _key(source: FrameSource, manifest: Manifest) -> str:
+    video = manifest.video.model_dump_json(exclude={"gloss"})
+    tables = [table.model_dump_json() for table in manifest.real_materials]
+    digest = hashlib.blake2b(" ".join([str(VERSION), video, *tables]).encode(), digest_size=20)
+    for _, file in sorted(source.files(source.indices[0]).items()):
+        with suppress(OSError):
+            status = file.stat()
+            digest.update(f"\n{file.resolve()} {status.st_size} {status.st_mtime_ns}".encode())
+    return digest.hexdigest()
+
+
+def _read(file: Path) -> tuple[RealMaterial, ...] | None:
+    """What the cache holds; None for nothing, or nothing that could be meant."""
+    try:
+        with file.open("rb") as opened:
+            text = opened.read(MOST_BYTES + 1)
+        kept = _ALL_KEPT.validate_json(text)
+    except (OSError, ValidationError):
+        return None
+    names = {entry.name for entry in kept}
+    if len(text) > MOST_BYTES or len(names) < len(kept):
+        return None
+    return tuple(entry.material() for entry in kept)
