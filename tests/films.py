@@ -53,7 +53,7 @@ FEW: dict[str, Any] = {
     "gloss": {"rays": 2},
 }
 FEW_VOXELS: dict[str, Any] = {"voxels": 16, "object_voxels": 16}
-FEW_DELTA_VOXELS: dict[str, Any] = {"voxels": 16, "room_voxels": 16, "lights": 4, "map_side": 9}
+FEW_DELTA_VOXELS: dict[str, Any] = {"voxels": 16, "room_voxels": 16, "lights": 2, "map_side": 8}
 SEEN_ONLY: dict[str, Any] = {"iprt": {"relight_reflections": False}}
 """Without the map of what objects do off screen, which takes longer than these pictures."""
 LAYERS: dict[str, Any] = {

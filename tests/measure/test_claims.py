@@ -77,7 +77,7 @@ def test_times_decide() -> None:
         assert found("Voxel cone tracing takes", {"em": 1.0, "vct": cones}, {}).holds == holds
     line = {f'trace.rays": {count},': 10.0 + count for count in (2, 4, 8, 16)}
     assert found("Time grows linearly with the number", line, {}).holds
-    assert not found("Time grows linearly with the number", {**line, 'rays": 4,': 19.0}, {}).holds
+    assert not found("Time grows linearly with the number", {**line, 'trace.rays": 4,': 19.0}, {}).holds
     for paths, holds in ((1.1, True), (0.9, False)):
         assert found("Takes less time", {"pt-diff": paths, "dvct": 1.0}, {}).holds == holds
     line = {f'bounces": {count}': 10.0 + count for count in (3, 5, 7, 10)}
