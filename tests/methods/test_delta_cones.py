@@ -89,6 +89,23 @@ def test_shadows_are_form_factors(device: ComputeDevice) -> None:
     assert abs(errors[1]) < abs(errors[0])
 
 
+def test_a_small_lamp_casts_a_shadow_with_a_penumbra_of_its_size(device: ComputeDevice) -> None:
+    """Under a ball below a lamp of 0.1 rad, at 0.7 m: 0.07 m to either side of the ball's rim."""
+    frame = furnace("plain")
+    d = View(frame.width, frame.height, projection="equirect").directions()
+    lamp = (d[..., 1:2] > np.cos(0.1)) * np.ones(3)
+    frame = replace(frame, color=lamp.astype(np.float32))
+    own = {**MANY, "lights": 1}
+    with kernels(device, frame, [ball(*BALL, BLACK)], "dvct, even", own=own) as run:
+        points, _ = run.receivers()
+        ratio = np.mean([run.ratio(seed, 8) for seed in range(4)], axis=0)[..., 0]
+    away = np.hypot(points[..., 0] - BALL[0][0], points[..., 2] - BALL[0][2])
+    inner, outer = (away > 0.3) & (away < 0.36), (away > 0.56) & (away < 0.7)
+    assert min(inner.sum(), outer.sum()) > 5
+    assert ratio[inner].mean() < 0.05
+    assert ratio[outer].mean() > 0.97
+
+
 def test_a_ball_sends_by_its_form_factor(device: ComputeDevice) -> None:
     """Black in red, and twice as much in blue as in green."""
     made = ball(*BALL, LAMP)
