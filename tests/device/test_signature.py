@@ -73,7 +73,7 @@ def test_constants_of_headers() -> None:
     """Those of the files that they include too."""
     assert constant("lib/gbuffer/guide.h", "LEVEL_NONE") == 255
     assert constant("filter/mask.cl", "GUIDE_PLANES") == 7
-    assert float_constant("lib/methods/learned.h", "ALIKE_NORMAL") == 0.7
+    assert float_constant("lib/world/real/learned.h", "ALIKE_NORMAL") == 0.7
 
 
 def test_no_such_kernel() -> None:
