@@ -15,7 +15,7 @@ from iprt.footage.video import source
 from iprt.geometry import mesh_files, mesh_materials, meshes
 from iprt.geometry.meshes import load_mesh
 from iprt.scene import objects as objects_module
-from iprt.scene import scene as scene_module
+from iprt.scene import real_materials
 from iprt.scene.scene import Scene
 from tests.scene.files import CUBE, IDENTITY, MANIFEST, write_scene
 
@@ -129,9 +129,9 @@ def test_masks_of_a_scene_count_together(tmp_path: Path, monkeypatch: pytest.Mon
     folder = write_scene(tmp_path / "room", MANIFEST + masks)
     for number in range(2):
         Image.new("L", (8, 4), 255).save(folder / f"t{number}.png")
-    monkeypatch.setattr(scene_module, "MAX_PIXELS", 64)
+    monkeypatch.setattr(real_materials, "MAX_PIXELS", 64)
     assert len(Scene.open(folder).real_materials) == 4
-    monkeypatch.setattr(scene_module, "MAX_PIXELS", 63)
+    monkeypatch.setattr(real_materials, "MAX_PIXELS", 63)
     with pytest.raises(FormatError, match="its masks have more than the 63 pixels"):
         assert Scene.open(folder).real_materials
 

@@ -65,6 +65,8 @@ def test_depth_that_does_not_change_is_sanitised_once(
     """All but openings, which are told by colour: a dropout that lights up becomes a window."""
     write_video(tmp_path, 6, 256)
     manifest = (tmp_path / "scene.toml").read_text().replace("d.%03d.exr", "depth.exr")
+    # Gloss that nobody declared is looked for in a frame of its own.
+    manifest = manifest.replace("[video]", '[video]\ngloss = "declared"')
     (tmp_path / "scene.toml").write_text(manifest)
     depth = np.full((128, 256), 3.0, np.float32)
     depth[2, 100] = 0.0
