@@ -21,9 +21,6 @@
 #include "maths/work.h"
 #include "world/real/irradiance.h"
 
-// Cones that rise less than so much per metre start as far away as these.
-#define LEAST_RISE 0.05f
-
 // A cone is as wide as this share of a light, and goes to a place in it that differs from frame to frame. Cones
 // as wide as a light make shadows too dark.
 #define CONE_SHARE 0.2f

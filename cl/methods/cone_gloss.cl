@@ -14,9 +14,6 @@
 #include "maths/work.h"
 #include "world/real/gloss.h"
 
-// Cones that rise less than so much per metre start as far away as these.
-#define LEAST_RISE 0.05f
-
 TRACING_KERNEL void cone_gloss(
     TRACED_PARAMETERS,
     SCENE_VOXEL_PARAMETERS,

@@ -19,9 +19,6 @@
 #include "maths/work.h"
 #include "world/real/irradiance.h"
 
-// Cones that rise less than so much per metre start as far away as these.
-#define LEAST_RISE 0.05f
-
 TRACING_KERNEL void cone_real(
     TRACED_PARAMETERS,
     SCENE_VOXEL_PARAMETERS,

@@ -28,8 +28,7 @@ __kernel void inject_objects(
     }
     const AreaLights lights = AREA_LIGHTS;
     const float3 n = safe_normalize(facing[i].xyz, (float3)(0.0f, 1.0f, 0.0f));
-    const float3 p = object_box.xyz
-        + object_box.w * ((float3)(i % size.x, i / size.x % size.y, i / (size.x * size.y)) + 0.5f);
+    const float3 p = voxel_middle(size, object_box, i);
     float3 arriving = (float3)(0.0f);
     for (int number = 0; number < lights.count; number++) {
         const AreaLight from = area_light(area_lights, number);

@@ -1,7 +1,7 @@
 // Real surfaces around the objects as voxels that send what objects change: antiradiance where they take light
 // away (T. A. Franke, "Delta Voxel Cone Tracing", section 3.2: what is injected where they cast shadows).
 //
-// Of what the panorama shows of a surface, the share goes that objects hide of all that arrives there.
+// A surface sends less than the panorama shows by the share of its light that objects hide.
 //
 // in   panorama          lib/world/scene.h
 //      prefiltered       lib/methods/prefiltered.h

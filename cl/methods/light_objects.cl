@@ -34,8 +34,7 @@ TRACING_KERNEL void light_objects(
     const Voxels objects = {object_opacity, object_opacity, object_levels, object_count, object_box};
     const Surroundings around = SURROUNDINGS;
     const float3 n = safe_normalize(facing[i].xyz, (float3)(0.0f, 1.0f, 0.0f));
-    const float3 p = object_box.xyz
-        + object_box.w * ((float3)(i % size.x, i / size.x % size.y, i / (size.x * size.y)) + 0.5f);
+    const float3 p = voxel_middle(size, object_box, i);
     float3 arriving = (float3)(0.0f);
     for (int cone_number = 0; cone_number < LIGHT_CONES; cone_number++) {
         Cone cone;

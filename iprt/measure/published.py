@@ -143,7 +143,7 @@ def _with_place(subject: Subject) -> Found:
 
 
 def _grows(subject: Subject) -> Found:
-    """Of real surfaces and objects alike."""
+    """Real surfaces and objects get more cones alike."""
     counts = (2, 4, 8, 16)
     variants = [
         {"method": "dvct", "trace.rays": n, "trace.object_rays": n, "dvct.cones": 16}

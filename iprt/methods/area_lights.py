@@ -8,17 +8,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.geometry.camera import View, equirect_pixel
+from iprt.footage.frame import LUMINANCE
+from iprt.geometry.camera import View, equirect_texel
 
 Float = NDArray[np.float64]
 
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 SKY = 4.0
 """Open sky is this many times as far away as the farthest surface."""
 BEFORE = 0.98
 """Lights lie at this share of their distance: rays that leave them are clear of their surface."""
 LEAST_COSINE = 0.2
-"""Of a light's normal with the direction to the capture centre, where its power is found."""
+"""A light that turns away from the capture centre by more than this cosine gets no more power."""
 
 
 @dataclass(frozen=True)
@@ -196,5 +196,4 @@ def aimed(
 def _looked_up(picture: Float, directions: Float) -> Float:
     """(N, 3) texels of an equirect picture in directions (N, 3) of any length."""
     rows, columns, _ = picture.shape
-    x, y = np.floor(equirect_pixel(directions, columns, rows)).astype(int).T
-    return np.asarray(picture[np.clip(y, 0, rows - 1), x % columns])
+    return np.asarray(picture[equirect_texel(directions, columns, rows)])

@@ -27,7 +27,7 @@ def cone_defines(features: Features) -> dict[str, Define]:
 
 
 class ConeReal(RealTracer):
-    """Cones through the voxels of the objects, and of the room behind those that meet one."""
+    """Cones from real surfaces, through the voxels of the objects and of what is around them."""
 
     def __init__(
         self,
@@ -38,10 +38,11 @@ class ConeReal(RealTracer):
         name: str,
         voxels: VoxelWorld,
         cones: int,
+        kernel: str = "cone_real",
     ) -> None:
         self._voxels = voxels
         defines = plane_defines() | cone_defines(features)
-        super().__init__(device, guide, features, "cone_real", defines, name=name, cones=cones)
+        super().__init__(device, guide, features, kernel, defines, name=name, cones=cones)
 
     def arguments(self, world: World) -> dict[str, Any]:
         return self._voxels.arguments()

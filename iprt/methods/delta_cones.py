@@ -8,35 +8,14 @@ from typing import Any
 from iprt.device.compute import ComputeDevice
 from iprt.gbuffer.context import FrameContext
 from iprt.gbuffer.guide import Guide, plane_defines
-from iprt.methods.cone_tracing import ConeVirtual, cone_defines
+from iprt.methods.cone_tracing import ConeReal, ConeVirtual
 from iprt.methods.delta_world import DeltaWorld
 from iprt.methods.dvct import DvctSettings
 from iprt.methods.protocol import Setup, Signals
 from iprt.methods.sparse import SparseMethod, Tracers
-from iprt.methods.trace import GlossTracer, RealTracer
+from iprt.methods.trace import GlossTracer
 from iprt.settings.features import Features
 from iprt.world.world import World
-
-
-class DeltaReal(RealTracer):
-    """Cones towards lights, and through what objects change."""
-
-    def __init__(
-        self,
-        device: ComputeDevice,
-        guide: Guide,
-        features: Features,
-        *,
-        name: str,
-        voxels: DeltaWorld,
-        cones: int,
-    ) -> None:
-        self._voxels = voxels
-        defines = plane_defines() | cone_defines(features)
-        super().__init__(device, guide, features, "cone_delta", defines, name=name, cones=cones)
-
-    def arguments(self, world: World) -> dict[str, Any]:
-        return self._voxels.arguments()
 
 
 class ConeGloss(GlossTracer):
@@ -69,7 +48,7 @@ class DeltaVoxelConeTracing(SparseMethod):
     def tracers(self) -> Tracers:
         shared: dict[str, Any] = {"voxels": self.voxels, "cones": self._own.cones}
         return Tracers(
-            partial(DeltaReal, **shared),
+            partial(ConeReal, kernel="cone_delta", **shared),
             partial(ConeVirtual, **shared),
             partial(ConeGloss, voxels=self.voxels),
         )

@@ -3,6 +3,7 @@
 #define IPRT_REAL_VOXELS_H
 
 #include "maths/equirect.h"
+#include "methods/voxels.h"
 #include "world/real/real.h"
 
 typedef struct {
@@ -18,8 +19,7 @@ static inline RealVoxel real_voxel(__global const float4 *restrict surfaces, int
                                    int4 size, float4 box, int i)
 {
     RealVoxel voxel;
-    voxel.p = box.xyz
-        + box.w * ((float3)(i % size.x, i / size.x % size.y, i / (size.x * size.y)) + 0.5f);
+    voxel.p = voxel_middle(size, box, i);
     const float2 uv = equirect_uv(voxel.p);
     const int column = min((int)(uv.x * width), width - 1);
     const int row = min((int)(uv.y * height), height - 1);

@@ -14,6 +14,8 @@
 // Voxels are looked up where their size times this lies above the surface that the cone starts from:
 // half a voxel of the surface's own, and one that interpolation adds.
 #define CONE_CLEARANCE 1.5f
+// Cones that rise less than so much per metre start as far away as these.
+#define LEAST_RISE 0.05f
 // Cones end where so little light passes.
 #define CONE_DARK 0.004f
 // More steps than any diagonal has.
@@ -130,6 +132,13 @@ static inline int cone_level(const Voxels voxels, const Cone cone, float t)
     const float wide = fmin(0.5f * cone.slope * t, (cone.lift + cone.rise * t) / CONE_CLEARANCE);
     // The exponent of a float is the logarithm, rounded down.
     return min((int)(as_uint(fmax(wide / voxels.box.w, 1.0f)) >> 23) - 127, voxels.count - 1);
+}
+
+// The middle of voxel i of a level of that size.
+static inline float3 voxel_middle(int4 size, float4 box, int i)
+{
+    return box.xyz
+        + box.w * ((float3)(i % size.x, i / size.x % size.y, i / (size.x * size.y)) + 0.5f);
 }
 
 // Where the axis of a cone enters and leaves the box, enlarged by the cone's radius there.
