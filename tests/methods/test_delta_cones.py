@@ -83,8 +83,9 @@ def test_shadows_are_form_factors(device: ComputeDevice) -> None:
             wanted = ball_factor(points, normals, BALL[0], as_large(made, BALL[1]))
             parts = np.mean([run.parts(seed, 16) for seed in range(4)], axis=0)
         np.testing.assert_array_equal(parts[..., 1, :], 0.0)
-        errors.append(parts[..., 0, 0].mean() / wanted.mean() - 1.0)
-        assert np.corrcoef(parts[..., 0, 0].ravel(), wanted.ravel())[0, 1] > 0.6
+        hidden = parts[..., 0, 0]
+        errors.append(hidden.mean() / wanted.mean() - 1.0)
+    assert np.corrcoef(hidden.ravel(), wanted.ravel())[0, 1] > 0.95
     assert abs(errors[1]) < 0.1
     assert abs(errors[1]) < abs(errors[0])
 
