@@ -81,7 +81,7 @@ def test_shadows_are_form_factors(device: ComputeDevice) -> None:
         with kernels(device, furnace("plain"), [made], "dvct, even", own=own) as run:
             points, normals = run.receivers()
             wanted = ball_factor(points, normals, BALL[0], as_large(made, BALL[1]))
-            parts = np.mean([run.parts(seed, 16) for seed in range(4)], axis=0)
+            parts = np.mean([run.parts(seed, 64) for seed in range(4)], axis=0)
         np.testing.assert_array_equal(parts[..., 1, :], 0.0)
         hidden = parts[..., 0, 0]
         errors.append(hidden.mean() / wanted.mean() - 1.0)
