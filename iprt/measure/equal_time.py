@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 MAX_SECONDS = 3600.0
 ROUNDS = 10
 """Frames of each kind that a cost is the median of."""
+AFTER = 3
+"""Frames from a change until nothing is left of it to do: objects move, stop, and are at rest."""
 NUDGE_M = 0.01
 """How far objects move while their cost is measured, in a room (median depth 2 m)."""
 
@@ -47,8 +49,8 @@ class Costs:
     frame : float
         Median time of a frame.
     video, objects : float
-        Median time that is added where the video's next frame has come in, which looks the same;
-        or where all objects have moved.
+        Median time that is added, to the frame and to those after it, where the video's next frame
+        has come in, which looks the same; or where all objects have moved and stopped.
     bytes : int
         Buffers on the device.
     """
@@ -200,13 +202,12 @@ def costs_of(
     with Renderer(device, frame, instances, view, settings) as renderer:
         count = 0
 
-        def step() -> float:
+        def step() -> None:
             nonlocal count
             count += 1
             renderer.look(turned(view, count))
             renderer.step()
             device.wait()
-            return perf_counter()
 
         def with_video() -> None:
             renderer.load(replace(frame))  # equal, but another one
@@ -224,15 +225,15 @@ def costs_of(
             for name, change in changes.items():
                 start = perf_counter()
                 change()
-                spent = step() - start
+                for _ in range(AFTER):
+                    step()
                 if number:  # the first of its kind compiles kernels
-                    times[name].append(1e3 * spent)
-                step()  # in which motion ends
+                    times[name].append(1e3 * (perf_counter() - start))
         device.profile.reset()
     medians = {name: median(values) for name, values in times.items()}
     base = medians["frame"]
     return Costs(
-        frame=base,
+        frame=base / AFTER,
         video=medians["video"] - base,
         objects=medians.get("objects", base) - base,
         bytes=plan.bytes,
@@ -265,9 +266,9 @@ def costs_grid(results: Sequence[EqualTime]) -> Grid:
             for result in results
         ),
         notes=(
-            "ms/frame: a head turns, nothing else moves. video, objects: what is added where the "
-            "video goes on to a frame that looks the same, or where all objects have moved. MB: "
-            "buffers on the device.",
+            "ms/frame: a head turns, nothing else moves. video, objects: what is added, until all is "
+            "at rest, where the video goes on to a frame that looks the same, or where all objects "
+            "have moved. MB: buffers on the device.",
         ),
         words=2,
     )

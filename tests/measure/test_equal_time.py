@@ -60,7 +60,7 @@ def test_all_methods_can_be_swept() -> None:
 def test_costs_are_those_of_the_frames_that_have_them(
     tmp_path: Path, device: ComputeDevice, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A clock that the renderer's work turns: 1 s a frame, 2 s to load, 4 s to move."""
+    """A clock that the renderer's work turns: 1 s a frame, 2 s to load, 4 s to move, 8 s to stop."""
     scene = Scene.open(write_tiny(tmp_path / "room", "near"))
     now = [0.0]
     done: list[str] = []
@@ -70,6 +70,7 @@ def test_costs_are_those_of_the_frames_that_have_them(
 
         def slower(self: Renderer, *arguments: object) -> None:
             now[0] += seconds
+            now[0] += 8.0 * (done[-2:] == ["move", "step"])  # the second frame after a move
             done.append(name)
             plain(self, *arguments)
 
@@ -82,7 +83,7 @@ def test_costs_are_those_of_the_frames_that_have_them(
     settings = Settings(method="ibl")
     frame, view = scene.frame(0), scene.views["near"].view
     costs = costs_of(device, frame, scene.instances, view, settings)
-    assert (costs.frame, costs.video, costs.objects) == (1000.0, 2000.0, 4000.0)
+    assert (costs.frame, costs.video, costs.objects) == (1000.0, 2000.0, 12000.0)
     assert done.count("load") == done.count("move") == 1 + equal_time.ROUNDS
     with Renderer(device, frame, scene.instances, view, settings) as renderer:
         assert costs.bytes > renderer.composite.picture.nbytes
