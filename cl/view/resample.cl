@@ -3,7 +3,7 @@
 // in   view       [16]       lib/gbuffer/view.h
 //      previous   [16]       view of the previous picture
 //      panorama   lib/world/real/real.h surface, range; color; -D CLIPPED: what of it was clipped
-// out  color      3 planes   linear radiance, bilinear: L_cam of IPRT Eq. 2; the panorama's own bits
+// out  color      3 planes   linear radiance, L_cam of IPRT Eq. 2 (reconstruct.h); the panorama's own bits
 //                            in an equirect view of its size
 //      normal     3 planes   world, facing the capture centre
 //      depth      1 plane    metres from the capture centre; 0: open sky
@@ -19,10 +19,9 @@
 #include "world/brdf.h"
 #endif
 #include "gbuffer/camera.h"
-#include "world/real/panorama.h"
 #include "gbuffer/planes.h"
 #include "world/real/real.h"
-#include "gbuffer/view.h"
+#include "world/real/reconstruct.h"
 
 __kernel void resample_panorama(
     const int width,
@@ -59,27 +58,27 @@ __kernel void resample_panorama(
         return;
     const int pixel = plane_index(x, y, width), size = plane_size(width, height);
     const float3 v = view_direction(view, (float2)(x + 0.5f, y + 0.5f));
-    const float2 uv = equirect_uv(v);
+    const Footprint inside = footprint(view, x, y);
+    const float2 uv = inside.middle;
     int texel = min((int)(uv.y * panorama_height), panorama_height - 1) * panorama_width
         + min((int)(uv.x * panorama_width), panorama_width - 1);
 #ifdef CLIPPED
     const Shown shown = {panorama_color, panorama_clipped, panorama_clipped_color};
-    float3 radiance = shown_bilinear(shown, panorama_width, panorama_height, uv);
 #else
-    float3 radiance = panorama_bilinear(panorama_color, panorama_width, panorama_height, uv);
+    const Shown shown = {panorama_color, 0, 0};
 #endif
+    const int points = points_across(view, panorama_height);
+    float3 radiance;
 #ifdef VIEW_EQUIRECT
     // The panorama at its own size keeps its bits: rounded directions would blend in neighbours.
     if (width == panorama_width && height == panorama_height
         && view[0] == 1.0f && view[4] == 1.0f && view[8] == 1.0f) {
         texel = y * width + x;
-        radiance = vload3(texel, panorama_color);
-#ifdef CLIPPED
         radiance = (float3)(shown_texel(shown, texel, 0), shown_texel(shown, texel, 1),
                             shown_texel(shown, texel, 2));
+    } else
 #endif
-    }
-#endif
+        radiance = shown_in_pixel(shown, panorama_width, panorama_height, inside, points);
     color[pixel] = radiance.x;
     color[size + pixel] = radiance.y;
     color[2 * size + pixel] = radiance.z;
@@ -111,8 +110,9 @@ __kernel void resample_panorama(
 #ifdef GLOSS
     const int index = panorama_gloss[texel];
     const Material material = load_material(real_materials, max(index - 1, 0));
+    const Shown part = {panorama_highlight, 0, 0};
     const float3 specular
-        = panorama_bilinear(panorama_highlight, panorama_width, panorama_height, uv);
+        = shown_in_pixel(part, panorama_width, panorama_height, inside, points);
     const int all = material.kind == KIND_CONDUCTOR;
     gloss[pixel] = index;
     roughness[pixel] = index ? material.alpha : 0.0f;

@@ -266,9 +266,9 @@ def costs_grid(results: Sequence[EqualTime]) -> Grid:
             for result in results
         ),
         notes=(
-            "ms/frame: a head turns, nothing else moves. video, objects: what is added, until all is "
-            "at rest, where the video goes on to a frame that looks the same, or where all objects "
-            "have moved. MB: buffers on the device.",
+            "ms/frame: a head turns, nothing else moves. video, objects: what is added, until all "
+            "is at rest, where the video goes on to a frame that looks the same, or where all "
+            "objects have moved. MB: buffers on the device.",
         ),
         words=2,
     )

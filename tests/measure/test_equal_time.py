@@ -60,7 +60,7 @@ def test_all_methods_can_be_swept() -> None:
 def test_costs_are_those_of_the_frames_that_have_them(
     tmp_path: Path, device: ComputeDevice, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A clock that the renderer's work turns: 1 s a frame, 2 s to load, 4 s to move, 8 s to stop."""
+    """A clock that the renderer's work turns: 1 s a frame, 2 s to load, 4 s to move, 8 to stop."""
     scene = Scene.open(write_tiny(tmp_path / "room", "near"))
     now = [0.0]
     done: list[str] = []

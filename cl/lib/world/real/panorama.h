@@ -53,7 +53,7 @@ static inline ALWAYS_INLINE float3 panorama_bilinear(
     return equirect_bilinear(color, 3, width, height, uv);
 }
 
-// A picture of the panorama with lights that were clipped.
+// A picture of the panorama. Without clipped lights, `clipped` is 0.
 typedef struct {
     __global const float *color;         // what is sent, 3 a texel
     __global const uint *clipped;        // 2 for 32 texels: which of them were clipped; how many before
@@ -63,24 +63,14 @@ typedef struct {
 // Channel `c` of a texel as the picture shows it.
 static inline ALWAYS_INLINE float shown_texel(Shown shown, int texel, int c)
 {
+    const float sent = shown.color[3 * texel + c];
+    if (!shown.clipped)
+        return sent;
     const uint word = shown.clipped[2 * (texel >> 5)], before = shown.clipped[2 * (texel >> 5) + 1];
     const uint bit = 1u << (texel & 31);
     const int row = before + popcount(word & (bit - 1u));
-    const float seen = shown.clipped_color[3 * row + c], sent = shown.color[3 * texel + c];
+    const float seen = shown.clipped_color[3 * row + c];
     return word & bit ? seen : sent;
-}
-
-static inline ALWAYS_INLINE float blend_shown(Shown shown, int c, Taps t)
-{
-    return blend_taps(t, shown_texel(shown, t.a, c), shown_texel(shown, t.b, c),
-                      shown_texel(shown, t.below_a, c), shown_texel(shown, t.below_b, c));
-}
-
-// What the picture shows at uv, bilinear.
-static inline ALWAYS_INLINE float3 shown_bilinear(Shown shown, int width, int height, float2 uv)
-{
-    const Taps t = equirect_taps(width, height, uv);
-    return (float3)(blend_shown(shown, 0, t), blend_shown(shown, 1, t), blend_shown(shown, 2, t));
 }
 
 #endif

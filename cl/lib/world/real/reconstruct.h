@@ -1,0 +1,139 @@
+// The panorama between its texels, and over the footprint of a pixel.
+#ifndef IPRT_RECONSTRUCT_H
+#define IPRT_RECONSTRUCT_H
+
+#include "gbuffer/view.h"
+#include "world/real/panorama.h"
+
+#define MAX_POINTS 8  // across a pixel
+#define SPACING 1.5f  // texels between them: each lookup covers two
+#define OVERSHOOT 0.05f // of cubic convolution, as a share: textures need it, rings beside lights do not show
+
+// Points across a pixel so that no texel under it is left out; 1: the view is about as fine, or finer.
+static inline ALWAYS_INLINE int points_across(__global const float *restrict view, int height)
+{
+#ifdef VIEW_EQUIRECT
+    const float texels = height / view[13];
+#else
+    const float texels = height / (IPRT_PI * view[9]); // in the middle, where pixels are largest
+#endif
+    return (int)clamp(ceil(texels / SPACING - 1e-3f), 1.0f, (float)MAX_POINTS);
+}
+
+// The panorama's uv in a pixel, to first order.
+typedef struct {
+    float2 middle, right, down; // in the middle; added by a pixel to the right, and down
+} Footprint;
+
+// Change of the uv of direction d where d changes by `by`; around a pole by half a turn at most.
+static inline ALWAYS_INLINE float2 uv_change(float3 d, float3 by)
+{
+    const float flat = fmax(d.x * d.x + d.z * d.z, 1e-12f), level = sqrt(flat);
+    const float turn = (d.x * by.z - d.z * by.x) / flat;
+    const float out = (d.x * by.x + d.z * by.z) / level;
+    return (float2)(clamp(turn * (0.5f / IPRT_PI), -0.5f, 0.5f),
+                    (d.y * out - level * by.y) / ((flat + d.y * d.y) * IPRT_PI));
+}
+
+static inline ALWAYS_INLINE Footprint footprint(__global const float *restrict view, int x, int y)
+{
+    const float3 ahead = view_local_direction(view, (float2)(x + 0.5f, y + 0.5f));
+    const float3 d = view_rotate_to_world(view, ahead);
+#ifdef VIEW_EQUIRECT
+    const float level = sqrt(fmax(ahead.x * ahead.x + ahead.z * ahead.z, 1e-12f));
+    const float column = 2.0f * IPRT_PI / view[12], row = IPRT_PI / view[13];
+    const float along = row * ahead.y / level;
+    const float3 right = (float3)(-column * ahead.z, 0.0f, column * ahead.x);
+    const float3 down = (float3)(along * ahead.x, -row * level, along * ahead.z);
+#else
+    const float width = -ahead.z / view[9];
+    const float3 right = (float3)(width, 0.0f, 0.0f), down = (float3)(0.0f, -width, 0.0f);
+#endif
+    return (Footprint){equirect_uv(d), uv_change(d, view_rotate_to_world(view, right)),
+                       uv_change(d, view_rotate_to_world(view, down))};
+}
+
+static inline ALWAYS_INLINE float blend_shown(Shown shown, int c, Taps t)
+{
+    return blend_taps(t, shown_texel(shown, t.a, c), shown_texel(shown, t.b, c),
+                      shown_texel(shown, t.below_a, c), shown_texel(shown, t.below_b, c));
+}
+
+// Weights of four texels in a row, of which the second and third enclose the place: cubic convolution
+// with a = -1/2 (Keys 1981, Eq. 15), 0 <= t <= 1.
+typedef struct {
+    float a, b, c, d;
+} Cubic;
+
+static inline ALWAYS_INLINE Cubic cubic_weights(float t)
+{
+    return (Cubic){((1.0f - 0.5f * t) * t - 0.5f) * t, (1.5f * t - 2.5f) * t * t + 1.0f,
+                   ((2.0f - 1.5f * t) * t + 0.5f) * t, (0.5f * t - 0.5f) * t * t};
+}
+
+typedef struct {
+    int left, a, b, right;     // columns
+    int above, upper, lower, below; // first texels of rows
+    Cubic x, y;
+} CubicTaps;
+
+// At uv: wraps around in azimuth, holds the first and last row at the poles.
+static inline ALWAYS_INLINE CubicTaps cubic_taps(int width, int height, float2 uv)
+{
+    const Taps t = equirect_taps(width, height, uv);
+    CubicTaps found;
+    found.upper = t.a / width * width;
+    found.lower = t.below_a / width * width;
+    found.above = max(found.upper - width, 0);
+    found.below = min(found.lower + width, (height - 1) * width);
+    found.a = t.a - found.upper;
+    found.b = t.b - found.upper;
+    found.left = found.a > 0 ? found.a - 1 : width - 1;
+    found.right = found.b < width - 1 ? found.b + 1 : 0;
+    found.x = cubic_weights(t.fx);
+    found.y = cubic_weights(t.fy);
+    return found;
+}
+
+static inline ALWAYS_INLINE float cubic_row(Shown shown, int c, int row, CubicTaps t)
+{
+    return t.x.a * shown_texel(shown, row + t.left, c) + t.x.b * shown_texel(shown, row + t.a, c)
+        + t.x.c * shown_texel(shown, row + t.b, c) + t.x.d * shown_texel(shown, row + t.right, c);
+}
+
+// Channel `c` by cubic convolution, hardly beyond the four texels around the place: lights have no rings.
+static inline ALWAYS_INLINE float cubic_shown(Shown shown, int c, CubicTaps t)
+{
+    const float v00 = shown_texel(shown, t.upper + t.a, c), v10 = shown_texel(shown, t.upper + t.b, c);
+    const float v01 = shown_texel(shown, t.lower + t.a, c), v11 = shown_texel(shown, t.lower + t.b, c);
+    const float sum = t.y.a * cubic_row(shown, c, t.above, t) + t.y.b * cubic_row(shown, c, t.upper, t)
+        + t.y.c * cubic_row(shown, c, t.lower, t) + t.y.d * cubic_row(shown, c, t.below, t);
+    const float low = fmin(fmin(v00, v10), fmin(v01, v11)), high = fmax(fmax(v00, v10), fmax(v01, v11));
+    return clamp(sum, (1.0f - OVERSHOOT) * low, (1.0f + OVERSHOOT) * high);
+}
+
+// What a pixel shows of a picture: by cubic convolution in its middle, or the mean of `points` x `points`
+// bilinear lookups all over it.
+static inline ALWAYS_INLINE float3 shown_in_pixel(
+    Shown shown, int width, int height, Footprint inside, int points)
+{
+    if (points == 1) {
+        const CubicTaps t = cubic_taps(width, height, inside.middle);
+        return (float3)(cubic_shown(shown, 0, t), cubic_shown(shown, 1, t), cubic_shown(shown, 2, t));
+    }
+    const float apart = 1.0f / points;
+    float red = 0.0f, green = 0.0f, blue = 0.0f;
+    for (int i = 0; i < points * points; i++) {
+        const float right = (i % points + 0.5f) * apart - 0.5f, down = (i / points + 0.5f) * apart - 0.5f;
+        const float u = inside.middle.x + right * inside.right.x + down * inside.down.x;
+        const float v = inside.middle.y + right * inside.right.y + down * inside.down.y;
+        const Taps t = equirect_taps(width, height, (float2)(u - floor(u), v));
+        red += blend_shown(shown, 0, t);
+        green += blend_shown(shown, 1, t);
+        blue += blend_shown(shown, 2, t);
+    }
+    const float share = apart * apart;
+    return (float3)(share * red, share * green, share * blue);
+}
+
+#endif
