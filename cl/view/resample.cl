@@ -57,8 +57,8 @@ __kernel void resample_panorama(
     if (x >= width || y >= height)
         return;
     const int pixel = plane_index(x, y, width), size = plane_size(width, height);
-    const float3 v = view_direction(view, (float2)(x + 0.5f, y + 0.5f));
     const Footprint inside = footprint(view, x, y);
+    const float3 v = inside.direction;
     const float2 uv = inside.middle;
     int texel = min((int)(uv.y * panorama_height), panorama_height - 1) * panorama_width
         + min((int)(uv.x * panorama_width), panorama_width - 1);

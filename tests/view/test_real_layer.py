@@ -86,8 +86,9 @@ def test_color_is_reconstructed(device: ComputeDevice, view: View) -> None:
     frame = noisy_frame()
     layer = resampled(device, frame, view)
     wanted = frame.color if view == VIEWS["whole"] else panorama_in(frame.color, view)
-    # The kernel takes pixels for parallelograms in the panorama.
-    np.testing.assert_allclose(layer.color, wanted, atol=0.015)
+    # The kernel takes pixels for parallelograms in the panorama, which large ones are not.
+    large = view == VIEWS["tilted"]
+    np.testing.assert_allclose(layer.color, wanted, atol=0.015 if large else 4e-3)
 
 
 def waves(cycles: float) -> Frame:

@@ -7,7 +7,7 @@
 
 #define MAX_POINTS 8  // across a pixel
 #define SPACING 1.5f  // texels between them: each lookup covers two
-#define OVERSHOOT 0.05f // of cubic convolution, as a share: textures need it, rings beside lights do not show
+#define OVERSHOOT 0.05f // of cubic convolution, as a share: textures need some, lights would get rings
 
 // Points across a pixel so that no texel under it is left out; 1: the view is about as fine, or finer.
 static inline ALWAYS_INLINE int points_across(__global const float *restrict view, int height)
@@ -22,6 +22,7 @@ static inline ALWAYS_INLINE int points_across(__global const float *restrict vie
 
 // The panorama's uv in a pixel, to first order.
 typedef struct {
+    float3 direction;           // unit, world, of the middle
     float2 middle, right, down; // in the middle; added by a pixel to the right, and down
 } Footprint;
 
@@ -49,7 +50,7 @@ static inline ALWAYS_INLINE Footprint footprint(__global const float *restrict v
     const float width = -ahead.z / view[9];
     const float3 right = (float3)(width, 0.0f, 0.0f), down = (float3)(0.0f, -width, 0.0f);
 #endif
-    return (Footprint){equirect_uv(d), uv_change(d, view_rotate_to_world(view, right)),
+    return (Footprint){d, equirect_uv(d), uv_change(d, view_rotate_to_world(view, right)),
                        uv_change(d, view_rotate_to_world(view, down))};
 }
 
@@ -72,7 +73,7 @@ static inline ALWAYS_INLINE Cubic cubic_weights(float t)
 }
 
 typedef struct {
-    int left, a, b, right;     // columns
+    int left, a, b, right;          // columns
     int above, upper, lower, below; // first texels of rows
     Cubic x, y;
 } CubicTaps;
