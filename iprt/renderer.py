@@ -166,6 +166,7 @@ class Renderer:
             camera=camera,
             color_map=features.color_map and features.relit,
             clipped=features.clipped,
+            edges=True,
         )
         self.composite = Composite(
             device,
@@ -283,6 +284,8 @@ class Renderer:
         self.composite.run(
             self.real.color,
             ratio=signals.ratio,
+            other=self.real.other,
+            other_pixel=self.real.other_pixel,
             base=self.real.diffuse,
             change=signals.change,
             coverage=None if visible is None else visible.coverage,

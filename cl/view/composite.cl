@@ -8,7 +8,8 @@
 // takes to those of the frame: L_cam + map(L_diffuse (E_RV / E_R - 1) + change).
 //
 //   in   colour (3 planes, radiance of the real layer),
-//        -DHAS_RATIO: ratio (float4 per pixel, no border),
+//        -DHAS_RATIO: ratio (float4 per pixel, no border); other (1 plane, share of a second surface in
+//        the radiance) and other_pixel (a pixel that shows it) of sharpen.cl,
 //        -DHAS_BASE: base (3 planes, L_diffuse), with a ratio and gloss or a map,
 //        -DGLOSS: change (3 planes, radiance of either sign),
 //        -DCOLOR_MAP: maps (lib/world/real/color_map.h),
@@ -27,6 +28,8 @@ __kernel void composite(
     __global const float *restrict colour,   // 3 planes
 #ifdef HAS_RATIO
     __global const float4 *restrict ratio,   // float4 per pixel
+    __global const float *restrict other,    // 1 plane
+    __global const int *restrict other_pixel,
 #endif
 #ifdef HAS_BASE
     __global const float *restrict base,     // 3 planes
@@ -56,8 +59,14 @@ __kernel void composite(
         return;
     int size = plane_size(width, height), p = plane_index(x, y, width), i = y * width + x;
     float4 background = (float4)(colour[p], colour[size + p], colour[2 * size + p], 0.0f);
+#ifdef HAS_RATIO
+    float4 relit = ratio[i];
+    const float share = other[p];
+    if (share > 0.0f)
+        relit += share * (ratio[other_pixel[i]] - relit);
+#endif
 #if defined(HAS_BASE)
-    float3 changed = load_planes(base, size, p) * (ratio[i].xyz - 1.0f);
+    float3 changed = load_planes(base, size, p) * (relit.xyz - 1.0f);
 #ifdef GLOSS
     changed += load_planes(change, size, p);
 #endif
@@ -66,7 +75,7 @@ __kernel void composite(
 #endif
     background.xyz = fmax(background.xyz + changed, 0.0f);
 #elif defined(HAS_RATIO)
-    background *= ratio[i];
+    background *= relit;
 #endif
 #ifdef HAS_OBJECTS
     float4 object = (float4)(0.0f);

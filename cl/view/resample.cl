@@ -9,6 +9,9 @@
 //      depth      1 plane    metres from the capture centre; 0: open sky
 //      id         1 plane    1: surface that takes shadows; 0: opening or open sky
 //      motion     2 planes   where the point was in the previous picture, pixels; -1e9: nowhere
+// and with -D EDGES
+//      other      1 plane    1: one of the four texels around is at a gap, and the view is about as fine as
+//                            the panorama, or finer: sharpen.cl goes on; else 0
 // and with -D GLOSS, from the panorama's gloss, highlight and the table of real materials
 // (lib/world/brdf.h)
 //      gloss      1 plane    0: diffuse, else 1 + index of the real material
@@ -20,8 +23,7 @@
 #endif
 #include "gbuffer/camera.h"
 #include "gbuffer/planes.h"
-#include "world/real/real.h"
-#include "world/real/reconstruct.h"
+#include "world/real/edges.h"
 
 __kernel void resample_panorama(
     const int width,
@@ -42,6 +44,10 @@ __kernel void resample_panorama(
     __global float *restrict depth,
     __global float *restrict id,
     __global float *restrict motion
+#ifdef EDGES
+    ,
+    __global float *restrict other
+#endif
 #ifdef GLOSS
     ,
     __global const int *restrict panorama_gloss,
@@ -69,6 +75,13 @@ __kernel void resample_panorama(
 #endif
     const int points = points_across(view, panorama_height);
     float3 radiance;
+#ifdef EDGES
+    __global const float *restrict marks = (__global const float *)panorama_surface + 3;
+    const Taps around = equirect_taps(panorama_width, panorama_height, uv);
+    const int gap = at_gap((int)marks[4 * around.a]) || at_gap((int)marks[4 * around.b])
+        || at_gap((int)marks[4 * around.below_a]) || at_gap((int)marks[4 * around.below_b]);
+    other[pixel] = gap && points == 1 ? 1.0f : 0.0f;
+#endif
 #ifdef VIEW_EQUIRECT
     // The panorama at its own size keeps its bits: rounded directions would blend in neighbours.
     if (width == panorama_width && height == panorama_height
@@ -76,6 +89,9 @@ __kernel void resample_panorama(
         texel = y * width + x;
         radiance = (float3)(shown_texel(shown, texel, 0), shown_texel(shown, texel, 1),
                             shown_texel(shown, texel, 2));
+#ifdef EDGES
+        other[pixel] = 0.0f;
+#endif
     } else
 #endif
         radiance = shown_in_pixel(shown, panorama_width, panorama_height, inside, points);

@@ -66,6 +66,8 @@ class Composite:
         colour: cla.Array,
         *,
         ratio: cla.Array | None = None,
+        other: cla.Array | None = None,
+        other_pixel: cla.Array | None = None,
         base: cla.Array | None = None,
         change: cla.Array | None = None,
         coverage: cla.Array | None = None,
@@ -80,6 +82,8 @@ class Composite:
         ----------
         colour : 3 planes, radiance of the real layer
         ratio : (H * W, 4), `Relight.ratio`
+        other, other_pixel : 1 plane, (H * W,) int32
+            `RealLayer.other` and `RealLayer.other_pixel`, with a ratio.
         base, change : 3 planes each
             `RealLayer.diffuse`, which the ratio multiplies, with gloss or a map; and what objects
             change in the reflections of real surfaces, with gloss.
@@ -92,6 +96,8 @@ class Composite:
         given = {
             "colour": colour,
             "ratio": ratio,
+            "other": other,
+            "other_pixel": other_pixel,
             "base": base,
             "change": change,
             "coverage": coverage,

@@ -33,6 +33,9 @@ class RealLayer:
         What of `color` surfaces radiate to all sides, in the colours that rays find: `color`
         itself, but mapped where the frame has a colour map, and without the highlight where real
         surfaces are glossy.
+    other, other_pixel : 1 plane, (H * W,) int32; or None
+        Share of a second surface in the radiance, at depth edges, and a pixel that shows that one;
+        where asked for.
     gloss, roughness : 1 plane each, or None
         Index of the real material + 1, 0 where diffuse, and its GGX alpha; where asked for.
     """
@@ -49,11 +52,13 @@ class RealLayer:
         camera: cla.Array | None = None,
         color_map: bool = False,
         clipped: bool = False,
+        edges: bool = False,
     ) -> None:
         """`name` tells layers apart; `gloss`: the panorama has glossy surfaces, and the view shows
         their highlights; `radiated`: it shows what surfaces radiate to all sides; `camera`:
         `CameraMotion.rows`, where the camera moves; `color_map`: frames may come with one;
-        `clipped`: lights may be clipped in them.
+        `clipped`: lights may be clipped in them; `edges`: depth edges are as sharp as the view is
+        fine.
         """
         self._radiated = radiated
         self._device = device
@@ -80,21 +85,38 @@ class RealLayer:
             CAMERA_MOTION=camera is not None,
         )
         self._camera = camera
-        # A frame in which nothing is clipped takes the quicker one.
-        self._plain = self._kernel(defines)
-        self._clipped = self._kernel({**defines, "CLIPPED": True}) if clipped else None
+        self.other = self.other_pixel = None
+        if edges:
+            self.other = device.zeros(f"{name} other", layout.shape(1))
+            pixels = (layout.width * layout.height,)
+            self.other_pixel = device.zeros(f"{name} other pixel", pixels, np.int32)
+        # A frame in which nothing is clipped takes the quicker ones.
+        self._plain = self._kernels(defines)
+        self._clipped = self._kernels({**defines, "CLIPPED": True}) if clipped else None
 
-    def _kernel(self, defines: Mapping[str, Define]) -> Kernel:
-        return self._device.kernel("view/resample.cl", "resample_panorama", defines).fixed(
-            self._layout.arguments(),
-            {} if self._camera is None else {"camera": self._camera},
-            {"gloss": self.gloss, "roughness": self.roughness, "highlight": self._highlight},
-            color=self.color,
-            normal=self.normal,
-            depth=self.depth,
-            id=self.id,
-            motion=self.motion,
-        )
+    def _kernels(self, defines: Mapping[str, Define]) -> list[Kernel]:
+        """What fills the planes, one after the other."""
+        edges = self.other is not None
+        kernels = [
+            self._device.kernel(
+                "view/resample.cl", "resample_panorama", {**defines, "EDGES": edges}
+            )
+        ]
+        if edges:
+            kernels.append(self._device.kernel("view/sharpen.cl", "sharpen_edges", defines))
+        return [
+            kernel.fixed(
+                self._layout.arguments(),
+                {} if self._camera is None else {"camera": self._camera},
+                {"gloss": self.gloss, "roughness": self.roughness, "highlight": self._highlight},
+                {"other": self.other, "other_pixel": self.other_pixel, "motion": self.motion},
+                color=self.color,
+                normal=self.normal,
+                depth=self.depth,
+                id=self.id,
+            )
+            for kernel in kernels
+        ]
 
     def run(
         self,
@@ -117,7 +139,8 @@ class RealLayer:
         color_map : (6, 4) or None
             `ColorMap.rows` of the frame.
         """
-        gloss = {
+        some = {
+            "previous": previous,
             "panorama_gloss": panorama.gloss,
             "panorama_highlight": panorama.highlight,
             "real_materials": real_materials,
@@ -125,21 +148,21 @@ class RealLayer:
         color, clipped = panorama.color, panorama.clipped.arguments
         if self._radiated:
             color, clipped = panorama.radiated, NOTHING_CLIPPED
-        kernel = self._clipped if clipped else self._plain
-        assert kernel is not None, "no kernel for it"
+        kernels = self._clipped if clipped else self._plain
+        assert kernels is not None, "no kernels for it"
         with self._device.profile.section("resample"):
-            kernel(
-                self._layout.size,
-                gloss,
-                clipped,
-                view=view,
-                previous=previous,
-                panorama_width=panorama.width,
-                panorama_height=panorama.height,
-                panorama_color=color,
-                panorama_surface=panorama.surface,
-                panorama_range=panorama.range,
-            )
+            for kernel in kernels:
+                kernel(
+                    self._layout.size,
+                    some,
+                    clipped,
+                    view=view,
+                    panorama_width=panorama.width,
+                    panorama_height=panorama.height,
+                    panorama_color=color,
+                    panorama_surface=panorama.surface,
+                    panorama_range=panorama.range,
+                )
             self.diffuse = self._diffuse_part.run(self.color, self._highlight, color_map)
 
     def show(self, world: RealWorld, context: FrameContext) -> None:

@@ -90,10 +90,11 @@ def test_a_mapped_frame_shows_the_reference_mapped_back(device: ComputeDevice, k
         assert np.array_equal(steady[index], drifting[index])
     for index, camera in ((2, CAMERA), (3, np.eye(3))):
         expected = steady[index] @ camera.T
-        # Overshoot of cubic convolution is limited by channel, which a map that mixes them tells.
-        assert rms(drifting[index] - expected) < 2e-3 * float(expected.mean())
+        # Overshoot of cubic convolution is limited by channel, and edges are found by differences
+        # of colours: both depend on a map that mixes channels.
+        assert rms(drifting[index] - expected) < 4e-3 * float(expected.mean())
         # Rounding decides what few rays meet.
-        assert np.isclose(drifting[index], expected, rtol=1e-3, atol=1e-4).mean() > 0.96
+        assert np.isclose(drifting[index], expected, rtol=1e-3, atol=1e-4).mean() > 0.93
 
 
 RAMP, BEFORE = 10, 8

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.ndimage import binary_erosion
 
 from iprt.device.compute import ComputeDevice
 from iprt.footage.frame import Frame
@@ -111,7 +112,8 @@ def test_what_a_real_thing_uncovers_is_as_new(device: ComputeDevice) -> None:
     real = truth[1] == 0.0
     assert rms((found - truth[0])[real]) < rms((fresh - truth[0])[real])
     uncovered = seen(depths[-1]) > seen(depths[-4]) * 1.05
-    uncovered &= real
+    # Edges lie between texels, up to one from where `seen` has them.
+    uncovered = binary_erosion(uncovered & real, iterations=2)
     assert uncovered.sum() > 60
     # Three frames are all that is remembered there, and none of the ball's.
     assert history[uncovered].max() < 3.1

@@ -138,6 +138,7 @@ def test_without_objects_the_panorama_is_resampled_and_that_is_all(view: View) -
         "world/real/surface.cl",
         "world/real/pyramid.cl",
         "view/resample.cl",
+        "view/sharpen.cl",
         "view/composite.cl",
     }
     assert {name.split(".")[0].split()[0] for name in device.buffers} == {

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -32,11 +34,17 @@ def test_equation(
         "specular": shine if specular else None,
     }
     arrays = {k: None if v is None else upload(device, layout, v) for k, v in planes.items()}
-    arrays["ratio"] = device.upload("ratio", pixels(ratio)) if relit else None
+    share = rng.choice([0.0, 0.0, 0.4], (height, width))
+    second = rng.integers(0, width * height, height * width)
+    if relit:
+        arrays["ratio"] = device.upload("ratio", pixels(ratio))
+        arrays |= edges(device, layout, share, second)
     composite = Composite(device, layout, relit=relit, diffuse=diffuse, specular=specular)
     composite.run(upload(device, layout, colour), **arrays)
     picture = np.moveaxis(device.read(composite.picture), -1, 0)
     coverage = coverage if diffuse or specular else 0.0 * coverage
+    beyond = ratio.reshape(3, -1)[:, second].reshape(ratio.shape)
+    ratio = (1.0 - share) * ratio + share * beyond
     expected = coverage * (diffuse * albedo * light + specular * shine)
     expected = expected + (1.0 - coverage) * colour * (ratio if relit else 1.0)
     np.testing.assert_allclose(picture[:3], expected, rtol=1e-5, atol=1e-7)
@@ -57,6 +65,7 @@ def test_untouched_pixels_keep_their_bits(device: ComputeDevice, color_map: bool
     composite.run(
         upload(device, layout, colour),
         ratio=device.upload("ratio", pixels(np.ones((3, 17, 31)))),
+        **edges(device, layout),
         base=upload(device, layout, mapped) if color_map else None,
         coverage=upload(device, layout, np.zeros((1, 17, 31))),
         albedo=upload(device, layout, unlit),
@@ -67,6 +76,23 @@ def test_untouched_pixels_keep_their_bits(device: ComputeDevice, color_map: bool
     picture = device.read(composite.picture)
     assert np.array_equal(picture[..., :3], np.moveaxis(colour, 0, -1))
     assert not picture[..., 3].any()
+
+
+def edges(
+    device: ComputeDevice,
+    layout: PlaneLayout,
+    share: np.ndarray | None = None,
+    second: np.ndarray | None = None,
+) -> dict[str, Any]:
+    """Shares (H, W) of a second surface, and the pixels (H * W,) that show it; by default none."""
+    if share is None:
+        share = np.zeros((layout.height, layout.width))
+    if second is None:
+        second = np.full(share.size, -1)
+    return {
+        "other": upload(device, layout, share[None]),
+        "other_pixel": device.upload("other pixel", second.astype(np.int32)),
+    }
 
 
 def pixels(ratio: np.ndarray) -> np.ndarray:
@@ -86,6 +112,7 @@ def gloss_picture(
     composite.run(
         upload(device, layout, colour),
         ratio=device.upload("ratio", pixels(np.full(colour.shape, ratio))),
+        **edges(device, layout),
         base=upload(device, layout, base),
         change=upload(device, layout, change),
         coverage=upload(device, layout, nothing[:1]),
@@ -139,6 +166,7 @@ def test_changes_and_objects_are_mapped_back(
     composite.run(
         upload(device, layout, colour),
         ratio=device.upload("ratio", pixels(ratio)),
+        **edges(device, layout),
         base=upload(device, layout, base),
         change=upload(device, layout, change) if gloss else None,
         coverage=upload(device, layout, coverage[None]),

@@ -1,0 +1,282 @@
+// Depth edges of the panorama between its texels, where texels mix the colours of two surfaces.
+//
+// In a window of 4x4 texels around a place, the gap nearest to it parts two sides, front and back. Texels at
+// gaps are mixed; the others of each side are pure, and their means are the two colours. A side that is too
+// thin to have any has the colour of its texel that differs most from the other side. What a mixed texel
+// holds of the front, its coverage, is the least-squares solution between the colours. The edge is where the
+// bilinear blend of coverages is 1/2.
+//
+// Element k of a vector of 16, and bit k of a mask, stand for the texel in row k / 4 and column k % 4.
+#ifndef IPRT_EDGES_H
+#define IPRT_EDGES_H
+
+#include "world/real/real.h"
+#include "world/real/reconstruct.h"
+
+#define FARTHEST_GAP 2.25f // squared distance in texels of the gaps that count
+#define PRIOR 0.01f        // least weight of what is expected, over the square of the brightest colour
+#define MIXTURE 0.02f      // squared residual, over the squared contrast, up to which colours are mixtures
+#define ALIKE 1e-5f        // the same over the square of the brightest colour
+#define WHOLE 0.97f        // coverage from which a texel shows nothing else
+#define NEAR 0.1f          // squared distance in texels that counts as near
+#define STEEP 2.25f        // change of coverage with the share of neighbours on the front
+
+#define INNER 0x0660       // the four texels around the place
+#define WITHOUT_LAST_COLUMN 0x7777
+#define WITHOUT_LAST_ROW 0x0fff
+#define NUMBERS ((int16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15))
+
+typedef struct {
+    int16 texels;
+    float16 x, y;             // from the texels' centres to the place
+    float16 weight;           // of cubic convolution
+    float16 red, green, blue;
+} Window;
+
+typedef struct {
+    int east, south; // joined with the neighbour there
+    int mixed;       // at a gap
+} Joints;
+
+static inline float sum_of(float16 v)
+{
+    const float8 eight = v.lo + v.hi;
+    const float4 four = eight.lo + eight.hi;
+    return four.x + four.y + four.z + four.w;
+}
+
+static inline int16 in_mask(int mask)
+{
+    return ((int16)(mask) >> NUMBERS & 1) != 0;
+}
+
+static inline int mask_of(int16 is)
+{
+    const int16 bits = select((int16)(0), (int16)(1) << NUMBERS, is);
+    const int8 eight = bits.lo | bits.hi;
+    const int4 four = eight.lo | eight.hi;
+    return four.x | four.y | four.z | four.w;
+}
+
+// Number of the least of what is not negative, to 19 bits; the first if several are.
+static inline int number_of_least(float16 v)
+{
+    const uint16 marked = (as_uint16(v) & ~15u) | as_uint16(NUMBERS);
+    const uint8 eight = min(marked.lo, marked.hi);
+    const uint4 four = min(eight.lo, eight.hi);
+    return (int)(min(min(four.x, four.y), min(four.z, four.w)) & 15u);
+}
+
+// Whether a texel is at a gap. Open sky goes on in open sky.
+static inline ALWAYS_INLINE int at_gap(int flags)
+{
+    const int all = SURFACE_EAST | SURFACE_WEST | SURFACE_NORTH | SURFACE_SOUTH;
+    return !(flags & SURFACE_NONE) && (flags & all) != all;
+}
+
+static inline Window window_at(int width, int height, float2 uv)
+{
+    const CubicTaps t = cubic_taps(width, height, uv);
+    const Taps middle = equirect_taps(width, height, uv);
+    const int4 columns = (int4)(t.left, t.a, t.b, t.right);
+    const float4 weights = (float4)(t.x.a, t.x.b, t.x.c, t.x.d);
+    Window w;
+    w.texels = (int16)(t.above + columns, t.upper + columns, t.lower + columns, t.below + columns);
+    w.x = 1.0f + middle.fx - convert_float16(NUMBERS & 3);
+    w.y = 1.0f + middle.fy - convert_float16(NUMBERS >> 2);
+    w.weight = (float16)(t.y.a * weights, t.y.b * weights, t.y.c * weights, t.y.d * weights);
+    return w;
+}
+
+static inline int element(const int16 *v, int k)
+{
+    return ((const int *)v)[k];
+}
+
+static inline Joints window_joints(__global const float4 *restrict surface, const Window *w)
+{
+    int16 flags;
+    for (int k = 0; k < 16; k++)
+        ((int *)&flags)[k] = (int)surface[element(&w->texels, k)].w;
+    const int all = SURFACE_EAST | SURFACE_WEST | SURFACE_NORTH | SURFACE_SOUTH;
+    const int none = mask_of((flags & SURFACE_NONE) != 0);
+    int east = mask_of((flags & SURFACE_EAST) != 0) | (none & (none >> 1));
+    int south = mask_of((flags & SURFACE_SOUTH) != 0) | (none & (none >> 4));
+    // Beyond the poles, and around small panoramas, a texel comes twice.
+    const int16 t = w->texels;
+    east |= mask_of(t == t.s123456789abcdeff);
+    south |= mask_of(t == t.s456789abcdefcdef);
+    east &= WITHOUT_LAST_COLUMN;
+    south &= WITHOUT_LAST_ROW;
+    const int gap_east = ~east & WITHOUT_LAST_COLUMN, gap_south = ~south & WITHOUT_LAST_ROW;
+    const int beside = gap_east | (gap_east << 1) | gap_south | (gap_south << 4);
+    return (Joints){east, south, (mask_of((flags & all) != all) & ~none) | (none & beside)};
+}
+
+static inline int grown(int side, Joints joints)
+{
+    return side | ((side & joints.east) << 1) | ((side >> 1) & joints.east)
+        | ((side & joints.south) << 4) | ((side >> 4) & joints.south);
+}
+
+// The two sides of the gap nearest to the place; both 0 if there is none within reach.
+static inline int2 sides_of_gap(const Window *w, Joints joints)
+{
+    const float16 aside = fmax(fabs(w->y) - 0.5f, 0.0f), along = fmax(fabs(w->x) - 0.5f, 0.0f);
+    const float16 far = (float16)(FARTHEST_GAP);
+    const float16 to_east = select(far, (w->x - 0.5f) * (w->x - 0.5f) + aside * aside,
+                                   in_mask(~joints.east & WITHOUT_LAST_COLUMN));
+    const float16 to_south = select(far, (w->y - 0.5f) * (w->y - 0.5f) + along * along,
+                                    in_mask(~joints.south & WITHOUT_LAST_ROW));
+    const int from = number_of_least(fmin(to_east, to_south));
+    const float east = ((const float *)&to_east)[from], south = ((const float *)&to_south)[from];
+    if (!(fmin(east, south) < FARTHEST_GAP))
+        return (int2)(0);
+    int first = 1 << from, second = east <= south ? 1 << (from + 1) : 1 << (from + 4);
+    for (int i = 0; i < 4; i++) {
+        first |= grown(first, joints) & ~second;
+        second |= grown(second, joints) & ~first;
+    }
+    return (int2)(first, second);
+}
+
+// What a picture shows in the window.
+static inline void see(Window *w, Shown shown)
+{
+    for (int k = 0; k < 16; k++) {
+        const int texel = element(&w->texels, k);
+        ((float *)&w->red)[k] = shown_texel(shown, texel, 0);
+        ((float *)&w->green)[k] = shown_texel(shown, texel, 1);
+        ((float *)&w->blue)[k] = shown_texel(shown, texel, 2);
+    }
+}
+
+// Mean over the window, weighted.
+static inline float3 mean_color(const Window *w, float16 weight)
+{
+    return (float3)(sum_of(weight * w->red), sum_of(weight * w->green), sum_of(weight * w->blue))
+        / sum_of(weight);
+}
+
+// 1 in a mask, else 0.
+static inline float16 ones(int mask)
+{
+    return select((float16)(0.0f), (float16)(1.0f), in_mask(mask));
+}
+
+static inline float16 squared_distance(const Window *w, float3 color)
+{
+    const float16 red = w->red - color.x, green = w->green - color.y, blue = w->blue - color.z;
+    return red * red + green * green + blue * blue;
+}
+
+// The texel of a mask, as a mask, whose colour is the farthest from another.
+static inline int farthest_color(const Window *w, int mask, float3 from)
+{
+    const float16 near = 1.0f / (squared_distance(w, from) + FLT_MIN);
+    return 1 << number_of_least(select((float16)(INFINITY), near, in_mask(mask)));
+}
+
+// Texels that show nothing but the front, and nothing but the back; 0 if neither side has any.
+static inline int2 pure_texels(const Window *w, int front, int back, int mixed)
+{
+    int2 pure = (int2)(front & ~mixed, back & ~mixed);
+    if (pure.x && !pure.y)
+        pure.y = farthest_color(w, back, mean_color(w, ones(pure.x)));
+    else if (pure.y && !pure.x)
+        pure.x = farthest_color(w, front, mean_color(w, ones(pure.y)));
+    return pure;
+}
+
+// Mean squared distance of a mask's colours from a colour.
+static inline float color_variance(const Window *w, int mask, float3 mean)
+{
+    return sum_of(ones(mask) * squared_distance(w, mean)) / popcount(mask);
+}
+
+// What is expected of an inner texel's coverage by the sides of its neighbours: that of an edge that goes on
+// straight.
+static inline float expected_coverage(int front, int k)
+{
+    return 0.5f + STEEP * (popcount(front >> (k - 5) & 0x777) / 9.0f - 0.5f);
+}
+
+// Coverage of the window's texels by the front, least squares between two colours; the less these vary, the
+// more they count. None is taken to show more of the other side than of its own. `mixtures`: how far the
+// inner texels are mixtures of both colours, 1 to 0.
+static inline float16 find_coverage(const Window *w, int front, int2 pure, int mixed, float *mixtures)
+{
+    const float3 front_color = mean_color(w, ones(pure.x)), back_color = mean_color(w, ones(pure.y));
+    const float3 apart = front_color - back_color, bright = fmax(front_color, back_color);
+    const float prior = color_variance(w, pure.x, front_color)
+        + color_variance(w, pure.y, back_color) + PRIOR * dot(bright, bright) + FLT_MIN;
+    const float contrast = dot(apart, apart);
+    const float16 own = ones(front);
+    float16 expected = own;
+    expected.s5 = expected_coverage(front, 5);
+    expected.s6 = expected_coverage(front, 6);
+    expected.s9 = expected_coverage(front, 9);
+    expected.sa = expected_coverage(front, 10);
+    const float16 red = w->red - back_color.x, green = w->green - back_color.y;
+    const float16 blue = w->blue - back_color.z;
+    const float16 share = (red * apart.x + green * apart.y + blue * apart.z + prior * expected)
+        / (contrast + prior);
+    const float16 coverage =
+        select(own, clamp(share, 0.5f * own, 0.5f + 0.5f * own), in_mask(mixed));
+    const float16 red_left = red - coverage * apart.x, green_left = green - coverage * apart.y;
+    const float16 blue_left = blue - coverage * apart.z;
+    const float16 left = red_left * red_left + green_left * green_left + blue_left * blue_left;
+    const float off = 0.25f * sum_of(ones(INNER) * left);
+    const float enough = MIXTURE * contrast + ALIKE * dot(bright, bright) + FLT_MIN;
+    *mixtures = clamp(2.0f - off / enough, 0.0f, 1.0f);
+    return coverage;
+}
+
+// Share of a pixel on the front side of the edge; `right`, `down`: what the pixel covers, in texels.
+static inline float pixel_coverage(const Window *w, float16 coverage, float2 right, float2 down)
+{
+    const float x = w->x.s5, y = w->y.s5;
+    const float upper = mix(coverage.s5, coverage.s6, x), lower = mix(coverage.s9, coverage.sa, x);
+    const float along_x = mix(coverage.s6 - coverage.s5, coverage.sa - coverage.s9, y);
+    const float along_y = lower - upper;
+    const float across = fabs(along_x * right.x + along_y * right.y)
+        + fabs(along_x * down.x + along_y * down.y);
+    return clamp(0.5f + (mix(upper, lower, y) - 0.5f) / fmax(across, 1e-6f), 0.0f, 1.0f);
+}
+
+// The pure texels, and those that are found to be covered wholly by the front, and by the back.
+static inline int2 whole_texels(int front, int back, int2 pure, float16 coverage)
+{
+    return pure | (int2)(front & mask_of(coverage > WHOLE), back & mask_of(coverage < 1.0f - WHOLE));
+}
+
+static inline float16 squared_way(const Window *w)
+{
+    return w->x * w->x + w->y * w->y;
+}
+
+// Colour of a side at the place: by cubic convolution, other texels being like its own, the nearer the more.
+static inline float3 side_color(const Window *w, int own)
+{
+    const float16 is = ones(own), known = is * w->weight;
+    const float16 near = is / (NEAR + squared_way(w));
+    const float left = (1.0f - sum_of(known)) / sum_of(near);
+    const float16 weight = known + left * near;
+    return fmax((float3)(sum_of(weight * w->red), sum_of(weight * w->green), sum_of(weight * w->blue)),
+                0.0f);
+}
+
+// The texel of a mask that is nearest to the place.
+static inline int nearest_texel(const Window *w, int mask)
+{
+    const int k = number_of_least(select((float16)(INFINITY), squared_way(w), in_mask(mask)));
+    return element(&w->texels, k);
+}
+
+// What of the front is in the window's cubic convolution.
+static inline float blurred_coverage(const Window *w, float16 coverage)
+{
+    return clamp(sum_of(w->weight * coverage), 0.0f, 1.0f);
+}
+
+#endif

@@ -1,0 +1,234 @@
+"""Depth edges at the view's resolution: against a twin, and against the room that is shown."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter, minimum_filter
+
+from iprt.device.compute import ComputeDevice
+from iprt.footage.frame import Frame
+from iprt.gbuffer.layout import PlaneLayout
+from iprt.geometry.camera import View
+from iprt.view.real_layer import RealLayer
+from iprt.world.real.panorama import Panorama
+from tests.oracles import edges
+from tests.oracles.worlds import Box, Sphere, World
+from tests.worlds import Float, landscape_frame, turned
+
+WIDTH, HEIGHT = 256, 128
+ROOM = World(
+    solids=(
+        Box((0.5, -0.7, -1.4), (0.3, 0.5, 0.05), 0.6),
+        Sphere((-0.4, 0.1, -1.6), 0.3),
+        Box((0.3, 0.2, 1.5), (0.04, 1.0, 0.04)),
+    )
+)
+COLORS = np.array([[0.6, 0.5, 0.4], [0.9, 0.2, 0.1], [0.1, 0.3, 0.5], [0.05, 0.05, 0.05]])
+"""Of the room and of the solids."""
+
+VIEWS = {
+    "ahead": View(96, 64, fov_y_deg=40.0),
+    "tilted": View(65, 47, yaw_deg=30.0, pitch_deg=-25.0, fov_y_deg=30.0),
+    "seam": View(64, 48, yaw_deg=170.0, pitch_deg=5.0, fov_y_deg=30.0),
+    "whole, fine": View(2 * WIDTH, 2 * HEIGHT, projection="equirect"),
+}
+views = pytest.mark.parametrize("view", VIEWS.values(), ids=VIEWS)
+
+
+@dataclass(frozen=True)
+class Layer:
+    """(H, W, 3) color and normal, (H, W) depth, id, share of another surface and its pixel."""
+
+    color: Float
+    normal: Float
+    depth: Float
+    id: Float
+    other: Float
+    other_pixel: Float
+
+
+def shown(device: ComputeDevice, panorama: Panorama, view: View, *, sharp: bool = True) -> Layer:
+    layout = PlaneLayout(view.width, view.height)
+    equirect = view.projection == "equirect"
+    layer = RealLayer(device, layout, equirect=equirect, name="real", edges=sharp)
+    constants = device.upload("view", view.kernel_constants())
+    layer.run(panorama, constants, constants)
+
+    def image(name: str) -> Float:
+        planes = layout.interior(device.read(getattr(layer, name)))
+        channels = np.moveaxis(planes.astype(np.float64), 0, -1)
+        return channels[..., 0] if channels.shape[-1] == 1 else channels
+
+    planes = [image(name) for name in ("color", "normal", "depth", "id")]
+    if not sharp:
+        return Layer(*planes, np.zeros_like(planes[2]), np.zeros_like(planes[2]))
+    second = device.read(layer.other_pixel).reshape(view.height, view.width)
+    return Layer(*planes, image("other"), second.astype(np.float64))
+
+
+def loaded(device: ComputeDevice, frame: Frame) -> Panorama:
+    panorama = Panorama(device, frame.width, frame.height)
+    panorama.load(frame)
+    return panorama
+
+
+def color_of(d: Float) -> Float:
+    """(..., 3) what is seen in directions from the capture centre: each thing has one colour."""
+    return COLORS[ROOM.first_hit(np.zeros(3), d)[2]]
+
+
+def averaged(view: View, across: int = 8) -> Float:
+    """Means of `color_of` over pixels."""
+    x, y = np.meshgrid(np.arange(view.width), np.arange(view.height))
+    steps = (np.arange(across) + 0.5) / across
+    samples = [
+        color_of(view.unproject(np.stack([x + u, y + v], axis=-1))) for u in steps for v in steps
+    ]
+    return np.asarray(np.mean(samples, axis=0))
+
+
+def painted() -> Frame:
+    """The room, of which texels show means."""
+    color = averaged(View(WIDTH, HEIGHT, projection="equirect"))
+    return replace(ROOM.frame(WIDTH, HEIGHT), color=color.astype(np.float32))
+
+
+def textured() -> Frame:
+    """The painted room with grain."""
+    frame = painted()
+    grain = np.random.default_rng(5).uniform(0.9, 1.1, frame.color.shape)
+    return replace(frame, color=(frame.color * grain).astype(np.float32))
+
+
+@pytest.mark.parametrize("frame", [painted(), textured()], ids=["painted", "textured"])
+@pytest.mark.parametrize("name", ["ahead", "tilted", "seam"])
+def test_the_twin_shows_the_same(device: ComputeDevice, name: str, frame: Frame) -> None:
+    view = VIEWS[name]
+    panorama = loaded(device, frame)
+    sharp, blurred = shown(device, panorama, view), shown(device, panorama, view, sharp=False)
+    surface = device.read(panorama.surface)
+    far = device.read(panorama.range)[: HEIGHT * WIDTH, 1].reshape(HEIGHT, WIDTH)
+    twin = edges.Panorama(frame.color, surface[..., 3].astype(int), far)
+    wanted, normal = blurred.color.copy(), blurred.normal.copy()
+    other, second = np.zeros(sharp.depth.shape), sharp.other_pixel.copy()
+    centres = View(WIDTH, HEIGHT, projection="equirect").directions()
+    for y, x in np.ndindex(view.height, view.width):
+        pixel = twin.pixel(view, x, y)
+        wanted[y, x] = pixel.color
+        if pixel.texel is not None:
+            g = surface[pixel.texel][:3].astype(np.float64)
+            normal[y, x] = -g / max(np.linalg.norm(g), 1e-30)
+        if pixel.beyond is not None:
+            column, row = view.project(centres[pixel.beyond])
+            if 0.0 <= column < view.width and 0.0 <= row < view.height:
+                other[y, x] = pixel.other
+                second[y, x] = int(row) * view.width + int(column)
+    changed = np.abs(sharp.color - blurred.color).max(-1) > 1e-3
+    assert changed.mean() > 0.03
+    # At the border between two windows, and where two gaps are as near, rounding decides.
+    off = np.abs(sharp.color - wanted).max(-1) > 2e-3
+    assert off.mean() < 0.01
+    assert (np.abs(sharp.normal - normal).max(-1) > 1e-3).mean() < 0.01
+    assert (other > 0.1).mean() > 0.003
+    assert (np.abs(sharp.other - other) > 2e-3).mean() < 0.01
+    assert (second != sharp.other_pixel).mean() < 0.01
+
+
+@views
+def test_edges_are_sharp(device: ComputeDevice, view: View) -> None:
+    """Nearer to the room than what is only resampled, the more the finer the view is."""
+    panorama = loaded(device, painted())
+    sharp, blurred = shown(device, panorama, view), shown(device, panorama, view, sharp=False)
+    truth = averaged(view)
+    before = np.sqrt(np.mean((blurred.color - truth) ** 2))
+    after = np.sqrt(np.mean((sharp.color - truth) ** 2))
+    assert after < (0.7 if view == VIEWS["whole, fine"] else 0.5) * before
+    # No pixel is darker or brighter than what is there.
+    assert sharp.color.min() > 0.9 * COLORS.min()
+    assert sharp.color.max() < 1.05 * COLORS.max()
+
+
+@views
+def test_surfaces_end_where_they_do(device: ComputeDevice, view: View) -> None:
+    panorama = loaded(device, painted())
+    sharp, blurred = shown(device, panorama, view), shown(device, panorama, view, sharp=False)
+    depth = ROOM.first_hit(np.zeros(3), view.directions())[0]
+    wrong = [float((np.abs(one.depth / depth - 1.0) > 0.05).mean()) for one in (sharp, blurred)]
+    assert wrong[0] < 0.6 * wrong[1]
+
+
+def test_far_from_gaps_nothing_changes(device: ComputeDevice) -> None:
+    """Bit for bit."""
+    frame, view = textured(), VIEWS["ahead"]
+    panorama = loaded(device, frame)
+    sharp, blurred = shown(device, panorama, view), shown(device, panorama, view, sharp=False)
+    which = ROOM.first_hit(np.zeros(3), view.directions())[2]
+    reach = 1 + int(2.5 * np.pi / HEIGHT * view.focal_px)
+    window = 2 * reach + 1
+    far = maximum_filter(which, window) == minimum_filter(which, window)
+    far[:reach], far[-reach:], far[:, :reach], far[:, -reach:] = False, False, False, False
+    assert far.mean() > 0.3
+    np.testing.assert_array_equal(sharp.color[far], blurred.color[far])
+    np.testing.assert_array_equal(sharp.depth[far], blurred.depth[far])
+
+
+@pytest.mark.parametrize(
+    "view",
+    [View(WIDTH, HEIGHT, projection="equirect"), View(48, 32, fov_y_deg=120.0)],
+    ids=["own size", "coarse"],
+)
+def test_views_that_are_not_finer_keep_their_bits(device: ComputeDevice, view: View) -> None:
+    panorama = loaded(device, textured())
+    sharp, blurred = shown(device, panorama, view), shown(device, panorama, view, sharp=False)
+    for name in ("color", "normal", "depth", "id"):
+        np.testing.assert_array_equal(getattr(sharp, name), getattr(blurred, name))
+
+
+def test_a_horizon_is_an_edge(device: ComputeDevice) -> None:
+    """Of a plain that ends at the open sky: a pixel is one or the other."""
+    frame, view = landscape_frame(WIDTH, HEIGHT), View(64, 48, fov_y_deg=10.0)
+    layer = shown(device, loaded(device, frame), view)
+    sky = layer.depth == 0.0
+    rows = sky.mean(axis=1)
+    assert set(np.unique(rows)) <= {0.0, 1.0}
+    assert (np.diff(rows) <= 0.0).all()
+    assert not layer.id[sky].any()
+    assert not layer.normal[sky].any()
+
+
+@pytest.mark.parametrize("factor", [2.0**-40, 2.0**40])
+def test_any_unit_of_light(device: ComputeDevice, factor: float) -> None:
+    frame, view = painted(), VIEWS["tilted"]
+    plain = shown(device, loaded(device, frame), view)
+    color = (frame.color * factor).astype(np.float32)
+    scaled = shown(device, loaded(device, replace(frame, color=color)), view)
+    np.testing.assert_allclose(scaled.color, plain.color * factor, rtol=1e-4, atol=1e-6 * factor)
+    np.testing.assert_allclose(scaled.depth, plain.depth)
+
+
+@pytest.mark.parametrize("columns", [1, 128, 255])
+def test_a_turned_panorama_looks_the_same(device: ComputeDevice, columns: int) -> None:
+    frame, view = painted(), VIEWS["seam"]
+    rolled, _, yaw_deg = turned(frame, [], columns)
+    still = shown(device, loaded(device, frame), view)
+    there = replace(view, yaw_deg=view.yaw_deg + yaw_deg)
+    layer = shown(device, loaded(device, rolled), there)
+    off = np.abs(layer.color - still.color).max(-1) > 5e-3
+    assert off.mean() < 0.005
+
+
+@pytest.mark.parametrize("size", [(1, 1), (2, 1), (3, 2), (4, 2)])
+def test_tiny_panoramas(device: ComputeDevice, size: tuple[int, int]) -> None:
+    """Windows that hold a texel several times."""
+    width, height = size
+    frame = ROOM.frame(width, height)
+    depth = np.random.default_rng(7).uniform(1.0, 5.0, (height, width)).astype(np.float32)
+    color: NDArray[np.float32] = np.full((height, width, 3), 0.25, np.float32)
+    frame = replace(frame, depth=depth, color=color)
+    layer = shown(device, loaded(device, frame), View(64, 48, pitch_deg=-30.0))
+    np.testing.assert_allclose(layer.color, 0.25, rtol=1e-5)
+    assert np.isfinite(layer.depth).all()
