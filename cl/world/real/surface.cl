@@ -6,7 +6,9 @@
 //      row      [H+1]  cos of the polar angle of row edges
 //      azimuth  after MARGIN floats, cos of the azimuth of column centres; `stride` floats later, sin
 //      polar    [H]    (cos, sin) of the polar angle of row centres
-// out  surface  [H*W]  xyz: g of the tangent plane g.x = 1; w: SURFACE_* flags (lib/world/real/real.h)
+// out  surface  [H*W]  xyz: g of the tangent plane g.x = 1; w: SURFACE_* flags (lib/world/real/real.h).
+//                      A fitted plane that faces another way than those of all neighbours is replaced
+//                      by a neighbour's, through the texel's own point: corners leave too little to fit.
 //      range    [H*W]  smallest and largest radial distance of the plane within the texel
 #include "world/real/joint.h"
 #include "world/real/tangent.h"
@@ -29,6 +31,33 @@ static inline floats flagged(ints is, int flag)
     return either(is, (floats)(flag), (floats)(0.0f));
 }
 
+// Cosine from which on two neighbours face the same way.
+#define SAME_WAY 0.8f
+// Largest departure from a neighbour's plane, over the depth, of a texel that is taken to lie on it.
+#define ON_PLANE 0.05f
+
+// The plane of a texel at `d` towards v, as far as it is known: its own, g, or a neighbour's.
+typedef struct {
+    ints alone;       // no neighbour so far faces the way that g does
+    floats departure; // from the plane of the neighbour that explains the texel's depth best
+    Vectors plane;
+} Company;
+
+static inline void meet(Company *c, floats d, Vectors g, Vectors v, Vectors other)
+{
+    const floats inverse = along(other, v), facing = along(g, other);
+    const floats departure = either(inverse > 0.0f, fabs(inverse * d - 1.0f), (floats)(INFINITY));
+    const ints alike =
+        facing > 0.0f && facing * facing > SAME_WAY * SAME_WAY * along(g, g) * along(other, other);
+    c->alone = c->alone && !alike;
+    const ints nearer = departure < c->departure;
+    c->departure = either(nearer, departure, c->departure);
+    const floats scale = 1.0f / either(inverse > 0.0f, inverse * d, (floats)(1.0f));
+    c->plane.x = either(nearer, other.x * scale, c->plane.x);
+    c->plane.y = either(nearer, other.y * scale, c->plane.y);
+    c->plane.z = either(nearer, other.z * scale, c->plane.z);
+}
+
 __kernel void build_surface(
     const int width,
     const int height,
@@ -36,6 +65,7 @@ __kernel void build_surface(
     const int rows,                            // to be built; planes has one more at either end
     const int stride,
     const int edges,
+    const int fitted,                          // planes are fitted, none is given
     __global const float *restrict inverse,
     __global const int4 *restrict lines,
     __global const float *restrict planes,
@@ -62,6 +92,7 @@ __kernel void build_surface(
     const Vectors v = directions(cos_phi, sin_phi, polar[y]);
     const float footprint = IPRT_PI / height;
 
+    Company near_by = {there, (floats)(INFINITY), g};
     floats reach = footprint * d;   // how far the plane may leave the centre's depth in the texel
     floats flags = either(bits_of(f) < 0, (floats)(SURFACE_OPENING), (floats)(0.0f));
     const Vectors east = {load_east(line, x, width), load_east(line + image, x, width),
@@ -70,12 +101,14 @@ __kernel void build_surface(
         directions(load_east(cosines, x, width), load_east(sines, x, width), polar[y]);
     flags += flagged(joined(d, g, v, fabs(load_floats(from + 1)), east, to_east, footprint, &reach),
                      SURFACE_EAST);
+    meet(&near_by, d, g, v, east);
     const Vectors west = {load_west(line, x, width), load_west(line + image, x, width),
                           load_west(line + 2 * image, x, width)};
     const Vectors to_west =
         directions(load_west(cosines, x, width), load_west(sines, x, width), polar[y]);
     flags += flagged(joined(d, g, v, fabs(load_floats(from - 1)), west, to_west, footprint, &reach),
                      SURFACE_WEST);
+    meet(&near_by, d, g, v, west);
     for (int i = 0; i < 2; i++) {
         const int side = 2 * i - 1;
         if (y + side < 0 || y + side >= height)
@@ -87,23 +120,28 @@ __kernel void build_surface(
         const floats near = fabs(load_floats(inverse + lines[y + side].x + x));
         flags += flagged(joined(d, g, v, near, h, w, footprint, &reach),
                          side < 0 ? SURFACE_NORTH : SURFACE_SOUTH);
+        meet(&near_by, d, g, v, h);
     }
 
+    const ints replaced = near_by.alone && near_by.departure < ON_PLANE && (ints)(-fitted);
+    const Vectors shown = {either(replaced, near_by.plane.x, g.x),
+                           either(replaced, near_by.plane.y, g.y),
+                           either(replaced, near_by.plane.z, g.z)};
     floats low = d, high = d;
     for (int side = 0; side < 2; side++) {
         const floats edge_cos = load_floats(column + MARGIN + x + side);
         const floats edge_sin = load_floats(column + MARGIN + edges + x + side);
-        corner_radius(g, corners(edge_cos, edge_sin, row[y]), &low, &high);
-        corner_radius(g, corners(edge_cos, edge_sin, row[y + 1]), &low, &high);
+        corner_radius(shown, corners(edge_cos, edge_sin, row[y]), &low, &high);
+        corner_radius(shown, corners(edge_cos, edge_sin, row[y + 1]), &low, &high);
     }
-    const floats bend = radius_bend(g, d, footprint);
+    const floats bend = radius_bend(shown, d, footprint);
     low = either(there, fmax(low - bend, d - reach), (floats)(INFINITY));
     high = either(there, fmin(high + bend, d + reach), (floats)(INFINITY));
     flags = either(there, flags, either(bits_of(f) < 0, (floats)(SURFACE_NONE | SURFACE_OPENING),
                                         (floats)(SURFACE_NONE)));
     const int texel = y * width + x, count = min(width - x, LANES);
     for (int i = 0; i < count; i++) {
-        surface[texel + i] = (float4)(lane(&g.x, i), lane(&g.y, i), lane(&g.z, i), lane(&flags, i));
+        surface[texel + i] = (float4)(lane(&shown.x, i), lane(&shown.y, i), lane(&shown.z, i), lane(&flags, i));
         range[texel + i] = (float2)(lane(&low, i), lane(&high, i));
     }
 }

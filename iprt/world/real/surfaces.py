@@ -176,7 +176,8 @@ class Surfaces:
             if normal is not None:
                 self._take_given(normal, first - 1)
             with device.profile.section("surface"):
-                self._build(self.items(band), first=first, range=range_)
+                fitted = int(normal is None)
+                self._build(self.items(band), first=first, fitted=fitted, range=range_)
 
     def items(self, rows: int) -> tuple[int, int]:
         """Work items of kernels that are built with WIDE, over some rows."""

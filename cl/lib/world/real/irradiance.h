@@ -54,8 +54,8 @@ static inline float3 cached_irradiance(const IrradianceCache cache, float3 p, fl
 {
     float2 past;
     const int2 corner = cache_corner(cache.columns, cache.rows, p, &past);
-    float3 sum = (float3)(0.0f), fallback = (float3)(0.0f);
-    float weights = 0.0f, fallback_weights = 0.0f;
+    float3 sum = (float3)(0.0f), brightest = (float3)(0.0f);
+    float weights = 0.0f;
     for (int i = 0; i < 4; i++) {
         const int cell = cache_cell(cache.columns, cache.rows, corner.x + (i & 1), corner.y + (i >> 1));
         const float4 value = cache.irradiance[cell];
@@ -64,15 +64,12 @@ static inline float3 cached_irradiance(const IrradianceCache cache, float3 p, fl
         const float weight = known * cache_agreement(cache.plane[cell], p, n);
         sum += weight * value.xyz;
         weights += weight;
-        fallback += known * value.xyz;
-        fallback_weights += known;
+        if (known > 0.0f && luminance(value.xyz) > luminance(brightest))
+            brightest = value.xyz;
     }
-    // Surfaces too small for a cell of their own take what is around them.
-    if (!(weights > 0.0f)) {
-        sum = fallback;
-        weights = fallback_weights;
-    }
-    return weights > 0.0f ? sum / weights : (float3)(0.0f);
+    // Surfaces too small for a cell of their own take the most of what is around them: where they face may
+    // be brighter than what is known, and too little would make black specks of faint shadows.
+    return weights > 0.0f ? sum / weights : brightest;
 }
 
 // 1 / (E_R / pi) of a point, per colour; 0 where it is black.
