@@ -28,8 +28,8 @@
 
 typedef struct {
     int16 texels;
-    float16 x, y;             // from the texels' centres to the place
-    float16 weight;           // of cubic convolution
+    float x, y;               // the place; 0: centres of the first column and row
+    float4 across, down;      // weights of cubic convolution
     float16 red, green, blue;
 } Window;
 
@@ -38,19 +38,19 @@ typedef struct {
     int mixed;       // at a gap
 } Joints;
 
-static inline float sum_of(float16 v)
+static inline ALWAYS_INLINE float sum_of(float16 v)
 {
     const float8 eight = v.lo + v.hi;
     const float4 four = eight.lo + eight.hi;
     return four.x + four.y + four.z + four.w;
 }
 
-static inline int16 in_mask(int mask)
+static inline ALWAYS_INLINE int16 in_mask(int mask)
 {
     return ((int16)(mask) >> NUMBERS & 1) != 0;
 }
 
-static inline int mask_of(int16 is)
+static inline ALWAYS_INLINE int mask_of(int16 is)
 {
     const int16 bits = select((int16)(0), (int16)(1) << NUMBERS, is);
     const int8 eight = bits.lo | bits.hi;
@@ -59,12 +59,27 @@ static inline int mask_of(int16 is)
 }
 
 // Number of the least of what is not negative, to 19 bits; the first if several are.
-static inline int number_of_least(float16 v)
+static inline ALWAYS_INLINE int number_of_least(float16 v)
 {
     const uint16 marked = (as_uint16(v) & ~15u) | as_uint16(NUMBERS);
     const uint8 eight = min(marked.lo, marked.hi);
     const uint4 four = min(eight.lo, eight.hi);
     return (int)(min(min(four.x, four.y), min(four.z, four.w)) & 15u);
+}
+
+// Element k, without an array: GPUs would put it into memory.
+static inline ALWAYS_INLINE float element(float16 v, int k)
+{
+    return sum_of(select((float16)(0.0f), v, NUMBERS == k));
+}
+
+// Texel k of a window.
+static inline ALWAYS_INLINE int window_texel(int16 texels, int k)
+{
+    const int16 only = select((int16)(0), texels, NUMBERS == k);
+    const int8 eight = only.lo | only.hi;
+    const int4 four = eight.lo | eight.hi;
+    return four.x | four.y | four.z | four.w;
 }
 
 // Whether a texel is at a gap. Open sky goes on in open sky.
@@ -74,30 +89,43 @@ static inline ALWAYS_INLINE int at_gap(int flags)
     return !(flags & SURFACE_NONE) && (flags & all) != all;
 }
 
-static inline Window window_at(int width, int height, float2 uv)
+static inline ALWAYS_INLINE Window window_at(int width, int height, float2 uv)
 {
     const CubicTaps t = cubic_taps(width, height, uv);
     const Taps middle = equirect_taps(width, height, uv);
     const int4 columns = (int4)(t.left, t.a, t.b, t.right);
-    const float4 weights = (float4)(t.x.a, t.x.b, t.x.c, t.x.d);
     Window w;
     w.texels = (int16)(t.above + columns, t.upper + columns, t.lower + columns, t.below + columns);
-    w.x = 1.0f + middle.fx - convert_float16(NUMBERS & 3);
-    w.y = 1.0f + middle.fy - convert_float16(NUMBERS >> 2);
-    w.weight = (float16)(t.y.a * weights, t.y.b * weights, t.y.c * weights, t.y.d * weights);
+    w.x = 1.0f + middle.fx;
+    w.y = 1.0f + middle.fy;
+    w.across = (float4)(t.x.a, t.x.b, t.x.c, t.x.d);
+    w.down = (float4)(t.y.a, t.y.b, t.y.c, t.y.d);
     return w;
 }
 
-static inline int element(const int16 *v, int k)
+// From the texels' centres to the place.
+static inline ALWAYS_INLINE float16 columns_away(const Window *w)
 {
-    return ((const int *)v)[k];
+    return w->x - convert_float16(NUMBERS & 3);
 }
 
-static inline Joints window_joints(__global const float4 *restrict surface, const Window *w)
+static inline ALWAYS_INLINE float16 rows_away(const Window *w)
 {
-    int16 flags;
-    for (int k = 0; k < 16; k++)
-        ((int *)&flags)[k] = (int)surface[element(&w->texels, k)].w;
+    return w->y - convert_float16(NUMBERS >> 2);
+}
+
+static inline ALWAYS_INLINE float16 cubic_weight(const Window *w)
+{
+    return w->across.xyzwxyzwxyzwxyzw * w->down.xxxxyyyyzzzzwwww;
+}
+
+static inline ALWAYS_INLINE Joints window_joints(__global const float4 *restrict surface, const Window *w)
+{
+#define FLAGS(k) (int)surface[w->texels.s##k].w
+    const int16 flags = (int16)(FLAGS(0), FLAGS(1), FLAGS(2), FLAGS(3), FLAGS(4), FLAGS(5), FLAGS(6),
+                                FLAGS(7), FLAGS(8), FLAGS(9), FLAGS(a), FLAGS(b), FLAGS(c), FLAGS(d),
+                                FLAGS(e), FLAGS(f));
+#undef FLAGS
     const int all = SURFACE_EAST | SURFACE_WEST | SURFACE_NORTH | SURFACE_SOUTH;
     const int none = mask_of((flags & SURFACE_NONE) != 0);
     int east = mask_of((flags & SURFACE_EAST) != 0) | (none & (none >> 1));
@@ -113,23 +141,24 @@ static inline Joints window_joints(__global const float4 *restrict surface, cons
     return (Joints){east, south, (mask_of((flags & all) != all) & ~none) | (none & beside)};
 }
 
-static inline int grown(int side, Joints joints)
+static inline ALWAYS_INLINE int grown(int side, Joints joints)
 {
     return side | ((side & joints.east) << 1) | ((side >> 1) & joints.east)
         | ((side & joints.south) << 4) | ((side >> 4) & joints.south);
 }
 
 // The two sides of the gap nearest to the place; both 0 if there is none within reach.
-static inline int2 sides_of_gap(const Window *w, Joints joints)
+static inline ALWAYS_INLINE int2 sides_of_gap(const Window *w, Joints joints)
 {
-    const float16 aside = fmax(fabs(w->y) - 0.5f, 0.0f), along = fmax(fabs(w->x) - 0.5f, 0.0f);
+    const float16 x = columns_away(w), y = rows_away(w);
+    const float16 aside = fmax(fabs(y) - 0.5f, 0.0f), along = fmax(fabs(x) - 0.5f, 0.0f);
     const float16 far = (float16)(FARTHEST_GAP);
-    const float16 to_east = select(far, (w->x - 0.5f) * (w->x - 0.5f) + aside * aside,
+    const float16 to_east = select(far, (x - 0.5f) * (x - 0.5f) + aside * aside,
                                    in_mask(~joints.east & WITHOUT_LAST_COLUMN));
-    const float16 to_south = select(far, (w->y - 0.5f) * (w->y - 0.5f) + along * along,
+    const float16 to_south = select(far, (y - 0.5f) * (y - 0.5f) + along * along,
                                     in_mask(~joints.south & WITHOUT_LAST_ROW));
     const int from = number_of_least(fmin(to_east, to_south));
-    const float east = ((const float *)&to_east)[from], south = ((const float *)&to_south)[from];
+    const float east = element(to_east, from), south = element(to_south, from);
     if (!(fmin(east, south) < FARTHEST_GAP))
         return (int2)(0);
     int first = 1 << from, second = east <= south ? 1 << (from + 1) : 1 << (from + 4);
@@ -140,45 +169,54 @@ static inline int2 sides_of_gap(const Window *w, Joints joints)
     return (int2)(first, second);
 }
 
-// What a picture shows in the window.
-static inline void see(Window *w, Shown shown)
+static inline ALWAYS_INLINE float4 channel_of_row(Shown shown, int4 texels, int c)
 {
-    for (int k = 0; k < 16; k++) {
-        const int texel = element(&w->texels, k);
-        ((float *)&w->red)[k] = shown_texel(shown, texel, 0);
-        ((float *)&w->green)[k] = shown_texel(shown, texel, 1);
-        ((float *)&w->blue)[k] = shown_texel(shown, texel, 2);
-    }
+    return (float4)(shown_texel(shown, texels.x, c), shown_texel(shown, texels.y, c),
+                    shown_texel(shown, texels.z, c), shown_texel(shown, texels.w, c));
+}
+
+static inline ALWAYS_INLINE float16 channel(Shown shown, int16 t, int c)
+{
+    return (float16)(channel_of_row(shown, t.s0123, c), channel_of_row(shown, t.s4567, c),
+                     channel_of_row(shown, t.s89ab, c), channel_of_row(shown, t.scdef, c));
+}
+
+// What a picture shows in the window.
+static inline ALWAYS_INLINE void see(Window *w, Shown shown)
+{
+    w->red = channel(shown, w->texels, 0);
+    w->green = channel(shown, w->texels, 1);
+    w->blue = channel(shown, w->texels, 2);
 }
 
 // Mean over the window, weighted.
-static inline float3 mean_color(const Window *w, float16 weight)
+static inline ALWAYS_INLINE float3 mean_color(const Window *w, float16 weight)
 {
     return (float3)(sum_of(weight * w->red), sum_of(weight * w->green), sum_of(weight * w->blue))
         / sum_of(weight);
 }
 
 // 1 in a mask, else 0.
-static inline float16 ones(int mask)
+static inline ALWAYS_INLINE float16 ones(int mask)
 {
     return select((float16)(0.0f), (float16)(1.0f), in_mask(mask));
 }
 
-static inline float16 squared_distance(const Window *w, float3 color)
+static inline ALWAYS_INLINE float16 squared_distance(const Window *w, float3 color)
 {
     const float16 red = w->red - color.x, green = w->green - color.y, blue = w->blue - color.z;
     return red * red + green * green + blue * blue;
 }
 
 // The texel of a mask, as a mask, whose colour is the farthest from another.
-static inline int farthest_color(const Window *w, int mask, float3 from)
+static inline ALWAYS_INLINE int farthest_color(const Window *w, int mask, float3 from)
 {
     const float16 near = 1.0f / (squared_distance(w, from) + FLT_MIN);
     return 1 << number_of_least(select((float16)(INFINITY), near, in_mask(mask)));
 }
 
 // Texels that show nothing but the front, and nothing but the back; 0 if neither side has any.
-static inline int2 pure_texels(const Window *w, int front, int back, int mixed)
+static inline ALWAYS_INLINE int2 pure_texels(const Window *w, int front, int back, int mixed)
 {
     int2 pure = (int2)(front & ~mixed, back & ~mixed);
     if (pure.x && !pure.y)
@@ -189,14 +227,14 @@ static inline int2 pure_texels(const Window *w, int front, int back, int mixed)
 }
 
 // Mean squared distance of a mask's colours from a colour.
-static inline float color_variance(const Window *w, int mask, float3 mean)
+static inline ALWAYS_INLINE float color_variance(const Window *w, int mask, float3 mean)
 {
     return sum_of(ones(mask) * squared_distance(w, mean)) / popcount(mask);
 }
 
 // What is expected of an inner texel's coverage by the sides of its neighbours: that of an edge that goes on
 // straight.
-static inline float expected_coverage(int front, int k)
+static inline ALWAYS_INLINE float expected_coverage(int front, int k)
 {
     return 0.5f + STEEP * (popcount(front >> (k - 5) & 0x777) / 9.0f - 0.5f);
 }
@@ -204,7 +242,8 @@ static inline float expected_coverage(int front, int k)
 // Coverage of the window's texels by the front, least squares between two colours; the less these vary, the
 // more they count. None is taken to show more of the other side than of its own. `mixtures`: how far the
 // inner texels are mixtures of both colours, 1 to 0.
-static inline float16 find_coverage(const Window *w, int front, int2 pure, int mixed, float *mixtures)
+static inline ALWAYS_INLINE float16 find_coverage(
+    const Window *w, int front, int2 pure, int mixed, float *mixtures)
 {
     const float3 front_color = mean_color(w, ones(pure.x)), back_color = mean_color(w, ones(pure.y));
     const float3 apart = front_color - back_color, bright = fmax(front_color, back_color);
@@ -233,9 +272,10 @@ static inline float16 find_coverage(const Window *w, int front, int2 pure, int m
 }
 
 // Share of a pixel on the front side of the edge; `right`, `down`: what the pixel covers, in texels.
-static inline float pixel_coverage(const Window *w, float16 coverage, float2 right, float2 down)
+static inline ALWAYS_INLINE float pixel_coverage(
+    const Window *w, float16 coverage, float2 right, float2 down)
 {
-    const float x = w->x.s5, y = w->y.s5;
+    const float x = w->x - 1.0f, y = w->y - 1.0f;
     const float upper = mix(coverage.s5, coverage.s6, x), lower = mix(coverage.s9, coverage.sa, x);
     const float along_x = mix(coverage.s6 - coverage.s5, coverage.sa - coverage.s9, y);
     const float along_y = lower - upper;
@@ -245,20 +285,21 @@ static inline float pixel_coverage(const Window *w, float16 coverage, float2 rig
 }
 
 // The pure texels, and those that are found to be covered wholly by the front, and by the back.
-static inline int2 whole_texels(int front, int back, int2 pure, float16 coverage)
+static inline ALWAYS_INLINE int2 whole_texels(int front, int back, int2 pure, float16 coverage)
 {
     return pure | (int2)(front & mask_of(coverage > WHOLE), back & mask_of(coverage < 1.0f - WHOLE));
 }
 
-static inline float16 squared_way(const Window *w)
+static inline ALWAYS_INLINE float16 squared_way(const Window *w)
 {
-    return w->x * w->x + w->y * w->y;
+    const float16 x = columns_away(w), y = rows_away(w);
+    return x * x + y * y;
 }
 
 // Colour of a side at the place: by cubic convolution, other texels being like its own, the nearer the more.
-static inline float3 side_color(const Window *w, int own)
+static inline ALWAYS_INLINE float3 side_color(const Window *w, int own)
 {
-    const float16 is = ones(own), known = is * w->weight;
+    const float16 is = ones(own), known = is * cubic_weight(w);
     const float16 near = is / (NEAR + squared_way(w));
     const float left = (1.0f - sum_of(known)) / sum_of(near);
     const float16 weight = known + left * near;
@@ -267,16 +308,16 @@ static inline float3 side_color(const Window *w, int own)
 }
 
 // The texel of a mask that is nearest to the place.
-static inline int nearest_texel(const Window *w, int mask)
+static inline ALWAYS_INLINE int nearest_texel(const Window *w, int mask)
 {
-    const int k = number_of_least(select((float16)(INFINITY), squared_way(w), in_mask(mask)));
-    return element(&w->texels, k);
+    const float16 way = select((float16)(INFINITY), squared_way(w), in_mask(mask));
+    return window_texel(w->texels, number_of_least(way));
 }
 
 // What of the front is in the window's cubic convolution.
-static inline float blurred_coverage(const Window *w, float16 coverage)
+static inline ALWAYS_INLINE float blurred_coverage(const Window *w, float16 coverage)
 {
-    return clamp(sum_of(w->weight * coverage), 0.0f, 1.0f);
+    return clamp(sum_of(cubic_weight(w) * coverage), 0.0f, 1.0f);
 }
 
 #endif

@@ -64,8 +64,7 @@ static inline float3 cached_irradiance(const IrradianceCache cache, float3 p, fl
         const float weight = known * cache_agreement(cache.plane[cell], p, n);
         sum += weight * value.xyz;
         weights += weight;
-        if (known > 0.0f && luminance(value.xyz) > luminance(brightest))
-            brightest = value.xyz;
+        brightest = fmax(brightest, known > 0.0f ? value.xyz : (float3)(0.0f));
     }
     // Surfaces too small for a cell of their own take the most of what is around them: where they face may
     // be brighter than what is known, and too little would make black specks of faint shadows.
