@@ -15,7 +15,7 @@
 
 #define FARTHEST_GAP 2.25f // squared distance in texels of the gaps that count
 #define PRIOR 0.01f        // least weight of what is expected, over the square of the brightest colour
-#define MIXTURE 0.02f      // squared residual, over the squared contrast, up to which colours are mixtures
+#define MIXTURE 0.01f      // squared residual, over the squared contrast, of what is half taken for a mixture
 #define ALIKE 1e-5f        // the same over the square of the brightest colour
 #define WHOLE 0.97f        // coverage from which a texel shows nothing else
 #define NEAR 0.1f          // squared distance in texels that counts as near
@@ -267,7 +267,8 @@ static inline ALWAYS_INLINE float16 find_coverage(
     const float16 left = red_left * red_left + green_left * green_left + blue_left * blue_left;
     const float off = 0.25f * sum_of(ones(INNER) * left);
     const float enough = MIXTURE * contrast + ALIKE * dot(bright, bright) + FLT_MIN;
-    *mixtures = clamp(2.0f - off / enough, 0.0f, 1.0f);
+    const float relative = off / enough;
+    *mixtures = 1.0f / (1.0f + relative * relative);
     return coverage;
 }
 
