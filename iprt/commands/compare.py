@@ -238,7 +238,7 @@ def score_grid(results: Sequence[Comparison], made: dict[str, Any]) -> Grid:
     lacking = any(result.scores.flip is None for result in results)
     return Grid(
         title=f"background: {results[0].background}",
-        columns=("view", "method", "SSIM", "cuts", "PSNR", "MSE", "RMSE", "FLIP", "ms/frame"),
+        columns=("view", "method", "SSIM", "cuts", "PSNR", "MSE", "RMSE", "FLIP", "ms", "MB"),
         rows=tuple(
             (
                 result.view,
@@ -250,11 +250,13 @@ def score_grid(results: Sequence[Comparison], made: dict[str, Any]) -> Grid:
                 f"{result.scores.rmse:.3g}",
                 "-" if result.scores.flip is None else f"{result.scores.flip:.4f}",
                 f"{sum(result.ms.values()):.1f}" if result.ms else "-",
+                f"{result.bytes / 1e6:.0f}" if result.bytes else "-",
             )
             for result in results
         ),
         notes=(
             *(("FLIP: pip install 'iprt[metrics]'",) if lacking else ()),
+            "ms: of a frame, all passes. MB: buffers on the device.",
             provenance_line(made),
         ),
         words=2,

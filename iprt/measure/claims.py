@@ -127,9 +127,9 @@ class Subject:
         settings = still_settings(_settings(values), 0)
         key = settings.model_dump_json()
         if key not in self._pictures:
-            self._pictures[key], _ = render_target(
+            self._pictures[key] = render_target(
                 self._scene, self._frame, self._target, settings, self._device, self._frames
-            )
+            ).color
         return self._pictures[key]
 
     def scores(self, values: Values) -> Scores:

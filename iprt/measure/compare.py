@@ -33,6 +33,8 @@ class Comparison:
         What was rendered, and over what.
     ms : dict of str to float
         Milliseconds per frame of each pass; the panorama's own, once per video frame, apart.
+    bytes : int
+        Buffers on the device; 0 for a picture from elsewhere.
     """
 
     view: str
@@ -40,6 +42,7 @@ class Comparison:
     background: Background
     scores: Scores
     ms: dict[str, float]
+    bytes: int
 
     def record(self) -> dict[str, object]:
         """The same as plain data."""
@@ -49,6 +52,7 @@ class Comparison:
             "background": self.background,
             **self.scores.record(),
             "ms": dict(self.ms),
+            "bytes": self.bytes,
         }
 
 
@@ -107,10 +111,21 @@ def compare_views(
     targets = [read_target(scene, name, background) for name in views]
     for target, frame in with_frames(scene, targets):
         for settings in variants:
-            color, ms = render_target(scene, frame, target, settings, device, frames, progress)
-            scores = scored(target, color, f"method {settings.method}")
-            comparison = Comparison(target.name, settings.method, background, scores, ms)
-            yield Compared(comparison, target, color)
+            drawn = render_target(scene, frame, target, settings, device, frames, progress)
+            scores = scored(target, drawn.color, f"method {settings.method}")
+            comparison = Comparison(
+                target.name, settings.method, background, scores, drawn.ms, drawn.bytes
+            )
+            yield Compared(comparison, target, drawn.color)
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A picture (H, W, 3), linear, milliseconds per frame of each pass, and bytes of buffers."""
+
+    color: Radiance
+    ms: dict[str, float]
+    bytes: int
 
 
 def render_target(
@@ -121,13 +136,13 @@ def render_target(
     device: ComputeDevice,
     frames: int,
     progress: Callable[[int], None] | None = None,
-) -> tuple[Radiance, dict[str, float]]:
-    """The picture of a target, linear, and the milliseconds per frame of each pass."""
+) -> Drawn:
+    """The picture of a target."""
     from iprt.memory import require_memory
     from iprt.renderer import Renderer
 
     instances = scene.instances_named(target.objects)
-    require_memory(device, frame, instances, target.view, settings)
+    plan = require_memory(device, frame, instances, target.view, settings)
     with Renderer(
         device, frame, instances, target.view, settings, background=target.background
     ) as renderer:
@@ -135,7 +150,8 @@ def render_target(
         device.profile.reset()
         picture = renderer.render(frames=frames, progress=progress)
     profile = device.profile
-    return picture.color, {entry.name: entry.ms / profile.frames for entry in profile.passes()}
+    ms = {entry.name: entry.ms / profile.frames for entry in profile.passes()}
+    return Drawn(picture.color, ms, plan.bytes)
 
 
 def scored(target: Target, color: Radiance, what: str) -> Scores:

@@ -78,7 +78,7 @@ def compare_pictures(
         color = _read(path, target.radiance.shape)
         label = f"{view} {index}" if moving else view
         scores = scored(target, color, f"picture {path}")
-        comparison = Comparison(label, method, background, scores, {})
+        comparison = Comparison(label, method, background, scores, {}, 0)
         yield Compared(comparison, replace(target, name=label), color)
 
 

@@ -229,7 +229,8 @@ def run_sweep(
             scores, first = [], None
             for seed in range(seeds):
                 settings = still_settings(combination.settings, seed)
-                color, _ = render_target(scene, frame, target, settings, device, frames, forward)
+                drawn = render_target(scene, frame, target, settings, device, frames, forward)
+                color = drawn.color
                 scores.append(scored(target, color, combination.label))
                 first = color if first is None else first
                 done += frames

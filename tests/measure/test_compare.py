@@ -29,7 +29,9 @@ from iprt.output.exr import write_exr
 from iprt.settings.methods import methods
 from iprt.settings.model import Settings
 
-KEYS = ["view", "method", "background", "ssim", "ssim_cuts", "psnr", "mse", "rmse", "flip", "ms"]
+KEYS = ["view", "method", "background", "ssim", "ssim_cuts", "psnr", "mse", "rmse", "flip"]
+KEYS += ["ms", "bytes"]
+PLANNED_BYTES = 12_345_678
 MADE = {"protocol": 1, "scene": "room", "scene_hash": "0123456789abcdef", "iprt": "0.1.0"}
 CUTS = ((2, 3, 20, 22), (0, 0, 40, 32))
 
@@ -84,7 +86,8 @@ def renderer(monkeypatch: pytest.MonkeyPatch, truth: NDArray[np.float32]) -> typ
     module = ModuleType("iprt.renderer")
     module.Renderer = FakeRenderer  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, "iprt.renderer", module)
-    monkeypatch.setattr("iprt.memory.require_memory", lambda *_, **__: None)
+    plan = SimpleNamespace(bytes=PLANNED_BYTES)
+    monkeypatch.setattr("iprt.memory.require_memory", lambda *_, **__: plan)
     return FakeRenderer
 
 
@@ -140,6 +143,7 @@ def test_perfect_render_scores_perfectly(scene: Any, renderer: type[FakeRenderer
     assert record["ssim_cuts"] == pytest.approx([1.0, 1.0])
     assert (record["mse"], record["psnr"]) == (0.0, None)
     assert record["ms"] == {"march": 3.0, "raster": 1.0}
+    assert record["bytes"] == PLANNED_BYTES
     assert renderer.calls == [
         {
             "frame": "frame 0",
@@ -310,12 +314,12 @@ def test_table_has_a_row_per_method(
 
 def test_table_fits_80_columns() -> None:
     scores = Scores(0.98765, (0.987654, 0.87654), 36.876, 2.1e-4, 0.01234, None)
-    result = Comparison("floor_dragon", "iprt", "truth", scores, {"march": 1234.56})
+    result = Comparison("floor_dragon", "iprt", "truth", scores, {"march": 1234.56}, 98_765_432)
     stream = io.StringIO()
     Console(file=stream, width=80).print(score_grid([result], MADE).table())
     text = stream.getvalue()
     row = ["floor_dragon", "iprt", "0.9877", "0.988", "0.877", "36.88", "2.1e-04"]
-    row += ["0.0123", "-", "1234.6"]
+    row += ["0.0123", "-", "1234.6", "99"]
     assert row in [line.split() for line in text.splitlines()]
     assert "background: truth" in text
     assert "pip install 'iprt[metrics]'" in text

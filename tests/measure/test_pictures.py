@@ -57,6 +57,7 @@ def test_our_own_picture_has_the_scores_of_our_own(
     given, perfect, ours, _ = compared(room, *words)
     assert (given.pop("method"), given.pop("ms"), ours.pop("method")) == ("mine", {}, "iprt")
     assert ours.pop("ms")
+    assert (given.pop("bytes"), ours.pop("bytes") > 0) == (0, True)
     for name, value in given.items():
         # Files hold half floats.
         same = value if isinstance(value, str | None) else pytest.approx(value, abs=2e-3)
