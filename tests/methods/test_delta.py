@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.ndimage import minimum_filter
 from scipy.stats import norm
 
 from iprt.device.compute import ComputeDevice
@@ -153,7 +154,8 @@ def test_nothing_changes_where_all_objects_are_below_the_horizon(
     for planes in (blocked, bounce):
         assert not planes[below].any()
         assert planes.max() > 0.0
-    assert (ratio[below] == 1.0).all()
+    # Pixels on a depth edge show both surfaces.
+    assert (ratio[minimum_filter(below, 5)] == 1.0).all()
 
 
 def test_two_runs_are_equal(device: ComputeDevice) -> None:
