@@ -90,7 +90,7 @@ class Panorama:
         contrast = float(np.sum((front - back) ** 2))
         bright = float(np.sum(np.maximum(front, back) ** 2))
         enough = 0.01 * contrast + 1e-5 * bright
-        mixtures = 1.0 / (1.0 + (residual / enough) ** 2)
+        mixtures = max(1.05 / (1.0 + (residual / enough) ** 2) - 0.05, 0.0)
         for side, used, whole in zip(
             sides, pure, (lambda c: c > 0.97, lambda c: c < 0.03), strict=True
         ):

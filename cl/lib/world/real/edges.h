@@ -268,7 +268,7 @@ static inline ALWAYS_INLINE float16 find_coverage(
     const float off = 0.25f * sum_of(ones(INNER) * left);
     const float enough = MIXTURE * contrast + ALIKE * dot(bright, bright) + FLT_MIN;
     const float relative = off / enough;
-    *mixtures = 1.0f / (1.0f + relative * relative);
+    *mixtures = fmax(1.05f / (1.0f + relative * relative) - 0.05f, 0.0f);
     return coverage;
 }
 
