@@ -65,9 +65,8 @@ __kernel void sharpen_edges(
     const int2 found = sides_of_gap(&window, joints);
     if (INNER & ~(found.x | found.y))
         return;
-    const int first = nearest_texel(&window, found.x), second = nearest_texel(&window, found.y);
-    const int first_in_front = panorama_range[first].y < panorama_range[second].y;
-    const int front = first_in_front ? found.x : found.y, back = first_in_front ? found.y : found.x;
+    // Which of both is in front does not matter: each could be called so.
+    const int front = found.x, back = found.y;
 #ifdef CLIPPED
     const Shown shown = {panorama_color, panorama_clipped, panorama_clipped_color};
 #else
