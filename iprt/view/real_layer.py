@@ -96,26 +96,23 @@ class RealLayer:
 
     def _kernels(self, defines: Mapping[str, Define]) -> list[Kernel]:
         """What fills the planes, one after the other."""
-        edges = self.other is not None
-        kernels = [
-            self._device.kernel(
-                "view/resample.cl", "resample_panorama", {**defines, "EDGES": edges}
-            )
-        ]
-        if edges:
-            kernels.append(self._device.kernel("view/sharpen.cl", "sharpen_edges", defines))
+        names = [("view/resample.cl", "resample_panorama")]
+        if self.other is not None:
+            names.append(("view/sharpen.cl", "sharpen_edges"))
+        defines = {**defines, "EDGES": self.other is not None}
         return [
-            kernel.fixed(
+            self._device.kernel(*name, defines).fixed(
                 self._layout.arguments(),
                 {} if self._camera is None else {"camera": self._camera},
                 {"gloss": self.gloss, "roughness": self.roughness, "highlight": self._highlight},
-                {"other": self.other, "other_pixel": self.other_pixel, "motion": self.motion},
+                {"other": self.other, "other_pixel": self.other_pixel},
                 color=self.color,
                 normal=self.normal,
                 depth=self.depth,
                 id=self.id,
+                motion=self.motion,
             )
-            for kernel in kernels
+            for name in names
         ]
 
     def run(
@@ -139,8 +136,7 @@ class RealLayer:
         color_map : (6, 4) or None
             `ColorMap.rows` of the frame.
         """
-        some = {
-            "previous": previous,
+        gloss = {
             "panorama_gloss": panorama.gloss,
             "panorama_highlight": panorama.highlight,
             "real_materials": real_materials,
@@ -154,9 +150,10 @@ class RealLayer:
             for kernel in kernels:
                 kernel(
                     self._layout.size,
-                    some,
+                    gloss,
                     clipped,
                     view=view,
+                    previous=previous,
                     panorama_width=panorama.width,
                     panorama_height=panorama.height,
                     panorama_color=color,

@@ -34,10 +34,10 @@ class Pixel:
 
 
 class Panorama:
-    """Color (H, W, 3), flags (H, W), and the farthest radius (H, W) of each texel's plane."""
+    """Color (H, W, 3) and flags (H, W) of the texels."""
 
-    def __init__(self, color: NDArray[np.floating], flags: NDArray[np.integer], far: Float) -> None:
-        self._color, self._flags, self._far = color.astype(np.float64), flags, far
+    def __init__(self, color: NDArray[np.floating], flags: NDArray[np.integer]) -> None:
+        self._color, self._flags = color.astype(np.float64), flags
         self._height, self._width = flags.shape
 
     def pixel(self, view: View, x: int, y: int) -> Pixel:
@@ -61,9 +61,6 @@ class Panorama:
         sides = self._sides(texels, at)
         if sides is None or not set(INNER) <= sides[0] | sides[1]:
             return Pixel(blurred, None)
-        nearest = [min(side, key=lambda p: float(np.sum((p - at) ** 2))) for side in sides]
-        if not self._far[texels[nearest[0]]] < self._far[texels[nearest[1]]]:
-            sides = sides[::-1]
         mixed = {p for p in WINDOW if self._mixed(texels, p)}
         pure = [sorted(side - mixed) for side in sides]
         colors = {p: self._color[texels[p]] for p in WINDOW}

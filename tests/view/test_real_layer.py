@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,8 +14,8 @@ from iprt.footage.frame import Frame
 from iprt.gbuffer.layout import PlaneLayout
 from iprt.geometry.camera import View, equirect_pixel
 from iprt.view.real_layer import RealLayer
-from iprt.world.real.panorama import Panorama
 from tests.oracles.worlds import Box, World
+from tests.view.layers import Layer, loaded, show
 from tests.worlds import Float, landscape_frame, panorama_in, turned
 
 WIDTH, HEIGHT = 256, 128
@@ -35,37 +35,11 @@ VIEWS = {
 views = pytest.mark.parametrize("view", VIEWS.values(), ids=VIEWS)
 
 
-@dataclass(frozen=True)
-class Layer:
-    """(H, W, 3) color and normal, (H, W) depth and id, (H, W, 2) motion."""
-
-    color: Float
-    normal: Float
-    depth: Float
-    id: Float
-    motion: Float
-
-
 def resampled(
     device: ComputeDevice, frame: Frame, view: View, previous: View | None = None
 ) -> Layer:
-    panorama = Panorama(device, frame.width, frame.height)
-    panorama.load(frame)
-    layout = PlaneLayout(view.width, view.height)
-    equirect, clipped = view.projection == "equirect", frame.clipped is not None
-    layer = RealLayer(device, layout, equirect=equirect, name="real", clipped=clipped)
-    constants = (device.upload("view", v.kernel_constants()) for v in (view, previous or view))
-    layer.run(panorama, *constants)
-
-    def image(name: str) -> Float:
-        planes = device.read(getattr(layer, name))
-        outside = np.ones(planes.shape, bool)
-        layout.interior(outside)[:] = False
-        assert not planes[outside].any(), "borders hold nothing"
-        channels = np.moveaxis(layout.interior(planes).astype(np.float64), 0, -1)
-        return channels[..., 0] if channels.shape[-1] == 1 else channels
-
-    return Layer(*(image(name) for name in ("color", "normal", "depth", "id", "motion")))
+    clipped = frame.clipped is not None
+    return show(device, loaded(device, frame), view, previous, clipped=clipped)
 
 
 def noisy_frame(world: World = ROOM) -> Frame:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,12 +11,11 @@ from scipy.ndimage import maximum_filter, minimum_filter
 
 from iprt.device.compute import ComputeDevice
 from iprt.footage.frame import Frame
-from iprt.gbuffer.layout import PlaneLayout
 from iprt.geometry.camera import View
-from iprt.view.real_layer import RealLayer
 from iprt.world.real.panorama import Panorama
 from tests.oracles import edges
 from tests.oracles.worlds import Box, Sphere, World
+from tests.view.layers import Layer, loaded, show
 from tests.worlds import Float, landscape_frame, turned
 
 WIDTH, HEIGHT = 256, 128
@@ -39,41 +38,8 @@ VIEWS = {
 views = pytest.mark.parametrize("view", VIEWS.values(), ids=VIEWS)
 
 
-@dataclass(frozen=True)
-class Layer:
-    """(H, W, 3) color and normal, (H, W) depth, id, share of another surface and its pixel."""
-
-    color: Float
-    normal: Float
-    depth: Float
-    id: Float
-    other: Float
-    other_pixel: Float
-
-
 def shown(device: ComputeDevice, panorama: Panorama, view: View, *, sharp: bool = True) -> Layer:
-    layout = PlaneLayout(view.width, view.height)
-    equirect = view.projection == "equirect"
-    layer = RealLayer(device, layout, equirect=equirect, name="real", edges=sharp)
-    constants = device.upload("view", view.kernel_constants())
-    layer.run(panorama, constants, constants)
-
-    def image(name: str) -> Float:
-        planes = layout.interior(device.read(getattr(layer, name)))
-        channels = np.moveaxis(planes.astype(np.float64), 0, -1)
-        return channels[..., 0] if channels.shape[-1] == 1 else channels
-
-    planes = [image(name) for name in ("color", "normal", "depth", "id")]
-    if not sharp:
-        return Layer(*planes, np.zeros_like(planes[2]), np.zeros_like(planes[2]))
-    second = device.read(layer.other_pixel).reshape(view.height, view.width)
-    return Layer(*planes, image("other"), second.astype(np.float64))
-
-
-def loaded(device: ComputeDevice, frame: Frame) -> Panorama:
-    panorama = Panorama(device, frame.width, frame.height)
-    panorama.load(frame)
-    return panorama
+    return show(device, panorama, view, edges=sharp)
 
 
 def color_of(d: Float) -> Float:
@@ -111,9 +77,10 @@ def test_the_twin_shows_the_same(device: ComputeDevice, name: str, frame: Frame)
     panorama = loaded(device, frame)
     sharp, blurred = shown(device, panorama, view), shown(device, panorama, view, sharp=False)
     surface = device.read(panorama.surface)
-    far = device.read(panorama.range)[: HEIGHT * WIDTH, 1].reshape(HEIGHT, WIDTH)
-    twin = edges.Panorama(frame.color, surface[..., 3].astype(int), far)
+    twin = edges.Panorama(frame.color, surface[..., 3].astype(int))
     wanted, normal = blurred.color.copy(), blurred.normal.copy()
+    assert sharp.other is not None
+    assert sharp.other_pixel is not None
     other, second = np.zeros(sharp.depth.shape), sharp.other_pixel.copy()
     centres = View(WIDTH, HEIGHT, projection="equirect").directions()
     for y, x in np.ndindex(view.height, view.width):

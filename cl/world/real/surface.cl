@@ -141,7 +141,8 @@ __kernel void build_surface(
                                         (floats)(SURFACE_NONE)));
     const int texel = y * width + x, count = min(width - x, LANES);
     for (int i = 0; i < count; i++) {
-        surface[texel + i] = (float4)(lane(&shown.x, i), lane(&shown.y, i), lane(&shown.z, i), lane(&flags, i));
+        surface[texel + i] =
+            (float4)(lane(&shown.x, i), lane(&shown.y, i), lane(&shown.z, i), lane(&flags, i));
         range[texel + i] = (float2)(lane(&low, i), lane(&high, i));
     }
 }

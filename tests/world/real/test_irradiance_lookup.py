@@ -96,3 +96,18 @@ def test_unknown_cells_do_not_count(device: ComputeDevice) -> None:
     np.testing.assert_allclose(found[around.any(0)], 2.0, rtol=1e-5)
     assert (found[~around.any(0)] == 0.0).all()
     assert (~around.any(0)).sum() > 200
+
+
+def test_a_surface_that_no_cell_knows_takes_the_most_of_those_around(device: ComputeDevice) -> None:
+    """Of those that are known."""
+    tables = corner_tables(1.0, 1.0)
+    rng = np.random.default_rng(6)
+    tables["cache_value"][:, :3] = rng.random((32 * 64, 1))
+    tables["cache_value"][rng.random(32 * 64) < 0.3] = 0.0
+    points, normals = surface_points(5000)
+    # No wall faces away from the room.
+    found = looked_up(device, tables, points, -normals)
+    x, y = np.floor(equirect_pixel(points, 64, 32) - 0.5).astype(int).T
+    value = tables["cache_value"][:, 0].reshape(32, 64)
+    around = [value[np.clip(y + j, 0, 31), (x + i) % 64] for i in (0, 1) for j in (0, 1)]
+    np.testing.assert_allclose(found, np.max(around, axis=0), rtol=1e-6)

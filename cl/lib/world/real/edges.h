@@ -1,10 +1,10 @@
 // Depth edges of the panorama between its texels, where texels mix the colours of two surfaces.
 //
-// In a window of 4x4 texels around a place, the gap nearest to it parts two sides, front and back. Texels at
-// gaps are mixed; the others of each side are pure, and their means are the two colours. A side that is too
-// thin to have any has the colour of its texel that differs most from the other side. What a mixed texel
-// holds of the front, its coverage, is the least-squares solution between the colours. The edge is where the
-// bilinear blend of coverages is 1/2.
+// In a window of 4x4 texels around a place, the gap nearest to it parts two sides, the first and the second,
+// in either order. Texels at gaps are mixed; the others of each side are pure, and their means are the two
+// colours. A side that is too thin to have any has the colour of its texel that differs most from the other
+// side. What a mixed texel holds of the first side, its coverage, is the least-squares solution between the
+// colours. The edge is where the bilinear blend of coverages is 1/2.
 //
 // Element k of a vector of 16, and bit k of a mask, stand for the texel in row k / 4 and column k % 4.
 #ifndef IPRT_EDGES_H
@@ -19,7 +19,7 @@
 #define ALIKE 1e-5f        // the same over the square of the brightest colour
 #define WHOLE 0.97f        // coverage from which a texel shows nothing else
 #define NEAR 0.1f          // squared distance in texels that counts as near
-#define STEEP 2.25f        // change of coverage with the share of neighbours on the front
+#define STEEP 2.25f        // change of coverage with the share of neighbours on the first side
 
 #define INNER 0x0660       // the four texels around the place
 #define WITHOUT_LAST_COLUMN 0x7777
@@ -50,12 +50,18 @@ static inline ALWAYS_INLINE int16 in_mask(int mask)
     return ((int16)(mask) >> NUMBERS & 1) != 0;
 }
 
-static inline ALWAYS_INLINE int mask_of(int16 is)
+// All bits of the elements for which something holds.
+static inline ALWAYS_INLINE int bits_where(int16 is, int16 bits)
 {
-    const int16 bits = select((int16)(0), (int16)(1) << NUMBERS, is);
-    const int8 eight = bits.lo | bits.hi;
+    const int16 held = select((int16)(0), bits, is);
+    const int8 eight = held.lo | held.hi;
     const int4 four = eight.lo | eight.hi;
     return four.x | four.y | four.z | four.w;
+}
+
+static inline ALWAYS_INLINE int mask_of(int16 is)
+{
+    return bits_where(is, (int16)(1) << NUMBERS);
 }
 
 // Number of the least of what is not negative, to 19 bits; the first if several are.
@@ -71,15 +77,6 @@ static inline ALWAYS_INLINE int number_of_least(float16 v)
 static inline ALWAYS_INLINE float element(float16 v, int k)
 {
     return sum_of(select((float16)(0.0f), v, NUMBERS == k));
-}
-
-// Texel k of a window.
-static inline ALWAYS_INLINE int window_texel(int16 texels, int k)
-{
-    const int16 only = select((int16)(0), texels, NUMBERS == k);
-    const int8 eight = only.lo | only.hi;
-    const int4 four = eight.lo | eight.hi;
-    return four.x | four.y | four.z | four.w;
 }
 
 // Whether a texel is at a gap. Open sky goes on in open sky.
@@ -215,14 +212,14 @@ static inline ALWAYS_INLINE int farthest_color(const Window *w, int mask, float3
     return 1 << number_of_least(select((float16)(INFINITY), near, in_mask(mask)));
 }
 
-// Texels that show nothing but the front, and nothing but the back; 0 if neither side has any.
-static inline ALWAYS_INLINE int2 pure_texels(const Window *w, int front, int back, int mixed)
+// Texels that show nothing but their side; 0 if neither side has any.
+static inline ALWAYS_INLINE int2 pure_texels(const Window *w, int2 sides, int mixed)
 {
-    int2 pure = (int2)(front & ~mixed, back & ~mixed);
+    int2 pure = sides & ~mixed;
     if (pure.x && !pure.y)
-        pure.y = farthest_color(w, back, mean_color(w, ones(pure.x)));
+        pure.y = farthest_color(w, sides.y, mean_color(w, ones(pure.x)));
     else if (pure.y && !pure.x)
-        pure.x = farthest_color(w, front, mean_color(w, ones(pure.y)));
+        pure.x = farthest_color(w, sides.x, mean_color(w, ones(pure.y)));
     return pure;
 }
 
@@ -234,30 +231,30 @@ static inline ALWAYS_INLINE float color_variance(const Window *w, int mask, floa
 
 // What is expected of an inner texel's coverage by the sides of its neighbours: that of an edge that goes on
 // straight.
-static inline ALWAYS_INLINE float expected_coverage(int front, int k)
+static inline ALWAYS_INLINE float expected_coverage(int first, int k)
 {
-    return 0.5f + STEEP * (popcount(front >> (k - 5) & 0x777) / 9.0f - 0.5f);
+    return 0.5f + STEEP * (popcount(first >> (k - 5) & 0x777) / 9.0f - 0.5f);
 }
 
-// Coverage of the window's texels by the front, least squares between two colours; the less these vary, the
-// more they count. None is taken to show more of the other side than of its own. `mixtures`: how far the
+// Coverage of the window's texels by the first side, least squares between two colours; the less these vary,
+// the more they count. None is taken to show more of the other side than of its own. `mixtures`: how far the
 // inner texels are mixtures of both colours, 1 to 0.
 static inline ALWAYS_INLINE float16 find_coverage(
-    const Window *w, int front, int2 pure, int mixed, float *mixtures)
+    const Window *w, int first, int2 pure, int mixed, float *mixtures)
 {
-    const float3 front_color = mean_color(w, ones(pure.x)), back_color = mean_color(w, ones(pure.y));
-    const float3 apart = front_color - back_color, bright = fmax(front_color, back_color);
-    const float prior = color_variance(w, pure.x, front_color)
-        + color_variance(w, pure.y, back_color) + PRIOR * dot(bright, bright) + FLT_MIN;
+    const float3 one = mean_color(w, ones(pure.x)), other = mean_color(w, ones(pure.y));
+    const float3 apart = one - other, bright = fmax(one, other);
+    const float prior = color_variance(w, pure.x, one)
+        + color_variance(w, pure.y, other) + PRIOR * dot(bright, bright) + FLT_MIN;
     const float contrast = dot(apart, apart);
-    const float16 own = ones(front);
+    const float16 own = ones(first);
     float16 expected = own;
-    expected.s5 = expected_coverage(front, 5);
-    expected.s6 = expected_coverage(front, 6);
-    expected.s9 = expected_coverage(front, 9);
-    expected.sa = expected_coverage(front, 10);
-    const float16 red = w->red - back_color.x, green = w->green - back_color.y;
-    const float16 blue = w->blue - back_color.z;
+    expected.s5 = expected_coverage(first, 5);
+    expected.s6 = expected_coverage(first, 6);
+    expected.s9 = expected_coverage(first, 9);
+    expected.sa = expected_coverage(first, 10);
+    const float16 red = w->red - other.x, green = w->green - other.y;
+    const float16 blue = w->blue - other.z;
     const float16 share = (red * apart.x + green * apart.y + blue * apart.z + prior * expected)
         / (contrast + prior);
     const float16 coverage =
@@ -272,7 +269,7 @@ static inline ALWAYS_INLINE float16 find_coverage(
     return coverage;
 }
 
-// Share of a pixel on the front side of the edge; `right`, `down`: what the pixel covers, in texels.
+// Share of a pixel on the first side of the edge; `right`, `down`: what the pixel covers, in texels.
 static inline ALWAYS_INLINE float pixel_coverage(
     const Window *w, float16 coverage, float2 right, float2 down)
 {
@@ -285,10 +282,10 @@ static inline ALWAYS_INLINE float pixel_coverage(
     return clamp(0.5f + (mix(upper, lower, y) - 0.5f) / fmax(across, 1e-6f), 0.0f, 1.0f);
 }
 
-// The pure texels, and those that are found to be covered wholly by the front, and by the back.
-static inline ALWAYS_INLINE int2 whole_texels(int front, int back, int2 pure, float16 coverage)
+// The pure texels, and those that are found to be covered by their side alone.
+static inline ALWAYS_INLINE int2 whole_texels(int2 sides, int2 pure, float16 coverage)
 {
-    return pure | (int2)(front & mask_of(coverage > WHOLE), back & mask_of(coverage < 1.0f - WHOLE));
+    return pure | (sides & (int2)(mask_of(coverage > WHOLE), mask_of(coverage < 1.0f - WHOLE)));
 }
 
 static inline ALWAYS_INLINE float16 squared_way(const Window *w)
@@ -312,10 +309,10 @@ static inline ALWAYS_INLINE float3 side_color(const Window *w, int own)
 static inline ALWAYS_INLINE int nearest_texel(const Window *w, int mask)
 {
     const float16 way = select((float16)(INFINITY), squared_way(w), in_mask(mask));
-    return window_texel(w->texels, number_of_least(way));
+    return bits_where(NUMBERS == number_of_least(way), w->texels);
 }
 
-// What of the front is in the window's cubic convolution.
+// What of the first side is in the window's cubic convolution.
 static inline ALWAYS_INLINE float blurred_coverage(const Window *w, float16 coverage)
 {
     return clamp(sum_of(cubic_weight(w) * coverage), 0.0f, 1.0f);
