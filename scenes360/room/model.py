@@ -9,21 +9,29 @@ from typing import Any
 
 from iprt.truth.shapes import mitsuba_mesh
 from scenes360.room import seating, shell, storage
-from scenes360.room.plan import Pieces
+from scenes360.room.plan import FLOOR_ALPHA, Pieces
 
 
-def build() -> dict[str, Any]:
-    """All parts of the room, without the inserted objects."""
+def build(floor_alpha: float = FLOOR_ALPHA, detail: int = 1) -> dict[str, Any]:
+    """All parts of the room, without the inserted objects.
+
+    Parameters
+    ----------
+    floor_alpha : float
+        Roughness of the floor's coat.
+    detail : int
+        Factor on the resolution of textures; their grain and yarn become as much finer.
+    """
     pieces: Pieces = [
-        *shell.shell(),
+        *shell.shell(floor_alpha, detail),
         *shell.window(),
-        *seating.sofa(),
-        *seating.coffee_table(),
-        *seating.armchair(),
-        *storage.bookshelf(),
-        *storage.desk(),
-        *storage.sideboard(),
-        *shell.pictures(),
+        *seating.sofa(detail),
+        *seating.coffee_table(detail),
+        *seating.armchair(detail),
+        *storage.bookshelf(detail),
+        *storage.desk(detail),
+        *storage.sideboard(detail),
+        *shell.pictures(detail),
         *storage.plant(),
         *seating.lamp_body(),
     ]

@@ -12,6 +12,7 @@ from scenes360.room.plan import (
     FLOOR,
     LAMP,
     SEED,
+    TABLE_ALPHA,
     TABLE_TOP,
     TEAK_DARK,
     TEAK_LIGHT,
@@ -20,8 +21,12 @@ from scenes360.room.plan import (
 )
 
 
-def sofa() -> Pieces:
-    x, z, cloth = 0.15, -2.50, textures.fabric((256, 256), (0.13, 0.20, 0.30), SEED + 2)
+def sofa(detail: int = 1) -> Pieces:
+    x, z, cloth = (
+        0.15,
+        -2.50,
+        textures.fabric((256 * detail, 256 * detail), (0.13, 0.20, 0.30), SEED + 2),
+    )
     frame = [
         box((2.1, 0.20, 0.86), bevel=0.03, steps=4).at(x, FLOOR + 0.22, z),
         box((2.1, 0.50, 0.20), bevel=0.07, steps=6).at(x, FLOOR + 0.55, z - 0.34),
@@ -61,15 +66,15 @@ def sofa() -> Pieces:
         (join(frame), textured(cloth)),
         (join(legs), glossy(WALNUT_LIGHT, 0.2)),
         *(
-            (solid, textured(textures.fabric((128, 128), rgb, SEED + i)))
+            (solid, textured(textures.fabric((128 * detail, 128 * detail), rgb, SEED + i)))
             for i, (solid, rgb) in enumerate(throw)
         ),
     ]
 
 
-def coffee_table() -> Pieces:
+def coffee_table(detail: int = 1) -> Pieces:
     x, z = 0.2, -1.45
-    grain = textures.wood((256, 512), TEAK_DARK, TEAK_LIGHT, SEED + 5)
+    grain = textures.wood((256 * detail, 512 * detail), TEAK_DARK, TEAK_LIGHT, SEED + 5)
     top = box((1.2, 0.045, 0.62), bevel=0.018, steps=5).at(x, TABLE_TOP - 0.0225, z)
     shelf = box((1.0, 0.02, 0.46), bevel=0.008).at(x, FLOOR + 0.16, z)
     legs = [
@@ -141,7 +146,7 @@ def coffee_table() -> Pieces:
         0.0055,
     )
     return [
-        (top, glossy(bitmap(grain), 0.2)),
+        (top, glossy(bitmap(grain), TABLE_ALPHA)),
         (join([shelf, *legs]), glossy(TEAK_LIGHT, 0.2)),
         (bowl.at(**at), both_sides(glossy((0.70, 0.70, 0.68), 0.08))),
         (join(fruit[:2]).at(**at), glossy((0.75, 0.30, 0.03), 0.25)),
@@ -154,7 +159,7 @@ def coffee_table() -> Pieces:
     ]
 
 
-def armchair() -> Pieces:
+def armchair(detail: int = 1) -> Pieces:
     parts = [
         box((0.68, 0.16, 0.66), bevel=0.06, steps=6).at(0, 0.36, 0.02),
         box((0.66, 0.56, 0.15), bevel=0.07, steps=6).turned("x", -14).at(0, 0.66, -0.32),
@@ -173,7 +178,7 @@ def armchair() -> Pieces:
     return [
         (
             join(parts).turned("y", -78).at(**place),
-            textured(textures.fabric((256, 256), (0.60, 0.36, 0.10), SEED + 8)),
+            textured(textures.fabric((256 * detail, 256 * detail), (0.60, 0.36, 0.10), SEED + 8)),
         ),
         (join(legs).turned("y", -78).at(**place), glossy(WALNUT_LIGHT, 0.2)),
     ]

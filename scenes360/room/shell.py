@@ -16,6 +16,7 @@ from scenes360.room.plan import (
     BRASS,
     CEILING,
     FLOOR,
+    FLOOR_ALPHA,
     FRONT,
     LAMP,
     LEFT,
@@ -33,9 +34,10 @@ from scenes360.room.plan import (
 )
 
 
-def shell() -> Pieces:
+def shell(floor_alpha: float = FLOOR_ALPHA, detail: int = 1) -> Pieces:
+    """Walls, ceiling, rug, and a floor of this roughness."""
     wide, deep, high = RIGHT - LEFT, BACK - FRONT, CEILING - FLOOR
-    floor = textures.planks((1024, 1024), 32, 2.6, OAK_DARK, OAK_LIGHT, SEED)
+    floor = textures.planks((1024 * detail, 1024 * detail), 32, 2.6, OAK_DARK, OAK_LIGHT, SEED)
     (z0, z1), (y0, y1) = WINDOW_Z, WINDOW_Y
     left = [  # around the window; seen from inside, +z is to the left
         panel((LEFT, FLOOR, BACK), (0, 0, z1 - BACK), (0, high, 0)),
@@ -64,7 +66,11 @@ def shell() -> Pieces:
         ]
     )
     carpet = textures.rug(
-        (384, 576), (0.50, 0.44, 0.36), (0.11, 0.15, 0.22), (0.34, 0.10, 0.07), SEED
+        (384 * detail, 576 * detail),
+        (0.50, 0.44, 0.36),
+        (0.11, 0.15, 0.22),
+        (0.34, 0.10, 0.07),
+        SEED,
     )
     # Thick walls outside the panels keep the sky from shining through their seams.
     hull = join(
@@ -96,7 +102,7 @@ def shell() -> Pieces:
         (join(reveal), diffuse(0.8, 0.8, 0.78)),
         (ceiling, diffuse(0.72, 0.71, 0.69)),
         (hull, diffuse(0.5, 0.5, 0.5)),
-        (ground, glossy(bitmap(floor), 0.25)),
+        (ground, glossy(bitmap(floor), floor_alpha)),
         (skirting, glossy((0.75, 0.74, 0.71), 0.2)),
         (
             box((2.5, 0.012, 1.7), bevel=0.005).at(0.15, FLOOR + 0.006, -1.35),
@@ -137,7 +143,7 @@ def window() -> Pieces:
     ]
 
 
-def pictures() -> Pieces:
+def pictures(detail: int = 1) -> Pieces:
     sunset = [
         (0.55, 0.30, 0.22),
         (0.80, 0.62, 0.38),
@@ -161,24 +167,48 @@ def pictures() -> Pieces:
         (0.26, 0.36, 0.30),
     ]
     hung = [  # centre, turn, width, height, picture
-        ((-0.72, 0.12, FRONT), 0, 0.52, 0.70, textures.hills((280, 208), sunset, SEED)),
-        ((0.15, 0.12, FRONT), 0, 0.80, 0.70, textures.bands((280, 320), sea, SEED + 1)),
-        ((1.02, 0.12, FRONT), 0, 0.52, 0.70, textures.discs((280, 208), warm, SEED + 2)),
+        (
+            (-0.72, 0.12, FRONT),
+            0,
+            0.52,
+            0.70,
+            textures.hills((280 * detail, 208 * detail), sunset, SEED),
+        ),
+        (
+            (0.15, 0.12, FRONT),
+            0,
+            0.80,
+            0.70,
+            textures.bands((280 * detail, 320 * detail), sea, SEED + 1),
+        ),
+        (
+            (1.02, 0.12, FRONT),
+            0,
+            0.52,
+            0.70,
+            textures.discs((280 * detail, 208 * detail), warm, SEED + 2),
+        ),
         (
             (LEFT, 0.10, 1.25),
             90,
             0.9,
             0.6,
-            textures.hills((240, 360), sea[:1] + warm[:1] + sunset[2:], SEED + 3),
+            textures.hills((240 * detail, 360 * detail), sea[:1] + warm[:1] + sunset[2:], SEED + 3),
         ),
         (
             (-0.45, 0.30, BACK),
             180,
             0.9,
             0.5,
-            textures.discs((200, 360), sea[:1] + sunset[1:], SEED + 7),
+            textures.discs((200 * detail, 360 * detail), sea[:1] + sunset[1:], SEED + 7),
         ),
-        ((RIGHT, 0.10, -0.9), -90, 0.5, 0.7, textures.bands((280, 200), warm, SEED + 5)),
+        (
+            (RIGHT, 0.10, -0.9),
+            -90,
+            0.5,
+            0.7,
+            textures.bands((280 * detail, 200 * detail), warm, SEED + 5),
+        ),
     ]
     pieces: Pieces = []
     for (x, y, z), turn, w, h, image in hung:

@@ -22,10 +22,10 @@ from scenes360.room.plan import (
 )
 
 
-def bookshelf() -> Pieces:
+def bookshelf(detail: int = 1) -> Pieces:
     z0, z1, depth, height, boards = 0.15, 1.75, 0.30, 1.92, 6
     x = RIGHT - depth / 2
-    grain = textures.wood((256, 512), OAK_DARK, OAK_LIGHT, SEED + 9)
+    grain = textures.wood((256 * detail, 512 * detail), OAK_DARK, OAK_LIGHT, SEED + 9)
     carcass = [
         box((depth, 0.024, z1 - z0)).at(
             x, FLOOR + 0.06 + k * (height - 0.08) / (boards - 1), (z0 + z1) / 2
@@ -94,9 +94,9 @@ def bookshelf() -> Pieces:
     ]
 
 
-def desk() -> Pieces:
+def desk(detail: int = 1) -> Pieces:
     x, z, top = -0.45, BACK - 0.36, FLOOR + 0.74
-    grain = textures.wood((256, 512), OAK_DARK, OAK_LIGHT, SEED + 12)
+    grain = textures.wood((256 * detail, 512 * detail), OAK_DARK, OAK_LIGHT, SEED + 12)
     plate = box((1.5, 0.035, 0.68), bevel=0.008).at(x, top - 0.0175, z)
     legs = [
         box((0.05, 0.705, 0.05)).at(x + sx * 0.68, FLOOR + 0.3525, z + sz * 0.28)
@@ -160,10 +160,10 @@ def desk() -> Pieces:
     ]
 
 
-def sideboard() -> Pieces:
+def sideboard(detail: int = 1) -> Pieces:
     z, depth, width, height = 1.25, 0.40, 1.3, 0.62
     x = LEFT + depth / 2 + 0.02
-    grain = textures.wood((256, 512), WALNUT_DARK, WALNUT_LIGHT, SEED + 15)
+    grain = textures.wood((256 * detail, 512 * detail), WALNUT_DARK, WALNUT_LIGHT, SEED + 15)
     body = [
         box((depth, height - 0.14, width), bevel=0.008).at(x, FLOOR + 0.14 + (height - 0.14) / 2, z)
     ]
