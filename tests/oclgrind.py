@@ -21,6 +21,7 @@ from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
+from unittest import mock
 
 import numpy as np
 import pyopencl.array as cla
@@ -28,6 +29,7 @@ from numpy.typing import NDArray
 
 from iprt.device.choose import choose_device
 from iprt.device.compute import ComputeDevice
+from iprt.methods import voxels
 from tests.films import entry_points, films, launches, play
 
 LIBRARY = Path("/usr/lib/oclgrind/liboclgrind-rt-icd.so")
@@ -35,6 +37,8 @@ CORE = "liboclgrind-21.10.so"
 """The library behind LIBRARY, of the version whose fault `mended_core` knows."""
 MISSING = f"Oclgrind is not installed (apt-get install oclgrind): there is no {LIBRARY}"
 TIMEOUT_S = 1800.0
+PREFILTERED_ROWS = 16
+"""Those of the finest level here, about as many as the films' panoramas have."""
 ROOT = Path(__file__).resolve().parents[1]
 
 NO_FINDING = re.compile(
@@ -156,8 +160,9 @@ def reports(text: str) -> list[str]:
 
 def play_film(name: str) -> None:
     """Play a film on Oclgrind, in a process that `watch` has started."""
-    with launches() as names:
-        # Each more costs seconds, and is the same memory.
+    # More bounces, and larger levels of the prefiltered panorama, cost minutes and are the same
+    # accesses.
+    with launches() as names, mock.patch.object(voxels, "PREFILTERED_ROWS", PREFILTERED_ROWS):
         play(SimulatedDevice(), films(trace={"bounces": 2})[name])
     print(json.dumps(sorted(names)))
 
