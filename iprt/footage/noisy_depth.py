@@ -91,8 +91,10 @@ def _departure(shapes: Float) -> float:
     return float(np.quantile(np.sqrt((rest * rest).mean(axis=1)), 1.0 / 3.0))
 
 
-def smoothed(depth: Plane) -> Plane:
-    """Depth within its noise drawn to the planes around; the same array where it has none.
+def smoothed(depth: Plane) -> tuple[Plane, float]:
+    """Depth within its noise drawn to the planes around, and that noise over depth.
+
+    Exact depth is the same array, and has no noise.
 
     Steps and creases that stand out from noise stay, and so does what is smaller than a cell.
 
@@ -103,17 +105,17 @@ def smoothed(depth: Plane) -> Plane:
     """
     height, width = depth.shape
     if height < MIN_ROWS or width != 2 * height:
-        return depth
+        return depth, 0.0
     with np.errstate(invalid="ignore"):
         known = (depth > 0.0) & (depth < np.inf)
     noise = Noise.of(depth, known)
     if noise.bent <= CLEAN:
-        return depth
+        return depth, 0.0
     exact = np.where(known, depth, np.float32(0.0))
     planes = cell_planes(exact, known, noise.flat)
     # Again from where it has gone, so that a texel's own noise hardly decides which planes count.
     drawn = _drawn(exact, _drawn(exact, exact, planes), planes)
-    return np.where(known, drawn, depth)
+    return np.where(known, drawn, depth), noise.flat
 
 
 def cell_planes(depth: Plane, known: Mask, noise: float) -> Float:

@@ -52,9 +52,16 @@ class RawFrame:
     def sanitised(self) -> Frame:
         """Smooth noise and fill holes; see `smoothed` and `sanitise_depth`."""
         color = sanitise_color(self.color)
-        clean = sanitise_depth(smoothed(self.depth), color)
+        depth, noise = smoothed(self.depth)
+        clean = sanitise_depth(depth, color)
         return Frame(
-            color, clean.depth, clean.opening, self.normal, index=self.index, pose=self.pose
+            color,
+            clean.depth,
+            clean.opening,
+            self.normal,
+            index=self.index,
+            pose=self.pose,
+            noise=noise,
         )
 
 
