@@ -23,7 +23,7 @@ from iprt.footage.gather import (
 from iprt.footage.gloss import Evidence, Plane, RealMaterial
 from iprt.footage.gloss_evidence import ALPHAS, PlanePicture, Reflection
 from iprt.footage.mirrored import IOR, RoomCells, reflected
-from iprt.footage.planes import CellPlane, find_planes, grown
+from iprt.footage.planes import CellPlane, find_planes
 from iprt.footage.segments import lifted
 from iprt.geometry.material import Material
 
@@ -34,11 +34,8 @@ LIGHT_STEPS, REST_STEPS = 12, 6
 BRIGHT = 3.0
 """A cell so many times as bright as the mean is a light."""
 MIN_TOLERANCE, NOISE = 0.002, 3.0
-"""Least distance from a plane of what is on it, over depth, and the same in `Frame.fit_tolerance`
-or `Frame.noise`."""
-SHARED = 12.0
-"""Largest distance in `Frame.noise` of what is taken with a plane that reflects: of errors that
-large parts of a surface share, smoothing leaves most."""
+"""Least distance from a plane of what is on it, over depth, and the same in `Frame.fit_tolerance`.
+"""
 SCREEN, SCREEN_RAYS, MIN_SCREEN_T = (1, 4), 4, 3.0
 """Which of `ALPHAS` are tried first, without the shading, with how many rays, and the least t to
 look further."""
@@ -67,7 +64,7 @@ def find_gloss(frame: Frame, taken: frozenset[str] = frozenset()) -> tuple[RealM
     """
     around = RoomCells.of(frame, min(ROWS, frame.height))
     cells = around.cells
-    tolerance = max(MIN_TOLERANCE, NOISE * max(frame.fit_tolerance, frame.noise))
+    tolerance = max(MIN_TOLERANCE, NOISE * frame.fit_tolerance)
     usable = around.color.min(axis=-1) > 0.0
     if frame.gloss is not None:
         usable &= cell_means(frame.gloss > 0, cells.rows).ravel() == 0.0
@@ -80,11 +77,8 @@ def find_gloss(frame: Frame, taken: frozenset[str] = frozenset()) -> tuple[RealM
         reflection = picture.reflection(parts)
         if is_strong(reflection, len(planes) * len(ALPHAS)):
             names = taken | {material.name for material in found}
-            name, reach = _free_name(_kind(plane, planes), names), tolerance
-            if frame.noise > 0.0:
-                reach = SHARED * frame.noise
-                plane = grown(cells, plane, reach)
-            found.append(_material(name, cells, plane, reach, reflection))
+            name = _free_name(_kind(plane, planes), names)
+            found.append(_material(name, cells, plane, tolerance, reflection))
     return tuple(found)
 
 

@@ -49,9 +49,6 @@ class Frame:
     color_map : (3, 3) float64 or None
         Takes colours of this frame to those of the video's reference frame, which was exposed and
         balanced otherwise. None: they are the same.
-    noise : float
-        RMS of what the source's depth was off planes around, over depth. It has been smoothed, but
-        errors that large regions share are left. 0: it was exact.
     """
 
     color: NDArray[np.float32]
@@ -64,7 +61,6 @@ class Frame:
     pose: NDArray[np.float64] | None = None
     clipped: ClippedTexels | None = None
     color_map: NDArray[np.float64] | None = None
-    noise: float = 0.0
 
     @cached_property
     def radiance(self) -> NDArray[np.float32]:

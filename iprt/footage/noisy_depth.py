@@ -17,7 +17,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from iprt.footage.gather import Cells
 from iprt.footage.normals import GAP_TOLERANCE, window_taps
+from iprt.footage.openings import solid_angles
+from iprt.footage.planes import find_planes
 
 Plane = NDArray[np.float32]
 Float = NDArray[np.float64]
@@ -35,6 +38,8 @@ errors; those of estimators have longer tails."""
 ROUGHEST = 3.0
 """Noise of a place over that of the panorama, at most: estimators are worse in some places."""
 PASSES = 3
+SHARED_REACH = 12.0
+"""Deviations of shared errors that a texel may be off a large plane."""
 _WINDOWS, _ACROSS = 40, 5
 _BLOCK_ROWS = 64
 _OWN_WEIGHT = 1e-3
@@ -55,6 +60,11 @@ class Noise:
 
     bent: float
     flat: float
+
+    @property
+    def shared(self) -> float:
+        """What many texels share, and smoothing among them does not find."""
+        return float(np.sqrt(max(self.flat**2 - self.bent**2, 0.0)))
 
     @classmethod
     def of(cls, depth: Plane, known: Mask) -> Noise:
@@ -91,10 +101,8 @@ def _departure(shapes: Float) -> float:
     return float(np.quantile(np.sqrt((rest * rest).mean(axis=1)), 1.0 / 3.0))
 
 
-def smoothed(depth: Plane) -> tuple[Plane, float]:
-    """Depth within its noise drawn to the planes around, and that noise over depth.
-
-    Exact depth is the same array, and has no noise.
+def smoothed(depth: Plane) -> Plane:
+    """Depth within its noise drawn to the planes around; the same array where it has none.
 
     Steps and creases that stand out from noise stay, and so does what is smaller than a cell.
 
@@ -105,17 +113,18 @@ def smoothed(depth: Plane) -> tuple[Plane, float]:
     """
     height, width = depth.shape
     if height < MIN_ROWS or width != 2 * height:
-        return depth, 0.0
+        return depth
     with np.errstate(invalid="ignore"):
         known = (depth > 0.0) & (depth < np.inf)
     noise = Noise.of(depth, known)
     if noise.bent <= CLEAN:
-        return depth, 0.0
+        return depth
     exact = np.where(known, depth, np.float32(0.0))
     planes = cell_planes(exact, known, noise.flat)
     # Again from where it has gone, so that a texel's own noise hardly decides which planes count.
     drawn = _drawn(exact, _drawn(exact, exact, planes), planes)
-    return np.where(known, drawn, depth), noise.flat
+    drawn = _flattened(drawn, planes, SHARED_REACH * noise.shared)
+    return np.where(known, drawn, depth)
 
 
 def cell_planes(depth: Plane, known: Mask, noise: float) -> Float:
@@ -198,9 +207,9 @@ def _squared_distance(sums: Float, plane: Float) -> Float:
     return np.asarray(np.maximum(total, 0.0) / np.maximum(n, 1.0))
 
 
-def _agreement(squared: Float) -> Float:
+def _agreement(squared: NDArray[np.floating]) -> NDArray[np.floating]:
     """Tukey's biweight of squared distances over the farthest one."""
-    return np.asarray(np.maximum(1.0 - squared, 0.0) ** 2)
+    return np.asarray(np.maximum(1.0 - squared, 0.0) ** 2, squared.dtype)
 
 
 def _directions(width: int, height: int, rows: slice) -> tuple[Float, Float, Float]:
@@ -237,6 +246,66 @@ def _drawn(depth: Plane, place: Plane, planes: Float) -> Plane:
             shift += weight * (inverse * depth[block] - 1.0)
         drawn[block] = depth[block] / (1.0 + shift / (total + np.float32(_OWN_WEIGHT)))
     return drawn
+
+
+def _flattened(depth: Plane, planes: Float, reach: float) -> Plane:
+    """(H, W) `depth` drawn to the large planes (`find_planes`) of which its cells are pieces.
+
+    Errors that floors or walls share in large parts stay within `reach` times the depth.
+    """
+    height, width = depth.shape
+    rows, columns = planes.shape[:2]
+    cells = _as_cells(planes[..., :3])
+    large = find_planes(cells, reach, cells.sky == 0.0)
+    members = np.zeros((len(large), rows * columns), np.float32)
+    for member, plane in zip(members, large, strict=True):
+        member[plane.cells] = 1.0
+    member_of = members.reshape(-1, rows, columns)
+    cell, across = _splines(width, columns)
+    cell_row, down = _splines(height, rows)
+    wide = sum(member_of[:, :, (cell + step) % columns] * across[step + 1] for step in (-1, 0, 1))
+    flattened = np.empty_like(depth)
+    for first in range(0, height, _BLOCK_ROWS):
+        block = slice(first, min(first + _BLOCK_ROWS, height))
+        direction = np.stack(np.broadcast_arrays(*_directions(width, height, block)), axis=-1)
+        shift = np.zeros_like(depth[block])
+        for number, plane in enumerate(large):
+            off = (direction @ (plane.normal / plane.offset)).astype(np.float32) * depth[block]
+            off -= 1.0
+            weight = sum(
+                wide[number, np.clip(cell_row[block] + step, 0, rows - 1)]
+                * down[step + 1, block, None]
+                for step in (-1, 0, 1)
+            )
+            shift += weight * _agreement((off / reach) ** 2) * off
+        flattened[block] = depth[block] / (1.0 + shift)
+    return flattened
+
+
+def _as_cells(planes: Float) -> Cells:
+    """Cells of tangent planes (rows, columns, 3); sky where there is none."""
+    rows, columns = planes.shape[:2]
+    x, y, z = np.broadcast_arrays(*_directions(columns, rows, slice(0, rows)))
+    direction = np.stack([x, y, z], axis=-1).reshape(-1, 3)
+    g = planes.reshape(-1, 3)
+    inverse = (g * direction).sum(axis=-1)
+    there = inverse > 0.0
+    depth = 1.0 / np.where(there, inverse, 1.0)
+    length = np.linalg.norm(g, axis=-1)
+    solid_angle = np.repeat(solid_angles(columns, rows), columns)
+    none = np.zeros(len(g))
+    return Cells(
+        rows=rows,
+        direction=direction,
+        point=direction * depth[:, None],
+        normal=np.where(there[:, None], -g / np.where(there, length, 1.0)[:, None], -direction),
+        depth=depth,
+        area=solid_angle * depth * depth,
+        solid_angle=solid_angle,
+        opening=none,
+        sky=np.where(there, 0.0, 1.0),
+        rough=none,
+    )
 
 
 def _splines(texels: int, cells: int) -> tuple[NDArray[np.intp], Plane]:

@@ -81,21 +81,6 @@ def find_planes(cells: Cells, tolerance: float, usable: NDArray[np.bool_]) -> li
     return found
 
 
-def grown(cells: Cells, plane: CellPlane, tolerance: float) -> CellPlane:
-    """The plane through all cells that are `tolerance` times their depth off it at most.
-
-    Where depth is noisy, large surfaces are found in parts, each with a plane of its own.
-    """
-    everywhere = np.flatnonzero(well_seen(cells))
-    reach = tolerance * np.maximum(cells.depth, NEAREST)
-    for _ in range(2 * REFITS):
-        on = _lying_on(cells, everywhere, plane.normal, plane.offset, reach)
-        if len(on) < len(plane.cells):
-            break
-        plane = CellPlane(*_fitted(cells, on), on)
-    return plane
-
-
 def _lying_on(
     cells: Cells, among: NDArray[np.intp], normal: Float, offset: float, reach: Float
 ) -> NDArray[np.intp]:

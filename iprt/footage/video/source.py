@@ -52,16 +52,9 @@ class RawFrame:
     def sanitised(self) -> Frame:
         """Smooth noise and fill holes; see `smoothed` and `sanitise_depth`."""
         color = sanitise_color(self.color)
-        depth, noise = smoothed(self.depth)
-        clean = sanitise_depth(depth, color)
+        clean = sanitise_depth(smoothed(self.depth), color)
         return Frame(
-            color,
-            clean.depth,
-            clean.opening,
-            self.normal,
-            index=self.index,
-            pose=self.pose,
-            noise=noise,
+            color, clean.depth, clean.opening, self.normal, index=self.index, pose=self.pose
         )
 
 
