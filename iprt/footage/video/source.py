@@ -17,6 +17,7 @@ from iprt.files.path_safety import require_inside
 from iprt.footage.coarse_depth import Grid, at_full_size
 from iprt.footage.depth import sanitise_color, sanitise_depth
 from iprt.footage.frame import Frame
+from iprt.footage.noisy_depth import smoothed
 from iprt.footage.video.poses import read_poses
 from iprt.footage.video.reader import open_streams
 from iprt.footage.video.table import VideoTable
@@ -49,9 +50,9 @@ class RawFrame:
     pose: NDArray[np.float64] | None = None
 
     def sanitised(self) -> Frame:
-        """Fill holes; see `sanitise_depth`."""
+        """Smooth noise and fill holes; see `smoothed` and `sanitise_depth`."""
         color = sanitise_color(self.color)
-        clean = sanitise_depth(self.depth, color)
+        clean = sanitise_depth(smoothed(self.depth), color)
         return Frame(
             color, clean.depth, clean.opening, self.normal, index=self.index, pose=self.pose
         )
