@@ -8,31 +8,21 @@ which show nothing of their own; curved things; gloss that only a part of a plan
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
-from numpy.typing import NDArray
 
 from iprt.footage.frame import Frame
-from iprt.footage.gather import (
-    Cells,
-    Float,
-    Receivers,
-    cell_means,
-    irradiance_of_lights,
-    irradiance_of_rest,
-)
+from iprt.footage.gather import Cells, cell_means
 from iprt.footage.gloss import Evidence, Plane, RealMaterial
-from iprt.footage.gloss_evidence import ALPHAS, PlanePicture, Reflection
-from iprt.footage.mirrored import IOR, RoomCells, reflected
+from iprt.footage.gloss_evidence import ALPHAS, Reflection
+from iprt.footage.gloss_frames import Followed, Moment
+from iprt.footage.mirrored import IOR
 from iprt.footage.planes import CellPlane, find_planes
-from iprt.footage.segments import lifted
 from iprt.geometry.material import Material
 
-ROWS, LIGHT_ROWS, REST_ROWS = 128, 64, 16
-"""Rows of cells: what is looked at; lights and points that receive them; everything else."""
-LIGHT_STEPS, REST_STEPS = 12, 6
-"""Points at which lines of sight are tested."""
-BRIGHT = 3.0
-"""A cell so many times as bright as the mean is a light."""
+ROWS = 128
+"""Rows of cells."""
 MIN_TOLERANCE, NOISE = 0.002, 3.0
 """Least distance from a plane of what is on it, over depth, and the same in `Frame.fit_tolerance`.
 """
@@ -53,7 +43,9 @@ UPRIGHT = 0.9
 """Least cosine with the vertical of floors, tops and ceilings."""
 
 
-def find_gloss(frame: Frame, taken: frozenset[str] = frozenset()) -> tuple[RealMaterial, ...]:
+def find_gloss(
+    frame: Frame, taken: frozenset[str] = frozenset(), later: Iterable[Frame] = ()
+) -> tuple[RealMaterial, ...]:
     """The planes that reflect; `taken` are names that others have.
 
     Parameters
@@ -61,24 +53,33 @@ def find_gloss(frame: Frame, taken: frozenset[str] = frozenset()) -> tuple[RealM
     frame : Frame
         Sanitised, its clipped lights recovered. Cells of which a part is known to be glossy
         (`Frame.gloss`) are left out.
+    later : iterable of Frame
+        Others of the video, which tell apart what moves with things, lights or the camera.
     """
-    around = RoomCells.of(frame, min(ROWS, frame.height))
-    cells = around.cells
+    first = Moment.of(frame, min(ROWS, frame.height), frame)
+    cells = first.around.cells
     tolerance = max(MIN_TOLERANCE, NOISE * frame.fit_tolerance)
-    usable = around.color.min(axis=-1) > 0.0
+    usable = first.around.color.min(axis=-1) > 0.0
     if frame.gloss is not None:
         usable &= cell_means(frame.gloss > 0, cells.rows).ravel() == 0.0
     planes = find_planes(cells, tolerance, usable)
-    chosen = [plane for plane in planes if _worth_a_look(around, plane)]
+    followed = [Followed(first, plane) for plane in planes]
+    for other in later if planes else ():
+        moment = Moment.of(other, cells.rows, frame)
+        if moment.differs(first):
+            for plane in followed:
+                plane.follow(moment, other, tolerance)
     found: list[RealMaterial] = []
-    for plane, shading in zip(chosen, _shading(frame, around, chosen), strict=True):
-        picture = PlanePicture(cells, plane.cells, around.color, shading)
-        parts = [reflected(around, plane, alpha, index) for index, alpha in enumerate(ALPHAS)]
-        reflection = picture.reflection(parts)
+    for plane in followed:
+        if not _worth_a_look(plane):
+            continue
+        reflection = plane.picture().reflection(
+            [plane.reflected(alpha, index) for index, alpha in enumerate(ALPHAS)]
+        )
         if is_strong(reflection, len(planes) * len(ALPHAS)):
             names = taken | {material.name for material in found}
-            name = _free_name(_kind(plane, planes), names)
-            found.append(_material(name, cells, plane, tolerance, reflection))
+            name = _free_name(_kind(plane.plane, planes), names)
+            found.append(_material(name, cells, plane.plane, tolerance, reflection))
     return tuple(found)
 
 
@@ -94,50 +95,15 @@ def is_strong(reflection: Reflection, tries: int) -> bool:
     )
 
 
-def _worth_a_look(around: RoomCells, plane: CellPlane) -> bool:
+def _worth_a_look(plane: Followed) -> bool:
     """Whether anything goes with its reflections, shading or not: most walls end here."""
-    nothing = np.zeros((0, len(plane.cells), 3))
-    picture = PlanePicture(around.cells, plane.cells, around.color, nothing)
+    picture = plane.picture(shaded=False)
     for index in SCREEN:
         alpha = ALPHAS[index]
-        fit = picture.fit(reflected(around, plane, alpha, index, SCREEN_RAYS), alpha)
+        fit = picture.fit(plane.reflected(alpha, index, SCREEN_RAYS), alpha)
         if fit.t >= MIN_SCREEN_T and fit.strength >= STRENGTH[0]:
             return True
     return False
-
-
-def _shading(frame: Frame, around: RoomCells, planes: list[CellPlane]) -> list[Float]:
-    """(2, n, 3) irradiance of each plane's cells over π: by lights, and by all else."""
-    fine = around.cells
-    rows = min(LIGHT_ROWS, fine.rows)
-    middle = Cells.of(around.shown, rows)
-    coarse = Cells.of(around.shown, min(REST_ROWS, rows))
-    color = cell_means(frame.radiance, rows)
-    mean = np.average(color.mean(axis=-1).ravel(), weights=middle.solid_angle)
-    light = middle.opening.reshape(rows, -1) > 0.5
-    light |= color.mean(axis=-1) > BRIGHT * mean
-    share = cell_means(~light, coarse.rows).ravel()
-    dim = cell_means(color * ~light[..., None], coarse.rows).reshape(-1, 3)
-    lights = (color * light[..., None]).reshape(-1, 3, 1)
-    found = []
-    for plane in planes:
-        at, nearest = _sparse(plane.cells, fine.rows, fine.rows // rows)
-        receivers = Receivers(lifted(fine, at), fine.normal[at])
-        direct, taken = irradiance_of_lights(receivers, middle, fine, lights, LIGHT_STEPS)
-        rest = irradiance_of_rest(receivers, coarse, dim, share, taken, REST_STEPS)
-        found.append(np.stack([direct[..., 0], rest])[:, nearest] / np.pi)
-    return found
-
-
-def _sparse(
-    on: NDArray[np.intp], rows: int, step: int
-) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """One of `on` (n,) per block of step x step cells, and the number (n,) of each cell's."""
-    row, column = np.divmod(on, 2 * rows)
-    _, first, nearest = np.unique(
-        row // step * 2 * rows + column // step, return_index=True, return_inverse=True
-    )
-    return on[first], nearest.astype(np.intp)
 
 
 def _material(

@@ -106,23 +106,44 @@ class Reflection:
 
 
 @dataclass(frozen=True)
-class _Varied:
-    """What regressions for all roughnesses share, of m cells that are kept.
+class Later:
+    """What another frame shows of a plane's n cells, over the gain of its exposure.
 
     Attributes
     ----------
+    color : (n, 3) float64
+        Radiance.
+    irradiance : (K, n, 3) float64
+        By K kinds of light.
+    seen : (n,) bool
+        Where it shows the plane.
+    """
+
+    color: Float
+    irradiance: Float
+    seen: NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """One frame's part of the regressions for all roughnesses, by the m cells that are kept.
+
+    Attributes
+    ----------
+    cells : (m,) int
     around : (m, 3) float64
-        Means of L around.
-    seen : (3 m,) float64
-        L less its mean around, over that.
-    shading : (3 m, K) float64
-        The same of E.
+        Means of L around, in the first frame.
+    y : (3 m,) float64
+        L less its mean around, over that; of later frames, of what L differs from the first one's.
+    shading : (3 m, J) float64
+        What shading makes of it.
     weight, block : (3 m,)
         Solid angles over their mean; numbers of blocks.
     """
 
+    cells: NDArray[np.intp]
     around: Float
-    seen: Float
+    y: Float
     shading: Float
     weight: Float
     block: NDArray[np.intp]
@@ -134,44 +155,60 @@ class PlanePicture:
     Parameters
     ----------
     cells : Cells
+        Of the first frame.
     on : (n,) int
         The plane's cells.
     color : (N, 3) float64
         Radiance of all cells.
     irradiance : (K, n, 3) float64
         By K kinds of light.
+    later : sequence of Later
+        Other frames.
     """
 
-    def __init__(self, cells: Cells, on: NDArray[np.intp], color: Float, irradiance: Float) -> None:
+    def __init__(
+        self,
+        cells: Cells,
+        on: NDArray[np.intp],
+        color: Float,
+        irradiance: Float,
+        later: Sequence[Later] = (),
+    ) -> None:
         self._rows, self._on = cells.rows, on
-        self._color = color[on]
+        self._color, self._later = color[on], later
         self._weight = cells.solid_angle[on] / cells.solid_angle[on].mean()
         side = max(1, round(BLOCK * cells.rows / np.pi))
         row, column = np.divmod(on, 2 * cells.rows)
         _, block = np.unique(row // side * 2 * cells.rows + column // side, return_inverse=True)
         self._block = block.astype(np.intp)
-        self._kept = np.ones(len(on), bool)
-        self._irradiance = np.zeros(irradiance.shape)
-        for kind, part in enumerate(irradiance):
-            self._irradiance[kind] = self._mean(part, self._whole, SMOOTH * cells.rows / np.pi)
+        self._kept = [np.ones(len(on), bool), *(frame.seen.copy() for frame in later)]
+        self._irradiance = self._even(irradiance)
+        self._more_light = [self._even(frame.irradiance) - self._irradiance for frame in later]
 
     def fit(self, reflected: Float, alpha: float) -> Fit:
-        """By what a coat of one roughness would reflect, (n, 3)."""
+        """By what a coat of one roughness would reflect, (1 + frames, n, 3)."""
         return self._fit(self._varied(), self._smooth(reflected, alpha))[0]
 
     def reflection(self, reflected: Sequence[Float]) -> Reflection:
-        """By what coats of the roughnesses `ALPHAS` would reflect, (n, 3) each."""
+        """By what coats of the roughnesses `ALPHAS` would reflect, (1 + frames, n, 3) each."""
         smooth = [self._smooth(part, alpha) for alpha, part in zip(ALPHAS, reflected, strict=True)]
         for _ in range(ROUNDS):
             varied = self._varied()
             fits = [self._fit(varied, part) for part in smooth]
             _, left = fits[int(np.argmax([fit.explained for fit, _ in fits]))]
-            odd = np.abs(left).max(axis=-1) > ODD * _deviation(left)
-            self._kept[np.flatnonzero(self._kept)[odd]] = False
+            for kept, rows, rest in zip(self._kept, varied, left, strict=True):
+                kept[rows.cells[np.abs(rest).max(axis=-1) > ODD * _deviation(rest)]] = False
         return self._reflection(smooth)
 
-    def _smooth(self, reflected: Float, alpha: float) -> Float:
-        return self._mean(reflected, self._whole, max(LOBE * alpha * self._rows / np.pi, LEAST))
+    def _smooth(self, reflected: Float, alpha: float) -> list[Float]:
+        deviation = max(LOBE * alpha * self._rows / np.pi, LEAST)
+        return [self._mean(part, self._whole, deviation) for part in reflected]
+
+    def _even(self, irradiance: Float) -> Float:
+        even = np.zeros(irradiance.shape)
+        for kind, part in enumerate(irradiance):
+            even[kind] = self._mean(part, self._whole, SMOOTH * self._rows / np.pi)
+        return even
 
     @property
     def _whole(self) -> NDArray[np.bool_]:
@@ -190,35 +227,64 @@ class PlanePicture:
         whole = sums / np.maximum(count, 1e-9)[..., None]
         return np.asarray(whole.reshape(-1, part.shape[-1])[self._on])
 
-    def _varying(self, part: Float) -> Float:
-        """Kept cells' differences (m, 3) from their means around."""
-        mean = self._mean(part, self._kept, AROUND * self._rows / np.pi)
-        return np.asarray((part - mean)[self._kept])
+    def _varying(self, part: Float, frame: int) -> Float:
+        """Differences (m, 3) of the cells that are kept in a frame from their means around."""
+        kept = self._kept[frame]
+        mean = self._mean(part, kept, AROUND * self._rows / np.pi)
+        return np.asarray((part - mean)[kept])
 
-    def _varied(self) -> _Varied:
+    def _varied(self) -> list[_Rows]:
         deviation = AROUND * self._rows / np.pi
-        seen = np.maximum(self._mean(self._color, self._kept, deviation)[self._kept], 1e-12)
-        lit = self._mean(self._irradiance.sum(0), self._kept, deviation)[self._kept]
+        seen = np.maximum(self._mean(self._color, self._kept[0], deviation), 1e-12)
+        lit = self._mean(self._irradiance.sum(0), self._kept[0], deviation)
         lit = np.maximum(lit, 1e-12)
-        shading = [(self._varying(part) / lit).ravel() for part in self._irradiance]
-        return _Varied(
-            around=seen,
-            seen=(self._varying(self._color) / seen).ravel(),
-            shading=np.stack(shading, axis=-1) if shading else np.zeros((seen.size, 0)),
-            weight=np.repeat(self._weight[self._kept], 3),
-            block=np.repeat(self._block[self._kept], 3),
-        )
+        kinds = len(self._irradiance)
+        columns = 2 * kinds + len(self._later) if self._later else kinds
+        rows = []
+        for frame, kept in enumerate(self._kept):
+            around = seen[kept]
+            shading = np.zeros((around.size, columns))
+            if frame == 0:
+                varying = self._varying(self._color, 0)
+                for kind, part in enumerate(self._irradiance):
+                    shading[:, kind] = (self._varying(part, 0) / lit[kept]).ravel()
+            else:
+                varying = self._varying(self._later[frame - 1].color - self._color, frame)
+                for kind, part in enumerate(self._more_light[frame - 1]):
+                    painted = self._varying(part / lit * self._color, frame)
+                    shading[:, kinds + kind] = (painted / around).ravel()
+                gain = self._varying(self._color, frame) / around
+                shading[:, 2 * kinds + frame - 1] = gain.ravel()
+            rows.append(
+                _Rows(
+                    cells=np.flatnonzero(kept),
+                    around=around,
+                    y=(varying / around).ravel(),
+                    shading=shading,
+                    weight=np.repeat(self._weight[kept], 3),
+                    block=np.repeat(self._block[kept], 3),
+                )
+            )
+        return rows
 
-    def _fit(self, varied: _Varied, reflected: Float) -> tuple[Fit, Float]:
-        """The fit, and its residuals (m, 3)."""
-        y, own, block = varied.seen, varied.weight, varied.block
-        own_part = (self._varying(reflected) / varied.around).ravel()
-        x = np.concatenate([own_part[:, None], varied.shading], axis=-1)
+    def _fit(self, varied: Sequence[_Rows], reflected: Sequence[Float]) -> tuple[Fit, list[Float]]:
+        """The fit, and its residuals (m, 3) by frames."""
+        y, own, block = (
+            np.concatenate([getattr(rows, name) for rows in varied])
+            for name in ("y", "weight", "block")
+        )
+        parts = []
+        for frame, (rows, part) in enumerate(zip(varied, reflected, strict=True)):
+            change = part if frame == 0 else part - reflected[0]
+            parts.append((self._varying(change, frame) / rows.around).ravel())
+        shading = np.concatenate([rows.shading for rows in varied])
+        x = np.concatenate([np.concatenate(parts)[:, None], shading], axis=-1)
+        ends = np.cumsum([len(rows.y) for rows in varied])[:-1]
         weight, factors, left, normal = own, np.zeros(x.shape[1]), y, np.eye(x.shape[1])
         for _ in range(STEPS):
             factors, normal = _least_squares(x, y, weight)
             left = y - x @ factors
-            weight = own * _huber(left)
+            weight = own * _robust(np.split(left, ends))
         score = x * (weight * left)[:, None]
         sums = np.stack([np.bincount(block, column) for column in score.T], axis=-1)
         inverse = np.linalg.inv(normal)
@@ -226,7 +292,7 @@ class PlanePicture:
         rest = y
         if x.shape[1] > 1:
             rest = y - x[:, 1:] @ _least_squares(x[:, 1:], y, weight)[0]
-        beyond = (factors[0] * reflected > self._color).any(axis=-1)[self._kept]
+        beyond = (factors[0] * reflected[0] > self._color).any(axis=-1)[self._kept[0]]
         fit = Fit(
             strength=float(factors[0]),
             error=float(error),
@@ -234,17 +300,22 @@ class PlanePicture:
             beyond=float(beyond.mean()),
             blocks=len(np.unique(block)),
         )
-        return fit, left.reshape(-1, 3)
+        return fit, [part.reshape(-1, 3) for part in np.split(left, ends)]
 
-    def _reflection(self, smooth: Sequence[Float]) -> Reflection:
+    def _reflection(self, smooth: Sequence[Sequence[Float]]) -> Reflection:
         fits, costs = [], []
-        scale, varied = 0.0, self._varied()
+        scales: list[float] = []
+        varied = self._varied()
         for part in smooth:
             fit, left = self._fit(varied, part)
             # One scale for all: costs are compared.
-            scale = scale or _deviation(left)
-            cost = _huber_cost(left, scale).sum(axis=-1) * self._weight[self._kept]
-            costs.append(np.bincount(self._block[self._kept], cost, self._block.max() + 1))
+            scales = scales or [_deviation(rest) for rest in left]
+            total = np.zeros(self._block.max() + 1)
+            for rows, rest, scale in zip(varied, left, scales, strict=True):
+                cost = _huber_cost(rest, scale).sum(axis=-1) * self._weight[rows.cells]
+                cost *= (scales[0] / scale) ** 2
+                total += np.bincount(self._block[rows.cells], cost, len(total))
+            costs.append(total)
             fits.append(fit)
         cost = np.array(costs)
         total = cost.sum(axis=1)
@@ -270,8 +341,19 @@ def _deviation(left: Float) -> float:
     return max(1.4826 * float(np.median(np.abs(left))), MODEL)
 
 
-def _huber(left: Float) -> Float:
-    bound = HUBER * _deviation(left)
+def _robust(left: Sequence[Float]) -> Float:
+    """Weights of residuals, which of each frame have a deviation of their own."""
+    deviation = [_deviation(rest) for rest in left]
+    return np.concatenate(
+        [
+            _huber(rest, scale) * (deviation[0] / scale) ** 2
+            for rest, scale in zip(left, deviation, strict=True)
+        ]
+    )
+
+
+def _huber(left: Float, deviation: float) -> Float:
+    bound = HUBER * deviation
     return np.asarray(np.minimum(1.0, bound / np.maximum(np.abs(left), 1e-30)))
 
 

@@ -80,31 +80,53 @@ class RoomCells:
         )
 
 
-def reflected(
-    around: RoomCells, plane: CellPlane, alpha: float, seed: int, rays: int = RAYS
-) -> Float:
+@dataclass(frozen=True)
+class Patch:
+    """A plane's cells, in the axes of a frame's capture centre.
+
+    Attributes
+    ----------
+    start : (n, 3) float64
+        Metres: points a little off them, where reflected rays begin.
+    direction : (n, 3) float64
+        From the capture centre to them; unit.
+    normal : (3,) float64
+        The plane's, towards the capture centre.
+    """
+
+    start: Float
+    direction: Float
+    normal: Float
+
+    @classmethod
+    def of(cls, cells: Cells, plane: CellPlane) -> Patch:
+        """Of the frame that the plane was found in."""
+        on = plane.cells
+        start = cells.point[on] + LIFT * cells.depth[on, None] * plane.normal
+        return cls(start, cells.direction[on], plane.normal)
+
+
+def reflected(around: RoomCells, patch: Patch, alpha: float, seed: int, rays: int = RAYS) -> Float:
     """(n, 3) radiance that a coat reflects towards the capture centre, of a plane's cells.
 
     The integral of f_s L cos over the GGX lobe, by visible normals (Dupuy and Benyoub, HPG
     2023), with Smith's masking as in `cl/lib/world/brdf.h`; noisy.
     """
-    cells, on = around.cells, plane.cells
-    start = cells.point[on] + LIFT * cells.depth[on, None] * plane.normal
-    across, along = _tangents(plane.normal)
-    local = np.stack([across, along, plane.normal])
-    out = -cells.direction[on] @ local.T
+    across, along = _tangents(patch.normal)
+    local = np.stack([across, along, patch.normal])
+    out = -patch.direction @ local.T
     masked = _masking(out[:, 2], alpha)
     rng = np.random.default_rng(seed)
-    total = np.zeros((len(on), 3))
+    total = np.zeros((len(out), 3))
     for ray in range(rays):
-        u, v = rng.random((2, len(on)))
+        u, v = rng.random((2, len(out)))
         facet = _visible_normal(out, alpha, u, (ray + v) / rays)
         cosine = (out * facet).sum(-1)
         into = 2.0 * cosine[:, None] * facet - out
         leaves = into[:, 2] > LOWEST
         weight = fresnel_dielectric(np.clip(cosine, 0.0, 1.0), IOR) * (1.0 + masked)
         weight /= 1.0 + masked + _masking(into[:, 2], alpha)
-        found = radiance_along(around, start[leaves], into[leaves] @ local)
+        found = radiance_along(around, patch.start[leaves], into[leaves] @ local)
         total[leaves] += weight[leaves, None] * found
     return total / rays
 
