@@ -54,7 +54,7 @@ def find_gloss(
         Sanitised, its clipped lights recovered. Cells of which a part is known to be glossy
         (`Frame.gloss`) are left out.
     later : iterable of Frame
-        Others of the video, which tell apart what moves with things, lights or the camera.
+        Others of the video; those from another place than the first count (`gloss_frames`).
     """
     first = Moment.of(frame, min(ROWS, frame.height), frame)
     cells = first.around.cells
@@ -66,7 +66,7 @@ def find_gloss(
     followed = [Followed(first, plane) for plane in planes]
     for other in later if planes else ():
         moment = Moment.of(other, cells.rows, frame)
-        if moment.differs(first):
+        if moment.motion is not None:
             for plane in followed:
                 plane.follow(moment, other, tolerance)
     found: list[RealMaterial] = []

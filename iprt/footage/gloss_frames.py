@@ -1,7 +1,10 @@
-"""Frames of a video as evidence of gloss: what they show of planes that the first one has.
+"""Frames of a camera that moves as evidence of gloss: what they show of planes of the first one.
 
-Planes are followed by pose. All that is known of one, in any frame, belongs to the cells in which
-the first frame shows it, so that each is the same piece of surface in all of them.
+Texture and shading stay where they are on a plane, and reflections move over it. Frames from where
+the first one was taken are left out: what things that move change around them, by shadows and light
+that the cells are too coarse for, looks like a rough reflection. Planes are followed by pose. All
+that is known of one, in any frame, belongs to the cells in which the first frame shows it, so that
+each is the same piece of surface in all of them.
 """
 
 from __future__ import annotations
@@ -20,10 +23,10 @@ from iprt.footage.gather import (
     irradiance_of_lights,
     irradiance_of_rest,
 )
-from iprt.footage.gloss_evidence import MODEL, Later, PlanePicture
+from iprt.footage.gloss_evidence import Later, PlanePicture
 from iprt.footage.mirrored import RAYS, Patch, RoomCells, reflected
-from iprt.footage.planes import NEAREST, PARALLEL, CellPlane
-from iprt.footage.segments import lifted, well_seen
+from iprt.footage.planes import NEAREST, CellPlane
+from iprt.footage.segments import lifted
 from iprt.geometry.camera import View, equirect_pixel, equirect_texel
 from iprt.geometry.pose import camera_motion
 
@@ -35,8 +38,6 @@ BRIGHT = 3.0
 """A cell so many times as bright as the mean is a light."""
 SAMPLES = 4
 """Points a side of a cell that a moved camera is asked about."""
-CHANGED = 0.002
-"""Least share of the sphere that differs by more than `MODEL` in a frame that tells something."""
 MIN_SEEN = 0.25
 """Least share of a plane's cells that another frame must show."""
 
@@ -119,22 +120,9 @@ class Moment:
         rest = irradiance_of_rest(receivers, coarse, dim, share, taken, REST_STEPS)
         return np.stack([direct[..., 0], rest])[:, nearest] / np.pi
 
-    def differs(self, first: Moment) -> bool:
-        """Whether anything but its exposure and noise is other than in the first frame."""
-        if self.motion is not None:
-            return True
-        now, before = self.around.color.mean(axis=-1), first.around.color.mean(axis=-1)
-        ratio = now / np.maximum(before, 1e-12)
-        changed = np.abs(ratio / np.median(ratio) - 1.0) > MODEL
-        return bool(np.average(changed, weights=self.around.cells.solid_angle) > CHANGED)
-
     def shown(self, frame: Frame, first: RoomCells, plane: CellPlane, tolerance: float) -> Shown:
         """What it shows of a plane of the first frame; `frame` is this one."""
-        if self.motion is None:
-            color = self.around.color[plane.cells]
-            seen = _still_there(self.around.cells, plane, tolerance)
-        else:
-            color, seen = self._looked_up(frame, first.cells, plane, tolerance)
+        color, seen = self._looked_up(frame, first.cells, plane, tolerance)
         before = first.color[plane.cells].mean(axis=-1)
         ratio = (color.mean(axis=-1) / np.maximum(before, 1e-12))[seen]
         return Shown(color, seen, max(float(np.median(ratio)), 1e-6) if seen.any() else 1.0)
@@ -211,13 +199,6 @@ class Followed:
                 for moment, gain in zip(self._moments, gains, strict=True)
             ]
         )
-
-
-def _still_there(cells: Cells, plane: CellPlane, tolerance: float) -> NDArray[np.bool_]:
-    on = plane.cells
-    seen = well_seen(cells)[on] & (cells.normal[on] @ plane.normal > PARALLEL)
-    reach = tolerance * np.maximum(cells.depth[on], NEAREST)
-    return np.asarray(seen & (np.abs(cells.point[on] @ plane.normal - plane.offset) < reach))
 
 
 def _sparse(

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import logging
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 from pydantic import Field, TypeAdapter, ValidationError
 
 from iprt.device.caches import own_folder
@@ -16,16 +18,19 @@ from iprt.files.atomic import replacing
 from iprt.files.table import Ior, Point, Table, Unit
 from iprt.footage.clipped import ClippedLights
 from iprt.footage.found_gloss import find_gloss
+from iprt.footage.frame import Frame
 from iprt.footage.gloss import MAX_REAL_MATERIALS, Evidence, Plane, RealMaterial, with_gloss
 from iprt.footage.video.source import FrameSource
 from iprt.geometry.material import Material
 from iprt.scene.manifest import Manifest
 
 LOG = logging.getLogger("iprt.scene")
-VERSION = 2
+VERSION = 3
 """To be raised when `find_gloss` finds other things."""
 MIN_HEIGHT = 64
 """Panoramas with fewer rows show no reflection that could be told from anything else."""
+FRAMES = 5
+"""Of a video whose camera moves, that are looked at."""
 MOST_BYTES = 1 << 16
 
 
@@ -79,10 +84,10 @@ _ALL_KEPT = TypeAdapter(list[_Kept])
 def found_materials(
     source: FrameSource, manifest: Manifest, declared: tuple[RealMaterial, ...]
 ) -> tuple[RealMaterial, ...]:
-    """What `find_gloss` finds in a scene's first frame beside what is declared.
+    """What `find_gloss` finds in a scene beside what is declared.
 
     It is kept in `~/.cache/iprt/gloss`, by the table `[video]`, what is declared, and size and time
-    of the frame's files. A folder that cannot be written is no error; nor is a frame that cannot be
+    of the frames' files. A folder that cannot be written is no error; nor is a frame that cannot be
     read, which whoever needs it reports.
     """
     file = own_folder() / "gloss" / f"{_key(source, manifest)}.json"
@@ -95,19 +100,37 @@ def found_materials(
         if raw.color.shape[0] < MIN_HEIGHT:
             return ()
         LOG.info("looking for glossy surfaces, once for this footage")
-        frame = ClippedLights(source.white)(with_gloss(raw.sanitised(), declared))
+        lights = ClippedLights(source.white)
+        frame = lights(with_gloss(raw.sanitised(), declared))
         names = frozenset(material.name for material in declared)
-        kept = find_gloss(frame, names)
+        kept = find_gloss(frame, names, _later(source, lights))
         with suppress(FormatError), replacing(file) as temporary:
             temporary.write_bytes(_ALL_KEPT.dump_json([_Kept.of(material) for material in kept]))
     return kept[: MAX_REAL_MATERIALS - len(declared)]
+
+
+def _looked_at(source: FrameSource) -> list[int]:
+    """Numbers of frames evenly over a video whose camera moves, or of the first one alone."""
+    indices = source.indices
+    if source.pose(indices[0]) is None:
+        return [indices[0]]
+    chosen = np.unique(np.linspace(0, len(indices) - 1, FRAMES).astype(int))
+    return [indices[number] for number in chosen]
+
+
+def _later(source: FrameSource, lights: ClippedLights) -> Iterator[Frame]:
+    """All but the first, with their lights recovered as those of the frame before."""
+    for index in _looked_at(source)[1:]:
+        with suppress(FormatError):
+            yield lights(source.read(index).sanitised())
 
 
 def _key(source: FrameSource, manifest: Manifest) -> str:
     video = manifest.video.model_dump_json(exclude={"gloss"})
     tables = [table.model_dump_json() for table in manifest.real_materials]
     digest = hashlib.blake2b(" ".join([str(VERSION), video, *tables]).encode(), digest_size=20)
-    for _, file in sorted(source.files(source.indices[0]).items()):
+    files = {file for index in _looked_at(source) for file in source.files(index).values()}
+    for file in sorted(files):
         with suppress(OSError):
             status = file.stat()
             digest.update(f"\n{file.resolve()} {status.st_size} {status.st_mtime_ns}".encode())

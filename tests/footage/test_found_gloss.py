@@ -10,7 +10,7 @@ import pytest
 from iprt.footage.found_gloss import find_gloss, is_strong
 from iprt.footage.gather import Cells, Geometry
 from iprt.footage.gloss_evidence import ALPHAS, Fit, PlanePicture, Reflection
-from iprt.footage.mirrored import RoomCells, radiance_along, reflected
+from iprt.footage.mirrored import Patch, RoomCells, radiance_along, reflected
 from iprt.footage.planes import CellPlane, find_planes
 from iprt.geometry.material import Material
 from tests.footage.coated_rooms import coated_room, matte_room
@@ -107,7 +107,7 @@ def test_even_light_is_reflected_by_the_albedo_of_the_coat(alpha: float) -> None
     around = RoomCells.of(replace(frame, color=np.full_like(frame.color, 2.0)), 64)
     plane = floor_of(around)
     cosine = -(around.cells.direction[plane.cells] @ plane.normal)
-    found = reflected(around, plane, alpha, 0, rays=64).mean(-1)
+    found = reflected(around, Patch.of(around.cells, plane), alpha, 0, rays=64).mean(-1)
     material = Material("plastic", alpha=alpha, ior=1.5)
     for low, high in ((0.5, 0.6), (0.8, 0.9)):
         ring = (cosine > low) & (cosine < high)
@@ -124,10 +124,11 @@ def pictured(k: float, texture: float, seed: int = 0) -> tuple[Reflection, float
     rng = np.random.default_rng(seed)
     around = RoomCells.of(matte_room(), 128)
     plane = floor_of(around)
-    parts = [reflected(around, plane, alpha, index) for index, alpha in enumerate(ALPHAS)]
+    patch = Patch.of(around.cells, plane)
+    parts = [reflected(around, patch, alpha, index)[None] for index, alpha in enumerate(ALPHAS)]
     color = around.color.copy()
     shade = 1.0 + texture * rng.normal(size=(len(plane.cells), 1))
-    color[plane.cells] = 0.3 * np.maximum(shade, 0.1) + k * parts[2]
+    color[plane.cells] = 0.3 * np.maximum(shade, 0.1) + k * parts[2][0]
     even: Float = np.ones((1, len(plane.cells), 3))
     return PlanePicture(around.cells, plane.cells, color, even).reflection(parts), ALPHAS[2]
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import numpy as np
@@ -31,7 +31,9 @@ def looks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[frozenset[str
     """A cache of its own, and the names that were taken each time gloss was looked for."""
     calls: list[frozenset[str]] = []
 
-    def find(frame: Frame, taken: frozenset[str]) -> tuple[RealMaterial, ...]:
+    def find(
+        frame: Frame, taken: frozenset[str], later: Iterable[Frame]
+    ) -> tuple[RealMaterial, ...]:
         assert frame.height >= found_gloss.MIN_HEIGHT
         calls.append(taken)
         return (FLOOR,)
