@@ -10,11 +10,9 @@
 //                  mean and smooth as they were                 surfaces were
 //   list_cells     pixels that are traced (list, count, guide,  cells around them that know less
 //                  touched), objects' boxes, mean               than they should, each once
-//   refine_cells   cells, world (lib/world/world.h)                    mean: rgb / pi, w samples; square: mean
-//                                                               of samples' squared luminance
-//   smooth_cells   cells, mean, square                          smooth: joint filter of mean, ever
-//                                                               narrower as samples come in, but wide
-//                                                               where these are noisy
+//   refine_cells   cells, world (lib/world/world.h)                    mean: rgb / pi, w samples
+//   smooth_cells   cells, mean                                  smooth: joint filter of mean, ever
+//                                                               narrower as samples come in
 //   show_cells     guide, smooth                                3 planes: rgb / pi at the pixels
 #include "world/boxes.h"
 #include "gbuffer/camera.h"
@@ -27,11 +25,6 @@
 #define SMOOTH_RADIUS 3
 // Samples after which a cell counts as much as all others around it.
 #define OWN_SAMPLES 32.0f
-// Squared relative error of a cell's mean up to which it counts as its number of samples says, and what is
-// between that and an error from which on all cells around count alike. Small lights that rays meet by chance only, such as
-// bright texels on the ramps that estimated depth makes of its edges, are seldom met and then bright.
-#define SURE 0.02f
-#define UNSURE 0.04f
 // Relative distance up to which a cell's surface is the one it was.
 #define SAME_PLACE 0.02f
 
@@ -94,11 +87,9 @@ __kernel void move_cells(
     __global const float4 *restrict plane_before,
     __global const float4 *restrict mean_before,
     __global const float4 *restrict smooth_before,
-    __global const float *restrict square_before,
     __global float4 *restrict plane,               // out
     __global float4 *restrict mean,                // out
-    __global float4 *restrict smooth,              // out
-    __global float *restrict square)               // out
+    __global float4 *restrict smooth)              // out
 {
     const int x = get_global_id(0), y = get_global_id(1);
     if (x >= columns || y >= rows)
@@ -106,7 +97,6 @@ __kernel void move_cells(
     const int cell = y * columns + x;
     float4 now = cell_plane(x, y, columns, rows, real_width, real_height, real_surface);
     float4 mean_now = (float4)(0.0f), smooth_now = (float4)(0.0f);
-    float square_now = 0.0f;
     if (now.w > 0.0f) {
         const float3 v = texel_direction(x, y, columns, rows);
         const float3 p = camera_before(camera, v, dot(now.xyz, v));
@@ -122,19 +112,16 @@ __kernel void move_cells(
                 * (i & 2 ? past.y : 1.0f - past.y) * cache_agreement(before, point, normal);
             // What is worth more samples weighs more; sums come first, means after.
             mean_now += weight * (float4)(known.w * known.xyz, known.w);
-            square_now += weight * known.w * square_before[from];
             const float4 shown = smooth_before[from];
             smooth_now += weight * (float4)(shown.w * shown.xyz, shown.w);
             drawn = fmax(drawn, before.w - 1.0f + known.w);
         }
         const float left = fmin(floor(mean_now.w), kept);
-        square_now /= fmax(mean_now.w, 1e-30f);
         mean_now = left >= 1.0f ? (float4)(mean_now.xyz / mean_now.w, left) : (float4)(0.0f);
         smooth_now.xyz /= fmax(smooth_now.w, 1e-30f);
         now.w = forgotten(1.0f, ceil(drawn) - left);
     }
     mean[cell] = mean_now;
-    square[cell] = square_now;
     smooth[cell] = smooth_now;
     plane[cell] = now;
 }
@@ -190,8 +177,7 @@ TRACING_KERNEL void refine_cells(
     __global const float4 *restrict plane,
     __global const float *restrict view,   // lib/gbuffer/view.h
     WORLD_PARAMETERS,
-    __global float4 *restrict mean,        // in, out
-    __global float *restrict square        // in, out
+    __global float4 *restrict mean         // in, out
     WORK_PARAMETER)
 {
     LIST_ITEM(count[0]);
@@ -209,7 +195,6 @@ TRACING_KERNEL void refine_cells(
     const uint stream = hash_combine(hash_combine((uint)cell, 0x69727261u), (uint)seed);
 
     float3 sum = (float3)(0.0f);
-    float squares = 0.0f;
     for (int ray = 0; ray < more; ray++) {
         const float2 u = sobol_2d(first + ray, stream);
         Scatter s = no_scatter(n);
@@ -231,34 +216,11 @@ TRACING_KERNEL void refine_cells(
         s.density = (1.0f - s.light_share) * cosine / IPRT_PI;
         const RealHit hit = trace_real_layer(world.real, o, s.wi, INFINITY);
         const float share = inverse_density(world, s, o, hit) * cosine / IPRT_PI;
-        if (share > 0.0f) {
-            const float3 sample = share * real_radiance(world, hit, s.wi);
-            sum += sample;
-            squares += luminance(sample) * luminance(sample);
-        }
+        if (share > 0.0f)
+            sum += share * real_radiance(world, hit, s.wi);
     }
     const float total = before.w + more;
-    square[cell] = (square[cell] * before.w + squares) / total;
     mean[cell] = (float4)((before.xyz * before.w + sum) / total, total);
-}
-
-// Squared relative error of the cell's mean, by the variance of all samples on its plane around it: cells that
-// have met no light do not know that there is one.
-static inline float cell_error(int columns, int rows, int x, int y, float3 p, float3 n,
-                               __global const float4 *plane, __global const float4 *mean,
-                               __global const float *square)
-{
-    float samples = 0.0f, first = 0.0f, second = 0.0f;
-    for (int dy = -SMOOTH_RADIUS; dy <= SMOOTH_RADIUS; dy++)
-        for (int dx = -SMOOTH_RADIUS; dx <= SMOOTH_RADIUS; dx++) {
-            const int other = cache_cell(columns, rows, x + dx, y + dy);
-            const float weight = mean[other].w * cache_agreement(plane[other], p, n);
-            samples += weight;
-            first += weight * luminance(mean[other].xyz);
-            second += weight * square[other];
-        }
-    const float relative = second * samples / fmax(first * first, 1e-30f) - 1.0f;
-    return fmax(relative, 0.0f) / fmax(mean[cache_cell(columns, rows, x, y)].w, 1.0f);
 }
 
 __kernel void smooth_cells(
@@ -268,7 +230,6 @@ __kernel void smooth_cells(
     const int rows,
     __global const float4 *restrict plane,
     __global const float4 *restrict mean,
-    __global const float *restrict square,
     __global int *restrict listed,         // out: 0
     __global float4 *restrict smooth       // out
     WORK_PARAMETER)
@@ -281,19 +242,16 @@ __kernel void smooth_cells(
     const float3 v = texel_direction(x, y, columns, rows);
     const float3 p = v / fmax(dot(g, v), 1e-30f);
     const float4 own = mean[cell];
-    const float error = cell_error(columns, rows, x, y, p, n, plane, mean, square);
-    const float unsure = clamp((error - SURE) / UNSURE, 0.0f, 1.0f);
-    const float share = mix(OWN_SAMPLES / (OWN_SAMPLES + own.w), 1.0f, unsure);
+    const float share = OWN_SAMPLES / (OWN_SAMPLES + own.w);
     float3 sum = (float3)(0.0f);
     float weights = 0.0f;
     for (int dy = -SMOOTH_RADIUS; dy <= SMOOTH_RADIUS; dy++)
         for (int dx = -SMOOTH_RADIUS; dx <= SMOOTH_RADIUS; dx++) {
             const int other = cache_cell(columns, rows, x + dx, y + dy);
             const float4 value = mean[other];
-            const float near = 1.0f / (1.0f + (1.0f - unsure) * (dx * dx + dy * dy));
             const float weight = dx == 0 && dy == 0
                 ? own.w
-                : share * value.w * cache_agreement(plane[other], p, n) * near;
+                : share * value.w * cache_agreement(plane[other], p, n) / (1.0f + dx * dx + dy * dy);
             sum += weight * value.xyz;
             weights += weight;
         }

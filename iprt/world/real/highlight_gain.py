@@ -23,8 +23,8 @@ FAINT = 0.25
 visible, and can be told from it only roughly."""
 LEAST = 0.5
 """Even a dark speck of a material has so much of the diffuse reflectance of its darker parts."""
-REACH, EVEN = 1.5, 3.0
-"""Cells: deviations of the Gaussians that even out texture, and the noise of irradiance."""
+REACH = 1.5
+"""Cells: deviation of the Gaussian that evens out texture."""
 
 
 def highlight_gain(
@@ -52,14 +52,11 @@ def highlight_gain(
     for index in range(1, int(gloss.max(initial=0)) + 1):
         cells = (gloss == index) & (irradiance.min(axis=-1) > 0.0)
         if cells.any():
-            # A ray that meets a small light by chance is no place with less of a highlight.
-            share = _blurred(cells[..., None].astype(np.float64), EVEN)[cells]
-            even = _blurred(np.where(cells[..., None], irradiance, 0.0), EVEN)[cells] / share
-            reflectance = _reflectance(seen[cells], specular[cells], even)
-            base[cells] = reflectance * even
+            reflectance = _reflectance(seen[cells], specular[cells], irradiance[cells])
+            base[cells] = reflectance * irradiance[cells]
     inside = (gloss > 0)[..., None]
     mean, dark, computed = (
-        _blurred(np.where(inside, part, 0.0), REACH) for part in (seen, base, specular)
+        _blurred(np.where(inside, part, 0.0)) for part in (seen, base, specular)
     )
     there = (computed > 0.0) & (mean > 0.0)
     could = np.divide(mean - dark, computed, out=np.ones(seen.shape), where=there)
@@ -81,8 +78,8 @@ def _reflectance(seen: Cells, specular: Cells, irradiance: Cells) -> Cells:
     return np.asarray(np.quantile(base, DARKER, axis=0))
 
 
-def _blurred(cells: Cells, reach: float) -> Cells:
+def _blurred(cells: Cells) -> Cells:
     """Gaussian mean; around in azimuth, not over the poles."""
     return np.asarray(
-        gaussian_filter(cells, (reach, reach, 0), mode=("nearest", "wrap", "nearest"))
+        gaussian_filter(cells, (REACH, REACH, 0), mode=("nearest", "wrap", "nearest"))
     )

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
 from iprt.filter.mask import Mask
-from iprt.footage.frame import LUMINANCE
 from iprt.gbuffer.guide import Guide, plane_defines
 from iprt.world.real.camera_motion import STILL
 from iprt.world.real.cell_light import CellLight
@@ -46,8 +45,6 @@ class IrradianceCache:
         no surface there, or a window.
     mean, irradiance : (rows * columns, 4) float32
         E_R / π as sampled, and after smoothing; number of samples.
-    square : (rows * columns,) float32
-        Mean of the samples' squared luminance.
     """
 
     def __init__(self, device: ComputeDevice, panorama: Panorama, features: Features) -> None:
@@ -64,7 +61,7 @@ class IrradianceCache:
 
         self._place = kernel("place_cells")
         cells = self.rows * self.columns
-        self.plane, self.mean, self.irradiance, self.square = self._grids("")
+        self.plane, self.mean, self.irradiance = self._grids("")
         if features.moving_camera:
             self._move = kernel("move_cells")
             self._before = self._grids(" before")
@@ -92,11 +89,12 @@ class IrradianceCache:
         self._smooth = kernel("smooth_cells").fixed(grid, list=self._cells, listed=self._listed)
         self._show = kernel("show_cells")
 
-    def _grids(self, when: str) -> tuple[cla.Array, cla.Array, cla.Array, cla.Array]:
+    def _grids(self, when: str) -> tuple[cla.Array, cla.Array, cla.Array]:
         names = ("irradiance plane", "irradiance mean", "irradiance")
-        cells = self.rows * self.columns
-        plane, mean, smooth = (self._device.zeros(name + when, (cells, 4)) for name in names)
-        return plane, mean, smooth, self._device.zeros("irradiance square" + when, (cells,))
+        plane, mean, smooth = (
+            self._device.zeros(name + when, (self.rows * self.columns, 4)) for name in names
+        )
+        return plane, mean, smooth
 
     def place(
         self,
@@ -134,9 +132,8 @@ class IrradianceCache:
                 self._place(grid, seen, self._named(""), kept=1.0 if cut else FOREVER)
             else:
                 known = self._named("_before")
-                now_held = (self.plane, self.mean, self.irradiance, self.square)
-                self.plane, self.mean, self.irradiance, self.square = self._before
-                self._before = now_held
+                now_held = (self.plane, self.mean, self.irradiance)
+                (self.plane, self.mean, self.irradiance), self._before = self._before, now_held
                 self._device.write(self._camera, motion.astype(np.float32).ravel())
                 kept = 1.0 if cut else MOVED_SAMPLES
                 self._move(grid, seen, known, self._named(""), kept=kept, camera=self._camera)
@@ -154,25 +151,20 @@ class IrradianceCache:
 
         A mean of so many samples that its own error is as large is kept.
         """
-        grids = self.plane, self.mean, self.irradiance, self.square
-        plane, mean, smooth, square = (self._device.read(grid) for grid in grids)
-        square *= (factor @ LUMINANCE) ** 2
+        plane, mean, smooth = (
+            self._device.read(grid) for grid in (self.plane, self.mean, self.irradiance)
+        )
         mean[:, :3] *= factor
         smooth[:, :3] *= factor
         left = np.minimum(mean[:, 3], 1.0 / np.maximum(error, 1e-4) ** 2)
         plane[:, 3] += np.where(plane[:, 3] > 0.0, mean[:, 3] - left, 0.0)
         mean[:, 3] = left
-        for grid, values in zip(grids, (plane, mean, smooth, square), strict=True):
+        for grid, values in ((self.plane, plane), (self.mean, mean), (self.irradiance, smooth)):
             self._device.write(grid, values)
 
     def _named(self, suffix: str) -> dict[str, cla.Array]:
         """The grids by the names of kernels' parameters."""
-        grids = {
-            "plane": self.plane,
-            "mean": self.mean,
-            "smooth": self.irradiance,
-            "square": self.square,
-        }
+        grids = {"plane": self.plane, "mean": self.mean, "smooth": self.irradiance}
         return {name + suffix: grid for name, grid in grids.items()}
 
     def run(
