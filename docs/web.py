@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Make the README's picture of the web viewer: `python docs/web.py` writes docs/web.png.
 
-Opens `scenes360/room` in headless Chromium, clicks the pot, and waits until the picture is refined.
+Opens `scenes360/lounge` in headless Chromium, clicks the pot, and waits until the picture is refined.
 Needs the extras `view` and `screen`, and Chromium.
 """
 
@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import shutil
 import time
-from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -33,8 +32,8 @@ DEADLINE_S = 600.0
 
 
 def main() -> None:
-    scene = Scene.open(FOLDER.parent / "scenes360" / "room")
-    view = replace(scene.views["room"].view, yaw_deg=-9.0, pitch_deg=-27.0, fov_y_deg=58.0)
+    scene = Scene.open(FOLDER.parent / "scenes360" / "lounge")
+    view = scene.views["lounge"].view
     chromium = shutil.which("chromium") or shutil.which("google-chrome")
     with (
         Engine(scene, lambda: ComputeDevice(choose_device())) as engine,
