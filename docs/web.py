@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Make the README's picture of the web viewer: `python docs/web.py` writes docs/web.png.
 
-Opens `scenes360/lounge` in headless Chromium, clicks the pot, and waits until the picture is refined.
+Opens `scenes360/lounge` in headless Chromium, clicks the pot, waits until the picture is refined.
 Needs the extras `view` and `screen`, and Chromium.
 """
 
