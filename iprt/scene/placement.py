@@ -27,6 +27,12 @@ _WALL = 0.9
 _SMOOTHING_TEXELS = 9
 """Normals are averaged over so many texels: depth of real captures is noisy."""
 _MAX_ROWS = 512
+_STEP = 0.02
+"""Gap between the heights of two surfaces, over the height of the camera above the upper one."""
+_STRAY = 0.05
+"""Share of the area around that stray points have, at most."""
+_LEAST_SLANT = 0.01
+"""Least sine of the angle at which level surfaces are seen: they have no area at the horizon."""
 _SETTLE = 0.01
 """Gap from which on an object counts as floating or sunk, over the median depth."""
 _VISIBLE = 1e-3
@@ -110,9 +116,12 @@ class RealSurfaces:
             np.minimum(frame.fitted_normal[rows, columns][..., 1], self._smooth[..., 1]) > UPRIGHT
         )
         self._upward = upright[kept]
-        # What faces up, and how far apart its points are.
+        # What faces up, how far apart its points are, and the area that each stands for.
         self._level = self.points[self._upward]
-        self._apart = step * np.pi / frame.height * np.linalg.norm(self._level, axis=1)
+        distance = np.linalg.norm(self._level, axis=1)
+        self._apart = step * np.pi / frame.height * distance
+        slant = np.maximum(np.abs(self._level[:, 1]) / distance, _LEAST_SLANT)
+        self._area = self._weights[self._upward] * distance**2 / slant
         self._step = step
 
     def hit(self, yaw_deg: float, pitch_deg: float) -> tuple[Array, Array]:
@@ -135,16 +144,24 @@ class RealSurfaces:
         return direction * depth, self._smooth[row // self._step, column // self._step]
 
     def height_below(self, x: float, z: float, radius: float, top: float) -> float | None:
-        """y of the highest upward-facing surface around (x, z), not above `top`."""
+        """y of the highest upward-facing surface around (x, z), not above `top`.
+
+        It is the median over the area of that surface. Its highest points would lift objects by
+        the noise of depth, and single points above it would by more.
+        """
         offset = self._level[:, [0, 2]] - (x, z)
         near = np.einsum("ij,ij->i", offset, offset) < np.maximum(radius, self._apart) ** 2
         near &= self._level[:, 1] <= top
         heights = self._level[near, 1]
         if heights.size == 0:
             return None
-        # The level of the highest surface, not of its highest point: depth is noisy.
-        level = heights > heights.max() - 0.02 * max(abs(heights.max()), 1e-6)
-        return float(np.median(heights[level]))
+        order = np.argsort(-heights)
+        heights, area = heights[order], self._area[near][order]
+        steps = -np.diff(heights, prepend=heights[0])
+        surface = np.cumsum(steps > _STEP * max(abs(heights[0]), 1e-6))
+        share = np.bincount(surface, area) / area.sum()
+        highest = surface == np.argmax(share >= min(_STRAY, share.max()))
+        return weighted_quantile(heights[highest], area[highest], 0.5)
 
     def floor(self) -> float | None:
         """y of the floor: below four fifths of what faces up, by solid angle."""
