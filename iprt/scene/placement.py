@@ -127,6 +127,8 @@ class RealSurfaces:
     def hit(self, yaw_deg: float, pitch_deg: float) -> tuple[Array, Array]:
         """Point (3,) and normal (3,) of the surface seen in a direction.
 
+        Its depth is the median of 3 x 3 texels, among which a stray one does not count.
+
         Raises
         ------
         SceneError
@@ -135,12 +137,15 @@ class RealSurfaces:
         view = View(1, 1, yaw_deg, pitch_deg)
         direction = view.world_from_view @ np.array([0.0, 0.0, -1.0])
         row, column = equirect_texel(direction, self._frame.width, self._frame.height)
-        depth = float(self._frame.depth[row, column])
-        if not np.isfinite(depth):
+        if not np.isfinite(self._frame.depth[row, column]):
             raise SceneError(
                 f"there is open sky at yaw {yaw_deg:g}, pitch {pitch_deg:g}, and nothing to stand "
                 "on; look lower"
             )
+        rows = slice(max(int(row) - 1, 0), int(row) + 2)
+        columns = np.arange(column - 1, column + 2) % self._frame.width
+        around = self._frame.depth[rows, columns]
+        depth = float(np.median(around[np.isfinite(around)]))
         return direction * depth, self._smooth[row // self._step, column // self._step]
 
     def height_below(self, x: float, z: float, radius: float, top: float) -> float | None:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from iprt.device.compute import ComputeDevice
 from iprt.footage.frame import Frame
 from iprt.footage.noisy_depth import smoothed
-from iprt.geometry.camera import View
+from iprt.geometry.camera import View, equirect_texel
 from iprt.geometry.material import Material
 from iprt.geometry.mesh import Instance
 from iprt.scene.placement import RealSurfaces, set_down
@@ -103,6 +103,18 @@ def test_stray_points_do_not_lift_objects() -> None:
     raised = replace(frame, depth=np.where(stray, frame.depth * np.float32(0.93), frame.depth))
     for distance in DISTANCES:
         cube = seat(RealSurfaces(raised), distance, 0.0)
+        assert foot(cube) == pytest.approx(FLOOR, abs=1e-4)
+
+
+def test_a_stray_texel_is_not_where_objects_go() -> None:
+    """The one that is looked at lies 14 cm below the floor, or above it."""
+    frame = ROOM.frame(WIDTH, HEIGHT)
+    pitch_deg = float(np.degrees(np.arcsin(FLOOR / 2.0)))
+    row, column = equirect_texel(View(1, 1, 20.0, pitch_deg).directions()[0, 0], WIDTH, HEIGHT)
+    for error in (0.9, 1.1):
+        depth = frame.depth.copy()
+        depth[row, column] *= error
+        cube = seat(RealSurfaces(replace(frame, depth=depth)), 2.0, 20.0)
         assert foot(cube) == pytest.approx(FLOOR, abs=1e-4)
 
 
