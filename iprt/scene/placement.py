@@ -143,7 +143,7 @@ class RealSurfaces:
                 "on; look lower"
             )
         rows = slice(max(int(row) - 1, 0), int(row) + 2)
-        columns = np.arange(column - 1, column + 2) % self._frame.width
+        columns = np.arange(int(column) - 1, int(column) + 2) % self._frame.width
         around = self._frame.depth[rows, columns]
         depth = float(np.median(around[np.isfinite(around)]))
         return direction * depth, self._smooth[row // self._step, column // self._step]
