@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,11 @@ from iprt.geometry.pose import view_from
 from iprt.renderer import Renderer
 
 Float = NDArray[np.float64]
+
+_THICKNESS = 0.02
+"""Distance of points from the plane of a surface that they belong to, at most, over their depth."""
+_FACING = 0.7
+"""Least cosine between the normals of points of one surface."""
 
 
 @dataclass(frozen=True)
@@ -108,19 +114,54 @@ class Geometry:
         return self._surface(x, y, float(self.depth[y, x]), self.normal[y, x])
 
     def real(self, x: int, y: int) -> Surface | None:
-        """The real surface at a pixel, be it behind an object; None: open sky.
-
-        Things are dropped there.
-        """
+        """The real surface at a pixel, be it behind an object; None: open sky."""
         return self._surface(x, y, float(self.real_depth[y, x]), self.real_normal[y, x])
+
+    def ground(self, x: int, y: int, radius: float) -> Surface | None:
+        """The real surface that carries an object at a pixel; None: open sky.
+
+        Its normal is the mean, and its place along that the median, of the pixels of that surface
+        around: depth may be noisy.
+
+        Parameters
+        ----------
+        x, y : int
+        radius : float
+            Metres; the eight pixels around count in any case.
+        """
+        if not np.isfinite(self.real_depth[y, x]):
+            return None
+        around = np.s_[max(y - 1, 0) : y + 2, max(x - 1, 0) : x + 2]
+        depth = float(np.median(self.real_depth[around][np.isfinite(self.real_depth[around])]))
+        direction = view_from(self.view, self.pose).unproject(np.array([x + 0.5, y + 0.5]))
+        point, normal = depth * direction, self.real_normal[y, x].astype(np.float64)
+        offset = self._real_points - point
+        near = np.einsum("...i,...i", offset, offset) < radius**2
+        near[around] = True
+        near &= (self.real_normal @ normal > _FACING) & (
+            np.abs(offset @ normal) < _THICKNESS * self.real_depth
+        )
+        near[y, x] = True
+        normal = self.real_normal[near].mean(axis=0, dtype=np.float64)
+        normal /= np.linalg.norm(normal)
+        height = float(np.median(offset[near] @ normal))
+        return self._in_world(depth, point + height * normal, normal)
+
+    @cached_property
+    def _real_points(self) -> Float:
+        """(H, W, 3) in the axes of the capture centre; far away where there is open sky."""
+        depth = np.minimum(self.real_depth, np.finfo(np.float32).max).astype(np.float64)
+        return depth[..., None] * view_from(self.view, self.pose).directions()
 
     def _surface(self, x: int, y: int, depth: float, normal: NDArray[np.float32]) -> Surface | None:
         if not np.isfinite(depth):
             return None
         pixel = np.array([x + 0.5, y + 0.5])
         direction = view_from(self.view, self.pose).unproject(pixel)
-        point, facing = depth * direction, normal.astype(np.float64)
+        return self._in_world(depth, depth * direction, normal.astype(np.float64))
+
+    def _in_world(self, depth: float, point: Float, normal: Float) -> Surface:
         if self.pose is not None:
             point = self.pose[:3, :3] @ point + self.pose[:3, 3]
-            facing = self.pose[:3, :3] @ facing
-        return Surface(depth, point, facing / max(float(np.linalg.norm(facing)), 1e-12))
+            normal = self.pose[:3, :3] @ normal
+        return Surface(depth, point, normal / max(float(np.linalg.norm(normal)), 1e-12))

@@ -63,10 +63,13 @@ class Picking:
         found = self._surfaces(x, y)
         return None if found is None else found[0].object_at(*found[1:])
 
-    def real(self, x: float, y: float) -> Surface | None:
-        """The real surface at a place, be it behind an object; None: open sky, or not known."""
+    def ground(self, x: float, y: float, radius: float) -> Surface | None:
+        """The real surface that carries an object at a place; None: open sky, or not known.
+
+        `radius`: of its footprint, in metres; see `Geometry.ground`.
+        """
         found = self._surfaces(x, y)
-        return None if found is None else found[0].real(*found[1:])
+        return None if found is None else found[0].ground(*found[1:], radius)
 
     def _pixel(self, x: float, y: float) -> tuple[Shown, int, int] | None:
         shown = self._shown

@@ -316,8 +316,13 @@ class Viewport:
         upright : bool
             It keeps its rotation; or else its own +Y is turned to the surface's normal.
         """
-        state, surface = self._engine.wanted(name), self._picking.real(x, y)
-        if state is None or surface is None:
+        state = self._engine.wanted(name)
+        if state is None:
+            return False
+        low, high = state.corners
+        size = (high - low) * np.linalg.norm(state.to_world[:3, :3], axis=0)
+        surface = self._picking.ground(x, y, 0.25 * float(np.hypot(size[0], size[2])))
+        if surface is None:
             return False
         normal = None if upright else surface.normal
         placed = set_on(state.to_world, state.corners, surface.point, normal)
