@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from iprt.device.compute import ComputeDevice
-from iprt.world.real.irradiance import BLACK
+from iprt.world.real.irradiance import BLACK, SURFACES
 
 MEAN_RADIANCE = 2.0
 WORLD: Any = SimpleNamespace(panorama=SimpleNamespace(mean_radiance=MEAN_RADIANCE))
@@ -18,7 +18,7 @@ class EvenCache:
     """Knows the same E_R / π everywhere."""
 
     def __init__(self, device: ComputeDevice, irradiance: np.ndarray) -> None:
-        cells = np.ones((16 * 32, 4), np.float32)
+        cells = np.ones((SURFACES * 16 * 32, 4), np.float32)
         cells[:, :3] = irradiance
         self._plane = device.upload("plane", np.zeros_like(cells))
         self._irradiance = device.upload("irradiance", cells)

@@ -2,16 +2,16 @@
 // where it is needed, and kept while the video stays (lib/world/real/irradiance.h).
 //
 //   kernel         in                                           out
-//   place_cells    panorama (lib/world/real/real.h)                        plane: tangent plane at each cell's
-//                                                               centre (w 0: none, or a window;
-//                                                               else 1 + samples forgotten); means
-//                                                               forget what is elsewhere now
-//   move_cells     panorama, camera (lib/gbuffer/camera.h), plane,      the same, fetched from where the
-//                  mean and smooth as they were                 surfaces were
-//   list_cells     pixels that are traced (list, count, guide,  cells around them that know less
+//   place_cells    panorama (lib/world/real/real.h)             plane: tangent plane of each entry
+//                                                               (w 0: none, or a window; else 1 +
+//                                                               samples forgotten); point: where it
+//                                                               is; means forget what is elsewhere
+//   move_cells     panorama, camera (lib/gbuffer/camera.h),     the same, fetched from where the
+//                  plane, mean and smooth as they were          surfaces were
+//   list_cells     pixels that are traced (list, count, guide,  entries around them that know less
 //                  touched), objects' boxes, mean               than they should, each once
-//   refine_cells   cells, world (lib/world/world.h)                    mean: rgb / pi, w samples
-//   smooth_cells   cells, mean                                  smooth: joint filter of mean, ever
+//   refine_cells   cells, point, world (lib/world/world.h)      mean: rgb / pi, w samples
+//   smooth_cells   cells, point, mean                           smooth: joint filter of mean, ever
 //                                                               narrower as samples come in
 //   show_cells     guide, smooth                                3 planes: rgb / pi at the pixels
 #include "world/boxes.h"
@@ -23,6 +23,8 @@
 #include "maths/sampling.h"
 
 #define SMOOTH_RADIUS 3
+// Texels of a cell a side in which its second surface is looked for, at most.
+#define MOST_ACROSS 8
 // Samples after which a cell counts as much as all others around it.
 #define OWN_SAMPLES 32.0f
 // Relative distance up to which a cell's surface is the one it was.
@@ -37,15 +39,92 @@ static inline float forgotten(float before, float more)
     return all < MOST_FORGOTTEN ? all : 0.0f;
 }
 
-// Tangent plane at a cell's centre; 0 where there is none, or a window.
-static inline float4 cell_plane(int x, int y, int columns, int rows, int real_width,
-                                int real_height, __global const float4 *restrict real_surface)
+typedef struct {
+    int width;
+    int height;
+    __global const float4 *surface;
+} Texels;
+
+// Tangent plane of a texel; 0 where there is none, or a window.
+static inline float4 texel_plane(Texels real, int column, int row)
 {
-    const int column = min((int)((x + 0.5f) / columns * real_width), real_width - 1);
-    const int row = min((int)((y + 0.5f) / rows * real_height), real_height - 1);
-    const float4 surface = real_surface[row * real_width + column];
+    const float4 surface = real.surface[row * real.width + column];
     const int usable = !((int)surface.w & (SURFACE_NONE | SURFACE_OPENING));
     return usable ? (float4)(surface.xyz, 1.0f) : (float4)(0.0f);
+}
+
+static inline float4 plane_at(Texels real, float x, float y, int columns, int rows)
+{
+    return texel_plane(real, min((int)(x / columns * real.width), real.width - 1),
+                       min((int)(y / rows * real.height), real.height - 1));
+}
+
+// How far the surface of a texel is part of a plane; in `plane` that of the texel.
+static inline float texel_agreement(Texels real, int column, int row, float4 with, float4 *plane)
+{
+    const int wrapped = (column + real.width) % real.width;
+    const int inside = clamp(row, 0, real.height - 1);
+    *plane = texel_plane(real, wrapped, inside);
+    const float3 v = texel_direction(wrapped, inside, real.width, real.height);
+    const float3 g = plane->xyz;
+    return plane->w > 0.0f ? cache_agreement(with, v / fmax(dot(g, v), 1e-30f), -normalize(g)) : 0.0f;
+}
+
+// Whether a texel shows a surface that its neighbours go on with, and no cell around has at its centre.
+static inline int is_thin(Texels real, int column, int row, int x, int y, int columns, int rows)
+{
+    float4 plane, other;
+    texel_agreement(real, column, row, (float4)(0.0f), &plane);
+    if (!(plane.w > 0.0f))
+        return 0;
+    for (int i = 0; i < 9; i++) {
+        const int cell = cache_cell(columns, rows, x + (i + 1) % 3 - 1, y + (i / 3 + 1) % 3 - 1);
+        const float4 centre = plane_at(real, cell % columns + 0.5f, cell / columns + 0.5f, columns, rows);
+        if (texel_agreement(real, column, row, centre, &other) > 0.0f)
+            return 0;
+    }
+    int joined = 0;
+    for (int i = 0; i < 4; i++) {
+        const int aside = i < 2 ? 2 * i - 1 : 0, down = i < 2 ? 0 : 2 * i - 5;
+        joined += texel_agreement(real, column + aside, row + down, plane, &other) > 0.0f;
+    }
+    return joined >= 2;
+}
+
+// Place (column, row) of the texel that shows a cell's second surface, the one nearest to the centre; (-1, -1):
+// there is none.
+static inline int2 thin_texel(Texels real, int x, int y, int columns, int rows)
+{
+    const int across = clamp(real.width / columns, 1, MOST_ACROSS);
+    int2 nearest = (int2)(-1);
+    float least = INFINITY;
+    for (int i = 0; i < across * across; i++) {
+        const float2 inside = ((float2)(i % across, i / across) + 0.5f) / across;
+        const float2 off = inside - 0.5f;
+        if (!(dot(off, off) < least))
+            continue;
+        const int column = min((int)((x + inside.x) / columns * real.width), real.width - 1);
+        const int row = min((int)((y + inside.y) / rows * real.height), real.height - 1);
+        if (is_thin(real, column, row, x, y, columns, rows)) {
+            nearest = (int2)(column, row);
+            least = dot(off, off);
+        }
+    }
+    return nearest;
+}
+
+// The surface of an entry, x and y of which count cells, and rows of second surfaces below: its tangent plane, 0 if
+// there is none; and the direction in which it is.
+static inline float4 entry_plane(Texels real, int x, int y, int columns, int rows, float3 *v)
+{
+    *v = texel_direction(x, y % rows, columns, rows);
+    if (y < rows)
+        return plane_at(real, x + 0.5f, y + 0.5f, columns, rows);
+    const int2 texel = thin_texel(real, x, y - rows, columns, rows);
+    if (texel.x < 0)
+        return (float4)(0.0f);
+    *v = texel_direction(texel.x, texel.y, real.width, real.height);
+    return texel_plane(real, texel.x, texel.y);
 }
 
 __kernel void place_cells(
@@ -57,13 +136,15 @@ __kernel void place_cells(
     const float kept,                      // samples that means are worth at most from now on
     __global float4 *restrict plane,       // in, out
     __global float4 *restrict mean,        // in, out
-    __global float4 *restrict smooth)      // in, out
+    __global float4 *restrict smooth,      // in, out
+    __global float4 *restrict point)       // out
 {
     const int x = get_global_id(0), y = get_global_id(1);
-    if (x >= columns || y >= rows)
+    if (x >= columns || y >= CACHE_SURFACES * rows)
         return;
     const int cell = y * columns + x;
-    float4 now = cell_plane(x, y, columns, rows, real_width, real_height, real_surface);
+    float3 v;
+    float4 now = entry_plane((Texels){real_width, real_height, real_surface}, x, y, columns, rows, &v);
     const float4 before = plane[cell];
     const float3 moved = now.xyz - before.xyz;
     const int same = (before.w > 0.0f) == (now.w > 0.0f)
@@ -74,6 +155,7 @@ __kernel void place_cells(
     mean[cell].w = left;
     smooth[cell].w = same ? smooth[cell].w : 0.0f;
     plane[cell] = now;
+    point[cell] = (float4)(v / fmax(dot(now.xyz, v), 1e-30f), 0.0f);
 }
 
 __kernel void move_cells(
@@ -89,27 +171,30 @@ __kernel void move_cells(
     __global const float4 *restrict smooth_before,
     __global float4 *restrict plane,               // out
     __global float4 *restrict mean,                // out
-    __global float4 *restrict smooth)              // out
+    __global float4 *restrict smooth,              // out
+    __global float4 *restrict point)               // out
 {
     const int x = get_global_id(0), y = get_global_id(1);
-    if (x >= columns || y >= rows)
+    if (x >= columns || y >= CACHE_SURFACES * rows)
         return;
     const int cell = y * columns + x;
-    float4 now = cell_plane(x, y, columns, rows, real_width, real_height, real_surface);
+    float3 v;
+    float4 now = entry_plane((Texels){real_width, real_height, real_surface}, x, y, columns, rows, &v);
     float4 mean_now = (float4)(0.0f), smooth_now = (float4)(0.0f);
     if (now.w > 0.0f) {
-        const float3 v = texel_direction(x, y, columns, rows);
         const float3 p = camera_before(camera, v, dot(now.xyz, v));
-        const float3 point = p / fmax(dot(now.xyz, v), 1e-30f);
+        const float3 there = p / fmax(dot(now.xyz, v), 1e-30f);
         const float3 normal = camera_before(camera, -normalize(now.xyz), 0.0f);
         float2 past;
-        const int2 corner = cache_corner(columns, rows, point, &past);
+        const int2 corner = cache_corner(columns, rows, there, &past);
         float drawn = 0.0f;
-        for (int i = 0; i < 4; i++) {
-            const int from = cache_cell(columns, rows, corner.x + (i & 1), corner.y + (i >> 1));
+        for (int k = 0; k < 4 * CACHE_SURFACES; k++) {
+            const int i = k & 3;
+            const int from = cache_cell(columns, rows, corner.x + (i & 1), corner.y + (i >> 1))
+                + (k >> 2) * columns * rows;
             const float4 before = plane_before[from], known = mean_before[from];
             const float weight = (i & 1 ? past.x : 1.0f - past.x)
-                * (i & 2 ? past.y : 1.0f - past.y) * cache_agreement(before, point, normal);
+                * (i & 2 ? past.y : 1.0f - past.y) * cache_agreement(before, there, normal);
             // What is worth more samples weighs more; sums come first, means after.
             mean_now += weight * (float4)(known.w * known.xyz, known.w);
             const float4 shown = smooth_before[from];
@@ -124,6 +209,7 @@ __kernel void move_cells(
     mean[cell] = mean_now;
     smooth[cell] = smooth_now;
     plane[cell] = now;
+    point[cell] = (float4)(v / fmax(dot(now.xyz, v), 1e-30f), 0.0f);
 }
 
 __kernel void list_cells(
@@ -154,16 +240,24 @@ __kernel void list_cells(
     COUNT_ITEM;
     const int pixel = plane_index(list[item] % width, list[item] / width, width);
     const int size = plane_size(width, height);
-    const float3 p = load_planes(guide + 3 * size, size, pixel);
-    const BoxView seen = view_boxes(boxes, box_count, p, load_planes(guide, size, pixel));
+    const float3 p = load_planes(guide + 3 * size, size, pixel), n = load_planes(guide, size, pixel);
+    const BoxView seen = view_boxes(boxes, box_count, p, n);
     if (!boxes_matter(seen, min_solid_angle))
         return;
     const float samples = touched[pixel] > 0.0f ? enough : fmin(first, enough);
     float2 past;
     const int2 corner = cache_corner(columns, rows, p, &past);
-    for (int i = 0; i < 4; i++) {
-        const int cell = cache_cell(columns, rows, corner.x + (i & 1), corner.y + (i >> 1));
-        if (plane[cell].w > 0.0f && mean[cell].w < samples && atomic_xchg(listed + cell, 1) == 0)
+    float shown = 0.0f;
+    for (int k = 0; k < 4 * CACHE_SURFACES; k++) {
+        const int i = k & 3, is_second = k >> 2;
+        if (is_second && shown > 0.0f)
+            break;
+        const int cell = cache_cell(columns, rows, corner.x + (i & 1), corner.y + (i >> 1))
+            + is_second * columns * rows;
+        const float agreement = cache_agreement(plane[cell], p, n);
+        shown += is_second ? 0.0f : agreement;
+        if (plane[cell].w > 0.0f && (!is_second || agreement > 0.0f) && mean[cell].w < samples
+            && atomic_xchg(listed + cell, 1) == 0)
             cells[atomic_inc(cell_count)] = cell;
     }
 }
@@ -173,8 +267,8 @@ TRACING_KERNEL void refine_cells(
     const int seed,
     __global const int *restrict list,
     __global const int *restrict count,
-    const int columns,
     __global const float4 *restrict plane,
+    __global const float4 *restrict point,
     __global const float *restrict view,   // lib/gbuffer/view.h
     WORLD_PARAMETERS,
     __global float4 *restrict mean         // in, out
@@ -184,10 +278,8 @@ TRACING_KERNEL void refine_cells(
     COUNT_ITEM;
     const World world = WORLD(view);
     const int cell = list[item];
-    const float3 g = plane[cell].xyz;
-    const float3 v = texel_direction(cell % columns, cell / columns, columns, columns / 2);
-    const float3 n = -normalize(g);
-    const float3 o = real_start(world.real, v / fmax(dot(g, v), 1e-30f), n);
+    const float3 n = -normalize(plane[cell].xyz);
+    const float3 o = real_start(world.real, point[cell].xyz, n);
     const Frame frame = build_frame(n);
     const float4 before = mean[cell];
     const uint first = (uint)(before.w + (plane[cell].w - 1.0f) + 0.5f);
@@ -229,6 +321,7 @@ __kernel void smooth_cells(
     const int columns,
     const int rows,
     __global const float4 *restrict plane,
+    __global const float4 *restrict point,
     __global const float4 *restrict mean,
     __global int *restrict listed,         // out: 0
     __global float4 *restrict smooth       // out
@@ -236,24 +329,25 @@ __kernel void smooth_cells(
 {
     LIST_ITEM(count[0]);
     COUNT_ITEM;
-    const int cell = list[item], x = cell % columns, y = cell / columns;
+    const int cell = list[item], x = cell % columns, y = cell / columns % rows;
     listed[cell] = 0;
-    const float3 g = plane[cell].xyz, n = -normalize(g);
-    const float3 v = texel_direction(x, y, columns, rows);
-    const float3 p = v / fmax(dot(g, v), 1e-30f);
+    const float3 n = -normalize(plane[cell].xyz), p = point[cell].xyz;
     const float4 own = mean[cell];
     const float share = OWN_SAMPLES / (OWN_SAMPLES + own.w);
-    float3 sum = (float3)(0.0f);
-    float weights = 0.0f;
+    float3 sum = own.w * own.xyz;
+    float weights = own.w;
     for (int dy = -SMOOTH_RADIUS; dy <= SMOOTH_RADIUS; dy++)
         for (int dx = -SMOOTH_RADIUS; dx <= SMOOTH_RADIUS; dx++) {
-            const int other = cache_cell(columns, rows, x + dx, y + dy);
-            const float4 value = mean[other];
-            const float weight = dx == 0 && dy == 0
-                ? own.w
-                : share * value.w * cache_agreement(plane[other], p, n) / (1.0f + dx * dx + dy * dy);
-            sum += weight * value.xyz;
-            weights += weight;
+            int other = cache_cell(columns, rows, x + dx, y + dy);
+            for (int i = 0; i < CACHE_SURFACES; i++, other += columns * rows) {
+                const float4 value = mean[other];
+                if (other == cell || !(value.w > 0.0f))
+                    continue;
+                const float weight = share * value.w * cache_agreement(plane[other], p, n)
+                    / (1.0f + dx * dx + dy * dy);
+                sum += weight * value.xyz;
+                weights += weight;
+            }
         }
     smooth[cell] = (float4)(sum / fmax(weights, 1e-30f), own.w);
 }

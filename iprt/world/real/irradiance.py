@@ -24,6 +24,9 @@ BLACK = 1e-6
 """E_R up to this fraction of the panorama's mean radiance is black: what is relative to it is
 noise."""
 
+SURFACES = 2
+"""Surfaces of a cell."""
+
 FOREVER = 1e6
 """More samples than a cell ever has."""
 
@@ -40,10 +43,13 @@ class IrradianceCache:
     Attributes
     ----------
     rows, columns : int
-    plane : (rows * columns, 4) float32
+    plane : (2 * rows * columns, 4) float32
         Tangent plane g (g·x = 1) at each cell's centre, 1 + samples that were forgotten; all 0:
-        no surface there, or a window.
-    mean, irradiance : (rows * columns, 4) float32
+        no surface there, or a window. Then, per cell, that of a thin surface which no centre around
+        shows; all 0: none.
+    point : (2 * rows * columns, 4) float32
+        Where those surfaces are, in metres; 0.
+    mean, irradiance : (2 * rows * columns, 4) float32
         E_R / π as sampled, and after smoothing; number of samples.
     """
 
@@ -60,15 +66,16 @@ class IrradianceCache:
             return device.kernel("world/real/irradiance.cl", name, defines)
 
         self._place = kernel("place_cells")
-        cells = self.rows * self.columns
+        self._entries = entries = SURFACES * self.rows * self.columns
         self.plane, self.mean, self.irradiance = self._grids("")
+        self.point = device.zeros("irradiance point", (entries, 4))
         if features.moving_camera:
             self._move = kernel("move_cells")
             self._before = self._grids(" before")
             self._camera = device.zeros("irradiance camera motion", (12,))
         self._light = CellLight(device, panorama.width, panorama.height, self.rows)
-        self._listed = device.zeros("irradiance listed", (cells,), np.int32)
-        self._cells = device.empty("irradiance cells", (cells,), np.int32)
+        self._listed = device.zeros("irradiance listed", (entries,), np.int32)
+        self._cells = device.empty("irradiance cells", (entries,), np.int32)
         self._count, self._next_count = (
             device.zeros(f"irradiance count {i}", (1,), np.int32) for i in range(2)
         )
@@ -81,18 +88,20 @@ class IrradianceCache:
             cells=self._cells,
         )
         self._refine = kernel("refine_cells").fixed(
-            grid,
             rays=settings.rays,
             seed=features.settings.seed,
             list=self._cells,
+            point=self.point,
         )
-        self._smooth = kernel("smooth_cells").fixed(grid, list=self._cells, listed=self._listed)
+        self._smooth = kernel("smooth_cells").fixed(
+            grid, list=self._cells, listed=self._listed, point=self.point
+        )
         self._show = kernel("show_cells")
 
     def _grids(self, when: str) -> tuple[cla.Array, cla.Array, cla.Array]:
         names = ("irradiance plane", "irradiance mean", "irradiance")
         plane, mean, smooth = (
-            self._device.zeros(name + when, (self.rows * self.columns, 4)) for name in names
+            self._device.zeros(name + when, (self._entries, 4)) for name in names
         )
         return plane, mean, smooth
 
@@ -118,7 +127,7 @@ class IrradianceCache:
         cut : bool
             They show different things, and nothing that is known holds.
         """
-        grid = (self.columns, self.rows)
+        grid = (self.columns, SURFACES * self.rows)
         still = np.array_equal(motion, STILL)
         seen = {
             "columns": self.columns,
@@ -126,6 +135,7 @@ class IrradianceCache:
             "real_width": panorama.width,
             "real_height": panorama.height,
             "real_surface": panorama.surface,
+            "point": self.point,
         }
         with self._device.profile.section("irradiance"):
             if still:
@@ -151,6 +161,7 @@ class IrradianceCache:
 
         A mean of so many samples that its own error is as large is kept.
         """
+        factor, error = np.tile(factor, (SURFACES, 1)), np.tile(error, SURFACES)
         plane, mean, smooth = (
             self._device.read(grid) for grid in (self.plane, self.mean, self.irradiance)
         )
@@ -184,7 +195,6 @@ class IrradianceCache:
         objects span less than `min_solid_angle` sr.
         """
         layout = guide.layout
-        cells = self.rows * self.columns
         self._count, self._next_count = self._next_count, self._count
         known = {**self._named(""), "count": self._count}
         with self._device.profile.section("irradiance"):
@@ -202,8 +212,8 @@ class IrradianceCache:
                 cell_count=self._count,
                 next_count=self._next_count,
             )
-            self._refine((cells,), known, traced, view=view)
-            self._smooth((cells,), known)
+            self._refine((self._entries,), known, traced, view=view)
+            self._smooth((self._entries,), known)
 
     def show(self, panorama: Panorama, guide: Guide) -> cla.Array:
         """E_R / π at a picture's pixels, 3 planes; 0 where no traced pixel has asked for it."""

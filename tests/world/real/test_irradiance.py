@@ -51,11 +51,18 @@ def renderer(
 
 
 def cells(made: Renderer) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
-    """(N, 4) plane, mean and smoothed irradiance."""
+    """(N, 4) plane, mean and smoothed irradiance of the surfaces at the cells' centres."""
     cache = made.real_world.irradiance
     assert cache is not None
-    read = made.device.read
-    return read(cache.plane), read(cache.mean), read(cache.irradiance)
+    plane, mean, smooth = (
+        made.device.read(grid)[: 2 * ROWS * ROWS]
+        for grid in (cache.plane, cache.mean, cache.irradiance)
+    )
+    return plane, mean, smooth
+
+
+def unit(vectors: Float) -> Float:
+    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
 
 
 def cell_directions() -> Float:
@@ -150,6 +157,36 @@ def test_more_samples_are_surer(device: ComputeDevice) -> None:
         mean = np.array(found)[:, kept, 1].mean()
         assert mean == pytest.approx(at_once[kept, 1].mean(), rel=0.05)
     assert spread[1] < 0.5 * spread[0]
+
+
+def test_sides_narrower_than_cells_have_an_irradiance_of_their_own(device: ComputeDevice) -> None:
+    """The front of a book on the floor: float64 Monte Carlo, and not what its top receives."""
+    front, top = -1.3, FLOOR + 0.1
+    world = World(solids=(Box((0.0, FLOOR + 0.05, front - 0.3), (0.5, 0.05, 0.3)),))
+    frame = room_frame(world, 512, 256, ceiling_lamp)
+    pitch_deg = float(np.degrees(np.arctan2(FLOOR + 0.05, -front)))
+    view = View(48, 36, pitch_deg=pitch_deg, fov_y_deg=12.0)
+    black = Material(albedo=(0.0, 0.0, 0.0))
+    objects = [ball((0.9, FLOOR + 0.35, front + 0.3), 0.3, black)]
+    with renderer(device, frame, view, objects, rays=256, samples=1024) as made:
+        shown = made.render(6, ("irradiance_real",)).aovs["irradiance_real"][..., 1]
+    reach, normal, _ = world.first_hit(np.zeros(3), view.directions())
+    points = reach[..., None] * view.directions()
+    on_front = (normal[..., 2] > 0.5) & (np.abs(points[..., 0]) < 0.4)
+    on_front &= (points[..., 1] > FLOOR + 0.02) & (points[..., 1] < top - 0.02)
+    assert on_front.sum() > 150
+    rng = np.random.default_rng(1)
+    ratios = []
+    for p in rng.choice(points[on_front], 24):
+        n = np.array((0.0, 0.0, 1.0))
+        w = n + unit(rng.normal(size=(8000, 3)))
+        w /= np.linalg.norm(w, axis=1, keepdims=True)
+        o = p + 1e-4 * n
+        light = panorama_at(frame.color, o + world.first_hit(o, w)[0][:, None] * w)[:, 1].mean()
+        row, column = np.argwhere((points == p).all(-1))[0]
+        ratios.append(shown[row, column] / light)
+    assert np.mean(ratios) == pytest.approx(1.0, abs=0.1)
+    assert np.std(ratios) < 0.2
 
 
 # Where it is needed --------------------------------------------------------------------------

@@ -11,6 +11,8 @@ from tests.kernels.wrap import evaluate
 from tests.oracles.worlds import World
 from tests.worlds import Float
 
+Tables = dict[str, NDArray[np.float32]]
+
 ROOM = World()
 ROWS = 32
 
@@ -21,7 +23,7 @@ e = cached_irradiance(cache, p, n);
 """
 
 
-def corner_tables(floor: float, wall: float) -> dict[str, NDArray[np.float32]]:
+def corner_tables(floor: float, wall: float) -> Tables:
     """A room of which the cache knows all cells; the floor's value, and that of all else."""
     d = View(2 * ROWS, ROWS, projection="equirect").directions().reshape(-1, 3)
     t, normal, _ = ROOM.first_hit(np.zeros(3), d)
@@ -33,10 +35,19 @@ def corner_tables(floor: float, wall: float) -> dict[str, NDArray[np.float32]]:
 
 
 def looked_up(
-    device: ComputeDevice, tables: dict[str, NDArray[np.float32]], points: Float, normals: Float
+    device: ComputeDevice,
+    tables: Tables,
+    points: Float,
+    normals: Float,
+    second: Tables | None = None,
 ) -> NDArray[np.float32]:
+    """E_R of which the red part is kept; `second`: what cells know of thin surfaces."""
+    second = (
+        {name: np.zeros_like(table) for name, table in tables.items()} if second is None else second
+    )
+    both = {name: np.concatenate([tables[name], second[name]]) for name in tables}
     inputs = {"p": points.astype(np.float32), "n": normals.astype(np.float32)}
-    found = evaluate(device, ["world/real/irradiance.h"], LOOKUP, inputs, {"e": "float3"}, tables)[
+    found = evaluate(device, ["world/real/irradiance.h"], LOOKUP, inputs, {"e": "float3"}, both)[
         "e"
     ]
     return np.asarray(found[:, 0])
@@ -111,3 +122,16 @@ def test_a_surface_that_no_cell_knows_takes_the_most_of_those_around(device: Com
     value = tables["cache_value"][:, 0].reshape(32, 64)
     around = [value[np.clip(y + j, 0, 31), (x + i) % 64] for i in (0, 1) for j in (0, 1)]
     np.testing.assert_allclose(found, np.max(around, axis=0), rtol=1e-6)
+
+
+def test_a_second_surface_counts_where_no_first_one_does(device: ComputeDevice) -> None:
+    """A shelf at the height -0.3 that no cell shows at its centre."""
+    first, second = corner_tables(1.0, 1.0), corner_tables(9.0, 9.0)
+    second["cache_plane"][:, :3] = (0.0, 1.0 / -0.3, 0.0)
+    points, normals = surface_points(5000)
+    np.testing.assert_allclose(looked_up(device, first, points, normals, second), 1.0, rtol=1e-5)
+    below = points[points[:, 1] < -0.5]
+    on_shelf = below * (-0.3 / below[:, 1:2])
+    up = np.broadcast_to((0.0, 1.0, 0.0), on_shelf.shape)
+    np.testing.assert_allclose(looked_up(device, first, on_shelf, up, second), 9.0, rtol=1e-5)
+    np.testing.assert_allclose(looked_up(device, first, on_shelf, up), 1.0, rtol=1e-5)

@@ -1,4 +1,7 @@
 // The irradiance cache: E_R / pi at the cells of a coarse equirect grid.
+//
+// A cell holds two surfaces: in the first `columns * rows` entries what the panorama shows at its centre, and in as
+// many more a thin one that no centre around shows, such as the side of a book.
 #ifndef IPRT_IRRADIANCE_H
 #define IPRT_IRRADIANCE_H
 
@@ -8,6 +11,8 @@
 #define CACHE_PLANE 0.02f
 // ... and whose normal agrees: cosine.
 #define CACHE_NORMAL 0.8f
+
+#define CACHE_SURFACES 2
 
 typedef struct {
     __global const float4 *plane;        // xyz g of the tangent plane g.x = 1; w > 0: a surface
@@ -56,8 +61,12 @@ static inline float3 cached_irradiance(const IrradianceCache cache, float3 p, fl
     const int2 corner = cache_corner(cache.columns, cache.rows, p, &past);
     float3 sum = (float3)(0.0f), brightest = (float3)(0.0f);
     float weights = 0.0f;
-    for (int i = 0; i < 4; i++) {
-        const int cell = cache_cell(cache.columns, cache.rows, corner.x + (i & 1), corner.y + (i >> 1));
+    for (int k = 0; k < 4 * CACHE_SURFACES; k++) {
+        const int i = k & 3;
+        if (i == 0 && weights > 0.0f)
+            break;
+        const int cell = cache_cell(cache.columns, cache.rows, corner.x + (i & 1), corner.y + (i >> 1))
+            + (k >> 2) * cache.columns * cache.rows;
         const float4 value = cache.irradiance[cell];
         const float bilinear = (i & 1 ? past.x : 1.0f - past.x) * (i & 2 ? past.y : 1.0f - past.y);
         const float known = value.w > 0.0f ? bilinear + 1e-3f : 0.0f;
@@ -66,8 +75,8 @@ static inline float3 cached_irradiance(const IrradianceCache cache, float3 p, fl
         weights += weight;
         brightest = fmax(brightest, known > 0.0f ? value.xyz : (float3)(0.0f));
     }
-    // Surfaces too small for a cell of their own take the most of what is around them: where they face may
-    // be brighter than what is known, and too little would make black specks of faint shadows.
+    // Surfaces that no cell holds take the most of what is around them: where they face may be brighter than
+    // what is known, and too little would make black specks of faint shadows.
     return weights > 0.0f ? sum / weights : brightest;
 }
 
