@@ -12,6 +12,9 @@
 //
 //   in    guide (7 planes, guide.h), signal (SIGNAL_PLANES), variance (1) of g, roughness (1, GGX
 //         alpha; where specular), borders wrapped in equirect views
+// On real surfaces n_p . n_q counts from the neighbour on that is most like p (least_turn): what bends as
+// strongly as the edge of a book, and is a few pixels wide, would have none to be averaged with.
+//
 //   out   signal, variance: pixels without a surface are copied
 //
 // Between levels, signals and variances are planes of stored.h. With -DHALF_PLANES, the first level is
@@ -32,6 +35,11 @@
 // Differences up to this fraction of a pixel's luminance, or of the light that a real surface receives,
 // count as noise always: a little more than what half precision rounds by.
 #define NOISE_FLOOR 0.002f
+#define MOST_TURN 0.3f         // 1 - cosine between normals that may still be of one surface
+
+#if defined(DIFFERENCE) && defined(GUIDED)
+#define BENT // with least_turn
+#endif
 
 #ifdef FIRST
 #define SIGNAL_IN PLANES_IN
@@ -124,6 +132,9 @@ __kernel void filter_level(
     BATCHED(SIGNAL_OUT, signal_out),             // SIGNAL_PLANES planes
     BATCHED(STORED_OUT, variance_out),           // 1 plane
     SPAN_PARAMETERS,                             // where there are surfaces; the rest is 0
+#ifdef BENT
+    BATCHED(STORED_IN, turned),                  // of smooth_variance
+#endif
 #if SPECULAR
     BATCHED(STORED_IN, roughness),               // of smooth_variance; < 1e-4: copied
     float lobe_fraction,                         // of the lobe's half width that taps may span
@@ -182,6 +193,11 @@ __kernel void filter_level(
     normal_sharpness = fmax(normal_sharpness, 8.0f * lobe);
     lobe /= fmax(distance_squared, 1e-30f);
 #endif
+#ifdef BENT
+    const float turned = load_stored(OF_BATCH(turned), p);
+#else
+    const float turned = 0.0f;
+#endif
     // Weights are relative to the centre's.
     TAP_LOOP
     for (int i = 0; i < TAPS_IF(same > 0.0f, TAPS * TAPS); i++) {
@@ -197,7 +213,7 @@ __kernel void filter_level(
         for (int c = 0; c < SIGNAL_PLANES; c++)
             tap[c] = load_in(signal, c * size + q);
         float v = load_stored_variance(variance, q);
-        float differ = normal_sharpness * fmax(turn, 0.0f) + plane_scale * fabs(off_plane);
+        float differ = normal_sharpness * fmax(turn - turned, 0.0f) + plane_scale * fabs(off_plane);
 #ifdef GUIDED
         float dg = guide_scalar(tap) - g;
         differ += dg * dg / (variance_scale * v + tolerance);
@@ -242,12 +258,35 @@ static inline float widened_alpha(
 }
 #endif
 
+#ifdef BENT
+// 1 - cosine of the normal with the most like it of the eight neighbours'.
+static inline float least_turn(__global const float *restrict guide, int size, int stride, int p)
+{
+    float least = MOST_TURN;
+    #pragma unroll
+    for (int dy = -1; dy <= 1; dy++) {
+        #pragma unroll
+        for (int dx = -1; dx <= 1; dx++) {
+            const int q = p + dx + dy * stride;
+            const float turn = 1.0f - (guide[p] * guide[q] + guide[size + p] * guide[size + q]
+                                       + guide[2 * size + p] * guide[2 * size + q]);
+            const bool same = guide[GUIDE_ID * size + q] == guide[GUIDE_ID * size + p];
+            least = (dx || dy) && same ? fmin(least, turn) : least;
+        }
+    }
+    return least;
+}
+#endif
+
 // What the levels are given. 3x3 binomial mean of the variance over pixels of one id: single
 // estimates are too noisy to steer the weights (Schied et al. 2017, section 4.4).
 __kernel void smooth_variance(
     BATCHED(PLANES_IN, guide),                   // 7 planes
     BATCHED(PLANES_IN, variance),                // 1 plane
     BATCHED(STORED_OUT, smooth),                 // out: 1 plane
+#ifdef BENT
+    BATCHED(STORED_OUT, turned),                 // out: 1 plane
+#endif
     SPAN_PARAMETERS,                             // where there are surfaces
 #if SPECULAR
     BATCHED(PLANES_IN, roughness),               // GGX alpha
@@ -281,6 +320,10 @@ __kernel void smooth_variance(
     sum = sum * unit * unit; // the square alone may be beyond all floats
 #endif
     store_stored_variance(smooth, p, x, width, sum / weights);
+#ifdef BENT
+    store_stored(OF_BATCH(turned), p, x, width,
+                 least_turn(guide, plane_size(width, height), stride, p));
+#endif
 #if SPECULAR
     if (entry < SPECULAR)
         store_stored(OF_BATCH(widened), p, x, width,

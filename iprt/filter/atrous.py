@@ -67,6 +67,8 @@ class Atrous:
             for signal in signals[: self._specular]
         ]
         self._widened += self._widened[:1] * (len(signals) - self._specular)
+        turned = planes("least turn", 1, self._stored) if self._real and guided else []
+        self._given = batched(roughness=self._widened, turned=turned)
         self.spans = span_arguments([signal.guide for signal in signals])
         self._extent = None
         if first.kind == "delta" and settings.levels:
@@ -89,7 +91,7 @@ class Atrous:
             self._smooth = device.kernel("filter/atrous.cl", "smooth_variance", defines).fixed(
                 layout.arguments(),
                 self.spans,
-                batched(smooth=self._scratch[-1][1], widened=self._widened),
+                batched(smooth=self._scratch[-1][1], widened=self._widened, turned=turned),
             )
         self._levels = [self._level(level, defines) for level in range(settings.levels)]
 
@@ -106,12 +108,8 @@ class Atrous:
         kernel = self._device.kernel("filter/atrous.cl", "filter_level", defines).fixed(
             self._layout.arguments(),
             self.spans,
-            batched(
-                variance=variance,
-                signal_out=signal_out,
-                variance_out=variance_out,
-                roughness=self._widened,
-            ),
+            self._given,
+            batched(variance=variance, signal_out=signal_out, variance_out=variance_out),
             step=1 << level,
             normal_sharpness=settings.normal_sharpness,
             plane_sharpness=settings.plane_sharpness,

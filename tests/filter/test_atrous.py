@@ -144,6 +144,22 @@ def test_equal_planes_stay_equal(device: ComputeDevice) -> None:
         assert not np.array_equal(result, signal)
 
 
+def test_what_bends_from_pixel_to_pixel_is_averaged(device: ComputeDevice) -> None:
+    """No neighbour faces quite as a pixel does, but the ones that are most like it count."""
+    gbuffer = flat_gbuffer(64, 48)
+    rng = np.random.default_rng(5)
+    gbuffer.normal[:2] = rng.normal(0.0, 0.4, (2, 48, 64))
+    gbuffer.normal[:] /= np.linalg.norm(gbuffer.normal, axis=0)
+    signal = np.zeros((6, 48, 64))
+    signal[:3] = 0.5 + 0.1 * rng.normal(size=(48, 64))
+    variance = np.full((48, 64), 0.01)
+    settings = SETTINGS.model_copy(update={"plane_sharpness": 0.0})
+    result = run(device, gbuffer, "delta", signal, variance, settings=settings)
+    inner = np.s_[0, 4:-4, 4:-4]
+    assert result[inner].std() < 0.4 * signal[inner].std()
+    assert np.abs(result[inner] - 0.5).max() < 0.2
+
+
 @pytest.mark.parametrize("equirect", [False, True])
 def test_zeros_stay_zeros(device: ComputeDevice, equirect: bool) -> None:
     """Beyond the filter's reach of what objects touch, and where they touched things before."""

@@ -32,6 +32,16 @@ def smooth_variance(variance: Array, ids: Array, equirect: bool) -> Array:
     return total / weights
 
 
+def least_turn(normal: Array, ids: Array, equirect: bool) -> Array:
+    """1 - cosine of the most similar normal of the eight neighbours of one id, at most 0.3."""
+    least = np.full(ids.shape, 0.3)
+    for dx, dy in [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j]:
+        turn = 1.0 - (normal * shifted(normal, dx, dy, equirect)).sum(0)
+        same = shifted(ids, dx, dy, equirect, fill=-1.0) == ids
+        least = np.where(same, np.minimum(least, turn), least)
+    return least
+
+
 def filter_level(
     signal: Array,
     variance: Array,
@@ -54,6 +64,8 @@ def filter_level(
     variance does not count.
     """
     distance = np.maximum(np.linalg.norm(position, axis=0), 1e-15)
+    bent = len(signal) == 6 and guided
+    turned = least_turn(normal, ids, equirect) if bent else np.zeros(ids.shape)
     normal_sharpness = np.full(ids.shape, sharpness[0])
     lobe = np.zeros(ids.shape)
     usable = ids > 0.0
@@ -71,7 +83,8 @@ def filter_level(
             tap = shifted(signal, dx, dy, equirect)
             v = shifted(variance, dx, dy, equirect)
             away = shifted(position, dx, dy, equirect) - position
-            turn = np.maximum(1.0 - (normal * shifted(normal, dx, dy, equirect)).sum(0), 0.0)
+            turn = 1.0 - (normal * shifted(normal, dx, dy, equirect)).sum(0)
+            turn = np.maximum(turn - turned, 0.0)
             off_plane = np.abs((normal * away).sum(0)) / distance
             noise = deviations**2 * (v + variance) + floors + 1e-30
             x = normal_sharpness * turn + sharpness[1] * off_plane
