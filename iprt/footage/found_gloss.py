@@ -17,7 +17,7 @@ from iprt.footage.gather import Cells, cell_means
 from iprt.footage.gloss import Evidence, Plane, RealMaterial
 from iprt.footage.gloss_evidence import ALPHAS, Reflection
 from iprt.footage.gloss_frames import Followed, Moment
-from iprt.footage.mirrored import IOR
+from iprt.footage.mirrored import IOR, KINDS
 from iprt.footage.planes import CellPlane, find_planes
 from iprt.geometry.material import Material
 
@@ -35,6 +35,9 @@ that the panorama does not explain reaches t = 6 in rooms of matte surfaces."""
 STRENGTH = (0.25, 2.0)
 """Strengths over that of an index of 1.5 that are believed: those of indices from 1.2 to 1.8, and
 windows whose sky is brighter or darker where the camera did not see it."""
+MAX_RECOVERED = 10.0
+"""The largest one of what the picture shows clipped, which is recovered up to five times too dark.
+"""
 MAX_ALPHA = 0.35
 """Shading that the panorama does not explain looks like reflections rougher than this."""
 MAX_BEYOND = 0.3
@@ -76,7 +79,7 @@ def find_gloss(
         reflection = plane.picture().reflection(
             [plane.reflected(alpha, index) for index, alpha in enumerate(ALPHAS)]
         )
-        if is_strong(reflection, len(planes) * len(ALPHAS)):
+        if is_strong(reflection, len(planes) * len(ALPHAS) * KINDS):
             names = taken | {material.name for material in found}
             name = _free_name(_kind(plane.plane, planes), names)
             found.append(_material(name, cells, plane.plane, tolerance, reflection))
@@ -86,11 +89,12 @@ def find_gloss(
 def is_strong(reflection: Reflection, tries: int) -> bool:
     """Whether the evidence of a reflection, the best of so many tries, is believed."""
     fit = reflection.fit
+    most = MAX_RECOVERED if fit.recovered else STRENGTH[1]
     return (
         fit.t >= MIN_T
         and fit.chance(tries) <= MAX_CHANCE
         and reflection.alpha <= MAX_ALPHA
-        and STRENGTH[0] <= fit.strength <= STRENGTH[1]
+        and STRENGTH[0] <= fit.strength <= most
         and fit.beyond <= MAX_BEYOND
     )
 

@@ -11,6 +11,9 @@ leaves what varies over a few degrees, and over the mean of L around. k and fact
 and of all else apart, then come from a robust regression (Huber) over cells and colours. Cells that
 nothing of this explains, such as the rim of a sunny patch, are left out, also of the means.
 
+Of what the picture shows clipped, S has a k of its own: how bright that is, is an estimate, which
+may be several times too low, and one k would have to suit the window and the walls beside it.
+
 The standard error of k counts blocks of cells as one observation each (cluster-robust sandwich;
 Huber 1967, White 1980), because neighbouring errors are alike. α is where the regression explains
 most, by a parabola through the best of `ALPHAS` and its neighbours; its uncertainty is that of a
@@ -28,6 +31,7 @@ from scipy import stats
 from scipy.ndimage import gaussian_filter
 
 from iprt.footage.gather import Cells, Float
+from iprt.footage.mirrored import RECOVERED
 
 ALPHAS = (0.03, 0.05, 0.08, 0.13, 0.2, 0.3)
 """GGX roughness that is tried. Beyond, a reflection is as smooth as shading, and cannot be told."""
@@ -60,7 +64,7 @@ class Fit:
     Attributes
     ----------
     strength : float
-        k.
+        k, of the kind of light that has the larger t.
     error : float
         Its standard error.
     explained : float
@@ -69,6 +73,8 @@ class Fit:
         Share of the cells in which k S is more than was seen.
     blocks : int
         Blocks of cells.
+    recovered : bool
+        Whether k is that of light that the picture shows clipped.
     """
 
     strength: float
@@ -76,6 +82,7 @@ class Fit:
     explained: float
     beyond: float
     blocks: int
+    recovered: bool = False
 
     @property
     def t(self) -> float:
@@ -186,11 +193,11 @@ class PlanePicture:
         self._more_light = [self._even(frame.irradiance) - self._irradiance for frame in later]
 
     def fit(self, reflected: Float, alpha: float) -> Fit:
-        """By what a coat of one roughness would reflect, (1 + frames, n, 3)."""
+        """By what a coat of one roughness would reflect, (1 + frames, KINDS, n, 3)."""
         return self._fit(self._varied(), self._smooth(reflected, alpha))[0]
 
     def reflection(self, reflected: Sequence[Float]) -> Reflection:
-        """By what coats of the roughnesses `ALPHAS` would reflect, (1 + frames, n, 3) each."""
+        """By what coats of the roughnesses `ALPHAS` would reflect, (1 + frames, KINDS, n, 3)."""
         smooth = [self._smooth(part, alpha) for alpha, part in zip(ALPHAS, reflected, strict=True)]
         for _ in range(ROUNDS):
             varied = self._varied()
@@ -202,13 +209,17 @@ class PlanePicture:
 
     def _smooth(self, reflected: Float, alpha: float) -> list[Float]:
         deviation = max(LOBE * alpha * self._rows / np.pi, LEAST)
-        return [self._mean(part, self._whole, deviation) for part in reflected]
+        return [self._means(part, deviation) for part in reflected]
 
     def _even(self, irradiance: Float) -> Float:
-        even = np.zeros(irradiance.shape)
-        for kind, part in enumerate(irradiance):
-            even[kind] = self._mean(part, self._whole, SMOOTH * self._rows / np.pi)
-        return even
+        return self._means(irradiance, SMOOTH * self._rows / np.pi)
+
+    def _means(self, kinds: Float, deviation: float) -> Float:
+        """`_mean` over all cells of each kind of light, (K, n, 3)."""
+        means = np.zeros(kinds.shape)
+        for kind, part in enumerate(kinds):
+            means[kind] = self._mean(part, self._whole, deviation)
+        return means
 
     @property
     def _whole(self) -> NDArray[np.bool_]:
@@ -273,12 +284,13 @@ class PlanePicture:
             np.concatenate([getattr(rows, name) for rows in varied])
             for name in ("y", "weight", "block")
         )
-        parts = []
+        kinds, parts = len(reflected[0]), []
         for frame, (rows, part) in enumerate(zip(varied, reflected, strict=True)):
             change = part if frame == 0 else part - reflected[0]
-            parts.append((self._varying(change, frame) / rows.around).ravel())
+            columns = [(self._varying(kind, frame) / rows.around).ravel() for kind in change]
+            parts.append(np.stack(columns, axis=-1))
         shading = np.concatenate([rows.shading for rows in varied])
-        x = np.concatenate([np.concatenate(parts)[:, None], shading], axis=-1)
+        x = np.concatenate([np.concatenate(parts), shading], axis=-1)
         ends = np.cumsum([len(rows.y) for rows in varied])[:-1]
         weight, factors, left, normal = own, np.zeros(x.shape[1]), y, np.eye(x.shape[1])
         for _ in range(STEPS):
@@ -288,17 +300,21 @@ class PlanePicture:
         score = x * (weight * left)[:, None]
         sums = np.stack([np.bincount(block, column) for column in score.T], axis=-1)
         inverse = np.linalg.inv(normal)
-        error = np.sqrt((inverse @ (sums.T @ sums) @ inverse)[0, 0])
+        strength = factors[:kinds]
+        error = np.sqrt(np.diag(inverse @ (sums.T @ sums) @ inverse)[:kinds])
+        told = int(np.argmax(strength / np.maximum(error, 1e-30)))
         rest = y
-        if x.shape[1] > 1:
-            rest = y - x[:, 1:] @ _least_squares(x[:, 1:], y, weight)[0]
-        beyond = (factors[0] * reflected[0] > self._color).any(axis=-1)[self._kept[0]]
+        if x.shape[1] > kinds:
+            rest = y - x[:, kinds:] @ _least_squares(x[:, kinds:], y, weight)[0]
+        shine = np.tensordot(strength, reflected[0], 1)
+        beyond = np.any(shine > self._color, axis=-1)[self._kept[0]]
         fit = Fit(
-            strength=float(factors[0]),
-            error=float(error),
+            strength=float(strength[told]),
+            error=float(error[told]),
             explained=1.0 - float(weight @ left**2) / max(float(weight @ rest**2), 1e-30),
             beyond=float(beyond.mean()),
             blocks=len(np.unique(block)),
+            recovered=told == RECOVERED,
         )
         return fit, [part.reshape(-1, 3) for part in np.split(left, ends)]
 

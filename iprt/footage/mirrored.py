@@ -31,6 +31,8 @@ LIFT = 0.01
 LOWEST = 0.01
 """Least cosine to the surface of a ray that leaves it."""
 AT_ONCE = 1 << 14
+KINDS, RECOVERED = 2, 1
+"""Of light that is reflected: as the picture shows it; recovered from what it shows clipped."""
 
 Floats = NDArray[np.float32]
 
@@ -47,36 +49,50 @@ class RoomCells:
         What they were made of, or coarser ones can be.
     color : (N, 3) float64
         Mean radiance.
+    kinds : (KINDS, N, 3) float64
+        The same by what sends it: all that the picture shows as it is; what it shows clipped.
     depth : (N,) float32
         Metres.
     open : (N,) bool
         Windows.
-    outside : (2 OUTSIDE_ROWS², 3) float32 or None
-        `outside_radiance`, where there are windows.
+    outside : (KINDS, 2 OUTSIDE_ROWS², 3) float64 or None
+        `outside_radiance` by kinds, where there are windows.
     """
 
     cells: Cells
     shown: Geometry
     color: Float
+    kinds: Float
     depth: Floats
     open: NDArray[np.bool_]
-    outside: Floats | None
+    outside: Float | None
 
     @classmethod
     def of(cls, frame: Frame, rows: int) -> RoomCells:
         """In cells of `rows` rows, at most the frame's."""
         shown = Geometry.of(frame, rows)
         cells = Cells.of(shown, rows)
+        color = cell_means(frame.radiance, rows).reshape(-1, 3)
+        clipped = np.zeros_like(frame.radiance)
+        if frame.clipped is not None:
+            texel = frame.clipped.texel
+            clipped.reshape(-1, 3)[texel] = frame.radiance.reshape(-1, 3)[texel]
+        recovered = cell_means(clipped, rows).reshape(-1, 3)
         outside = None
         if frame.opening.any():
-            outside = outside_radiance(frame.radiance[frame.opening], frame.opening)
+            every, there = (
+                outside_radiance(light[frame.opening], frame.opening).reshape(-1, 3)
+                for light in (frame.radiance, clipped)
+            )
+            outside = np.stack([every - there, there]).astype(np.float64)
         return cls(
             cells=cells,
             shown=shown,
-            color=cell_means(frame.radiance, rows).reshape(-1, 3),
+            color=color,
+            kinds=np.stack([color - recovered, recovered]),
             depth=cells.depth.astype(np.float32),
             open=cells.opening > 0.5,
-            outside=None if outside is None else outside.reshape(-1, 3),
+            outside=outside,
         )
 
 
@@ -107,7 +123,7 @@ class Patch:
 
 
 def reflected(around: RoomCells, patch: Patch, alpha: float, seed: int, rays: int = RAYS) -> Float:
-    """(n, 3) radiance that a coat reflects towards the capture centre, of a plane's cells.
+    """(KINDS, n, 3) radiance that a coat reflects towards the capture centre, of a plane's cells.
 
     The integral of f_s L cos over the GGX lobe, by visible normals (Dupuy and Benyoub, HPG
     2023), with Smith's masking as in `cl/lib/world/brdf.h`; noisy.
@@ -117,7 +133,7 @@ def reflected(around: RoomCells, patch: Patch, alpha: float, seed: int, rays: in
     out = -patch.direction @ local.T
     masked = _masking(out[:, 2], alpha)
     rng = np.random.default_rng(seed)
-    total = np.zeros((len(out), 3))
+    total = np.zeros((KINDS, len(out), 3))
     for ray in range(rays):
         u, v = rng.random((2, len(out)))
         facet = _visible_normal(out, alpha, u, (ray + v) / rays)
@@ -127,17 +143,17 @@ def reflected(around: RoomCells, patch: Patch, alpha: float, seed: int, rays: in
         weight = fresnel_dielectric(np.clip(cosine, 0.0, 1.0), IOR) * (1.0 + masked)
         weight /= 1.0 + masked + _masking(into[:, 2], alpha)
         found = radiance_along(around, patch.start[leaves], into[leaves] @ local)
-        total[leaves] += weight[leaves, None] * found
+        total[:, leaves] += weight[leaves, None] * found
     return total / rays
 
 
 def radiance_along(around: RoomCells, start: Float, direction: Float) -> Float:
-    """(n, 3) radiance that rays from points (n, 3) in metres find in unit directions (n, 3)."""
+    """(KINDS, n, 3) radiance that rays from points (n, 3), in metres, find in unit directions."""
     found = [
         _found(around, start[at : at + AT_ONCE], direction[at : at + AT_ONCE])
         for at in range(0, len(start), AT_ONCE)
     ]
-    return np.concatenate(found) if found else np.zeros((0, 3))
+    return np.concatenate(found, axis=1) if found else np.zeros((KINDS, 0, 3))
 
 
 def _found(around: RoomCells, start: Float, direction: Float) -> Float:
@@ -172,12 +188,12 @@ def _found(around: RoomCells, start: Float, direction: Float) -> Float:
         inside = behind(middle[None])[0][0] > 0.0
         near, far = np.where(inside, near, middle), np.where(inside, middle, far)
     cell = behind(far[None])[1][0]
-    radiance = around.color[cell]
+    radiance = around.kinds[:, cell]
     if around.outside is not None:
         open_ = around.open[cell]
         sky = cell_towards(way[open_], np.ones(open_.sum(), np.float32), OUTSIDE_ROWS)
-        radiance[open_] = around.outside[sky]
-    return np.asarray(radiance, np.float64)
+        radiance[:, open_] = around.outside[:, sky]
+    return np.asarray(radiance)
 
 
 def _tangents(normal: Float) -> tuple[Float, Float]:

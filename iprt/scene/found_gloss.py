@@ -25,7 +25,7 @@ from iprt.geometry.material import Material
 from iprt.scene.manifest import Manifest
 
 LOG = logging.getLogger("iprt.scene")
-VERSION = 3
+VERSION = 4
 """To be raised when `find_gloss` finds other things."""
 MIN_HEIGHT = 64
 """Panoramas with fewer rows show no reflection that could be told from anything else."""

@@ -7,10 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from iprt.footage.clipped_texels import ClippedTexels
 from iprt.footage.found_gloss import find_gloss, is_strong
+from iprt.footage.frame import Frame
 from iprt.footage.gather import Cells, Geometry
 from iprt.footage.gloss_evidence import ALPHAS, Fit, PlanePicture, Reflection
-from iprt.footage.mirrored import Patch, RoomCells, radiance_along, reflected
+from iprt.footage.mirrored import RECOVERED, Patch, RoomCells, radiance_along, reflected
 from iprt.footage.planes import CellPlane, find_planes
 from iprt.geometry.material import Material
 from tests.footage.coated_rooms import coated_room, matte_room
@@ -39,6 +41,26 @@ def test_a_floor_that_reflects_a_window_gets_its_roughness(alpha: float) -> None
 @pytest.mark.slow
 def test_a_matte_room_has_no_gloss() -> None:
     assert find_gloss(matte_room()) == ()
+
+
+def clipped(frame: Frame, factor: float) -> Frame:
+    """The window clipped by the camera, and recovered as `factor` times as bright as it is."""
+    color = frame.color.copy()
+    color[frame.opening] *= factor
+    texel = np.flatnonzero(frame.opening).astype(np.int32)
+    white = np.ones((len(texel), 3), np.float32)
+    return replace(frame, color=color, clipped=ClippedTexels(texel, white))
+
+
+@pytest.mark.slow
+def test_the_reflection_of_a_clipped_window_may_be_brighter_than_the_window_seems() -> None:
+    factor, alpha = 0.2, 0.05
+    (floor,) = find_gloss(clipped(coated_room(alpha), factor))
+    assert floor.name == "floor"
+    assert alpha / 1.5 < floor.material.alpha < 1.5 * alpha
+    assert floor.evidence is not None
+    assert 0.4 < floor.evidence.strength * factor < 1.6
+    assert find_gloss(clipped(matte_room(), factor)) == ()
 
 
 @pytest.mark.slow
@@ -96,7 +118,7 @@ def test_rays_find_what_an_exact_intersection_finds() -> None:
     way /= np.linalg.norm(way, axis=-1, keepdims=True)
     t, normal, _ = ROOM.first_hit(start, way)
     wanted = bright_walls(start + t[:, None] * way, normal)
-    error = np.abs(radiance_along(around, start, way) - wanted).max(-1)
+    error = np.abs(radiance_along(around, start, way).sum(0) - wanted).max(-1)
     assert np.median(error) < 0.03
     assert (error < 0.1).mean() > 0.9
 
@@ -107,7 +129,7 @@ def test_even_light_is_reflected_by_the_albedo_of_the_coat(alpha: float) -> None
     around = RoomCells.of(replace(frame, color=np.full_like(frame.color, 2.0)), 64)
     plane = floor_of(around)
     cosine = -(around.cells.direction[plane.cells] @ plane.normal)
-    found = reflected(around, Patch.of(around.cells, plane), alpha, 0, rays=64).mean(-1)
+    found = reflected(around, Patch.of(around.cells, plane), alpha, 0, rays=64).sum(0).mean(-1)
     material = Material("plastic", alpha=alpha, ior=1.5)
     for low, high in ((0.5, 0.6), (0.8, 0.9)):
         ring = (cosine > low) & (cosine < high)
@@ -116,19 +138,40 @@ def test_even_light_is_reflected_by_the_albedo_of_the_coat(alpha: float) -> None
         assert found[ring].mean() == pytest.approx(2.0 * albedo, rel=0.05)
 
 
+def test_what_is_clipped_is_reflected_apart() -> None:
+    frame = matte_room()
+    cells = [RoomCells.of(other, 128) for other in (frame, clipped(frame, 1.0))]
+    patch = Patch.of(cells[0].cells, floor_of(cells[0]))
+    whole, apart = (reflected(around, patch, 0.1, 0) for around in cells)
+    assert not whole[RECOVERED].any()
+    np.testing.assert_allclose(apart.sum(0), whole.sum(0), rtol=1e-5, atol=1e-6)
+    walls = replace(frame, color=np.where(frame.opening[..., None], np.float32(0.0), frame.color))
+    unlit = reflected(RoomCells.of(walls, 128), patch, 0.1, 0)
+    np.testing.assert_allclose(apart[0], unlit[0], rtol=1e-5, atol=1e-6)
+    assert apart[RECOVERED].max() > 0.1
+
+
 # Evidence -------------------------------------------------------------------------------------
 
 
-def pictured(k: float, texture: float, seed: int = 0) -> tuple[Reflection, float]:
-    """The evidence of a floor that shows k times a reflection beside its texture, and its α."""
+def pictured(
+    k: float, texture: float, seed: int = 0, gain: float | None = None
+) -> tuple[Reflection, float]:
+    """The evidence of a floor that shows k times a reflection beside its texture, and its α.
+
+    With a gain, the window was clipped, and is so many times as bright as it is thought to be.
+    """
     rng = np.random.default_rng(seed)
-    around = RoomCells.of(matte_room(), 128)
+    room = matte_room() if gain is None else clipped(matte_room(), 1.0)
+    around = RoomCells.of(room, 128)
     plane = floor_of(around)
     patch = Patch.of(around.cells, plane)
     parts = [reflected(around, patch, alpha, index)[None] for index, alpha in enumerate(ALPHAS)]
     color = around.color.copy()
     shade = 1.0 + texture * rng.normal(size=(len(plane.cells), 1))
-    color[plane.cells] = 0.3 * np.maximum(shade, 0.1) + k * parts[2][0]
+    lit, window = parts[2][0]
+    shine = lit + window * (1.0 if gain is None else gain)
+    color[plane.cells] = 0.3 * np.maximum(shade, 0.1) + k * shine
     even: Float = np.ones((1, len(plane.cells), 3))
     return PlanePicture(around.cells, plane.cells, color, even).reflection(parts), ALPHAS[2]
 
@@ -137,6 +180,14 @@ def test_the_strength_of_a_reflection_is_found_through_texture() -> None:
     found, alpha = pictured(0.7, 0.2)
     assert found.fit.strength == pytest.approx(0.7, abs=4.0 * found.fit.error + 0.05)
     assert found.fit.t > 8.0
+    assert alpha / 1.6 < found.alpha < 1.6 * alpha
+    assert is_strong(found, 50)
+
+
+def test_what_is_clipped_has_a_strength_of_its_own() -> None:
+    found, alpha = pictured(0.7, 0.2, gain=6.0)
+    assert found.fit.recovered
+    assert found.fit.strength == pytest.approx(4.2, abs=4.0 * found.fit.error + 0.3)
     assert alpha / 1.6 < found.alpha < 1.6 * alpha
     assert is_strong(found, 50)
 
@@ -165,3 +216,10 @@ def test_what_is_not_believed(change: dict[str, float]) -> None:
     assert is_strong(Reflection(0.1, 1.1, fit), 50)
     assert not is_strong(Reflection(0.1, 1.1, replace(fit, **change)), 50)
     assert not is_strong(Reflection(0.4, 1.1, fit), 50)
+
+
+def test_what_is_clipped_may_be_brighter_than_it_is_recovered() -> None:
+    fit = Fit(6.0, 0.5, explained=0.5, beyond=0.0, blocks=100, recovered=True)
+    assert is_strong(Reflection(0.1, 1.1, fit), 50)
+    assert not is_strong(Reflection(0.1, 1.1, replace(fit, recovered=False)), 50)
+    assert not is_strong(Reflection(0.1, 1.1, replace(fit, strength=20.0)), 50)
