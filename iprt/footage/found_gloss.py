@@ -18,7 +18,7 @@ from iprt.footage.gloss import Evidence, Plane, RealMaterial
 from iprt.footage.gloss_evidence import ALPHAS, Reflection
 from iprt.footage.gloss_frames import Followed, Moment
 from iprt.footage.mirrored import IOR, KINDS
-from iprt.footage.planes import CellPlane, find_planes
+from iprt.footage.planes import PARALLEL, CellPlane, find_planes
 from iprt.geometry.material import Material
 
 ROWS = 128
@@ -42,6 +42,9 @@ MAX_ALPHA = 0.35
 """Shading that the panorama does not explain looks like reflections rougher than this."""
 MAX_BEYOND = 0.3
 """Largest share of cells whose reflection would be more than was seen."""
+FLAKE = 0.03
+"""Distance from a larger plane, over depth, of what is a piece of it: errors of depth set it off.
+Such a piece is scattered, and its cells' neighbours belong to the other."""
 UPRIGHT = 0.9
 """Least cosine with the vertical of floors, tops and ceilings."""
 
@@ -65,7 +68,7 @@ def find_gloss(
     usable = first.around.color.min(axis=-1) > 0.0
     if frame.gloss is not None:
         usable &= cell_means(frame.gloss > 0, cells.rows).ravel() == 0.0
-    planes = find_planes(cells, tolerance, usable)
+    planes = without_flakes(cells, find_planes(cells, tolerance, usable))
     followed = [Followed(first, plane) for plane in planes]
     for other in later if planes else ():
         moment = Moment.of(other, cells.rows, frame)
@@ -97,6 +100,20 @@ def is_strong(reflection: Reflection, tries: int) -> bool:
         and STRENGTH[0] <= fit.strength <= most
         and fit.beyond <= MAX_BEYOND
     )
+
+
+def without_flakes(cells: Cells, planes: list[CellPlane]) -> list[CellPlane]:
+    """Those that lie not on an earlier, larger one but for errors of depth."""
+    kept: list[CellPlane] = []
+    for plane in planes:
+        point, depth = cells.point[plane.cells], cells.depth[plane.cells]
+        if not any(
+            plane.normal @ other.normal > PARALLEL
+            and np.median(np.abs(point @ other.normal - other.offset) / depth) < FLAKE
+            for other in kept
+        ):
+            kept.append(plane)
+    return kept
 
 
 def _worth_a_look(plane: Followed) -> bool:

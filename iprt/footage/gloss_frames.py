@@ -190,7 +190,7 @@ class Followed:
         return PlanePicture(cells, self.plane.cells, color, shading[0], later)
 
     def reflected(self, alpha: float, seed: int, rays: int = RAYS) -> Float:
-        """(1 + frames, KINDS, n, 3) by a coat of one roughness: `iprt.footage.mirrored.reflected`."""
+        """(1 + frames, KINDS, n, 3) by a coat of one roughness, see `mirrored.reflected`."""
         cells = self._first.around.cells
         gains = [1.0, *(shown.gain for shown in self._shown)]
         return np.stack(

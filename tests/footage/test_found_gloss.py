@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from iprt.footage.clipped_texels import ClippedTexels
-from iprt.footage.found_gloss import find_gloss, is_strong
+from iprt.footage.found_gloss import find_gloss, is_strong, without_flakes
 from iprt.footage.frame import Frame
 from iprt.footage.gather import Cells, Geometry
 from iprt.footage.gloss_evidence import ALPHAS, Fit, PlanePicture, Reflection
@@ -99,6 +99,19 @@ def test_cells_that_may_not_belong_to_a_plane_do_not() -> None:
     down = cells.direction[:, 1] < -0.3
     for plane in find_planes(cells, 0.002, ~down):
         assert not down[plane.cells].any()
+
+
+@pytest.mark.parametrize(("lift", "planes"), [(0.0, 6), (0.015, 6), (0.3, 7)])
+def test_pieces_that_errors_of_depth_set_off_are_no_planes(lift: float, planes: int) -> None:
+    """Part of the floor lies higher, by so many metres: a table is one, a flake is none."""
+    frame = ROOM.frame(256, 128)
+    raised = (frame.normal[..., 1] > 0.9) & (np.arange(256) % 128 < 64)
+    nearer = np.where(raised, 1.0 + lift / ROOM.low[1], 1.0)
+    depth = np.asarray(frame.depth * nearer, np.float32)
+    cells = Cells.of(Geometry.of(replace(frame, depth=depth), 128), 128)
+    found = find_planes(cells, 0.002, np.ones(len(cells.depth), bool))
+    assert len(found) == (6 if lift == 0.0 else 7)
+    assert len(without_flakes(cells, found)) == planes
 
 
 # What is reflected ----------------------------------------------------------------------------
