@@ -103,7 +103,7 @@ def is_strong(reflection: Reflection, tries: int) -> bool:
 
 
 def without_flakes(cells: Cells, planes: list[CellPlane]) -> list[CellPlane]:
-    """Those that lie not on an earlier, larger one but for errors of depth."""
+    """Those that are not pieces of an earlier, larger one."""
     kept: list[CellPlane] = []
     for plane in planes:
         point, depth = cells.point[plane.cells], cells.depth[plane.cells]
