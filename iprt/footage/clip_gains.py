@@ -9,12 +9,13 @@ reflectances, one per segment of like surface, and many lights. A diffuse point 
 with E_i the irradiance by all that is not clipped, and B_ik that of light k as it looks. In
 logarithms the reflectance is an offset per segment, so that shading within a segment gives the
 gains g; the differences of log-radiance, which textures and highlights spoil in places, are
-weighted robustly (Huber), by the spread of their segment.
+weighted robustly (Huber), by the spread of their segment. No reflectance is more than 0.9: a
+surface that shines more than that shows that light is missing (energy balance). That counts as much
+as shading, because cameras that map tones flatten the one and not the other.
 
-Where shading does not say, expectations do, far weaker than a well-lit wall: gains are a few, and
-alike in the colours of a light and in parts of it that touch; reflectances are those of rooms, and
-at most 0.9: a surface that shines more than that shows that light is missing (energy balance). A
-clipped surface that may well reflect what it receives is expected to do so.
+Where neither says, expectations do, far weaker than a well-lit wall: gains are a few, and alike in
+the colours of a light and in parts of it that touch; reflectances are those of rooms. A clipped
+surface that may well reflect what it receives is expected to do so.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ COLOR_SPREAD, HALF_CLIPPED_SPREAD = 1.5, 0.4
 TINT_SPREAD = 0.2
 """Green differs so from red and blue: lights are warm or cold, as glowing bodies and skies are."""
 EXPECTED_REFLECTANCE, REFLECTANCE_SPREAD = 0.4, 1.0
-MAX_REFLECTANCE, OVER_SPREAD = 0.9, 0.1
+MAX_REFLECTANCE = 0.9
 CLIPPED_REFLECTANCE, CLIPPED_SPREAD = 0.6, 0.2
 """Clipped surfaces that reflect are bright ones."""
 HUBER = 1.5
@@ -163,6 +164,8 @@ class _Problem:
         points = np.arange(len(shading.segment))
         self._of_segment = csr_array((np.ones(len(points)), (shading.segment, points)))
         self._prior_weight = np.minimum(count / count.mean(), 2.0)[:, None] / 3.0
+        # Of the points of a segment, ALIKE count as one, as in shading.
+        self._over_weight = np.maximum(count, ALIKE)[:, None] / (ALIKE * MODEL_SPREAD**2)
         self._rows, self._values = _expectations(ties, clipped)
         self._weight = np.ones_like(shading.radiance)
         self._spread = np.full((len(count), 3), 0.3)
@@ -175,16 +178,20 @@ class _Problem:
         return self._means(self._point_reflectance(gains))
 
     def reweight(self, gains: Float) -> None:
-        """Make the weights for the residuals at these gains."""
+        """Make the weights for the residuals at these gains.
+
+        From medians, which half of a segment's points may spoil; means would follow them.
+        """
         found, segment = self._point_reflectance(gains), self._shading.segment
-        for _ in range(3):
-            apart = np.abs(found - self._means(found)[segment])
-            spread = self._spread[segment]
-            self._weight = 1.0 / np.maximum(1.0, apart / (HUBER * spread)) / (ALIKE * spread**2)
-        numbers = np.arange(len(self._spread))
-        deviation = 1.4826 * np.stack([median(part, segment, numbers) for part in apart.T], -1)
-        square = deviation**2 * self._count + MODEL_SPREAD**2 * MODEL_POINTS
+        centre = self._medians(found)
+        square = (1.4826 * self._medians(np.abs(found - centre[segment]))) ** 2 * self._count
+        square += MODEL_SPREAD**2 * MODEL_POINTS
         self._spread = np.sqrt(square / (self._count + MODEL_POINTS))
+        spread = self._spread[segment]
+        for _ in range(3):
+            apart = np.abs(found - centre[segment])
+            self._weight = 1.0 / np.maximum(1.0, apart / (HUBER * spread)) / (ALIKE * spread**2)
+            centre = self._means(found)
         # Lamps shine by themselves: the more a surface must, the less its reflection says.
         surplus = self._surplus(gains)
         self._shine_weight = self._share / (CLIPPED_SPREAD * (1.0 + surplus**2)) ** 2
@@ -231,7 +238,7 @@ class _Problem:
             (found - mean[self._shading.segment], self._weight),
             (self._surplus(gains), self._shine_weight),
             (mean - np.log(EXPECTED_REFLECTANCE), weight / REFLECTANCE_SPREAD**2),
-            (over, weight / OVER_SPREAD**2),
+            (over, np.repeat(self._over_weight, 3, axis=1)),
         ]
 
     def _derivatives(self, gains: Float) -> list[Float]:
@@ -259,6 +266,11 @@ class _Problem:
         received = _received(shading.shine_rest, shading.shine_lights, gains)
         sent = shading.shine * np.exp(gains).reshape(-1, 3)[shading.shining]
         return np.asarray(np.log(sent * np.pi / (CLIPPED_REFLECTANCE * received)))
+
+    def _medians(self, values: Float) -> Float:
+        """(S, 3) over the points of each segment, of (n, 3)."""
+        numbers = np.arange(len(self._spread))
+        return np.stack([median(part, self._shading.segment, numbers) for part in values.T], -1)
 
     def _means(self, values: Float) -> Float:
         """(S, 3, ...) weighted means over the points of each segment, of (n, 3, ...)."""

@@ -53,7 +53,7 @@ def test_gains_of_several_lights_and_colours(outliers: int) -> None:
     spoilt = rng.permutation(300)[:outliers]
     seen.radiance[spoilt] *= rng.uniform(5.0, 10.0, (outliers, 1))
     found = clip_gains(seen, [], np.ones((3, 3), bool))
-    np.testing.assert_allclose(found.gain[:2], gains[:2], rtol=0.35 if outliers else 0.1)
+    np.testing.assert_allclose(found.gain[:2], gains[:2], rtol=0.2 if outliers else 0.1)
     assert (found.gain[2] < 2.0).all()
     assert (found.gain >= 1.0).all()
 
@@ -63,6 +63,16 @@ def test_channels_that_are_not_clipped_keep_their_light() -> None:
     found = clip_gains(lit(gains, 0.02), [], np.array([[True, False, False]]))
     assert found.gain[0, 0] == pytest.approx(6.0, rel=0.2)
     assert (found.gain[0, 1:] == 1.0).all()
+
+
+def test_energy_balance_tells_of_light_whose_shading_is_flattened() -> None:
+    """Tone mapping evens out each white wall, whose shading then says that no light is missing."""
+    true = lit(np.full((1, 3), 5.0), 0.0)
+    received = true.rest + 5.0 * true.lights[..., 0]
+    mean = np.stack([received[true.segment == number].mean(0) for number in range(10)])
+    white = replace(true, radiance=0.85 / np.pi * mean[true.segment])
+    found = clip_gains(white, [], np.ones((1, 3), bool))
+    np.testing.assert_allclose(found.gain, 5.0, rtol=0.25)
 
 
 @pytest.mark.parametrize("shine", [0.01, 0.1, 0.5])
