@@ -36,8 +36,9 @@ EXPECTED_GAIN, GAIN_SPREAD = 3.0, 2.5
 """Median, and standard deviation of its logarithm (so are all that follow)."""
 COLOR_SPREAD, HALF_CLIPPED_SPREAD = 1.5, 0.4
 """Gains of two colours of one light differ so: both clipped, or one, which is little more then."""
-TINT_SPREAD = 0.2
-"""Green differs so from red and blue: lights are warm or cold, as glowing bodies and skies are."""
+LOCUS_SLOPE, TINT_SPREAD = 0.1, 0.1
+"""Green over the mean of red and blue by red over blue, and how much it differs from that: lights
+are warm or cold, as glowing bodies (2700 K to 10000 K) and skies are."""
 EXPECTED_REFLECTANCE, REFLECTANCE_SPREAD = 0.4, 1.0
 MAX_REFLECTANCE = 0.9
 CLIPPED_REFLECTANCE, CLIPPED_SPREAD = 0.6, 0.2
@@ -103,10 +104,13 @@ class ClipGains:
         True radiance over the clipped one, at least 1.
     reflectance : (S, 3) float64
         Reflectance of the segments.
+    cost : float
+        Twice the negative log-likelihood, to compare fits to the same points by.
     """
 
     gain: Float
     reflectance: Float
+    cost: float
 
 
 def clip_gains(shading: Shading, ties: Sequence[Tie], clipped: NDArray[np.bool_]) -> ClipGains:
@@ -122,8 +126,8 @@ def clip_gains(shading: Shading, ties: Sequence[Tie], clipped: NDArray[np.bool_]
     problem = _Problem(shading, ties, clipped)
     ends = [_descent(problem, np.where(clipped, np.log(g), 0.0).ravel()) for g in STARTS]
     gains = min(ends, key=problem.neg_log_likelihood)
-    problem.reweight(gains)
-    return ClipGains(np.exp(gains).reshape(-1, 3), np.exp(problem.reflectance(gains)))
+    cost = problem.neg_log_likelihood(gains)  # with the weights of these gains
+    return ClipGains(np.exp(gains).reshape(-1, 3), np.exp(problem.reflectance(gains)), cost)
 
 
 def _descent(problem: _Problem, gains: Float) -> Float:
@@ -312,7 +316,8 @@ def _expectations(ties: Sequence[Tie], clipped: NDArray[np.bool_]) -> tuple[Floa
             spread = COLOR_SPREAD if both else HALF_CLIPPED_SPREAD
             expect({3 * light + c: 1.0, 3 * light + other: -1.0}, 0.0, spread)
         if clipped[light].all():
-            expect({3 * light: -0.5, 3 * light + 1: 1.0, 3 * light + 2: -0.5}, 0.0, TINT_SPREAD)
+            red, blue = -0.5 - LOCUS_SLOPE, -0.5 + LOCUS_SLOPE
+            expect({3 * light: red, 3 * light + 1: 1.0, 3 * light + 2: blue}, 0.0, TINT_SPREAD)
     for tie in ties:
         for c in range(3):
             if clipped[tie.first, c] and clipped[tie.second, c]:

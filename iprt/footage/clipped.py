@@ -30,6 +30,10 @@ MIN_CLIPPED = 0.25
 """A channel has lost nothing if less is clipped, over the flux of the light's strongest channel."""
 MIN_REPORTED = 1.05
 """Factor by which lights are brighter than they look, from which on it is reported."""
+EVIDENCE = 25.0
+"""Twice the log-likelihood ratio from which on tones are taken to be mapped."""
+MOST_BRIGHT = 0.05
+"""Share of the sphere that is nearly clipped, from which on it shows white walls, not lights."""
 BLEND = 12
 """Frames over which gains go over to those of a new estimate."""
 
@@ -50,6 +54,8 @@ class Gains:
         Share of the sphere that clipped texels cover in each cell.
     exposed : (3,) float64
         What `exposure_of` the frame was.
+    shoulder : bool
+        Tones are mapped: `factor` holds for what is clipped, and in part for what is nearly so.
     """
 
     group: NDArray[np.intp]
@@ -57,12 +63,14 @@ class Gains:
     channels: NDArray[np.bool_]
     covered: Float
     exposed: Float
+    shoulder: bool = False
 
     def of(self, frame: Frame, clipped: Clipped) -> NDArray[np.float32]:
         """(N, 3) by what a frame's clipped texels are brighter than they look.
 
         A camera that opens clips more of a light.
         """
+        clipped = clipped if self.shoulder else clipped.without_shoulder()
         group = self.group[clipped.far.astype(np.intp), clipped.cell]
         opened = (self.exposed / exposure_of(frame)).astype(np.float32)
         factor = self.factor[group, clipped.row]
@@ -85,25 +93,45 @@ def covered(frame: Frame, clipped: Clipped) -> Float:
 
 
 def recover(frame: Frame, clipped: Clipped, white: float) -> Gains:
-    """Estimate the gains of a frame's lights; all 1 where its surfaces show nothing."""
+    """Estimate the gains of a frame's lights; all 1 where its surfaces show nothing.
+
+    Tones are taken to be mapped where that explains surfaces better.
+    """
+    plain, _ = _recovered(frame, clipped, white, shoulder=False)
+    bright = clipped.with_shoulder(frame, white)
+    area = covered(frame, bright).sum() - covered(frame, clipped).sum()
+    if not 0.0 < area < MOST_BRIGHT:
+        return plain
+    # Costs are compared at the same points, none of which is bright.
+    _, cost = _recovered(frame, bright.without_shoulder(), white, shoulder=False)
+    mapped, cost_mapped = _recovered(frame, bright, white, shoulder=True)
+    return mapped if cost_mapped < cost - EVIDENCE else plain
+
+
+def _recovered(
+    frame: Frame, clipped: Clipped, white: float, *, shoulder: bool
+) -> tuple[Gains, float]:
+    """Gains, and the cost of the fit (`ClipGains.cost`)."""
     cell_groups = groups_of(frame, clipped)
     count = int(cell_groups.max()) + 1
     factor = np.ones((count, frame.height, 3), np.float32)
-    area = covered(frame, clipped)
+    area = covered(frame, clipped.without_shoulder())
     group = cell_groups[clipped.far.astype(np.intp), clipped.cell]
     flux = np.stack([_flux(frame, clipped, group == number) for number in range(count)])
     channels = flux > MIN_CLIPPED * flux.max(axis=1, keepdims=True)
     clipped = replace(clipped, share=white_share(clipped, channels[group]))
     lights = lights_of(frame, clipped, cell_groups)
     shading = shading_of(frame, clipped, group, lights, white) if lights else None
+    cost = 0.0
     if shading is not None:
         shares = np.stack([light.share(frame.height) for light in lights], axis=-1)
         present = np.stack([channels[light.group] for light in lights])
-        gain = clip_gains(shading, ties_of(lights), present).gain
+        found = clip_gains(shading, ties_of(lights), present)
         for index, light in enumerate(lights):
-            more = shares[:, index, None] * (gain[index] - 1.0)
+            more = shares[:, index, None] * (found.gain[index] - 1.0)
             factor[light.group] += more.astype(np.float32)
-    return Gains(cell_groups, factor, channels, area, exposure_of(frame))
+        cost = found.cost
+    return Gains(cell_groups, factor, channels, area, exposure_of(frame), shoulder), cost
 
 
 def white_share(clipped: Clipped, channels: NDArray[np.bool_]) -> NDArray[np.float32]:
@@ -152,7 +180,10 @@ class Recovered:
         if clipped is None:
             return None
         weight = solid_angles(frame.width, frame.height)
-        at = clipped.row, clipped.texel % frame.width
+        texel = clipped.texel
+        if frame.clipped is not None:
+            texel = np.union1d(texel, frame.clipped.texel)
+        at = texel // frame.width, texel % frame.width
         shares = []
         for picture in (seen_frame.color, frame.color):
             bright = picture.mean(axis=-1)
@@ -206,7 +237,11 @@ class ClippedLights:
         clipped = Clipped.of(frame, self._white) if np.isfinite(self._white) else None
         if clipped is None:
             return frame
-        gain = self._gain(frame, clipped)
+        gains = self._at(frame, clipped)
+        if any(part.shoulder for part, _ in gains):
+            clipped = clipped.with_shoulder(frame, self._white)
+        # Gains are blended in logarithms.
+        gain = np.prod([part.of(frame, clipped) ** share for part, share in gains], axis=0)
         brighter = (gain != 1.0).any(axis=-1)
         if not brighter.any():
             return frame
@@ -216,25 +251,24 @@ class ClippedLights:
         light.reshape(-1, 3)[texel] = seen * gain[brighter]
         return replace(frame, color=light, clipped=ClippedTexels(texel.astype(np.int32), seen))
 
-    def _gain(self, frame: Frame, clipped: Clipped) -> NDArray[np.float32]:
-        """(N, 3) by what the clipped texels are brighter now."""
-        now = covered(frame, clipped)
+    def _at(self, frame: Frame, clipped: Clipped) -> list[tuple[Gains, np.float32]]:
+        """Gains that hold now, and by what shares."""
         if self._gains is None:
             self._gains = recover(frame, clipped, self._white)
         elif self._before is None:
-            change = _change(self._gains.covered, now)
+            change = _change(self._gains.covered, covered(frame, clipped))
             if change > CHANGED:
                 self._before = None if change > OTHER else self._gains
                 self._gains, self._blended = recover(frame, clipped, self._white), 0
-        gain = self._gains.of(frame, clipped)
+        now = self._gains
         if self._before is None:
-            return gain
+            return [(now, np.float32(1.0))]
         self._blended += 1
         share = np.float32(self._blended / BLEND)
-        blended = self._before.of(frame, clipped) ** (1 - share) * gain**share
+        before = self._before
         if self._blended == BLEND:
             self._before = None
-        return blended
+        return [(before, 1 - share), (now, share)]
 
 
 def _change(before: Float, after: Float) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,8 @@ from iprt.footage.openings import components, solid_angles
 NEARLY, FULLY = 0.95, 0.98
 """Shares of the white level at which a channel begins to count as clipped, and wholly does. Codecs
 leave no clipped texel exactly at white."""
+SHOULDER = 0.8
+"""Share of the white level from which on cameras that map tones show light too dim, if they do."""
 GROUP_ROWS = 128
 """Rows of the grid on which clipped texels are joined to lights: across gaps of two cells."""
 LARGEST = 6
@@ -38,9 +40,12 @@ class Clipped:
     Attributes
     ----------
     texel : (N,) int
-        Row * width + column.
+        Row * width + column, ascending.
+    level : (N, 3) float32
+        Radiance over the white level.
     share : (N, 3) float32
-        How far each channel counts as clipped, in [0, 1].
+        How far each channel counts as clipped, in [0, 1]: from `NEARLY` on. Where tones are mapped,
+        all of a texel do as its darkest does, from `SHOULDER` on.
     far : (N,) bool
         The texel shows what is far away: behind an opening, or in the open sky.
     cell : (N,) int
@@ -49,6 +54,7 @@ class Clipped:
     """
 
     texel: NDArray[np.intp]
+    level: NDArray[np.float32]
     share: NDArray[np.float32]
     far: NDArray[np.bool_]
     cell: NDArray[np.intp]
@@ -57,23 +63,41 @@ class Clipped:
     @classmethod
     def of(cls, frame: Frame, white: float) -> Clipped | None:
         """None where no channel reaches white."""
-        color = frame.color.reshape(-1, 3)
         # All channels in one go, and only then the texels that they belong to.
         channel = np.flatnonzero(frame.color >= NEARLY * white)
         if not (channel.size and frame.color.max() >= FULLY * white):
             return None
         texel = channel // 3
-        texel = texel[np.diff(texel, prepend=-1) > 0]
-        share = (color[texel] / np.float32(white) - NEARLY) / (FULLY - NEARLY)
-        far = frame.opening.ravel()[texel] | ~np.isfinite(frame.depth.ravel()[texel])
-        row = texel // frame.width
+        return cls._of_texels(frame, white, texel[np.diff(texel, prepend=-1) > 0])
+
+    @classmethod
+    def _of_texels(cls, frame: Frame, white: float, texel: NDArray[np.intp]) -> Clipped:
+        level = frame.color.reshape(-1, 3)[texel] / np.float32(white)
         return cls(
             texel,
-            np.clip(share, 0.0, 1.0).astype(np.float32),
-            far,
+            level,
+            _ramp(level, NEARLY),
+            frame.opening.ravel()[texel] | ~np.isfinite(frame.depth.ravel()[texel]),
             grid_cells(frame, texel, min(GROUP_ROWS, frame.height)),
-            row,
+            texel // frame.width,
         )
+
+    def with_shoulder(self, frame: Frame, white: float) -> Clipped:
+        """And texels of the same frame that are nearly clipped, as cameras that map tones show."""
+        bright = (frame.color >= np.float32(SHOULDER * white)).all(axis=-1)
+        both = self._of_texels(frame, white, np.union1d(self.texel, np.flatnonzero(bright)))
+        darkest = _ramp(both.level.min(axis=-1, keepdims=True), SHOULDER)
+        return replace(both, share=np.maximum(both.share, darkest))
+
+    def without_shoulder(self) -> Clipped:
+        """The same texels, of which those that are not clipped have no share."""
+        return replace(self, share=_ramp(self.level, NEARLY))
+
+
+def _ramp(level: NDArray[np.float32], start: float) -> NDArray[np.float32]:
+    """Shares of levels, from 0 at `start` on."""
+    share = np.clip((level - start) / (FULLY - start), 0.0, 1.0)
+    return np.asarray(share, np.float32)
 
 
 def grid_cells(frame: Frame, texel: NDArray[np.intp], rows: int) -> NDArray[np.intp]:
@@ -119,7 +143,7 @@ def groups_of(frame: Frame, clipped: Clipped) -> NDArray[np.intp]:
     weight = solid_angles(frame.width, frame.height)[clipped.row] * clipped.share.sum(-1)
     result, last = np.zeros((2, cells), np.intp), 0
     for kind in (0, 1):
-        own = clipped.far == bool(kind)
+        own = (clipped.far == bool(kind)) & (clipped.share > 0.0).any(axis=-1)
         if not own.any():
             continue
         hot = np.bincount(clipped.cell[own], minlength=cells).reshape(rows, 2 * rows) > 0

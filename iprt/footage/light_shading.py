@@ -158,7 +158,8 @@ def _shining(
     for index, light in enumerate(lights):
         if light.far:
             continue
-        count = np.bincount(cell[group == light.group], minlength=len(cells.depth))
+        own = (group == light.group) & (clipped.share > 0.0).any(axis=-1)
+        count = np.bincount(cell[own], minlength=len(cells.depth))
         there = np.flatnonzero((count >= MOSTLY * texels) & well_seen(cells))
         there = there[:: -(-len(there) // SHINE_POINTS) or 1]
         chosen.append(there)

@@ -64,5 +64,13 @@ def srgb(color: NDArray[np.float32]) -> NDArray[np.uint8]:
     return np.asarray(np.round(coded * 255.0), np.uint8)
 
 
+def tone_mapped(color: NDArray[np.float32]) -> NDArray[np.float32]:
+    """As cameras show what is brighter than 0.4, up to 16, within what is left of the scale."""
+    start, most = 0.4, 16.0
+    over, end = 3.0 * (color - start) / (1.0 - start), 3.0 * (most - start) / (1.0 - start)
+    shown = start + (1.0 - start) * np.log1p(np.maximum(over, 0.0)) / np.log1p(end)
+    return np.where(color < start, color, shown).astype(np.float32)
+
+
 def bright(frame: Frame) -> NDArray[np.bool_]:
     return np.asarray(frame.color.max(axis=-1) > 1.0)

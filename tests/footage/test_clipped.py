@@ -14,7 +14,7 @@ from iprt.footage.clipped import ClippedLights, Recovered
 from iprt.footage.frame import Frame
 from iprt.footage.light_groups import Clipped, groups_of
 from iprt.footage.openings import solid_angles
-from tests.footage.lamp_rooms import WARM, bright, clip, grey, lamp, lamp_room, srgb
+from tests.footage.lamp_rooms import WARM, bright, clip, grey, lamp, lamp_room, srgb, tone_mapped
 from tests.frame.radiosity import Lamp, Window, room
 from tests.worlds import Float, sphere_frame
 
@@ -98,6 +98,35 @@ def test_eight_bits_do() -> None:
     found = ClippedLights(1.0)(replace(frame, color=decode_srgb(srgb(frame.color))))
     lit = bright(frame)
     np.testing.assert_allclose(flux(found.color, lit) / flux(frame.color, lit), 1.0, atol=0.25)
+
+
+@pytest.mark.parametrize(("walls", "strong", "dim"), [("grey", 30.0, 5.0), ("tiled", 20.0, 6.0)])
+def test_light_that_tone_mapping_hides(walls: str, strong: float, dim: float) -> None:
+    """A lamp that is not clipped, but shown as bright as one that is; depth as estimators see it.
+
+    By what is clipped alone, the one would be a sixth as bright as it is.
+    """
+    lamps = Lamp(-0.2, -1.4, 0.4, (dim,) * 3), Lamp(0.4, -1.4, 0.2, (strong,) * 3)
+    frame = lamp_room(walls, *lamps)
+    noise = np.random.default_rng(0).normal(scale=0.005, size=frame.depth.shape)
+    depth = (frame.depth * np.exp(noise)).astype(np.float32)
+    seen = replace(frame, color=decode_srgb(srgb(tone_mapped(frame.color))), depth=depth)
+    light = ClippedLights(1.0)(replace(seen, normal=None)).color
+    for radiance in (strong, dim):
+        lit = np.abs(frame.color - radiance).max(axis=-1) < 0.5
+        shown = flux(seen.color, lit) / flux(frame.color, lit)
+        assert (shown < 0.2).all()
+        np.testing.assert_allclose(flux(light, lit) / flux(frame.color, lit), 1.0, atol=0.3)
+
+
+def test_bright_walls_are_no_part_of_lamps() -> None:
+    """White walls that are nearly clipped keep their bits."""
+    frame = lamp_room("white", lamp(80.0))
+    brighter = replace(frame, color=frame.color * np.float32(1.1))
+    seen = clip(brighter)
+    nearly = (seen.color > 0.8).all(axis=-1) & (seen.color < 0.95).all(axis=-1)
+    assert nearly.mean() > 0.02
+    assert np.array_equal(recovered(brighter)[nearly], seen.color[nearly])
 
 
 def test_light_and_lengths_may_have_any_unit() -> None:
