@@ -71,18 +71,21 @@ class Panorama:
                 pure[one] = [max(apart, key=lambda p: apart[p])]
         if not pure[0]:
             return Pixel(blurred, None)
-        front, back = (np.mean([colors[p] for p in one], axis=0) for one in pure)
-        expected = np.sqrt(self._prior(colors, pure, front, back))
+        weights = [np.array([_fading(p, at) for p in one]) for one in pure]
+        front, back = (
+            np.average([colors[p] for p in one], axis=0, weights=weight)
+            for one, weight in zip(pure, weights, strict=True)
+        )
+        expected = np.sqrt(self._prior(colors, pure, weights, front, back))
         coverage = {
             p: self._coverage(colors[p], p, sides, p in mixed, front, back, expected)
             for p in WINDOW
         }
         share = self._share(coverage, at, view, middle)
-        residual = np.mean(
-            [
-                np.sum((colors[p] - coverage[p] * front - (1.0 - coverage[p]) * back) ** 2)
-                for p in INNER
-            ]
+        residual = sum(
+            np.prod(1.0 - np.abs(at - p))
+            * np.sum((colors[p] - coverage[p] * front - (1.0 - coverage[p]) * back) ** 2)
+            for p in INNER
         )
         contrast = float(np.sum((front - back) ** 2))
         bright = float(np.sum(np.maximum(front, back) ** 2))
@@ -160,11 +163,15 @@ class Panorama:
 
     @staticmethod
     def _prior(
-        colors: dict[Place, Float], pure: list[list[Place]], front: Float, back: Float
+        colors: dict[Place, Float],
+        pure: list[list[Place]],
+        weights: list[Float],
+        front: Float,
+        back: Float,
     ) -> float:
         variances = [
-            float(np.mean([np.sum((colors[p] - mean) ** 2) for p in side]))
-            for side, mean in zip(pure, (front, back), strict=True)
+            float(np.average([np.sum((colors[p] - mean) ** 2) for p in side], weights=weight))
+            for side, weight, mean in zip(pure, weights, (front, back), strict=True)
         ]
         return sum(variances) + 0.01 * float(np.sum(np.maximum(front, back) ** 2))
 
@@ -193,7 +200,7 @@ class Panorama:
 
     @staticmethod
     def _side(colors: dict[Place, Float], own: list[Place], at: Float) -> Float:
-        near = [1.0 / (0.1 + float(np.sum((p - at) ** 2))) for p in own]
+        near = [_fading(p, at) / (0.1 + float(np.sum((p - at) ** 2))) for p in own]
         mean = np.average([colors[p] for p in own], axis=0, weights=near)
         total = np.zeros(3)
         for r, c in WINDOW:
@@ -212,12 +219,20 @@ class Panorama:
         slope = np.array(
             [blend(row, 2.0) - blend(row, 1.0), blend(2.0, column) - blend(1.0, column)]
         )
-        across = 0.0
+        changes = []
         for step in np.eye(2) * 1e-3:
             ends = [
                 equirect_pixel(view.unproject(middle + sign * step), self._width, self._height)
                 for sign in (-1.0, 1.0)
             ]
             covers = (ends[1] - ends[0] + 0.5 * self._width) % self._width - 0.5 * self._width
-            across += abs(float(slope @ covers)) / 2e-3
-        return float(np.clip(0.5 + (blend(row, column) - 0.5) / max(across, 1e-6), 0.0, 1.0))
+            changes.append(float(slope @ covers) / 2e-3)
+        away = (blend(row, column) - 0.5) / max(float(np.hypot(*changes)), 1e-6)
+        # What is on this side of a filter that falls as 1 - s^2 across the edge.
+        s = float(np.clip(away / 0.83, -1.0, 1.0))
+        return 0.5 + 0.75 * (s - s**3 / 3.0)
+
+
+def _fading(place: Place, at: Float) -> float:
+    row, column = np.maximum(1.0 - 0.5 * np.abs(at - place), 1e-3)
+    return float(row * column)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter, minimum_filter
+from scipy.ndimage import map_coordinates, maximum_filter, minimum_filter
 
 from iprt.device.compute import ComputeDevice
 from iprt.footage.frame import Frame
@@ -117,6 +118,34 @@ def test_edges_are_sharp(device: ComputeDevice, view: View) -> None:
     # No pixel is darker or brighter than what is there.
     assert sharp.color.min() > 0.9 * COLORS.min()
     assert sharp.color.max() < 1.05 * COLORS.max()
+
+
+@pytest.mark.parametrize("name", ["ahead", "tilted", "seam"])
+def test_edges_do_not_flicker(device: ComputeDevice, name: str) -> None:
+    """While the head turns by a third of a pixel, edges change less, but for their motion, than
+    those of means of the room over pixels do.
+    """
+    panorama, view = loaded(device, painted()), VIEWS[name]
+    step_deg = float(np.degrees(0.37 / view.focal_px))
+    views = [replace(view, yaw_deg=view.yaw_deg + step_deg * i) for i in range(3)]
+    sharp = [shown(device, panorama, v).color for v in views]
+    blurred = [shown(device, panorama, v, sharp=False).color for v in views]
+    truth = [averaged(v) for v in views]
+    edge = [np.abs(a - b).max(-1) > 1e-2 for a, b in zip(sharp, blurred, strict=True)]
+    changes = []
+    for pictures in (sharp, truth):
+        pairs = zip(pairwise(pictures), pairwise(views), edge[1:], strict=True)
+        squares = [unexplained(*two, *seen)[where] ** 2 for two, seen, where in pairs]
+        changes.append(np.sqrt(np.nanmean(np.concatenate(squares))))
+    assert changes[0] < 0.8 * changes[1]
+
+
+def unexplained(before: Float, after: Float, was: View, now: View) -> Float:
+    """(H, W, 3) change of a picture that is not motion; NaN where it was not to be seen."""
+    x, y = np.moveaxis(was.project(now.directions()), -1, 0) - 0.5
+    outside = (x < 2) | (x > was.width - 3) | (y < 2) | (y > was.height - 3)
+    warped = np.stack([map_coordinates(c, [y, x]) for c in np.moveaxis(before, -1, 0)], axis=-1)
+    return np.asarray(np.where(outside[..., None], np.nan, after - warped))
 
 
 @views

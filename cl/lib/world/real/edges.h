@@ -18,6 +18,8 @@
 #define MIXTURE 0.01f      // squared residual, over the squared contrast, of what is half taken for a mixture
 #define ALIKE 1e-5f        // the same over the square of the brightest colour
 #define WHOLE 0.97f        // coverage from which a texel shows nothing else
+#define RADIUS 0.83f       // of a pixel's filter, in pixels
+#define FADED 1e-3f        // least weight of a column or row
 #define NEAR 0.1f          // squared distance in texels that counts as near
 #define STEEP 2.25f        // change of coverage with the share of neighbours on the first side
 
@@ -186,6 +188,15 @@ static inline ALWAYS_INLINE void see(Window *w, Shown shown)
     w->blue = channel(shown, w->texels, 2);
 }
 
+// Weights that vanish where texels leave the window: what is found by them does not jump there.
+static inline ALWAYS_INLINE float16 fading(const Window *w)
+{
+    const float4 number = (float4)(0.0f, 1.0f, 2.0f, 3.0f);
+    const float4 across = fmax(1.0f - 0.5f * fabs(w->x - number), FADED);
+    const float4 down = fmax(1.0f - 0.5f * fabs(w->y - number), FADED);
+    return across.xyzwxyzwxyzwxyzw * down.xxxxyyyyzzzzwwww;
+}
+
 // Mean over the window, weighted.
 static inline ALWAYS_INLINE float3 mean_color(const Window *w, float16 weight)
 {
@@ -223,10 +234,10 @@ static inline ALWAYS_INLINE int2 pure_texels(const Window *w, int2 sides, int mi
     return pure;
 }
 
-// Mean squared distance of a mask's colours from a colour.
-static inline ALWAYS_INLINE float color_variance(const Window *w, int mask, float3 mean)
+// Mean squared distance of the colours from one, weighted.
+static inline ALWAYS_INLINE float color_variance(const Window *w, float16 weight, float3 mean)
 {
-    return sum_of(ones(mask) * squared_distance(w, mean)) / popcount(mask);
+    return sum_of(weight * squared_distance(w, mean)) / sum_of(weight);
 }
 
 // What is expected of an inner texel's coverage by the sides of its neighbours: that of an edge that goes on
@@ -238,14 +249,15 @@ static inline ALWAYS_INLINE float expected_coverage(int first, int k)
 
 // Coverage of the window's texels by the first side, least squares between two colours; the less these vary,
 // the more they count. None is taken to show more of the other side than of its own. `mixtures`: how far the
-// inner texels are mixtures of both colours, 1 to 0.
+// texels at the place are mixtures of both colours, 1 to 0.
 static inline ALWAYS_INLINE float16 find_coverage(
     const Window *w, int first, int2 pure, int mixed, float *mixtures)
 {
-    const float3 one = mean_color(w, ones(pure.x)), other = mean_color(w, ones(pure.y));
+    const float16 of_one = ones(pure.x) * fading(w), of_other = ones(pure.y) * fading(w);
+    const float3 one = mean_color(w, of_one), other = mean_color(w, of_other);
     const float3 apart = one - other, bright = fmax(one, other);
-    const float prior = color_variance(w, pure.x, one)
-        + color_variance(w, pure.y, other) + PRIOR * dot(bright, bright) + FLT_MIN;
+    const float prior = color_variance(w, of_one, one)
+        + color_variance(w, of_other, other) + PRIOR * dot(bright, bright) + FLT_MIN;
     const float contrast = dot(apart, apart);
     const float16 own = ones(first);
     float16 expected = own;
@@ -262,14 +274,16 @@ static inline ALWAYS_INLINE float16 find_coverage(
     const float16 red_left = red - coverage * apart.x, green_left = green - coverage * apart.y;
     const float16 blue_left = blue - coverage * apart.z;
     const float16 left = red_left * red_left + green_left * green_left + blue_left * blue_left;
-    const float off = 0.25f * sum_of(ones(INNER) * left);
+    const float x = w->x - 1.0f, y = w->y - 1.0f;
+    const float off = mix(mix(left.s5, left.s6, x), mix(left.s9, left.sa, x), y);
     const float enough = MIXTURE * contrast + ALIKE * dot(bright, bright) + FLT_MIN;
     const float relative = off / enough;
     *mixtures = fmax(1.05f / (1.0f + relative * relative) - 0.05f, 0.0f);
     return coverage;
 }
 
-// Share of a pixel on the first side of the edge; `right`, `down`: what the pixel covers, in texels.
+// Share of a pixel on the first side of the edge, by a filter that falls as a parabola across the edge, the same
+// in all directions; `right`, `down`: what the pixel covers, in texels.
 static inline ALWAYS_INLINE float pixel_coverage(
     const Window *w, float16 coverage, float2 right, float2 down)
 {
@@ -277,9 +291,9 @@ static inline ALWAYS_INLINE float pixel_coverage(
     const float upper = mix(coverage.s5, coverage.s6, x), lower = mix(coverage.s9, coverage.sa, x);
     const float along_x = mix(coverage.s6 - coverage.s5, coverage.sa - coverage.s9, y);
     const float along_y = lower - upper;
-    const float across = fabs(along_x * right.x + along_y * right.y)
-        + fabs(along_x * down.x + along_y * down.y);
-    return clamp(0.5f + (mix(upper, lower, y) - 0.5f) / fmax(across, 1e-6f), 0.0f, 1.0f);
+    const float across = length((float2)(along_x * right.x + along_y * right.y,
+                                         along_x * down.x + along_y * down.y));
+    return smoothstep(-RADIUS, RADIUS, (mix(upper, lower, y) - 0.5f) / fmax(across, 1e-6f));
 }
 
 // The pure texels, and those that are found to be covered by their side alone.
@@ -298,7 +312,7 @@ static inline ALWAYS_INLINE float16 squared_way(const Window *w)
 static inline ALWAYS_INLINE float3 side_color(const Window *w, int own)
 {
     const float16 is = ones(own), known = is * cubic_weight(w);
-    const float16 near = is / (NEAR + squared_way(w));
+    const float16 near = is * fading(w) / (NEAR + squared_way(w));
     const float left = (1.0f - sum_of(known)) / sum_of(near);
     const float16 weight = known + left * near;
     return fmax((float3)(sum_of(weight * w->red), sum_of(weight * w->green), sum_of(weight * w->blue)),
