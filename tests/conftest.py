@@ -28,6 +28,24 @@ def device() -> ComputeDevice:
 
 
 @pytest.fixture
+def quick_builds(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """PoCL compiles without optimising, in half the time.
+
+    For tests of what is around kernels, which launch many of them on few pixels. What the optimiser
+    makes of kernels is tested by all that compare pictures with the truth.
+    """
+    # It keeps what it has built for other tests.
+    assert "device" not in request.fixturenames, "take `quick_device`"
+    monkeypatch.setenv("POCL_EXTRA_BUILD_FLAGS", "-cl-opt-disable")
+
+
+@pytest.fixture
+def quick_device(quick_builds: None) -> ComputeDevice:
+    """The device of a test with `quick_builds`."""
+    return ComputeDevice(choose_device(os.environ.get("IPRT_TEST_DEVICE", "pocl")))
+
+
+@pytest.fixture
 def scene(tmp_path: Path) -> Path:
     """Folder of a small scene: a box room with a cube and a view."""
     return write_scene(tmp_path / "room")

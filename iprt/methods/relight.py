@@ -47,7 +47,9 @@ class Relight:
             STRONG_FRAMES=STRONG_FRAMES,
         )
         pixels = guide.layout.width * guide.layout.height
-        self.ratio = device.upload(f"{name} relighting ratio", np.ones((pixels, 4), np.float32))
+        # Without host memory where it is only planned.
+        one = np.broadcast_to(np.float32(1.0), (pixels, 4))
+        self.ratio = device.upload(f"{name} relighting ratio", one)
         self._kernel = device.kernel("methods/relight.cl", "relight", defines).fixed(
             guide.layout.arguments(), spans, ratio=self.ratio
         )
