@@ -12,6 +12,8 @@ from importlib.util import find_spec
 from itertools import pairwise
 from pathlib import Path
 
+import numpy as np
+import OpenEXR
 import pytest
 
 from iprt import cli
@@ -144,14 +146,16 @@ NOT_HERE = {
 }
 
 
+SHRUNK = 4
 PARTS = [
-    *(pytest.param([block], id=block[0][0][1]) for block in command_blocks(PAGES[0])),
+    *(pytest.param([block], SHRUNK, id=block[0][0][1]) for block in command_blocks(PAGES[0])),
     *(
-        pytest.param(command_blocks(ROOT / "docs" / name), id=name)
+        pytest.param(command_blocks(ROOT / "docs" / name), 1, id=name)
         for name in ("footage.md", "meshes.md")
     ),
 ]
-"""What runs by itself: a block of the README, and other pages as a whole."""
+"""What runs by itself: a block of the README, and other pages as a whole; of the scene, one row and
+column in so many is kept. Pages may say what commands print."""
 
 
 def is_here(command: str) -> bool:
@@ -162,15 +166,18 @@ def is_here(command: str) -> bool:
 
 @pytest.mark.gl
 @pytest.mark.slow
-@pytest.mark.parametrize("blocks", PARTS)
+@pytest.mark.parametrize(("blocks", "step"), PARTS)
 def test_commands_run_as_they_are_written(
     blocks: list[list[tuple[list[str], list[str]]]],
+    step: int,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     """In their order, in a folder that holds what a clone holds of scenes."""
     shutil.copytree(ROOT / "scenes360", tmp_path / "scenes360")
+    if step > 1:
+        shrink(tmp_path / "scenes360" / "room", step)
     (tmp_path / "out").mkdir()  # by ./run demo
     monkeypatch.chdir(tmp_path)
     for block in blocks:
@@ -180,6 +187,25 @@ def test_commands_run_as_they_are_written(
                 break  # what follows in the block uses its file
             if is_here(command):
                 run(words, output, capsys)
+
+
+def shrink(scene: Path, step: int) -> None:
+    """Keep every `step`-th row and column of a scene's pictures, and of its views."""
+    for path in scene.rglob("*.exr"):
+        with OpenEXR.File(str(path)) as file:
+            small = {
+                name: np.ascontiguousarray(channel.pixels[::step, ::step])
+                for name, channel in file.parts[0].channels.items()
+            }
+        header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+        OpenEXR.File(header, small).write(str(path))
+
+    def scaled(match: re.Match[str]) -> str:
+        return re.sub(r"\d+", lambda number: str(int(number[0]) // step), match[0])
+
+    manifest = scene / "scene.toml"
+    text = manifest.read_text()
+    manifest.write_text(re.sub(r"^(size|cuts) = .*$", scaled, text, flags=re.MULTILINE))
 
 
 def run(words: list[str], output: list[str], capsys: pytest.CaptureFixture[str]) -> None:
