@@ -259,7 +259,7 @@ static inline float widened_alpha(
 #endif
 
 #ifdef BENT
-// 1 - cosine of the normal with the most like it of the eight neighbours'.
+// 1 - cosine of the normal with the most like it of the eight neighbours'; 0 where none is like it.
 static inline float least_turn(__global const float *restrict guide, int size, int stride, int p)
 {
     float least = MOST_TURN;
@@ -274,7 +274,7 @@ static inline float least_turn(__global const float *restrict guide, int size, i
             least = (dx || dy) && same ? fmin(least, turn) : least;
         }
     }
-    return least;
+    return least < MOST_TURN ? least : 0.0f;
 }
 #endif
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.ndimage import minimum_filter
 
 from iprt.device.compute import ComputeDevice
 from iprt.footage.frame import Frame
@@ -94,7 +95,10 @@ def test_without_objects_the_input_is_the_output(device: ComputeDevice, view: Vi
 def test_what_objects_do_not_touch_keeps_its_bits(
     device: ComputeDevice, view: View, own: bool
 ) -> None:
-    """Certainly all of a surface that has the objects behind its plane, however long it takes."""
+    """Certainly all of a surface that has the objects behind its plane, however long it takes.
+
+    But for pixels at its edge, which show a little of what is beside it.
+    """
     frame = room_frame(HIDDEN, 256, 128, ceiling_lamp)
     objects = [ball(BEHIND.centre, BEHIND.radius, CLAY)]
     background = None
@@ -109,7 +113,7 @@ def test_what_objects_do_not_touch_keeps_its_bits(
     point = d * HIDDEN.first_hit(np.zeros(3), d)[0][..., None]
     normal = picture.aovs["normal"]
     ahead = ((np.array(BEHIND.centre) - point) * normal).sum(-1) + BEHIND.radius
-    unseen = real(picture) & (ahead < -0.02)
+    unseen = minimum_filter(real(picture) & (ahead < -0.02), 3)
     assert untouched[unseen].all()
     assert unseen.mean() > (0.5 if view is ASIDE else 0.1)
     # Elsewhere there is influence, so the test could fail.

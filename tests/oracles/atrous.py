@@ -33,13 +33,13 @@ def smooth_variance(variance: Array, ids: Array, equirect: bool) -> Array:
 
 
 def least_turn(normal: Array, ids: Array, equirect: bool) -> Array:
-    """1 - cosine of the most similar normal of the eight neighbours of one id, at most 0.3."""
+    """1 - cosine of the most similar normal of the eight neighbours of one id; 0 from 0.3 on."""
     least = np.full(ids.shape, 0.3)
     for dx, dy in [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j]:
         turn = 1.0 - (normal * shifted(normal, dx, dy, equirect)).sum(0)
         same = shifted(ids, dx, dy, equirect, fill=-1.0) == ids
         least = np.where(same, np.minimum(least, turn), least)
-    return least
+    return np.where(least < 0.3, least, 0.0)
 
 
 def filter_level(

@@ -338,8 +338,9 @@ __kernel void smooth_cells(
     float weights = own.w;
     for (int dy = -SMOOTH_RADIUS; dy <= SMOOTH_RADIUS; dy++)
         for (int dx = -SMOOTH_RADIUS; dx <= SMOOTH_RADIUS; dx++) {
-            int other = cache_cell(columns, rows, x + dx, y + dy);
-            for (int i = 0; i < CACHE_SURFACES; i++, other += columns * rows) {
+            const int first = cache_cell(columns, rows, x + dx, y + dy);
+            for (int i = 0; i < CACHE_SURFACES; i++) {
+                const int other = first + i * columns * rows;
                 const float4 value = mean[other];
                 if (other == cell || !(value.w > 0.0f))
                     continue;
