@@ -8,13 +8,12 @@
 // where h is the B3 spline or, of 3x3 taps, that of ReLAX, relative to the centre's, g the scalar that
 // the picture shows (luminance of E_R - E_RV or of blocked - bounced light on real surfaces, of the
 // signal on virtual ones) and v its variance. Both variances enter, so that a pixel which missed a rare
-// event still takes part in what its noisy neighbours found.
+// event still takes part in what its noisy neighbours found. On real surfaces 1 - n_p . n_q is reduced by
+// what it is for the adjacent pixel most like p (least_turn): bevelled edges a few pixels wide would have
+// no pixels to be averaged with.
 //
 //   in    guide (7 planes, guide.h), signal (SIGNAL_PLANES), variance (1) of g, roughness (1, GGX
 //         alpha; where specular), borders wrapped in equirect views
-// On real surfaces n_p . n_q counts from the neighbour on that is most like p (least_turn): what bends as
-// strongly as the edge of a book, and is a few pixels wide, would have none to be averaged with.
-//
 //   out   signal, variance: pixels without a surface are copied
 //
 // Between levels, signals and variances are planes of stored.h. With -DHALF_PLANES, the first level is

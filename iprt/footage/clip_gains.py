@@ -168,7 +168,7 @@ class _Problem:
         points = np.arange(len(shading.segment))
         self._of_segment = csr_array((np.ones(len(points)), (shading.segment, points)))
         self._prior_weight = np.minimum(count / count.mean(), 2.0)[:, None] / 3.0
-        # Of the points of a segment, ALIKE count as one, as in shading.
+        # ALIKE points of a segment count as one, as they do in shading.
         self._over_weight = np.maximum(count, ALIKE)[:, None] / (ALIKE * MODEL_SPREAD**2)
         self._rows, self._values = _expectations(ties, clipped)
         self._weight = np.ones_like(shading.radiance)

@@ -177,7 +177,7 @@ class Followed:
             self._shown.append(shown)
 
     def picture(self, *, shaded: bool = True) -> PlanePicture:
-        """Of all frames, with or without its shading."""
+        """What all frames show of the plane, with or without its shading."""
         cells = self._first.around.cells
         shading = [np.zeros((0, len(self.plane.cells), 3))] * len(self._moments)
         if shaded:

@@ -32,7 +32,8 @@ LOWEST = 0.01
 """Least cosine to the surface of a ray that leaves it."""
 AT_ONCE = 1 << 14
 KINDS, RECOVERED = 2, 1
-"""Of light that is reflected: as the picture shows it; recovered from what it shows clipped."""
+"""Number of kinds of reflected light, and index of the second one. The picture shows the first as
+it is; the second is recovered from what it shows clipped."""
 
 Floats = NDArray[np.float32]
 
@@ -116,7 +117,7 @@ class Patch:
 
     @classmethod
     def of(cls, cells: Cells, plane: CellPlane) -> Patch:
-        """Of the frame that the plane was found in."""
+        """The patch of a plane, in the frame that the plane was found in."""
         on = plane.cells
         start = cells.point[on] + LIFT * cells.depth[on, None] * plane.normal
         return cls(start, cells.direction[on], plane.normal)

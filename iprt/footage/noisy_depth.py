@@ -192,7 +192,7 @@ def _fitted(sums: Float) -> Float:
     _, x, y, z, xx, xy, xz, yy, yz, zz = sums
     matrix = np.stack([xx, xy, xz, xy, yy, yz, xz, yz, zz], axis=-1)
     matrix = matrix.reshape(*x.shape, 3, 3)
-    # Of a strip, which leaves a turn open, that which turns it least towards the strip's end.
+    # The points of a strip leave a turn about it open. The ridge chooses the shortest g.
     ridge = 1e-9 * (xx + yy + zz) + 1e-30
     matrix += ridge[..., None, None] * np.eye(3)
     return np.asarray(np.linalg.solve(matrix, np.stack([x, y, z], axis=-1)[..., None])[..., 0])

@@ -30,7 +30,7 @@ VERSION = 4
 MIN_HEIGHT = 64
 """Panoramas with fewer rows show no reflection that could be told from anything else."""
 FRAMES = 5
-"""Of a video whose camera moves, that are looked at."""
+"""Number of frames that are looked at in a video whose camera moves."""
 MOST_BYTES = 1 << 16
 
 

@@ -26,7 +26,6 @@ from iprt.viewer.labels import (
     Label,
     comparisons,
 )
-from iprt.viewer.objects import ObjectState
 from iprt.viewer.ui_state import UiState
 
 Kind = Literal["switch", "choice", "number", "numbers", "vector", "color"]
@@ -164,7 +163,7 @@ def place_fields(ui: UiState) -> tuple[Field, ...]:
             ui.engine.place(state.name, state.placed(to_world))
 
     def size() -> float:
-        return 1.0 if ui.state is None else round(_longest(ui.state), 4)
+        return 1.0 if ui.state is None else round(float(ui.state.size.max()), 4)
 
     def resize(size: float) -> None:
         state = ui.state
@@ -172,7 +171,7 @@ def place_fields(ui: UiState) -> tuple[Field, ...]:
             return
         low, high = state.corners
         foot = np.array([0.5 * (low[0] + high[0]), low[1], 0.5 * (low[2] + high[2])])
-        to_world, factor = state.to_world.copy(), size / _longest(state)
+        to_world, factor = state.to_world.copy(), size / float(state.size.max())
         # About the middle of its lower side, so that it stands where it stood.
         to_world[:3, 3] += (1.0 - factor) * to_world[:3, :3] @ foot
         to_world[:3, :3] *= factor
@@ -218,12 +217,6 @@ def material_fields(ui: UiState) -> tuple[Field, ...]:
         field("alpha", "number", "alpha", sliders=alphas, **rough),
         field("ior", "number", "ior", sliders=indices, **coated),
     )
-
-
-def _longest(state: ObjectState) -> float:
-    """Metres, of the sides of the object's own box."""
-    low, high = state.corners
-    return float(((high - low) * np.linalg.norm(state.to_world[:3, :3], axis=0)).max())
 
 
 def quality_field(ui: UiState) -> Field:

@@ -48,6 +48,12 @@ class ObjectState:
     mesh: Mesh
 
     @property
+    def size(self) -> Float:
+        """(3,) metres: sides of the object's own box."""
+        low, high = self.corners
+        return np.asarray((high - low) * np.linalg.norm(self.to_world[:3, :3], axis=0))
+
+    @property
     def keyframed(self) -> bool:
         """Keyframes move it from `motion.to_world`."""
         return self.motion.moves

@@ -319,9 +319,8 @@ class Viewport:
         state = self._engine.wanted(name)
         if state is None:
             return False
-        low, high = state.corners
-        size = (high - low) * np.linalg.norm(state.to_world[:3, :3], axis=0)
-        surface = self._picking.ground(x, y, 0.25 * float(np.hypot(size[0], size[2])))
+        footprint = 0.25 * float(np.hypot(state.size[0], state.size[2]))
+        surface = self._picking.ground(x, y, footprint)
         if surface is None:
             return False
         normal = None if upright else surface.normal

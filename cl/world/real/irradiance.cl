@@ -247,16 +247,13 @@ __kernel void list_cells(
     const float samples = touched[pixel] > 0.0f ? enough : fmin(first, enough);
     float2 past;
     const int2 corner = cache_corner(columns, rows, p, &past);
-    float shown = 0.0f;
     for (int k = 0; k < 4 * CACHE_SURFACES; k++) {
         const int i = k & 3, is_second = k >> 2;
-        if (is_second && shown > 0.0f)
-            break;
         const int cell = cache_cell(columns, rows, corner.x + (i & 1), corner.y + (i >> 1))
             + is_second * columns * rows;
-        const float agreement = cache_agreement(plane[cell], p, n);
-        shown += is_second ? 0.0f : agreement;
-        if (plane[cell].w > 0.0f && (!is_second || agreement > 0.0f) && mean[cell].w < samples
+        const float4 surface = plane[cell];
+        if (surface.w > 0.0f && mean[cell].w < samples
+            && (!is_second || cache_agreement(surface, p, n) > 0.0f)
             && atomic_xchg(listed + cell, 1) == 0)
             cells[atomic_inc(cell_count)] = cell;
     }

@@ -25,7 +25,7 @@ BLACK = 1e-6
 noise."""
 
 SURFACES = 2
-"""Surfaces of a cell."""
+"""Surfaces of a cell: `CACHE_SURFACES` of `cl/lib/world/real/irradiance.h`."""
 
 FOREVER = 1e6
 """More samples than a cell ever has."""
