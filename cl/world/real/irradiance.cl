@@ -59,34 +59,46 @@ static inline float4 plane_at(Texels real, float x, float y, int columns, int ro
                        min((int)(y / rows * real.height), real.height - 1));
 }
 
-// How far the surface of a texel is part of a plane; in `plane` that of the texel.
-static inline float texel_agreement(Texels real, int column, int row, float4 with, float4 *plane)
+// Whether two tangent planes are of one surface, or both of none.
+static inline int same_surface(float4 one, float4 other)
 {
-    const int wrapped = (column + real.width) % real.width;
-    const int inside = clamp(row, 0, real.height - 1);
-    *plane = texel_plane(real, wrapped, inside);
-    const float3 v = texel_direction(wrapped, inside, real.width, real.height);
-    const float3 g = plane->xyz;
-    return plane->w > 0.0f ? cache_agreement(with, v / fmax(dot(g, v), 1e-30f), -normalize(g)) : 0.0f;
+    const float3 apart = one.xyz - other.xyz;
+    return (one.w > 0.0f) == (other.w > 0.0f)
+        && dot(apart, apart) <= SAME_PLACE * SAME_PLACE * dot(one.xyz, one.xyz);
+}
+
+// Tangent plane of a texel, which may lie beyond the seam, and its point and normal there.
+static inline float4 texel_surface(Texels real, int column, int row, float3 *p, float3 *n)
+{
+    const int x = (column + real.width) % real.width, y = clamp(row, 0, real.height - 1);
+    const float4 plane = texel_plane(real, x, y);
+    const float3 v = texel_direction(x, y, real.width, real.height);
+    *p = v / fmax(dot(plane.xyz, v), 1e-30f);
+    *n = -normalize(plane.xyz);
+    return plane;
 }
 
 // Whether a texel shows a surface that its neighbours go on with, and no cell around has at its centre.
 static inline int is_thin(Texels real, int column, int row, int x, int y, int columns, int rows)
 {
-    float4 plane, other;
-    texel_agreement(real, column, row, (float4)(0.0f), &plane);
+    // Most texels of a cell show what its centre does.
+    if (same_surface(texel_plane(real, column, row), plane_at(real, x + 0.5f, y + 0.5f, columns, rows)))
+        return 0;
+    float3 p, n, q, m;
+    const float4 plane = texel_surface(real, column, row, &p, &n);
     if (!(plane.w > 0.0f))
         return 0;
     for (int i = 0; i < 9; i++) {
         const int cell = cache_cell(columns, rows, x + (i + 1) % 3 - 1, y + (i / 3 + 1) % 3 - 1);
         const float4 centre = plane_at(real, cell % columns + 0.5f, cell / columns + 0.5f, columns, rows);
-        if (texel_agreement(real, column, row, centre, &other) > 0.0f)
+        if (cache_agreement(centre, p, n) > 0.0f)
             return 0;
     }
     int joined = 0;
     for (int i = 0; i < 4; i++) {
         const int aside = i < 2 ? 2 * i - 1 : 0, down = i < 2 ? 0 : 2 * i - 5;
-        joined += texel_agreement(real, column + aside, row + down, plane, &other) > 0.0f;
+        const float4 other = texel_surface(real, column + aside, row + down, &q, &m);
+        joined += other.w > 0.0f && cache_agreement(plane, q, m) > 0.0f;
     }
     return joined >= 2;
 }
@@ -146,9 +158,7 @@ __kernel void place_cells(
     float3 v;
     float4 now = entry_plane((Texels){real_width, real_height, real_surface}, x, y, columns, rows, &v);
     const float4 before = plane[cell];
-    const float3 moved = now.xyz - before.xyz;
-    const int same = (before.w > 0.0f) == (now.w > 0.0f)
-        && dot(moved, moved) <= SAME_PLACE * SAME_PLACE * dot(now.xyz, now.xyz);
+    const int same = same_surface(now, before);
     const float samples = mean[cell].w, left = same ? fmin(samples, kept) : 0.0f;
     if (now.w > 0.0f && before.w > 0.0f)
         now.w = forgotten(before.w, samples - left);
