@@ -4,7 +4,7 @@
 // real surface: r <= r_real (1 + tolerance), where r_real = 1 / (g . d) is the tangent plane g of
 // the panorama's texel (g . d <= 0: nothing there). It is 1 - M of IPRT Eq. 2. A covered pixel
 // whose centre has no surface borrows a neighbour's: its normal and material, and its tangent
-// plane's distance along this pixel's ray. Motion is the image point, in the previous view, of the
+// plane's distance along this pixel's ray, also where real surfaces hide what covers it. Motion is the image point, in the previous view, of the
 // surface point before its object moved; with DEFORMING, before it bent, too.
 #version 330
 #include "view.glsl"
@@ -27,7 +27,7 @@ uniform vec2 previous_view_size;
 
 layout(location = 0) out vec4 geometry;
 layout(location = 1) out vec4 material;
-layout(location = 2) out vec4 display;   // coverage, previous image point, 0
+layout(location = 2) out vec4 display;   // coverage, previous image point, fraction with any object
 
 const float NOWHERE = -1e9;
 const float BORROW_RANGE = 0.03;         // relative change of distance that borrowing may make
@@ -42,10 +42,11 @@ vec3 tangent_plane(vec3 d)
     return texelFetch(surface, min(ivec2(uv * vec2(size)), size - 1), 0).xyz;
 }
 
-float visible_fraction(ivec2 pixel)
+// Fractions of a pixel in which there is an object in front of the real surface, and in which any.
+vec2 visible_fraction(ivec2 pixel)
 {
     ivec2 corner = (pixel - samples_origin) * SAMPLES;
-    float visible = 0.0;
+    vec2 visible = vec2(0.0);
     for (int y = 0; y < SAMPLES; ++y) {
         for (int x = 0; x < SAMPLES; ++x) {
             float z = texelFetch(samples, corner + ivec2(x, y), 0).r;
@@ -54,7 +55,8 @@ float visible_fraction(ivec2 pixel)
             vec2 inside = (vec2(x, y) + 0.5) / float(SAMPLES);
             vec3 d = world_from_view * view_direction(vec2(pixel) + inside);
             if (decode_depth(z) * dot(tangent_plane(d), d) <= 1.0 + tolerance)
-                visible += 1.0;
+                visible.x += 1.0;
+            visible.y += 1.0;
         }
     }
     return visible / float(SAMPLES * SAMPLES);
@@ -108,9 +110,9 @@ void main()
     vec3 d = world_from_view * view_direction(gl_FragCoord.xy);
     geometry = texelFetch(geometry_in, pixel, 0);
     material = texelFetch(material_in, pixel, 0);
-    float coverage = visible_fraction(pixel);
+    vec2 coverage = visible_fraction(pixel);
     ivec2 covered = pixel;
-    if (geometry.w == 0.0 && coverage > 0.0)
+    if (geometry.w == 0.0 && coverage.y > 0.0)
         covered = borrow(pixel, d);
     if (geometry.w == 0.0) {
         display = vec4(0.0, NOWHERE, NOWHERE, 0.0);
@@ -120,5 +122,5 @@ void main()
 #ifdef DEFORMING
     point += texelFetch(displaced_in, covered, 0).xyz;
 #endif
-    display = vec4(coverage, previous_image_point(point, int(material.w) - 1), 0.0);
+    display = vec4(coverage.x, previous_image_point(point, int(material.w) - 1), coverage.y);
 }

@@ -79,12 +79,11 @@ def _ratio(renderer: RenderedView) -> Image | None:
         return None
     shape = (renderer.view.height, renderer.view.width, 4)
     ratio: Image = renderer.device.read(renderer.signals.ratio).reshape(shape)[..., :3]
-    share = _planes(renderer, renderer.real.other, slice(0, 1))
-    if share is not None:
-        second = renderer.device.read(renderer.real.other_pixel).reshape(shape[:2])
-        beyond = ratio.reshape(-1, 3)[np.where(share > 0.0, second, 0)]
-        ratio = ratio + np.atleast_3d(share) * (beyond - ratio)
-    return np.ascontiguousarray(ratio)
+    second = renderer.device.read(renderer.real.other_pixel).reshape(shape[:2])
+    share = renderer.device.read(renderer.real.other).reshape(shape)[..., :3]
+    edge = second >= 0
+    ratio[edge] += share[edge] * (ratio.reshape(-1, 3)[second[edge]] - ratio[edge])
+    return ratio
 
 
 def _background(renderer: RenderedView) -> Image | None:

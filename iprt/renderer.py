@@ -183,7 +183,8 @@ class Renderer:
         self.signals = Signals()
         self._objects: Objects | None = None
         if features.objects:
-            self.visible = VisibleLayer(device, self.layout, equirect=view.projection == "equirect")
+            equirect = view.projection == "equirect"
+            self.visible = VisibleLayer(device, self.layout, self.real.edges, equirect=equirect)
             gbuffer = GBuffer(self.real, self.visible)
             setup = Setup(device, view, self.layout, features, gbuffer, camera)
             if self.settings.light_scale > 1:
@@ -283,12 +284,13 @@ class Renderer:
         visible, signals = self.visible, self.signals
         self.composite.run(
             self.real.color,
-            ratio=signals.ratio,
             other=self.real.other,
             other_pixel=self.real.other_pixel,
+            ratio=signals.ratio,
             base=self.real.diffuse,
             change=signals.change,
             coverage=None if visible is None else visible.coverage,
+            sides=None if visible is None else visible.sides,
             albedo=None if visible is None else visible.albedo,
             diffuse=signals.diffuse,
             specular=signals.specular,

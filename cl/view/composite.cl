@@ -7,13 +7,17 @@
 // With -DCOLOR_MAP objects and what they change are in the colours of a reference frame, which a map
 // takes to those of the frame: L_cam + map(L_diffuse (E_RV / E_R - 1) + change).
 //
+// Where a pixel shows two real surfaces, each follows its own ratio, and objects may hide one of them
+// alone: L = (1 - M) L_object + the sum over both of (1 - what objects hide of it) its part of L_cam.
+//
 //   in   colour (3 planes, radiance of the real layer),
-//        -DHAS_RATIO: ratio (float4 per pixel, no border); other (1 plane, share of a second surface in
-//        the radiance) and other_pixel (a pixel that shows it) of sharpen.cl,
+//        other (float4 per pixel, share of a second surface in the radiance) and other_pixel (a pixel
+//        that shows it; -1 or the pixel itself: there is none) of sharpen.cl,
+//        -DHAS_RATIO: ratio (float4 per pixel, no border),
 //        -DHAS_BASE: base (3 planes, L_diffuse), with a ratio and gloss or a map,
 //        -DGLOSS: change (3 planes, radiance of either sign),
 //        -DCOLOR_MAP: maps (lib/world/real/color_map.h),
-//        -DHAS_OBJECTS: coverage (1 plane, [0, 1]),
+//        -DHAS_OBJECTS: coverage (1 plane, [0, 1]) and sides (float2 per pixel) of unpack.cl,
 //        -DHAS_DIFFUSE: albedo (3 planes), diffuse (3 planes: what albedo is multiplied by),
 //        -DHAS_SPECULAR: specular (3 planes, radiance)
 //   out  picture (height x width x 4, row 0 the top): linear rgb, a = coverage
@@ -26,10 +30,10 @@
 
 __kernel void composite(
     __global const float *restrict colour,   // 3 planes
+    __global const float4 *restrict other,   // float4 per pixel
+    __global const int *restrict other_pixel,
 #ifdef HAS_RATIO
     __global const float4 *restrict ratio,   // float4 per pixel
-    __global const float *restrict other,    // 1 plane
-    __global const int *restrict other_pixel,
 #endif
 #ifdef HAS_BASE
     __global const float *restrict base,     // 3 planes
@@ -42,6 +46,7 @@ __kernel void composite(
 #endif
 #ifdef HAS_OBJECTS
     __global const float *restrict coverage, // 1 plane
+    __global const float2 *restrict sides,   // float2 per pixel
 #endif
 #ifdef HAS_DIFFUSE
     __global const float *restrict albedo,   // 3 planes
@@ -59,11 +64,26 @@ __kernel void composite(
         return;
     int size = plane_size(width, height), p = plane_index(x, y, width), i = y * width + x;
     float4 background = (float4)(colour[p], colour[size + p], colour[2 * size + p], 0.0f);
+    float a = 0.0f;
+#ifdef HAS_OBJECTS
+    a = coverage[p];
+#endif
+    float3 left = (float3)(1.0f - a); // of the real layer's radiance
+    const int second = other_pixel[i];
+    const int is_edge = second >= 0 && second != i;
+    float3 of_second = is_edge ? other[i].xyz : (float3)(0.0f);
+#ifdef HAS_OBJECTS
+    if (is_edge && a > 0.0f) {
+        const float2 hidden = sides[i];
+        of_second *= 1.0f - hidden.y;
+        left = (1.0f - other[i].xyz) * (1.0f - hidden.x) + of_second;
+        of_second /= fmax(left, FLT_MIN);
+    }
+#endif
 #ifdef HAS_RATIO
     float4 relit = ratio[i];
-    const float share = other[p];
-    if (share > 0.0f)
-        relit += share * (ratio[other_pixel[i]] - relit);
+    if (is_edge)
+        relit.xyz += of_second * (ratio[second].xyz - relit.xyz);
 #endif
 #if defined(HAS_BASE)
     float3 changed = load_planes(base, size, p) * (relit.xyz - 1.0f);
@@ -91,9 +111,8 @@ __kernel void composite(
     object.xyz = fmax(map_color(maps, TO_FRAME, object.xyz), 0.0f);
 #endif
     object.w = 1.0f;
-    float a = coverage[p];
     // A choice, not a product with 0: pixels without an object keep their bits whatever lies there.
-    picture[i] = a > 0.0f ? a * object + (1.0f - a) * background : background;
+    picture[i] = a > 0.0f ? a * object + (float4)(left, 1.0f) * background : background;
 #else
     picture[i] = background;
 #endif

@@ -10,8 +10,8 @@
 //      id         1 plane    1: surface that takes shadows; 0: opening or open sky
 //      motion     2 planes   where the point was in the previous picture, pixels; -1e9: nowhere
 // and with -D EDGES
-//      other      1 plane    1: one of the four texels around is at a gap, and the view is about as fine as
-//                            the panorama, or finer: sharpen.cl goes on; else 0
+//      other_pixel [H*W]     the pixel itself: one of the four texels around is at a gap, and the view is about
+//                            as fine as the panorama, or finer: sharpen.cl goes on; else -1
 // and with -D GLOSS, from the panorama's gloss, highlight and the table of real materials
 // (lib/world/brdf.h)
 //      gloss      1 plane    0: diffuse, else 1 + index of the real material
@@ -38,7 +38,7 @@ __kernel void resample_panorama(REAL_LAYER_PARAMETERS)
     __global const float *restrict marks = (__global const float *)panorama_surface + 3;
     const int gap = at_gap((int)marks[4 * around.a]) || at_gap((int)marks[4 * around.b])
         || at_gap((int)marks[4 * around.below_a]) || at_gap((int)marks[4 * around.below_b]);
-    other[pixel] = gap && points == 1 ? 1.0f : 0.0f;
+    other_pixel[y * width + x] = gap && points == 1 ? y * width + x : -1;
 #endif
 #ifdef VIEW_EQUIRECT
     // The panorama at its own size keeps its bits: rounded directions would blend in neighbours.
@@ -48,7 +48,7 @@ __kernel void resample_panorama(REAL_LAYER_PARAMETERS)
         radiance = (float3)(shown_texel(shown, texel, 0), shown_texel(shown, texel, 1),
                             shown_texel(shown, texel, 2));
 #ifdef EDGES
-        other[pixel] = 0.0f;
+        other_pixel[texel] = -1;
 #endif
     } else
 #endif

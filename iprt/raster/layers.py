@@ -54,11 +54,11 @@ class ObjectLayers:
     Attributes
     ----------
     display : (3, H, W, 4) float32 or None
-        The arrays of `front`, and (coverage, motion x, motion y, 0). None for layers that are only
-        traced.
+        The arrays of `front`, and (coverage, motion x, motion y, fraction of the pixel in which
+        there is any object). None for layers that are only traced.
     coverage : (H, W) float32 or None
         Fraction of the pixel in which an object is in front of the real surface (1 - M of IPRT
-        Eq. 2). Where it is positive, `front` holds a surface, borrowed from a neighbour if the
+        Eq. 2). Where there is any object, `front` holds a surface, borrowed from a neighbour if the
         pixel's own centre misses it; there, and only there, `front` has a surface and `back` has
         none, so that tracing skips these pixels and objects do not grow. Slivers without a
         neighbour to borrow from count as 0.

@@ -81,7 +81,7 @@ class Targets:
         The arrays of `Layer`; where meshes deform, the front has (displacement, 0), in world space,
         too.
     display : Target
-        The arrays of the displayed front layer, and (coverage, motion x, motion y, 0).
+        The arrays of the displayed front layer, and what else `ObjectLayers.display` holds.
     """
 
     size: tuple[int, int]

@@ -65,12 +65,13 @@ class Composite:
         self,
         colour: cla.Array,
         *,
+        other: cla.Array,
+        other_pixel: cla.Array,
         ratio: cla.Array | None = None,
-        other: cla.Array | None = None,
-        other_pixel: cla.Array | None = None,
         base: cla.Array | None = None,
         change: cla.Array | None = None,
         coverage: cla.Array | None = None,
+        sides: cla.Array | None = None,
         albedo: cla.Array | None = None,
         diffuse: cla.Array | None = None,
         specular: cla.Array | None = None,
@@ -81,13 +82,15 @@ class Composite:
         Parameters
         ----------
         colour : 3 planes, radiance of the real layer
+        other, other_pixel : (H * W, 4), (H * W,) int32
+            `RealLayer.other` and `RealLayer.other_pixel`.
         ratio : (H * W, 4), `Relight.ratio`
-        other, other_pixel : 1 plane, (H * W,) int32
-            `RealLayer.other` and `RealLayer.other_pixel`, with a ratio.
         base, change : 3 planes each
             `RealLayer.diffuse`, which the ratio multiplies, with gloss or a map; and what objects
             change in the reflections of real surfaces, with gloss.
         coverage : 1 plane in [0, 1], fraction of the pixel that objects cover (1 - M)
+        sides : (H * W, 2)
+            `VisibleLayer.sides`, with objects.
         albedo, diffuse : 3 planes each, multiplied
         specular : 3 planes, radiance
         color_map : (6, 4)
@@ -95,12 +98,13 @@ class Composite:
         """
         given = {
             "colour": colour,
-            "ratio": ratio,
             "other": other,
             "other_pixel": other_pixel,
+            "ratio": ratio,
             "base": base,
             "change": change,
             "coverage": coverage,
+            "sides": sides,
             "albedo": albedo,
             "diffuse": diffuse,
             "specular": specular,

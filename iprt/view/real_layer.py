@@ -33,9 +33,9 @@ class RealLayer:
         What of `color` surfaces radiate to all sides, in the colours that rays find: `color`
         itself, but mapped where the frame has a colour map, and without the highlight where real
         surfaces are glossy.
-    other, other_pixel : 1 plane, (H * W,) int32; or None
-        Share of a second surface in the radiance, at depth edges, and a pixel that shows that one;
-        where asked for.
+    other, other_pixel : (H * W, 4) float32, (H * W,) int32; or None
+        Share of a second surface in the radiance and in the area, at depth edges, and a pixel that
+        shows that one, where asked for: see `cl/view/sharpen.cl`.
     gloss, roughness : 1 plane each, or None
         Index of the real material + 1, 0 where diffuse, and its GGX alpha; where asked for.
     """
@@ -87,12 +87,24 @@ class RealLayer:
         self._camera = camera
         self.other = self.other_pixel = None
         if edges:
-            self.other = device.zeros(f"{name} other", layout.shape(1))
-            pixels = (layout.width * layout.height,)
-            self.other_pixel = device.zeros(f"{name} other pixel", pixels, np.int32)
+            pixels = layout.width * layout.height
+            self.other = device.zeros(f"{name} other", (pixels, 4))
+            self.other_pixel = device.zeros(f"{name} other pixel", (pixels,), np.int32)
         # A frame in which nothing is clipped takes the quicker ones.
         self._plain = self._kernels(defines)
         self._clipped = self._kernels({**defines, "CLIPPED": True}) if clipped else None
+
+    @property
+    def edges(self) -> dict[str, cla.Array]:
+        """What objects are compared with at depth edges: see `cl/world/objects/unpack.cl`."""
+        assert self.other is not None
+        assert self.other_pixel is not None
+        return {
+            "real_normal": self.normal,
+            "real_depth": self.depth,
+            "other": self.other,
+            "other_pixel": self.other_pixel,
+        }
 
     def _kernels(self, defines: Mapping[str, Define]) -> list[Kernel]:
         """What fills the planes, one after the other."""

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.geometry.camera import View, equirect_pixel
-from tests.oracles.guide import luminance
 from tests.worlds import Float, keys, panorama_cubic
 
 EAST, WEST, NORTH, SOUTH, NONE = 1, 2, 4, 8, 32
@@ -23,13 +22,13 @@ WINDOW = tuple(itertools.product(range(4), repeat=2))
 
 @dataclass(frozen=True)
 class Pixel:
-    """Color (3,); texel (row, column) whose surface is shown, None: that of the centre; share of
-    the other side in the radiance, and the nearest texel that shows it.
+    """Color (3,); texel (row, column) whose surface is shown, None: that of the centre; shares of
+    the other side, in the radiance (3) and in the area, and the nearest texel that shows it.
     """
 
     color: Float
     texel: tuple[int, int] | None
-    other: float = 0.0
+    other: Float | None = None
     beyond: tuple[int, int] | None = None
 
 
@@ -106,9 +105,10 @@ class Panorama:
         of_front = mixtures * share + (1.0 - mixtures) * float(
             np.clip(self._held(coverage, at), 0, 1)
         )
-        parts = [of_front * shown[0], (1.0 - of_front) * shown[1]]
-        beyond = float(luminance(parts[1 - own]) / luminance(parts[0] + parts[1]))
-        return Pixel(color, nearest_of(sides[own]), beyond, nearest_of(pure[1 - own]))
+        areas = [of_front, 1.0 - of_front]
+        parts = [areas[0] * shown[0], areas[1] * shown[1]]
+        other = np.append(parts[1 - own] / (parts[0] + parts[1]), areas[1 - own])
+        return Pixel(color, nearest_of(sides[own]), other, nearest_of(pure[1 - own]))
 
     @staticmethod
     def _held(coverage: dict[Place, float], at: Float) -> float:
@@ -209,10 +209,12 @@ class Panorama:
         return np.asarray(np.maximum(total, 0.0))
 
     def _share(self, coverage: dict[Place, float], at: Float, view: View, middle: Float) -> float:
+        level = {p: _level(coverage[p]) for p in INNER}
+
         def blend(row: float, column: float) -> float:
             y, x = row - 1.0, column - 1.0
-            upper = (1.0 - x) * coverage[1, 1] + x * coverage[1, 2]
-            lower = (1.0 - x) * coverage[2, 1] + x * coverage[2, 2]
+            upper = (1.0 - x) * level[1, 1] + x * level[1, 2]
+            lower = (1.0 - x) * level[2, 1] + x * level[2, 2]
             return (1.0 - y) * upper + y * lower
 
         row, column = at
@@ -231,6 +233,11 @@ class Panorama:
         # What is on this side of a filter that falls as 1 - s^2 across the edge.
         s = float(np.clip(away / 0.83, -1.0, 1.0))
         return 0.5 + 0.75 * (s - s**3 / 3.0)
+
+
+def _level(f: float) -> float:
+    """Such that a line to the level 0 or 1 of the next texel is 1/2 where an edge cuts this one."""
+    return 1.0 - 0.5 / (0.5 + f) if f < 0.5 else 0.5 / (1.5 - f)
 
 
 def _fading(place: Place, at: Float) -> float:

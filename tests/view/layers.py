@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import pyopencl.array as cla
 from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
@@ -19,7 +20,7 @@ from tests.worlds import Float
 @dataclass(frozen=True)
 class Layer:
     """(H, W, 3) color and normal, (H, W) depth and id, (H, W, 2) motion; with edges, the share of
-    another surface and the pixel that shows it, (H, W).
+    another surface in radiance and area (H, W, 4), and the pixel that shows it (H, W).
     """
 
     color: Float
@@ -64,4 +65,13 @@ def show(
     if not edges:
         return Layer(*planes, None, None)
     pixels = device.read(layer.other_pixel).reshape(view.height, view.width)
-    return Layer(*planes, image("other"), pixels)
+    other = device.read(layer.other).reshape(view.height, view.width, 4).astype(np.float64)
+    return Layer(*planes, np.where(pixels[..., None] < 0, 0.0, other), pixels)
+
+
+def no_edges(device: ComputeDevice, view: View) -> dict[str, cla.Array]:
+    """`RealLayer.edges` of a view at none."""
+    layout = PlaneLayout(view.width, view.height)
+    layer = RealLayer(device, layout, equirect=False, name="no edges", edges=True)
+    layer.other_pixel.fill(-1)
+    return layer.edges

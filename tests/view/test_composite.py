@@ -34,19 +34,26 @@ def test_equation(
         "specular": shine if specular else None,
     }
     arrays = {k: None if v is None else upload(device, layout, v) for k, v in planes.items()}
-    share = rng.choice([0.0, 0.0, 0.4], (height, width))
-    second = rng.integers(0, width * height, height * width)
+    at_edge = rng.random((height, width)) < 0.4
+    itself = np.arange(width * height).reshape(height, width)
+    second = (itself + rng.integers(1, max(width * height, 2), itself.shape)) % itself.size
+    at_edge &= second != itself
+    share = at_edge * rng.random((3, height, width))
+    # How much of either surface is hidden there; elsewhere of the only one.
+    hidden = np.where(at_edge & (coverage > 0.0), rng.random((2, height, width)), coverage)
+    arrays |= edges(device, layout, share, np.where(at_edge, second, -1), hidden)
     if relit:
         arrays["ratio"] = device.upload("ratio", pixels(ratio))
-        arrays |= edges(device, layout, share, second)
     composite = Composite(device, layout, relit=relit, diffuse=diffuse, specular=specular)
     composite.run(upload(device, layout, colour), **arrays)
     picture = np.moveaxis(device.read(composite.picture), -1, 0)
-    coverage = coverage if diffuse or specular else 0.0 * coverage
-    beyond = ratio.reshape(3, -1)[:, second].reshape(ratio.shape)
-    ratio = (1.0 - share) * ratio + share * beyond
+    if not (diffuse or specular):
+        coverage, hidden = 0.0 * coverage, 0.0 * hidden
+    ratio = ratio if relit else np.ones_like(ratio)
+    beyond = ratio.reshape(3, -1)[:, second]
     expected = coverage * (diffuse * albedo * light + specular * shine)
-    expected = expected + (1.0 - coverage) * colour * (ratio if relit else 1.0)
+    expected = expected + (1.0 - hidden[0]) * (1.0 - share) * colour * ratio
+    expected = expected + (1.0 - hidden[1]) * share * colour * beyond
     np.testing.assert_allclose(picture[:3], expected, rtol=1e-5, atol=1e-7)
     np.testing.assert_allclose(picture[3], coverage, rtol=1e-6)
 
@@ -83,15 +90,19 @@ def edges(
     layout: PlaneLayout,
     share: np.ndarray | None = None,
     second: np.ndarray | None = None,
+    hidden: np.ndarray | None = None,
 ) -> dict[str, Any]:
-    """Shares (H, W) of a second surface, and the pixels (H * W,) that show it; by default none."""
-    if share is None:
-        share = np.zeros((layout.height, layout.width))
-    if second is None:
-        second = np.full(share.size, -1)
+    """Shares (3, H, W) of a second surface, pixels (H, W) that show it, and how much of either is
+    hidden (2, H, W); by default there is none.
+    """
+    size = layout.height, layout.width
+    share = np.full((3, *size), np.nan) if share is None else share
+    second = np.full(size, -1) if second is None else second
+    hidden = np.full((2, *size), np.nan) if hidden is None else hidden
     return {
-        "other": upload(device, layout, share[None]),
-        "other_pixel": device.upload("other pixel", second.astype(np.int32)),
+        "other": device.upload("other", pixels(share)),
+        "other_pixel": device.upload("other pixel", second.ravel().astype(np.int32)),
+        "sides": device.upload("sides", np.moveaxis(hidden, 0, -1).astype(np.float32)),
     }
 
 

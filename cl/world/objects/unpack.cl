@@ -2,16 +2,62 @@
 //
 // in   display   [3*H*W]   three images: world normal, radial distance (0: nothing); albedo,
 //                          1 + material index; fraction of the pixel where an object is in front,
-//                          previous image point in pixels
+//                          previous image point in pixels, fraction where there is any object
 //      materials           material table (lib/world/brdf.h)
+//      real_normal 3, real_depth 1 plane, other and other_pixel [H*W]: the real layer (view/sharpen.cl)
 // out  normal 3, depth 1 (0: not visible), id 1 (1 + material index), roughness 1 (GGX alpha; 1:
 //      diffuse), albedo 3, coverage 1, motion 2 planes
+//      sides     [H*W]     share of the pixel's own real surface, and of the other one, that objects hide,
+//                          where other_pixel is not -1 and objects are in the pixel
 //
-// It runs over a rectangle; outside, nothing is written. Normals are turned towards the viewer:
-// interpolated ones may face away near silhouettes.
+// Depth edges of the real layer are sharper than the texels that objects were compared with. A pixel at
+// one compares them with the surfaces on both sides of the edge instead, and weighs these by area.
+//
+// It runs over a rectangle; outside, nothing is written. -D COVERAGE_TOLERANCE: see visibility.cl. Normals
+// are turned towards the viewer: interpolated ones may face away near silhouettes.
 #include "world/brdf.h"
 #include "gbuffer/planes.h"
 #include "gbuffer/view.h"
+
+#define ACROSS 4         // samples a side of a pixel
+#define PLANE_RANGE 0.1f // relative change of distance at most: planes seen edge-on give any
+
+// The plane of a surface that a pixel shows in direction `at`: xyz = g, g . x = 1 on it; w: 1 / distance.
+// All 0: open sky.
+static inline float4 facet(float3 normal, float distance, float3 at)
+{
+    const float nearness = distance > 0.0f ? 1.0f / distance : 0.0f;
+    return (float4)(nearness / fmin(dot(normal, at), -1e-6f) * normal, nearness);
+}
+
+static inline float nearness_along(float4 facet, float3 v)
+{
+    return clamp(dot(facet.xyz, v), (1.0f - PLANE_RANGE) * facet.w, (1.0f + PLANE_RANGE) * facet.w);
+}
+
+static inline float4 real_facet(__global const float *restrict real_normal,
+                                __global const float *restrict real_depth,
+                                __global const float *restrict view, int2 at, int width, int size)
+{
+    const int pixel = plane_index(at.x, at.y, width);
+    return facet(load_planes(real_normal, size, pixel), real_depth[pixel],
+                 view_direction(view, convert_float2(at) + 0.5f));
+}
+
+// Fractions of a pixel in which one surface is in front of either of two.
+static inline float2 in_front_of_sides(
+    float4 object, float4 own, float4 other, __global const float *restrict view, int2 at)
+{
+    int2 in_front = (int2)(0);
+    for (int i = 0; i < ACROSS * ACROSS; i++) {
+        const float2 within = ((float2)(i % ACROSS, i / ACROSS) + 0.5f) / ACROSS;
+        const float3 v = view_direction(view, convert_float2(at) + within);
+        const float limit = (1.0f + COVERAGE_TOLERANCE) * nearness_along(object, v);
+        in_front.x += nearness_along(own, v) <= limit;
+        in_front.y += nearness_along(other, v) <= limit;
+    }
+    return convert_float2(in_front) / (float)(ACROSS * ACROSS);
+}
 
 __kernel void unpack_objects(
     const int4 rectangle,                        // x0, y0, x1, y1
@@ -20,12 +66,17 @@ __kernel void unpack_objects(
     __global const float *restrict view,
     __global const float4 *restrict display,
     __global const float4 *restrict materials,
+    __global const float *restrict real_normal,
+    __global const float *restrict real_depth,
+    __global const float4 *restrict other,
+    __global const int *restrict other_pixel,
     __global float *restrict normal,
     __global float *restrict depth,
     __global float *restrict id,
     __global float *restrict roughness,
     __global float *restrict albedo,
     __global float *restrict coverage,
+    __global float2 *restrict sides,
     __global float *restrict motion)
 {
     const int x = rectangle.x + (int)get_global_id(0), y = rectangle.y + (int)get_global_id(1);
@@ -34,17 +85,28 @@ __kernel void unpack_objects(
     const int texel = y * width + x;
     const int pixel = plane_index(x, y, width), size = plane_size(width, height);
     const float4 shown = display[2 * width * height + texel];
-    const float covered = shown.x;
-    const int visible = covered > 0.0f;
-    const float4 geometry = visible ? display[texel] : (float4)(0.0f);
-    const float4 surface = visible ? display[width * height + texel] : (float4)(0.0f);
     const float3 v = view_direction(view, (float2)(x + 0.5f, y + 0.5f));
-    const float away = fmax(dot(geometry.xyz, v), 0.0f);
-    const float3 n = visible ? normalize(geometry.xyz - (away + away) * v) : (float3)(0.0f);
+    const float4 seen = display[texel];
+    const float away = fmax(dot(seen.xyz, v), 0.0f);
+    const float3 towards = normalize(seen.xyz - (away + away) * v);
+    float covered = shown.x;
+    const int second = other_pixel[texel];
+    if (second >= 0 && shown.w > 0.0f) {
+        const int2 at = (int2)(x, y), beyond = (int2)(second % width, second / width);
+        const float4 own = real_facet(real_normal, real_depth, view, at, width, size);
+        const float4 theirs = real_facet(real_normal, real_depth, view, beyond, width, size);
+        const float4 object = facet(towards, seen.w, v);
+        const float2 hidden = shown.w * in_front_of_sides(object, own, theirs, view, at);
+        sides[texel] = hidden;
+        covered = mix(hidden.x, hidden.y, other[texel].w);
+    }
+    const int visible = covered > 0.0f;
+    const float3 n = visible ? towards : (float3)(0.0f);
+    const float4 surface = visible ? display[width * height + texel] : (float4)(0.0f);
     normal[pixel] = n.x;
     normal[size + pixel] = n.y;
     normal[2 * size + pixel] = n.z;
-    depth[pixel] = geometry.w;
+    depth[pixel] = visible ? seen.w : 0.0f;
     id[pixel] = surface.w;
     const Material parameters = load_material(materials, max((int)surface.w - 1, 0));
     roughness[pixel] = parameters.kind == KIND_DIFFUSE ? 1.0f : parameters.alpha;

@@ -13,7 +13,8 @@
 //                 planes of the panorama; previous view    fraction of the pixel in which an object
 //                 (lib/gbuffer/view.h); moved: 3 float4    is in front of the real surface, motion:
 //                 per material, rows of this frame's       image point in the previous view, pixels,
-//                 world to the previous frame's            (-1e9, -1e9): nowhere; 0
+//                 world to the previous frame's            (-1e9, -1e9): nowhere; and fraction in
+//                                                          which there is any object
 //
 // Pixel centres are at integer + 0.5. Both run over a rectangle; outside, nothing is written, and
 // nothing is seen.
@@ -105,15 +106,15 @@ static inline int meets_packet_again(const Objects world, float3 d, ObjectHit *h
     return bvh_packet(world.bvh, ray, hit->triangle >> 2, hit);
 }
 
-// Rays that meet an object in front of the real surface; and the mean albedo of those that meet
-// `index` - 1, which pictures finer than the pixels are averaged by. `near`: instance and triangle that
-// a ray beside them meets.
-static inline int visible_samples(const Objects world, __global const float *restrict view, int x,
-                                  int y, int index, int2 near,
-                                  __global const float4 *restrict surface, int surface_width,
-                                  int surface_height, float3 *albedo)
+// Rays that meet an object in front of the real surface, and rays that meet any; and the mean albedo of
+// those that meet `index` - 1, which pictures finer than the pixels are averaged by. `near`: instance and
+// triangle that a ray beside them meets.
+static inline int2 visible_samples(const Objects world, __global const float *restrict view, int x,
+                                   int y, int index, int2 near,
+                                   __global const float4 *restrict surface, int surface_width,
+                                   int surface_height, float3 *albedo)
 {
-    int visible = 0, same = 0;
+    int visible = 0, any = 0, same = 0;
     float3 sum = (float3)(0.0f);
     ObjectHit hit;
     hit.instance = near.x < 0 ? -2 - near.x : near.x;
@@ -128,11 +129,13 @@ static inline int visible_samples(const Objects world, __global const float *res
         if (meets_packet_again(world, d, &hit)
             && hit.t * nearness <= 1.0f + COVERAGE_TOLERANCE) {
             visible++;
+            any++;
             continue;
         }
 #endif
         if (!trace_objects(world, (float3)(0.0f), d, INFINITY, &hit))
             continue;
+        any++;
         visible += hit.t * nearness <= 1.0f + COVERAGE_TOLERANCE;
 #ifdef OBJECT_TEXTURES
         const ObjectSurface at = object_surface(world, hit, d);
@@ -144,7 +147,7 @@ static inline int visible_samples(const Objects world, __global const float *res
     }
     if (same > 0)
         *albedo = sum / (float)same;
-    return visible;
+    return (int2)(visible, any);
 }
 
 // A neighbour with a surface, -1: none.
@@ -214,13 +217,13 @@ TRACING_KERNEL void show_objects(
     }
     COUNT_ITEM;
     float3 albedo = its_material.xyz;
-    int visible = SAMPLES * SAMPLES;
+    int2 visible = (int2)(SAMPLES * SAMPLES);
     if (!is_inside(met, rectangle, x, y, width))
         visible = visible_samples(world, view, x, y, (int)its_material.w,
                                   met[from < 0 ? pixel : from], surface, surface_width,
                                   surface_height, &albedo);
     its_material.xyz = albedo;
-    from = visible > 0 ? from : -1;
+    from = visible.y > 0 ? from : -1;
     if (from >= 0) {
         const float4 lent = front[from];
         const float2 at = (float2)(from % width + 0.5f, from / width + 0.5f);
@@ -230,7 +233,8 @@ TRACING_KERNEL void show_objects(
         seen = (float4)(lent.xyz, lent.w * (ratio > 0.0f ? moderate : 1.0f));
         its_material = material[from];
     }
-    const float coverage = seen.w > 0.0f ? visible / (float)(SAMPLES * SAMPLES) : 0.0f;
+    float2 coverage = convert_float2(visible) / (float)(SAMPLES * SAMPLES);
+    coverage = seen.w > 0.0f ? coverage : (float2)(0.0f);
     float2 motion = (float2)(-1e9f);
     if (seen.w > 0.0f) {
         float3 point = seen.w * d;
@@ -242,5 +246,5 @@ TRACING_KERNEL void show_objects(
     }
     display[pixel] = seen;
     display[width * height + pixel] = its_material;
-    display[2 * width * height + pixel] = (float4)(coverage, motion, 0.0f);
+    display[2 * width * height + pixel] = (float4)(coverage.x, motion, coverage.y);
 }

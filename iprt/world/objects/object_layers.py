@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,7 @@ from iprt.gbuffer.batch import Rect, int4
 from iprt.gbuffer.guide import plane_defines
 from iprt.gbuffer.layout import PlaneLayout
 from iprt.geometry.camera import View
-from iprt.raster.layers import ObjectLayers
+from iprt.raster.layers import COVERAGE_TOLERANCE, ObjectLayers
 from iprt.world.real.pyramid import Pyramid, PyramidShape, equirect_edges
 
 EMPTY: Rect = (0, 0, 0, 0)
@@ -120,16 +120,29 @@ class VisibleLayer(VisibleSurfaces):
     ----------
     display : (3, H, W, 4) float32
         What is unpacked: `ObjectLayers.display`.
+    sides : (H * W, 2) float32
+        Share of either real surface that objects hide, in pixels at depth edges.
     """
 
-    def __init__(self, device: ComputeDevice, layout: PlaneLayout, *, equirect: bool) -> None:
+    def __init__(
+        self,
+        device: ComputeDevice,
+        layout: PlaneLayout,
+        edges: Mapping[str, cla.Array],
+        *,
+        equirect: bool,
+    ) -> None:
+        """`edges`: `RealLayer.edges` of the view, which is filled first."""
         super().__init__(device, layout, name="object")
         self._device = device
         self._layout = layout
         self.display = device.empty("object display", (3, layout.height, layout.width, 4))
+        self.sides = device.empty("object sides", (layout.height * layout.width, 2))
         self._kernel = device.kernel(
-            "world/objects/unpack.cl", "unpack_objects", plane_defines(equirect=equirect)
-        ).fixed(layout.arguments(), self.planes(), display=self.display)
+            "world/objects/unpack.cl",
+            "unpack_objects",
+            plane_defines(equirect=equirect, COVERAGE_TOLERANCE=COVERAGE_TOLERANCE),
+        ).fixed(layout.arguments(), self.planes(), edges, display=self.display, sides=self.sides)
 
     def load(self, layers: ObjectLayers, view: cla.Array, materials: cla.Array) -> None:
         """Upload and unpack layers rasterized with `shade=True`."""

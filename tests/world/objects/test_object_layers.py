@@ -20,6 +20,7 @@ from iprt.world.objects.object_layers import EMPTY, TracedLayers, VisibleLayer
 from iprt.world.real.panorama import Panorama
 from tests.oracles.worlds import Box, Solid, Sphere, World
 from tests.raster.shapes import rasterizer
+from tests.view.layers import no_edges
 from tests.worlds import Float, ball, cuboid, room_frame
 
 pytestmark = pytest.mark.gl
@@ -112,7 +113,8 @@ def rasterized(
 
 def visible(device: ComputeDevice, layers: ObjectLayers, view: View) -> VisibleLayer:
     equirect = view.projection == "equirect"
-    layer = VisibleLayer(device, PlaneLayout(view.width, view.height), equirect=equirect)
+    layout = PlaneLayout(view.width, view.height)
+    layer = VisibleLayer(device, layout, no_edges(device, view), equirect=equirect)
     constants = device.upload("view", view.kernel_constants())
     layer.load(layers, constants, device.upload("materials", material_table(MATERIALS)))
     return layer

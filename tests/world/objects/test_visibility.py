@@ -21,6 +21,7 @@ from iprt.world.objects.visibility import Visibility
 from tests.kernels.tracing import panorama_of
 from tests.oracles.worlds import Box, World
 from tests.raster.shapes import mesh, placed, quad, rasterizer, sphere
+from tests.view.layers import no_edges
 from tests.world.objects.test_object_layers import image
 from tests.worlds import Float, bright_walls, room_frame
 
@@ -79,8 +80,8 @@ class Both:
         table = device.upload("materials", material_table(materials))
         layout = PlaneLayout(view.width, view.height)
         equirect = view.projection == "equirect"
-        self.drawn = VisibleLayer(device, layout, equirect=equirect)
-        self.traced = VisibleLayer(device, layout, equirect=equirect)
+        self.drawn = VisibleLayer(device, layout, no_edges(device, view), equirect=equirect)
+        self.traced = VisibleLayer(device, layout, no_edges(device, view), equirect=equirect)
         with rasterizer(before) as opened:
             opened.set_surface(device.read(panorama.surface))
             opened.move(instances)
@@ -151,6 +152,16 @@ def test_coverage(both: Both) -> None:
     assert ((drawn == 0.0) & (both.layers.front.geometry[..., 3] > 0.0)).sum() > 10  # the post
 
 
+def test_silhouettes(device: ComputeDevice, both: Both) -> None:
+    """What is behind the post is in them, where coverage lacks it."""
+    drawn, traced = (device.read(layer.display)[2] for layer in (both.drawn, both.traced))
+    assert np.abs(drawn - traced)[..., 3].max() <= 2.01 / 16.0
+    assert ((drawn != traced)[..., 3]).sum() < 0.05 * (drawn[..., 3] > 0.0).sum()
+    for display in (drawn, traced):
+        assert (display[..., 3] >= display[..., 0]).all()
+        assert ((display[..., 3] == 1.0) & (display[..., 0] == 0.0)).sum() > 10
+
+
 @views
 def test_coverage_is_the_same_without_textures(device: ComputeDevice, view: View) -> None:
     """Most rays are then not sent through the hierarchy."""
@@ -200,7 +211,8 @@ def test_an_edge_on_the_seam_borrows_across_it(device: ComputeDevice, side: int)
     panorama = panorama_of(device, room_frame(World(), 64, 32, bright_walls))
     constants = device.upload("view", view.kernel_constants())
     table = device.upload("materials", material_table(ball.mesh.materials))
-    layer = VisibleLayer(device, PlaneLayout(view.width, view.height), equirect=True)
+    layout = PlaneLayout(view.width, view.height)
+    layer = VisibleLayer(device, layout, no_edges(device, view), equirect=True)
     bvh = ObjectBvh(device, [ball])
     bvh.load([ball])
     bounds = object_bounds([ball], margin=1e-3)
@@ -224,7 +236,8 @@ def test_nothing_in_sight(device: ComputeDevice, view: View) -> None:
     constants = device.upload("view", view.kernel_constants())
     table = device.upload("materials", material_table(seen[0].mesh.materials))
     equirect = view.projection == "equirect"
-    layer = VisibleLayer(device, PlaneLayout(view.width, view.height), equirect=equirect)
+    layout = PlaneLayout(view.width, view.height)
+    layer = VisibleLayer(device, layout, no_edges(device, view), equirect=equirect)
     bvh = ObjectBvh(device, seen)
     visibility = Visibility(device, view, bvh, seen, SAMPLES)
     visibility.follow(seen)
@@ -256,7 +269,7 @@ def test_rectangles_that_are_filled_anew_leave_nothing_of_the_last_run(
         equirect = view.projection == "equirect"
         visibility = Visibility(device, view, bvh, [ball], SAMPLES)
         visibility.follow([ball])
-        return visibility, VisibleLayer(device, layout, equirect=equirect)
+        return visibility, VisibleLayer(device, layout, no_edges(device, view), equirect=equirect)
 
     kept = pair()
     for x, z in ((0.0, -2.0), (0.7, -1.5), (0.0, 2.0), (-0.4, -1.2), (0.0, -500.0), (0.3, -2.0)):

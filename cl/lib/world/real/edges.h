@@ -4,7 +4,7 @@
 // in either order. Texels at gaps are mixed; the others of each side are pure, and their means are the two
 // colours. A side that is too thin to have any has the colour of its texel that differs most from the other
 // side. What a mixed texel holds of the first side, its coverage, is the least-squares solution between the
-// colours. The edge is where the bilinear blend of coverages is 1/2.
+// colours. The edge is where the bilinear blend of levels, which follow from coverages, is 1/2.
 //
 // Element k of a vector of 16, and bit k of a mask, stand for the texel in row k / 4 and column k % 4.
 #ifndef IPRT_EDGES_H
@@ -282,14 +282,25 @@ static inline ALWAYS_INLINE float16 find_coverage(
     return coverage;
 }
 
+// What to blend between texels' centres for coverages, so that 1/2 is on the edge: of an edge along the grid,
+// a texel of coverage f is cut f - 1/2 from its centre. Coverages themselves would put it there for f of 0,
+// 1/2 and 1 alone.
+static inline ALWAYS_INLINE float4 edge_level(float4 coverage)
+{
+    const float4 less = fmin(coverage, 1.0f - coverage);
+    const float4 level = 2.0f * less / (1.0f + 2.0f * less);
+    return select(1.0f - level, level, coverage < 0.5f);
+}
+
 // Share of a pixel on the first side of the edge, by a filter that falls as a parabola across the edge, the same
 // in all directions; `right`, `down`: what the pixel covers, in texels.
 static inline ALWAYS_INLINE float pixel_coverage(
     const Window *w, float16 coverage, float2 right, float2 down)
 {
     const float x = w->x - 1.0f, y = w->y - 1.0f;
-    const float upper = mix(coverage.s5, coverage.s6, x), lower = mix(coverage.s9, coverage.sa, x);
-    const float along_x = mix(coverage.s6 - coverage.s5, coverage.sa - coverage.s9, y);
+    const float4 level = edge_level(coverage.s569a);
+    const float upper = mix(level.x, level.y, x), lower = mix(level.z, level.w, x);
+    const float along_x = mix(level.y - level.x, level.w - level.z, y);
     const float along_y = lower - upper;
     const float across = length((float2)(along_x * right.x + along_y * right.y,
                                          along_x * down.x + along_y * down.y));

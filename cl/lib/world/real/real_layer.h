@@ -20,7 +20,7 @@
 #define SHOWN {panorama_color, 0, 0}
 #endif
 #ifdef EDGES
-#define EDGES_PARAMETER , __global float *restrict other
+#define EDGES_PARAMETER , __global int *restrict other_pixel
 #else
 #define EDGES_PARAMETER
 #endif
