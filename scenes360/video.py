@@ -9,7 +9,6 @@ colours are.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.files.atomic import replacing
+from iprt.output.encode import frame_rate, mux_in_order
 
 WHITE_NITS = 203.0
 """Luminance in cd/m² that radiance 1 stands for."""
@@ -77,10 +77,12 @@ def _write(
     path.parent.mkdir(parents=True, exist_ok=True)
     with replacing(path) as temporary, av.open(str(temporary), "w", format="matroska") as file:
         stream: Any = None
-        for planes in pictures:
+        packets: list[Any] = []
+        rate = frame_rate(fps)
+        for number, planes in enumerate(pictures):
             _, height, width = planes.shape
             if stream is None:
-                stream = file.add_stream(codec, Fraction(fps).limit_denominator(1001))
+                stream = file.add_stream(codec, rate)
                 stream.width, stream.height, stream.pix_fmt = width, height, layout
                 stream.options = options
             frame = av.VideoFrame(width, height, layout)
@@ -88,5 +90,6 @@ def _write(
                 rows = np.zeros((height, plane.line_size // 2), "<u2")
                 rows[:, :width] = values
                 plane.update(rows.tobytes())
-            file.mux(stream.encode(frame))
-        file.mux(stream.encode(None))
+            frame.pts, frame.time_base = number, 1 / rate
+            packets += stream.encode(frame)
+        mux_in_order(file, packets + stream.encode(None))

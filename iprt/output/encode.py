@@ -166,12 +166,18 @@ def encode_piece(
             frame.pts, frame.time_base = number, 1 / rate
             packets += stream.encode(frame)
         assert stream is not None, "a piece of no pictures"
-        packets += stream.encode()
-        # x265 makes up the times of decoding of the shortest pieces.
-        ahead = max(number - packet.pts for number, packet in enumerate(packets))
-        for number, packet in enumerate(packets):
-            packet.dts = number - ahead
-            container.mux(packet)
+        mux_in_order(container, packets + stream.encode())
+
+
+def mux_in_order(container: Any, packets: list[Any]) -> None:
+    """Write packets whose presentation times are 0, 1, 2, ... with decoding times that fit them.
+
+    x265 leaves the decoding time of the shortest films undefined.
+    """
+    ahead = max(number - packet.pts for number, packet in enumerate(packets))
+    for number, packet in enumerate(packets):
+        packet.dts = number - ahead
+        container.mux(packet)
 
 
 def _stream(container: Any, picture: NDArray[Any], name: CodecName, rate: Fraction) -> Any:
