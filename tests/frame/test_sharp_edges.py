@@ -89,8 +89,8 @@ def shown_and_hidden(box: Box, view: View, texels: Float | None = None) -> tuple
 
 @pytest.mark.parametrize("depth", [-0.6, -1.6, -3.0], ids=["in front", "between", "behind"])
 def test_real_edges_cut_objects_as_finely_as_the_view(device: ComputeDevice, depth: float) -> None:
-    """A box covers what it does in the room, in front of a dark board, between it and a bright wall,
-    and behind both. Where the board cuts it, the wall does not shine through.
+    """A box covers what it does in the room: in front of a dark board, between it and a bright
+    wall, and behind both. Where the board cuts it, the wall does not shine through.
     """
     box = Box((0.0, 0.4 * depth, depth), (0.4, -0.15 * depth, 0.05))
     view = View(128, 96, pitch_deg=-20.0, fov_y_deg=40.0)

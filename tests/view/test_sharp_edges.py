@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.ndimage import map_coordinates, maximum_filter, minimum_filter
+from scipy.ndimage import gaussian_filter, map_coordinates, maximum_filter, minimum_filter
 
 from iprt.device.compute import ComputeDevice
 from iprt.footage.frame import Frame
@@ -71,7 +71,21 @@ def textured() -> Frame:
     return replace(frame, color=(frame.color * grain).astype(np.float32))
 
 
-@pytest.mark.parametrize("frame", [painted(), textured()], ids=["painted", "textured"])
+def ragged() -> Frame:
+    """Scraps of three distances, the last of them open sky, in mixtures of two colours at random."""
+    rng = np.random.default_rng(6)
+    scraps = gaussian_filter(rng.normal(size=(HEIGHT, WIDTH)), 1.0, mode="wrap")
+    depth = np.where(scraps > 0.1, np.inf, np.where(scraps < -0.1, 1.0, 3.0))
+    share = 0.7 * (scraps > 0.1) + 0.3 * rng.random((HEIGHT, WIDTH))
+    color = COLORS[0] + share[..., None] * (COLORS[2] - COLORS[0])
+    frame = ROOM.frame(WIDTH, HEIGHT)
+    return replace(frame, depth=depth.astype(np.float32), color=color.astype(np.float32))
+
+
+FRAMES = {"painted": painted(), "textured": textured(), "ragged": ragged()}
+
+
+@pytest.mark.parametrize("frame", FRAMES.values(), ids=FRAMES)
 @pytest.mark.parametrize("name", ["ahead", "tilted", "seam"])
 def test_the_twin_shows_the_same(device: ComputeDevice, name: str, frame: Frame) -> None:
     view = VIEWS[name]
