@@ -72,10 +72,10 @@ def textured() -> Frame:
 
 
 def ragged() -> Frame:
-    """Scraps of three distances, the last of them open sky, in mixtures of two colours at random."""
+    """Rough surfaces with short gaps and open sky between them, in random mixtures of two colours."""
     rng = np.random.default_rng(6)
-    scraps = gaussian_filter(rng.normal(size=(HEIGHT, WIDTH)), 1.0, mode="wrap")
-    depth = np.where(scraps > 0.1, np.inf, np.where(scraps < -0.1, 1.0, 3.0))
+    scraps, rough = gaussian_filter(rng.normal(size=(2, HEIGHT, WIDTH)), (0, 1, 1), mode="wrap")
+    depth = np.where(scraps > 0.1, np.inf, 3.0 * np.exp(0.3 * rough))
     share = 0.7 * (scraps > 0.1) + 0.3 * rng.random((HEIGHT, WIDTH))
     color = COLORS[0] + share[..., None] * (COLORS[2] - COLORS[0])
     frame = ROOM.frame(WIDTH, HEIGHT)
