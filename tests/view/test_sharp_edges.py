@@ -72,7 +72,7 @@ def textured() -> Frame:
 
 
 def ragged() -> Frame:
-    """Rough surfaces with short gaps and open sky between them, in random mixtures of two colours."""
+    """Rough surfaces and open sky, with gaps of all lengths, in random mixtures of two colours."""
     rng = np.random.default_rng(6)
     scraps, rough = gaussian_filter(rng.normal(size=(2, HEIGHT, WIDTH)), (0, 1, 1), mode="wrap")
     depth = np.where(scraps > 0.1, np.inf, 3.0 * np.exp(0.3 * rough))
