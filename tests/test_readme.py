@@ -180,6 +180,7 @@ def test_commands_run_as_they_are_written(
         shrink(tmp_path / "scenes360" / "room", step)
     (tmp_path / "out").mkdir()  # by ./run demo
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("iprt.measure.equal_time.ROUNDS", 1)
     for block in blocks:
         for words, output in block:
             command = " ".join(words)
