@@ -36,7 +36,7 @@ def shown(path: Path) -> list[int]:
 
 
 def contents(folder: Path) -> dict[str, object]:
-    """Bytes of pictures; what a film shows and says: x264 codes tiny flat pictures as it likes."""
+    """Bytes of pictures; what films show and say: x264 may code one tiny film in several ways."""
     return {path.name: content(path) for path in folder.iterdir()}
 
 

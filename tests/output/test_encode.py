@@ -6,6 +6,7 @@ import json
 import struct
 from collections.abc import Sequence
 from fractions import Fraction
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -26,6 +27,7 @@ from iprt.output.encode import (
     encode_piece,
     frame_rate,
     join_pieces,
+    mux_in_order,
     planes,
     read_comment,
     require_codec,
@@ -129,6 +131,30 @@ def test_the_shortest_pieces(length: int, codec: CodecName, tmp_path: Path) -> N
         times, _, said = read(path, CODECS[codec].bits)
         assert np.allclose(times, np.arange(4 + 2 * length) / float(NTSC))
         assert said["rate"] == NTSC
+
+
+def test_decoding_times_of_the_encoder_do_not_count(tmp_path: Path) -> None:
+    path = tmp_path / "a.mp4"
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream("libx264", rate=24)
+        stream.width, stream.height, stream.pix_fmt = WIDTH, HEIGHT, "yuv420p"
+        packets = []
+        for number in range(6):
+            picture = planes(color(number), 1.0, "h264")
+            frame = av.VideoFrame.from_ndarray(picture, format="yuv420p")
+            frame.pts, frame.time_base = number, Fraction(1, 24)
+            packets += stream.encode(frame)
+        packets += stream.encode()
+        assert [packet.pts for packet in packets] != sorted(packet.pts for packet in packets)
+        for packet in packets:
+            packet.dts = 2**50
+        mux_in_order(container, packets)
+    with av.open(str(path)) as container:
+        read = [packet for packet in container.demux(video=0) if packet.size]
+    step = Fraction(1, 24) / read[0].time_base
+    assert sorted(packet.pts / step for packet in read) == list(range(6))
+    assert {after.dts - before.dts for before, after in pairwise(read)} == {step}
+    assert all(packet.dts <= packet.pts for packet in read)
 
 
 def test_joining_changes_no_picture(tmp_path: Path) -> None:
