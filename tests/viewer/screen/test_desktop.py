@@ -69,6 +69,7 @@ def test_the_screen_shows_what_iprt_renders(user: User, tmp_path: Path) -> None:
 
 def test_keys(user: User) -> None:
     user.at_rest()
+    user.engine.set_loop(True)  # it would stop at the end of the clip, after a sixth of a second
     user.key("space")
     assert user.ui.playing
     user.key("space")

@@ -205,7 +205,8 @@ def test_how_the_video_plays(wide: User) -> None:
     assert wide.engine.playback_mode == "every frame"
     wide.at_rest()
     seen: list[int] = []
-    wide.key("space")
+    wide.screen.key("space")
+    wide.until(lambda: wide.ui.playing)
     while wide.ui.playing:
         wide.app.step()
         displayed = wide.ui.displayed

@@ -63,6 +63,7 @@ class User:
 
     def wait(self, draws: int = 4) -> None:
         """Some drawn frames after input; none are drawn if there was none."""
+        _ = self.app.window.position  # X's answer comes after the events sent before it
         before = imgui.get_frame_count()
         for _ in range(draws):
             self.app.step()
