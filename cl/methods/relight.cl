@@ -3,7 +3,8 @@
 //
 //   in   guide (7 planes, guide.h), colour (3 planes: L_cam), signal (6 planes): E_R rgb, E_RV rgb,
 //        or, with -DDELTA, blocked / E_R rgb, bounce / E_R rgb, and the cache that holds E_R
-//        (irradiance.h): L = L_cam (1 + (bounce - blocked) / E_R)
+//        (irradiance.h): L = L_cam (1 + (bounce - blocked) / E_R); with -DNOISE the variance of
+//        what the filter has left of the signal, too (residual.h)
 //   out  ratio, float4 per pixel (height x width, no border, row 0 the top), w = 1; exactly 1 where
 //        E_R and E_RV are equal or nothing is blocked or bounced, where E_R is black or not finite,
 //        and where no real surface is lit (nothing there, or an opening: id 0); not written outside
@@ -16,6 +17,7 @@
 #include "gbuffer/batch.h"
 #include "gbuffer/guide.h"
 #ifdef DELTA
+#include "filter/residual.h"
 #include "world/real/irradiance.h"
 #endif
 
@@ -50,6 +52,9 @@ __kernel void relight(
     CACHE_PARAMETERS,
     __global float *restrict touched,      // in, out: 1 plane, frames for which pixels are traced
                                            // densely: more where objects change more
+#ifdef NOISE
+    STORED_IN variance,                    // 1 plane, of the signal's guide scalar
+#endif
 #else
     float black,                           // E_R up to this counts as black
 #endif
@@ -60,9 +65,16 @@ __kernel void relight(
     int size = plane_size(width, height), p = plane_index(x, y, width);
     float3 seen = load_planes(colour, size, p);
 #ifdef DELTA
+#ifdef NOISE
+    const Filtered filtered = {signal, variance, guide, size, plane_stride(width)};
+    float3 blocked, bounce;
+    settled_signal(filtered, p, &blocked, &bounce);
+#else
+    float3 blocked = load_planes(signal, size, p), bounce = load_planes(signal + 3 * size, size, p);
+#endif
     // Only filtered values are clamped: single samples may go beyond what can be.
-    const float3 blocked = clamp(load_planes(signal, size, p), 0.0f, 1.0f);
-    const float3 bounce = fmax(load_planes(signal + 3 * size, size, p), 0.0f);
+    blocked = clamp(blocked, 0.0f, 1.0f);
+    bounce = fmax(bounce, 0.0f);
     const IrradianceCache cache = CACHE;
     const float black = cache.black;
     const float3 larger = fmax(blocked, bounce);

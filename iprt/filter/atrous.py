@@ -25,6 +25,9 @@ class Atrous:
     ----------
     spans : dict
         `SPAN_PARAMETERS` of where filtered signals are, or were in the last picture, not 0.
+    variances : list of 1 plane
+        Variance of what the picture shows of each filtered signal, as `STORED_IN` of
+        `cl/lib/gbuffer/stored.h`; none where `levels` is 0 or without `guided`.
     """
 
     def __init__(
@@ -84,7 +87,11 @@ class Atrous:
             )
             for i in range(2 if settings.levels else 0)
         ]
-        self._filtered = self._scratch[(settings.levels - 1) % 2][0] if settings.levels else []
+        self._filtered: list[cla.Array] = []
+        self.variances: list[cla.Array] = []
+        if settings.levels:
+            self._filtered, variances = self._scratch[(settings.levels - 1) % 2]
+            self.variances = variances if guided else []
         if settings.levels and self._half:
             self._filtered = planes("filtered", channels)
         if settings.levels:

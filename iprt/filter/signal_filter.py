@@ -44,8 +44,8 @@ class SignalFilter:
 
     Attributes
     ----------
-    spans : dict
-        `Atrous.spans`.
+    spans, variances
+        Those of `Atrous`.
     accumulated : list of Accumulated
         The signals before the spatial filter, after the first frame; of the published filter,
         after it.
@@ -70,7 +70,7 @@ class SignalFilter:
             device, signals, settings.temporal, rays=rays, published=published
         )
         self._atrous = Atrous(device, signals, settings.atrous, guided=not published)
-        self.spans = self._atrous.spans
+        self.spans, self.variances = self._atrous.spans, self._atrous.variances
         self.accumulated: list[Accumulated] = []
         enough = settings.temporal.enough
         fixed = enough > 0.0 and settings.atrous.levels > 0 and not published

@@ -66,7 +66,14 @@ class RealPixels:
         self._filter = SignalFilter(
             device, [signal], settings, published=features.needs.published_filter
         )
-        self.relight = Relight(device, guide, self._filter.spans, delta=features.delta, name=name)
+        self.relight = Relight(
+            device,
+            guide,
+            self._filter.spans,
+            next(iter(self._filter.variances), None),
+            delta=features.delta,
+            name=name,
+        )
         self.change: cla.Array | None = None
 
     @property

@@ -31,18 +31,22 @@ class Relight:
         device: ComputeDevice,
         guide: Guide,
         spans: Mapping[str, Any],
+        variance: cla.Array | None,
         *,
         delta: bool,
         name: str,
     ) -> None:
-        """`spans`: `Atrous.spans` of the signal; elsewhere the ratio stays 1. `delta`: signals are
-        relative to a cached E_R.
+        """`spans`, `variance`: `Atrous.spans` of the signal, beyond which the ratio stays 1, and
+        its `Atrous.variances`, if any. `delta`: signals are relative to a cached E_R.
         """
         self._device = device
         self._guide = guide
+        noise = {} if variance is None or not delta else {"variance": variance}
         defines = guide.defines(
             BATCH=1,
             DELTA=delta,
+            NOISE=bool(noise),
+            HALF_PLANES=device.half_planes,
             FAINT_FRAMES=TOUCHED_FRAMES,
             STRONG_FRAMES=STRONG_FRAMES,
         )
@@ -51,7 +55,7 @@ class Relight:
         one = np.broadcast_to(np.float32(1.0), (pixels, 4))
         self.ratio = device.upload(f"{name} relighting ratio", one)
         self._kernel = device.kernel("methods/relight.cl", "relight", defines).fixed(
-            guide.layout.arguments(), spans, ratio=self.ratio
+            guide.layout.arguments(), spans, noise, ratio=self.ratio
         )
 
     def run(

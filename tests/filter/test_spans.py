@@ -71,7 +71,8 @@ def test_what_is_left_out_is_what_it_was(
         traced = device.zeros("traced", layout.shape(signal_planes(kind)))
         roughness = upload(device, layout, np.full((1, HEIGHT, WIDTH), 0.2))
         spans = span_arguments([guide]) if everywhere else signal_filter.spans
-        relight = Relight(device, guide, spans, delta=True, name="test")
+        noise = next(iter(signal_filter.variances), None)
+        relight = Relight(device, guide, spans, noise, delta=True, name="test")
         black = device.zeros("black", layout.shape(3))
         cache: Any = EvenCache(device, np.ones(3))
         still = still_frame(device, view)

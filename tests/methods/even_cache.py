@@ -18,9 +18,10 @@ class EvenCache:
     """Knows the same E_R / π everywhere."""
 
     def __init__(self, device: ComputeDevice, irradiance: np.ndarray) -> None:
-        cells = np.ones((SURFACES * 16 * 32, 4), np.float32)
-        cells[:, :3] = irradiance
-        self._plane = device.upload("plane", np.zeros_like(cells))
+        entries = SURFACES * 16 * 32
+        cells = np.zeros((2 * entries, 4), np.float32)
+        cells[:entries] = (*irradiance, 1.0)
+        self._plane = device.upload("plane", np.zeros((entries, 4), np.float32))
         self._irradiance = device.upload("irradiance", cells)
 
     def arguments(self, panorama: Any) -> dict[str, Any]:

@@ -26,15 +26,18 @@ def run(
     seen: np.ndarray = BLACK,
     irradiance: np.ndarray | None = None,
     touched: np.ndarray | None = None,
+    variance: np.ndarray | None = None,
 ) -> np.ndarray:
     """(4, H, W) ratio, where the camera saw the radiance `seen`, one colour.
 
-    With an `irradiance`, one colour, the signal is relative to it. `touched` is written to.
+    With an `irradiance`, one colour, the signal is relative to it, and may have a `variance`,
+    (H, W). `touched` is written to.
     """
     layout = gbuffer.layout
     guide = gbuffer.guide(device)
     delta = irradiance is not None
-    relight = Relight(device, guide, span_arguments([guide]), delta=delta, name="test")
+    noise = None if variance is None else upload(device, layout, variance[None])
+    relight = Relight(device, guide, span_arguments([guide]), noise, delta=delta, name="test")
     colour = np.tile(seen[:, None, None], (1, *signal.shape[1:]))
     planes, seen_planes = (upload(device, layout, image) for image in (signal, colour))
     cache: Any = None if irradiance is None else EvenCache(device, irradiance)

@@ -21,4 +21,10 @@ static inline float3 camera_before(__global const float *restrict camera, float3
                     camera[8] * v.x + camera[9] * v.y + camera[10] * v.z + camera[11] * w);
 }
 
+// The direction now that was v in the frame before.
+static inline float3 camera_now(__global const float *restrict camera, float3 v)
+{
+    return v.x * vload3(0, camera) + v.y * vload3(0, camera + 4) + v.z * vload3(0, camera + 8);
+}
+
 #endif

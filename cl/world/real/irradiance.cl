@@ -10,7 +10,8 @@
 //                  plane, mean and smooth as they were          surfaces were
 //   list_cells     pixels that are traced (list, count, guide,  entries around them that know less
 //                  touched), objects' boxes, mean               than they should, each once
-//   refine_cells   cells, point, world (lib/world/world.h)      mean: rgb / pi, w samples
+//   refine_cells   cells, point, world (lib/world/world.h)      mean: rgb / pi, w samples; then, of each entry
+//                                                               again, xyz its flux (irradiance.h)
 //   smooth_cells   cells, point, mean                           smooth: joint filter of mean, ever
 //                                                               narrower as samples come in
 //   show_cells     guide, smooth                                3 planes: rgb / pi at the pixels
@@ -27,6 +28,8 @@
 #define MOST_ACROSS 8
 // Samples after which a cell counts as much as all others around it.
 #define OWN_SAMPLES 32.0f
+// Light along the surface has no bounded variance: its share of the flux is that of steeper light.
+#define LEAST_COSINE 0.1f
 // Relative distance up to which a cell's surface is the one it was.
 #define SAME_PLACE 0.02f
 
@@ -191,6 +194,8 @@ __kernel void move_cells(
     float3 v;
     float4 now = entry_plane((Texels){real_width, real_height, real_surface}, x, y, columns, rows, &v);
     float4 mean_now = (float4)(0.0f), smooth_now = (float4)(0.0f);
+    float3 mean_flux = (float3)(0.0f), smooth_flux = (float3)(0.0f);
+    const int entries = CACHE_SURFACES * columns * rows;
     if (now.w > 0.0f) {
         const float3 p = camera_before(camera, v, dot(now.xyz, v));
         const float3 there = p / fmax(dot(now.xyz, v), 1e-30f);
@@ -209,15 +214,21 @@ __kernel void move_cells(
             mean_now += weight * (float4)(known.w * known.xyz, known.w);
             const float4 shown = smooth_before[from];
             smooth_now += weight * (float4)(shown.w * shown.xyz, shown.w);
+            mean_flux += weight * known.w * mean_before[entries + from].xyz;
+            smooth_flux += weight * shown.w * smooth_before[entries + from].xyz;
             drawn = fmax(drawn, before.w - 1.0f + known.w);
         }
         const float left = fmin(floor(mean_now.w), kept);
+        mean_flux = camera_now(camera, mean_flux / fmax(mean_now.w, 1e-30f));
+        smooth_flux = camera_now(camera, smooth_flux / fmax(smooth_now.w, 1e-30f));
         mean_now = left >= 1.0f ? (float4)(mean_now.xyz / mean_now.w, left) : (float4)(0.0f);
         smooth_now.xyz /= fmax(smooth_now.w, 1e-30f);
         now.w = forgotten(1.0f, ceil(drawn) - left);
     }
     mean[cell] = mean_now;
     smooth[cell] = smooth_now;
+    mean[entries + cell].xyz = mean_flux;
+    smooth[entries + cell].xyz = smooth_flux;
     plane[cell] = now;
     point[cell] = (float4)(v / fmax(dot(now.xyz, v), 1e-30f), 0.0f);
 }
@@ -271,6 +282,7 @@ __kernel void list_cells(
 
 TRACING_KERNEL void refine_cells(
     const int rays,                        // per cell and frame; twice for one that knows nothing
+    const int entries,                     // CACHE_SURFACES * columns * rows
     const int seed,
     __global const int *restrict list,
     __global const int *restrict count,
@@ -293,7 +305,7 @@ TRACING_KERNEL void refine_cells(
     const int more = before.w < 1.0f ? 2 * rays : rays;
     const uint stream = hash_combine(hash_combine((uint)cell, 0x69727261u), (uint)seed);
 
-    float3 sum = (float3)(0.0f);
+    float3 sum = (float3)(0.0f), flux = (float3)(0.0f);
     for (int ray = 0; ray < more; ray++) {
         const float2 u = sobol_2d(first + ray, stream);
         Scatter s = no_scatter(n);
@@ -315,11 +327,15 @@ TRACING_KERNEL void refine_cells(
         s.density = (1.0f - s.light_share) * cosine / IPRT_PI;
         const RealHit hit = trace_real_layer(world.real, o, s.wi, INFINITY);
         const float share = inverse_density(world, s, o, hit) * cosine / IPRT_PI;
-        if (share > 0.0f)
-            sum += share * real_radiance(world, hit, s.wi);
+        if (!(share > 0.0f))
+            continue;
+        const float3 light = share * real_radiance(world, hit, s.wi);
+        sum += light;
+        flux += luminance(light) / fmax(cosine, LEAST_COSINE) * s.wi;
     }
     const float total = before.w + more;
     mean[cell] = (float4)((before.xyz * before.w + sum) / total, total);
+    mean[entries + cell].xyz = (mean[entries + cell].xyz * before.w + flux) / total;
 }
 
 __kernel void smooth_cells(
@@ -341,7 +357,8 @@ __kernel void smooth_cells(
     const float3 n = -normalize(plane[cell].xyz), p = point[cell].xyz;
     const float4 own = mean[cell];
     const float share = OWN_SAMPLES / (OWN_SAMPLES + own.w);
-    float3 sum = own.w * own.xyz;
+    const int entries = CACHE_SURFACES * columns * rows;
+    float3 sum = own.w * own.xyz, flux = own.w * mean[entries + cell].xyz;
     float weights = own.w;
     for (int dy = -SMOOTH_RADIUS; dy <= SMOOTH_RADIUS; dy++)
         for (int dx = -SMOOTH_RADIUS; dx <= SMOOTH_RADIUS; dx++) {
@@ -354,9 +371,11 @@ __kernel void smooth_cells(
                 const float weight = share * value.w * cache_agreement(plane[other], p, n)
                     / (1.0f + dx * dx + dy * dy);
                 sum += weight * value.xyz;
+                flux += weight * mean[entries + other].xyz;
                 weights += weight;
             }
         }
+    smooth[entries + cell] = (float4)(flux / fmax(weights, 1e-30f), 0.0f);
     smooth[cell] = (float4)(sum / fmax(weights, 1e-30f), own.w);
 }
 

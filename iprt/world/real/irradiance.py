@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
 from iprt.filter.mask import Mask
+from iprt.footage.frame import LUMINANCE
 from iprt.gbuffer.guide import Guide, plane_defines
 from iprt.world.real.camera_motion import STILL
 from iprt.world.real.cell_light import CellLight
@@ -49,8 +50,10 @@ class IrradianceCache:
         shows; all 0: none.
     point : (2 * rows * columns, 4) float32
         Where those surfaces are, in metres; 0.
-    mean, irradiance : (2 * rows * columns, 4) float32
-        E_R / π as sampled, and after smoothing; number of samples.
+    mean, irradiance : (4 * rows * columns, 4) float32
+        E_R / π as sampled, and after smoothing; number of samples. Then, for each surface again,
+        the sum of all directions by the luminance / π that they bring, from which the irradiance
+        of other normals follows (`turned` of `cl/lib/world/real/irradiance.h`); 0.
     """
 
     def __init__(self, device: ComputeDevice, panorama: Panorama, features: Features) -> None:
@@ -89,6 +92,7 @@ class IrradianceCache:
         )
         self._refine = kernel("refine_cells").fixed(
             rays=settings.rays,
+            entries=entries,
             seed=features.settings.seed,
             list=self._cells,
             point=self.point,
@@ -99,9 +103,10 @@ class IrradianceCache:
         self._show = kernel("show_cells")
 
     def _grids(self, when: str) -> tuple[cla.Array, cla.Array, cla.Array]:
-        names = ("irradiance plane", "irradiance mean", "irradiance")
-        plane, mean, smooth = (
-            self._device.zeros(name + when, (self._entries, 4)) for name in names
+        plane = self._device.zeros("irradiance plane" + when, (self._entries, 4))
+        mean, smooth = (
+            self._device.zeros(name + when, (2 * self._entries, 4))
+            for name in ("irradiance mean", "irradiance")
         )
         return plane, mean, smooth
 
@@ -165,11 +170,15 @@ class IrradianceCache:
         plane, mean, smooth = (
             self._device.read(grid) for grid in (self.plane, self.mean, self.irradiance)
         )
-        mean[:, :3] *= factor
-        smooth[:, :3] *= factor
-        left = np.minimum(mean[:, 3], 1.0 / np.maximum(error, 1e-4) ** 2)
-        plane[:, 3] += np.where(plane[:, 3] > 0.0, mean[:, 3] - left, 0.0)
-        mean[:, 3] = left
+        for grid in (mean, smooth):
+            light, flux = np.split(grid[:, :3], 2)
+            before = light @ LUMINANCE
+            light *= factor
+            flux *= (light @ LUMINANCE / np.maximum(before, 1e-30))[:, None]
+        samples = mean[: self._entries, 3]
+        left = np.minimum(samples, 1.0 / np.maximum(error, 1e-4) ** 2)
+        plane[:, 3] += np.where(plane[:, 3] > 0.0, samples - left, 0.0)
+        samples[:] = left
         for grid, values in ((self.plane, plane), (self.mean, mean), (self.irradiance, smooth)):
             self._device.write(grid, values)
 

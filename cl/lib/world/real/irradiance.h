@@ -6,17 +6,25 @@
 #define IPRT_IRRADIANCE_H
 
 #include "maths/equirect.h"
+#include "maths/maths.h"
 
 // Cells count for a point that lies within so much of its distance from their tangent plane...
 #define CACHE_PLANE 0.02f
 // ... and whose normal agrees: cosine.
 #define CACHE_NORMAL 0.8f
 
+// Cosines of normals that have one irradiance, and that have all of what their flux tells.
+#define CACHE_LIKE 0.997f
+#define CACHE_UNLIKE 0.98f
+// Most by which irradiance changes from a cell's normal to that of a point.
+#define CACHE_TURNED 4.0f
+
 #define CACHE_SURFACES 2
 
 typedef struct {
     __global const float4 *plane;        // xyz g of the tangent plane g.x = 1; w > 0: a surface
-    __global const float4 *irradiance;   // rgb / pi, w samples; 0: unknown
+    __global const float4 *irradiance;   // rgb / pi, w samples; 0: unknown. Then, of each entry again, xyz
+                                         // its flux: the sum of all directions by the luminance / pi that they bring
     int columns;
     int rows;
     float black;                         // irradiance up to this is none
@@ -44,6 +52,11 @@ static inline int cache_cell(int columns, int rows, int x, int y)
     return clamp(y, 0, rows - 1) * columns + x;
 }
 
+static inline float3 cache_normal(float4 plane)
+{
+    return -plane.xyz * rsqrt(fmax(dot(plane.xyz, plane.xyz), 1e-30f));
+}
+
 // How far the cell's surface is the point's: 1 on its plane, 0 on another surface.
 static inline float cache_agreement(float4 plane, float3 p, float3 n)
 {
@@ -54,30 +67,47 @@ static inline float cache_agreement(float4 plane, float3 p, float3 n)
     return plane.w > 0.0f && facing > CACHE_NORMAL ? fmax(near, 0.0f) : 0.0f;
 }
 
-// E_R / pi at the point p with normal n; 0 where the cache knows no such surface.
+// What the flux of a cell with normal m tells of E / pi at a normal n, beyond that at m: the first derivative of
+// irradiance is the part of the flux that is perpendicular to m (rotational gradient; G. J. Ward, P. S. Heckbert,
+// "Irradiance Gradients", Eurographics Workshop on Rendering 1992). From cell to cell of one surface normals differ
+// by as much as CACHE_LIKE: there the noise of the flux would be all that is added.
+static inline float turned(float3 flux, float3 m, float3 n)
+{
+    const float facing = dot(n, m);
+    const float share = clamp((CACHE_LIKE - facing) / (CACHE_LIKE - CACHE_UNLIKE), 0.0f, 1.0f);
+    return share * (dot(flux, n) - facing * dot(flux, m));
+}
+
+// E_R / pi at the point p with normal n; 0 where the cache knows nothing around it.
 static inline float3 cached_irradiance(const IrradianceCache cache, float3 p, float3 n)
 {
     float2 past;
     const int2 corner = cache_corner(cache.columns, cache.rows, p, &past);
+    const int entries = CACHE_SURFACES * cache.columns * cache.rows;
     float3 sum = (float3)(0.0f), brightest = (float3)(0.0f);
-    float weights = 0.0f;
+    float weights = 0.0f, change = 0.0f;
     for (int k = 0; k < 4 * CACHE_SURFACES; k++) {
         const int i = k & 3;
         if (i == 0 && weights > 0.0f)
             break;
         const int cell = cache_cell(cache.columns, cache.rows, corner.x + (i & 1), corner.y + (i >> 1))
             + (k >> 2) * cache.columns * cache.rows;
-        const float4 value = cache.irradiance[cell];
+        const float4 value = cache.irradiance[cell], plane = cache.plane[cell];
         const float bilinear = (i & 1 ? past.x : 1.0f - past.x) * (i & 2 ? past.y : 1.0f - past.y);
         const float known = value.w > 0.0f ? bilinear + 1e-3f : 0.0f;
-        const float weight = known * cache_agreement(cache.plane[cell], p, n);
+        const float weight = known * cache_agreement(plane, p, n);
         sum += weight * value.xyz;
+        change += weight * turned(cache.irradiance[entries + cell].xyz, cache_normal(plane), n);
         weights += weight;
         brightest = fmax(brightest, known > 0.0f ? value.xyz : (float3)(0.0f));
     }
     // Surfaces that no cell holds take the most of what is around them: where they face may be brighter than
     // what is known, and too little would make black specks of faint shadows.
-    return weights > 0.0f ? sum / weights : brightest;
+    if (!(weights > 0.0f))
+        return brightest;
+    // A leg or a fold that is thinner than a cell has one entry for all of its normals.
+    const float factor = 1.0f + change / fmax(luminance(sum), 1e-30f);
+    return clamp(factor, 1.0f / CACHE_TURNED, CACHE_TURNED) / weights * sum;
 }
 
 // 1 / (E_R / pi) of a point, per colour; 0 where it is black.

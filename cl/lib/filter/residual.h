@@ -1,0 +1,65 @@
+// What the à-trous filter leaves of noise: pixels of edges one or two pixels wide have no others like them to be
+// averaged with. They are drawn to the mean of what is around, the more the noisier they are, whatever way their
+// neighbours face: the linear estimate of least error of a value that differs from that mean by SPREAD (J.-S. Lee,
+// "Digital Image Enhancement and Noise Filtering by Use of Local Statistics", IEEE TPAMI 1980).
+#ifndef IPRT_RESIDUAL_H
+#define IPRT_RESIDUAL_H
+
+#include "gbuffer/guide.h"
+#include "gbuffer/stored.h"
+
+#define SPREAD 0.1f            // standard deviation of change / E_R between neighbours
+#define NEGLIGIBLE 1e-3f       // variance up to which pixels stay as they are
+#define RESIDUAL_RADIUS 2
+#define RESIDUAL_PLANE 0.003f  // distance between planes of one surface, as a fraction of that to the camera
+
+typedef struct {
+    __global const float *signal;    // 6 planes, filtered
+    STORED_IN variance;              // 1 plane, of its guide scalar's mean
+    __global const float *guide;     // 7 planes
+    int size;
+    int stride;
+} Filtered;
+
+// Whether pixel q may be of the surface that p is of: 1 if in the plane of either, else less.
+static inline float residual_weight(const Filtered f, int p, int q)
+{
+    const float3 x = load_planes(f.guide + GUIDE_POSITION * f.size, f.size, p);
+    const float3 apart = load_planes(f.guide + GUIDE_POSITION * f.size, f.size, q) - x;
+    const float off_p = fabs(dot(load_planes(f.guide, f.size, p), apart));
+    const float off_q = fabs(dot(load_planes(f.guide, f.size, q), apart));
+    const int same = f.guide[GUIDE_ID * f.size + q] == f.guide[GUIDE_ID * f.size + p];
+    return same ? falloff(fmin(off_p, off_q) / (RESIDUAL_PLANE * length(x) + 1e-30f)) : 0.0f;
+}
+
+// blocked / E_R and bounce / E_R of pixel p.
+static inline void settled_signal(const Filtered f, int p, float3 *blocked, float3 *bounce)
+{
+    *blocked = load_planes(f.signal, f.size, p);
+    *bounce = load_planes(f.signal + 3 * f.size, f.size, p);
+    const float variance = load_stored_variance(f.variance, p);
+    if (!(variance > NEGLIGIBLE))
+        return;
+    float3 blocked_around = (float3)(0.0f), bounce_around = (float3)(0.0f);
+    float weights = 0.0f;
+    for (int dy = -RESIDUAL_RADIUS; dy <= RESIDUAL_RADIUS; dy++)
+        for (int dx = -RESIDUAL_RADIUS; dx <= RESIDUAL_RADIUS; dx++) {
+            const int q = p + dx + dy * f.stride;
+            if (q == p)
+                continue;
+            const float noise = load_stored_variance(f.variance, q);
+            const float w = residual_weight(f, p, q) / (SPREAD * SPREAD + noise);
+            if (!(w > 0.0f))
+                continue;
+            blocked_around += w * load_planes(f.signal, f.size, q);
+            bounce_around += w * load_planes(f.signal + 3 * f.size, f.size, q);
+            weights += w;
+        }
+    if (!(weights > 0.0f))
+        return;
+    const float share = (variance - NEGLIGIBLE) / (variance + SPREAD * SPREAD);
+    *blocked += share * (blocked_around / weights - *blocked);
+    *bounce += share * (bounce_around / weights - *bounce);
+}
+
+#endif
