@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Make the README's pictures of the demo scene: `python docs/comparison.py`.
 
-Writes docs/demo.png, the scene with objects, and docs/comparison.png: a part of it as the input,
+Writes docs/demo.jpg, the scene with objects, and docs/comparison.png: a part of it as the input,
 as iprt and image-based lighting render it, and as path-traced truth.
 """
 
@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 
 import iprt
 from iprt.files.images import read_color
@@ -37,7 +38,8 @@ def main() -> None:
             return renderer.render(frames=FRAMES).color
 
     ours = rendered("iprt", entry.objects)
-    write_display_png(FOLDER / "demo.png", display(ours, scene.exposure))
+    pixels = np.rint(255.0 * display(ours, scene.exposure)).astype(np.uint8)
+    Image.fromarray(pixels).save(FOLDER / "demo.jpg", quality=95, subsampling=0, optimize=True)
     shown = [rendered("iprt", ()), ours, rendered("ibl", entry.objects), read_color(entry.truth)]
     gap = np.ones((PART[0].stop - PART[0].start, GAP, 3))
     parts = [part for image in shown for part in (display(image, scene.exposure)[PART], gap)]
