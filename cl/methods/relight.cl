@@ -67,8 +67,8 @@ __kernel void relight(
 #ifdef DELTA
 #ifdef NOISE
     const Filtered filtered = {signal, variance, guide, size, plane_stride(width)};
-    float3 blocked, bounce;
-    settled_signal(filtered, p, &blocked, &bounce);
+    const Change change = settled_change(filtered, p);
+    float3 blocked = change.blocked, bounce = change.bounce;
 #else
     float3 blocked = load_planes(signal, size, p), bounce = load_planes(signal + 3 * size, size, p);
 #endif
@@ -103,8 +103,8 @@ __kernel void relight(
         result = (float4)(1.0f);
     ratio[y * width + x] = result;
 #ifdef DELTA
-    const float4 change = fabs(result - 1.0f);
-    const float most = fmax(change.x, fmax(change.y, change.z));
+    const float4 apart = fabs(result - 1.0f);
+    const float most = fmax(apart.x, fmax(apart.y, apart.z));
     if (most > FAINT)
         touched[p] = fmax(touched[p], most > STRONG ? STRONG_FRAMES : FAINT_FRAMES);
 #endif

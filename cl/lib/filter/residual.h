@@ -10,7 +10,7 @@
 
 #define SPREAD 0.1f            // standard deviation of change / E_R between neighbours
 #define NEGLIGIBLE 1e-3f       // variance up to which pixels stay as they are
-#define RESIDUAL_RADIUS 2
+#define RESIDUAL_SIDE 5
 #define RESIDUAL_PLANE 0.003f  // distance between planes of one surface, as a fraction of that to the camera
 
 typedef struct {
@@ -32,34 +32,35 @@ static inline float residual_weight(const Filtered f, int p, int q)
     return same ? falloff(fmin(off_p, off_q) / (RESIDUAL_PLANE * length(x) + 1e-30f)) : 0.0f;
 }
 
-// blocked / E_R and bounce / E_R of pixel p.
-static inline void settled_signal(const Filtered f, int p, float3 *blocked, float3 *bounce)
+typedef struct {
+    float3 blocked; // over E_R
+    float3 bounce;
+} Change;
+
+// What pixel p is taken to have. It is returned: written through pointers, vectorized work items of Intel's runtime
+// for CPUs get nothing.
+static inline Change settled_change(const Filtered f, int p)
 {
-    *blocked = load_planes(f.signal, f.size, p);
-    *bounce = load_planes(f.signal + 3 * f.size, f.size, p);
+    const float3 own_blocked = load_planes(f.signal, f.size, p);
+    const float3 own_bounce = load_planes(f.signal + 3 * f.size, f.size, p);
     const float variance = load_stored_variance(f.variance, p);
-    if (!(variance > NEGLIGIBLE))
-        return;
     float3 blocked_around = (float3)(0.0f), bounce_around = (float3)(0.0f);
     float weights = 0.0f;
-    for (int dy = -RESIDUAL_RADIUS; dy <= RESIDUAL_RADIUS; dy++)
-        for (int dx = -RESIDUAL_RADIUS; dx <= RESIDUAL_RADIUS; dx++) {
-            const int q = p + dx + dy * f.stride;
-            if (q == p)
-                continue;
-            const float noise = load_stored_variance(f.variance, q);
-            const float w = residual_weight(f, p, q) / (SPREAD * SPREAD + noise);
-            if (!(w > 0.0f))
-                continue;
-            blocked_around += w * load_planes(f.signal, f.size, q);
-            bounce_around += w * load_planes(f.signal + 3 * f.size, f.size, q);
-            weights += w;
-        }
-    if (!(weights > 0.0f))
-        return;
-    const float share = (variance - NEGLIGIBLE) / (variance + SPREAD * SPREAD);
-    *blocked += share * (blocked_around / weights - *blocked);
-    *bounce += share * (bounce_around / weights - *bounce);
+    const int taps = variance > NEGLIGIBLE ? RESIDUAL_SIDE * RESIDUAL_SIDE : 0;
+    for (int i = 0; i < taps; i++) {
+        const int dx = i % RESIDUAL_SIDE - RESIDUAL_SIDE / 2, dy = i / RESIDUAL_SIDE - RESIDUAL_SIDE / 2;
+        const int q = p + dx + dy * f.stride;
+        const float near = q == p ? 0.0f : residual_weight(f, p, q);
+        const float w = near / (SPREAD * SPREAD + load_stored_variance(f.variance, q));
+        blocked_around += w * load_planes(f.signal, f.size, q);
+        bounce_around += w * load_planes(f.signal + 3 * f.size, f.size, q);
+        weights += w;
+    }
+    const float share = weights > 0.0f ? (variance - NEGLIGIBLE) / (variance + SPREAD * SPREAD) : 0.0f;
+    const float scale = weights > 0.0f ? 1.0f / weights : 0.0f;
+    const Change result = {own_blocked + share * (scale * blocked_around - own_blocked),
+                           own_bounce + share * (scale * bounce_around - own_bounce)};
+    return result;
 }
 
 #endif

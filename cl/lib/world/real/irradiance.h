@@ -101,13 +101,11 @@ static inline float3 cached_irradiance(const IrradianceCache cache, float3 p, fl
         weights += weight;
         brightest = fmax(brightest, known > 0.0f ? value.xyz : (float3)(0.0f));
     }
+    // A leg or a fold that is thinner than a cell has one entry for all of its normals.
+    const float factor = clamp(1.0f + change / fmax(luminance(sum), 1e-30f), 1.0f / CACHE_TURNED, CACHE_TURNED);
     // Surfaces that no cell holds take the most of what is around them: where they face may be brighter than
     // what is known, and too little would make black specks of faint shadows.
-    if (!(weights > 0.0f))
-        return brightest;
-    // A leg or a fold that is thinner than a cell has one entry for all of its normals.
-    const float factor = 1.0f + change / fmax(luminance(sum), 1e-30f);
-    return clamp(factor, 1.0f / CACHE_TURNED, CACHE_TURNED) / weights * sum;
+    return weights > 0.0f ? factor / weights * sum : brightest;
 }
 
 // 1 / (E_R / pi) of a point, per colour; 0 where it is black.
