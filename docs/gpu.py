@@ -16,7 +16,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from docs.gpu_counts import FRAME, FULL, SMALL, VIDEO, Count, Counts, Key, play
-from docs.gpu_instructions import simulated
+from docs.gpu_instructions import program_named, simulated
 from iprt.device.choose import choose_device
 from iprt.device.compute import ComputeDevice
 from tests import gpu as compilers
@@ -241,9 +241,8 @@ def registers_of(programs: Iterable[str]) -> Registers:
     """Of all kernels of programs, by the compilers that `tests.gpu` uses."""
 
     def compiled(program: str) -> Registers:
-        file, *defines = program.split()
         with TemporaryDirectory() as folder:
-            needs = compilers.nvidia((file, tuple(defines)), Path(folder))
+            needs = compilers.nvidia(program_named(program), Path(folder))
             return {(target, program, kernel): need.registers for target, kernel, need in needs}
 
     with ThreadPoolExecutor(cpu_count()) as workers:

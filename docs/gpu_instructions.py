@@ -15,11 +15,9 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from docs.gpu_counts import ROOT, Count, Counts, Size, play
-from iprt.device.choose import choose_device
-from iprt.device.compute import ComputeDevice
-from iprt.files.resources import CL
+from iprt.device.program import Program
 from tests.gpu import CLANG
-from tests.oclgrind import LIBRARY, MISSING, oclgrind_environment
+from tests.oclgrind import LIBRARY, MISSING, SimulatedDevice, oclgrind_environment
 
 MARK = "LAUNCH "
 COUNTED = re.compile(r"^ +(\d+) - ([^\n]+?)(?: \((\d+) bytes\))?$", re.MULTILINE)
@@ -98,7 +96,7 @@ def simulated(size: Size) -> dict[str, Counts]:
 
 def simulate(file: str, size: dict[str, Any]) -> None:
     """Play on Oclgrind, in a process that `simulated` has started."""
-    device = ComputeDevice(choose_device("oclgrind"))
+    device = SimulatedDevice()
     found = play(device, Size(**size), lambda names: print(MARK + "|".join(names), flush=True))
     plain = {
         what: [(*key, asdict(count)) for key, count in counts.items()]
@@ -167,14 +165,22 @@ def _call_cost(function: str) -> tuple[float, float]:
     return float(flops * components), float(issued * components)
 
 
+def program_named(name: str) -> Program:
+    """Return the program that a profile calls `name`: a file and its defines."""
+    file, *defines = name.split()
+    return Program.of(file, dict(define.removeprefix("-D").split("=") for define in defines))
+
+
 @cache
 def widths(program: str) -> dict[str, float]:
     """Mean number of components of floating point instructions, as the program has them."""
-    file, *defines = program.split()
+    source = program_named(f"{program} -DWITHOUT_INLINING=1")
     command = [CLANG, "-x", "cl", "-cl-std=CL1.2", "-Xclang", "-finclude-default-header"]
     target = ["-target", "spir64-unknown-unknown", "-O0", "-S", "-emit-llvm", "-o", "-"]
+    defines = [option for option in source.options if option.startswith("-D")]
     text = subprocess.run(
-        [*command, *target, "-DWITHOUT_INLINING", "-I", CL / "lib", *defines, CL / file],
+        [*command, *target, *defines, "-"],
+        input=source.text,
         stdout=subprocess.PIPE,
         text=True,
         check=True,

@@ -159,7 +159,8 @@ class Film:
             return renderer
         footage = footage_of(self.scene, frame, self.settings) if several else None
         given = (self.device, frame, instances, view, self.settings)
-        require_memory(*given, footage)
+        plan = require_memory(*given, footage)
+        self.device.compile(plan.kernels, later=several)
         self._renderer = renderer = Renderer(*given, footage=footage)
         if not self.prepare_ms:
             self.device.finish()

@@ -11,7 +11,7 @@ from iprt.errors import DeviceError
 
 if TYPE_CHECKING:
     from iprt.device.compute import ComputeDevice
-    from iprt.device.plan import PlannedKernel
+    from iprt.device.program import PlannedKernel
     from iprt.footage.footage import Footage
     from iprt.footage.frame import Frame
     from iprt.geometry.camera import View
@@ -28,8 +28,7 @@ class RenderPlan:
     ----------
     buffers : dict of str to int
         Bytes by name.
-    kernels : tuple of (file, kernel, defines)
-        As `ComputeDevice.kernel` takes them.
+    kernels : tuple of PlannedKernel
     """
 
     view: View
@@ -97,7 +96,9 @@ def require_memory(
     settings: Settings,
     footage: Footage | None = None,
 ) -> RenderPlan:
-    """The plan of a picture; refuse one whose buffers do not fit into the device's memory.
+    """Return the plan of a picture, whose kernels the device begins to compile.
+
+    Refuses one whose buffers do not fit into the device's memory.
 
     Drivers for processors promise memory that they do not have, and the system then ends the
     process without a word.
@@ -110,4 +111,5 @@ def require_memory(
     problem = plan.problem(device.name, device.memory, device.largest_buffer)
     if problem is not None:
         raise DeviceError(problem)
+    device.compile(plan.kernels)
     return plan

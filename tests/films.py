@@ -18,7 +18,8 @@ import numpy as np
 from iprt.aovs import AOVS
 from iprt.device.compute import ComputeDevice
 from iprt.device.kernel import Kernel
-from iprt.device.plan import PlanDevice, PlannedKernel
+from iprt.device.plan import PlanDevice
+from iprt.device.program import PlannedKernel
 from iprt.files.resources import CL
 from iprt.footage.clipped_texels import ClippedTexels
 from iprt.footage.footage import Footage
@@ -223,8 +224,8 @@ def planned_kernels() -> list[PlannedKernel]:
         frame = film.video[0]
         footage = Footage.of(frame, static_camera=film.static_camera)
         Renderer(plan, frame, film.objects, film.view, film.settings, footage=footage)
-    found = {(file, name, tuple(sorted(defines.items()))) for file, name, defines in plan.kernels}
-    return [(file, name, dict(defines)) for file, name, defines in sorted(found)]
+    found = {(one.file, one.name, tuple(sorted(one.defines.items()))) for one in plan.kernels}
+    return [PlannedKernel(file, name, dict(defines)) for file, name, defines in sorted(found)]
 
 
 def entry_points() -> set[str]:

@@ -22,8 +22,7 @@ from dataclasses import astuple, dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from iprt.device.program import variant
-from iprt.files.resources import CL
+from iprt.device.program import Program
 from tests.films import planned_kernels
 
 BUDGETS = Path(__file__).with_name("gpu_budgets.toml")
@@ -41,9 +40,6 @@ ALLOCATED = re.compile(
     re.DOTALL,
 )
 """What ptxas says of a kernel."""
-
-Variant = tuple[str, tuple[str, ...]]
-"""File and defines of a program."""
 
 
 @dataclass(frozen=True)
@@ -75,16 +71,12 @@ def installed() -> bool:
     return bool(shutil.which(CLANG)) and LIBCLC.is_dir() and _ptxas() is not None
 
 
-def variants() -> list[Variant]:
-    """All that the films build, each once."""
-    found = set()
-    for file, _, defines in planned_kernels():
-        options = variant(file, defines)[1]
-        found.add((file, tuple(option for option in options if option.startswith("-D"))))
-    return sorted(found)
+def programs() -> list[Program]:
+    """Return all that the films build, each once."""
+    return list(dict.fromkeys(Program.of(one.file, one.defines) for one in planned_kernels()))
 
 
-def compiled(program: Variant, folder: Path) -> dict[tuple[str, str], Need]:
+def compiled(program: Program, folder: Path) -> dict[tuple[str, str], Need]:
     """What the kernels of a program need, by vendor and kernel, on the most demanding GPU.
 
     Raises
@@ -98,7 +90,7 @@ def compiled(program: Variant, folder: Path) -> dict[tuple[str, str], Need]:
     return needs
 
 
-def nvidia(program: Variant, folder: Path) -> Iterator[tuple[str, str, Need]]:
+def nvidia(program: Program, folder: Path) -> Iterator[tuple[str, str, Need]]:
     """What the kernels of a program need: GPU, kernel and need; `folder` takes what is in between.
 
     Raises
@@ -107,7 +99,15 @@ def nvidia(program: Variant, folder: Path) -> Iterator[tuple[str, str, Need]]:
     """
     bitcode, assembly = folder / "program.bc", folder / "program.ptx"
     target = ["-target", "nvptx64-unknown-nvidiacl"]
-    _run(*_clang(program, "nvptx64--nvidiacl"), *target, "-O2", "-emit-llvm", "-c", "-o", bitcode)
+    _run(
+        *_clang(program, "nvptx64--nvidiacl", folder),
+        *target,
+        "-O2",
+        "-emit-llvm",
+        "-c",
+        "-o",
+        bitcode,
+    )
     for gpu in NVIDIA:
         cpu = ["-Xclang", "-target-cpu", "-Xclang", gpu]
         _run(CLANG, *target, *cpu, "-O3", "-S", "-x", "ir", bitcode, "-o", assembly)
@@ -122,11 +122,18 @@ def nvidia(program: Variant, folder: Path) -> Iterator[tuple[str, str, Need]]:
             yield gpu, name, Need(registers, stack, stores + loads)
 
 
-def _amd(program: Variant, folder: Path) -> Iterator[tuple[str, str, Need]]:
+def _amd(program: Program, folder: Path) -> Iterator[tuple[str, str, Need]]:
     assembly = folder / "program.s"
     for gpu in AMD:
         target = ["-target", "amdgcn-mesa-mesa3d", f"-mcpu={gpu}", "-nogpulib"]
-        _run(*_clang(program, f"{gpu}-amdgcn-mesa-mesa3d"), *target, "-O3", "-S", "-o", assembly)
+        _run(
+            *_clang(program, f"{gpu}-amdgcn-mesa-mesa3d", folder),
+            *target,
+            "-O3",
+            "-S",
+            "-o",
+            assembly,
+        )
         text = assembly.read_text()
         _require_single(text, r"\bv_\w+_f64\b")
         missing = sorted(set(re.findall(r"(\w+)@gotpcrel32", text)))
@@ -142,11 +149,14 @@ def _amd(program: Variant, folder: Path) -> Iterator[tuple[str, str, Need]]:
                 yield gpu, name, Need(int(registers[1]), int(stack[1]))
 
 
-def _clang(program: Variant, library: str) -> list[str | Path]:
-    file, defines = program
+def _clang(program: Program, library: str, folder: Path) -> list[str | Path]:
+    """Return the command that compiles a program, whose text goes to `folder`."""
+    text = folder / "program.cl"
+    text.write_text(program.text)
     builtins = ["-Xclang", "-mlink-builtin-bitcode", "-Xclang", LIBCLC / f"{library}.bc"]
-    language = ["-x", "cl", "-cl-std=CL1.2", "-Xclang", "-finclude-default-header"]
-    return [CLANG, *language, "-I", CL / "lib", *builtins, *defines, CL / file]
+    language = ["-x", "cl", "-Xclang", "-finclude-default-header"]
+    options = [option for option in program.options if option != "-cl-kernel-arg-info"]
+    return [CLANG, *language, *options, *builtins, text]
 
 
 def _run(*command: str | Path) -> str:
@@ -167,8 +177,8 @@ def _ptxas() -> Path | None:
     return None if found is None else Path(found)
 
 
-def _defines(program: Variant) -> int:
-    return len(program[1])
+def _defines(program: Program) -> int:
+    return len(program.options)
 
 
 def budgets() -> dict[str, dict[str, Need]]:
@@ -218,21 +228,20 @@ def main() -> None:
     failures = []
     with TemporaryDirectory() as folder, ThreadPoolExecutor(os.cpu_count()) as workers:
 
-        def work(numbered: tuple[int, Variant]) -> dict[tuple[str, str], Need]:
+        def work(numbered: tuple[int, Program]) -> dict[tuple[str, str], Need]:
             number, program = numbered
             own = Path(folder, str(number))
             own.mkdir()
             try:
                 return compiled(program, own)
             except CompileError as error:
-                failures.append(f"{' '.join((program[0], *program[1]))}: {error}")
+                failures.append(f"{program.name}: {error}")
                 return {}
 
-        programs = variants()
+        chosen = programs()
         if asked.brief:
-            by_file = {file: (file, defines) for file, defines in sorted(programs, key=_defines)}
-            programs = list(by_file.values())
-        for found in workers.map(work, enumerate(programs)):
+            chosen = list({one.file: one for one in sorted(chosen, key=_defines)}.values())
+        for found in workers.map(work, enumerate(chosen)):
             for key, need in found.items():
                 needs[key] = need.most(needs.get(key, need))
     if asked.write and not failures:
@@ -240,7 +249,7 @@ def main() -> None:
     failures += exceeded(needs)
     for line in failures:
         print(line)
-    print(f"{len(programs)} variants for {', '.join(NVIDIA + AMD)}: {len(failures)} failures")
+    print(f"{len(chosen)} variants for {', '.join(NVIDIA + AMD)}: {len(failures)} failures")
     sys.exit(bool(failures))
 
 

@@ -15,6 +15,7 @@ import subprocess
 import sys
 import time
 from collections import Counter
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cache
@@ -29,6 +30,8 @@ from numpy.typing import NDArray
 
 from iprt.device.choose import choose_device
 from iprt.device.compute import ComputeDevice
+from iprt.device.kernel import Kernel
+from iprt.device.program import Define
 from iprt.methods import voxels
 from tests.films import entry_points, films, launches, play
 
@@ -69,6 +72,16 @@ class SimulatedDevice(ComputeDevice):
     def __init__(self) -> None:
         super().__init__(choose_device("oclgrind"))
 
+    def kernel(
+        self,
+        file: str,
+        name: str,
+        defines: Mapping[str, Define] | None = None,
+        **hints: Any,
+    ) -> Kernel:
+        # It does not know all that LLVM's optimizer makes of a kernel.
+        return super().kernel(file, name, {**(defines or {}), "WITHOUT_INLINING": True}, **hints)
+
     def fill_zero(self, array: cla.Array) -> None:
         # It takes what `clEnqueueFillBuffer` filled for unwritten, whatever is written there later.
         self.write(array, np.zeros(array.shape, array.dtype))
@@ -100,8 +113,7 @@ def oclgrind_environment(folder: Path, **variables: str) -> dict[str, str]:
     return {
         **os.environ,
         "OCL_ICD_VENDORS": str(folder),
-        # It does not know all that LLVM's optimizer makes of a kernel.
-        "OCLGRIND_BUILD_OPTIONS": "-cl-opt-disable -DWITHOUT_INLINING",
+        "OCLGRIND_BUILD_OPTIONS": "-cl-opt-disable",
         "PYOPENCL_NO_CACHE": "1",
         **variables,
     }

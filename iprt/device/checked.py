@@ -72,8 +72,18 @@ class CheckedDevice(ComputeDevice):
         vars(self).update(vars(device))
         self._inside = device
 
-    def kernel(self, file: str, name: str, defines: Mapping[str, Define] | None = None) -> Kernel:
-        return CheckedKernel(self, self._inside.kernel(file, name, defines), file)
+    def kernel(
+        self,
+        file: str,
+        name: str,
+        defines: Mapping[str, Define] | None = None,
+        *,
+        items: int = 0,
+        later: bool = False,
+    ) -> Kernel:
+        return CheckedKernel(
+            self, self._inside.kernel(file, name, defines, items=items, later=later), file
+        )
 
     def empty(
         self, name: str, shape: tuple[int, ...], dtype: DTypeLike = np.float32

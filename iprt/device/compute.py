@@ -6,6 +6,7 @@ import weakref
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import AbstractContextManager
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -16,14 +17,30 @@ from numpy.typing import DTypeLike, NDArray
 
 from iprt.device.bands import Bands
 from iprt.device.budget import amount, what_to_lower
+from iprt.device.compilers import Compilers
 from iprt.device.kernel import Kernel
 from iprt.device.profile import Kind, Profile
-from iprt.device.program import Define, Program, build, variant
+from iprt.device.program import Define, PlannedKernel, Program, build
 from iprt.device.recovery import reported, wait
 from iprt.errors import DeviceError, DeviceHangError
 
 _HUNG: list[Any] = []
 """Host memory that devices which hang may still read, until the program ends."""
+
+
+@dataclass(eq=False)
+class _Built:
+    """A program and the kernels of it that are in use.
+
+    Attributes
+    ----------
+    built : pyopencl.Program or None
+        None until a kernel is launched.
+    """
+
+    program: Program
+    built: cl.Program | None = None
+    kernels: weakref.WeakSet[Kernel] = field(default_factory=weakref.WeakSet)
 
 
 class ComputeDevice:
@@ -70,8 +87,9 @@ class ComputeDevice:
         self.building: Callable[[str], None] = lambda file: None
         self.bands: Bands | None = None
         self.most_programs: int | None = None
-        self._programs: dict[tuple[str, str], Program] = {}  # the last one used comes last
+        self._programs: dict[Program, _Built] = {}  # the last one used comes last
         self._launched: set[tuple[str, str]] = set()
+        self._compilers = Compilers.of(device)
         self._in_flight: deque[Any] = deque()  # events that keep host memory alive
         # Host memory that kernels read, until what was enqueued before its buffer went is done.
         self._shared: list[tuple[Callable[[], Any], NDArray[Any]]] = []
@@ -118,61 +136,108 @@ class ComputeDevice:
             return (64,) if self.is_cpu else (128,)
         return ((64, 1) if self.is_cpu else (16, 8)) + (1,) * (dimensions - 2)
 
-    def kernel(self, file: str, name: str, defines: Mapping[str, Define] | None = None) -> Kernel:
-        """Build `cl/<file>` with `-D` from `defines` (False omits) and return kernel `name`.
+    def kernel(
+        self,
+        file: str,
+        name: str,
+        defines: Mapping[str, Define] | None = None,
+        *,
+        items: int = 0,
+        later: bool = False,
+    ) -> Kernel:
+        """Return kernel `name` of `cl/<file>`, which is built when it is launched first.
 
-        Raises
-        ------
-        KernelError
-            The program did not build.
+        Parameters
+        ----------
+        file, name : str
+        defines : mapping of str to int, float, bool or str, optional
+            Given to the compiler by `-D`; False omits one.
+        items : int, optional
+            Most work items along a dimension of its launches, where they may be more than
+            `iprt.device.compilers.SMALL_GRID`.
+        later : bool, optional
+            A first picture does without it.
         """
-        program, options = variant(file, defines)
-        key = (file, " ".join(options))
-        found = self._programs.pop(key, None)
-        if found is None:
-            self.building(file)
-            with self.profile.compiling(program):
-                built = build(self.context, file, options)
-            found = Program(program, built, file, tuple(options))
-        self._programs[key] = found
-        built = found.built
-        kernel = Kernel(self, lambda: cl.Kernel(built, name), name, program, found.signature(name))
+        program = Program.of(file, defines)
+        self.compile([PlannedKernel(file, name, defines or {}, items, later)])
+        found = self._programs.pop(program, None) or _Built(program)
+        self._programs[program] = found
+        kernel = Kernel(
+            self,
+            lambda: cl.Kernel(self._built(found, name), name),
+            name,
+            found.program.name,
+            program.signature(name),
+        )
         found.kernels.add(kernel)
         self._forget_programs()
         return kernel
 
-    def to_compile(self, kernels: Iterable[tuple[str, str, Mapping[str, Define]]]) -> int:
-        """How often the driver has to compile for these (file, kernel, defines).
+    def compile(self, kernels: Iterable[PlannedKernel], *, later: bool = False) -> None:
+        """Begin to compile kernels beside other work, where the driver allows it.
+
+        Parameters
+        ----------
+        kernels : iterable of PlannedKernel
+        later : bool, optional
+            Also those that a first picture does without.
+        """
+        if self._compilers is not None:
+            for kernel in kernels:
+                if later or not kernel.later:
+                    program = Program.of(kernel.file, kernel.defines)
+                    self._compilers.request(program, kernel.name, kernel.items)
+
+    def _built(self, found: _Built, kernel: str) -> cl.Program:
+        """Build a program, once, after its kernel was compiled elsewhere.
+
+        Raises
+        ------
+        KernelError
+            It does not build.
+        """
+        name = found.program.name
+        if found.built is None or (name, kernel) not in self._launched:
+            self.building(found.program.file)
+            with self.profile.compiling(name):
+                if self._compilers is not None:
+                    self._compilers.wait(found.program, kernel)
+                found.built = found.built or build(self.context, found.program)
+        return found.built
+
+    def to_compile(self, kernels: Iterable[PlannedKernel]) -> int:
+        """Count how often the driver has to compile for these kernels.
 
         Programs that are not built yet, and kernels that were not launched yet, count one each.
         """
         missing = set()
-        for file, name, defines in kernels:
-            program, options = variant(file, defines)
-            if (file, " ".join(options)) not in self._programs:
+        for kernel in kernels:
+            program = Program.of(kernel.file, kernel.defines)
+            found = self._programs.get(program)
+            if found is None or found.built is None:
                 missing.add((program, ""))
-            if (program, name) not in self._launched:
-                missing.add((program, name))
+            if found is None or (found.program.name, kernel.name) not in self._launched:
+                missing.add((program, kernel.name))
         return len(missing)
 
     def _forget_programs(self) -> None:
         """Release programs that are not in use, the oldest first, while there are too many."""
-        for key, program in list(self._programs.items()):
+        for program, found in list(self._programs.items()):
             if self.most_programs is None or len(self._programs) <= self.most_programs:
                 return
-            if not program.kernels:
-                del self._programs[key]
+            if not found.kernels:
+                del self._programs[program]
                 self._launched -= {known for known in self._launched if known[0] == program.name}
 
     def is_first_launch(self, program: str, kernel: str) -> bool:
-        """Whether it is asked for the first time about this kernel."""
+        """Return whether it is asked for the first time about this kernel."""
         first = (program, kernel) not in self._launched
         self._launched.add((program, kernel))
         return first
 
     @property
-    def built_programs(self) -> list[tuple[str, str]]:
-        """(file, options) of every program built so far."""
+    def built_programs(self) -> list[Program]:
+        """Programs that kernels were made of so far."""
         return list(self._programs)
 
     def empty(self, name: str, shape: tuple[int, ...], dtype: DTypeLike = np.float32) -> cla.Array:

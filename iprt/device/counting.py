@@ -96,10 +96,18 @@ class CountingDevice(ComputeDevice):
         self.work: dict[tuple[str, str], Work] = {}
         self._counters = cla.zeros(self.queue, COUNTERS, np.uint32)
 
-    def kernel(self, file: str, name: str, defines: Mapping[str, Define] | None = None) -> Kernel:
+    def kernel(
+        self,
+        file: str,
+        name: str,
+        defines: Mapping[str, Define] | None = None,
+        *,
+        items: int = 0,
+        later: bool = False,
+    ) -> Kernel:
         if "WORK_PARAMETER" in (CL / file).read_text():
             defines = {**(defines or {}), "COUNT_WORK": True}
-        kernel = self._inside.kernel(file, name, defines)
+        kernel = self._inside.kernel(file, name, defines, items=items, later=later)
         kernel.run_on(self)  # whose profile is another
         return CountingKernel(self, kernel)
 

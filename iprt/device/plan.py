@@ -11,10 +11,7 @@ from numpy.typing import DTypeLike, NDArray
 
 from iprt.device.compute import ComputeDevice
 from iprt.device.profile import Profile
-from iprt.device.program import Define
-
-PlannedKernel = tuple[str, str, dict[str, Define]]
-"""File, kernel and defines."""
+from iprt.device.program import Define, PlannedKernel
 
 
 @dataclass(frozen=True)
@@ -55,8 +52,8 @@ class PlanDevice(ComputeDevice):
     ----------
     buffers : dict of str to int
         Bytes by buffer name.
-    kernels : list of (file, kernel, defines)
-        In the order of construction; `defines` holds what is passed as `-D`.
+    kernels : list of PlannedKernel
+        In the order of construction, without defines that are False.
     """
 
     def __init__(self, *, is_cpu: bool = True) -> None:
@@ -71,10 +68,16 @@ class PlanDevice(ComputeDevice):
         return self._is_cpu
 
     def kernel(  # type: ignore[override]
-        self, file: str, name: str, defines: Mapping[str, Define] | None = None
+        self,
+        file: str,
+        name: str,
+        defines: Mapping[str, Define] | None = None,
+        *,
+        items: int = 0,
+        later: bool = False,
     ) -> UnbuiltKernel:
         used = {key: value for key, value in (defines or {}).items() if value is not False}
-        self.kernels.append((file, name, used))
+        self.kernels.append(PlannedKernel(file, name, used, items, later))
         return UnbuiltKernel()
 
     def empty(

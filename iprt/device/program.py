@@ -1,23 +1,26 @@
-"""Programs: files of `cl/` built with one set of defines."""
+"""Programs: files of `cl/` for one set of defines."""
 
 from __future__ import annotations
 
+import hashlib
 import re
 import time
 import warnings
-import weakref
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from functools import cache
+from typing import Any, NamedTuple
 
 import numpy as np
 import pyopencl as cl
 
 from iprt.device.signature import Parameter, signature
 from iprt.errors import KernelError
+from iprt.files.kernel_source import KernelSource
 from iprt.files.resources import CL
 
 Define = int | float | bool | str
+OPTIONS = ("-cl-std=CL1.2", "-cl-kernel-arg-info")
 
 CACHE_RACE = "unable to rename temporary"
 """In the log of a build while another process put the same program into PoCL's cache."""
@@ -25,82 +28,111 @@ BUILD_TRIES, BUILD_PAUSE_S = 4, 0.2
 """How often such a build is tried, and the seconds in between."""
 
 
-@dataclass(frozen=True, eq=False)
+class PlannedKernel(NamedTuple):
+    """A kernel that may be launched; see `ComputeDevice.kernel`."""
+
+    file: str
+    name: str
+    defines: Mapping[str, Define]
+    items: int = 0
+    later: bool = False
+
+
+@dataclass(frozen=True)
 class Program:
-    """A built program.
+    """A program before it is built. Equal ones are compiled once.
 
     Attributes
     ----------
-    name : str
-        Its name in the profile.
-    built : pyopencl.Program
-    file : str
+    text : str
+        OpenCL C with includes and conditions resolved.
     options : tuple of str
-        What the compiler was given.
-    kernels : weak set of Kernel
-        Those that are in use.
+        Options of the compiler, with the defines that occur in the text.
+    file : str
+        File of `cl/`.
+    name : str
+        Name in the profile: the file and the defines.
     """
 
-    name: str
-    built: Any
-    file: str
+    text: str
     options: tuple[str, ...]
-    kernels: weakref.WeakSet[Any] = field(default_factory=weakref.WeakSet)
-    _signatures: dict[str, tuple[Parameter, ...]] = field(default_factory=dict)
+    file: str = field(compare=False)
+    name: str = field(compare=False)
+    _source: KernelSource = field(compare=False, repr=False)
+    _signatures: dict[str, tuple[Parameter, ...]] = field(
+        default_factory=dict, compare=False, repr=False
+    )
+
+    @classmethod
+    def of(cls, file: str, defines: Mapping[str, Define] | None = None) -> Program:
+        """Return the program of `cl/<file>`; `defines` that are False are omitted."""
+        return _program(file, None, _literals(defines or {}))
+
+    @classmethod
+    def of_text(cls, text: str, name: str, defines: Mapping[str, Define] | None = None) -> Program:
+        """Return the program of OpenCL C that is no file of `cl/` but may include some."""
+        return _program(name, text, _literals(defines or {}))
 
     def signature(self, kernel: str) -> tuple[Parameter, ...]:
-        """Parameters of one of its kernels, in order."""
+        """Return the parameters of one of its kernels, in order."""
         if kernel not in self._signatures:
-            defines = (option[2:].split("=") for option in self.options if option.startswith("-D"))
-            source = (CL / self.file).read_text()
-            self._signatures[kernel] = signature(source, kernel, dict(defines), CL / "lib")
+            self._signatures[kernel] = signature(self._source, kernel)
         return self._signatures[kernel]
 
+    @property
+    def key(self) -> str:
+        """Hash of text and options."""
+        return hashlib.sha256("\0".join([self.text, *self.options]).encode()).hexdigest()
 
-def build(context: cl.Context, file: str, options: Sequence[str], tries: int = BUILD_TRIES) -> Any:
-    """The program of `cl/<file>` for the only device of a context.
+
+@cache
+def _program(file: str, text: str | None, defines: tuple[tuple[str, str], ...]) -> Program:
+    source = KernelSource(CL / "lib")
+    source.define(dict(defines))
+    source.read((CL / file).read_text() if text is None else text, file)
+    words = set(re.findall(r"\w+", source.text))
+    flags = [f"-D{name}={value}" for name, value in defines if name in words]
+    name = " ".join([file, *(f"-D{name}={value}" for name, value in defines)])
+    return Program(source.text, (*OPTIONS, *flags), file, name, source)
+
+
+def build(context: cl.Context, program: Program, tries: int = BUILD_TRIES) -> Any:
+    """Build a program for the only device of a context.
 
     Raises
     ------
     KernelError
         It did not build.
     """
-    source = (CL / file).read_text()
     try:
         with warnings.catch_warnings():
             # Some compilers report success at length; a failure raises with its log.
             warnings.simplefilter("ignore", cl.CompilerWarning)
-            return cl.Program(context, source).build(list(options))
+            return cl.Program(context, program.text).build(list(program.options))
     except cl.RuntimeError as error:
         if tries > 1 and CACHE_RACE in str(error):
             time.sleep(BUILD_PAUSE_S)
-            return build(context, file, options, tries - 1)
-        raise KernelError(_report(context.devices[0], file, options, str(error))) from error
+            return build(context, program, tries - 1)
+        raise KernelError(_report(context.devices[0], program, str(error))) from error
 
 
-def _report(device: cl.Device, file: str, options: Sequence[str], message: str) -> str:
+def _report(device: cl.Device, program: Program, message: str) -> str:
     # pyopencl puts the routine's name before the compiler's log, and options after it.
     log = re.sub(
         r"\A.*?Build on <[^\n]*>:|^\((options|source saved).*?\)$", "", message, flags=re.S | re.M
     )
     return (
-        f"cl/{file} did not build\n"
+        f"cl/{program.file} did not build\n"
         f"  device   {device.name.strip()} ({device.platform.name.strip()})\n"
         f"  driver   {device.driver_version.strip()}\n"
-        f"  options  {' '.join(options)}\n"
+        f"  options  {' '.join(program.options)}\n"
         f"{log.strip()}"
     )
 
 
-def variant(file: str, defines: Mapping[str, Define] | None) -> tuple[str, list[str]]:
-    """A program's name and its compiler's options."""
-    flags = [
-        f"-D{define}={_literal(value)}"
-        for define, value in sorted((defines or {}).items())
-        if value is not False
-    ]
-    options = ["-cl-std=CL1.2", "-cl-kernel-arg-info", "-I", str(CL / "lib"), *flags]
-    return " ".join([file, *flags]), options
+def _literals(defines: Mapping[str, Define]) -> tuple[tuple[str, str], ...]:
+    given = sorted(defines.items())
+    return tuple((name, _literal(value)) for name, value in given if value is not False)
 
 
 def _literal(value: Define) -> str:

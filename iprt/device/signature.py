@@ -1,4 +1,4 @@
-"""Parameters of kernels, read from their source as the compiler of a variant sees it.
+"""Parameters of kernels, read from their source.
 
 Not every driver tells the parameters of programs that come from its cache.
 """
@@ -6,9 +6,8 @@ Not every driver tells the parameters of programs that come from its cache.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+import string
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -28,36 +27,24 @@ class Parameter:
     name : str
     scalar : numpy type or None
         None: a buffer or a vector.
+    words : int
+        Components of a number or vector, of four bytes each; 0: a buffer.
     """
 
     name: str
     scalar: Any
+    words: int
 
 
-def signature(
-    source: str, kernel: str, defines: Mapping[str, str], folder: Path
-) -> tuple[Parameter, ...]:
-    """The parameters of a kernel, in order.
-
-    Parameters
-    ----------
-    source : str
-        OpenCL C.
-    kernel : str
-    defines : mapping of str to str
-        Macros that the compiler is given.
-    folder : Path
-        Where files are that are included.
+def signature(source: KernelSource, kernel: str) -> tuple[Parameter, ...]:
+    """Return the parameters of a kernel, in order.
 
     Raises
     ------
     KernelError
         There is no such kernel.
     """
-    read = KernelSource(folder)
-    read.define(defines)
-    read.read(source)
-    text = "\n".join(read.lines)
+    text = source.text
     start = re.search(rf"\bvoid\s+{kernel}\s*\(", text)
     if start is None:
         raise KernelError(f"no kernel '{kernel}'")
@@ -65,11 +52,14 @@ def signature(
     while depth:
         depth += {"(": 1, ")": -1}.get(text[end], 0)
         end += 1
-    declared = read.expanded(" ".join(text[start.end() : end - 1].split()))
-    return tuple(_parameter(one) for one in declared.split(","))
+    lines = text[start.end() : end - 1].splitlines()
+    declared = " ".join(" ".join(line for line in lines if not line.startswith("#line")).split())
+    return tuple(_parameter(one) for one in source.expanded(declared).split(","))
 
 
 def _parameter(declaration: str) -> Parameter:
     *kind, name = re.findall(r"\w+|\*", declaration)
     words = [word for word in kind if word != "const"]
-    return Parameter(name, None if "*" in kind else SCALARS.get(words[0]))
+    if "*" in kind:
+        return Parameter(name, None, 0)
+    return Parameter(name, SCALARS.get(words[0]), int(words[0].lstrip(string.ascii_letters) or 1))

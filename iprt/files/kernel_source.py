@@ -1,4 +1,8 @@
-"""Source of kernels, as the compiler of a variant sees it."""
+"""Source of kernels with includes and conditions resolved.
+
+Variants whose defines change nothing have one text, wherever the checkout lies. Drivers keep what
+they compile by its text, so they compile each once.
+"""
 
 from __future__ import annotations
 
@@ -14,6 +18,7 @@ from iprt.errors import KernelError
 from iprt.files.resources import CL
 
 _COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.S)
+_CONTINUED = re.compile(r"(?:[^\n]*\\\n)+[^\n]*")
 _DIRECTIVE = re.compile(r"\s*#\s*(\w+)\s*(.*)")
 _MACRO = re.compile(r"(\w+)(\([^)]*\))?\s*(.*)")
 _DEFINED = re.compile(r"defined\s*\(?\s*(\w+)\s*\)?")
@@ -26,6 +31,8 @@ _RELATIONS: dict[type[ast.cmpop], Callable[[int, int], bool]] = {
     ast.GtE: operator.ge,
 }
 _WORD = re.compile(r"\b[A-Za-z_]\w*\b")
+_MOST_BLANK = 4
+"""Longest run of blank lines that stands for lines left out; a longer one is a `#line`."""
 
 
 @dataclass(frozen=True)
@@ -35,59 +42,117 @@ class _Macro:
 
 
 @dataclass
+class _Condition:
+    """A conditional block that is being read.
+
+    Attributes
+    ----------
+    taken : bool
+        The lines of the current branch are.
+    done : bool
+        One of its branches was taken.
+    compilers : bool
+        Only the compiler can decide it, so that all branches are kept.
+    """
+
+    taken: bool
+    done: bool
+    compilers: bool
+
+
+@dataclass
 class KernelSource:
-    """A file after preprocessing, and the macros that are defined there.
+    """Source whose includes and conditions are resolved, and the macros that it defines.
+
+    Macros are not expanded. Conditions on names of the compiler, such as `__has_attribute`, stay.
 
     Attributes
     ----------
     folder : Path
-        Where files are that are included.
+        Folder of the files that are included.
+    macros : dict
+        By name.
+    lines : list of str
+        The source, with `#line` where lines were left out.
     """
 
     folder: Path
     macros: dict[str, _Macro] = field(default_factory=dict)
     lines: list[str] = field(default_factory=list)
+    _place: tuple[str, int] = ("", 0)  # file and number that the compiler gives the next line
+    _undecided: set[str] = field(default_factory=set)  # macros that the compiler may define
 
     def define(self, macros: Mapping[str, str]) -> None:
-        """Macros that the compiler is given."""
+        """Add macros that the compiler is given by `-D`."""
         self.macros.update({name: _Macro(None, text) for name, text in macros.items()})
 
-    def read(self, text: str) -> None:
-        """OpenCL C."""
-        self._read(_without_comments(text))
+    def read(self, text: str, name: str) -> None:
+        """Add OpenCL C; compilers report its errors under `name`."""
+        self._read(_without_comments(text), name)
 
-    def _read(self, text: str) -> None:
-        taken = [True]  # whether lines are, by depth of #if
-        done = [True]  # whether a branch was
-        for line in text.splitlines():
+    @property
+    def text(self) -> str:
+        """All lines."""
+        return "\n".join(self.lines) + "\n"
+
+    def _read(self, text: str, name: str) -> None:
+        open_blocks: list[_Condition] = []
+        for number, line in enumerate(text.splitlines(), 1):
             match = _DIRECTIVE.match(line)
-            if match is None:
-                if all(taken):
-                    self.lines.append(line)
-                continue
-            word, rest = match.groups()
-            if word in ("if", "ifdef", "ifndef"):
-                here = all(taken) and self._holds(word, rest)
-                taken.append(here)
-                done.append(here)
-            elif word in ("else", "elif"):
-                taken.pop()
-                here = not done[-1] and all(taken) and (word == "else" or self._holds("if", rest))
-                taken.append(here)
-                done[-1] |= here
-            elif word == "endif":
-                taken.pop()
-                done.pop()
-            elif all(taken):
-                self._direct(word, rest)
+            taken = all(block.taken for block in open_blocks)
+            if match is not None and match[1] in ("if", "ifdef", "ifndef"):
+                block = self._begin(match[1], match[2]) if taken else _Condition(False, True, False)
+                open_blocks.append(block)
+                keep = block.compilers
+            elif match is not None and match[1] in ("else", "elif", "endif"):
+                keep = self._go_on(open_blocks, match[1], match[2])
+            elif match is None or not taken:
+                keep = taken and bool(line.strip())
+            elif match[1] == "include":
+                file = match[2].strip().strip('"')
+                self._read(_text(self.folder / file), f"lib/{file}")
+                keep = False
+            else:
+                maybe = any(block.compilers for block in open_blocks)
+                self._direct(match[1], match[2], maybe=maybe)
+                keep = True
+            if keep:
+                self._emit(line, name, number)
 
-    def _direct(self, word: str, rest: str) -> None:
-        if word == "include":
-            self._read(_text(self.folder / rest.strip('"')))
-        elif word == "define":
+    def _emit(self, line: str, name: str, number: int) -> None:
+        file, next_number = self._place
+        if file == name and 0 <= number - next_number <= _MOST_BLANK:
+            self.lines += [""] * (number - next_number)
+        else:
+            self.lines.append(f'#line {number} "{name}"')
+        self.lines.append(line)
+        self._place = (name, number + 1)
+
+    def _begin(self, word: str, condition: str) -> _Condition:
+        names = _WORD.findall(condition)
+        if any(name.startswith("__") or name in self._undecided for name in names):
+            return _Condition(taken=True, done=False, compilers=True)
+        holds = self._holds(word, condition)
+        return _Condition(taken=holds, done=holds, compilers=False)
+
+    def _go_on(self, open_blocks: list[_Condition], word: str, condition: str) -> bool:
+        """Take `#else`, `#elif` or `#endif`; return whether the compiler needs it."""
+        block = open_blocks[-1]
+        if word == "endif":
+            open_blocks.pop()
+        elif not block.compilers:
+            block.taken = not block.done and (word == "else" or self._holds("if", condition))
+            block.done |= block.taken
+        return block.compilers
+
+    def _direct(self, word: str, rest: str, *, maybe: bool) -> None:
+        """Note macros; `maybe`: the compiler decides whether the line counts."""
+        if word == "define":
             name, called, text = _MACRO.fullmatch(rest.strip()).groups()  # type: ignore[union-attr]
             names = None if called is None else tuple(n.strip() for n in called[1:-1].split(","))
             self.macros[name] = _Macro(names, text)
+            if maybe:
+                self._undecided.add(name)
         elif word == "undef":
             self.macros.pop(rest.strip(), None)
 
@@ -101,7 +166,7 @@ class KernelSource:
         return bool(_value(ast.parse(number.strip(), mode="eval").body))
 
     def expanded(self, text: str) -> str:
-        """With macros replaced until there are none."""
+        """Return `text` with macros replaced until there are none."""
         for name, macro in self.macros.items():
             if macro.parameters is not None:
                 text = re.sub(rf"\b{name}\(([^()]*)\)", partial(_called, macro), text)
@@ -114,7 +179,7 @@ class KernelSource:
 
 
 def _value(node: ast.expr) -> int:
-    """A condition of `#if`, in Python's words."""
+    """Evaluate a condition of `#if`, given as Python's expression."""
     match node:
         case ast.Constant(int(value)):
             return value
@@ -143,21 +208,26 @@ def _text(file: Path) -> str:
 
 
 def _without_comments(text: str) -> str:
-    return _COMMENT.sub(" ", text).replace("\\\n", " ")
+    """Remove comments and join continued lines; those that follow keep their numbers."""
+    text = _COMMENT.sub(lambda comment: " " + "\n" * comment[0].count("\n"), text)
+    text = re.sub(r"[ \t]+(?=\n)", "", text)
+    return _CONTINUED.sub(
+        lambda lines: lines[0].replace("\\\n", " ") + "\n" * lines[0].count("\\\n"), text
+    )
 
 
 def constant(file: str, name: str) -> int:
-    """The integer that a file of `cl/` defines `name` to be, which is its one home."""
+    """Return the integer that a file of `cl/`, its one home, defines `name` to be."""
     return int(_source(file).expanded(name))
 
 
 def float_constant(file: str, name: str) -> float:
-    """The same of a number in single precision, such as 0.1f."""
+    """Return the same of a number in single precision, such as 0.1f."""
     return float(_source(file).expanded(name).removesuffix("f"))
 
 
 @cache
 def _source(file: str) -> KernelSource:
     read = KernelSource(CL / "lib")
-    read.read((CL / file).read_text())
+    read.read((CL / file).read_text(), file)
     return read

@@ -140,8 +140,9 @@ class Temporal:
             "rays": rays,
         }
 
-        def kernel(entry: str, **own: Any) -> Kernel:
-            return device.kernel("filter/temporal.cl", entry, defines).fixed(fixed, own)
+        def kernel(entry: str, *, later: bool = False, **own: Any) -> Kernel:
+            made = device.kernel("filter/temporal.cl", entry, defines, later=later)
+            return made.fixed(fixed, own)
 
         self._estimate = kernel("estimate_variance")
         if published:
@@ -152,9 +153,12 @@ class Temporal:
             self._accumulate = kernel("accumulate")
             self._fast, self._fast_before = histories("fast history")
             past_scalar = planes("past scalar")
-            self._follow = kernel("follow", **batched(scalar=past_scalar), limit=FAST_LENGTH)
+            self._follow = kernel(
+                "follow", later=True, **batched(scalar=past_scalar), limit=FAST_LENGTH
+            )
             self._correct = kernel(
                 "correct",
+                later=True,
                 **batched(past_scalar=past_scalar),
                 antilag_sigma=settings.antilag_sigma,
                 clamp_sigma=settings.clamp_sigma,

@@ -52,7 +52,8 @@ class _Tracer:
         layout = guide.layout
         if name is not None:
             own["samples"] = device.zeros(f"{name} samples", layout.shape(1), np.uint32)
-        self._kernel = device.kernel(f"methods/{kernel}.cl", kernel, defines).fixed(
+        pixels = layout.width * layout.height
+        self._kernel = device.kernel(f"methods/{kernel}.cl", kernel, defines, items=pixels).fixed(
             layout.arguments(), planes, rays=rays, frame_seed=features.settings.seed, **own
         )
 

@@ -101,7 +101,8 @@ class Canvas:
     ) -> None:
         stage = wanted.stage
         given = (device, stage.frame, wanted.instances, wanted.view, wanted.settings)
-        expect(device.to_compile(require_memory(*given, stage.footage).kernels))
+        self._kernels = require_memory(*given, stage.footage).kernels
+        expect(device.to_compile(self._kernels))
         self._renderer = Renderer(*given, footage=stage.footage, worlds=worlds)
         self._version = self._renderer.real_world.version
         self._device, self._footage = device, stage.footage
@@ -159,6 +160,8 @@ class Canvas:
         at_rest = 1.0 / (self.rested + 1) if self._moved else 0.0
         renderer.fading = min(renderer.settings.fading, at_rest)
         picture = renderer.render(steps, aovs)
+        self._device.compile(self._kernels, later=True)
+        self._kernels = ()
         self.rested += steps
         self.noise = self._convergence.add(self.rested, picture.color)
         return picture

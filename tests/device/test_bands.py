@@ -10,6 +10,8 @@ import pytest
 
 from iprt.device.bands import Bands
 from iprt.device.compute import ComputeDevice
+from iprt.device.kernel import Kernel
+from iprt.device.program import PlannedKernel
 from iprt.geometry.camera import View
 from iprt.renderer import Renderer
 from iprt.scene.scene import Scene
@@ -125,15 +127,21 @@ def test_programs_that_are_not_in_use_are_forgotten(device: ComputeDevice) -> No
     variants = [{"PLANE_PAD": 2 + number} for number in range(6)]
     source, name = "view/composite.cl", "composite"
 
-    def planned(number: int) -> list[tuple[str, str, dict[str, int]]]:
-        return [(source, name, variants[number])]
+    def planned(number: int) -> list[PlannedKernel]:
+        return [PlannedKernel(source, name, variants[number])]
 
-    used = [own.kernel(source, name, variant) for variant in variants[:5]]
+    def built(number: int) -> Kernel:
+        kernel = own.kernel(source, name, variants[number])
+        kernel.make()
+        return kernel
+
+    assert own.to_compile(planned(0)) == 2
+    used = [built(number) for number in range(5)]
     assert len(own.built_programs) == 5
     assert own.to_compile(planned(0)) == 1, "it was not launched yet"
     del used[1:]
     gc.collect()
-    last = own.kernel(source, name, variants[5])
+    last = built(5)
     assert len(own.built_programs) == 3
     assert [own.to_compile(planned(n)) for n in range(6)] == [1, 2, 2, 2, 1, 1]
     assert used

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ import pytest
 from iprt.device.checked import INFINITE, CheckedDevice
 from iprt.device.compute import ComputeDevice
 from iprt.device.plan import PlanDevice
-from iprt.device.program import build
+from iprt.device.program import Program, build
 from iprt.errors import DefectError
 from iprt.files.resources import CL
 from iprt.footage.footage import Footage
@@ -134,7 +135,7 @@ def test_films_build_every_kernel() -> None:
     for film in films().values():
         given = (plan, film.video[0], film.objects, film.view, film.settings)
         Renderer(*given, footage=Footage.of(film.video[0], static_camera=film.static_camera))
-    assert {name for _, name, _ in plan.kernels} == entry_points()
+    assert {one.name for one in plan.kernels} == entry_points()
 
 
 def test_nothing_is_checked_unless_asked_for(device: ComputeDevice) -> None:
@@ -153,11 +154,9 @@ def test_the_command_line_says_it_in_one_line(
     right, wrong = "picture[i] = a >", "picture[i + 1] = a >"
     source = (CL / "view/composite.cl").read_text()
     assert right in source
-    file = tmp_path / "composite.cl"
-    file.write_text(source.replace(right, wrong))
 
-    def built(context: object, name: str, *rest: Any) -> Any:
-        return build(context, str(file) if name == "view/composite.cl" else name, *rest)
+    def built(context: object, program: Program) -> Any:
+        return build(context, replace(program, text=program.text.replace(right, wrong)))
 
     monkeypatch.setattr("iprt.device.compute.build", built)
     output = tmp_path / "picture.png"

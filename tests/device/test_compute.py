@@ -42,21 +42,21 @@ def fresh(device: ComputeDevice) -> ComputeDevice:
 
 def test_a_race_in_the_drivers_cache_is_run_again(device: ComputeDevice, builds: list[str]) -> None:
     builds += [RACE] * (BUILD_TRIES - 1)
-    assert fresh(device).kernel("world/real/pyramid.cl", "reduce_range") is not None
+    assert fresh(device).kernel("world/real/pyramid.cl", "reduce_range").make() is not None
     assert not builds
 
 
 def test_it_is_not_run_for_ever(device: ComputeDevice, builds: list[str]) -> None:
     builds += [RACE] * (BUILD_TRIES + 1)
     with pytest.raises(KernelError, match=CACHE_RACE):
-        fresh(device).kernel("world/real/pyramid.cl", "reduce_range")
+        fresh(device).kernel("world/real/pyramid.cl", "reduce_range").make()
     assert len(builds) == 1
 
 
 def test_other_failures_are_reported_at_once(device: ComputeDevice, builds: list[str]) -> None:
     builds += ["error: use of undeclared identifier"] * 2
     with pytest.raises(KernelError, match="undeclared identifier"):
-        fresh(device).kernel("world/real/pyramid.cl", "reduce_range")
+        fresh(device).kernel("world/real/pyramid.cl", "reduce_range").make()
     assert len(builds) == 1
 
 

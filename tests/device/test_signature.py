@@ -11,7 +11,7 @@ import pytest
 from iprt.device.compute import ComputeDevice
 from iprt.device.signature import Parameter, signature
 from iprt.errors import KernelError
-from iprt.files.kernel_source import constant, float_constant
+from iprt.files.kernel_source import KernelSource, constant, float_constant
 from tests.films import entry_points, planned_kernels
 
 HEADER = """
@@ -48,9 +48,16 @@ __kernel void tell(
 """
 
 
+def read(text: str, folder: Path = Path(), **defines: str) -> KernelSource:
+    source = KernelSource(folder)
+    source.define(defines)
+    source.read(text, "tell.cl")
+    return source
+
+
 def names(tmp_path: Path, **defines: str) -> list[str]:
     (tmp_path / "pair.h").write_text(HEADER)
-    return [one.name for one in signature(SOURCE, "tell", defines, tmp_path)]
+    return [one.name for one in signature(read(SOURCE, tmp_path, **defines), "tell")]
 
 
 def test_conditions_macros_and_included_files(tmp_path: Path) -> None:
@@ -64,9 +71,9 @@ def test_conditions_macros_and_included_files(tmp_path: Path) -> None:
 
 def test_kinds() -> None:
     source = "__kernel void k(const int a, uint b, float c, __global int *d, const int4 e) {}"
-    kinds = (np.int32, np.uint32, np.float32, None, None)
-    expected = tuple(Parameter(name, kind) for name, kind in zip("abcde", kinds, strict=True))
-    assert signature(source, "k", {}, Path()) == expected
+    kinds = (np.int32, 1), (np.uint32, 1), (np.float32, 1), (None, 0), (None, 4)
+    expected = tuple(Parameter(name, *kind) for name, kind in zip("abcde", kinds, strict=True))
+    assert signature(read(source), "k") == expected
 
 
 def test_constants_of_headers() -> None:
@@ -78,13 +85,13 @@ def test_constants_of_headers() -> None:
 
 def test_no_such_kernel() -> None:
     with pytest.raises(KernelError, match="no kernel 'missing'"):
-        signature("__kernel void present(int a) {}", "missing", {}, Path())
+        signature(read("__kernel void present(int a) {}"), "missing")
 
 
 def test_every_variant_of_every_kernel(quick_device: ComputeDevice) -> None:
     variants = planned_kernels()
-    assert {name for _, name, _ in variants} == entry_points()
-    for file, name, defines in variants:
+    assert {one.name for one in variants} == entry_points()
+    for file, name, defines, *_ in variants:
         kernel = quick_device.kernel(file, name, defines)
         made = kernel.make()
         declared = [
@@ -96,7 +103,7 @@ def test_every_variant_of_every_kernel(quick_device: ComputeDevice) -> None:
             for i in range(made.num_args)
         ]
         scalars = {np.int32: "int", np.uint32: "uint", np.float32: "float", None: None}
-        read = [(one.name, scalars[one.scalar]) for one in kernel.signature]
-        assert [name for name, _ in read] == [name for name, _ in declared], (file, name, defines)
-        for (_, kind), (_, of_driver) in zip(read, declared, strict=True):
+        told = [(one.name, scalars[one.scalar]) for one in kernel.signature]
+        assert [name for name, _ in told] == [name for name, _ in declared], (file, name, defines)
+        for (_, kind), (_, of_driver) in zip(told, declared, strict=True):
             assert kind == of_driver or (kind is None and of_driver not in scalars.values())

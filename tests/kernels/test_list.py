@@ -5,7 +5,7 @@ import pyopencl as cl
 import pyopencl.array as cla
 import pytest
 
-from iprt.files.resources import CL
+from iprt.device.program import Program, build
 
 SOURCE = """
 #include "maths/list.h"
@@ -22,7 +22,7 @@ LOCAL = 4
 
 def visited(device, groups, count, offset=0):
     """How often each place was visited, and by which group last."""
-    program = cl.Program(device.context, SOURCE).build(["-cl-std=CL1.2", "-I", str(CL / "lib")])
+    program = build(device.context, Program.of_text(SOURCE, "mark"))
     size = groups * LOCAL
     visits = cla.zeros(device.queue, offset + size, np.int32)
     by = cla.zeros(device.queue, offset + size, np.int32) - 1

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from iprt.device.compute import ComputeDevice
 from iprt.device.counting import CountingDevice, CountingKernel
 from iprt.device.kernel import Kernel
-from iprt.device.signature import signature
-from iprt.files.resources import CL
+from iprt.device.program import Program
+from iprt.device.program import build as build_program
 from iprt.footage.frame import Frame
 from iprt.gbuffer.batch import int4
 from iprt.geometry.camera import View
@@ -50,14 +50,11 @@ __kernel void trace(const int n, __global const float4 *origin, __global const f
 
 def build(device: ComputeDevice, source: str, name: str, *options: str) -> Kernel:
     """Compile `source` against `cl/lib/`; on a `CountingDevice` it counts."""
-    counting = isinstance(device, CountingDevice)
-    flags = ["-cl-std=CL1.2", "-I", str(CL / "lib"), *options, *["-DCOUNT_WORK"] * counting]
-    built = cl.Program(device.context, source).build(flags)
-    defines = (flag[2:].split("=") for flag in flags if flag.startswith("-D"))
-    declared = signature(
-        source, name, {word: (*text, "1")[0] for word, *text in defines}, CL / "lib"
-    )
-    kernel = Kernel(device, lambda: cl.Kernel(built, name), name, name, declared)
+    flags = [*options, *["-DCOUNT_WORK"] * isinstance(device, CountingDevice)]
+    defines = ((*flag[2:].split("="), "1")[:2] for flag in flags)
+    program = Program.of_text(source, name, dict(defines))
+    built = build_program(device.context, program)
+    kernel = Kernel(device, lambda: cl.Kernel(built, name), name, name, program.signature(name))
     return CountingKernel(device, kernel) if isinstance(device, CountingDevice) else kernel
 
 

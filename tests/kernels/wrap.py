@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
 from iprt.device.kernel import Kernel
-from iprt.device.signature import signature
-from iprt.files.resources import CL
+from iprt.device.program import Program, build
 
 _SCALARS = {"float": np.float32, "int": np.int32, "uint": np.uint32}
 
@@ -31,11 +30,10 @@ def _kind(values: NDArray[Any]) -> str:
 
 @lru_cache
 def _kernel(device: ComputeDevice, source: str, defines: tuple[str, ...]) -> Kernel:
-    options = ["-cl-std=CL1.2", "-I", str(CL / "lib"), *(f"-D{define}" for define in defines)]
-    built = cl.Program(device.context, source).build(options)
     texts = dict((*define.split("="), "1")[:2] for define in defines)
-    declared = signature(source, "run", texts, CL / "lib")
-    return Kernel(device, lambda: cl.Kernel(built, "run"), "run", "run", declared)
+    program = Program.of_text(source, "run", texts)
+    built = build(device.context, program)
+    return Kernel(device, lambda: cl.Kernel(built, "run"), "run", "run", program.signature("run"))
 
 
 def evaluate(

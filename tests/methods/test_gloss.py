@@ -245,9 +245,9 @@ GLOSS_FILES = {"world/real/highlight.cl", "methods/trace_gloss.cl", "view/diffus
 def test_nothing_is_built_without_real_materials() -> None:
     frame = room_frame(ROOM, 64, 32, bright_walls)
     device = plan(frame)
-    built = {define for _, _, used in device.kernels for define in used}
+    built = {define for one in device.kernels for define in one.defines}
     assert not {"GLOSS", "MATERIAL_PLASTIC", "SPECULAR"} & built
-    assert not GLOSS_FILES & {file for file, _, _ in device.kernels}
+    assert not GLOSS_FILES & {one.file for one in device.kernels}
     words = ("gloss", "highlight", "radiated", "reflectance", "real diffuse", "real roughness")
     assert not [name for name in device.buffers for word in words if word in name]
     # Nor where the real surfaces are not relit at all.
@@ -260,7 +260,7 @@ def test_nothing_is_built_without_real_materials() -> None:
 def test_real_materials_build_their_own_kinds_only() -> None:
     frame = room_frame(ROOM, 64, 32, bright_walls)
     device = plan(replace(with_floor(frame, COAT), real_materials=(COAT,)))
-    assert {file for file, _, _ in device.kernels} >= GLOSS_FILES
-    (gloss,) = [used for file, _, used in device.kernels if file == "methods/trace_gloss.cl"]
+    assert {one.file for one in device.kernels} >= GLOSS_FILES
+    (gloss,) = [one.defines for one in device.kernels if one.file == "methods/trace_gloss.cl"]
     assert {"MATERIAL_DIFFUSE", "MATERIAL_PLASTIC", "GLOSS"} <= gloss.keys()
     assert "MATERIAL_MIRROR" not in gloss

@@ -56,13 +56,13 @@ def plan(
 
 
 def files(device: PlanDevice) -> set[str]:
-    return {file for file, _, _ in device.kernels}
+    return {one.file for one in device.kernels}
 
 
 def defines(device: PlanDevice, file: str) -> dict[str, object]:
     """The `-D` of a file's variant for the view; the map around it differs in the projection."""
     variants: list[dict[str, object]] = [
-        dict(used) for built, _, used in device.kernels if built == file
+        dict(one.defines) for one in device.kernels if one.file == file
     ]
     assert variants
     same = [{name: v for name, v in used.items() if name != "VIEW_EQUIRECT"} for used in variants]
@@ -76,7 +76,7 @@ def buffers(device: PlanDevice, word: str) -> list[str]:
 
 def test_a_diffuse_scene_builds_and_stores_nothing_glossy() -> None:
     device = plan(DIFFUSE, DIFFUSE)
-    built = {define for _, _, used in device.kernels for define in used}
+    built = {define for one in device.kernels for define in one.defines}
     assert "MATERIAL_DIFFUSE" in built
     for glossy in ("MATERIAL_CONDUCTOR", "MATERIAL_MIRROR", "MATERIAL_PLASTIC"):
         assert glossy not in built
@@ -86,7 +86,7 @@ def test_a_diffuse_scene_builds_and_stores_nothing_glossy() -> None:
 
 def test_a_mirror_stores_nothing_diffuse() -> None:
     device = plan(MIRROR)
-    built = {define for _, _, used in device.kernels for define in used}
+    built = {define for one in device.kernels for define in one.defines}
     assert not {"MATERIAL_DIFFUSE", "MATERIAL_CONDUCTOR", "MATERIAL_PLASTIC", "HAS_DIFFUSE"} & built
     assert not buffers(device, "diffuse")
     assert buffers(device, "specular")
@@ -121,7 +121,7 @@ def test_the_view_and_the_map_around_it_share_what_looks_into_neither() -> None:
     """Rays of real surfaces meet the view only where it holds layers of the objects."""
     for settings, file in ((Settings(), "trace_delta"), (LAYERS, "trace_real")):
         device = plan(DIFFUSE, settings=settings)
-        used = [used for built, _, used in device.kernels if built == f"methods/{file}.cl"]
+        used = [one.defines for one in device.kernels if one.file == f"methods/{file}.cl"]
         assert used
         assert not any("VIEW_EQUIRECT" in variant for variant in used)
     around = plan(DIFFUSE, view=PANORAMA, settings=LAYERS)
@@ -197,7 +197,7 @@ def test_rasterized_the_whole_panorama_has_one_set_of_layers() -> None:
     device = plan(DIFFUSE, view=PANORAMA, settings=LAYERS)
     layers = {name.split()[0] for name in buffers(device, "layers")}
     assert len(layers) == 1
-    built = [file for file, _, _ in device.kernels]
+    built = [one.file for one in device.kernels]
     assert built.count("world/objects/object_surface.cl") == 1
     assert "VIEW_EQUIRECT" in defines(device, "world/objects/object_surface.cl")
 
@@ -260,7 +260,7 @@ def test_what_moves_is_remembered_where_the_camera_stays() -> None:
         return {
             bool(buffers(device, "background")),
             "world/real/remember.cl" in files(device),
-            any("BACKGROUND" in used for _, _, used in device.kernels),
+            any("BACKGROUND" in one.defines for one in device.kernels),
         }
 
     assert remembers(built(DIFFUSE, stays=True)) == {True}

@@ -47,7 +47,9 @@ class CellLight:
         self._sample = device.kernel("world/real/cell_light.cl", "sample_light").fixed(
             width=width, step=step, sample_columns=self._shape[1], sample_rows=self._shape[0]
         )
-        self._compare = device.kernel("world/real/cell_light.cl", "compare_light").fixed(
+        self._compare = device.kernel(
+            "world/real/cell_light.cl", "compare_light", later=True
+        ).fixed(
             columns=2 * rows,
             rows=rows,
             width=width,

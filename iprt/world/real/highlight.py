@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from iprt.device.compute import ComputeDevice
+from iprt.device.kernel import Kernel
 from iprt.geometry.material import material_table
 from iprt.settings.features import CELL, Features
 from iprt.world.real.highlight_gain import highlight_gain
@@ -44,11 +45,15 @@ class Highlight:
         self._panorama = panorama
         self._settings = features.settings
         defines = features.highlight_defines()
-        self._sample = device.kernel("world/real/highlight.cl", "sample_highlight", defines)
-        self._filter = device.kernel("world/real/highlight.cl", "filter_highlight", defines)
-        self._measure = device.kernel("world/real/highlight.cl", "measure_cells", defines)
-        self._remove = device.kernel("world/real/highlight.cl", "remove_highlight", defines)
         texels = panorama.width * panorama.height
+
+        def kernel(name: str, items: int = 0) -> Kernel:
+            return device.kernel("world/real/highlight.cl", name, defines, items=items)
+
+        self._sample = kernel("sample_highlight", texels)
+        self._filter = kernel("filter_highlight", texels)
+        self._measure = kernel("measure_cells")
+        self._remove = kernel("remove_highlight")
         self._list = device.empty("glossy texels", (texels,), np.int32)
         self._variances = [device.empty(f"highlight variance {i}", (texels,)) for i in range(2)]
         cells = (-(-panorama.height // CELL), -(-panorama.width // CELL), 4)

@@ -10,6 +10,7 @@ import pyopencl.array as cla
 from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
+from iprt.device.kernel import Kernel
 from iprt.filter.mask import Mask
 from iprt.footage.frame import LUMINANCE
 from iprt.gbuffer.guide import Guide, plane_defines
@@ -65,15 +66,16 @@ class IrradianceCache:
         equirect = features.equirect_view and features.traced_layers
         defines = plane_defines(equirect=equirect) | features.real_defines()
 
-        def kernel(name: str) -> Any:
-            return device.kernel("world/real/irradiance.cl", name, defines)
+        self._entries = entries = SURFACES * self.rows * self.columns
+
+        def kernel(name: str, **hints: Any) -> Kernel:
+            return device.kernel("world/real/irradiance.cl", name, defines, **hints)
 
         self._place = kernel("place_cells")
-        self._entries = entries = SURFACES * self.rows * self.columns
         self.plane, self.mean, self.irradiance = self._grids("")
         self.point = device.zeros("irradiance point", (entries, 4))
         if features.moving_camera:
-            self._move = kernel("move_cells")
+            self._move = kernel("move_cells", later=True)
             self._before = self._grids(" before")
             self._camera = device.zeros("irradiance camera motion", (12,))
         self._light = CellLight(device, panorama.width, panorama.height, self.rows)
@@ -90,17 +92,17 @@ class IrradianceCache:
             listed=self._listed,
             cells=self._cells,
         )
-        self._refine = kernel("refine_cells").fixed(
+        self._refine = kernel("refine_cells", items=entries).fixed(
             rays=settings.rays,
             entries=entries,
             seed=features.settings.seed,
             list=self._cells,
             point=self.point,
         )
-        self._smooth = kernel("smooth_cells").fixed(
+        self._smooth = kernel("smooth_cells", items=entries).fixed(
             grid, list=self._cells, listed=self._listed, point=self.point
         )
-        self._show = kernel("show_cells")
+        self._show = kernel("show_cells", later=True)
 
     def _grids(self, when: str) -> tuple[cla.Array, cla.Array, cla.Array]:
         plane = self._device.zeros("irradiance plane" + when, (self._entries, 4))

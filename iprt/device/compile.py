@@ -1,0 +1,67 @@
+"""The process of `iprt.device.compilers`: compiles the kernels that it is sent.
+
+`python -m iprt.device.compile PLATFORM DEVICE` reads pickled tasks from stdin. It answers True for
+each kernel that is compiled and False for a program that does not build.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import sys
+from typing import Any
+
+import numpy as np
+import pyopencl as cl
+
+from iprt.device.compilers import SMALL_GRID, KernelTask
+from iprt.device.program import Program, build
+from iprt.errors import KernelError
+
+GROUP = 64
+"""Work items of a group, as `ComputeDevice.group_size` has it for processors."""
+MEMORY_BYTES = 2**21
+"""Zeroed memory that all buffers of a launch point into the middle of."""
+
+
+def launch(context: cl.Context, built: Any, task: KernelTask) -> None:
+    """Launch a kernel on memory and numbers that are 0, for which it has nothing to do."""
+    queue = cl.CommandQueue(context)
+    memory = cl.Buffer(context, cl.mem_flags.READ_WRITE, MEMORY_BYTES)
+    cl.enqueue_fill_buffer(queue, memory, b"\0", 0, MEMORY_BYTES)
+    middle = memory.get_sub_region(MEMORY_BYTES // 2, MEMORY_BYTES // 2)
+    kernel = cl.Kernel(built, task.name)
+    for index, parameter in enumerate(task.signature):
+        zeros = np.zeros(parameter.words, np.int32)
+        kernel.set_arg(index, zeros if parameter.words else middle)
+    items = -(-SMALL_GRID // GROUP) * GROUP if task.large else GROUP
+    cl.enqueue_nd_range_kernel(queue, kernel, (items, 1), (GROUP, 1)).wait()
+
+
+def main() -> None:
+    """Compile until stdin ends."""
+    answers = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # drivers print there
+    platform, device = map(int, sys.argv[1:])
+    context = cl.Context([cl.get_platforms()[platform].get_devices()[device]])
+    while True:
+        try:
+            program, kernels = pickle.load(sys.stdin.buffer)
+        except EOFError:
+            return
+        assert isinstance(program, Program)
+        try:
+            built = build(context, program)
+        except KernelError:  # reported where it is launched
+            built = None
+        for task in kernels:
+            if built is not None:
+                launch(context, built, task)
+            pickle.dump(built is not None, answers)
+            answers.flush()
+            if built is None:
+                break
+
+
+if __name__ == "__main__":
+    main()

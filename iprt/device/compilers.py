@@ -1,0 +1,194 @@
+"""Processes that fill PoCL's cache of compiled kernels, one per core.
+
+PoCL compiles a kernel when it is first launched, one at a time in a process however many threads
+ask. A process of its own launches it there on a few items, and the launch here finds it compiled.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import pickle
+import subprocess
+import sys
+import threading
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import IO, Any, NamedTuple
+
+import pyopencl as cl
+
+from iprt.device.caches import cache_folder
+from iprt.device.program import Program
+from iprt.device.signature import Parameter
+
+SMALL_GRID = 2**16 - 1
+"""Most items along a dimension up to which PoCL compiles a kernel for small grids."""
+MOST_PROCESSES = 8
+IDLE_S = 2.0
+"""Seconds after which a process without work ends."""
+LONGEST_S = 300.0
+"""Longest wait for a process; after it, the kernel is compiled at its launch here."""
+
+
+class KernelTask(NamedTuple):
+    """A kernel to compile.
+
+    Attributes
+    ----------
+    name : str
+    signature : sequence of Parameter
+    large : bool
+        For grids larger than `SMALL_GRID`.
+    """
+
+    name: str
+    signature: Sequence[Parameter]
+    large: bool
+
+
+@dataclass(eq=False)
+class _Task:
+    """A program with kernels to compile."""
+
+    program: Program
+    kernels: list[KernelTask] = field(default_factory=list)
+    done: threading.Event = field(default_factory=threading.Event)
+
+
+class Compilers:
+    """Compiles kernels of one PoCL device in other processes, in the order of the requests.
+
+    Parameters
+    ----------
+    device : pyopencl.Device
+    processes : int
+        Number that work at the same time.
+    """
+
+    def __init__(self, device: cl.Device, processes: int) -> None:
+        platforms = cl.get_platforms()
+        platform = platforms.index(device.platform)
+        self._place = (platform, platforms[platform].get_devices().index(device))
+        self._device_key = "\0".join([device.name, device.driver_version, device.version])
+        self._folder = _pocl_cache() / "iprt"
+        self._processes = processes
+        self._changed = threading.Condition()
+        self._queue: deque[_Task] = deque()
+        self._tasks: dict[tuple[Program, str, bool], _Task] = {}
+        self._running = 0
+
+    @classmethod
+    def of(cls, device: cl.Device) -> Compilers | None:
+        """Return those of a device; None where they would be of no use."""
+        processes = min(len(os.sched_getaffinity(0)), MOST_PROCESSES)
+        pocl = "Portable Computing Language" in device.platform.name
+        cached = os.environ.get("POCL_KERNEL_CACHE", "1") != "0"
+        return cls(device, processes) if pocl and cached and processes > 1 else None
+
+    def request(self, program: Program, kernel: str, items: int) -> None:
+        """Compile a kernel that will be launched on up to `items` along a dimension.
+
+        Returns at once. Does nothing where the kernel is in the cache. One that is compiled for
+        large grids serves small ones too.
+        """
+        large = items > SMALL_GRID
+        key = (program, kernel, large)
+        asked = key in self._tasks or (program, kernel, True) in self._tasks
+        if asked or self._file(*key).exists():
+            return
+        with self._changed:
+            task = next((task for task in self._queue if task.program == program), None)
+            if task is None:
+                task = _Task(program)
+                self._queue.append(task)
+            task.kernels.append(KernelTask(kernel, program.signature(kernel), large))
+            self._tasks[key] = task
+            if self._running < min(self._processes, len(self._queue)):
+                self._running += 1
+                threading.Thread(target=self._work, daemon=True).start()
+            self._changed.notify()
+
+    def wait(self, program: Program, kernel: str) -> None:
+        """Wait for a kernel, if it was requested; it goes before all that nobody waits for."""
+        for large in (False, True):
+            task = self._tasks.get((program, kernel, large))
+            if task is not None:
+                with self._changed:
+                    if task in self._queue:
+                        self._queue.remove(task)
+                        self._queue.appendleft(task)
+                task.done.wait(LONGEST_S)
+
+    def _work(self) -> None:
+        """Hand tasks to a process, until there have been none for a while."""
+        process: subprocess.Popen[bytes] | None = None
+        while (task := self._next()) is not None:
+            kernels = deque(task.kernels)
+            while kernels:
+                process = process or self._start()
+                if not self._compile(process, task.program, kernels):
+                    process = None
+            task.done.set()
+        if process is not None:
+            process.communicate()  # it ends with its input
+
+    def _next(self) -> _Task | None:
+        with self._changed:
+            if not self._queue:
+                self._changed.wait(IDLE_S)
+            if self._queue:
+                return self._queue.popleft()
+            self._running -= 1
+            return None
+
+    def _start(self) -> subprocess.Popen[bytes]:
+        """Start a process of `iprt.device.compile`."""
+        return subprocess.Popen(
+            [sys.executable, "-m", "iprt.device.compile", *map(str, self._place)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,  # Ctrl+C is for this process, whose end ends the other
+        )
+
+    def _compile(
+        self, process: subprocess.Popen[bytes], program: Program, kernels: deque[KernelTask]
+    ) -> bool:
+        """Compile kernels, which leave the list; return whether the process goes on."""
+        try:
+            pickle.dump((program, list(kernels)), _stream(process.stdin))
+            _stream(process.stdin).flush()
+            while kernels:
+                if pickle.load(_stream(process.stdout)):
+                    self._mark(program, kernels.popleft())
+                else:  # reported where it is launched
+                    kernels.clear()
+        except (OSError, EOFError, pickle.UnpicklingError):
+            # With nothing to work on, a kernel may crash; by then it is compiled.
+            process.kill()
+            process.wait()
+            self._mark(program, kernels.popleft())
+            return False
+        return True
+
+    def _mark(self, program: Program, kernel: KernelTask) -> None:
+        self._folder.mkdir(parents=True, exist_ok=True)
+        self._file(program, kernel.name, kernel.large).touch()
+
+    def _file(self, program: Program, kernel: str, large: bool) -> Path:
+        """Return the file that stands for a compiled kernel beside PoCL's own."""
+        words = [self._device_key, program.key, kernel, str(large)]
+        return self._folder / hashlib.sha256("\0".join(words).encode()).hexdigest()
+
+
+def _stream(pipe: IO[bytes] | None) -> Any:
+    assert pipe is not None
+    return pipe
+
+
+def _pocl_cache() -> Path:
+    own = os.environ.get("POCL_CACHE_DIR")
+    return Path(own) if own else (cache_folder() or Path(os.devnull)) / "pocl" / "kcache"

@@ -1,0 +1,117 @@
+"""Kernels that other processes compile: the launch here finds them in PoCL's cache."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from iprt.device import compilers
+from iprt.device.choose import choose_device, describe_devices
+from iprt.device.compilers import Compilers
+from iprt.device.compute import ComputeDevice
+from iprt.device.program import PlannedKernel, Program
+
+FILE, NAME = "world/real/pyramid.cl", "reduce_range"
+CRASHES = """
+__kernel void crash(__global int *out, const int which)
+{
+    out[get_global_id(0)] = 1 / which;
+}
+__kernel void fine(__global int *out)
+{
+    out[get_global_id(0)] = 1;
+}
+"""
+
+
+@pytest.fixture
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty cache of kernels."""
+    monkeypatch.setenv("POCL_CACHE_DIR", str(tmp_path))
+    return tmp_path
+
+
+@pytest.fixture
+def several(cache: Path) -> Compilers:
+    """Two processes for PoCL."""
+    return Compilers(choose_device("pocl"), 2)
+
+
+def compiled(cache: Path) -> list[str]:
+    """Return the names of the kernels in PoCL's cache."""
+    return sorted(path.stem for path in cache.rglob("*.so"))
+
+
+def test_a_kernel_is_compiled_elsewhere(several: Compilers, cache: Path) -> None:
+    program = Program.of(FILE)
+    several.request(program, NAME, 0)
+    several.wait(program, NAME)
+    assert compiled(cache) == [NAME]
+
+
+def test_it_is_asked_for_once(
+    several: Compilers, cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also by processes that come later."""
+    program = Program.of(FILE)
+    for _ in range(3):
+        several.request(program, NAME, 0)
+    several.wait(program, NAME)
+    assert len(list((cache / "iprt").iterdir())) == 1
+
+    def start(_: Compilers) -> None:
+        raise AssertionError
+
+    monkeypatch.setattr(Compilers, "_start", start)
+    later = Compilers(choose_device("pocl"), 2)
+    later.request(program, NAME, 0)
+    later.wait(program, NAME)
+
+
+def test_grids_of_either_size(several: Compilers, cache: Path) -> None:
+    program = Program.of(FILE)
+    several.request(program, NAME, compilers.SMALL_GRID)
+    several.request(program, NAME, compilers.SMALL_GRID + 1)
+    several.wait(program, NAME)
+    folders = sorted(path.parent.name for path in cache.rglob("*.so"))
+    assert folders == ["64-1-1-goffs0", "64-1-1-goffs0-smallgrid"]
+
+
+def test_a_crash_ends_nothing_but_its_process(several: Compilers, cache: Path) -> None:
+    program = Program.of_text(CRASHES, "crashes.cl")
+    for name in ("crash", "fine"):
+        several.request(program, name, 0)
+    several.wait(program, "crash")
+    several.wait(program, "fine")
+    assert "fine" in compiled(cache)
+
+
+def test_what_does_not_build_is_left_to_the_launch(several: Compilers, cache: Path) -> None:
+    program = Program.of_text("__kernel void wrong(int a) { nowhere; }", "wrong.cl")
+    several.request(program, "wrong", 0)
+    several.wait(program, "wrong")
+    assert not compiled(cache)
+    assert not (cache / "iprt").exists()
+
+
+@pytest.mark.skipif(len(os.sched_getaffinity(0)) < 2, reason="one core compiles by itself")
+def test_a_device_launches_what_was_compiled(cache: Path) -> None:
+    device = ComputeDevice(choose_device("pocl"))
+    device.compile([PlannedKernel(FILE, NAME, {})])
+    assert device._compilers is not None
+    device._compilers.wait(Program.of(FILE), NAME)
+    before = compiled(cache)
+    kernel = device.kernel(FILE, NAME)
+    source = device.upload("source", np.ones((2, 4, 2), np.float32))
+    arguments = {one.name: source if one.words == 0 else 0 for one in kernel.signature}
+    kernel((1, 1), arguments)
+    device.finish()
+    assert compiled(cache) == before == [NAME]
+
+
+def test_other_drivers_have_none() -> None:
+    others = [info for info in describe_devices() if "pocl" not in info.vendor.lower()]
+    assert all(Compilers.of(info.handle) is None for info in others)
