@@ -16,24 +16,13 @@ ROOT = Path(__file__).parents[1]
 MATERIAL = {
     "iprt/geometry/material.py": [
         ('"conductor", "plastic"]', '"conductor", "plastic", "charcoal"]'),
-        ("DIFFUSE_KINDS = (", 'DIFFUSE_KINDS = ("MATERIAL_CHARCOAL", '),
-        (
-            '        "MATERIAL_DIFFUSE": any(',
-            '        "MATERIAL_CHARCOAL": any(m.kind == "charcoal" for m in materials),\n'
-            '        "MATERIAL_DIFFUSE": any(',
-        ),
+        ("DIFFUSE_KINDS = frozenset((", 'DIFFUSE_KINDS = frozenset(("charcoal", '),
     ],
     "cl/lib/world/brdf.h": [
         ("#define KIND_PLASTIC 2", "#define KIND_PLASTIC 2\n#define KIND_CHARCOAL 3"),
         (
-            "#if defined(MATERIAL_DIFFUSE) ||",
-            "#if defined(MATERIAL_CHARCOAL) || defined(MATERIAL_DIFFUSE) ||",
-        ),
-        (
-            "float cos_o)\n{\n#ifdef MATERIAL_PLASTIC\n    if (material.kind == KIND_PLASTIC)\n"
-            "        return coat",
-            "float cos_o)\n{\n#ifdef MATERIAL_CHARCOAL\n    if (material.kind == KIND_CHARCOAL)\n"
-            "        return 0.25f;\n#endif\n#ifdef MATERIAL_PLASTIC\n"
+            "float cos_o)\n{\n    if (material.kind == KIND_PLASTIC)\n        return coat",
+            "float cos_o)\n{\n    if (material.kind == KIND_CHARCOAL)\n        return 0.25f;\n"
             "    if (material.kind == KIND_PLASTIC)\n        return coat",
         ),
     ],

@@ -6,8 +6,8 @@
 //      albedo         3 planes
 //      world          lib/world/world.h
 //      environment    methods/environment_samples.cl
-// out  diffuse        3 planes (-D HAS_DIFFUSE): irradiance / pi
-//      specular       3 planes (-D HAS_SPECULAR): radiance
+// out  diffuse        3 planes: irradiance / pi; null where no material has a diffuse lobe
+//      specular       3 planes: radiance; null where none has a specular one
 //      samples        1 plane: paths that the pixel has sent since the start, in and out
 //      touched        1 plane: TOUCHED_FRAMES where a ray met an object
 #include "methods/path_tracing.h"
@@ -19,12 +19,8 @@ TRACING_KERNEL void path_trace_virtual(
     WORLD_PARAMETERS,
     PATH_PARAMETERS,
     __global uint *restrict samples,
-#ifdef HAS_DIFFUSE
     __global float *restrict diffuse,
-#endif
-#ifdef HAS_SPECULAR
     __global float *restrict specular,
-#endif
     __global float *restrict touched WORK_PARAMETER)
 {
     LIST_ITEM(count[0]);
@@ -49,12 +45,10 @@ TRACING_KERNEL void path_trace_virtual(
         met |= sums.met;
     }
     samples[at.pixel] = first + paths;
-#ifdef HAS_DIFFUSE
-    store_planes(diffuse, at.size, at.pixel, diffuse_sum / (float)paths);
-#endif
-#ifdef HAS_SPECULAR
-    store_planes(specular, at.size, at.pixel, specular_sum / (float)paths);
-#endif
+    if (diffuse)
+        store_planes(diffuse, at.size, at.pixel, diffuse_sum / (float)paths);
+    if (specular)
+        store_planes(specular, at.size, at.pixel, specular_sum / (float)paths);
     if (met)
         touched[at.pixel] = TOUCHED_FRAMES;
 }

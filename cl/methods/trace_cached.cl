@@ -28,12 +28,10 @@ static inline Scatter sample_direction(const World world, float3 n, uint index, 
     Scatter s = no_scatter(n);
     const float2 u = sobol_2d(index, seed);
     int aimed = 0;
-#ifdef LIGHT_SAMPLING
     s.light_share = world.lights.count > 0 ? 0.5f : 0.0f;
     aimed = sobol_1d(index, hash_combine(seed, 1)) < s.light_share;
     if (aimed)
         s.wi = sample_light(world.lights, u);
-#endif
     if (!aimed)
         s.wi = frame_to_world(build_frame(n), sample_cosine(u));
     const float cosine = fmax(dot(n, s.wi), 0.0f);

@@ -25,19 +25,15 @@ static inline Scatter sample_delta(const World world, const BoxView boxes, float
     Scatter s = no_scatter(boxes.n);
     const float box_share = !(boxes.total > 0.0f) ? 0.0f
         : boxes.inside ? BOX_SHARE_INSIDE : BOX_SHARE;
-#ifdef LIGHT_SAMPLING
     s.light_share = world.lights.count > 0 ? 0.5f * (1.0f - box_share) : 0.0f;
-#endif
     if (v.x < box_share) {
         s.wi = sample_boxes(world.objects.bounds, world.objects.objects, boxes, u,
                             v.x / box_share);
-#ifdef LIGHT_SAMPLING
     } else if (v.x < box_share + s.light_share) {
         s.aimed = 1;
         const float3 light = sample_light(world.lights, u);
         s.texel = light_texel(world.real, light);
         s.wi = towards_light(world.real, light, s.texel, o);
-#endif
     } else {
         s.wi = frame_to_world(build_frame(boxes.n), sample_cosine(u));
     }

@@ -11,6 +11,7 @@
 //
 // The differential radiance of T. A. Franke, "Delta Voxel Cone Tracing" (ISMAR 2014), by rays.
 #define DELTA
+#define RELIT
 #include "world/boxes.h"
 #include "world/path.h"
 #include "methods/traced.h"

@@ -6,12 +6,13 @@
 //      albedo         3 planes
 //      history        1 plane: frames that the pixel's temporal mean was worth in the last picture
 //      real, objects  lib/world/world.h
-// out  diffuse        3 planes (-D HAS_DIFFUSE): irradiance / pi
-//      specular       3 planes (-D HAS_SPECULAR): radiance
-//      hit            1 plane (-D HAS_SPECULAR): metres to what is reflected, the harmonic mean over
+// out  diffuse        3 planes: irradiance / pi; null where no material has a diffuse lobe
+//      specular       3 planes: radiance; null where none has a specular one, as is
+//      hit            1 plane: metres to what is reflected, the harmonic mean over
 //                     the specular lobe; FAR_HIT: the sky, 0: no specular lobe
 //      touched        1 plane: TOUCHED_FRAMES where a ray met an object
 //      samples        1 plane: rays that the pixel has sent since the start, in and out
+#define RELIT
 #include "world/path.h"
 #include "methods/rays.h"
 #include "methods/traced.h"
@@ -41,14 +42,11 @@ TRACING_KERNEL void trace_virtual(
     __global const float *restrict albedo,
     __global const float *restrict history,
     WORLD_PARAMETERS,
+    const int jitter,                            // rays start anywhere in their pixel
     __global uint *restrict samples,
-#ifdef HAS_DIFFUSE
     __global float *restrict diffuse,
-#endif
-#ifdef HAS_SPECULAR
     __global float *restrict specular,
     __global float *restrict hit_distance,
-#endif
     __global float *restrict touched WORK_PARAMETER)
 {
     LIST_ITEM(count[0]);
@@ -66,10 +64,7 @@ TRACING_KERNEL void trace_virtual(
     for (int ray = 0; ray < more; ray++) {
         const TracedPixel at = TRACED_PIXEL(item, 0x76697274u);
         const Material material = load_material(materials, at.id - 1);
-#ifdef JITTER
-        if (ray == 0)
-#endif
-        {
+        if (ray == 0) {
             const float distance = length(at.p);
             n = at.n;
             o = at.p + object_lift(world.objects, distance) * n;
@@ -78,15 +73,15 @@ TRACING_KERNEL void trace_virtual(
         }
         const uint seed = at.seed, index = first + ray;
         const float2 u = sobol_2d(index, seed), v = sobol_2d(index, hash_combine(seed, 1));
-#ifdef JITTER
+#ifdef OBJECTS_BVH
         // Somewhere else in the pixel, if that shows the same material; else where the last ray began.
         const float2 within = sobol_2d(index, hash_combine(seed, 3));
         float3 d = n;
         // Always: what is read under a condition is not read before the loop.
-        if (at.id > 0)
+        if (jitter && at.id > 0)
             d = view_direction(view, (float2)(at.x, at.y) + within);
         ObjectHit hit;
-        if (trace_objects(world.objects, (float3)(0.0f), d, INFINITY, &hit)) {
+        if (jitter && trace_objects(world.objects, (float3)(0.0f), d, INFINITY, &hit)) {
             const Scatterer seen = object_point(world.objects, hit, (float3)(0.0f), d);
             if (seen.material == at.id - 1) {
                 o = seen.position;
@@ -109,15 +104,14 @@ TRACING_KERNEL void trace_virtual(
     }
     const int listed = READ_AGAIN(list + item), pixel = pixel_of(listed, width);
     samples[pixel] = first + more;
-#ifdef HAS_DIFFUSE
     // f / albedo is 1 / pi at most: what the albedo multiplies is a mean of radiance.
-    store_planes(diffuse, planes, pixel, diffuse_sum / (float)more);
-#endif
-#ifdef HAS_SPECULAR
-    store_planes(specular, planes, pixel, specular_sum / (float)more);
-    store_wrapped(hit_distance, pixel, listed % width, width,
-                  lobe > 0.0f ? fmin(lobe / lobe_nearness, FAR_HIT) : 0.0f);
-#endif
+    if (diffuse)
+        store_planes(diffuse, planes, pixel, diffuse_sum / (float)more);
+    if (specular) {
+        store_planes(specular, planes, pixel, specular_sum / (float)more);
+        store_wrapped(hit_distance, pixel, listed % width, width,
+                      lobe > 0.0f ? fmin(lobe / lobe_nearness, FAR_HIT) : 0.0f);
+    }
     if (met)
         touched[pixel] = TOUCHED_FRAMES;
 }

@@ -23,9 +23,9 @@ MATERIAL_ROWS = constant(_BRDF, "MATERIAL_ROWS")
 _NODES = constant(_BRDF, "MATERIAL_NODES")
 _KINDS = {kind: constant(_BRDF, f"KIND_{kind.upper()}") for kind in get_args(MaterialKind)}
 
-DIFFUSE_KINDS = ("MATERIAL_DIFFUSE", "MATERIAL_PLASTIC")
-SPECULAR_KINDS = ("MATERIAL_CONDUCTOR", "MATERIAL_MIRROR", "MATERIAL_PLASTIC")
-"""Kinds of reflectance, by their `material_defines`, that have a diffuse or a specular lobe."""
+DIFFUSE_KINDS = frozenset(("diffuse", "plastic"))
+SPECULAR_KINDS = frozenset(("conductor", "mirror", "plastic"))
+"""Kinds of reflectance that have a diffuse or a specular lobe; a mirror has no roughness."""
 
 
 @dataclass(frozen=True)
@@ -77,13 +77,3 @@ def material_table(materials: Sequence[Material]) -> NDArray[np.float32]:
             row[0, 3] = 1 / (material.ior**2 * escaping)
             row[1:] = rough_transmittance(cosine, alpha, material.ior).reshape(-1, 4)
     return rows.reshape(-1, 4)
-
-
-def material_defines(materials: Sequence[Material]) -> dict[str, bool]:
-    """`-D` flags of `cl/lib/world/brdf.h`: the kinds of reflectance that these materials need."""
-    return {
-        "MATERIAL_DIFFUSE": any(m.kind == "diffuse" for m in materials),
-        "MATERIAL_CONDUCTOR": any(m.kind == "conductor" and not m.is_mirror for m in materials),
-        "MATERIAL_MIRROR": any(m.is_mirror for m in materials),
-        "MATERIAL_PLASTIC": any(m.kind == "plastic" for m in materials),
-    }

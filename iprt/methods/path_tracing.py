@@ -118,6 +118,11 @@ def _directions(columns: int, rows: int, step: int) -> NDArray[np.float64]:
     return view.directions()[::step, ::step].astype(np.float64)
 
 
+def path_defines(features: Features, bounces: int) -> dict[str, Define]:
+    """Return `-D` variants of `cl/lib/methods/path_tracing.h`."""
+    return {"MAX_BOUNCES": bounces, "LIGHT_SAMPLING": features.light_sampling}
+
+
 class PathTraceReal(RealTracer):
     """Paths that meet objects; `one_pass`: each with and without them."""
 
@@ -134,7 +139,7 @@ class PathTraceReal(RealTracer):
     ) -> None:
         self._environment = environment
         defines = plane_defines() | features.trace_defines()
-        defines |= {"MAX_BOUNCES": bounces, "ONE_PASS": one_pass} | environment.defines
+        defines |= path_defines(features, bounces) | {"ONE_PASS": one_pass} | environment.defines
         super().__init__(device, guide, features, "path_trace_real", defines, name=name)
 
     def arguments(self, world: World) -> dict[str, Any]:
@@ -154,7 +159,7 @@ class PathTraceVirtual(VirtualTracer):
         bounces: int,
     ) -> None:
         self._environment = environment
-        defines = guide.defines(**features.trace_defines()) | {"MAX_BOUNCES": bounces}
+        defines = guide.defines(**features.trace_defines()) | path_defines(features, bounces)
         defines |= environment.defines
         super().__init__(device, guide, features, "path_trace_virtual", defines, finds_hit=False)
 

@@ -193,12 +193,10 @@ class TraceVirtual(VirtualTracer):
     """Rays that meet real surfaces and objects."""
 
     def __init__(self, device: ComputeDevice, guide: Guide, features: Features) -> None:
-        defines = guide.defines(
-            **features.relit_defines(),
-            JITTER=features.jitter,
-            **features.gloss_defines(),
+        defines = guide.defines(**features.gloss_defines())
+        super().__init__(
+            device, guide, features, "trace_virtual", defines, jitter=int(features.jitter)
         )
-        super().__init__(device, guide, features, "trace_virtual", defines)
 
 
 class GlossTracer(_Tracer):
@@ -235,5 +233,5 @@ class TraceGloss(GlossTracer):
     """Rays of the specular lobe."""
 
     def __init__(self, device: ComputeDevice, guide: Guide, features: Features) -> None:
-        defines = guide.defines(**features.relit_defines(), **features.gloss_defines())
+        defines = guide.defines(**features.gloss_defines())
         super().__init__(device, guide, features, "trace_gloss", defines, name="gloss")

@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable
+from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 from iprt.bvh.scene import STACK
 from iprt.device.program import Define
 from iprt.footage.footage import Footage
 from iprt.footage.window_environment import OUTSIDE_ROWS
 from iprt.geometry.camera import View
-from iprt.geometry.material import (
-    DIFFUSE_KINDS,
-    SPECULAR_KINDS,
-    Material,
-    material_defines,
-)
+from iprt.geometry.material import DIFFUSE_KINDS, SPECULAR_KINDS, Material
 from iprt.settings.methods import Needs, method
 from iprt.settings.model import Settings
 
@@ -27,9 +23,8 @@ TOUCHED_FRAMES = 11.0
 shadowed a pixel (`Mask.touched`)."""
 
 
-def bvh_defines(*, textured: bool) -> dict[str, Define]:
-    """`-D` variants of kernels that trace the hierarchy; `textured`: a material has a texture."""
-    return {"OBJECTS_BVH": True, "BVH_STACK": STACK, "OBJECT_TEXTURES": textured}
+BVH_DEFINES: Mapping[str, Define] = MappingProxyType({"OBJECTS_BVH": True, "BVH_STACK": STACK})
+"""`-D` variants of kernels that trace the hierarchy."""
 
 
 @dataclass(frozen=True)
@@ -42,10 +37,8 @@ class Features:
         Something is inserted. Without, the picture is the panorama, resampled.
     tracing : bool
         Rays are traced.
-    materials : tuple of (str, bool)
-        `material_defines()` of the inserted objects: which kinds of reflectance they have.
-    textured : bool
-        One of them has a texture.
+    kinds : frozenset of str
+        Kinds of reflectance of the inserted objects; a conductor without roughness is a "mirror".
     deforming : bool
         Vertices of one of them move.
     equirect_view : bool
@@ -73,8 +66,7 @@ class Features:
 
     objects: bool
     tracing: bool
-    materials: tuple[tuple[str, bool], ...]
-    textured: bool
+    kinds: frozenset[str]
     deforming: bool
     equirect_view: bool
     opening_environment: bool
@@ -99,14 +91,13 @@ class Features:
         deforming: bool = False,
     ) -> Features:
         """`materials`: those of the objects; `deforming`: their vertices move."""
-        kinds = list(materials)
+        kinds = frozenset("mirror" if m.is_mirror else m.kind for m in materials)
         needs = method(settings.method).needs(settings)
         tracing = bool(kinds) and needs.tracing
         return cls(
             objects=bool(kinds),
             tracing=tracing,
-            materials=tuple(material_defines(kinds).items()),
-            textured=any(m.texture is not None for m in kinds),
+            kinds=kinds,
             deforming=deforming,
             equirect_view=view.projection == "equirect",
             opening_environment=tracing
@@ -129,10 +120,6 @@ class Features:
             settings=settings,
         )
 
-    def has(self, *kinds: str) -> bool:
-        """An object has one of these kinds of reflectance, named as in `material_defines`."""
-        return any(needed for kind, needed in self.materials if kind in kinds)
-
     @property
     def gloss(self) -> bool:
         """Real surfaces reflect objects."""
@@ -141,12 +128,12 @@ class Features:
     @property
     def diffuse_signal(self) -> bool:
         """Objects reflect diffusely."""
-        return self.has(*DIFFUSE_KINDS)
+        return bool(self.kinds & DIFFUSE_KINDS)
 
     @property
     def specular_signal(self) -> bool:
         """Objects reflect glossily or as mirrors."""
-        return self.has(*SPECULAR_KINDS)
+        return bool(self.kinds & SPECULAR_KINDS)
 
     @property
     def relit(self) -> bool:
@@ -227,52 +214,36 @@ class Features:
             self.moving_camera,
             self.delta,
             tuple(self.real_defines().items()),
-            (trace.thickness, trace.thickness_ratio),
+            self.light_sampling,
+            (trace.thickness, trace.thickness_ratio, trace.back_faces),
             (settings.gloss, settings.irradiance, settings.learning),
             (settings.seed, settings.check_kernels),
         )
 
-    def relit_defines(self) -> dict[str, Define]:
-        """`-D` variants of kernels whose rays meet real surfaces relit."""
-        return {"RELIT": self.relit_reflections, "RELIT_AROUND": self.ratio_map}
-
     def real_defines(self) -> dict[str, Define]:
-        """`-D` variants of kernels whose rays meet real surfaces only: they are built alike,
-        whatever the objects are made of.
-        """
+        """Return `-D` variants of kernels whose rays meet real surfaces."""
         return {
-            "OPENING_ENVIRONMENT": self.opening_environment,
-            "LIGHT_SAMPLING": self.light_sampling,
             "OUTSIDE_ROWS": OUTSIDE_ROWS,
             "BACKGROUND": self.background,
             "LEARNED_HIDDEN": self.learned_hidden,
-            "BASSRT": self.settings.trace.back_faces,
-            **(bvh_defines(textured=False) if self.bvh else {}),
+            **(BVH_DEFINES if self.bvh else {}),
         }
 
     def trace_defines(self) -> dict[str, Define]:
-        """`-D` variants of kernels whose rays meet objects, too."""
+        """Return `-D` variants of kernels whose rays meet objects, too."""
         return self.real_defines() | {
-            **dict(self.materials),
-            "HAS_DIFFUSE": self.diffuse_signal,
-            "HAS_SPECULAR": self.specular_signal,
             "DISTANT_ENVIRONMENT": self.needs.distant or not self.tracing,
             "IMPOSTOR": self.impostor,
-            "MAX_BOUNCES": self.settings.trace.bounces,
             "TOUCHED_FRAMES": TOUCHED_FRAMES,
-            **(bvh_defines(textured=self.textured) if self.bvh else {}),
         }
 
     def highlight_defines(self) -> dict[str, Define]:
-        """`-D` variants of the kernels that find what glossy real surfaces show of each other."""
-        return self.real_defines() | material_defines(self.real_materials) | {"CELL": CELL}
+        """Return `-D` variants of the kernels that find the highlights of real surfaces."""
+        return self.real_defines() | {"CELL": CELL}
 
     def gloss_defines(self) -> dict[str, Define]:
-        """`-D` variants of kernels whose rays meet the materials of real surfaces too."""
-        defines = self.trace_defines()
-        real = material_defines(self.real_materials)
-        defines |= {name: bool(defines[name]) or needed for name, needed in real.items()}
-        return defines | {"GLOSS": self.gloss, "CELL": CELL if self.gloss else False}
+        """Return `-D` variants of kernels whose rays meet glossy real surfaces too."""
+        return self.trace_defines() | {"GLOSS": self.gloss, "CELL": CELL}
 
     def describe(self) -> dict[str, bool]:
         """Features by name, and whether they are built."""
@@ -280,8 +251,8 @@ class Features:
             "relighting of real surfaces (shadows, bounce light)": self.relit,
             "shading of virtual surfaces": self.objects,
             "diffuse reflection": self.diffuse_signal,
-            "glossy reflection": self.has("MATERIAL_CONDUCTOR", "MATERIAL_PLASTIC"),
-            "mirror reflection": self.has("MATERIAL_MIRROR"),
+            "glossy reflection": bool(self.kinds & {"conductor", "plastic"}),
+            "mirror reflection": "mirror" in self.kinds,
             "reflections in glossy real surfaces": self.gloss,
             "distant environment behind windows": self.opening_environment,
             "drift of the video's exposure and white balance": self.color_map,

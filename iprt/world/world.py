@@ -13,7 +13,7 @@ from iprt.world.objects.object_layers import EMPTY
 from iprt.world.objects.objects import Objects
 from iprt.world.real.impostor import Impostor
 from iprt.world.real.irradiance import IrradianceCache
-from iprt.world.real.lights import Lights
+from iprt.world.real.lights import Lights, no_lights
 from iprt.world.real.panorama import Panorama
 from iprt.world.real.real_world import RealWorld
 
@@ -33,7 +33,14 @@ class World:
         self.real = real
         self.objects = objects
         self.impostor: Impostor | None = None
-        self._relit: dict[str, Any] = {}
+        self._relit: dict[str, Any] = {
+            "relit_screen": None,
+            "relit_view": None,
+            "relit_width": 0,
+            "relit_height": 0,
+            "relit_panorama": None,
+            "relit_rows": 0,
+        }
 
     @property
     def panorama(self) -> Panorama:
@@ -70,7 +77,7 @@ class World:
         around : ((2 * rows * rows, 4) float32, rows) or None
             `RatioMap.ratio`; None: the view shows the whole panorama.
         """
-        self._relit = {
+        self._relit |= {
             "relit_screen": screen,
             "relit_view": constants,
             "relit_width": view.width,
@@ -80,16 +87,17 @@ class World:
             self._relit["relit_panorama"], self._relit["relit_rows"] = around
 
     def arguments(self, features: Features) -> dict[str, Any]:
-        """`WORLD_PARAMETERS` of `cl/lib/world/world.h`, of all variants of kernels."""
+        """Return `WORLD_PARAMETERS` of `cl/lib/world/world.h`, for all variants of kernels."""
         trace, real, objects = features.settings.trace, self.real, self.objects
         return {
-            **self.panorama.arguments(trace.thickness, trace.thickness_ratio),
+            **self.panorama.arguments(trace),
             "real_color": self.panorama.radiated,
             **(objects.bvh.arguments() if objects.bvh else self._layers()),
             "objects_bounds": self.bounds,
             "objects_count": self.bounds.shape[0],
             "materials": objects.materials,
-            **(real.lights.arguments() if real.lights else {}),
+            "max_bounces": trace.bounces,
+            **(no_lights("light") if real.lights is None else real.lights.arguments()),
             **(self.impostor.arguments() if self.impostor else {}),
             **self._relit,
             **(real.highlight.arguments() if real.highlight else {}),

@@ -6,12 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
-from iprt.geometry.material import Material, material_defines, material_table
+from iprt.geometry.material import Material, material_table
 from tests.kernels.wrap import evaluate
 
 Array = NDArray[np.float32]
 Z = np.float32([0, 0, 1])
-ALL_KINDS = [f"MATERIAL_{kind}" for kind in ("DIFFUSE", "CONDUCTOR", "MIRROR", "PLASTIC")]
 OUTPUTS = {
     "sample": {"wi": "float3", "weight": "float3", "specular": "int"},
     "eval": {"diffuse": "float", "specular": "float3"},
@@ -26,10 +25,6 @@ BODY = {
 }
 
 
-def needed_defines(material: Material) -> list[str]:
-    return [name for name, on in material_defines([material]).items() if on]
-
-
 def call(
     device: ComputeDevice,
     function: str,
@@ -37,7 +32,6 @@ def call(
     wo: NDArray[np.floating],
     last: NDArray[np.floating],
     normal: NDArray[np.floating] = Z,
-    defines: list[str] | None = None,
 ) -> dict[str, NDArray]:
     """brdf_sample (`last` = u), brdf_eval or brdf_pdf (`last` = wi); (3,) arguments repeat."""
     count = len(last)
@@ -54,7 +48,6 @@ def call(
         inputs,
         OUTPUTS[function],
         {"materials": material_table([material])},
-        ALL_KINDS if defines is None else defines,
     )
 
 

@@ -1,13 +1,11 @@
 """cl/lib/world/brdf.h: values against float64 twins, energy, reciprocity, extremes, variants."""
 
 import numpy as np
-import pyopencl as cl
 import pytest
 
 from iprt.geometry.coat import rough_transmittance
-from iprt.geometry.material import Material, material_defines
-from tests.kernels.brdf import call, grid, needed_defines
-from tests.kernels.wrap import evaluate
+from iprt.geometry.material import Material
+from tests.kernels.brdf import call, grid
 from tests.oracles import brdf as oracle
 
 WHITE = (1.0, 1.0, 1.0)
@@ -171,56 +169,7 @@ def test_extreme_inputs_stay_finite(device, kind, ior):
 def test_a_mirror_reflects_about_the_normal(device):
     material = Material("conductor", (0.9, 0.8, 0.7), 0.0)
     o = hemisphere(1000)
-    drawn = call(device, "sample", material, o, rng.random((1000, 3)), defines=["MATERIAL_MIRROR"])
+    drawn = call(device, "sample", material, o, rng.random((1000, 3)))
     np.testing.assert_allclose(drawn["wi"], o * [-1, -1, 1], atol=1e-6)
     np.testing.assert_allclose(drawn["weight"], np.tile([0.9, 0.8, 0.7], (1000, 1)), rtol=1e-6)
     assert np.all(drawn["specular"] == 1)
-
-
-@pytest.mark.parametrize("material", [*MATERIALS, Material("conductor", WHITE, 0.0)])
-def test_a_build_for_one_kind_equals_the_build_for_all(device, material):
-    o, u, i = oracle.direction(35), rng.random((500, 3)), hemisphere(500)
-    for function, last in (("sample", u), ("eval", i), ("pdf", i)):
-        lean = call(device, function, material, o, last, defines=needed_defines(material))
-        full = call(device, function, material, o, last)
-        for name in lean:
-            np.testing.assert_allclose(lean[name], full[name], rtol=1e-6, atol=1e-7)
-
-
-@pytest.mark.parametrize(
-    ("define", "absent", "present"),
-    [
-        ("MATERIAL_DIFFUSE", "ggx_slope(v, 1.0f)", "u01(0u)"),
-        ("MATERIAL_DIFFUSE", "specular_probability(m, v, 1.0f)", "diffuse_factor(m, 1.0f, 1.0f)"),
-        ("MATERIAL_CONDUCTOR", "diffuse_factor(m, 1.0f, 1.0f)", "ggx_slope(v, 1.0f)"),
-        ("MATERIAL_CONDUCTOR", "fresnel_dielectric(1.0f, 1.5f)", "ggx_slope(v, 1.0f)"),
-        ("MATERIAL_MIRROR", "ggx_slope(v, 1.0f)", "specular_probability(m, v, 1.0f)"),
-    ],
-)
-def test_a_build_holds_no_code_of_other_kinds(device, define, absent, present):
-    def build(expression):
-        body = f"const float3 v = (float3)(x); Material m; m.kind = 0; y = {expression};"
-        evaluate(
-            device,
-            ["world/brdf.h"],
-            body,
-            {"x": np.ones(1, np.float32)},
-            {"y": "float"},
-            {},
-            [define],
-        )
-
-    build(present)
-    with pytest.raises(cl.RuntimeError):
-        build(absent)
-
-
-def test_defines_name_what_the_scene_holds():
-    def on(*materials):
-        return {name[9:].lower() for name, flag in material_defines(materials).items() if flag}
-
-    assert on() == set()
-    assert on(DIFFUSE) == {"diffuse"}
-    assert on(Material("conductor", alpha=0.0), DIFFUSE) == {"mirror", "diffuse"}
-    assert on(Material("conductor", alpha=1e-4)) == {"conductor"}
-    assert on(Material("plastic", alpha=0.0)) == {"plastic"}

@@ -90,7 +90,8 @@ class RealTracer:
     ) -> None:
         self._device = device
         cap = f"#undef MARCH_STEP_CAP\n#define MARCH_STEP_CAP {step_cap}" if step_cap else ""
-        options = ["-DBASSRT"] * bassrt + ["-DBACKGROUND"] * background
+        self._bassrt = bassrt
+        options = ["-DBACKGROUND"] * background
         self._kernel = build(device, REAL_KERNEL % cap, "trace", *options)
 
     def __call__(
@@ -101,13 +102,14 @@ class RealTracer:
         thickness: float = 0.05,
         ratio: float = 0.05,
     ) -> Hits:
-        """Trace (N, 3) rays; thickness as in `Panorama.arguments`."""
+        """Trace (N, 3) rays; thickness and ratio as in `TraceSettings`."""
+        trace = TraceSettings(thickness=thickness, thickness_ratio=ratio, back_faces=self._bassrt)
         device, n = self._device, len(directions)
         found = device.empty("found", (n, 4))
         what = device.empty("what", (n, 4), np.int32)
         self._kernel(
             (n,),
-            panorama.arguments(thickness, ratio),
+            panorama.arguments(trace),
             n=n,
             origin=device.upload("origins", four(np.broadcast_to(origins, directions.shape))),
             direction=device.upload("directions", four(directions)),

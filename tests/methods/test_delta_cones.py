@@ -157,7 +157,6 @@ def lobes(device: ComputeDevice, material: Material, o: Float) -> tuple[Float, F
         {"o": o.astype(np.float32), "alpha": np.full(len(o), material.alpha, np.float32)},
         {"wi": "float3", "weight": "float3", "solid_angle": "float", "density": "float",
          "value": "float3"},
-        defines=["MATERIAL_CONDUCTOR=1"],
     )  # fmt: skip
     density = found["density"].astype(np.float64)
     np.testing.assert_allclose(found["solid_angle"] * density, 1.0, rtol=1e-3)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
 from iprt.geometry.camera import equirect_pixel
+from iprt.settings.trace import TraceSettings
 from iprt.world.real.panorama import Panorama
 
 Float = NDArray[np.float64]
@@ -54,7 +55,7 @@ class FlatLayer:
         texels = panorama.width * panorama.height
         range_ = device.read(panorama.range)[:texels].astype(np.float64)
         range_ = range_.reshape(panorama.height, panorama.width, 2)
-        given = panorama.arguments(thickness, ratio)
+        given = panorama.arguments(TraceSettings(thickness=thickness, thickness_ratio=ratio))
         return cls(
             surface[..., :3], surface[..., 3].astype(np.int64), range_[..., 0], range_[..., 1],
             given["real_thickness_m"], given["real_thickness_ratio"], given["real_bias"],

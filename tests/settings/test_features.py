@@ -34,13 +34,6 @@ UNLIT = Settings.model_validate({"iprt": {"relight_reflections": False}})
 VIRTUAL = "methods/trace_virtual.cl"
 ESTIMATORS = {"delta": "methods/trace_delta.cl", "ratio": "methods/trace_real.cl"}
 
-KIND_OF = {
-    "MATERIAL_DIFFUSE": DIFFUSE,
-    "MATERIAL_CONDUCTOR": GLOSSY,
-    "MATERIAL_MIRROR": MIRROR,
-    "MATERIAL_PLASTIC": PLASTIC,
-}
-
 
 def plan(
     *materials: Material,
@@ -77,9 +70,6 @@ def buffers(device: PlanDevice, word: str) -> list[str]:
 def test_a_diffuse_scene_builds_and_stores_nothing_glossy() -> None:
     device = plan(DIFFUSE, DIFFUSE)
     built = {define for one in device.kernels for define in one.defines}
-    assert "MATERIAL_DIFFUSE" in built
-    for glossy in ("MATERIAL_CONDUCTOR", "MATERIAL_MIRROR", "MATERIAL_PLASTIC"):
-        assert glossy not in built
     assert not {"HAS_SPECULAR", "SPECULAR"} & built
     assert not buffers(device, "specular")
 
@@ -87,34 +77,31 @@ def test_a_diffuse_scene_builds_and_stores_nothing_glossy() -> None:
 def test_a_mirror_stores_nothing_diffuse() -> None:
     device = plan(MIRROR)
     built = {define for one in device.kernels for define in one.defines}
-    assert not {"MATERIAL_DIFFUSE", "MATERIAL_CONDUCTOR", "MATERIAL_PLASTIC", "HAS_DIFFUSE"} & built
+    assert "HAS_DIFFUSE" not in built
     assert not buffers(device, "diffuse")
     assert buffers(device, "specular")
 
 
-@pytest.mark.parametrize("file", ["methods/trace_delta.cl", "methods/trace_virtual.cl"])
-@pytest.mark.parametrize("left_out", [*KIND_OF, None])
-def test_tracing_knows_the_materials_that_are_there(file: str, left_out: str | None) -> None:
-    kinds = {define: m for define, m in KIND_OF.items() if define != left_out}
-    used = defines(plan(*kinds.values()), file)
-    assert {define for define in used if define.startswith("MATERIAL_")} == set(kinds)
-
-
-def test_what_meets_real_surfaces_only_is_built_alike_for_all_objects() -> None:
+def test_kernels_that_trace_are_built_alike_for_all_objects() -> None:
     """Compilers take seconds for each variant."""
     textured = replace(PLASTIC, texture=np.ones((4, 8, 3), np.float32))
+    few = tracing(bounces=2, back_faces=False, light_sampling=False, jitter=False)
     glossy = replace(
         FRAME, gloss=np.ones(FRAME.depth.shape, np.uint8), real_materials=(Material("plastic"),)
     )
-    plans = [
-        plan(*materials, settings=tracing(bounces=bounces), frame=glossy)
-        for materials, bounces in (((DIFFUSE,), 4), ((MIRROR, GLOSSY, textured), 2))
-    ]
-    for file in ("world/real/irradiance.cl", "world/real/highlight.cl"):
-        one, other = (defines(device, file) for device in plans)
-        assert one == other, file
-    one, other = (defines(device, "methods/trace_delta.cl") for device in plans)
-    assert one != other
+    one, other = (
+        plan(*materials, settings=settings, frame=glossy)
+        for materials, settings in (((DIFFUSE,), Settings()), ((MIRROR, GLOSSY, textured), few))
+    )
+    for file in (
+        "world/real/irradiance.cl",
+        "world/real/highlight.cl",
+        "world/objects/visibility.cl",
+        "methods/trace_delta.cl",
+        "methods/trace_virtual.cl",
+        "methods/trace_gloss.cl",
+    ):
+        assert defines(one, file) == defines(other, file), file
 
 
 def test_the_view_and_the_map_around_it_share_what_looks_into_neither() -> None:
@@ -163,7 +150,6 @@ def test_the_distant_environment_traces_nothing(view: View) -> None:
     assert not unused & files(device)
     assert not buffers(device, "light cells")
     assert "DISTANT_ENVIRONMENT" in defines(device, "methods/trace_virtual.cl")
-    assert "RELIT" not in defines(device, "methods/trace_virtual.cl")
     assert "HAS_RATIO" not in defines(device, "view/composite.cl")
     assert not buffers(device, "layers")
     assert not buffers(device, "ratio")
@@ -186,10 +172,8 @@ def test_triangles_are_traced_without_layers(view: View) -> None:
     assert not buffers(device, "layers")
     assert "world/objects/object_surface.cl" not in files(device)
     assert "OBJECTS_BVH" in defines(device, "methods/trace_virtual.cl")
-    assert "OBJECT_TEXTURES" not in defines(device, "methods/trace_virtual.cl")
     assert not buffers(device, "texels")
     textured = plan(replace(DIFFUSE, texture=np.ones((4, 8, 3), np.float32)), view=view)
-    assert "OBJECT_TEXTURES" in defines(textured, "methods/trace_virtual.cl")
     assert textured.buffers["bvh texels"] == 4 * 8 * 4 * 2
 
 
@@ -204,22 +188,6 @@ def test_rasterized_the_whole_panorama_has_one_set_of_layers() -> None:
 
 def tracing(**trace: Any) -> Settings:
     return Settings.model_validate({"trace": trace})
-
-
-@pytest.mark.parametrize(("estimator", "file"), ESTIMATORS.items())
-def test_settings_choose_variants(estimator: str, file: str) -> None:
-    few = variant(estimator, trace={"bounces": 2, "back_faces": False, "light_sampling": False})
-    used = defines(plan(DIFFUSE, settings=few), file)
-    assert used["MAX_BOUNCES"] == 2
-    assert not {"BASSRT", "LIGHT_SAMPLING"} & set(used)
-    assert {"BASSRT", "LIGHT_SAMPLING"} <= set(
-        defines(plan(DIFFUSE, settings=variant(estimator)), file)
-    )
-    assert "RELIT" in defines(plan(DIFFUSE, settings=variant(estimator)), VIRTUAL)
-
-
-def test_reflections_are_relit_by_setting() -> None:
-    assert "RELIT" not in defines(plan(DIFFUSE, settings=UNLIT), VIRTUAL)
 
 
 @pytest.mark.parametrize("view", [VIEW, PANORAMA])
@@ -288,7 +256,9 @@ class CountingPlan(PlanDevice):
 def test_a_plan_tells_the_memory(view: View) -> None:
     """No two buffers share a name, under which one would hide the other's bytes."""
     device = CountingPlan()
-    objects = [ball((0.0, 0.0, -1.5), 0.3, m, subdivisions=1) for m in KIND_OF.values()]
+    objects = [
+        ball((0.0, 0.0, -1.5), 0.3, m, subdivisions=1) for m in (DIFFUSE, GLOSSY, MIRROR, PLASTIC)
+    ]
     Renderer(device, FRAME, objects, view)
     assert sorted(device.allocated) == sorted(device.buffers)
     assert all(size > 0 for size in device.buffers.values())

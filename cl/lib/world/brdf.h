@@ -1,8 +1,5 @@
 // Reflectance of the materials in iprt/geometry/material.py: evaluate, sample, density.
 //
-// -D MATERIAL_DIFFUSE, MATERIAL_CONDUCTOR, MATERIAL_MIRROR, MATERIAL_PLASTIC name the kinds that
-// the scene holds (material_defines()); nothing else is compiled in.
-//
 // All directions are unit vectors that point away from the surface: wo to the viewer, wi to the
 // light; n is the shading normal. A reflectance has two lobes that callers accumulate apart:
 //   diffuse    given WITHOUT the albedo, so that irradiance can be filtered and the albedo
@@ -20,18 +17,10 @@
 #include "maths/maths.h"
 #include "maths/sampling.h"
 
-#if defined(MATERIAL_DIFFUSE) || defined(MATERIAL_PLASTIC)
 #define BRDF_DIFFUSE_LOBE
-#endif
-#if defined(MATERIAL_CONDUCTOR) || defined(MATERIAL_MIRROR)
 #define BRDF_METAL
-#endif
-#if defined(BRDF_METAL) || defined(MATERIAL_PLASTIC)
 #define BRDF_SPECULAR_LOBE
-#endif
-#if defined(MATERIAL_CONDUCTOR) || defined(MATERIAL_PLASTIC)
 #define BRDF_GGX
-#endif
 
 // Layout of the table made by material_table(): MATERIAL_ROWS float4 per material.
 //   row 0      kind, alpha (GGX; 0: perfectly smooth, else >= 1e-3), index of refraction,
@@ -85,8 +74,6 @@ static inline float3 brdf_local_wo(Frame frame, float3 wo)
     return o / sqrt(dot(o, o));
 }
 
-#ifdef MATERIAL_PLASTIC
-
 // Share of light that crosses the rough coat from a direction at this cosine.
 static inline float coat_transmittance(const Material material, float cosine)
 {
@@ -105,14 +92,9 @@ static inline float fresnel_dielectric(float cosine, float ior)
     return 0.5f * (s * s + p * p);
 }
 
-#endif
-
-#ifdef BRDF_SPECULAR_LOBE
-
 // Probability of sampling the specular lobe: its share of the reflected luminance.
 static inline float specular_probability(const Material material, float3 albedo, float cos_o)
 {
-#ifdef MATERIAL_PLASTIC
     if (material.kind == KIND_PLASTIC) {
         const float crossed = coat_transmittance(material, cos_o);
         const float specular = 1.0f - crossed;
@@ -120,22 +102,15 @@ static inline float specular_probability(const Material material, float3 albedo,
         const float share = specular / fmax(specular + diffuse, 1e-6f);
         return clamp(share, BRDF_MIN_LOBE, 1.0f - BRDF_MIN_LOBE);
     }
-#endif
     return material.kind == KIND_CONDUCTOR ? 1.0f : 0.0f;
 }
 
 static inline float3 specular_reflectance(const Material material, float3 albedo, float cos_h)
 {
-#ifdef MATERIAL_PLASTIC
     if (material.kind == KIND_PLASTIC)
         return (float3)(fresnel_dielectric(cos_h, material.ior));
-#endif
     return albedo;
 }
-
-#endif
-
-#ifdef BRDF_GGX
 
 // z (1 + 2 Lambda(v)) of Smith's masking function.
 static inline float ggx_slope(float3 v, float alpha)
@@ -165,52 +140,37 @@ static inline float3 ggx_sample_normal(float3 o, float alpha, float2 u)
     return h / sqrt(dot(h, h));
 }
 
-#endif
-
-#ifdef BRDF_DIFFUSE_LOBE
-
 // pi times the diffuse lobe, without the albedo.
 static inline float diffuse_factor(const Material material, float cos_i, float cos_o)
 {
-#ifdef MATERIAL_PLASTIC
     if (material.kind == KIND_PLASTIC)
         return coat_transmittance(material, cos_i) * coat_transmittance(material, cos_o) *
                material.base;
-#endif
     return 1.0f;
 }
 
-#endif
-
-#ifdef BRDF_SPECULAR_LOBE
 // A direction of the specular lobe alone; u in [0, 1)^2, o towards the viewer, in the frame of n.
 static inline BrdfSample sample_specular(const Material material, float3 albedo, const Frame frame,
                                          float3 o, float2 u)
 {
     float3 h = (float3)(0.0f, 0.0f, 1.0f);
-#ifdef BRDF_GGX
     if (material.alpha > 0.0f)
         h = ggx_sample_normal(o, material.alpha, u);
-#endif
     const float cos_h = dot(o, h);
     const float3 i = 2.0f * cos_h * h - o;
     float unshadowed = i.z > 0.0f ? 1.0f : 0.0f;
-#ifdef BRDF_GGX
     if (i.z > 0.0f && material.alpha > 0.0f) {   // G2 / G1(o)
         const float slope_o = ggx_slope(o, material.alpha);
         const float slope_i = ggx_slope(i, material.alpha);
         unshadowed = i.z * (o.z + slope_o) / (slope_o * i.z + slope_i * o.z);
     }
-#endif
     BrdfSample sample;
     sample.specular = 1;
     sample.wi = frame_to_world(frame, i);
     sample.weight = specular_reflectance(material, albedo, cos_h) * unshadowed;
     return sample;
 }
-#endif
 
-#ifdef BRDF_SPECULAR_LOBE
 // The direction that a mirror would reflect o in, with the weight of the whole lobe around it, and the solid
 // angle of a cone that is as dense as the lobe is there: the inverse of sample_specular()'s density.
 static inline BrdfSample mirrored_lobe(const Material material, float3 albedo, const Frame frame, float3 o,
@@ -221,15 +181,12 @@ static inline BrdfSample mirrored_lobe(const Material material, float3 albedo, c
     sample.wi = frame_to_world(frame, (float3)(-o.x, -o.y, o.z));
     float unshadowed = 1.0f;
     *solid_angle = 0.0f;
-#ifdef BRDF_GGX
     const float slope = ggx_slope(o, material.alpha);
     unshadowed = 0.5f * (o.z + slope) / slope;
     *solid_angle = 2.0f * IPRT_PI * material.alpha * material.alpha * (o.z + slope);
-#endif
     sample.weight = specular_reflectance(material, albedo, o.z) * unshadowed;
     return sample;
 }
-#endif
 
 // Choose a lobe with u.z, a direction in it with u.xy; u in [0, 1)^3.
 static inline BrdfSample brdf_sample(const Material material, float3 albedo, float3 n, float3 wo,
@@ -242,7 +199,6 @@ static inline BrdfSample brdf_sample(const Material material, float3 albedo, flo
     sample.weight = (float3)(0.0f);
     float diffuse_probability = 1.0f;
 
-#ifdef BRDF_SPECULAR_LOBE
     const float3 o = brdf_local_wo(frame, wo);
     const float probability = specular_probability(material, albedo, o.z);
     diffuse_probability = 1.0f - probability;
@@ -251,17 +207,12 @@ static inline BrdfSample brdf_sample(const Material material, float3 albedo, flo
         sample.weight /= probability;
         return sample;
     }
-#endif
 
-#ifdef BRDF_DIFFUSE_LOBE
     const float3 i = sample_cosine(u.xy);
     float cos_o = 1.0f;
-#ifdef MATERIAL_PLASTIC
     cos_o = o.z;
-#endif
     sample.wi = frame_to_world(frame, i);
     sample.weight = (float3)(diffuse_factor(material, i.z, cos_o) / diffuse_probability);
-#endif
     return sample;
 }
 
@@ -274,11 +225,8 @@ static inline BrdfValue brdf_eval(const Material material, float3 albedo, float3
     BrdfValue value = {0.0f, (float3)(0.0f)};
     if (!(i.z > 0.0f))
         return value;
-#ifdef BRDF_DIFFUSE_LOBE
     if (material.kind != KIND_CONDUCTOR)
         value.diffuse = diffuse_factor(material, i.z, o.z) / IPRT_PI;
-#endif
-#ifdef BRDF_GGX
     if (material.kind != KIND_DIFFUSE && material.alpha > 0.0f) {
         // G2 / (4 cos_i cos_o), which stays finite at grazing angles.
         const float visible = 0.5f / (ggx_slope(o, material.alpha) * i.z +
@@ -288,7 +236,6 @@ static inline BrdfValue brdf_eval(const Material material, float3 albedo, float3
         value.specular = specular_reflectance(material, albedo, cos_h) *
                          (ggx_distribution(i, o, material.alpha) * visible);
     }
-#endif
     return value;
 }
 
@@ -304,18 +251,12 @@ static inline float2 brdf_pdf(const Material material, float3 albedo, float3 n, 
     if (!(i.z > 0.0f))
         return density;
     float probability = 0.0f;
-#ifdef BRDF_SPECULAR_LOBE
     const float3 o = brdf_local_wo(frame, wo);
     probability = specular_probability(material, albedo, o.z);
-#endif
-#ifdef BRDF_GGX
     if (material.kind != KIND_DIFFUSE && material.alpha > 0.0f)
         density.y = probability * ggx_distribution(i, o, material.alpha) /
                     (2.0f * (o.z + ggx_slope(o, material.alpha)));
-#endif
-#ifdef BRDF_DIFFUSE_LOBE
     density.x = (1.0f - probability) * i.z / IPRT_PI;
-#endif
     return density;
 }
 

@@ -1,7 +1,7 @@
 // Directions in which surfaces send rays, and the densities with which these were chosen.
 //
-// -D LIGHT_SAMPLING aims a share of the rays at the bright parts of the panorama; the densities of
-// both ways to choose a direction are mixed (one-sample balance heuristic: Veach and Guibas,
+// A share of the rays is aimed at the bright parts of the panorama; the densities of both ways to
+// choose a direction are mixed (one-sample balance heuristic: Veach and Guibas,
 // "Optimally Combining Sampling Techniques for Monte Carlo Rendering", SIGGRAPH 1995).
 #ifndef IPRT_DIRECTION_H
 #define IPRT_DIRECTION_H
@@ -37,7 +37,6 @@ static inline float inverse_density(const World world, const Scatter s, float3 o
     float density = s.density;
     if (!(density > 0.0f))
         return 1.0f;
-#ifdef LIGHT_SAMPLING
     if (s.light_share > 0.0f) {
         const float light = light_density(world.lights, world.real, hit, o, s.wi);
         // What has no density of light sampling is for the other ways to bring in, alone. Where it has
@@ -46,7 +45,6 @@ static inline float inverse_density(const World world, const Scatter s, float3 o
             return 0.0f;
         density += s.light_share * light;
     }
-#endif
     return 1.0f / density;
 }
 

@@ -1,8 +1,8 @@
 // Paths through the mixed scene: what arrives along a ray that meets real surfaces, which end it
 // with the radiance that the panorama shows, and virtual ones, which scatter it on.
 //
-// -D MAX_BOUNCES is how many virtual surfaces a path may meet; the ray after the last one sees real
-// surfaces only (Algorithm 1, lines 4-6).
+// A path meets up to `max_bounces` virtual surfaces; the ray after the last one sees real surfaces only
+// (Algorithm 1, lines 4-6).
 // -D GLOSS lets glossy real surfaces reflect as well, once, what they show being what they radiate
 // to all sides only (iprt/world/real/highlight.py).
 // -D DISTANT_ENVIRONMENT takes the panorama as infinitely far: environment mapping.
@@ -22,15 +22,11 @@
 
 static inline float light_share(const World world, const Material material)
 {
-#ifdef LIGHT_SAMPLING
     if (world.lights.count == 0)
         return 0.0f;
     if (material.kind == KIND_DIFFUSE)
         return 0.5f;
     return material.kind == KIND_PLASTIC ? 0.35f : material.alpha > AIMED_ALPHA ? 0.25f : 0.0f;
-#else
-    return 0.0f;
-#endif
 }
 
 // One direction off a virtual surface at x; u in [0, 1)^4.
@@ -41,13 +37,11 @@ static inline Scatter scatter(const World world, const Material material, float3
     s.light_share = light_share(world, material);
     s.aimed = u.w < s.light_share;
     const float rest = 1.0f - s.light_share;
-#ifdef LIGHT_SAMPLING
     if (s.aimed) {
         const float3 light = sample_light(world.lights, u.xy);
         s.texel = light_texel(world.real, light);
         s.wi = towards_light(world.real, light, s.texel, x);
     } else
-#endif
     {
         const BrdfSample sample = brdf_sample(material, albedo, n, wo, u.xyz);
         s.wi = sample.wi;
@@ -128,11 +122,11 @@ static inline ALWAYS_INLINE PathResult trace_path(
     int reflected = 0;
 #endif
     // One more for a glossy real surface, and one for what is seen in the last.
-    for (int bounce = 0; bounce < MAX_BOUNCES + 2; bounce++) {
+    for (int bounce = 0; bounce < world.max_bounces + 2; bounce++) {
         const float3 d = s.wi;
         ObjectHit hit;
         hit.t = INFINITY;
-        const int object = bounce < MAX_BOUNCES
+        const int object = bounce < world.max_bounces
             && trace_objects(world.objects, o_object, d, INFINITY, &hit);
 #ifdef DELTA
         if (bounce == 0 && !object)

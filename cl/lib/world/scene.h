@@ -25,14 +25,6 @@
 #define REAL_LEARNED
 #endif
 
-#ifdef OPENING_ENVIRONMENT
-#define OUTSIDE_PARAMETERS , __global const float *restrict real_outside
-#define OUTSIDE , real_outside
-#else
-#define OUTSIDE_PARAMETERS
-#define OUTSIDE
-#endif
-
 #ifdef IMPOSTOR
 #define REAL_IMPOSTOR_PARAMETERS , IMPOSTOR_PARAMETERS
 #define REAL_IMPOSTOR , IMPOSTOR_OF_PARAMETERS
@@ -45,16 +37,17 @@
     const int real_width, const int real_height, const int real_levels,                            \
         __global const float2 *restrict real_range, __global const float2 *restrict real_column,   \
         __global const float *restrict real_row, __global const float4 *restrict real_surface,     \
-        const float real_thickness_m, const float real_thickness_ratio, const float real_bias,     \
-        const float real_nearest, const float real_farthest,                                       \
-        __global const float *restrict real_color BACKGROUND_PARAMETERS OUTSIDE_PARAMETERS         \
-        REAL_LEARNED_PARAMETERS REAL_IMPOSTOR_PARAMETERS
+        const float real_thickness_m, const float real_thickness_ratio, const int real_back_faces, \
+        const float real_bias, const float real_nearest, const float real_farthest,                \
+        __global const float *restrict real_color,                                                 \
+        __global const float *restrict real_outside BACKGROUND_PARAMETERS REAL_LEARNED_PARAMETERS  \
+            REAL_IMPOSTOR_PARAMETERS
 
 #define REAL_LAYER                                                                                 \
     {                                                                                              \
         {real_width, real_height, real_levels, real_range, real_column, real_row WORK},            \
-            real_surface, real_thickness_m, real_thickness_ratio, real_bias, real_nearest,         \
-            real_farthest BACKGROUND_LAYER REAL_LEARNED REAL_IMPOSTOR                              \
+            real_surface, real_thickness_m, real_thickness_ratio, real_back_faces, real_bias,      \
+            real_nearest, real_farthest BACKGROUND_LAYER REAL_LEARNED REAL_IMPOSTOR                \
     }
 
 #endif

@@ -3,10 +3,10 @@
 //
 // Real surfaces are taken as diffuse emitters (IPRT, "Interactive panoramic ray tracing"): the
 // panorama already holds every bounce between them.
-// -D RELIT multiplies real radiance by what objects do to it (UpdateGbuffer): in the view where
-// that shows the surface, else, with -D RELIT_AROUND, in the panorama.
-// -D OPENING_ENVIRONMENT lets windows show what is far behind them in the ray's direction, rather
-// than the radiance of the point where the ray crosses them.
+// -D RELIT multiplies real radiance by what objects do to it (UpdateGbuffer): in the view where that
+// shows the surface, else in the panorama. Without either picture (a null pointer), it is as captured.
+// With a picture of what is outside, windows show what is far behind them in the ray's direction,
+// rather than the radiance of the point where the ray crosses them.
 #ifndef IPRT_WORLD_H
 #define IPRT_WORLD_H
 
@@ -19,17 +19,17 @@
 // Rays leave a real surface this many texel footprints above it.
 #define REAL_LIFT 2.0f
 
+#ifdef RELIT
 // What objects do to the radiance of real surfaces, as factors.
 typedef struct {
-    __global const float4 *screen;      // per pixel of the view, [width * height]
+    __global const float4 *screen;      // per pixel of the view, [width * height], or null
     __global const float *view;         // lib/gbuffer/view.h; of the screen
     int width;
     int height;
-#ifdef RELIT_AROUND
-    __global const float4 *panorama;    // [rows * 2 rows], equirect
+    __global const float4 *panorama;    // [rows * 2 rows], equirect, or null
     int rows;
-#endif
 } Relit;
+#endif
 
 // Glossy real surfaces.
 typedef struct {
@@ -46,12 +46,10 @@ typedef struct {
     __global const float *color;        // panorama radiance, 3 a texel
     Objects objects;
     __global const float4 *materials;   // lib/world/brdf.h
-#ifdef OPENING_ENVIRONMENT
-    __global const float *outside;      // 3 a texel, [OUTSIDE_ROWS * 2 OUTSIDE_ROWS], seen through windows
-#endif
-#ifdef LIGHT_SAMPLING
+    int max_bounces;                    // virtual surfaces that a path may meet
+    __global const float *outside;      // 3 a texel, [OUTSIDE_ROWS * 2 OUTSIDE_ROWS], seen through
+                                        // windows, or null
     Lights lights;
-#endif
 #ifdef RELIT
     Relit relit;
 #endif
@@ -60,28 +58,13 @@ typedef struct {
 #endif
 } World;
 
-#ifdef LIGHT_SAMPLING
-#define WORLD_LIGHT_PARAMETERS , LIGHT_PARAMETERS
-#define WORLD_LIGHTS , LIGHTS
-#else
-#define WORLD_LIGHT_PARAMETERS
-#define WORLD_LIGHTS
-#endif
-
-#ifdef RELIT_AROUND
-#define RELIT_AROUND_PARAMETERS                                                                    \
-    , __global const float4 *restrict relit_panorama, const int relit_rows
-#define RELIT_PANORAMA , relit_panorama, relit_rows
-#else
-#define RELIT_AROUND_PARAMETERS
-#define RELIT_PANORAMA
-#endif
-
 #ifdef RELIT
 #define RELIT_PARAMETERS                                                                           \
     , __global const float4 *restrict relit_screen, __global const float *restrict relit_view,     \
-        const int relit_width, const int relit_height RELIT_AROUND_PARAMETERS
-#define WORLD_RELIT , {relit_screen, relit_view, relit_width, relit_height RELIT_PANORAMA}
+        const int relit_width, const int relit_height,                                             \
+        __global const float4 *restrict relit_panorama, const int relit_rows
+#define WORLD_RELIT                                                                                \
+    , {relit_screen, relit_view, relit_width, relit_height, relit_panorama, relit_rows}
 #else
 #define RELIT_PARAMETERS
 #define WORLD_RELIT
@@ -99,16 +82,15 @@ typedef struct {
 #define WORLD_GLOSS
 #endif
 
-// What every kernel that traces paths is given: `World.arguments` of iprt/world/world.py.
+// Parameters of every kernel that traces paths: `World.arguments` of iprt/world/world.py.
 #define WORLD_PARAMETERS                                                                           \
-    REAL_PARAMETERS, OBJECT_PARAMETERS,                                                            \
-        __global const float4 *restrict materials WORLD_LIGHT_PARAMETERS RELIT_PARAMETERS          \
-        GLOSS_PARAMETERS
+    REAL_PARAMETERS, OBJECT_PARAMETERS, __global const float4 *restrict materials,                 \
+        const int max_bounces, LIGHT_PARAMETERS RELIT_PARAMETERS GLOSS_PARAMETERS
 
 #define WORLD(view)                                                                                \
     {                                                                                              \
-        REAL_LAYER, real_color, OBJECTS(view), materials OUTSIDE WORLD_LIGHTS WORLD_RELIT          \
-        WORLD_GLOSS                                                                                \
+        REAL_LAYER, real_color, OBJECTS(view), materials, max_bounces, real_outside,               \
+            LIGHTS WORLD_RELIT WORLD_GLOSS                                                         \
     }
 
 // Where rays leave a real surface.
@@ -131,12 +113,10 @@ static inline float3 relit_factor(const Relit relit, float3 d)
     const float2 p = view_project(relit.view, d);
     if (p.x >= 0.0f && p.y >= 0.0f && p.x < relit.width && p.y < relit.height)
         return relit.screen[(int)p.y * relit.width + (int)p.x].xyz;
-#ifdef RELIT_AROUND
+    if (!relit.panorama)
+        return (float3)(1.0f);
     return equirect_bilinear((__global const float *)relit.panorama, 4, 2 * relit.rows, relit.rows,
                              equirect_uv(d));
-#else
-    return (float3)(1.0f);
-#endif
 }
 #endif
 
@@ -162,8 +142,7 @@ static inline float3 captured_radiance(const World world, const RealHit hit, flo
     }
 #endif
     const int surface = hit.kind <= HIT_BACK_FACE;
-#ifdef OPENING_ENVIRONMENT
-    if (surface && (int)surfaces[hit.texel].w & SURFACE_OPENING) {
+    if (world.outside && surface && (int)surfaces[hit.texel].w & SURFACE_OPENING) {
         // Behind windows: as the camera saw it in that direction, or else extrapolated.
         uv = equirect_uv(d);
         const int texel = min((int)(uv.y * height), height - 1) * width
@@ -178,7 +157,6 @@ static inline float3 captured_radiance(const World world, const RealHit hit, flo
             height = OUTSIDE_ROWS;
         }
     }
-#endif
     return panorama_bilinear(picture, width, height, uv);
 #endif
 }
@@ -188,12 +166,12 @@ static inline float3 real_radiance(const World world, const RealHit hit, float3 
 {
     float3 radiance = captured_radiance(world, hit, d);
 #ifdef RELIT
+    int known = world.relit.screen && hit.kind <= HIT_BACK_FACE;
 #ifdef BACKGROUND
     // What objects do to surfaces that the view does not show is not known.
-    if (hit.behind)
-        return radiance;
+    known &= !hit.behind;
 #endif
-    if (hit.kind <= HIT_BACK_FACE)
+    if (known)
         radiance *= relit_factor(world.relit, hit.direction);
 #endif
     return radiance;

@@ -4,7 +4,7 @@
 //   kernel        in                                       out, [height * width]
 //   see_objects   objects (lib/world/objects/objects_bvh.h);             front: world normal as the mesh has it,
 //                 displacements: per vertex, to where it   radial distance (0: nothing); material:
-//                 was, object space (-D OBJECTS_DEFORM);   albedo, 1 + material index; met: instance,
+//                 was, object space, or null;             albedo, 1 + material index; met: instance,
 //                 surface, as below                        -1: nothing, -2 - instance: behind the real
 //                                                          surface, and triangle; displaced: the same as
 //                                                          displacements, of the surface, world space
@@ -18,11 +18,10 @@
 //
 // Pixel centres are at integer + 0.5. Both run over a rectangle; outside, nothing is written, and
 // nothing is seen.
-// -D SAMPLES: coverage takes SAMPLES x SAMPLES rays a pixel; with less than 4, and no textures, only
-// beside what is not covered. -D COVERAGE_TOLERANCE: an object is in
-// front up to this fraction of the distance behind the real surface. Coverage is 1 - M of Eq. 2 of
-// IPRT ("Interactive panoramic ray tracing"). -D OBJECTS_DEFORM: meshes bend. What a point was
-// before is its object's motion of the point displaced.
+// Coverage takes samples x samples rays a pixel; with less than 4, and no textures, only beside what
+// is not covered. -D COVERAGE_TOLERANCE: an object is in front up to this fraction of the distance
+// behind the real surface. Coverage is 1 - M of Eq. 2 of IPRT ("Interactive panoramic ray tracing").
+// Where meshes bend, a point was before where its object's motion takes the point displaced.
 #include "world/objects/objects_bvh.h"
 #include "maths/tracing.h"
 #include "gbuffer/view.h"
@@ -31,9 +30,10 @@
 #define LENDING_RANGE 0.03f
 
 // With few samples a side, pixels whose neighbours are covered are taken as covered.
-#if SAMPLES < 4 && !defined(OBJECT_TEXTURES)
-#define OUTLINES_ONLY
-#endif
+static inline int outlines_only(const Objects world, int samples)
+{
+    return samples < 4 && !world.texels;
+}
 
 // 1 / distance of the real surface along d.
 static inline float real_nearness(
@@ -54,15 +54,12 @@ TRACING_KERNEL void see_objects(
     __global const float4 *restrict surface,     // xyz = g, g . x = 1 on the real surface
     const int surface_width,
     const int surface_height,
+    const int samples,
+    __global const float4 *restrict displacements,
     __global float4 *restrict front,
     __global float4 *restrict material,
-    __global int2 *restrict met
-#ifdef OBJECTS_DEFORM
-    ,
-    __global const float4 *restrict displacements,
-    __global float4 *restrict displaced
-#endif
-    WORK_PARAMETER)
+    __global int2 *restrict met,
+    __global float4 *restrict displaced WORK_PARAMETER)
 {
     const int x = rectangle.x + (int)get_global_id(0), y = rectangle.y + (int)get_global_id(1);
     if (x >= rectangle.z || y >= rectangle.w)
@@ -77,22 +74,22 @@ TRACING_KERNEL void see_objects(
     if (!trace_objects(world, (float3)(0.0f), d, INFINITY, &hit))
         return;
     int instance = hit.instance;
-#ifdef OUTLINES_ONLY
-    const float nearness = real_nearness(surface, surface_width, surface_height, d);
-    instance = hit.t * nearness <= 1.0f + COVERAGE_TOLERANCE ? instance : -2 - instance;
-#endif
+    if (outlines_only(world, samples)) {
+        const float nearness = real_nearness(surface, surface_width, surface_height, d);
+        instance = hit.t * nearness <= 1.0f + COVERAGE_TOLERANCE ? instance : -2 - instance;
+    }
     met[pixel] = (int2)(instance, hit.triangle);
     const ObjectSurface at = object_surface(world, hit, d);
     front[pixel] = (float4)(at.normal, hit.t);
     material[pixel] = (float4)(object_albedo(world, at.material, at.vertices, at.weights),
                                at.material + 1);
-#ifdef OBJECTS_DEFORM
+    if (!displacements)
+        return;
     const float3 step = at.weights.x * displacements[at.vertices.x].xyz
         + at.weights.y * displacements[at.vertices.y].xyz
         + at.weights.z * displacements[at.vertices.z].xyz;
     __global const float4 *rows = world.bvh.instances + BVH_INSTANCE_ROWS * hit.instance;
     displaced[pixel] = (float4)(bvh_transform(rows + 3, step, 0.0f), 0.0f);
-#endif
 }
 
 // Whether the ray along d meets a triangle of the packet that `hit` is in, as bvh_trace would.
@@ -110,7 +107,7 @@ static inline int meets_packet_again(const Objects world, float3 d, ObjectHit *h
 // those that meet `index` - 1, which pictures finer than the pixels are averaged by. `near`: instance and
 // triangle that a ray beside them meets.
 static inline int2 visible_samples(const Objects world, __global const float *restrict view, int x,
-                                   int y, int index, int2 near,
+                                   int y, int samples, int index, int2 near,
                                    __global const float4 *restrict surface, int surface_width,
                                    int surface_height, float3 *albedo)
 {
@@ -119,31 +116,29 @@ static inline int2 visible_samples(const Objects world, __global const float *re
     ObjectHit hit;
     hit.instance = near.x < 0 ? -2 - near.x : near.x;
     hit.triangle = near.y;
-    for (int i = 0; i < SAMPLES * SAMPLES; i++) {
-        const float2 within = ((float2)(i % SAMPLES, i / SAMPLES) + 0.5f) / SAMPLES;
+    for (int i = 0; i < samples * samples; i++) {
+        const float2 within = ((float2)(i % samples, i / samples) + 0.5f) / samples;
         const float3 d = view_direction(view, (float2)(x, y) + within);
         const float nearness = real_nearness(surface, surface_width, surface_height, d);
-#ifndef OBJECT_TEXTURES
         // Most rays of a pixel meet the triangles that its centre or the one before has met. What may be
         // in front of these is in front of the real surface too, and need not be found.
-        if (meets_packet_again(world, d, &hit)
+        if (!world.texels && meets_packet_again(world, d, &hit)
             && hit.t * nearness <= 1.0f + COVERAGE_TOLERANCE) {
             visible++;
             any++;
             continue;
         }
-#endif
         if (!trace_objects(world, (float3)(0.0f), d, INFINITY, &hit))
             continue;
         any++;
         visible += hit.t * nearness <= 1.0f + COVERAGE_TOLERANCE;
-#ifdef OBJECT_TEXTURES
+        if (!world.texels)
+            continue;
         const ObjectSurface at = object_surface(world, hit, d);
         if (at.material + 1 == index) {
             sum += object_albedo(world, at.material, at.vertices, at.weights);
             same++;
         }
-#endif
     }
     if (same > 0)
         *albedo = sum / (float)same;
@@ -172,14 +167,10 @@ static inline int nearest_covered_neighbour(__global const float4 *restrict fron
 // centre and those of its neighbours do.
 static inline int is_inside(__global const int2 *restrict met, int4 rectangle, int x, int y, int width)
 {
-#ifdef OUTLINES_ONLY
     if (x <= rectangle.x || y <= rectangle.y || x >= rectangle.z - 1 || y >= rectangle.w - 1)
         return 0;
     __global const int2 *centre = met + y * width + x;
     return (centre[0].x | centre[-1].x | centre[1].x | centre[-width].x | centre[width].x) >= 0;
-#else
-    return 0;
-#endif
 }
 
 TRACING_KERNEL void show_objects(
@@ -195,10 +186,9 @@ TRACING_KERNEL void show_objects(
     const int surface_height,
     __global const float4 *restrict front,
     __global const float4 *restrict material,
+    const int samples,
     __global const int2 *restrict met,
-#ifdef OBJECTS_DEFORM
-    __global const float4 *restrict displaced,
-#endif
+    __global const float4 *restrict displaced,   // or null
     __global float4 *restrict display WORK_PARAMETER)
 {
     const int x = rectangle.x + (int)get_global_id(0), y = rectangle.y + (int)get_global_id(1);
@@ -217,9 +207,9 @@ TRACING_KERNEL void show_objects(
     }
     COUNT_ITEM;
     float3 albedo = its_material.xyz;
-    int2 visible = (int2)(SAMPLES * SAMPLES);
-    if (!is_inside(met, rectangle, x, y, width))
-        visible = visible_samples(world, view, x, y, (int)its_material.w,
+    int2 visible = (int2)(samples * samples);
+    if (!(outlines_only(world, samples) && is_inside(met, rectangle, x, y, width)))
+        visible = visible_samples(world, view, x, y, samples, (int)its_material.w,
                                   met[from < 0 ? pixel : from], surface, surface_width,
                                   surface_height, &albedo);
     its_material.xyz = albedo;
@@ -233,14 +223,13 @@ TRACING_KERNEL void show_objects(
         seen = (float4)(lent.xyz, lent.w * (ratio > 0.0f ? moderate : 1.0f));
         its_material = material[from];
     }
-    float2 coverage = convert_float2(visible) / (float)(SAMPLES * SAMPLES);
+    float2 coverage = convert_float2(visible) / (float)(samples * samples);
     coverage = seen.w > 0.0f ? coverage : (float2)(0.0f);
     float2 motion = (float2)(-1e9f);
     if (seen.w > 0.0f) {
         float3 point = seen.w * d;
-#ifdef OBJECTS_DEFORM
-        point += displaced[from >= 0 ? from : pixel].xyz;
-#endif
+        if (displaced)
+            point += displaced[from >= 0 ? from : pixel].xyz;
         const float3 before = bvh_transform(moved + 3 * ((int)its_material.w - 1), point, 1.0f);
         motion = view_project(previous, before);
     }

@@ -47,14 +47,13 @@ static inline ALWAYS_INLINE float3 texel_point(const RealLayer layer, int texel)
 }
 
 // What the camera saw, and no objects.
-static inline World captured(const RealLayer layer, __global const float *color OUTSIDE_PARAMETERS)
+static inline World captured(const RealLayer layer, __global const float *color,
+                             __global const float *outside)
 {
     World world;
     world.real = layer;
     world.color = color;
-#ifdef OPENING_ENVIRONMENT
-    world.outside = real_outside;
-#endif
+    world.outside = outside;
     return world;
 }
 
@@ -73,7 +72,7 @@ TRACING_KERNEL void sample_highlight(
     LIST_ITEM(count);
     COUNT_ITEM;
     const RealLayer layer = REAL_LAYER;
-    const World world = captured(layer, real_color OUTSIDE);
+    const World world = captured(layer, real_color, real_outside);
     const float3 shown = texel_point(layer, list[item]);
     const float c = shown.y / length(shown), sine = sqrt(fmax(1.0f - c * c, 0.0f));
     const int rays = max((int)(most_rays * sine + 0.5f), min(most_rays, 2));
@@ -179,7 +178,7 @@ TRACING_KERNEL void measure_cells(
         return;
     COUNT_ITEM;
     const RealLayer layer = REAL_LAYER;
-    const World world = captured(layer, real_color OUTSIDE);
+    const World world = captured(layer, real_color, real_outside);
     const int x1 = min((cell_x + 1) * CELL, real_width), y1 = min((cell_y + 1) * CELL, real_height);
     int index = 0, count = 0;
     int texels[CELL * CELL];

@@ -309,7 +309,6 @@ TRACING_KERNEL void refine_cells(
     for (int ray = 0; ray < more; ray++) {
         const float2 u = sobol_2d(first + ray, stream);
         Scatter s = no_scatter(n);
-#ifdef LIGHT_SAMPLING
         s.light_share = world.lights.count > 0 ? 0.5f : 0.0f;
         s.aimed = sobol_1d(first + ray, hash_combine(stream, 1)) < s.light_share;
         if (s.aimed) {
@@ -317,7 +316,6 @@ TRACING_KERNEL void refine_cells(
             s.texel = light_texel(world.real, light);
             s.wi = towards_light(world.real, light, s.texel, o);
         } else
-#endif
         {
             s.wi = frame_to_world(frame, sample_cosine(u));
         }

@@ -13,10 +13,8 @@ from iprt.bvh.build import PACKET_ROWS
 from iprt.bvh.scene import INSTANCE_ROWS, SceneBuilder, scene_sizes, shapes_of
 from iprt.bvh.wide import NODE_ROWS
 from iprt.device.compute import ComputeDevice
-from iprt.device.program import Define
 from iprt.geometry.material import Material
 from iprt.geometry.mesh import Instance, same_places
-from iprt.settings.features import bvh_defines
 
 
 class ObjectBvh:
@@ -118,15 +116,8 @@ class ObjectBvh:
             self._make(name, (rows, *buffer.shape[1:]), buffer.dtype)
         return self._buffers[name]
 
-    def defines(self) -> dict[str, Define]:
-        """`-D` variants of kernels that trace the objects."""
-        return bvh_defines(textured=self._textured)
-
     def arguments(self) -> dict[str, Any]:
-        """`OBJECT_PARAMETERS` of `cl/lib/world/objects/objects_bvh.h`, but for the boxes."""
-        textured = {}
-        if self._textured:
-            textured = {"bvh_uvs": self._buffers["uvs"], "bvh_texels": self._texels}
+        """Return `OBJECT_PARAMETERS` of `cl/lib/world/objects/objects_bvh.h`, but for the boxes."""
         return {
             "bvh_nodes": self._buffers["nodes"],
             "bvh_packets": self._buffers["packets"],
@@ -135,7 +126,8 @@ class ObjectBvh:
             "bvh_triangles": self._buffers["triangles"],
             "bvh_normals": self._buffers["normals"],
             "bvh_albedos": self._albedos,
-            **textured,
+            "bvh_uvs": self._buffers["uvs"] if self._textured else None,
+            "bvh_texels": self._texels if self._textured else None,
         }
 
 

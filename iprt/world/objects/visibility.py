@@ -16,6 +16,7 @@ from iprt.geometry.camera import View
 from iprt.geometry.mesh import Instance, motion_between
 from iprt.raster.layers import COVERAGE_TOLERANCE
 from iprt.raster.region import Rect, box_corners, box_rects, merge
+from iprt.settings.features import BVH_DEFINES
 from iprt.world.objects.object_bvh import ObjectBvh
 from iprt.world.objects.object_layers import VisibleLayer
 from iprt.world.real.panorama import Panorama
@@ -53,16 +54,15 @@ class Visibility:
         """`instances` are those of `bvh`; coverage takes `samples` a side of a pixel."""
         self._device = device
         self._bvh = bvh
+        self._samples = samples
         self._instances: Sequence[Instance] | None = None
         materials = sum(len(instance.mesh.materials) for instance in instances)
         self.motion = device.empty(MOTION, (3 * max(materials, 1), 4))
         bvh.follow_vertices()
         defines = plane_defines(
             equirect=view.projection == "equirect",
-            SAMPLES=samples,
             COVERAGE_TOLERANCE=COVERAGE_TOLERANCE,
-            OBJECTS_DEFORM=bvh.deforming,
-            **bvh.defines(),
+            **BVH_DEFINES,
         )
         self._see = device.kernel("world/objects/visibility.cl", "see_objects", defines)
         self._show = device.kernel("world/objects/visibility.cl", "show_objects", defines)
@@ -127,6 +127,7 @@ class Visibility:
             "front": self.front,
             "material": self.material,
             "met": self._met,
+            "samples": self._samples,
             "surface": panorama.surface,
             "surface_width": panorama.width,
             "surface_height": panorama.height,

@@ -83,7 +83,7 @@ class Highlight:
                 device.write(self._list[:count], glossy)
                 trace = settings.trace
                 real = {
-                    **panorama.arguments(trace.thickness, trace.thickness_ratio),
+                    **panorama.arguments(trace),
                     "list": self._list,
                     "count": count,
                     "gloss": gloss,

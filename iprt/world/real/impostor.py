@@ -9,12 +9,15 @@ from numpy.typing import NDArray
 from pyopencl import cltypes
 
 from iprt.device.compute import ComputeDevice
-from iprt.world.real.lights import LIGHT_ROWS, Lights
+from iprt.world.real.lights import LIGHT_ROWS, Lights, no_lights
 from iprt.world.real.panorama import Panorama
 
 FACES = 6
 SKY = 1e3
 """Open sky begins so many times as far away as the farthest surface."""
+
+LIGHT = "impostor light"
+"""Name of the buffers of its lights."""
 
 
 class Impostor:
@@ -73,7 +76,7 @@ class Impostor:
         if light_sampling:
             # As fine as the faces.
             self._rows = min(2 * side, LIGHT_ROWS)
-            self.lights = Lights(device, 2 * self._rows, self._rows, name="impostor light")
+            self.lights = Lights(device, 2 * self._rows, self._rows, name=LIGHT)
             self._picture = device.empty("impostor picture", (self._rows, 2 * self._rows, 3))
             self._show = device.kernel(file, "show_impostor").fixed(
                 rows=self._rows, picture=self._picture
@@ -130,5 +133,6 @@ class Impostor:
         }
 
     def arguments(self) -> dict[str, Any]:
-        """What kernels built with `-D IMPOSTOR` take besides others."""
-        return self._map() | ({} if self.lights is None else self.lights.arguments())
+        """Return what kernels built with `-D IMPOSTOR` take besides others."""
+        lights = self.lights
+        return self._map() | (no_lights(LIGHT) if lights is None else lights.arguments())

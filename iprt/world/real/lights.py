@@ -79,6 +79,19 @@ class Lights:
         }
 
 
+def no_lights(name: str) -> dict[str, Any]:
+    """Return `Lights.arguments` for rays that are not aimed."""
+    prefix = name.replace(" ", "_")
+    return {
+        f"{prefix}_cumulative": None,
+        f"{prefix}_cell": None,
+        f"{prefix}_density_table": None,
+        f"{prefix}_count": 0,
+        f"{prefix}_columns": 1,
+        f"{prefix}_rows": 1,
+    }
+
+
 def light_table(
     luminance: NDArray[np.floating],
 ) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.float64]]:

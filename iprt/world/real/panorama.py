@@ -188,8 +188,8 @@ class Panorama:
     def radiated(self) -> cla.Array:
         return self.radiance if self._radiated is None else self._radiated
 
-    def arguments(self, thickness: float, thickness_ratio: float) -> dict[str, Any]:
-        """`REAL_PARAMETERS` of `cl/lib/world/scene.h`, with the radiance that the frame has."""
+    def arguments(self, trace: TraceSettings) -> dict[str, Any]:
+        """Return `REAL_PARAMETERS` of `cl/lib/world/scene.h`, with the radiance of the frame."""
         return {
             "real_width": self.width,
             "real_height": self.height,
@@ -198,8 +198,9 @@ class Panorama:
             "real_column": self.surfaces.grid["column"],
             "real_row": self.surfaces.grid["row"],
             "real_surface": self.surface,
-            "real_thickness_m": thickness * self.scale,
-            "real_thickness_ratio": thickness_ratio,
+            "real_thickness_m": trace.thickness * self.scale,
+            "real_thickness_ratio": trace.thickness_ratio,
+            "real_back_faces": int(trace.back_faces),
             "real_bias": START_BIAS * self.scale,
             "real_nearest": self.nearest,
             "real_farthest": self.farthest if self.background is None else self.background.farthest,

@@ -16,7 +16,7 @@ from iprt.footage.frame import Frame
 from iprt.geometry.camera import View
 from iprt.geometry.material import Material, material_table
 from iprt.settings.features import Features
-from iprt.world.real.lights import Lights
+from iprt.world.real.lights import Lights, no_lights
 from iprt.world.real.panorama import Panorama
 from iprt.world.world import World
 from tests.kernels.wrap import evaluate
@@ -90,7 +90,9 @@ class RealWorld:
         light_sampling: bool = True,
     ) -> dict[str, NDArray[Any]]:
         """`evaluate` with a variable `world`."""
-        defines = {**self._features.trace_defines(), "LIGHT_SAMPLING": light_sampling}
+        arguments = {**NO_LAYERS, **self._world.arguments(self._features)}
+        if not light_sampling:
+            arguments |= no_lights("light")
         return evaluate(
             self._device,
             ["world/path.h"],
@@ -99,11 +101,11 @@ class RealWorld:
             outputs,
             defines=[
                 name if value is True else f"{name}={value}"
-                for name, value in defines.items()
+                for name, value in self._features.trace_defines().items()
                 if value is not False
             ],
             parameters="WORLD_PARAMETERS",
-            arguments={**NO_LAYERS, **self._world.arguments(self._features)},
+            arguments=arguments,
         )
 
 

@@ -85,13 +85,14 @@ def learned_of(
 
 def traced(
     device: ComputeDevice, panorama: Panorama, o: Float, d: Float, *options: str,
-    pose: Float = HOME, t_max: float = np.inf,
+    back_faces: bool = False, pose: Float = HOME, t_max: float = np.inf,
 ) -> Found:  # fmt: skip
     """Trace (N, 3) rays, in the world's axes, through the panorama of a frame with this pose."""
     kernel = build(device, KERNEL, "trace", *options)
+    trace = TraceSettings(thickness=0.05, thickness_ratio=0.05, back_faces=back_faces)
     found, shown = (device.empty(name, (len(d), 4)) for name in ("found", "shown"))
     kernel(
-        (len(d),), panorama.arguments(0.05, 0.05), n=len(d), t_max=t_max, found=found, shown=shown,
+        (len(d),), panorama.arguments(trace), n=len(d), t_max=t_max, found=found, shown=shown,
         origin=device.upload("o", four((o - pose[:3, 3]) @ pose[:3, :3])),
         direction=device.upload("d", four(d @ pose[:3, :3])),
     )  # fmt: skip
@@ -127,8 +128,8 @@ def test_rays_meet_the_wall_behind_a_panel(device: ComputeDevice, pose: Float) -
     inner = np.sort(np.minimum(end - world.low, world.high - end), axis=1)[:, 1] > 0.25
     sure = hidden(PANEL, pose, end, 0.1) & (which == 0) & inner & (-(normal * d).sum(-1) > 0.1)
     assert sure.sum() > 500
-    with_ = traced(device, panorama, o, d, "-DLEARNED_HIDDEN", "-DBASSRT", pose=pose)
-    without = traced(device, panorama, o, d, "-DBASSRT", pose=pose)
+    with_ = traced(device, panorama, o, d, "-DLEARNED_HIDDEN", back_faces=True, pose=pose)
+    without = traced(device, panorama, o, d, back_faces=True, pose=pose)
     met = sure & (with_.kind == LEARNED)
     assert met.sum() > 0.97 * sure.sum()
     assert np.quantile(np.abs(with_.t - t)[met], 0.99) < 2e-3
@@ -165,8 +166,8 @@ def test_nothing_is_met_where_the_frame_shows_that_nothing_is(device: ComputeDev
     rng = np.random.default_rng(3)
     o = rng.uniform(0.97 * np.array(EMPTY.low), 0.97 * np.array(EMPTY.high), (40_000, 3))
     d = random_directions(rng, len(o)).astype(float)
-    with_ = traced(device, panorama, o, d, "-DLEARNED_HIDDEN", "-DBASSRT")
-    without = traced(device, panorama, o, d, "-DBASSRT")
+    with_ = traced(device, panorama, o, d, "-DLEARNED_HIDDEN", back_faces=True)
+    without = traced(device, panorama, o, d, back_faces=True)
     np.testing.assert_array_equal(with_.t, without.t)
     np.testing.assert_array_equal(with_.kind, without.kind)
 
@@ -177,8 +178,8 @@ def test_without_anything_learned_nothing_changes(device: ComputeDevice) -> None
     assert panorama.learned is not None
     panorama.learned.learner.forget()
     o, d = rays_behind(np.random.default_rng(4))
-    with_ = traced(device, panorama, o, d, "-DLEARNED_HIDDEN", "-DBASSRT")
-    without = traced(device, panorama, o, d, "-DBASSRT")
+    with_ = traced(device, panorama, o, d, "-DLEARNED_HIDDEN", back_faces=True)
+    without = traced(device, panorama, o, d, back_faces=True)
     # Beyond its back face, a ray goes through a few texels more before it is given up.
     np.testing.assert_array_equal(with_.t, without.t)
     np.testing.assert_array_equal(with_.kind, without.kind)

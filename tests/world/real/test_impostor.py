@@ -13,6 +13,7 @@ import pytest
 from iprt.device.compute import ComputeDevice
 from iprt.footage.frame import Frame
 from iprt.geometry.camera import equirect_pixel
+from iprt.settings.trace import TraceSettings
 from iprt.world.real.impostor import Impostor
 from iprt.world.real.panorama import Panorama
 from tests.kernels.tracing import SKY, SURFACE, panorama_of, random_directions
@@ -245,7 +246,7 @@ def traced(
         {"t": "float", "kind": "int", "p": "float3"},
         defines=["IMPOSTOR"],
         parameters="REAL_PARAMETERS",
-        arguments={**panorama.arguments(0.05, 0.05), **impostor.arguments()},
+        arguments={**panorama.arguments(TraceSettings()), **impostor.arguments()},
     )
     return found["t"], found["kind"], found["p"]
 

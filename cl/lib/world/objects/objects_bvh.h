@@ -1,5 +1,4 @@
 // The virtual objects as rays see them: their triangles, in a bounding volume hierarchy.
-// -D OBJECT_TEXTURES where a material has one.
 #ifndef IPRT_OBJECTS_BVH_H
 #define IPRT_OBJECTS_BVH_H
 
@@ -25,10 +24,8 @@ typedef struct {
                                          // texel, width (0: none) and height
     __global const float4 *bounds;       // 2 per object: corners of its box, world
     int objects;
-#ifdef OBJECT_TEXTURES
-    __global const float2 *uvs;          // per vertex
-    __global const half *texels;         // 4 per texel: rgb, linear
-#endif
+    __global const float2 *uvs;          // per vertex; null without textures
+    __global const half *texels;         // 4 per texel: rgb, linear; likewise
 } Objects;
 
 typedef BvhHit ObjectHit;
@@ -38,7 +35,6 @@ static inline int trace_objects(const Objects world, float3 o, float3 d, float t
     return is_ray(o, d) && bvh_trace(world.bvh, o, d, t_max, hit);
 }
 
-#ifdef OBJECT_TEXTURES
 // Bilinear, repeated; row 0 is at v = 1.
 static inline float3 object_texture(__global const half *texels, int4 image, float2 uv)
 {
@@ -53,20 +49,17 @@ static inline float3 object_texture(__global const half *texels, int4 image, flo
     const float4 lower = mix(vload_half4(row1 + x, texels), vload_half4(row1 + right, texels), part.x);
     return mix(upper, lower, part.y).xyz;
 }
-#endif
 
 // Albedo of a material of all instances, at weights of the corners of a triangle.
 static inline float3 object_albedo(const Objects world, int material, int4 vertices, float3 weights)
 {
     float3 albedo = world.albedos[2 * material].xyz;
-#ifdef OBJECT_TEXTURES
     const int4 image = as_int4(world.albedos[2 * material + 1]);
     if (image.y > 0) {
         const float2 uv = weights.x * world.uvs[vertices.x] + weights.y * world.uvs[vertices.y]
             + weights.z * world.uvs[vertices.z];
         albedo *= object_texture(world.texels, image, uv);
     }
-#endif
     return albedo;
 }
 
@@ -155,26 +148,18 @@ static inline float object_lift(const Objects world, float distance)
     return OBJECT_DEPTH_ERROR * distance;
 }
 
-#ifdef OBJECT_TEXTURES
-#define TEXTURE_PARAMETERS                                                                         \
-    , __global const float2 *restrict bvh_uvs, __global const half *restrict bvh_texels
-#define TEXTURES , bvh_uvs, bvh_texels
-#else
-#define TEXTURE_PARAMETERS
-#define TEXTURES
-#endif
-
 #define OBJECT_PARAMETERS                                                                          \
     __global const float4 *restrict bvh_nodes, __global const float4 *restrict bvh_packets,        \
         __global const float4 *restrict bvh_instances, const int bvh_count,                        \
         __global const int4 *restrict bvh_triangles, __global const float4 *restrict bvh_normals,  \
         __global const float4 *restrict bvh_albedos,                                               \
-        __global const float4 *restrict objects_bounds, const int objects_count TEXTURE_PARAMETERS
+        __global const float4 *restrict objects_bounds, const int objects_count,                   \
+        __global const float2 *restrict bvh_uvs, __global const half *restrict bvh_texels
 
 #define OBJECTS(view)                                                                              \
     {                                                                                              \
         {bvh_nodes, bvh_packets, bvh_instances, bvh_count WORK}, bvh_triangles, bvh_normals,       \
-            bvh_albedos, objects_bounds, objects_count TEXTURES                                    \
+            bvh_albedos, objects_bounds, objects_count, bvh_uvs, bvh_texels             \
     }
 
 #endif

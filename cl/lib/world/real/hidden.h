@@ -21,7 +21,6 @@ static inline int noted_leaf(const RealLayer layer, const PolarRay ray, const Se
     int found = real_leaf(layer, ray, at, side, hit);
     if (found ? hit->kind != HIT_SURFACE : *side == SIDE_BEHIND || *side == SIDE_BETWEEN)
         hit->hidden_from = fmin(hit->hidden_from, fmax(polar_t(ray, at.u0), 0.0f));
-#ifdef BASSRT
     if (found && hit->kind == HIT_BACK_FACE) {
         if (!(hit->assumed.t < INFINITY)) {
             hit->assumed.t = hit->t;
@@ -31,7 +30,6 @@ static inline int noted_leaf(const RealLayer layer, const PolarRay ray, const Se
         *side = SIDE_BEHIND;
         found = 0;
     }
-#endif
     return found;
 }
 

@@ -33,7 +33,7 @@
 
 #define HIT_SURFACE 0       // the ray meets a visible surface
 #define HIT_SIDE 1          // it enters the assumed thickness of one, from behind or beside
-#define HIT_BACK_FACE 2     // it meets an assumed back face (BASSRT)
+#define HIT_BACK_FACE 2     // it meets an assumed back face
 #define HIT_SKY 3           // it leaves the scene through open sky
 #define HIT_UNKNOWN 4       // it leaves the scene behind visible surfaces, or at the step cap
 #define HIT_LEARNED 5       // it meets a hidden surface whose radiance was learned
@@ -43,6 +43,7 @@ typedef struct {
     __global const float4 *surface;
     float thickness;         // metres, at least
     float thickness_ratio;   // of the radial distance, at least
+    int back_faces;          // they are assumed where the camera saw none
     float bias;              // metres: a start this little behind a surface is in front of it
     float nearest;           // smallest and largest finite depth, metres
     float farthest;
@@ -118,7 +119,6 @@ static inline float surface_radius(float gm, float gd, float u, float root, floa
     return inverse > 0.0f ? clamp(root / inverse, range.x, range.y) : range.y;
 }
 
-#ifdef BASSRT
 // The back face assumed behind the edge of a visible surface, IPRT Figure 4, in the plane of the
 // ray and the capture centre: it starts at the edge point g1 and is perpendicular to the surface.
 // The ray meets it at p; p' lies as far from g1 along the surface. Returns 1 and the hit when the
@@ -165,7 +165,6 @@ static inline int back_face(const RealLayer layer, const PolarRay ray, const Seg
     hit->kind = HIT_BACK_FACE;
     return 1;
 }
-#endif
 
 #ifdef BACKGROUND
 #include "world/real/background.h"
@@ -223,10 +222,8 @@ static inline int real_leaf(const RealLayer layer, const PolarRay ray, const Seg
         found = behind0 > 0.0f && behind0 <= layer.bias && behind1 > behind0;
     } else if (*side == SIDE_FRONT && behind0 > 0.0f) {
         if (!connected) {
-#ifdef BASSRT
-            if (back_face(layer, ray, at, surface.xyz, radius0, hit))
+            if (layer.back_faces && back_face(layer, ray, at, surface.xyz, radius0, hit))
                 return 1;
-#endif
             hit->kind = HIT_SIDE;
         }
         found = connected || behind0 <= thickness0;
