@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from iprt.bvh.scene import SceneBuilder
 from iprt.device.compute import ComputeDevice
 from iprt.geometry.mesh import Instance
+from iprt.settings.features import BVH_DEFINES
 from iprt.world.objects.object_bvh import ObjectBvh
 from tests.kernels.tracing import build, four
 
@@ -77,7 +78,7 @@ class BvhTracer:
     def __init__(self, device: ComputeDevice, instances: Sequence[Instance]) -> None:
         self._device = device
         self._bvh = ObjectBvh(device, instances)
-        flags = [f"-D{name}={int(value)}" for name, value in self._bvh.defines().items() if value]
+        flags = [f"-D{name}={int(value)}" for name, value in BVH_DEFINES.items()]
         self._kernel = build(device, KERNEL, "trace", *flags)
         self._builder = SceneBuilder()
         self.load(instances)
