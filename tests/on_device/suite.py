@@ -1,0 +1,84 @@
+"""The tests that say whether kernels do what they should, on the device."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from importlib.util import find_spec
+from pathlib import Path
+from tempfile import TemporaryFile
+
+from tests.on_device.cases import Asked, Cases, Row
+
+ROOT = Path(__file__).resolve().parents[2]
+FOLDERS = ("kernels", "filter", "view", "world")
+WORKERS = 8
+ENDING_S = 12.0
+"""What pytest gets to sum up what it has, once time is up."""
+HANGING_S = 60
+"""After which a test shows where it is, in the log."""
+MOST_FAILURES = 40
+
+
+def cases(asked: Asked) -> Cases:
+    """A folder of tests each."""
+    return {f"tests/{name}": (lambda name=name: run(f"tests/{name}", asked)) for name in FOLDERS}
+
+
+def run(folder: str, asked: Asked) -> list[Row]:
+    """How many tests passed, and a row for each that failed."""
+    with TemporaryFile() as out:
+        pytest = subprocess.Popen(
+            [sys.executable, "-m", "pytest", folder, *_flags()],
+            cwd=ROOT,
+            env={**os.environ, "IPRT_TEST_DEVICE": asked.device, "OPENBLAS_NUM_THREADS": "1"},
+            stdin=subprocess.DEVNULL,
+            stdout=out,
+            stderr=out,
+        )
+        cut = False
+        try:
+            pytest.wait(max(asked.until - ENDING_S - time.monotonic(), 1.0))
+        except subprocess.TimeoutExpired:
+            cut = True
+            pytest.send_signal(signal.SIGINT)
+            try:
+                pytest.wait(ENDING_S - 4.0)
+            except subprocess.TimeoutExpired:
+                pytest.kill()
+        out.seek(0)
+        told = out.read().decode(errors="replace")
+    print(told)
+    return summary(told, cut=cut)
+
+
+def _flags() -> list[str]:
+    parallel = []
+    if find_spec("xdist"):
+        parallel = ["-n", str(min(os.cpu_count() or 1, WORKERS)), "--dist", "worksteal"]
+    hanging = ["-o", f"faulthandler_timeout={HANGING_S}"]
+    return ["-q", "--tb=line", "-rfE", "-p", "no:cacheprovider", *hanging, *parallel]
+
+
+def summary(told: str, *, cut: bool) -> list[Row]:
+    """What pytest printed, as rows."""
+    last = re.findall(r"^=*\s*(\d+ \w+(?:, \d+ \w+)*) in [\d.]+s", told, re.MULTILINE)
+    counts = {
+        word: int(number) for number, word in re.findall(r"(\d+) (\w+)", last[-1] if last else "")
+    }
+    first: Row = {name: counts.get(name, 0) for name in ("passed", "failed", "errors", "skipped")}
+    if not counts:
+        first = {"failure": f"pytest ended early: {_last_line(told)}"}
+    if cut:
+        first["failure"] = "time was up before the last test"
+    failures = re.findall(r"^(?:FAILED|ERROR) (.*)$", told, re.MULTILINE)
+    return [first, *({"failure": line[:300]} for line in failures[:MOST_FAILURES])]
+
+
+def _last_line(told: str) -> str:
+    lines = [line for line in told.splitlines() if line.strip()]
+    return lines[-1][:300] if lines else "no output"
