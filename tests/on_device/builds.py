@@ -8,7 +8,6 @@ import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pyopencl as cl
@@ -20,12 +19,11 @@ from iprt.device.program import variant
 from iprt.files.resources import CL
 from iprt.film import footage_of
 from iprt.memory import RenderPlan
-from iprt.scene.scene import Scene
 from iprt.settings.model import Settings
 from tests.gpu import Need, allocated, budgets
 from tests.on_device.cases import Asked, Cases, Row
+from tests.on_device.frames import ROOT, first_frame, opened
 
-ROOT = Path(__file__).resolve().parents[2]
 VERBOSE = "-cl-nv-verbose"
 THREADS = 8
 
@@ -74,8 +72,7 @@ def _named(device: ComputeDevice) -> Iterator[tuple[str, Program]]:
     seen = set()
     settings = Settings()
     for name in scenes:
-        scene = Scene.open(ROOT / "scenes360" / name)
-        frame = scene.frame()
+        scene, frame = opened(name), first_frame(name)
         footage = footage_of(scene, frame, settings)
         for of_view in (*scene.views, "equirect"):
             view, names = choose_view(scene, of_view)

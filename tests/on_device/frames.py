@@ -1,4 +1,4 @@
-"""A frame of each scene by each method, beside the same that PoCL rendered elsewhere.
+"""A frame of each scene, and one by each method, beside the same that PoCL rendered elsewhere.
 
 Kernels are those of a GPU on any device, and rays find the objects: only drivers differ.
 """
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from iprt.device.choose import choose_device
 from iprt.film import footage_of
+from iprt.footage.frame import Frame
 from iprt.geometry.camera import View
 from iprt.output.display import display
 from iprt.renderer import Renderer
@@ -36,6 +37,8 @@ MISSING = (
     "there is PoCL, and take it along"
 )
 CODE = "code"
+MANY = "lounge"
+"""The scene that all methods show."""
 SIDE, FRAMES = 96, 4
 LEVELS, SHARE = 2.0 / 255.0, 0.999
 """What is shown may differ by so much, in this share of the pixels, as two drivers on processors
@@ -68,25 +71,25 @@ def opened(scene: str) -> Scene:
     return Scene.open(ROOT / "scenes360" / scene)
 
 
+@cache
+def first_frame(scene: str) -> Frame:
+    """Of its video; it takes seconds."""
+    return opened(scene).frame()
+
+
 def shots() -> list[Shot]:
-    """All of them: every scene by the default method, every method, and then the others."""
+    """All of them: every scene by the default method, a panorama, and every other method."""
     scenes = sorted(file.parent.name for file in ROOT.glob("scenes360/*/scene.toml"))
     views = {scene: next(iter(opened(scene).views)) for scene in scenes}
     default = [Shot(scene, view, DEFAULT) for scene, view in views.items()]
-    around = [Shot("lounge", "equirect", DEFAULT)]
-    others = [
-        Shot(scene, views[scene], method)
-        for scene in ("lounge", *(name for name in scenes if name != "lounge"))
-        for method in methods()
-        if method != DEFAULT
-    ]
-    return default + around + others
+    around = Shot(MANY, "equirect", DEFAULT)
+    others = [Shot(MANY, views[MANY], method) for method in methods() if method != DEFAULT]
+    return [*default, around, *others]
 
 
 def rendered(device: LikeGpu, shot: Shot) -> NDArray[np.float32]:
     """(H, W, 3) linear radiance."""
-    scene = opened(shot.scene)
-    frame = scene.frame()
+    scene, frame = opened(shot.scene), first_frame(shot.scene)
     settings = Settings.model_validate({"method": shot.method, "gbuffer": "cl", "fading": 0.0})
     if shot.view == "equirect":
         view, objects = View(2 * SIDE, SIDE, projection="equirect"), scene.instances

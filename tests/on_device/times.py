@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cache
-from pathlib import Path
 from typing import cast
 
 from iprt.commands.views import choose_view, moving_view
@@ -17,13 +15,12 @@ from iprt.measure.camera_motion import Playback, Reel, Step, Turn
 from iprt.measure.cost_report import CostReport
 from iprt.measure.intake import time_intake
 from iprt.renderer import Renderer
-from iprt.scene.scene import Scene
 from iprt.settings.model import Settings
 from iprt.settings.overrides import resolved
 from iprt.settings.presets import PRESETS, Quality
 from tests.on_device.cases import Asked, Cases, Row
+from tests.on_device.frames import first_frame, opened
 
-ROOT = Path(__file__).resolve().parents[2]
 SQUARES = ((512, 512), (1024, 1024))
 AROUND = (2048, 1024)
 STILL, TURNING, VIDEO = "still", "turning", "next video frame"
@@ -94,27 +91,22 @@ def row(report: CostReport) -> Row:
     }
 
 
-@cache
-def _opened(scene: str) -> Scene:
-    return Scene.open(ROOT / "scenes360" / scene)
-
-
 def _reel(size: tuple[int, int], motion: str, settings: Settings) -> Reel:
     name = "equirect" if size == AROUND else None
     if motion == VIDEO:
-        scene = _opened("train")
+        scene = opened("train")
         moving, objects = moving_view(scene, name, size=size)
         return Playback(scene, moving, objects, settings)
-    scene = _opened("room")
+    scene = opened("room")
     view, objects = choose_view(scene, name, size=size)
     instances = scene.instances if objects is None else scene.instances_named(objects)
     kind = Turn if motion == TURNING else Rest
-    return cast(Reel, kind(scene.frame(), instances, view, settings))
+    return cast(Reel, kind(first_frame("room"), instances, view, settings))
 
 
 def _intake(device: ComputeDevice, size: tuple[int, int], frames: int) -> list[Row]:
     device.profile.reset()
-    found = time_intake(device, _opened("train"), Settings(), frames=frames, size=size)
+    found = time_intake(device, opened("train"), Settings(), frames=frames, size=size)
     return [
         {
             "wall ms": found.ms,
