@@ -12,6 +12,7 @@ import os
 import signal
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import FrameType
@@ -51,7 +52,9 @@ def main() -> int:
         write_reference()
         return 0
     signal.signal(signal.SIGTERM, _interrupt)
-    results = Results(asked.output, STEPS)
+    scale = asked.minutes / 10.0
+    steps = [replace(one, most_s=one.most_s * scale, case_s=one.case_s * scale) for one in STEPS]
+    results = Results(asked.output, steps)
     try:
         with TemporaryDirectory() as folder:
             if not _prepare(results, asked.device, Path(folder)):
@@ -68,12 +71,11 @@ def main() -> int:
 def _measure(results: Results, device: str, until: float) -> int:
     """Run the steps; the exit status."""
     # At first each step has its share; then they get what others left.
-    total_s = until - results.began_s
     for shares in (True, False):
-        for step in STEPS:
+        for step in results.steps:
             outcome = results.outcomes[step.name]
             now = time.monotonic()
-            end = min(now + step.most_s * total_s / 600.0, until) if shares else until
+            end = min(now + step.most_s, until) if shares else until
             if outcome.finished or end - now < LEAST_S:
                 continue
             say(f"== {step.title} (at {results.seconds:.0f} s, for at most {end - now:.0f})")
@@ -90,7 +92,7 @@ def _measure(results: Results, device: str, until: float) -> int:
             results.write()
             if step.name == "device" and not outcome.rows("properties"):
                 return 3
-    for step in STEPS:
+    for step in results.steps:
         outcome = results.outcomes[step.name]
         if not outcome.finished:
             say(f"{step.title}: did not fit: {', '.join(outcome.left) or 'all of it'}")

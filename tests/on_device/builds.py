@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import tempfile
 import time
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 
@@ -22,20 +21,24 @@ from iprt.memory import RenderPlan
 from iprt.settings.model import Settings
 from tests.gpu import Need, allocated, budgets
 from tests.on_device.cases import Asked, Cases, Row
-from tests.on_device.frames import ROOT, first_frame, opened
+from tests.on_device.frames import first_frame, opened, scenes
 
 VERBOSE = "-cl-nv-verbose"
 THREADS = 8
+DEMO = "lounge"
 
 Program = tuple[str, tuple[str, ...]]
 """File and options."""
 
 
 def cases(asked: Asked) -> Cases:
-    """A program each, those of the demo first; and all of them in threads."""
+    """A program each, those of the demo first, and these in threads."""
     os.environ["POCL_CACHE_DIR"] = tempfile.mkdtemp(prefix="on-device-")
     device = ComputeDevice(choose_device(asked.device))
-    programs = dict(_named(device))
+    demo = _planned(device, DEMO)
+    programs = dict(demo)
+    for name in scenes():
+        programs |= _planned(device, name)
     seconds: dict[str, float] = {}
 
     def build(name: str) -> list[Row]:
@@ -62,27 +65,23 @@ def cases(asked: Asked) -> Cases:
         ]
 
     own = {name: (lambda name=name: build(name)) for name in programs}
-    return {**own, f"all of them, {THREADS} threads": together}
+    first = {name: own[name] for name in demo}
+    return {**first, f"all of these, {THREADS} threads": together, **own}
 
 
-def _named(device: ComputeDevice) -> Iterator[tuple[str, Program]]:
-    """Each program that the demo and the views of all scenes build by default, once."""
-    scenes = sorted(file.parent.name for file in ROOT.glob("scenes360/*/scene.toml"))
-    scenes.sort(key=lambda name: name != "lounge")
-    seen = set()
-    settings = Settings()
-    for name in scenes:
-        scene, frame = opened(name), first_frame(name)
-        footage = footage_of(scene, frame, settings)
-        for of_view in (*scene.views, "equirect"):
-            view, names = choose_view(scene, of_view)
-            objects = scene.instances if names is None else scene.instances_named(names)
-            plan = RenderPlan.of(frame, objects, view, settings, footage, is_cpu=device.is_cpu)
-            for file, _, defines in plan.kernels:
-                title, options = variant(file, defines)
-                if title not in seen:
-                    seen.add(title)
-                    yield title, (file, tuple(options))
+def _planned(device: ComputeDevice, name: str) -> dict[str, Program]:
+    """Programs that the views of a scene build by default, by name."""
+    scene, frame, settings = opened(name), first_frame(name), Settings()
+    footage = footage_of(scene, frame, settings)
+    found = {}
+    for of_view in (*scene.views, "equirect"):
+        view, names = choose_view(scene, of_view)
+        objects = scene.instances if names is None else scene.instances_named(names)
+        plan = RenderPlan.of(frame, objects, view, settings, footage, is_cpu=device.is_cpu)
+        for file, _, defines in plan.kernels:
+            title, options = variant(file, defines)
+            found[title] = file, tuple(options)
+    return found
 
 
 def built(device: ComputeDevice, file: str, options: tuple[str, ...]) -> list[Row]:

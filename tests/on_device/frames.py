@@ -37,7 +37,7 @@ MISSING = (
     "there is PoCL, and take it along"
 )
 CODE = "code"
-MANY = "lounge"
+MANY = "room"
 """The scene that all methods show."""
 SIDE, FRAMES = 96, 4
 LEVELS, SHARE = 2.0 / 255.0, 0.999
@@ -65,9 +65,14 @@ class Shot:
         return f"{self.scene} {self.view}, {self.method}"
 
 
+def scenes() -> list[str]:
+    """Names of this repository's."""
+    return sorted(file.parent.name for file in ROOT.glob("scenes360/*/scene.toml"))
+
+
 @cache
 def opened(scene: str) -> Scene:
-    """One of this repository's."""
+    """One of them."""
     return Scene.open(ROOT / "scenes360" / scene)
 
 
@@ -79,8 +84,7 @@ def first_frame(scene: str) -> Frame:
 
 def shots() -> list[Shot]:
     """All of them: every scene by the default method, a panorama, and every other method."""
-    scenes = sorted(file.parent.name for file in ROOT.glob("scenes360/*/scene.toml"))
-    views = {scene: next(iter(opened(scene).views)) for scene in scenes}
+    views = {scene: next(iter(opened(scene).views)) for scene in scenes()}
     default = [Shot(scene, view, DEFAULT) for scene, view in views.items()]
     around = Shot(MANY, "equirect", DEFAULT)
     others = [Shot(MANY, views[MANY], method) for method in methods() if method != DEFAULT]
@@ -115,25 +119,27 @@ def code() -> str:
 def write_reference(path: Path = REFERENCE) -> None:
     """Render all shots on PoCL."""
     device = LikeGpu(choose_device("pocl"))
+    path.parent.mkdir(parents=True, exist_ok=True)
     pictures: dict[str, NDArray[Any]] = {CODE: np.array(code())}
     for shot in shots():
         start = time.perf_counter()
         pictures[shot.name] = rendered(device, shot).astype(np.float16)
         say(f"{shot.name}: {time.perf_counter() - start:.1f} s")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    np.savez_compressed(path, **pictures)
+        np.savez_compressed(path, **pictures)
     say(f"{path}: {path.stat().st_size >> 10} KiB")
 
 
 def cases(asked: Asked) -> Cases:
     """One for each shot, after one that says whether the reference is of this code."""
-    if not REFERENCE.is_file():
-        raise FileNotFoundError(MISSING)
-    with np.load(REFERENCE) as file:
-        held = dict(file)
+    held: dict[str, NDArray[Any]] = {}
+    if REFERENCE.is_file():
+        with np.load(REFERENCE) as file:
+            held = dict(file)
     device = cache(lambda: LikeGpu(choose_device(asked.device)))
 
     def reference() -> list[Row]:
+        if not held:
+            return [{"verdict": MISSING}]
         same = str(held[CODE]) == code()
         return [{"verdict": "of this code" if same else "OF OTHER CODE: differences may be its"}]
 
@@ -150,7 +156,8 @@ def _compared(
             picture = rendered(device(), shot)
             seconds = time.perf_counter() - start
             if shot.name not in held:
-                return [{"verdict": "not in the reference", "s": seconds}]
+                finite = "finite" if np.isfinite(picture).all() else "NOT FINITE"
+                return [{"verdict": f"{finite}, not in the reference", "s": seconds}]
             wanted = held[shot.name].astype(np.float32)
             return [{**difference(picture, wanted, opened(shot.scene).exposure), "s": seconds}]
 

@@ -18,7 +18,7 @@ from typing import Any
 from tests.on_device.cases import Row
 
 ROOT = Path(__file__).resolve().parents[2]
-START_S = 60.0
+START_S = 120.0
 """Longest time until a child has imported what it needs, and found its cases."""
 ENDING_S = 5.0
 """How long the end of a process is waited for: one inside a driver may never come."""
@@ -34,7 +34,7 @@ class Step:
     module : str
         Has a function `cases(asked)`.
     most_s : float
-        Time it gets at first, of ten minutes; more if others leave some.
+        Time it gets at first; more if others leave some.
     case_s : float
         Time after which one of its cases hangs.
     environment : dict of str to str

@@ -20,8 +20,8 @@ __kernel void copy4(__global const float4 *from, __global float4 *to)
 { to[get_global_id(0)] = from[get_global_id(0)]; }
 __kernel void nothing(__global float *to) {}
 """
-LARGEST = 1 << 30
-"""Bytes of a buffer to copy: far more than any cache holds."""
+LARGEST, LARGEST_OF_CPU = 1 << 30, 1 << 27
+"""Bytes of a buffer to copy: far more than caches hold."""
 MOVED = 1 << 26
 """Bytes to move over the bus."""
 ROUNDS, QUEUED = 9, 1000
@@ -48,7 +48,8 @@ class _Bench:
     def copies(self) -> list[Row]:
         """Bytes read and written by the device's own clock, for floats and for four at a time."""
         device = self._device
-        size = min(LARGEST, device.memory // 32, device.largest_buffer) // 4096 * 4096
+        size = LARGEST_OF_CPU if device.is_cpu else LARGEST
+        size = min(size, device.memory // 8, device.largest_buffer) // 4096 * 4096
         one, other = (cl.Buffer(device.context, cl.mem_flags.READ_WRITE, size) for _ in range(2))
         rows: list[Row] = []
         cl.enqueue_fill_buffer(self._queue, one, np.uint8(1), 0, size)

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryFile
@@ -25,24 +26,29 @@ MOST_FAILURES = 40
 
 
 def cases(asked: Asked) -> Cases:
-    """A folder of tests each."""
-    return {f"tests/{name}": (lambda name=name: run(f"tests/{name}", asked)) for name in FOLDERS}
+    """A folder of tests each; none takes more of the time left than its share."""
+
+    def share(index: int) -> list[Row]:
+        left = asked.until - time.monotonic()
+        return run(f"tests/{FOLDERS[index]}", asked.device, left / (len(FOLDERS) - index))
+
+    return {f"tests/{name}": partial(share, index) for index, name in enumerate(FOLDERS)}
 
 
-def run(folder: str, asked: Asked) -> list[Row]:
-    """How many tests passed, and a row for each that failed."""
+def run(folder: str, device: str, most_s: float) -> list[Row]:
+    """How many tests passed in this time, and a row for each that failed."""
     with TemporaryFile() as out:
         pytest = subprocess.Popen(
             [sys.executable, "-m", "pytest", folder, *_flags()],
             cwd=ROOT,
-            env={**os.environ, "IPRT_TEST_DEVICE": asked.device, "OPENBLAS_NUM_THREADS": "1"},
+            env={**os.environ, "IPRT_TEST_DEVICE": device, "OPENBLAS_NUM_THREADS": "1"},
             stdin=subprocess.DEVNULL,
             stdout=out,
             stderr=out,
         )
         cut = False
         try:
-            pytest.wait(max(asked.until - ENDING_S - time.monotonic(), 1.0))
+            pytest.wait(max(most_s - ENDING_S, 1.0))
         except subprocess.TimeoutExpired:
             cut = True
             pytest.send_signal(signal.SIGINT)
