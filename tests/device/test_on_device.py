@@ -188,13 +188,28 @@ def test_pictures_that_differ_are_told_from_those_that_hardly_do() -> None:
     assert difference(other, picture, 1.0)["verdict"] == "NOT FINITE"
 
 
-def test_what_pytest_says_is_added_up() -> None:
-    told = "....F\n= short test summary info =\nFAILED tests/a.py::b - assert 1 == 2\n"
-    end = "1 failed, 4 passed, 2 skipped in 3.21s\n"
-    rows = suite.summary(told + end, cut=False)
-    assert rows == [
-        {"passed": 4, "failed": 1, "errors": 0, "skipped": 2},
-        {"failure": "tests/a.py::b - assert 1 == 2"},
+PLAIN = """
+tests/a.py::b[x y] PASSED                 [ 33%]
+tests/a.py::c FAILED                      [ 66%]
+tests/a.py::d SKIPPED (no driver)         [100%]
+"""
+PARALLEL = """
+[gw0] [ 33%] PASSED tests/a.py::b[x y] 
+[gw1] [ 66%] FAILED tests/a.py::c 
+[gw0] [100%] SKIPPED tests/a.py::d 
+"""  # noqa: W291
+
+
+@pytest.mark.parametrize("told", [PLAIN, PARALLEL])
+def test_what_pytest_says_is_added_up(told: str) -> None:
+    counts = {"passed": 1, "failed": 1, "error": 0, "skipped": 1}
+    end = "= short test summary info =\nFAILED tests/a.py::c - assert 1 == 2\n"
+    assert suite.summary(told + end, cut=False) == [
+        counts,
+        {"failure": "tests/a.py::c: assert 1 == 2"},
     ]
-    assert suite.summary(told + end, cut=True)[0]["failure"] == "time was up before the last test"
-    assert suite.summary("gone\n", cut=False) == [{"failure": "pytest ended early: gone"}]
+    assert suite.summary(told, cut=True) == [
+        {**counts, "failure": "time was up before the last test"},
+        {"failure": "tests/a.py::c: no reason was told"},
+    ]
+    assert suite.summary("gone\n", cut=False)[0]["failure"] == "pytest ended early: gone"

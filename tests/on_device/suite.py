@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections import Counter
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
@@ -19,10 +20,16 @@ ROOT = Path(__file__).resolve().parents[2]
 FOLDERS = ("kernels", "filter", "view", "world")
 WORKERS = 8
 ENDING_S = 12.0
-"""What pytest gets to sum up what it has, once time is up."""
+"""What pytest gets to end, once time is up."""
 HANGING_S = 60
 """After which a test shows where it is, in the log."""
 MOST_FAILURES = 40
+OUTCOME = re.compile(
+    r"^\[gw\d+\] \[ *\d+%\] (?P<word>[A-Z]+) (?P<name>\S.*)$"
+    r"|^(?P<plain>\S+::.*?) (?P<plain_word>PASSED|FAILED|ERROR|SKIPPED|XFAIL|XPASS)\b",
+    re.MULTILINE,
+)
+"""A line of `pytest -v` about one test, with pytest-xdist and without."""
 
 
 def cases(asked: Asked) -> Cases:
@@ -67,22 +74,29 @@ def _flags() -> list[str]:
     if find_spec("xdist"):
         parallel = ["-n", str(min(os.cpu_count() or 1, WORKERS)), "--dist", "worksteal"]
     hanging = ["-o", f"faulthandler_timeout={HANGING_S}"]
-    return ["-q", "--tb=line", "-rfE", "-p", "no:cacheprovider", *hanging, *parallel]
+    return ["-v", "--tb=line", "-rfE", "-p", "no:cacheprovider", *hanging, *parallel]
 
 
 def summary(told: str, *, cut: bool) -> list[Row]:
-    """What pytest printed, as rows."""
-    last = re.findall(r"^=*\s*(\d+ \w+(?:, \d+ \w+)*) in [\d.]+s", told, re.MULTILINE)
-    counts = {
-        word: int(number) for number, word in re.findall(r"(\d+) (\w+)", last[-1] if last else "")
-    }
-    first: Row = {name: counts.get(name, 0) for name in ("passed", "failed", "errors", "skipped")}
-    if not counts:
-        first = {"failure": f"pytest ended early: {_last_line(told)}"}
+    """What pytest printed, as rows; what it says of single tests holds however it ended."""
+    counts: Counter[str] = Counter()
+    failures = []
+    for found in OUTCOME.finditer(told):
+        word, name = found["word"] or found["plain_word"], found["name"] or found["plain"]
+        counts[word.lower()] += 1
+        if word in ("FAILED", "ERROR"):
+            failures.append(name.strip())
+    reasons = dict(re.findall(r"^(?:FAILED|ERROR) (\S.*?) - (.*)$", told, re.MULTILINE))
+    first: Row = {name: counts[name] for name in ("passed", "failed", "error", "skipped")}
     if cut:
         first["failure"] = "time was up before the last test"
-    failures = re.findall(r"^(?:FAILED|ERROR) (.*)$", told, re.MULTILINE)
-    return [first, *({"failure": line[:300]} for line in failures[:MOST_FAILURES])]
+    elif not counts:
+        first["failure"] = f"pytest ended early: {_last_line(told)}"
+    rows: list[Row] = [
+        {"failure": f"{name}: {reasons.get(name, 'no reason was told')}"[:300]}
+        for name in failures[:MOST_FAILURES]
+    ]
+    return [first, *rows]
 
 
 def _last_line(told: str) -> str:
