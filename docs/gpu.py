@@ -1,14 +1,16 @@
 """A model of the time that frames take on GPUs: `python -m docs.gpu` fills the table of `gpu.md`.
 
 It takes Oclgrind, clang-19 with libclc-19, ptxas (see `tests.oclgrind` and `tests.gpu`), and some
-five minutes.
+five minutes. Columns of what was measured come from `gpu_measured.json`, if there is one, which
+`tests.on_device` writes.
 """
 
 from __future__ import annotations
 
+import json
 import re
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from os import cpu_count
@@ -22,6 +24,8 @@ from iprt.device.compute import ComputeDevice
 from tests import gpu as compilers
 
 PAGE = Path(__file__).with_name("gpu.md")
+MEASURED = Path(__file__).with_name("gpu_measured.json")
+HEADINGS = {FRAME: "### A frame of a head that turns", VIDEO: "### A new frame of the video"}
 START, END = "<!-- measured -->", "<!-- end -->"
 
 LAUNCH_S = 2e-6
@@ -103,6 +107,24 @@ Registers = dict[tuple[str, str, str], int]
 
 
 @dataclass(frozen=True)
+class Measured:
+    """Times of a device in milliseconds, by what was played.
+
+    Attributes
+    ----------
+    name : str
+    kernels : dict of str to dict
+        Times by the device's clock, by pass and kernel.
+    wall : dict of str to float
+        Of all of it, by the host's clock.
+    """
+
+    name: str
+    kernels: dict[str, dict[Key, float]]
+    wall: dict[str, float]
+
+
+@dataclass(frozen=True)
 class Estimate:
     """The time of a kernel in a pass, in seconds.
 
@@ -158,13 +180,17 @@ def moved(count: Count, kernel: str) -> float:
 # The table ----------------------------------------------------------------------------------
 
 
-def table(counts: Counts, registers: Registers) -> list[str]:
-    """A row for each kernel of a pass, and their sum."""
+def table(
+    counts: Counts, registers: Registers, measured: Mapping[str, Mapping[Key, float]]
+) -> list[str]:
+    """A row for each kernel of a pass, and their sum; `measured` times by device and kernel."""
     head = ["pass", "kernel", "launches", "items", "rays", "steps/ray", "MB", "MB asked for"]
     head += ["MFLOP", "M instr.", *(f"regs {gpu.target}" for gpu in GPUS)]
     for gpu in GPUS:
         head += [f"{gpu.name} ms", "limit"]
-    lines = [_line(head), _line(["---", "---", *["---:"] * 10, *["---:", "---"] * len(GPUS)])]
+    head += [f"{name}, measured ms" for name in measured]
+    marks = ["---", "---", *["---:"] * 10, *["---:", "---"] * len(GPUS), *["---:"] * len(measured)]
+    lines = [_line(head), _line(marks)]
     for (part, kernel), count in counts.items():
         found = [registers.get((gpu.target, count.program, kernel), "") for gpu in GPUS]
         cells = [
@@ -183,10 +209,13 @@ def table(counts: Counts, registers: Registers) -> list[str]:
         for gpu in GPUS:
             times = estimate(gpu, kernel, count, registers)
             cells += [f"{times.ms:.3f}", times.limit]
+        for found_ms in measured.values():
+            cells.append(f"{found_ms[part, kernel]:.3f}" if (part, kernel) in found_ms else "")
         lines.append(_line(cells))
     sums = ["all", "", str(sum(count.launches for count in counts.values())), *[""] * 9]
     for gpu in GPUS:
         sums += [f"**{total(gpu, counts, registers):.2f}**", ""]
+    sums += [f"**{sum(found_ms.values()):.2f}**" for found_ms in measured.values()]
     return [*lines, _line(sums)]
 
 
@@ -218,20 +247,57 @@ def _thousands(number: int) -> str:
     return f"{number / 1e3:.0f}k" if number >= 10_000 else str(number)
 
 
-def page_part(video: Counts, frame: Counts, registers: Registers) -> str:
+def page_part(
+    video: Counts, frame: Counts, registers: Registers, measured: Sequence[Measured] = ()
+) -> str:
     """What stands between `START` and `END`."""
     scene = {key: count for key, count in video.items() if key[0] in PREPARING}
     goals, video_goals = ([getattr(g, n) for g in GPUS] for n in ("goal_ms", "video_goal_ms"))
-    return "\n".join(
-        [
-            *verdict("A frame", frame, registers, goals),
-            *verdict("Preparing a video frame", scene, registers, video_goals),
-            "\n### A frame of a head that turns\n",
-            *table(frame, registers),
-            "\n### A new frame of the video\n",
-            *table(video, registers),
-        ]
-    )
+    lines = [
+        *verdict("A frame", frame, registers, goals),
+        *verdict("Preparing a video frame", scene, registers, video_goals),
+    ]
+    lines += [
+        f"- Measured on {one.name}, by the host's clock: {one.wall[FRAME]:.2f} ms for a frame, "
+        f"{one.wall[VIDEO]:.2f} ms for a new frame of the video"
+        for one in measured
+    ]
+    for what, counts in ((FRAME, frame), (VIDEO, video)):
+        times = {one.name: one.kernels[what] for one in measured}
+        lines += [f"\n{HEADINGS[what]}\n", *table(counts, registers, times)]
+    return "\n".join(lines)
+
+
+def modelled(page: str, what: str) -> dict[Key, dict[str, float]]:
+    """The model's times in the page, of what is played: pass and kernel -> name of GPU -> ms."""
+    _, _, text = page.partition(f"{HEADINGS[what]}\n")
+    rows = [line.split("|")[1:-1] for line in text.split("\n#")[0].splitlines() if "|" in line]
+    lines = [[cell.strip() for cell in row] for row in rows]
+    found = {}
+    for line in lines[2:]:
+        cells = dict(zip(lines[0], line, strict=True))
+        key = cells["pass"], cells["kernel"].strip("`")
+        found[key] = {f"{g.name} ms": float(cells[f"{g.name} ms"].strip("*")) for g in GPUS}
+    return found
+
+
+# What was measured --------------------------------------------------------------------------
+
+
+def read_measured(path: Path = MEASURED) -> list[Measured]:
+    """What `tests.on_device` wrote, of frames as large as the model's; none without a file."""
+    if not path.exists():
+        return []
+    devices = json.loads(path.read_text(encoding="utf-8"))["devices"]
+    return [
+        Measured(
+            one["device"],
+            {w: {(part, name): ms for part, name, ms in one[w]["kernels"]} for w in HEADINGS},
+            {what: one[what]["wall_ms"] for what in HEADINGS},
+        )
+        for one in devices
+        if (one["view"], one["rows"]) == (FULL.view, FULL.rows)
+    ]
 
 
 # Measuring ----------------------------------------------------------------------------------
@@ -263,7 +329,7 @@ def main() -> None:
         for what in (VIDEO, FRAME)
     }
     registers = registers_of(c.program for of in counts.values() for c in of.values() if c.program)
-    part = page_part(counts[VIDEO], counts[FRAME], registers)
+    part = page_part(counts[VIDEO], counts[FRAME], registers, read_measured())
     page = PAGE.read_text(encoding="utf-8")
     pattern = f"{re.escape(START)}.*?{re.escape(END)}"
     filled = re.sub(pattern, lambda _: f"{START}\n\n{part}\n\n{END}", page, flags=re.DOTALL)

@@ -6,10 +6,10 @@ For `docs/gpu.py`. Kernels are built as for a device that is no CPU, whatever pl
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 from unittest import mock
 
 import numpy as np
@@ -39,6 +39,7 @@ FILL = "fill"
 Key = tuple[str, str]
 """Pass and kernel."""
 Mark = Callable[[tuple[str, ...]], None]
+Seen = TypeVar("Seen")
 
 
 @dataclass(frozen=True)
@@ -143,28 +144,45 @@ def play(device: ComputeDevice, size: Size, mark: Mark = lambda _: None) -> dict
     `mark` is called with the names of what is played, pass and kernel before each launch, which is
     done before the next one; and with nothing before launches that do not count.
     """
+    counting = CountingGpu(device)
+
+    @contextmanager
+    def watch(what: str) -> Iterator[Counts]:
+        with recorded(counting, lambda key: mark((what, *key))) as counts:
+            yield counts
+        mark(())
+
+    return playing(counting, size, watch)
+
+
+def playing(
+    device: ComputeDevice,
+    size: Size,
+    watch: Callable[[str], AbstractContextManager[Seen]],
+    count: int = 1,
+) -> dict[str, Seen]:
+    """What `watch` yields while `VIDEO` and `FRAME` are played, `count` times in a row each."""
     scene = Scene.open(ROOT / "scenes360" / "room")
     frame = resized(scene.frame(), size.rows)
     view = replace(next(iter(scene.views.values())).view, width=size.view, height=size.view)
     settings = Settings.model_validate(size.settings)
     footage = Footage.of(frame, video=True, static_camera=True)
     found = {}
-    counting = CountingGpu(device)
-    with Renderer(counting, frame, scene.instances, view, settings, footage=footage) as renderer:
+    with Renderer(device, frame, scene.instances, view, settings, footage=footage) as renderer:
         renderer.real_world.split_highlights()
-        with recorded(counting, lambda key: mark((VIDEO, *key))) as found[VIDEO]:
-            renderer.load(replace(frame))
-            renderer.real_world.split_highlights()
-        mark(())
+        with watch(VIDEO) as found[VIDEO]:
+            for _ in range(count):
+                renderer.load(replace(frame))
+                renderer.real_world.split_highlights()
     reel = Turn(frame, scene.instances, view, settings)
-    with reel.renderer(counting) as renderer:
+    with reel.renderer(device) as renderer:
         for index in range(size.warm_up):
             renderer.look(turned(view, index))
             renderer.step()
-        renderer.look(turned(view, size.warm_up))
-        with recorded(counting, lambda key: mark((FRAME, *key))) as found[FRAME]:
-            renderer.step()
-    mark(())
+        with watch(FRAME) as found[FRAME]:
+            for index in range(size.warm_up, size.warm_up + count):
+                renderer.look(turned(view, index))
+                renderer.step()
     return found
 
 

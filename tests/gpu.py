@@ -114,12 +114,20 @@ def nvidia(program: Program, folder: Path) -> Iterator[tuple[str, str, Need]]:
         _require_single(assembly.read_text(), r"\.f64\b")
         # ptxas links: what is declared and not defined fails here.
         told = _run(_ptxas(), "-v", "-arch", gpu, assembly, "-o", os.devnull)
-        kernels = re.split(r"Compiling entry function '(\w+)'", told)
-        for name, report in zip(kernels[1::2], kernels[2::2], strict=True):
-            found = ALLOCATED.search(report)
-            assert found is not None, report
-            stack, stores, loads, registers = map(int, found.groups())
-            yield gpu, name, Need(registers, stack, stores + loads)
+        for name, need in allocated(told).items():
+            yield gpu, name, need
+
+
+def allocated(told: str) -> dict[str, Need]:
+    """What kernels need, by name, in what ptxas says; NVIDIA's driver says it in its log."""
+    kernels = re.split(r"Compiling entry function '(\w+)'", told)
+    needs = {}
+    for name, report in zip(kernels[1::2], kernels[2::2], strict=True):
+        found = ALLOCATED.search(report)
+        assert found is not None, report
+        stack, stores, loads, registers = map(int, found.groups())
+        needs[name] = Need(registers, stack, stores + loads)
+    return needs
 
 
 def _amd(program: Program, folder: Path) -> Iterator[tuple[str, str, Need]]:
