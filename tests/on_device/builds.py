@@ -14,8 +14,7 @@ import pyopencl as cl
 from iprt.commands.views import choose_view
 from iprt.device.choose import choose_device
 from iprt.device.compute import ComputeDevice
-from iprt.device.program import variant
-from iprt.files.resources import CL
+from iprt.device.program import Program
 from iprt.film import footage_of
 from iprt.memory import RenderPlan
 from iprt.settings.model import Settings
@@ -26,9 +25,6 @@ from tests.on_device.frames import first_frame, opened, scenes
 VERBOSE = "-cl-nv-verbose"
 THREADS = 8
 DEMO = "lounge"
-
-Program = tuple[str, tuple[str, ...]]
-"""File and options."""
 
 
 def cases(asked: Asked) -> Cases:
@@ -43,7 +39,7 @@ def cases(asked: Asked) -> Cases:
 
     def build(name: str) -> list[Row]:
         start = time.perf_counter()
-        rows = built(device, *programs[name])
+        rows = built(device, programs[name])
         seconds[name] = time.perf_counter() - start
         return [
             {"build ms": 1e3 * seconds[name] if index == 0 else None, **row}
@@ -53,7 +49,7 @@ def cases(asked: Asked) -> Cases:
     def together() -> list[Row]:
         start = time.perf_counter()
         with ThreadPoolExecutor(THREADS) as pool:
-            list(pool.map(lambda name: built(device, *programs[name]), seconds))
+            list(pool.map(lambda name: built(device, programs[name]), seconds))
         wall = time.perf_counter() - start
         return [
             {
@@ -73,23 +69,23 @@ def _planned(device: ComputeDevice, name: str) -> dict[str, Program]:
     """Programs that the views of a scene build by default, by name."""
     scene, frame, settings = opened(name), first_frame(name), Settings()
     footage = footage_of(scene, frame, settings)
-    found = {}
+    found: dict[str, Program] = {}
     for of_view in (*scene.views, "equirect"):
         view, names = choose_view(scene, of_view)
         objects = scene.instances if names is None else scene.instances_named(names)
         plan = RenderPlan.of(frame, objects, view, settings, footage, is_cpu=device.is_cpu)
-        for file, _, defines in plan.kernels:
-            title, options = variant(file, defines)
-            found[title] = file, tuple(options)
+        for kernel in plan.kernels:
+            program = Program.of(kernel.file, kernel.defines)
+            found[program.name] = program
     return found
 
 
-def built(device: ComputeDevice, file: str, options: tuple[str, ...]) -> list[Row]:
+def built(device: ComputeDevice, of: Program) -> list[Row]:
     """Build a program anew; a row for each of its kernels."""
     nvidia = "nvidia" in device.device.vendor.lower()
-    asked = [*options, *([VERBOSE] if nvidia else [])]
+    asked = [*of.options, *([VERBOSE] if nvidia else [])]
     # The number makes it another program for caches that cannot be switched off.
-    source = f"// {time.perf_counter_ns()}\n#line 1\n" + (CL / file).read_text()
+    source = f"// {time.perf_counter_ns()}\n{of.text}"
     program = cl.Program(device.context, source).build(asked)
     log = program.get_build_info(device.device, cl.program_build_info.LOG) or ""
     needs = allocated(log)
