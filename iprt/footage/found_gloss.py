@@ -74,8 +74,8 @@ def find_gloss(
     for other in later if planes else ():
         moment = Moment.of(other, cells.rows, frame)
         if moment.motion is not None:
-            for plane in followed:
-                plane.follow(moment, other, tolerance)
+            for view in followed:
+                view.follow(moment, other, tolerance)
     found: list[RealMaterial] = []
     for plane, reflection in zip(planes, on_all_cores(_reflection, followed), strict=True):
         if reflection and is_strong(reflection, len(planes) * len(ALPHAS) * KINDS):
