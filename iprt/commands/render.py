@@ -236,14 +236,20 @@ def _render_still(job: Job, output: Path, index: int) -> tuple[ComputeDevice, Fi
 
     def attempt() -> tuple[RenderedFrame, ComputeDevice, Film, Goal | None]:
         goal = job.goal()
-        compute = ComputeDevice(handle, job.frame_limit)
-        with job.film(compute) as film, progress_bar("rendering", job.accumulate) as progress:
+        with progress_bar("rendering", job.accumulate) as progress:
+            done = 0
 
-            def forward(done: int) -> None:
+            def forward(frames: int) -> None:
+                nonlocal done
+                done = frames
                 noise = None if goal is None else goal.reached
                 progress(done, "" if noise is None else f", noise {noise:.2g}")
 
-            ((_, picture),) = film.frames([index], aovs=job.aovs, progress=forward, goal=goal)
+            progress(done, ": reading the scene")
+            compute = ComputeDevice(handle, job.frame_limit)
+            compute.building = lambda file: progress(done, f": compiling {file}")
+            with job.film(compute) as film:
+                ((_, picture),) = film.frames([index], aovs=job.aovs, progress=forward, goal=goal)
         return picture, compute, film, goal
 
     with locked(output.parent):

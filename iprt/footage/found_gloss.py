@@ -19,6 +19,7 @@ from iprt.footage.gloss_evidence import ALPHAS, Reflection
 from iprt.footage.gloss_frames import Followed, Moment
 from iprt.footage.mirrored import IOR, KINDS
 from iprt.footage.planes import PARALLEL, CellPlane, find_planes
+from iprt.footage.threads import on_all_cores
 from iprt.geometry.material import Material
 
 ROWS = 128
@@ -73,19 +74,14 @@ def find_gloss(
     for other in later if planes else ():
         moment = Moment.of(other, cells.rows, frame)
         if moment.motion is not None:
-            for plane in followed:
-                plane.follow(moment, other, tolerance)
+            for view in followed:
+                view.follow(moment, other, tolerance)
     found: list[RealMaterial] = []
-    for plane in followed:
-        if not _worth_a_look(plane):
-            continue
-        reflection = plane.picture().reflection(
-            [plane.reflected(alpha, index) for index, alpha in enumerate(ALPHAS)]
-        )
-        if is_strong(reflection, len(planes) * len(ALPHAS) * KINDS):
+    for plane, reflection in zip(planes, on_all_cores(_reflection, followed), strict=True):
+        if reflection and is_strong(reflection, len(planes) * len(ALPHAS) * KINDS):
             names = taken | {material.name for material in found}
-            name = _free_name(_kind(plane.plane, planes), names)
-            found.append(_material(name, cells, plane.plane, tolerance, reflection))
+            name = _free_name(_kind(plane, planes), names)
+            found.append(_material(name, cells, plane, tolerance, reflection))
     return tuple(found)
 
 
@@ -114,6 +110,14 @@ def without_flakes(cells: Cells, planes: list[CellPlane]) -> list[CellPlane]:
         ):
             kept.append(plane)
     return kept
+
+
+def _reflection(plane: Followed) -> Reflection | None:
+    """What is known of a plane's reflection; None where nothing looks like one."""
+    if not _worth_a_look(plane):
+        return None
+    parts = [plane.reflected(alpha, index) for index, alpha in enumerate(ALPHAS)]
+    return plane.picture().reflection(parts)
 
 
 def _worth_a_look(plane: Followed) -> bool:

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.footage.frame import Frame
-from iprt.geometry.camera import View
 from iprt.geometry.material import Material
 
 Mask = NDArray[np.bool_]
@@ -159,11 +158,19 @@ def _alike(color: NDArray[np.float32], wanted: Triple, tolerance: float) -> Mask
 
 
 def _on_plane(frame: Frame, plane: Plane) -> Mask:
-    directions = View(frame.width, frame.height, projection="equirect").directions()
-    reach = np.where(np.isfinite(frame.depth), frame.depth, 0.0)
-    offset = reach * (directions @ np.asarray(plane.normal)) - np.dot(plane.point, plane.normal)
-    facing = np.abs(frame.fitted_normal @ np.asarray(plane.normal))
-    return np.asarray((np.abs(offset) <= plane.tolerance) & (facing >= PARALLEL))
+    x, y, z = plane.normal
+    theta = (np.arange(frame.height) + 0.5)[:, None] / frame.height * np.pi
+    phi = ((np.arange(frame.width) + 0.5) / frame.width - 0.5) * 2.0 * np.pi
+    across = x * np.sin(phi) - z * np.cos(phi)
+    distance = np.dot(plane.point, plane.normal)
+    on = np.zeros(frame.depth.shape, bool)
+    for row, (sine, cosine) in enumerate(zip(np.sin(theta), np.cos(theta), strict=True)):
+        reach = np.where(np.isfinite(frame.depth[row]), frame.depth[row], 0.0)
+        offset = reach * (sine * across + y * cosine) - distance
+        on[row] = np.abs(offset) <= plane.tolerance
+    if on.any():
+        on[on] = np.abs(frame.fitted_normal[on] @ np.asarray(plane.normal)) >= PARALLEL
+    return on
 
 
 def _nearest(mask: Mask, width: int, height: int) -> Mask:

@@ -27,9 +27,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
-from scipy.ndimage import gaussian_filter
+from scipy.special import stdtr
 
+from iprt.footage.cell_means import MeansAround
 from iprt.footage.gather import Cells, Float
 from iprt.footage.mirrored import RECOVERED
 
@@ -91,7 +91,7 @@ class Fit:
 
     def chance(self, tries: int) -> float:
         """Probability of such a t without any reflection, in the best of so many tries."""
-        return min(1.0, tries * float(stats.t.sf(self.t, max(self.blocks - 1, 1))))
+        return min(1.0, tries * float(stdtr(max(self.blocks - 1, 1), -self.t)))
 
 
 @dataclass(frozen=True)
@@ -181,14 +181,15 @@ class PlanePicture:
         irradiance: Float,
         later: Sequence[Later] = (),
     ) -> None:
-        self._rows, self._on = cells.rows, on
+        self._rows, self._means = cells.rows, MeansAround(cells.rows, on)
         self._color, self._later = color[on], later
         self._weight = cells.solid_angle[on] / cells.solid_angle[on].mean()
         side = max(1, round(BLOCK * cells.rows / np.pi))
         row, column = np.divmod(on, 2 * cells.rows)
         _, block = np.unique(row // side * 2 * cells.rows + column // side, return_inverse=True)
         self._block = block.astype(np.intp)
-        self._kept = [np.ones(len(on), bool), *(frame.seen.copy() for frame in later)]
+        self._whole = np.ones(len(on), bool)
+        self._kept = [self._whole.copy(), *(frame.seen.copy() for frame in later)]
         self._irradiance = self._even(irradiance)
         self._more_light = [self._even(frame.irradiance) - self._irradiance for frame in later]
 
@@ -209,46 +210,22 @@ class PlanePicture:
 
     def _smooth(self, reflected: Float, alpha: float) -> list[Float]:
         deviation = max(LOBE * alpha * self._rows / np.pi, LEAST)
-        return [self._means(part, deviation) for part in reflected]
+        return [self._means(part, self._whole, deviation) for part in reflected]
 
     def _even(self, irradiance: Float) -> Float:
-        return self._means(irradiance, SMOOTH * self._rows / np.pi)
+        return self._means(irradiance, self._whole, SMOOTH * self._rows / np.pi)
 
-    def _means(self, kinds: Float, deviation: float) -> Float:
-        """`_mean` over all cells of each kind of light, (K, n, 3)."""
-        means = np.zeros(kinds.shape)
-        for kind, part in enumerate(kinds):
-            means[kind] = self._mean(part, self._whole, deviation)
-        return means
+    def _around(self, parts: Float, frame: int) -> Float:
+        """Means (K, n, 3) over the cells that are kept in a frame."""
+        return self._means(parts, self._kept[frame], AROUND * self._rows / np.pi)
 
-    @property
-    def _whole(self) -> NDArray[np.bool_]:
-        return np.ones(len(self._on), bool)
-
-    def _mean(self, part: Float, kept: NDArray[np.bool_], deviation: float) -> Float:
-        """Gaussian means (n, 3) over the kept cells; `deviation` in cells."""
-        shape = (self._rows, 2 * self._rows)
-        sums, count = np.zeros((*shape, part.shape[-1])), np.zeros(shape)
-        sums.reshape(-1, part.shape[-1])[self._on[kept]] = part[kept]
-        count.ravel()[self._on[kept]] = 1.0
-        spread = (deviation, deviation)
-        mode = ("nearest", "wrap")
-        count = gaussian_filter(count, spread, mode=mode)
-        sums = gaussian_filter(sums, (*spread, 0.0), mode=(*mode, "nearest"))
-        whole = sums / np.maximum(count, 1e-9)[..., None]
-        return np.asarray(whole.reshape(-1, part.shape[-1])[self._on])
-
-    def _varying(self, part: Float, frame: int) -> Float:
-        """Differences (m, 3) of the cells that are kept in a frame from their means around."""
-        kept = self._kept[frame]
-        mean = self._mean(part, kept, AROUND * self._rows / np.pi)
-        return np.asarray((part - mean)[kept])
+    def _varying(self, parts: Float, frame: int) -> Float:
+        """Differences (K, m, 3) of the cells that are kept in a frame from their means around."""
+        return np.asarray((parts - self._around(parts, frame))[:, self._kept[frame]])
 
     def _varied(self) -> list[_Rows]:
-        deviation = AROUND * self._rows / np.pi
-        seen = np.maximum(self._mean(self._color, self._kept[0], deviation), 1e-12)
-        lit = self._mean(self._irradiance.sum(0), self._kept[0], deviation)
-        lit = np.maximum(lit, 1e-12)
+        lights = self._irradiance.sum(0)
+        seen, lit = np.maximum(self._around(np.stack([self._color, lights]), 0), 1e-12)
         kinds = len(self._irradiance)
         columns = 2 * kinds + len(self._later) if self._later else kinds
         rows = []
@@ -256,16 +233,20 @@ class PlanePicture:
             around = seen[kept]
             shading = np.zeros((around.size, columns))
             if frame == 0:
-                varying = self._varying(self._color, 0)
-                for kind, part in enumerate(self._irradiance):
-                    shading[:, kind] = (self._varying(part, 0) / lit[kept]).ravel()
+                varying, *light = self._varying(
+                    np.concatenate([self._color[None], self._irradiance]), 0
+                )
+                for kind, part in enumerate(light):
+                    shading[:, kind] = (part / lit[kept]).ravel()
             else:
-                varying = self._varying(self._later[frame - 1].color - self._color, frame)
-                for kind, part in enumerate(self._more_light[frame - 1]):
-                    painted = self._varying(part / lit * self._color, frame)
-                    shading[:, kinds + kind] = (painted / around).ravel()
-                gain = self._varying(self._color, frame) / around
-                shading[:, 2 * kinds + frame - 1] = gain.ravel()
+                change = self._later[frame - 1].color - self._color
+                painted = self._more_light[frame - 1] / lit * self._color
+                varying, own, *light = self._varying(
+                    np.concatenate([[change, self._color], painted]), frame
+                )
+                for kind, part in enumerate(light):
+                    shading[:, kinds + kind] = (part / around).ravel()
+                shading[:, 2 * kinds + frame - 1] = (own / around).ravel()
             rows.append(
                 _Rows(
                     cells=np.flatnonzero(kept),
@@ -287,8 +268,8 @@ class PlanePicture:
         kinds, parts = len(reflected[0]), []
         for frame, (rows, part) in enumerate(zip(varied, reflected, strict=True)):
             change = part if frame == 0 else part - reflected[0]
-            columns = [(self._varying(kind, frame) / rows.around).ravel() for kind in change]
-            parts.append(np.stack(columns, axis=-1))
+            varying = self._varying(change, frame) / rows.around
+            parts.append(varying.reshape(kinds, -1).T)
         shading = np.concatenate([rows.shading for rows in varied])
         x = np.concatenate([np.concatenate(parts), shading], axis=-1)
         ends = np.cumsum([len(rows.y) for rows in varied])[:-1]

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.footage.median import median_of_smallest
+from iprt.footage.threads import on_all_cores
 
 Plane = NDArray[np.float32]
 Scalar = TypeVar("Scalar", bound=np.generic)
@@ -55,11 +56,14 @@ def estimate_normals(depth: Plane, same: NDArray[np.uint8]) -> Plane:
     padded_inverse = over_poles(inverse, WINDOW_REACH)
     padded_same = over_poles(same, WINDOW_REACH)
     normal = np.empty((height, width, 3), np.float32)
-    for first in range(0, height, _BLOCK_ROWS):
+
+    def fit(first: int) -> None:
         last = min(first + _BLOCK_ROWS, height)
         window = _Window(padded_inverse, padded_same, first, spread[first:last])
-        fit = window.fit_planes(tolerance)
-        normal[first:last] = np.where(inverse[first:last, :, None] > 0.0, fit, 0.0)
+        fitted = window.fit_planes(tolerance)
+        normal[first:last] = np.where(inverse[first:last, :, None] > 0.0, fitted, 0.0)
+
+    on_all_cores(fit, range(0, height, _BLOCK_ROWS))
     return normal
 
 
