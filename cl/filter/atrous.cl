@@ -49,10 +49,12 @@
 #endif
 #ifdef LAST
 #define SIGNAL_OUT PLANES_OUT
-#define store_out(plane, p, x, width, value) store_wrapped(plane, p, x, width, (value) / unit)
+#define store_out(plane, p, x, width, seam, value)                                                 \
+    store_wrapped(plane, p, x, width, seam, (value) / unit)
 #else
 #define SIGNAL_OUT STORED_OUT
-#define store_out(plane, p, x, width, value) store_stored(plane, p, x, width, value)
+#define store_out(plane, p, x, width, seam, value)                                                 \
+    store_stored(plane, p, x, width, seam, value)
 #endif
 
 #ifdef EXTENT
@@ -90,7 +92,8 @@ __kernel void grow_extent(
     __global int *restrict extent,         // out: per row, what to filter: spans of filter_level
     int reach,                             // of all levels together
     int width,
-    int height)
+    int height,
+    int seam)
 {
     int y = get_global_id(0);
     if (y >= height)
@@ -100,10 +103,8 @@ __kernel void grow_extent(
         first = min(first, found[2 * row]);
         end = max(end, found[2 * row + 1]);
     }
-    bool any = first < end, everywhere = false;
-#ifdef VIEW_EQUIRECT
-    everywhere = any && (first < reach || end > width - reach); // reaches across the seam
-#endif
+    bool any = first < end;
+    bool everywhere = seam && any && (first < reach || end > width - reach); // across the seam
     first = !any ? width : everywhere ? 0 : max(first - reach, 0);
     end = !any ? 0 : everywhere ? width : min(end + reach, width);
     grown[2 * y] = first;
@@ -146,7 +147,8 @@ __kernel void filter_level(
     float unit,                                  // of signals in half precision
 #endif
     int width,
-    int height)
+    int height,
+    int seam)
 {
     SPAN_ITEM;
     PLANES_IN guide = OF_BATCH(guide);
@@ -233,8 +235,8 @@ __kernel void filter_level(
     float scale = 1.0f / weights;
     #pragma unroll
     for (int c = 0; c < SIGNAL_PLANES; c++)
-        store_out(signal_out + c * size, p, x, width, scale * sum[c]);
-    store_stored_variance(variance_out, p, x, width, scale * scale * variances);
+        store_out(signal_out + c * size, p, x, width, seam, scale * sum[c]);
+    store_stored_variance(variance_out, p, x, width, seam, scale * scale * variances);
 }
 
 #if SPECULAR
@@ -295,7 +297,8 @@ __kernel void smooth_variance(
     float unit,                                  // of signals in half precision
 #endif
     int width,
-    int height)
+    int height,
+    int seam)
 {
     SPAN_ITEM;
     PLANES_IN guide = OF_BATCH(guide);
@@ -318,14 +321,14 @@ __kernel void smooth_variance(
 #ifdef HALF_PLANES
     sum = sum * unit * unit; // the square alone may be beyond all floats
 #endif
-    store_stored_variance(smooth, p, x, width, sum / weights);
+    store_stored_variance(smooth, p, x, width, seam, sum / weights);
 #ifdef BENT
-    store_stored(OF_BATCH(turned), p, x, width,
+    store_stored(OF_BATCH(turned), p, x, width, seam,
                  least_turn(guide, plane_size(width, height), stride, p));
 #endif
 #if SPECULAR
     if (entry < SPECULAR)
-        store_stored(OF_BATCH(widened), p, x, width,
+        store_stored(OF_BATCH(widened), p, x, width, seam,
                      widened_alpha(guide, OF_BATCH(roughness)[p], plane_size(width, height),
                                    stride, p));
 #endif

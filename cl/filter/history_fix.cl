@@ -8,8 +8,8 @@
 //   out   signal, variance: those of the other pixels are copied
 //
 // A neighbour weighs as much as its history is worth, times the falloff of the à-trous filter with
-// normal and plane. Taps outside the picture are left out, across the seam they wrap
-// (-DVIEW_EQUIRECT). Build with -DSIGNAL_PLANES=3|6.
+// normal and plane. Taps outside the picture are left out, across the seam they wrap.
+// Build with -DSIGNAL_PLANES=3|6.
 #include "gbuffer/batch.h"
 #include "gbuffer/guide.h"
 #include "filter/signal.h"
@@ -32,7 +32,8 @@ __kernel void fix_history(
     float normal_sharpness,                  // k_n of atrous.cl
     float plane_sharpness,                   // k_d
     int width,
-    int height)
+    int height,
+    int seam)
 {
     SPAN_ITEM;
     int size = plane_size(width, height), p = plane_index(x, y, width);
@@ -52,7 +53,7 @@ __kernel void fix_history(
     int step = max((int)(stride / (1.0f + own) + 0.5f), 1);
     for (int i = 0; fixed && i < TAPS * TAPS; i++) {
         int dx = i % TAPS - TAPS / 2, dy = i / TAPS - TAPS / 2;
-        int tx = wrap_column(x + step * dx, width), ty = y + step * dy;
+        int tx = wrap_column(x + step * dx, width, seam), ty = y + step * dy;
         if (tx < 0 || tx >= width || ty < 0 || ty >= height || (dx == 0 && dy == 0))
             continue;
         int q = plane_index(tx, ty, width);
@@ -72,6 +73,6 @@ __kernel void fix_history(
     float scale = fixed ? 1.0f / weights : 0.0f;
     #pragma unroll
     for (int c = 0; c < SIGNAL_PLANES; c++)
-        store_wrapped(signal_out + c * size, p, x, width, centre[c] + scale * sum[c]);
-    store_wrapped(variance_out, p, x, width, fixed ? scale * scale * variances : variance[p]);
+        store_wrapped(signal_out + c * size, p, x, width, seam, centre[c] + scale * sum[c]);
+    store_wrapped(variance_out, p, x, width, seam, fixed ? scale * scale * variances : variance[p]);
 }

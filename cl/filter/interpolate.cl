@@ -8,7 +8,7 @@
 //           surface; 0 where there is none. Only untraced pixels change and only traced ones
 //           are read, so it is done in place. All planes share one set of weights.
 //
-// Build with -DBATCH=signals, -DSIGNAL_PLANES=n and -DVIEW_EQUIRECT for equirect views.
+// Build with -DBATCH=signals and -DSIGNAL_PLANES=n.
 #include "gbuffer/batch.h"
 #include "gbuffer/guide.h"
 
@@ -16,19 +16,20 @@
 
 // Level of the pixel, LEVEL_NONE outside the picture.
 static inline int level_at(
-    __global const uchar *restrict level, int x, int y, int width, int height)
+    __global const uchar *restrict level, int x, int y, int width, int height, int seam)
 {
-    x = wrap_column(x, width);
+    x = wrap_column(x, width, seam);
     bool inside = x >= 0 && x < width && y >= 0 && y < height;
     return inside ? level[plane_index(x, y, width)] : LEVEL_NONE;
 }
 
 // Plane index of the pixel if it got a ray in this frame, else -1.
 static inline int traced_at(
-    __global const uchar *restrict level, int x, int y, int2 offset, int width, int height)
+    __global const uchar *restrict level, int x, int y, int2 offset, int width, int height,
+    int seam)
 {
-    int there = level_at(level, x, y, width, height);
-    x = wrap_column(x, width);
+    int there = level_at(level, x, y, width, height, seam);
+    x = wrap_column(x, width, seam);
     return is_traced(there, x - offset.x, y - offset.y) ? plane_index(x, y, width) : -1;
 }
 
@@ -41,7 +42,8 @@ __kernel void interpolate(
     float plane_sharpness,                // falloff per plane distance / depth
     __global const int *restrict origin,  // x y of the tracing grid in this frame
     int width,
-    int height)
+    int height,
+    int seam)
 {
     SPAN_ITEM;
     PLANES_IN guide = OF_BATCH(guide);
@@ -52,7 +54,7 @@ __kernel void interpolate(
     int2 offset = vload2(0, origin);
     if (is_traced(own, x - offset.x, y - offset.y)) {
         for (int c = 0; c < SIGNAL_PLANES; c++)
-            store_border(signal + c * size, p, x, width, signal[c * size + p]);
+            store_border(signal + c * size, p, x, width, seam, signal[c * size + p]);
         return;
     }
     float sum[SIGNAL_PLANES];
@@ -65,8 +67,8 @@ __kernel void interpolate(
         // A corner of the level-1 grid that lies in a level-2 area may have no ray.
         for (int i = 0; i < 4 && spacing == 2; i++) {
             int cx = left + 2 * (i & 1), cy = top + 2 * (i >> 1);
-            if (level_at(level, cx, cy, width, height) == 2
-                && traced_at(level, cx, cy, offset, width, height) < 0)
+            if (level_at(level, cx, cy, width, height, seam) == 2
+                && traced_at(level, cx, cy, offset, width, height, seam) < 0)
                 spacing = 4;
         }
         left = x - ((x - offset.x) & (spacing - 1));
@@ -77,7 +79,7 @@ __kernel void interpolate(
         float plane_scale = plane_sharpness / sqrt(fmax(px * px + py * py + pz * pz, 1e-30f));
         for (int i = 0; i < 4; i++) {
             int cx = left + spacing * (i & 1), cy = top + spacing * (i >> 1);
-            int q = traced_at(level, cx, cy, offset, width, height);
+            int q = traced_at(level, cx, cy, offset, width, height, seam);
             if (q < 0)
                 continue;
             float turn = 1.0f - (nx * guide[q] + ny * guide[size + q] + nz * guide[2 * size + q]);
@@ -96,7 +98,7 @@ __kernel void interpolate(
             int nearest = -1, distance = 1 << 20;
             for (int dy = -SEARCH; dy <= SEARCH; dy++)
                 for (int dx = -SEARCH; dx <= SEARCH; dx++) {
-                    int q = traced_at(level, x + dx, y + dy, offset, width, height);
+                    int q = traced_at(level, x + dx, y + dy, offset, width, height, seam);
                     if (q < 0)
                         continue;
                     int d = dx * dx + dy * dy + (guide[6 * size + q] == id ? 0 : 1 << 10);
@@ -109,5 +111,6 @@ __kernel void interpolate(
         }
     }
     for (int c = 0; c < SIGNAL_PLANES; c++)
-        store_wrapped(signal + c * size, p, x, width, weights > 0.0f ? sum[c] / weights : 0.0f);
+        store_wrapped(signal + c * size, p, x, width, seam,
+                      weights > 0.0f ? sum[c] / weights : 0.0f);
 }

@@ -24,7 +24,7 @@
 // over E_R), else the signal's. Without correction and fading, and motion that stays on the pixel,
 // the accumulated signal is the plain mean of the samples. A sample that is not finite is dropped.
 // Where all samples are 0, or the first three planes equal the last three, so is the result, bit
-// for bit. Build with -DBATCH=signals, -DSIGNAL_PLANES=3|6, -DVIEW_EQUIRECT for equirect views.
+// for bit. Build with -DBATCH=signals and -DSIGNAL_PLANES=3|6.
 #include "filter/history.h"
 
 #define SPATIAL_TAPS 4        // a side: every other pixel of a 7x7 neighbourhood
@@ -46,7 +46,8 @@ __kernel void accumulate(
     float fading,                                  // least share of the new sample, 0: plain mean
     int rays,                                      // of a sample, before they become fewer (rays.h)
     int width,
-    int height CAMERA_PARAMETER)
+    int height,
+    int seam CAMERA_PARAMETER)
 {
     SPAN_ITEM;
     FETCH_ENTRIES;
@@ -59,7 +60,7 @@ __kernel void accumulate(
     int size = plane_size(width, height), p = plane_index(x, y, width);
     History history = fetch_history(guide, guide_previous, motion, signal_before, length_before,
                                     spread_before, plane_tolerance, normal_agreement, p, width,
-                                    height CAMERA_ARGUMENT);
+                                    height, seam CAMERA_ARGUMENT);
 #ifdef PUBLISHED
     // The published mean is one of frames, whose lengths are not lowered.
     const float before = history.length;
@@ -68,8 +69,8 @@ __kernel void accumulate(
     history.length = before;
 #endif
     add_sample(&history, samples, guide, level, fading, rays, size, p);
-    store_history(&history, signal, length, spread, size, p, x, width);
-    store_wrapped(scalar, p, x, width, guide_scalar(history.signal));
+    store_history(&history, signal, length, spread, size, p, x, width, seam);
+    store_wrapped(scalar, p, x, width, seam, guide_scalar(history.signal));
 }
 
 __kernel void follow(
@@ -90,7 +91,8 @@ __kernel void follow(
     float limit,                                   // samples that the fast history is worth at most
     int fresh,                                     // the fast history begins with this picture
     int width,
-    int height CAMERA_PARAMETER)
+    int height,
+    int seam CAMERA_PARAMETER)
 {
     SPAN_ITEM;
     FETCH_ENTRIES;
@@ -101,9 +103,9 @@ __kernel void follow(
     int size = plane_size(width, height), p = plane_index(x, y, width);
     History slow = fetch_history(guide, guide_previous, motion, signal_before, length_before,
                                  spread_before, plane_tolerance, normal_agreement, p, width,
-                                 height CAMERA_ARGUMENT);
-    store_history(&slow, signal, length, spread, size, p, x, width);
-    store_wrapped(scalar, p, x, width, guide_scalar(slow.signal));
+                                 height, seam CAMERA_ARGUMENT);
+    store_history(&slow, signal, length, spread, size, p, x, width, seam);
+    store_wrapped(scalar, p, x, width, seam, guide_scalar(slow.signal));
 
     PLANES_IN fast_signal_before = OF_BATCH(fast_signal_before);
     PLANES_IN fast_length_before = OF_BATCH(fast_length_before);
@@ -115,14 +117,14 @@ __kernel void follow(
     PLANES_OUT fast_spread = OF_BATCH(fast_spread);
     History quick = fetch_history(guide, guide_previous, motion, fast_signal_before,
                                   fast_length_before, fast_spread_before, plane_tolerance,
-                                  normal_agreement, p, width, height CAMERA_ARGUMENT);
+                                  normal_agreement, p, width, height, seam CAMERA_ARGUMENT);
     if (fresh) {
         for (int c = 0; c < SIGNAL_PLANES; c++)
             quick.signal[c] = 0.0f;
         quick.length = quick.spread = 0.0f;
     }
     add_fast_sample(&quick, samples, guide, level, limit, size, p);
-    store_history(&quick, fast_signal, fast_length, fast_spread, size, p, x, width);
+    store_history(&quick, fast_signal, fast_length, fast_spread, size, p, x, width, seam);
 }
 
 __kernel void correct(
@@ -143,7 +145,8 @@ __kernel void correct(
     float fading,                               // least share of the new sample, 0: plain mean
     int rays,                                   // of a sample, before they become fewer (rays.h)
     int width,
-    int height)
+    int height,
+    int seam)
 {
     SPAN_ITEM;
     PLANES_IN guide = OF_BATCH(guide);
@@ -169,8 +172,8 @@ __kernel void correct(
         history = load_history(signal, length, spread, size, p);
     }
     add_sample(&history, samples, guide, level, fading, rays, size, p);
-    store_history(&history, signal, length, spread, size, p, x, width);
-    store_wrapped(scalar, p, x, width, guide_scalar(history.signal));
+    store_history(&history, signal, length, spread, size, p, x, width, seam);
+    store_wrapped(scalar, p, x, width, seam, guide_scalar(history.signal));
 }
 
 __kernel void estimate_variance(
@@ -181,7 +184,8 @@ __kernel void estimate_variance(
     BATCHED(PLANES_IN, length),                  // 1 plane
     BATCHED(PLANES_OUT, variance),               // out: 1 plane, of the scalar's mean
     int width,
-    int height)
+    int height,
+    int seam)
 {
     SPAN_ITEM;
     PLANES_IN guide = OF_BATCH(guide);
@@ -209,5 +213,5 @@ __kernel void estimate_variance(
         float boost = (SHORT_HISTORY + UNSURE) / fmax(samples, 1.0f);
         result = boost * fmax(square / count - sum * sum / (count * count), 0.0f);
     }
-    store_wrapped(variance, p, x, width, result);
+    store_wrapped(variance, p, x, width, seam, result);
 }

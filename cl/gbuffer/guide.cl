@@ -8,7 +8,7 @@
 //                 nothing to trace), past
 //   build_guide   normal (3), depth, id, spans                 guide (7); id 0 without depth
 //
-// No work-group contract. Build with -DBATCH=layers and -DVIEW_EQUIRECT for equirect views.
+// No work-group contract. Build with -DBATCH=layers.
 #include "gbuffer/batch.h"
 #include "gbuffer/guide.h"
 #include "gbuffer/view.h"
@@ -53,7 +53,8 @@ __kernel void build_guide(
     SPAN_PARAMETERS,                             // where there are surfaces; the rest is 0
     BATCHED(PLANES_OUT, guide),                  // out: 7 planes
     int width,
-    int height)
+    int height,
+    int seam)
 {
     SPAN_ITEM;
     PLANES_IN normal = OF_BATCH(normal);
@@ -70,5 +71,5 @@ __kernel void build_guide(
     of_guide[GUIDE_POSITION + 2] = position.z;
     of_guide[GUIDE_ID] = depth[p] > 0.0f ? fmax(id[p], 0.0f) : 0.0f;
     for (int c = 0; c < GUIDE_PLANES; c++)
-        store_wrapped(guide + c * size, p, x, width, of_guide[c]);
+        store_wrapped(guide + c * size, p, x, width, seam, of_guide[c]);
 }

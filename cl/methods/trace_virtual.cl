@@ -48,6 +48,7 @@ TRACING_KERNEL void trace_virtual(
 #ifdef HAS_SPECULAR
     __global float *restrict specular,
     __global float *restrict hit_distance,
+    const int seam,
 #endif
     __global float *restrict touched WORK_PARAMETER)
 {
@@ -115,7 +116,7 @@ TRACING_KERNEL void trace_virtual(
 #endif
 #ifdef HAS_SPECULAR
     store_planes(specular, planes, pixel, specular_sum / (float)more);
-    store_wrapped(hit_distance, pixel, listed % width, width,
+    store_wrapped(hit_distance, pixel, listed % width, width, seam,
                   lobe > 0.0f ? fmin(lobe / lobe_nearness, FAR_HIT) : 0.0f);
 #endif
     if (met)

@@ -40,9 +40,8 @@ __kernel void resample_panorama(REAL_LAYER_PARAMETERS)
         || at_gap((int)marks[4 * around.below_a]) || at_gap((int)marks[4 * around.below_b]);
     other_pixel[y * width + x] = gap && points == 1 ? y * width + x : -1;
 #endif
-#ifdef VIEW_EQUIRECT
     // The panorama at its own size keeps its bits: rounded directions would blend in neighbours.
-    if (width == panorama_width && height == panorama_height
+    if (is_equirect(view) && width == panorama_width && height == panorama_height
         && view[0] == 1.0f && view[4] == 1.0f && view[8] == 1.0f) {
         texel = y * width + x;
         radiance = (float3)(shown_texel(shown, texel, 0), shown_texel(shown, texel, 1),
@@ -50,9 +49,9 @@ __kernel void resample_panorama(REAL_LAYER_PARAMETERS)
 #ifdef EDGES
         other_pixel[texel] = -1;
 #endif
-    } else
-#endif
+    } else {
         radiance = shown_in_pixel(shown, panorama_width, panorama_height, inside, points);
+    }
     color[pixel] = radiance.x;
     color[size + pixel] = radiance.y;
     color[2 * size + pixel] = radiance.z;

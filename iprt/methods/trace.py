@@ -124,7 +124,7 @@ class TraceReal(RealTracer):
         self, device: ComputeDevice, guide: Guide, features: Features, *, name: str
     ) -> None:
         # Its rays look into the view only where this holds layers of the objects.
-        equirect = guide.equirect and features.traced_layers
+        equirect = guide.layout.equirect and features.traced_layers
         defines = plane_defines(equirect=equirect, **features.trace_defines())
         kernel = "trace_delta" if features.delta else "trace_real"
         super().__init__(device, guide, features, kernel, defines, name=name)
@@ -193,6 +193,7 @@ class TraceVirtual(VirtualTracer):
 
     def __init__(self, device: ComputeDevice, guide: Guide, features: Features) -> None:
         defines = guide.defines(
+            VIEW_EQUIRECT=guide.layout.equirect and features.traced_layers,
             **features.relit_defines(),
             JITTER=features.jitter,
             **features.gloss_defines(),
@@ -234,5 +235,9 @@ class TraceGloss(GlossTracer):
     """Rays of the specular lobe."""
 
     def __init__(self, device: ComputeDevice, guide: Guide, features: Features) -> None:
-        defines = guide.defines(**features.relit_defines(), **features.gloss_defines())
+        defines = guide.defines(
+            VIEW_EQUIRECT=guide.layout.equirect and features.traced_layers,
+            **features.relit_defines(),
+            **features.gloss_defines(),
+        )
         super().__init__(device, guide, features, "trace_gloss", defines, name="gloss")

@@ -6,7 +6,6 @@ import pyopencl.array as cla
 
 from iprt.device.compute import ComputeDevice
 from iprt.device.kernel import Kernel
-from iprt.gbuffer.guide import plane_defines
 from iprt.gbuffer.layout import PlaneLayout
 
 
@@ -46,15 +45,15 @@ class Composite:
         self._mapped = self._variant(mapped=True) if color_map else None
 
     def _variant(self, *, mapped: bool) -> Kernel:
-        defines = plane_defines(
-            HAS_RATIO=self._relit,
-            HAS_BASE=self._has_base(mapped),
-            GLOSS=self._gloss,
-            COLOR_MAP=mapped,
-            HAS_OBJECTS=self._diffuse or self._specular,
-            HAS_DIFFUSE=self._diffuse,
-            HAS_SPECULAR=self._specular,
-        )
+        defines = {
+            "HAS_RATIO": self._relit,
+            "HAS_BASE": self._has_base(mapped),
+            "GLOSS": self._gloss,
+            "COLOR_MAP": mapped,
+            "HAS_OBJECTS": self._diffuse or self._specular,
+            "HAS_DIFFUSE": self._diffuse,
+            "HAS_SPECULAR": self._specular,
+        }
         kernel = self._device.kernel("view/composite.cl", "composite", defines)
         return kernel.fixed(self._layout.arguments(), picture=self.picture)
 

@@ -6,7 +6,6 @@ import pyopencl.array as cla
 
 from iprt.device.compute import ComputeDevice
 from iprt.device.kernel import Kernel
-from iprt.gbuffer.guide import plane_defines
 from iprt.gbuffer.layout import PlaneLayout
 
 
@@ -37,7 +36,7 @@ class DiffusePart:
         self._mapped = self._variant(mapped=True) if color_map else None
 
     def _variant(self, *, mapped: bool) -> Kernel:
-        defines = plane_defines(GLOSS=self._gloss, COLOR_MAP=mapped)
+        defines = {"GLOSS": self._gloss, "COLOR_MAP": mapped}
         kernel = self._device.kernel("view/diffuse_part.cl", "diffuse_part", defines)
         return kernel.fixed(self._layout.arguments(), diffuse=self._planes)
 

@@ -12,7 +12,6 @@ from iprt.device.compute import ComputeDevice
 from iprt.device.kernel import Kernel
 from iprt.device.program import Define
 from iprt.gbuffer.context import FrameContext
-from iprt.gbuffer.guide import plane_defines
 from iprt.gbuffer.layout import PlaneLayout
 from iprt.view.diffuse_part import DiffusePart
 from iprt.world.real.clipped import NOTHING_CLIPPED
@@ -45,7 +44,6 @@ class RealLayer:
         device: ComputeDevice,
         layout: PlaneLayout,
         *,
-        equirect: bool,
         name: str,
         gloss: bool = False,
         radiated: bool = False,
@@ -77,13 +75,12 @@ class RealLayer:
             self.gloss = device.zeros(f"{name} gloss", layout.shape(1))
             self.roughness = device.zeros(f"{name} roughness", layout.shape(1))
             self._highlight = device.zeros(f"{name} highlight", layout.shape(3))
-        defines = plane_defines(
-            equirect=equirect,
-            GLOSS=gloss,
-            MATERIAL_PLASTIC=gloss,
-            MATERIAL_CONDUCTOR=gloss,
-            CAMERA_MOTION=camera is not None,
-        )
+        defines = {
+            "GLOSS": gloss,
+            "MATERIAL_PLASTIC": gloss,
+            "MATERIAL_CONDUCTOR": gloss,
+            "CAMERA_MOTION": camera is not None,
+        }
         self._camera = camera
         self.other = self.other_pixel = None
         if edges:

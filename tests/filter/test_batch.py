@@ -61,7 +61,7 @@ class Frames:
         layout = self.gbuffers[0].layout
         spans = Spans(device, layout, name="test", layers=len(self.gbuffers))
         guides = [
-            Guide(device, layout, equirect=g.equirect, name="test", spans=spans)
+            Guide(device, layout, name="test", spans=spans)
             for g in self.gbuffers
         ]
         masks = self.masks(guides, used)

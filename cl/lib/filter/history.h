@@ -85,11 +85,11 @@ static inline History load_history(
 
 static inline void store_history(
     const History *history, __global float *signal, __global float *length, __global float *spread,
-    int size, int p, int x, int width)
+    int size, int p, int x, int width, int seam)
 {
     #pragma unroll
     for (int c = 0; c < SIGNAL_PLANES; c++)
-        store_wrapped(signal + c * size, p, x, width, history->signal[c]);
+        store_wrapped(signal + c * size, p, x, width, seam, history->signal[c]);
     length[p] = history->length;
     spread[p] = history->spread;
 }
@@ -118,7 +118,8 @@ static inline void store_history(
     PLANES_IN spread_before = OF_BATCH(spread_before)
 
 // The history of what this pixel shows, where the previous picture showed that.
-static inline History fetch_history(FETCH_PARAMETERS, int p, int width, int height CAMERA_PARAMETER)
+static inline History fetch_history(
+    FETCH_PARAMETERS, int p, int width, int height, int seam CAMERA_PARAMETER)
 {
     int size = plane_size(width, height);
     float nx = guide[p], ny = guide[size + p], nz = guide[2 * size + p];
@@ -143,7 +144,7 @@ static inline History fetch_history(FETCH_PARAMETERS, int p, int width, int heig
         float fx = mx - left, fy = my - top;
         #pragma unroll 1
         for (int i = 0; i < 4; i++) {
-            int tx = wrap_column(left + (i & 1), width), ty = top + (i >> 1);
+            int tx = wrap_column(left + (i & 1), width, seam), ty = top + (i >> 1);
             float w = ((i & 1) ? fx : 1.0f - fx) * ((i >> 1) ? fy : 1.0f - fy);
             if (!(w > 0.0f) || tx < 0 || tx >= width || ty < 0 || ty >= height)
                 continue;

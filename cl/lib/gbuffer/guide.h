@@ -27,15 +27,12 @@ static inline bool is_traced(int level, int x, int y)
     return level < LEVEL_WAITING && ((x | y) & (level_spacing(level) - 1)) == 0;
 }
 
-// Column of a neighbour: wrapped around the seam in equirect views.
-static inline int wrap_column(int x, int width)
+// Column of a neighbour, less than a turn beyond the picture: wrapped around the seam in equirect views,
+// whose `seam` (planes.h) is not 0.
+static inline int wrap_column(int x, int width, int seam)
 {
-#ifdef VIEW_EQUIRECT
-    x %= width;
-    return x < 0 ? x + width : x;
-#else
-    return x;
-#endif
+    const int turn = seam ? width : 0;
+    return x < 0 ? x + turn : x >= width ? x - turn : x;
 }
 
 #endif
