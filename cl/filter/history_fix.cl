@@ -3,13 +3,12 @@
 // levels sees them (after NVIDIA's ReLAX). A lone sample of a rare event then no longer passes for
 // the mean.
 //
-//   in    guide (7 planes, guide.h), signal (SIGNAL_PLANES) and the variance of its scalar g, length
+//   in    guide (7 planes, guide.h), signal (filter/signal.h) and the variance of its scalar g, length
 //         (1 plane: how many samples the mean is worth), level of tracing
 //   out   signal, variance: those of the other pixels are copied
 //
 // A neighbour weighs as much as its history is worth, times the falloff of the à-trous filter with
 // normal and plane. Taps outside the picture are left out, across the seam they wrap.
-// Build with -DSIGNAL_PLANES=3|6.
 #include "gbuffer/batch.h"
 #include "gbuffer/guide.h"
 #include "filter/signal.h"
@@ -21,11 +20,11 @@
 __kernel void fix_history(
     __global const float *restrict guide,    // 7 planes
     SPAN_PARAMETERS,                         // where there are surfaces
-    __global const float *restrict signal,   // SIGNAL_PLANES planes
+    __global const float *restrict signal,   // its planes
     __global const float *restrict variance, // 1 plane
     __global const float *restrict length,   // 1 plane
     __global const uchar *restrict level,    // of tracing, 1 plane (mask.cl)
-    __global float *restrict signal_out,     // SIGNAL_PLANES planes
+    __global float *restrict signal_out,     // its planes
     __global float *restrict variance_out,   // 1 plane
     float stride,                            // pixels between taps where there is no history
     float enough,                            // histories of so many samples are left alone
@@ -33,7 +32,8 @@ __kernel void fix_history(
     float plane_sharpness,                   // k_d
     int width,
     int height,
-    int seam)
+    int seam,
+    int planes)
 {
     SPAN_ITEM;
     int size = plane_size(width, height), p = plane_index(x, y, width);
@@ -43,9 +43,8 @@ __kernel void fix_history(
     bool fixed = id > 0.0f && own > 0.0f && own < (level[p] == SPARSEST ? SPARSE * enough : enough);
     float plane_scale = plane_sharpness / sqrt(fmax(px * px + py * py + pz * pz, 1e-30f));
 
-    float centre[SIGNAL_PLANES], sum[SIGNAL_PLANES];
-    #pragma unroll
-    for (int c = 0; c < SIGNAL_PLANES; c++) {
+    float centre[REAL_PLANES], sum[REAL_PLANES];
+    EACH_PLANE(c, planes) {
         centre[c] = signal[c * size + p];
         sum[c] = 0.0f; // of differences to the centre: equal neighbours leave its bits
     }
@@ -64,15 +63,13 @@ __kernel void fix_history(
                           + nz * (guide[5 * size + q] - pz);
         float w = length[q]
                   * falloff(normal_sharpness * fmax(turn, 0.0f) + plane_scale * fabs(off_plane));
-        #pragma unroll
-        for (int c = 0; c < SIGNAL_PLANES; c++)
+        EACH_PLANE(c, planes)
             sum[c] += w * (signal[c * size + q] - centre[c]);
         variances += w * w * variance[q];
         weights += w;
     }
     float scale = fixed ? 1.0f / weights : 0.0f;
-    #pragma unroll
-    for (int c = 0; c < SIGNAL_PLANES; c++)
+    EACH_PLANE(c, planes)
         store_wrapped(signal_out + c * size, p, x, width, seam, centre[c] + scale * sum[c]);
     store_wrapped(variance_out, p, x, width, seam, fixed ? scale * scale * variances : variance[p]);
 }

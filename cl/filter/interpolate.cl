@@ -4,13 +4,12 @@
 // Pixel (x, y) has its centre at (x + 0.5, y + 0.5); row 0 is the top.
 //
 //   in      guide (7 planes, guide.h), level (1 plane of uchar, 255 = nothing here)
-//   in out  signal (SIGNAL_PLANES planes): valid at traced pixels, afterwards at all with a
+//   in out  signal (filter/signal.h): valid at traced pixels, afterwards at all with a
 //           surface; 0 where there is none. Only untraced pixels change and only traced ones
 //           are read, so it is done in place. All planes share one set of weights.
-//
-// Build with -DBATCH=signals and -DSIGNAL_PLANES=n.
 #include "gbuffer/batch.h"
 #include "gbuffer/guide.h"
+#include "filter/signal.h"
 
 #define SEARCH 3   // from any pixel, the coarsest grid (spacing 4) has a point this near
 
@@ -37,13 +36,14 @@ __kernel void interpolate(
     BATCHED(PLANES_IN, guide),                   // 7 planes
     SPAN_PARAMETERS,                             // where there are surfaces
     BATCHED(__global const uchar *restrict, level), // 1 plane
-    BATCHED(__global float *, signal),           // in, out: SIGNAL_PLANES planes
+    BATCHED(__global float *, signal),           // in, out: its planes
     float normal_sharpness,               // falloff per 1 - cos of the normals' angle
     float plane_sharpness,                // falloff per plane distance / depth
     __global const int *restrict origin,  // x y of the tracing grid in this frame
     int width,
     int height,
-    int seam)
+    int seam,
+    int planes)
 {
     SPAN_ITEM;
     PLANES_IN guide = OF_BATCH(guide);
@@ -53,12 +53,12 @@ __kernel void interpolate(
     int own = level[p];
     int2 offset = vload2(0, origin);
     if (is_traced(own, x - offset.x, y - offset.y)) {
-        for (int c = 0; c < SIGNAL_PLANES; c++)
+        EACH_PLANE(c, planes)
             store_border(signal + c * size, p, x, width, seam, signal[c * size + p]);
         return;
     }
-    float sum[SIGNAL_PLANES];
-    for (int c = 0; c < SIGNAL_PLANES; c++)
+    float sum[REAL_PLANES];
+    EACH_PLANE(c, planes)
         sum[c] = 0.0f;
     float weights = 0.0f;
     if (own != LEVEL_NONE) {
@@ -89,7 +89,7 @@ __kernel void interpolate(
                       * falloff(normal_sharpness * fmax(turn, 0.0f)
                                 + plane_scale * fabs(off_plane));
             w = guide[6 * size + q] == id ? w : 0.0f;
-            for (int c = 0; c < SIGNAL_PLANES; c++)
+            EACH_PLANE(c, planes)
                 sum[c] += w * signal[c * size + q];
             weights += w;
         }
@@ -106,11 +106,11 @@ __kernel void interpolate(
                     distance = min(d, distance);
                 }
             weights = nearest < 0 ? 0.0f : 1.0f;
-            for (int c = 0; c < SIGNAL_PLANES; c++)
+            EACH_PLANE(c, planes)
                 sum[c] = nearest < 0 ? 0.0f : signal[c * size + nearest];
         }
     }
-    for (int c = 0; c < SIGNAL_PLANES; c++)
+    EACH_PLANE(c, planes)
         store_wrapped(signal + c * size, p, x, width, seam,
                       weights > 0.0f ? sum[c] / weights : 0.0f);
 }

@@ -12,8 +12,7 @@
 //   list_traced       level                                       list of y * width + x, its length
 //
 // list_traced runs over CHUNK pixels of a row per work item: one atomic per chunk, and rays that
-// are neighbours in the list are neighbours in the picture. Its order differs between runs. Build
-// with -DBATCH=layers.
+// are neighbours in the list are neighbours in the picture. Its order differs between runs.
 #include "gbuffer/batch.h"
 #include "gbuffer/guide.h"
 #include "methods/rays.h"

@@ -14,17 +14,16 @@
 //   follow             the same, and a fast history              the same of the fast history only;
 //                                                                the other without the samples, and
 //                                                                its g
-//   correct            guide, both histories, g, samples, level  history that agrees with the fast
-//                                                                one, and is near to it, with the
+//   correct_real,      guide, both histories, g, samples, level  history that agrees with the fast
+//   correct_reflected                                            one, and is near to it, with the
 //                                                                samples added; g of it
 //   estimate_variance  guide, g, spread, length                  variance of g's mean
 //
-// g is the scalar that the picture shows: the luminance of the first three planes less the last
-// three with -DDIFFERENCE (a real layer: E_R, E_RV, then -DCOMMON too; or blocked and bounced light
-// over E_R), else the signal's. Without correction and fading, and motion that stays on the pixel,
+// g is the scalar that the picture shows (filter/signal.h): the luminance of the first three planes less
+// the last three of real surfaces, else the signal's. Without correction and fading, and motion that stays on the pixel,
 // the accumulated signal is the plain mean of the samples. A sample that is not finite is dropped.
 // Where all samples are 0, or the first three planes equal the last three, so is the result, bit
-// for bit. Build with -DBATCH=signals and -DSIGNAL_PLANES=3|6.
+// for bit.
 #include "filter/history.h"
 
 #define SPATIAL_TAPS 4        // a side: every other pixel of a 7x7 neighbourhood
@@ -34,9 +33,9 @@
 __kernel void accumulate(
     FETCH_BATCHED,
     SPAN_PARAMETERS,                             // where there are surfaces
-    BATCHED(PLANES_IN, samples),                 // SIGNAL_PLANES planes; -DPUBLISHED: border too
+    BATCHED(PLANES_IN, samples),                 // its planes; -DPUBLISHED: border too
     BATCHED(__global const uchar *restrict, level), // 1 plane: how densely this picture was traced
-    BATCHED(PLANES_OUT, signal),                 // out: SIGNAL_PLANES planes
+    BATCHED(PLANES_OUT, signal),                 // out: its planes
     BATCHED(PLANES_OUT, length),                 // out: 1 plane
     BATCHED(PLANES_OUT, spread),                 // out: 1 plane
     BATCHED(PLANES_OUT, scalar),                 // out: 1 plane
@@ -47,7 +46,8 @@ __kernel void accumulate(
     int rays,                                      // of a sample, before they become fewer (rays.h)
     int width,
     int height,
-    int seam CAMERA_PARAMETER)
+    int seam,
+    int planes CAMERA_PARAMETER)
 {
     SPAN_ITEM;
     FETCH_ENTRIES;
@@ -58,19 +58,19 @@ __kernel void accumulate(
     PLANES_OUT spread = OF_BATCH(spread);
     PLANES_OUT scalar = OF_BATCH(scalar);
     int size = plane_size(width, height), p = plane_index(x, y, width);
-    History history = fetch_history(guide, guide_previous, motion, signal_before, length_before,
+    History history = fetch_history(planes, guide, guide_previous, motion, signal_before, length_before,
                                     spread_before, plane_tolerance, normal_agreement, p, width,
                                     height, seam CAMERA_ARGUMENT);
 #ifdef PUBLISHED
     // The published mean is one of frames, whose lengths are not lowered.
     const float before = history.length;
-    const Box box = nearby_box(guide, samples, clamp_sigma, size, p, width);
-    clamp_history(&history, &box);
+    const Box box = nearby_box(planes, guide, samples, clamp_sigma, size, p, width);
+    clamp_history(planes, &history, &box);
     history.length = before;
 #endif
-    add_sample(&history, samples, guide, level, fading, rays, size, p);
-    store_history(&history, signal, length, spread, size, p, x, width, seam);
-    store_wrapped(scalar, p, x, width, seam, guide_scalar(history.signal));
+    add_sample(planes, &history, samples, guide, level, fading, rays, size, p);
+    store_history(planes, &history, signal, length, spread, size, p, x, width, seam);
+    store_wrapped(scalar, p, x, width, seam, guide_scalar(planes, history.signal));
 }
 
 __kernel void follow(
@@ -79,12 +79,12 @@ __kernel void follow(
     BATCHED(PLANES_IN, fast_signal_before),      // the same of the fast history
     BATCHED(PLANES_IN, fast_length_before),
     BATCHED(PLANES_IN, fast_spread_before),
-    BATCHED(PLANES_IN, samples),                 // SIGNAL_PLANES planes
+    BATCHED(PLANES_IN, samples),                 // its planes
     BATCHED(__global const uchar *restrict, level), // 1 plane: how densely this picture was traced
-    BATCHED(PLANES_OUT, signal),                 // out: SIGNAL_PLANES planes
+    BATCHED(PLANES_OUT, signal),                 // out: its planes
     BATCHED(PLANES_OUT, length),                 // out: 1 plane
     BATCHED(PLANES_OUT, spread),                 // out: 1 plane
-    BATCHED(PLANES_OUT, fast_signal),            // out: SIGNAL_PLANES planes
+    BATCHED(PLANES_OUT, fast_signal),            // out: its planes
     BATCHED(PLANES_OUT, fast_length),            // out: 1 plane
     BATCHED(PLANES_OUT, fast_spread),            // out: 1 plane
     BATCHED(PLANES_OUT, scalar),                 // out: 1 plane, g of the slow history
@@ -92,7 +92,8 @@ __kernel void follow(
     int fresh,                                     // the fast history begins with this picture
     int width,
     int height,
-    int seam CAMERA_PARAMETER)
+    int seam,
+    int planes CAMERA_PARAMETER)
 {
     SPAN_ITEM;
     FETCH_ENTRIES;
@@ -101,11 +102,11 @@ __kernel void follow(
     PLANES_OUT spread = OF_BATCH(spread);
     PLANES_OUT scalar = OF_BATCH(scalar);
     int size = plane_size(width, height), p = plane_index(x, y, width);
-    History slow = fetch_history(guide, guide_previous, motion, signal_before, length_before,
+    History slow = fetch_history(planes, guide, guide_previous, motion, signal_before, length_before,
                                  spread_before, plane_tolerance, normal_agreement, p, width,
                                  height, seam CAMERA_ARGUMENT);
-    store_history(&slow, signal, length, spread, size, p, x, width, seam);
-    store_wrapped(scalar, p, x, width, seam, guide_scalar(slow.signal));
+    store_history(planes, &slow, signal, length, spread, size, p, x, width, seam);
+    store_wrapped(scalar, p, x, width, seam, guide_scalar(planes, slow.signal));
 
     PLANES_IN fast_signal_before = OF_BATCH(fast_signal_before);
     PLANES_IN fast_length_before = OF_BATCH(fast_length_before);
@@ -115,65 +116,75 @@ __kernel void follow(
     PLANES_OUT fast_signal = OF_BATCH(fast_signal);
     PLANES_OUT fast_length = OF_BATCH(fast_length);
     PLANES_OUT fast_spread = OF_BATCH(fast_spread);
-    History quick = fetch_history(guide, guide_previous, motion, fast_signal_before,
+    History quick = fetch_history(planes, guide, guide_previous, motion, fast_signal_before,
                                   fast_length_before, fast_spread_before, plane_tolerance,
                                   normal_agreement, p, width, height, seam CAMERA_ARGUMENT);
     if (fresh) {
-        for (int c = 0; c < SIGNAL_PLANES; c++)
+        EACH_PLANE(c, planes)
             quick.signal[c] = 0.0f;
         quick.length = quick.spread = 0.0f;
     }
-    add_fast_sample(&quick, samples, guide, level, limit, size, p);
-    store_history(&quick, fast_signal, fast_length, fast_spread, size, p, x, width, seam);
+    add_fast_sample(planes, &quick, samples, guide, level, limit, size, p);
+    store_history(planes, &quick, fast_signal, fast_length, fast_spread, size, p, x, width, seam);
 }
 
-__kernel void correct(
-    BATCHED(PLANES_IN, guide),                   // 7 planes
-    SPAN_PARAMETERS,                             // where there are surfaces
-    BATCHED(PLANES_IN, fast_signal),             // SIGNAL_PLANES planes, border wrapped
-    BATCHED(PLANES_IN, fast_length),             // 1 plane
-    BATCHED(PLANES_IN, past_scalar),             // 1 plane, g of the slow history, border wrapped
-    BATCHED(PLANES_IN, samples),                 // SIGNAL_PLANES planes
-    BATCHED(__global const uchar *restrict, level), // 1 plane: how densely this picture was traced
-    BATCHED(PLANES_OUT, signal),                 // in, out: SIGNAL_PLANES planes of slow history
-    BATCHED(PLANES_OUT, length),                 // in, out: 1 plane
-    BATCHED(PLANES_OUT, spread),                 // in, out: 1 plane
-    BATCHED(PLANES_OUT, scalar),                 // out: 1 plane
-    float antilag_sigma,                        // differences of so many deviations are noise
-    float clamp_sigma,                          // half width of the box in deviations
-    int trusted,                                // the fast history holds enough to compare with
-    float fading,                               // least share of the new sample, 0: plain mean
-    int rays,                                   // of a sample, before they become fewer (rays.h)
-    int width,
-    int height,
-    int seam)
+// What both kinds of signals are corrected by: guide, 7 planes; spans, where there are surfaces; of the
+// fast history the signal's planes, border wrapped, and length; past_scalar, 1 plane, g of the slow
+// history, border wrapped; samples, the signal's planes; level, how densely this picture was traced. In
+// and out: the signal's planes, length and spread of the slow history. Out: scalar, 1 plane.
+#define CORRECT_BATCHED                                                                            \
+    BATCHED(PLANES_IN, guide), SPAN_PARAMETERS, BATCHED(PLANES_IN, fast_signal),                   \
+        BATCHED(PLANES_IN, fast_length), BATCHED(PLANES_IN, past_scalar),                          \
+        BATCHED(PLANES_IN, samples), BATCHED(__global const uchar *restrict, level),               \
+        BATCHED(PLANES_OUT, signal), BATCHED(PLANES_OUT, length), BATCHED(PLANES_OUT, spread),     \
+        BATCHED(PLANES_OUT, scalar)
+#define CORRECT_ENTRIES                                                                            \
+    OF_BATCH(guide), OF_BATCH(fast_signal), OF_BATCH(fast_length), OF_BATCH(past_scalar),          \
+        OF_BATCH(samples), OF_BATCH(level), OF_BATCH(signal), OF_BATCH(length), OF_BATCH(spread),  \
+        OF_BATCH(scalar)
+#define CORRECT_SCALARS                                                                            \
+    float antilag_sigma, /* differences of so many deviations are noise */                         \
+        float clamp_sigma, /* half width of the box in deviations */                               \
+        int trusted, /* the fast history holds enough to compare with */                           \
+        float fading, /* least share of the new sample, 0: plain mean */                           \
+        int rays, /* of a sample, before they become fewer (rays.h) */                             \
+        int width, int height, int seam
+
+static inline ALWAYS_INLINE void correct_pixel(
+    int planes, PLANES_IN guide, PLANES_IN fast_signal, PLANES_IN fast_length, PLANES_IN past_scalar,
+    PLANES_IN samples, __global const uchar *restrict level, PLANES_OUT signal, PLANES_OUT length,
+    PLANES_OUT spread, PLANES_OUT scalar, int x, int y, CORRECT_SCALARS)
 {
-    SPAN_ITEM;
-    PLANES_IN guide = OF_BATCH(guide);
-    PLANES_IN fast_signal = OF_BATCH(fast_signal);
-    PLANES_IN fast_length = OF_BATCH(fast_length);
-    PLANES_IN past_scalar = OF_BATCH(past_scalar);
-    PLANES_IN samples = OF_BATCH(samples);
-    __global const uchar *restrict level = OF_BATCH(level);
-    PLANES_OUT signal = OF_BATCH(signal);
-    PLANES_OUT length = OF_BATCH(length);
-    PLANES_OUT spread = OF_BATCH(spread);
-    PLANES_OUT scalar = OF_BATCH(scalar);
     int size = plane_size(width, height), p = plane_index(x, y, width);
     History history;
     if (trusted) {
-        const float share = stale_share(guide, fast_signal, fast_length, past_scalar, length[p],
+        const float share = stale_share(planes, guide, fast_signal, fast_length, past_scalar, length[p],
                                         spread[p], antilag_sigma, size, p, width);
-        const Box box = nearby_box(guide, fast_signal, clamp_sigma, size, p, width);
-        history = load_history(signal, length, spread, size, p);
-        correct_history(&history, fast_signal, fast_length, share, size, p);
-        clamp_history(&history, &box);
+        const Box box = nearby_box(planes, guide, fast_signal, clamp_sigma, size, p, width);
+        history = load_history(planes, signal, length, spread, size, p);
+        correct_history(planes, &history, fast_signal, fast_length, share, size, p);
+        clamp_history(planes, &history, &box);
     } else {
-        history = load_history(signal, length, spread, size, p);
+        history = load_history(planes, signal, length, spread, size, p);
     }
-    add_sample(&history, samples, guide, level, fading, rays, size, p);
-    store_history(&history, signal, length, spread, size, p, x, width, seam);
-    store_wrapped(scalar, p, x, width, seam, guide_scalar(history.signal));
+    add_sample(planes, &history, samples, guide, level, fading, rays, size, p);
+    store_history(planes, &history, signal, length, spread, size, p, x, width, seam);
+    store_wrapped(scalar, p, x, width, seam, guide_scalar(planes, history.signal));
+}
+
+// A kernel for each kind: PoCL vectorizes them, but not loops over planes that are known at run time.
+__kernel void correct_real(CORRECT_BATCHED, CORRECT_SCALARS)
+{
+    SPAN_ITEM;
+    correct_pixel(REAL_PLANES, CORRECT_ENTRIES, x, y, antilag_sigma, clamp_sigma, trusted, fading, rays,
+                  width, height, seam);
+}
+
+__kernel void correct_reflected(CORRECT_BATCHED, CORRECT_SCALARS)
+{
+    SPAN_ITEM;
+    correct_pixel(REFLECTED_PLANES, CORRECT_ENTRIES, x, y, antilag_sigma, clamp_sigma, trusted, fading,
+                  rays, width, height, seam);
 }
 
 __kernel void estimate_variance(

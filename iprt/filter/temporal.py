@@ -111,6 +111,7 @@ class Temporal:
         # did so before.
         self._fast_frames, self._fast_stale, self._fast_again = 0, False, False
         guide = signals[0].guide
+        channels = signal_planes(signals[0].kind)
         defines = signal_defines(signals) | guide.camera_define | {"PUBLISHED": published}
 
         def planes(label: str, channels: int = 1) -> list[cla.Array]:
@@ -119,7 +120,6 @@ class Temporal:
 
         def histories(label: str) -> list[_History]:
             """Those of this picture and of the one before."""
-            channels = signal_planes(signals[0].kind)
             return [
                 _History(
                     planes(f"{label} {i}", channels),
@@ -138,6 +138,7 @@ class Temporal:
             **batched(scalar=planes("scalar"), variance=self._variance),
             "normal_agreement": settings.normal_agreement,
             "rays": rays,
+            "planes": channels,
         }
 
         def kernel(entry: str, **own: Any) -> Kernel:
@@ -153,8 +154,9 @@ class Temporal:
             self._fast, self._fast_before = histories("fast history")
             past_scalar = planes("past scalar")
             self._follow = kernel("follow", **batched(scalar=past_scalar), limit=FAST_LENGTH)
+            of_real = signals[0].kind in ("ratio", "delta")
             self._correct = kernel(
-                "correct",
+                "correct_real" if of_real else "correct_reflected",
                 **batched(past_scalar=past_scalar),
                 antilag_sigma=settings.antilag_sigma,
                 clamp_sigma=settings.clamp_sigma,

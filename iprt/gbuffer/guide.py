@@ -145,14 +145,14 @@ class Guides:
     ) -> None:
         """`layers`: one for each guide."""
         self._device, self._guides = device, guides
-        defines = guides[0].defines(BATCH=len(guides))
+        defines = guides[0].defines()
         size, spans = guides[0].layout.arguments(), span_arguments(guides)
         of_surfaces = batched(
             depth=[layer.depth for layer in layers],
             id=[layer.ids for layer in layers],
         )
         self._find_spans = device.kernel("gbuffer/guide.cl", "find_spans", defines).fixed(
-            size, spans, of_surfaces, past=guides[0].spans.past
+            size, spans, of_surfaces, layers=len(guides), past=guides[0].spans.past
         )
         self._build = device.kernel("gbuffer/guide.cl", "build_guide", defines).fixed(
             size, spans, of_surfaces, batched(normal=[layer.normal for layer in layers])

@@ -172,9 +172,7 @@ def test_reflections_are_where_their_images_were_seen(device: ComputeDevice) -> 
         )
 
     first, second = mirror(before), mirror(now)
-    guide = Guide(
-        device, first.layout, name="test", camera=followed(device, before, now).rows
-    )
+    guide = Guide(device, first.layout, name="test", camera=followed(device, before, now).rows)
     first.fill(device, guide)
     second.fill(device, guide)
     direction = second.view.directions() @ now[:3, :3].T
