@@ -167,15 +167,7 @@ class Renderer:
             clipped=features.clipped,
             edges=True,
         )
-        self.composite = Composite(
-            device,
-            self.layout,
-            relit=features.relit,
-            diffuse=features.diffuse_signal,
-            specular=features.specular_signal,
-            gloss=features.gloss,
-            color_map=features.color_map,
-        )
+        self.composite = Composite(device, self.layout)
         self.visible: VisibleLayer | None = None
         self.light: LightView | None = None
         self.method: Method | None = None

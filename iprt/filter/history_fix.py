@@ -32,7 +32,7 @@ class HistoryFix:
         self._signal = device.zeros(f"{signal.name} fixed", layout.shape(planes))
         self._variance = device.zeros(f"{signal.name} fixed variance", layout.shape(1))
         defines = signal_defines([signal])
-        self._fix = device.kernel("filter/history_fix.cl", "fix_history", defines).fixed(
+        self._fix = device.kernel("filter/neighbours.cl", "fix_history", defines).fixed(
             layout.arguments(),
             span_arguments([guide]),
             planes=planes,

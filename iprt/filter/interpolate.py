@@ -23,7 +23,7 @@ class Interpolate:
         self._device = device
         self._guides = [signal.guide for signal in signals]
         self._kernel = device.kernel(
-            "filter/interpolate.cl", "interpolate", signal_defines(signals)
+            "filter/neighbours.cl", "interpolate", signal_defines(signals)
         ).fixed(
             signals[0].guide.layout.arguments(),
             span_arguments([signal.guide for signal in signals]),
