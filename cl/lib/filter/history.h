@@ -65,6 +65,11 @@ static inline float worth_of_biased(float length, float spread, float bias_squar
     return bias_squared > 0.0f ? spread * length / error : length;
 }
 
+// In memory, two more planes follow those of the signal: `spread` and, for neighbours to be compared with, g.
+// So no kernel has more than 31 buffers, which is all that some drivers grant.
+#define SPREAD_PLANE 0
+#define SCALAR_PLANE 1
+
 typedef struct {
     float signal[REAL_PLANES];
     float length;   // how many samples it is worth, 0: there is none
@@ -72,24 +77,31 @@ typedef struct {
 } History;
 
 static inline ALWAYS_INLINE History load_history(
-    int planes, __global const float *signal, __global const float *length, __global const float *spread,
-    int size, int p)
+    int planes, __global const float *signal, __global const float *length, int size, int p)
 {
     History history;
     load_signal(planes, history.signal, signal, size, p);
     history.length = length[p];
-    history.spread = spread[p];
+    history.spread = signal[(planes + SPREAD_PLANE) * size + p];
     return history;
 }
 
+static inline ALWAYS_INLINE void store_scalar(
+    int planes, const float *s, __global float *signal, int size, int p, int x, int width, int seam)
+{
+    __global float *scalar = signal + (planes + SCALAR_PLANE) * size;
+    store_wrapped(scalar, p, x, width, seam, guide_scalar(planes, s));
+}
+
 static inline ALWAYS_INLINE void store_history(
-    int planes, const History *history, __global float *signal, __global float *length, __global float *spread,
-    int size, int p, int x, int width, int seam)
+    int planes, const History *history, __global float *signal, __global float *length, int size, int p,
+    int x, int width, int seam)
 {
     EACH_PLANE(c, planes)
         store_wrapped(signal + c * size, p, x, width, seam, history->signal[c]);
+    store_scalar(planes, history->signal, signal, size, p, x, width, seam);
+    signal[(planes + SPREAD_PLANE) * size + p] = history->spread;
     length[p] = history->length;
-    spread[p] = history->spread;
 }
 
 // What it takes to fetch a history: guides of 7 planes, of this and the previous picture;
@@ -98,22 +110,17 @@ static inline ALWAYS_INLINE void store_history(
 #define FETCH_PARAMETERS                                                                           \
     __global const float *restrict guide, __global const float *restrict guide_previous,           \
         __global const float *restrict motion, __global const float *restrict signal_before,       \
-        __global const float *restrict length_before, __global const float *restrict spread_before, \
-        const float plane_tolerance, const float normal_agreement
+        __global const float *restrict length_before, const float plane_tolerance,                 \
+        const float normal_agreement
 
-// The same for kernels, of each signal, and the variables that hold those of the work item's.
+// The same for kernels, of each signal, and those of the work item's.
 #define FETCH_BATCHED                                                                              \
     BATCHED(PLANES_IN, guide), BATCHED(PLANES_IN, guide_previous), BATCHED(PLANES_IN, motion),     \
         BATCHED(PLANES_IN, signal_before), BATCHED(PLANES_IN, length_before),                      \
-        BATCHED(PLANES_IN, spread_before), const float plane_tolerance,                            \
-        const float normal_agreement
+        const float plane_tolerance, const float normal_agreement
 #define FETCH_ENTRIES                                                                              \
-    PLANES_IN guide = OF_BATCH(guide);                                                             \
-    PLANES_IN guide_previous = OF_BATCH(guide_previous);                                           \
-    PLANES_IN motion = OF_BATCH(motion);                                                           \
-    PLANES_IN signal_before = OF_BATCH(signal_before);                                             \
-    PLANES_IN length_before = OF_BATCH(length_before);                                             \
-    PLANES_IN spread_before = OF_BATCH(spread_before)
+    OF_BATCH(guide), OF_BATCH(guide_previous), OF_BATCH(motion), OF_BATCH(signal_before),          \
+        OF_BATCH(length_before), plane_tolerance, normal_agreement
 
 // The history of what this pixel shows, where the previous picture showed that.
 static inline ALWAYS_INLINE History fetch_history(
@@ -157,7 +164,7 @@ static inline ALWAYS_INLINE History fetch_history(
             EACH_PLANE(c, planes)
                 past[c] += w * signal_before[c * size + q];
             samples += w * length_before[q];
-            variation += w * spread_before[q];
+            variation += w * signal_before[(planes + SPREAD_PLANE) * size + q];
             weights += w;
         }
     }
@@ -174,12 +181,13 @@ static inline ALWAYS_INLINE History fetch_history(
 // Antilag: where the fast history's mean over a neighbourhood differs from the slow one's by more
 // than noise explains, the slow one, which is worth `before` samples of variance `spread`, is off by
 // the rest, and gives way to the fast one to the degree that this bias makes it the worse estimate.
-// Returns that share; `scalar` is g of the slow one.
+// Returns that share; g of the slow one is with the fast one.
 static inline ALWAYS_INLINE float stale_share(
     int planes, __global const float *restrict guide, __global const float *restrict fast,
-    __global const float *restrict fast_length, __global const float *restrict scalar, float before,
+    __global const float *restrict fast_length, float before,
     float spread, float sigma, int size, int p, int width)
 {
+    __global const float *restrict scalar = fast + (planes + SCALAR_PLANE) * size;
     float id = guide[GUIDE_ID * size + p];
     float count = 0.0f, sum = 0.0f, square = 0.0f;
     TAP_LOOP
