@@ -73,7 +73,7 @@ def first_view(scene: Scene) -> View:
 
 
 def all_planned() -> Iterator[PlanDevice]:
-    around = View(64, 32, projection="equirect")
+    around = View(256, 128, projection="equirect")
     for folder in SCENES:
         scene = Scene.open(folder)
         yield planned(scene, PRESETS, [first_view(scene), around])
