@@ -19,8 +19,8 @@
 // Between levels, signals and variances are planes of stored.h. With -DHALF_PLANES, the first level is
 // built with -DFIRST and the last one with -DLAST: what comes in and what goes out are planes of float.
 //
-// There are two kernels of each step, of real surfaces' signals (6 planes) and of reflected ones (3), of
-// which the first `specular` of a batch are specular radiance. Build with -DCOMMON as in filter/signal.h,
+// There are two kernels of each step: of real surfaces' signals (6 planes), one at a time, and of batches of
+// reflected ones (3), of which the first `specular` of a batch are specular radiance. Build with -DCOMMON as in filter/signal.h,
 // and -DGUIDED, without which luminance does not count (IPRT's joint bilateral filter). Work groups of
 // (n, 1) vectorize best on CPUs.
 #include "gbuffer/batch.h"
@@ -127,11 +127,10 @@ static inline ALWAYS_INLINE float tap_weight(int taps, int d)
 
 // Of each signal: guide, 7 planes; the signal's planes and variance, of the guide scalar's mean, as they
 // are and as they become. Where there are surfaces, spans: the rest is 0.
-#define FILTER_BATCHED                                                                             \
-    BATCHED(PLANES_IN, guide), BATCHED(SIGNAL_IN, signal), BATCHED(STORED_IN, variance),           \
-        BATCHED(SIGNAL_OUT, signal_out), BATCHED(STORED_OUT, variance_out), SPAN_PARAMETERS
-#define FILTER_ENTRIES                                                                             \
-    OF_BATCH(guide), OF_BATCH(signal), OF_BATCH(variance), OF_BATCH(signal_out), OF_BATCH(variance_out)
+#define FILTER_BUFFERS(EACH)                                                                       \
+    EACH(PLANES_IN, guide), EACH(SIGNAL_IN, signal), EACH(STORED_IN, variance),                    \
+        EACH(SIGNAL_OUT, signal_out), EACH(STORED_OUT, variance_out), SPAN_PARAMETERS
+#define FILTER_ENTRY(OF) OF(guide), OF(signal), OF(variance), OF(signal_out), OF(variance_out)
 #if defined(FIRST) || defined(LAST)
 #define UNIT_PARAMETER float unit, /* of signals in half precision */
 #define UNIT_ARGUMENT unit,
@@ -230,21 +229,22 @@ static inline ALWAYS_INLINE void filter_pixel(
 }
 
 __kernel void filter_real(
-    FILTER_BATCHED,
-    BATCHED(STORED_IN, turned), // of smooth_real
+    FILTER_BUFFERS(SINGLE),
+    SINGLE(STORED_IN, turned), // of smooth_real
     FILTER_SCALARS)
 {
     SPAN_ITEM;
 #ifdef GUIDED
-    const float least = load_stored(OF_BATCH(turned), plane_index(x, y, width));
+    const float least = load_stored(OF_SINGLE(turned), plane_index(x, y, width));
 #else
     const float least = 0.0f;
 #endif
-    filter_pixel(REAL_PLANES, REAL_TAPS, 0, 0.0f, 0.0f, least, FILTER_ENTRIES, x, y, FILTER_ARGUMENTS);
+    filter_pixel(REAL_PLANES, REAL_TAPS, 0, 0.0f, 0.0f, least, FILTER_ENTRY(OF_SINGLE), x, y,
+                 FILTER_ARGUMENTS);
 }
 
 __kernel void filter_reflected(
-    FILTER_BATCHED,
+    FILTER_BUFFERS(BATCHED),
     BATCHED(STORED_IN, widened), // GGX alpha, of smooth_reflected; < 1e-4: copied
     int specular,                // how many signals are
     float lobe_fraction,         // of the lobe's half width that taps may span
@@ -253,7 +253,7 @@ __kernel void filter_reflected(
     SPAN_ITEM;
     const float alpha = load_stored(OF_BATCH(widened), plane_index(x, y, width));
     filter_pixel(REFLECTED_PLANES, SPLINE_TAPS, entry < specular, alpha, lobe_fraction, 0.0f,
-                 FILTER_ENTRIES, x, y, FILTER_ARGUMENTS);
+                 FILTER_ENTRY(OF_BATCH), x, y, FILTER_ARGUMENTS);
 }
 
 // GGX alpha of the lobe of a whole pixel: the normals within it turn its reflections too, by twice
@@ -312,8 +312,8 @@ static inline ALWAYS_INLINE float smoothed(PLANES_IN id, PLANES_IN variance, int
 }
 
 // What the levels are given. Of each signal: guide, 7 planes; variance, 1 plane. Out: smooth, 1 plane.
-#define SMOOTH_BATCHED                                                                             \
-    BATCHED(PLANES_IN, guide), BATCHED(PLANES_IN, variance), BATCHED(STORED_OUT, smooth), SPAN_PARAMETERS
+#define SMOOTH_BUFFERS(EACH)                                                                       \
+    EACH(PLANES_IN, guide), EACH(PLANES_IN, variance), EACH(STORED_OUT, smooth), SPAN_PARAMETERS
 #ifdef HALF_PLANES
 #define SMOOTH_SCALARS float unit, int width, int height, int seam
 #define IN_UNITS(variance) ((variance) * unit * unit) // the square alone may be beyond all floats
@@ -321,31 +321,31 @@ static inline ALWAYS_INLINE float smoothed(PLANES_IN id, PLANES_IN variance, int
 #define SMOOTH_SCALARS int width, int height, int seam
 #define IN_UNITS(variance) (variance)
 #endif
-#define SMOOTH                                                                                     \
+#define SMOOTH(OF)                                                                                 \
     SPAN_ITEM;                                                                                     \
-    PLANES_IN guide = OF_BATCH(guide);                                                             \
+    PLANES_IN guide = OF(guide);                                                                   \
     const int size = plane_size(width, height), stride = plane_stride(width);                      \
     const int p = plane_index(x, y, width);                                                        \
-    const float mean = smoothed(guide + GUIDE_ID * size, OF_BATCH(variance), stride, p);           \
-    store_stored_variance(OF_BATCH(smooth), p, x, width, seam, IN_UNITS(mean))
+    const float mean = smoothed(guide + GUIDE_ID * size, OF(variance), stride, p);                 \
+    store_stored_variance(OF(smooth), p, x, width, seam, IN_UNITS(mean))
 
 __kernel void smooth_real(
-    SMOOTH_BATCHED,
-    BATCHED(STORED_OUT, turned), // out: 1 plane
+    SMOOTH_BUFFERS(SINGLE),
+    SINGLE(STORED_OUT, turned), // out: 1 plane
     SMOOTH_SCALARS)
 {
-    SMOOTH;
-    store_stored(OF_BATCH(turned), p, x, width, seam, least_turn(guide, size, stride, p));
+    SMOOTH(OF_SINGLE);
+    store_stored(OF_SINGLE(turned), p, x, width, seam, least_turn(guide, size, stride, p));
 }
 
 __kernel void smooth_reflected(
-    SMOOTH_BATCHED,
+    SMOOTH_BUFFERS(BATCHED),
     BATCHED(PLANES_IN, roughness), // GGX alpha
     BATCHED(STORED_OUT, widened),  // out: 1 plane; mirrors stay mirrors
     int specular,                  // how many signals are
     SMOOTH_SCALARS)
 {
-    SMOOTH;
+    SMOOTH(OF_BATCH);
     if (entry < specular)
         store_stored(OF_BATCH(widened), p, x, width, seam,
                      widened_alpha(guide, OF_BATCH(roughness)[p], size, stride, p));

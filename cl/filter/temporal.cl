@@ -111,14 +111,13 @@ __kernel void fetch(
 // What both kinds of signals are corrected by: guide, 7 planes; spans, where there are surfaces; the fast
 // history, with g of the slow one, borders wrapped; samples, the signal's planes; level, how densely this
 // picture was traced. In and out: the slow history.
-#define CORRECT_BATCHED                                                                            \
-    BATCHED(PLANES_IN, guide), SPAN_PARAMETERS, BATCHED(PLANES_IN, fast_signal),                   \
-        BATCHED(PLANES_IN, fast_length), BATCHED(PLANES_IN, samples),                              \
-        BATCHED(__global const uchar *restrict, level), BATCHED(PLANES_OUT, signal),               \
-        BATCHED(PLANES_OUT, length)
-#define CORRECT_ENTRIES                                                                            \
-    OF_BATCH(guide), OF_BATCH(fast_signal), OF_BATCH(fast_length), OF_BATCH(samples),              \
-        OF_BATCH(level), OF_BATCH(signal), OF_BATCH(length)
+#define CORRECT_BUFFERS(EACH)                                                                      \
+    EACH(PLANES_IN, guide), SPAN_PARAMETERS, EACH(PLANES_IN, fast_signal),                         \
+        EACH(PLANES_IN, fast_length), EACH(PLANES_IN, samples),                                    \
+        EACH(__global const uchar *restrict, level), EACH(PLANES_OUT, signal),                     \
+        EACH(PLANES_OUT, length)
+#define CORRECT_ENTRY(OF)                                                                          \
+    OF(guide), OF(fast_signal), OF(fast_length), OF(samples), OF(level), OF(signal), OF(length)
 #define CORRECT_SCALARS                                                                            \
     float antilag_sigma, /* differences of so many deviations are noise */                         \
         float clamp_sigma, /* half width of the box in deviations */                               \
@@ -146,17 +145,17 @@ static inline ALWAYS_INLINE void correct_pixel(
 }
 
 // A kernel for each kind: PoCL vectorizes them, but not loops over planes that are known at run time.
-__kernel void correct_real(CORRECT_BATCHED, CORRECT_SCALARS)
+__kernel void correct_real(CORRECT_BUFFERS(SINGLE), CORRECT_SCALARS)
 {
     SPAN_ITEM;
-    correct_pixel(REAL_PLANES, CORRECT_ENTRIES, x, y, antilag_sigma, clamp_sigma, trusted, fading, rays,
+    correct_pixel(REAL_PLANES, CORRECT_ENTRY(OF_SINGLE), x, y, antilag_sigma, clamp_sigma, trusted, fading, rays,
                   width, height, seam);
 }
 
-__kernel void correct_reflected(CORRECT_BATCHED, CORRECT_SCALARS)
+__kernel void correct_reflected(CORRECT_BUFFERS(BATCHED), CORRECT_SCALARS)
 {
     SPAN_ITEM;
-    correct_pixel(REFLECTED_PLANES, CORRECT_ENTRIES, x, y, antilag_sigma, clamp_sigma, trusted, fading,
+    correct_pixel(REFLECTED_PLANES, CORRECT_ENTRY(OF_BATCH), x, y, antilag_sigma, clamp_sigma, trusted, fading,
                   rays, width, height, seam);
 }
 

@@ -50,6 +50,7 @@ class Atrous:
         self._layout = layout = first.guide.layout
         self._specular = sum(signal.kind == "specular" for signal in signals)
         self._real = first.kind in ("ratio", "delta")
+        assert not self._real or len(signals) == 1
         defines = signal_defines(signals) | {"GUIDED": guided}
         # What the difference of E_R and E_RV tells would be lost in their rounding.
         self._half = device.half_planes and first.kind != "ratio"

@@ -10,6 +10,10 @@
 #define BATCHED(TYPE, NAME) TYPE NAME##_0, TYPE NAME##_1, TYPE NAME##_2
 #define OF_BATCH(NAME) (entry == 0 ? NAME##_0 : entry == 1 ? NAME##_1 : NAME##_2)
 
+// The same of kernels whose batches always have one entry.
+#define SINGLE(TYPE, NAME) TYPE NAME##_0
+#define OF_SINGLE(NAME) NAME##_0
+
 #define PLANES_IN __global const float *restrict
 #define PLANES_OUT __global float *restrict
 
