@@ -21,7 +21,7 @@ bounce / E_R rgb. For objects: irradiance or radiance."""
 
 @dataclass(frozen=True)
 class Signal:
-    """One signal of a batch: of real surfaces alone, or with others that are reflected, specular first.
+    """One signal of a batch: one of real surfaces, or several reflected ones, specular ones first.
 
     Attributes
     ----------
