@@ -132,13 +132,17 @@ static inline ALWAYS_INLINE void correct_pixel(
     CORRECT_SCALARS)
 {
     int size = plane_size(width, height), p = plane_index(x, y, width);
-    History history = load_history(planes, signal, length, size, p);
+    History history;
     if (trusted) {
-        const float share = stale_share(planes, guide, fast_signal, fast_length, history.length,
-                                        history.spread, antilag_sigma, size, p, width);
+        const float spread = signal[(planes + SPREAD_PLANE) * size + p];
+        const float share = stale_share(planes, guide, fast_signal, fast_length, length[p], spread,
+                                        antilag_sigma, size, p, width);
         const Box box = nearby_box(planes, guide, fast_signal, clamp_sigma, size, p, width);
+        history = load_history(planes, signal, length, size, p); // now: it takes registers
         correct_history(planes, &history, fast_signal, fast_length, share, size, p);
         clamp_history(planes, &history, &box);
+    } else {
+        history = load_history(planes, signal, length, size, p);
     }
     add_sample(planes, &history, samples, guide, level, fading, rays, size, p);
     store_history(planes, &history, signal, length, size, p, x, width, seam);
