@@ -70,8 +70,9 @@ __kernel void interpolate(
     int own = level[p];
     int2 offset = vload2(0, origin);
     if (is_traced(own, x - offset.x, y - offset.y)) {
-        EACH_PLANE(c, planes)
-            store_border(signal + c * size, p, x, width, seam, signal[c * size + p]);
+        if (seam)
+            EACH_PLANE(c, planes)
+                store_border(signal + c * size, p, x, width, seam, signal[c * size + p]);
         return;
     }
     float sum[REAL_PLANES];
