@@ -41,10 +41,13 @@ OPTIMISED = 0.65
 """Instructions that ptxas leaves of those that Oclgrind counts, in kernels without loops."""
 WINDOWS = {
     "resample_panorama": 4,
+    "resample_glossy": 4,
     "accumulate": 2.5,  # four taps of the history, one of all else
     "choose_level": 9,
-    "filter_level": 9,
-    "smooth_variance": 9,
+    "filter_real": 9,
+    "filter_reflected": 9,
+    "smooth_real": 9,
+    "smooth_reflected": 9,
     "fit_planes": 25,
     "build_surface": 5,
     "filter_highlight": 25,

@@ -11,7 +11,6 @@ from pyopencl import cltypes
 from iprt.device.compute import ComputeDevice
 from iprt.device.kernel import Kernel
 from iprt.gbuffer.context import FrameContext, ViewConstants
-from iprt.gbuffer.guide import plane_defines
 from iprt.gbuffer.layout import PlaneLayout
 from iprt.geometry.camera import View
 from iprt.methods.protocol import GBuffer, Image, Signals
@@ -68,15 +67,12 @@ class LightView:
         self._device, self._full_view = device, view
         self._scale = features.settings.light_scale
         self.view = view.reduced(self._scale)
-        self.layout = PlaneLayout(self.view.width, self.view.height)
+        self.layout = PlaneLayout.of(self.view)
         self._constants = ViewConstants(device, "light view")
         self._map = block_map(view, self.view)
-        equirect = view.projection == "equirect"
-        self._defines = plane_defines(equirect=equirect)
         real = RealLayer(
             device,
             self.layout,
-            equirect=equirect,
             name="light",
             gloss=features.gloss,
             camera=camera,
@@ -85,7 +81,7 @@ class LightView:
         )
         visible = VisibleSurfaces(device, self.layout, name="light object")
         self.gbuffer = GBuffer(real, visible)
-        self._reduce = device.kernel("view/reduce.cl", "reduce_objects", self._defines).fixed(
+        self._reduce = device.kernel("view/reduce.cl", "reduce_objects").fixed(
             self.layout.arguments(),
             full.objects.planes("full_"),
             visible.planes(),
@@ -110,10 +106,10 @@ class LightView:
     def _add(self, signal: str, full: _Layer, blocks: _Layer, ids: str) -> None:
         """Enlarge a signal of a layer, of which `ids` tells apart what does not mix."""
         device, ratio = self._device, signal == "ratio"
-        layout = PlaneLayout(self._full_view.width, self._full_view.height)
+        layout = PlaneLayout.of(self._full_view)
         shape = (layout.width * layout.height, 4) if ratio else layout.shape(3)
         self._enlarged[signal] = device.zeros(f"enlarged {signal}", shape)
-        defines = {**self._defines, "RATIO": ratio, "WIDE": device.wide}
+        defines = {"RATIO": ratio, "WIDE": device.wide}
         self._enlarge[signal] = device.kernel("view/enlarge.cl", "enlarge", defines).fixed(
             layout.arguments(),
             block_width=self.view.width,

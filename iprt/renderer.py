@@ -152,7 +152,7 @@ class Renderer:
             self._camera = CameraMotion(device, frame.pose)
         camera = None if self._camera is None else self._camera.rows
 
-        self.layout = PlaneLayout(view.width, view.height)
+        self.layout = PlaneLayout.of(view)
         worlds = worlds or Worlds()
         self.real_world = worlds.real(device, frame, features)
         self._view_constants = ViewConstants(device, "view")
@@ -160,7 +160,6 @@ class Renderer:
         self.real = RealLayer(
             device,
             self.layout,
-            equirect=view.projection == "equirect",
             name="real",
             gloss=features.gloss,
             camera=camera,
@@ -168,15 +167,7 @@ class Renderer:
             clipped=features.clipped,
             edges=True,
         )
-        self.composite = Composite(
-            device,
-            self.layout,
-            relit=features.relit,
-            diffuse=features.diffuse_signal,
-            specular=features.specular_signal,
-            gloss=features.gloss,
-            color_map=features.color_map,
-        )
+        self.composite = Composite(device, self.layout)
         self.visible: VisibleLayer | None = None
         self.light: LightView | None = None
         self.method: Method | None = None

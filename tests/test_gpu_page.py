@@ -86,7 +86,7 @@ def test_the_slowest_limit_counts() -> None:
 
     wide = replace(streams, bound=10**9, loaded=10**9)
     assert estimate(PLAIN, "k", wide, registers).limits["memory"] == pytest.approx(1.0)
-    window = estimate(PLAIN, "smooth_variance", replace(wide, loaded=9 * 10**8), registers)
+    window = estimate(PLAIN, "smooth_real", replace(wide, loaded=9 * 10**8), registers)
     assert window.limits["memory"] == pytest.approx(0.1)
     few = Gpu(**{**vars(PLAIN), "memory": 160e9, "threads": 500})
     assert estimate(few, "k", wide, registers).limits["memory"] == pytest.approx(1e9 / 80e9)
@@ -181,4 +181,4 @@ def test_the_page_names_what_misses_the_goal_and_kernels_that_there_are() -> Non
     table = text.partition(gpu.START)[2].partition(gpu.END)[0]
     named = set(re.findall(r"^\| [\w ]+ \| `(\w+)`", table, re.MULTILINE))
     assert named - {FILL} <= entry_points()
-    assert {"trace_delta", "trace_virtual", "filter_level", "composite", "fit_planes"} <= named
+    assert {"trace_delta", "trace_virtual", "filter_real", "composite", "fit_planes"} <= named

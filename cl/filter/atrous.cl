@@ -12,18 +12,17 @@
 // what it is for the adjacent pixel most like p (least_turn): bevelled edges a few pixels wide would have
 // no pixels to be averaged with.
 //
-//   in    guide (7 planes, guide.h), signal (SIGNAL_PLANES), variance (1) of g, roughness (1, GGX
+//   in    guide (7 planes, guide.h), signal (filter/signal.h), variance (1) of g, roughness (1, GGX
 //         alpha; where specular), borders wrapped in equirect views
 //   out   signal, variance: pixels without a surface are copied
 //
 // Between levels, signals and variances are planes of stored.h. With -DHALF_PLANES, the first level is
 // built with -DFIRST and the last one with -DLAST: what comes in and what goes out are planes of float.
 //
-// Build with -DSIGNAL_PLANES=3|6, -DDIFFERENCE for a real layer (planes E_R rgb, E_RV rgb with
-// -DCOMMON too, else blocked / E_R rgb, bounce / E_R rgb), -DSPECULAR=n where the first n signals
-// of the -DBATCH are specular radiance, -DEXTENT for kernels that find where there is anything but 0,
-// -DTAPS=3|5 in a row, and -DGUIDED, without which luminance does not count (IPRT's joint bilateral
-// filter). Work groups of (n, 1) vectorize best on CPUs.
+// There are two kernels of each step: of real surfaces' signals (6 planes), one at a time, and of batches of
+// reflected ones (3), of which the first `specular` of a batch are specular radiance. Build with -DCOMMON as in filter/signal.h,
+// and -DGUIDED, without which luminance does not count (IPRT's joint bilateral filter). Work groups of
+// (n, 1) vectorize best on CPUs.
 #include "gbuffer/batch.h"
 #include "gbuffer/guide.h"
 #include "gbuffer/stored.h"
@@ -36,8 +35,13 @@
 #define NOISE_FLOOR 0.002f
 #define MOST_TURN 0.3f         // 1 - cosine between normals that may still be of one surface
 
-#if defined(DIFFERENCE) && defined(GUIDED)
-#define BENT // with least_turn
+// Taps in a row: those of ReLAX where a variance guides signals of real surfaces, else a B3 spline's.
+#define RELAX_TAPS 3
+#define SPLINE_TAPS 5
+#ifdef GUIDED
+#define REAL_TAPS RELAX_TAPS
+#else
+#define REAL_TAPS SPLINE_TAPS
 #endif
 
 #ifdef FIRST
@@ -49,16 +53,17 @@
 #endif
 #ifdef LAST
 #define SIGNAL_OUT PLANES_OUT
-#define store_out(plane, p, x, width, value) store_wrapped(plane, p, x, width, (value) / unit)
+#define store_out(plane, p, x, width, seam, value)                                                 \
+    store_wrapped(plane, p, x, width, seam, (value) / unit)
 #else
 #define SIGNAL_OUT STORED_OUT
-#define store_out(plane, p, x, width, value) store_stored(plane, p, x, width, value)
+#define store_out(plane, p, x, width, seam, value)                                                 \
+    store_stored(plane, p, x, width, seam, value)
 #endif
 
-#ifdef EXTENT
 // The columns of each row between which objects do anything, for all that is known.
 __kernel void find_extent(
-    __global const float *restrict signal,   // SIGNAL_PLANES planes
+    __global const float *restrict signal,   // 6 planes
     __global const float *restrict variance, // of the guide scalar's mean
     __global int *restrict extent,           // out: per row first column and end; (width, 0): none
     int width,
@@ -72,7 +77,7 @@ __kernel void find_extent(
         int p = plane_index(x, y, width);
         bool active = variance[p] > 0.0f;
         #pragma unroll
-        for (int c = 0; c < SIGNAL_PLANES; c++)
+        for (int c = 0; c < REAL_PLANES; c++)
             active = active || signal[c * size + p] != 0.0f;
         first = active ? min(first, x) : first;
         end = active ? x + 1 : end;
@@ -90,7 +95,8 @@ __kernel void grow_extent(
     __global int *restrict extent,         // out: per row, what to filter: spans of filter_level
     int reach,                             // of all levels together
     int width,
-    int height)
+    int height,
+    int seam)
 {
     int y = get_global_id(0);
     if (y >= height)
@@ -100,10 +106,8 @@ __kernel void grow_extent(
         first = min(first, found[2 * row]);
         end = max(end, found[2 * row + 1]);
     }
-    bool any = first < end, everywhere = false;
-#ifdef VIEW_EQUIRECT
-    everywhere = any && (first < reach || end > width - reach); // reaches across the seam
-#endif
+    bool any = first < end;
+    bool everywhere = seam && any && (first < reach || end > width - reach); // across the seam
     first = !any ? width : everywhere ? 0 : max(first - reach, 0);
     end = !any ? 0 : everywhere ? width : min(end + reach, width);
     grown[2 * y] = first;
@@ -112,48 +116,44 @@ __kernel void grow_extent(
     extent[2 * y] = before ? min(first, previous[2 * y]) : first;
     extent[2 * y + 1] = before ? max(end, previous[2 * y + 1]) : end;
 }
-#endif
 
 // Weight of a tap in a row over that of the middle one.
-static inline float tap_weight(int d)
+static inline ALWAYS_INLINE float tap_weight(int taps, int d)
 {
-#if TAPS == 3
-    return d == 0 ? 1.0f : 0.27901f / 0.44198f; // as in ReLAX
-#else
-    return d == 0 ? 1.0f : abs(d) == 1 ? 0.25f / 0.375f : 0.0625f / 0.375f; // B3 spline
-#endif
+    if (taps == RELAX_TAPS)
+        return d == 0 ? 1.0f : 0.27901f / 0.44198f;
+    return d == 0 ? 1.0f : abs(d) == 1 ? 0.25f / 0.375f : 0.0625f / 0.375f;
 }
 
-__kernel void filter_level(
-    BATCHED(PLANES_IN, guide),                   // 7 planes
-    BATCHED(SIGNAL_IN, signal),                  // SIGNAL_PLANES planes
-    BATCHED(STORED_IN, variance),                // of the guide scalar's mean
-    BATCHED(SIGNAL_OUT, signal_out),             // SIGNAL_PLANES planes
-    BATCHED(STORED_OUT, variance_out),           // 1 plane
-    SPAN_PARAMETERS,                             // where there are surfaces; the rest is 0
-#ifdef BENT
-    BATCHED(STORED_IN, turned),                  // of smooth_variance
-#endif
-#if SPECULAR
-    BATCHED(STORED_IN, roughness),               // of smooth_variance; < 1e-4: copied
-    float lobe_fraction,                         // of the lobe's half width that taps may span
-#endif
-    int step,                                    // tap distance in pixels: 1, 2, 4, 8, 16
-    float normal_sharpness,                      // k_n
-    float plane_sharpness,                       // k_d
-    float variance_scale,                        // k_v^2
+// Of each signal: guide, 7 planes; the signal's planes and variance, of the guide scalar's mean, as they
+// are and as they become. Where there are surfaces, spans: the rest is 0.
+#define FILTER_BUFFERS(EACH)                                                                       \
+    EACH(PLANES_IN, guide), EACH(SIGNAL_IN, signal), EACH(STORED_IN, variance),                    \
+        EACH(SIGNAL_OUT, signal_out), EACH(STORED_OUT, variance_out), SPAN_PARAMETERS
+#define FILTER_ENTRY(OF) OF(guide), OF(signal), OF(variance), OF(signal_out), OF(variance_out)
 #if defined(FIRST) || defined(LAST)
-    float unit,                                  // of signals in half precision
+#define UNIT_PARAMETER float unit, /* of signals in half precision */
+#define UNIT_ARGUMENT unit,
+#else
+#define UNIT_PARAMETER
+#define UNIT_ARGUMENT
 #endif
-    int width,
-    int height)
+#define FILTER_SCALARS                                                                             \
+    int step, /* tap distance in pixels: 1, 2, 4, 8, 16 */                                         \
+        float normal_sharpness, /* k_n */                                                          \
+        float plane_sharpness, /* k_d */                                                           \
+        float variance_scale, /* k_v^2 */                                                          \
+        UNIT_PARAMETER int width, int height, int seam
+#define FILTER_ARGUMENTS                                                                           \
+    step, normal_sharpness, plane_sharpness, variance_scale, UNIT_ARGUMENT width, height, seam
+
+// `planes` and `taps` are constants. `alpha`: GGX roughness of `specular` signals, whose mirrors are copied;
+// `turned`: of smooth_real.
+static inline ALWAYS_INLINE void filter_pixel(
+    int planes, int taps, int specular, float alpha, float lobe_fraction, float turned,
+    PLANES_IN guide, SIGNAL_IN signal, STORED_IN variance, SIGNAL_OUT signal_out,
+    STORED_OUT variance_out, int x, int y, FILTER_SCALARS)
 {
-    SPAN_ITEM;
-    PLANES_IN guide = OF_BATCH(guide);
-    SIGNAL_IN signal = OF_BATCH(signal);
-    STORED_IN variance = OF_BATCH(variance);
-    SIGNAL_OUT signal_out = OF_BATCH(signal_out);
-    STORED_OUT variance_out = OF_BATCH(variance_out);
     int size = plane_size(width, height), stride = plane_stride(width);
     int p = plane_index(x, y, width);
 
@@ -164,80 +164,98 @@ __kernel void filter_level(
     float distance_squared = px * px + py * py + pz * pz;
     float plane_scale = plane_sharpness / sqrt(fmax(distance_squared, 1e-30f));
 
-    float centre[SIGNAL_PLANES], sum[SIGNAL_PLANES];
-    #pragma unroll
-    for (int c = 0; c < SIGNAL_PLANES; c++) {
+    float centre[REAL_PLANES], sum[REAL_PLANES];
+    EACH_PLANE(c, planes) {
         centre[c] = load_in(signal, c * size + p);
         sum[c] = centre[c];
     }
     float weights = 1.0f;
     const float own = load_stored_variance(variance, p);
     float variances = own;
-    float g = guide_scalar(centre);
-#if defined(DIFFERENCE) && !defined(COMMON)
-    float tolerance = NOISE_FLOOR; // the signal is a fraction of all light
+    float g = guide_scalar(planes, centre);
+#ifdef COMMON
+    const int relative = 0;
 #else
-    float tolerance = NOISE_FLOOR * luminance((float3)(centre[0], centre[1], centre[2]));
+    const int relative = planes == REAL_PLANES; // the signal is a fraction of all light
 #endif
+    float tolerance
+        = relative ? NOISE_FLOOR : NOISE_FLOOR * luminance((float3)(centre[0], centre[1], centre[2]));
     tolerance = variance_scale * own + tolerance * tolerance + 1e-30f;
     // No tap matches -2, so that a pixel without a surface keeps what it has.
-    float same = id > 0.0f ? id : -2.0f;
-#if SPECULAR
-    // The lobe of half width 2 alpha turns by twice the normal's angle and by the view angle.
-    const bool specular = entry < SPECULAR;
-    const float alpha = load_stored(OF_BATCH(roughness), p);
-    same = specular && alpha < MIRROR_ALPHA ? -2.0f : same;
-    float span = 2.0f * lobe_fraction * fmax(alpha, MIRROR_ALPHA);
-    float lobe = specular ? 0.5f / (span * span) : 0.0f;
-    normal_sharpness = fmax(normal_sharpness, 8.0f * lobe);
-    lobe /= fmax(distance_squared, 1e-30f);
-#endif
-#ifdef BENT
-    const float turned = load_stored(OF_BATCH(turned), p);
-#else
-    const float turned = 0.0f;
-#endif
+    float same = id > 0.0f ? id : -2.0f, lobe = 0.0f;
+    if (planes == REFLECTED_PLANES) {
+        // The lobe of half width 2 alpha turns by twice the normal's angle and by the view angle.
+        same = specular && alpha < MIRROR_ALPHA ? -2.0f : same;
+        float span = 2.0f * lobe_fraction * fmax(alpha, MIRROR_ALPHA);
+        lobe = specular ? 0.5f / (span * span) : 0.0f;
+        normal_sharpness = fmax(normal_sharpness, 8.0f * lobe);
+        lobe /= fmax(distance_squared, 1e-30f);
+    }
     // Weights are relative to the centre's.
     TAP_LOOP
-    for (int i = 0; i < TAPS_IF(same > 0.0f, TAPS * TAPS); i++) {
-        const int dx = i % TAPS - TAPS / 2, dy = i / TAPS - TAPS / 2;
+    for (int i = 0; i < TAPS_IF(same > 0.0f, taps * taps); i++) {
+        const int dx = i % taps - taps / 2, dy = i / taps - taps / 2;
         if (dx == 0 && dy == 0)
             continue;
         int q = p + step * (dx + dy * stride);
         float turn = 1.0f - (nx * guide[q] + ny * guide[size + q] + nz * guide[2 * size + q]);
         float qx = guide[3 * size + q], qy = guide[4 * size + q], qz = guide[5 * size + q];
         float off_plane = nx * qx + ny * qy + nz * qz - plane;
-        float tap[SIGNAL_PLANES];
-        #pragma unroll
-        for (int c = 0; c < SIGNAL_PLANES; c++)
+        float tap[REAL_PLANES];
+        EACH_PLANE(c, planes)
             tap[c] = load_in(signal, c * size + q);
         float v = load_stored_variance(variance, q);
         float differ = normal_sharpness * fmax(turn - turned, 0.0f) + plane_scale * fabs(off_plane);
 #ifdef GUIDED
-        float dg = guide_scalar(tap) - g;
+        float dg = guide_scalar(planes, tap) - g;
         differ += dg * dg / (variance_scale * v + tolerance);
 #endif
-#if SPECULAR
-        float ax = qx - px, ay = qy - py, az = qz - pz;
-        differ += lobe * (ax * ax + ay * ay + az * az);
-#endif
-        float near = tap_weight(dx) * tap_weight(dy);
+        if (planes == REFLECTED_PLANES) {
+            float ax = qx - px, ay = qy - py, az = qz - pz;
+            differ += lobe * (ax * ax + ay * ay + az * az);
+        }
+        float near = tap_weight(taps, dx) * tap_weight(taps, dy);
         float w = guide[6 * size + q] == same ? near * falloff(differ) : 0.0f;
-        #pragma unroll
-        for (int c = 0; c < SIGNAL_PLANES; c++)
+        EACH_PLANE(c, planes)
             sum[c] += w * tap[c];
         weights += w;
         variances += w * w * v;
     }
     // Where no tap counts this is 1, and the centre keeps its bits.
     float scale = 1.0f / weights;
-    #pragma unroll
-    for (int c = 0; c < SIGNAL_PLANES; c++)
-        store_out(signal_out + c * size, p, x, width, scale * sum[c]);
-    store_stored_variance(variance_out, p, x, width, scale * scale * variances);
+    EACH_PLANE(c, planes)
+        store_out(signal_out + c * size, p, x, width, seam, scale * sum[c]);
+    store_stored_variance(variance_out, p, x, width, seam, scale * scale * variances);
 }
 
-#if SPECULAR
+__kernel void filter_real(
+    FILTER_BUFFERS(SINGLE),
+    SINGLE(STORED_IN, turned), // of smooth_real
+    FILTER_SCALARS)
+{
+    SPAN_ITEM;
+#ifdef GUIDED
+    const float least = load_stored(OF_SINGLE(turned), plane_index(x, y, width));
+#else
+    const float least = 0.0f;
+#endif
+    filter_pixel(REAL_PLANES, REAL_TAPS, 0, 0.0f, 0.0f, least, FILTER_ENTRY(OF_SINGLE), x, y,
+                 FILTER_ARGUMENTS);
+}
+
+__kernel void filter_reflected(
+    FILTER_BUFFERS(BATCHED),
+    BATCHED(STORED_IN, widened), // GGX alpha, of smooth_reflected; < 1e-4: copied
+    int specular,                // how many signals are
+    float lobe_fraction,         // of the lobe's half width that taps may span
+    FILTER_SCALARS)
+{
+    SPAN_ITEM;
+    const float alpha = load_stored(OF_BATCH(widened), plane_index(x, y, width));
+    filter_pixel(REFLECTED_PLANES, SPLINE_TAPS, entry < specular, alpha, lobe_fraction, 0.0f,
+                 FILTER_ENTRY(OF_BATCH), x, y, FILTER_ARGUMENTS);
+}
+
 // GGX alpha of the lobe of a whole pixel: the normals within it turn its reflections too, by twice
 // their angle, as alpha does (Kaplanyan et al. 2016; Tokuyoshi and Kaplanyan 2019, Eq. 1). Where
 // surfaces bend within a pixel, one normal stands for many, and neighbours show what it misses.
@@ -255,9 +273,7 @@ static inline float widened_alpha(
     }
     return alpha < MIRROR_ALPHA ? alpha : sqrt(alpha * alpha + NORMAL_SPREAD * turned);
 }
-#endif
 
-#ifdef BENT
 // 1 - cosine of the normal with the most like it of the eight neighbours'; 0 where none is like it.
 static inline float least_turn(__global const float *restrict guide, int size, int stride, int p)
 {
@@ -275,34 +291,11 @@ static inline float least_turn(__global const float *restrict guide, int size, i
     }
     return least < MOST_TURN ? least : 0.0f;
 }
-#endif
 
-// What the levels are given. 3x3 binomial mean of the variance over pixels of one id: single
-// estimates are too noisy to steer the weights (Schied et al. 2017, section 4.4).
-__kernel void smooth_variance(
-    BATCHED(PLANES_IN, guide),                   // 7 planes
-    BATCHED(PLANES_IN, variance),                // 1 plane
-    BATCHED(STORED_OUT, smooth),                 // out: 1 plane
-#ifdef BENT
-    BATCHED(STORED_OUT, turned),                 // out: 1 plane
-#endif
-    SPAN_PARAMETERS,                             // where there are surfaces
-#if SPECULAR
-    BATCHED(PLANES_IN, roughness),               // GGX alpha
-    BATCHED(STORED_OUT, widened),                // out: 1 plane; mirrors stay mirrors
-#endif
-#ifdef HALF_PLANES
-    float unit,                                  // of signals in half precision
-#endif
-    int width,
-    int height)
+// 3x3 binomial mean of the variance over pixels of one id: single estimates are too noisy to steer the
+// weights (Schied et al. 2017, section 4.4).
+static inline ALWAYS_INLINE float smoothed(PLANES_IN id, PLANES_IN variance, int stride, int p)
 {
-    SPAN_ITEM;
-    PLANES_IN guide = OF_BATCH(guide);
-    PLANES_IN variance = OF_BATCH(variance);
-    STORED_OUT smooth = OF_BATCH(smooth);
-    int stride = plane_stride(width), p = plane_index(x, y, width);
-    __global const float *restrict id = guide + GUIDE_ID * plane_size(width, height);
     float sum = 0.0f, weights = 0.0f;
     #pragma unroll
     for (int dy = -1; dy <= 1; dy++) {
@@ -315,18 +308,45 @@ __kernel void smooth_variance(
             weights += w;
         }
     }
+    return sum / weights;
+}
+
+// What the levels are given. Of each signal: guide, 7 planes; variance, 1 plane. Out: smooth, 1 plane.
+#define SMOOTH_BUFFERS(EACH)                                                                       \
+    EACH(PLANES_IN, guide), EACH(PLANES_IN, variance), EACH(STORED_OUT, smooth), SPAN_PARAMETERS
 #ifdef HALF_PLANES
-    sum = sum * unit * unit; // the square alone may be beyond all floats
+#define SMOOTH_SCALARS float unit, int width, int height, int seam
+#define IN_UNITS(variance) ((variance) * unit * unit) // the square alone may be beyond all floats
+#else
+#define SMOOTH_SCALARS int width, int height, int seam
+#define IN_UNITS(variance) (variance)
 #endif
-    store_stored_variance(smooth, p, x, width, sum / weights);
-#ifdef BENT
-    store_stored(OF_BATCH(turned), p, x, width,
-                 least_turn(guide, plane_size(width, height), stride, p));
-#endif
-#if SPECULAR
-    if (entry < SPECULAR)
-        store_stored(OF_BATCH(widened), p, x, width,
-                     widened_alpha(guide, OF_BATCH(roughness)[p], plane_size(width, height),
-                                   stride, p));
-#endif
+#define SMOOTH(OF)                                                                                 \
+    SPAN_ITEM;                                                                                     \
+    PLANES_IN guide = OF(guide);                                                                   \
+    const int size = plane_size(width, height), stride = plane_stride(width);                      \
+    const int p = plane_index(x, y, width);                                                        \
+    const float mean = smoothed(guide + GUIDE_ID * size, OF(variance), stride, p);                 \
+    store_stored_variance(OF(smooth), p, x, width, seam, IN_UNITS(mean))
+
+__kernel void smooth_real(
+    SMOOTH_BUFFERS(SINGLE),
+    SINGLE(STORED_OUT, turned), // out: 1 plane
+    SMOOTH_SCALARS)
+{
+    SMOOTH(OF_SINGLE);
+    store_stored(OF_SINGLE(turned), p, x, width, seam, least_turn(guide, size, stride, p));
+}
+
+__kernel void smooth_reflected(
+    SMOOTH_BUFFERS(BATCHED),
+    BATCHED(PLANES_IN, roughness), // GGX alpha
+    BATCHED(STORED_OUT, widened),  // out: 1 plane; mirrors stay mirrors
+    int specular,                  // how many signals are
+    SMOOTH_SCALARS)
+{
+    SMOOTH(OF_BATCH);
+    if (entry < specular)
+        store_stored(OF_BATCH(widened), p, x, width, seam,
+                     widened_alpha(guide, OF_BATCH(roughness)[p], size, stride, p));
 }

@@ -12,8 +12,7 @@
 //   list_traced       level                                       list of y * width + x, its length
 //
 // list_traced runs over CHUNK pixels of a row per work item: one atomic per chunk, and rays that
-// are neighbours in the list are neighbours in the picture. Its order differs between runs. Build
-// with -DBATCH=layers.
+// are neighbours in the list are neighbours in the picture. Its order differs between runs.
 #include "gbuffer/batch.h"
 #include "gbuffer/guide.h"
 #include "methods/rays.h"
@@ -23,12 +22,12 @@
 // Value of a plane of the last picture where it showed the surface of this pixel; 0 where it did not.
 static inline float value_before(
     __global const float *restrict motion, __global const float *restrict plane, int p, int width,
-    int height)
+    int height, int seam)
 {
     float mx = motion[p], my = motion[plane_size(width, height) + p];
     if (!(fabs(mx) < 1e6f && my >= 0.0f && my < height))
         return 0.0f;
-    int column = wrap_column((int)floor(mx), width);
+    int column = wrap_column((int)floor(mx), width, seam);
     return column >= 0 && column < width ? plane[plane_index(column, (int)my, width)] : 0.0f;
 }
 
@@ -63,13 +62,15 @@ __kernel void carry_touched(
     SPAN_PARAMETERS,                             // where there are surfaces
     BATCHED(PLANES_OUT, touched),                // out: 1 plane
     int width,
-    int height)
+    int height,
+    int seam)
 {
     SPAN_ITEM;
     int p = plane_index(x, y, width);
     float id = OF_BATCH(guide)[GUIDE_ID * plane_size(width, height) + p];
-    float frames = value_before(OF_BATCH(motion), OF_BATCH(before), p, width, height);
-    store_wrapped(OF_BATCH(touched), p, x, width, id > 0.0f ? fmax(frames - 1.0f, 0.0f) : 0.0f);
+    float frames = value_before(OF_BATCH(motion), OF_BATCH(before), p, width, height, seam);
+    store_wrapped(OF_BATCH(touched), p, x, width, seam,
+                  id > 0.0f ? fmax(frames - 1.0f, 0.0f) : 0.0f);
 }
 
 __kernel void choose_level(
@@ -87,7 +88,8 @@ __kernel void choose_level(
     BATCHED(float, faint_frames),                // touched for no longer: one ray for 4 pixels
     __global const int *restrict origin,         // x y of the tracing grid in this frame
     int width,
-    int height)
+    int height,
+    int seam)
 {
     if (get_global_id(0) == 0 && get_global_id(1) == 0) {
         int entry = get_global_id(2);
@@ -114,7 +116,7 @@ __kernel void choose_level(
     int chosen = squared >= high * high ? 0 : squared >= low * low || active > 0.0f ? 1 : 2;
     bool waits = ((x - origin[0]) | (y - origin[1])) & 1;
     if (chosen == 0 && OF_BATCH(keep) && waits
-        && value_before(OF_BATCH(motion), OF_BATCH(length), p, width, height) > SETTLED_HISTORY)
+        && value_before(OF_BATCH(motion), OF_BATCH(length), p, width, height, seam) > SETTLED_HISTORY)
         chosen = LEVEL_WAITING;
     OF_BATCH(level)[p] = id > 0.0f ? chosen : LEVEL_NONE;
 }

@@ -11,20 +11,20 @@
 //                      camera.h, between the axes of the two     samples of g); scalar g of it
 //                      guides; with -DPUBLISHED the history is
 //                      first held near the samples
-//   follow             the same, and a fast history              the same of the fast history only;
-//                                                                the other without the samples, and
-//                                                                its g
-//   correct            guide, both histories, g, samples, level  history that agrees with the fast
-//                                                                one, and is near to it, with the
+//   follow             the same of a fast history                 the same
+//   fetch              guides, motion, history                   history at this picture's pixels,
+//                                                                without the samples; its g with the
+//                                                                fast history
+//   correct_real,      guide, both histories, g, samples, level  history that agrees with the fast
+//   correct_reflected                                            one, and is near to it, with the
 //                                                                samples added; g of it
 //   estimate_variance  guide, g, spread, length                  variance of g's mean
 //
-// g is the scalar that the picture shows: the luminance of the first three planes less the last
-// three with -DDIFFERENCE (a real layer: E_R, E_RV, then -DCOMMON too; or blocked and bounced light
-// over E_R), else the signal's. Without correction and fading, and motion that stays on the pixel,
+// g is the scalar that the picture shows (filter/signal.h): the luminance of the first three planes less
+// the last three of real surfaces, else the signal's. Without correction and fading, and motion that stays on the pixel,
 // the accumulated signal is the plain mean of the samples. A sample that is not finite is dropped.
 // Where all samples are 0, or the first three planes equal the last three, so is the result, bit
-// for bit. Build with -DBATCH=signals, -DSIGNAL_PLANES=3|6, -DVIEW_EQUIRECT for equirect views.
+// for bit.
 #include "filter/history.h"
 
 #define SPATIAL_TAPS 4        // a side: every other pixel of a 7x7 neighbourhood
@@ -34,163 +34,154 @@
 __kernel void accumulate(
     FETCH_BATCHED,
     SPAN_PARAMETERS,                             // where there are surfaces
-    BATCHED(PLANES_IN, samples),                 // SIGNAL_PLANES planes; -DPUBLISHED: border too
+    BATCHED(PLANES_IN, samples),                 // its planes; -DPUBLISHED: border too
     BATCHED(__global const uchar *restrict, level), // 1 plane: how densely this picture was traced
-    BATCHED(PLANES_OUT, signal),                 // out: SIGNAL_PLANES planes
+    BATCHED(PLANES_OUT, signal),                 // out: its planes and two more
     BATCHED(PLANES_OUT, length),                 // out: 1 plane
-    BATCHED(PLANES_OUT, spread),                 // out: 1 plane
-    BATCHED(PLANES_OUT, scalar),                 // out: 1 plane
 #ifdef PUBLISHED
     float clamp_sigma,                             // half width of the box in deviations
 #endif
     float fading,                                  // least share of the new sample, 0: plain mean
     int rays,                                      // of a sample, before they become fewer (rays.h)
     int width,
-    int height CAMERA_PARAMETER)
-{
-    SPAN_ITEM;
-    FETCH_ENTRIES;
-    PLANES_IN samples = OF_BATCH(samples);
-    __global const uchar *restrict level = OF_BATCH(level);
-    PLANES_OUT signal = OF_BATCH(signal);
-    PLANES_OUT length = OF_BATCH(length);
-    PLANES_OUT spread = OF_BATCH(spread);
-    PLANES_OUT scalar = OF_BATCH(scalar);
-    int size = plane_size(width, height), p = plane_index(x, y, width);
-    History history = fetch_history(guide, guide_previous, motion, signal_before, length_before,
-                                    spread_before, plane_tolerance, normal_agreement, p, width,
-                                    height CAMERA_ARGUMENT);
-#ifdef PUBLISHED
-    // The published mean is one of frames, whose lengths are not lowered.
-    const float before = history.length;
-    const Box box = nearby_box(guide, samples, clamp_sigma, size, p, width);
-    clamp_history(&history, &box);
-    history.length = before;
-#endif
-    add_sample(&history, samples, guide, level, fading, rays, size, p);
-    store_history(&history, signal, length, spread, size, p, x, width);
-    store_wrapped(scalar, p, x, width, guide_scalar(history.signal));
-}
-
-__kernel void follow(
-    FETCH_BATCHED,
-    SPAN_PARAMETERS,                             // where there are surfaces
-    BATCHED(PLANES_IN, fast_signal_before),      // the same of the fast history
-    BATCHED(PLANES_IN, fast_length_before),
-    BATCHED(PLANES_IN, fast_spread_before),
-    BATCHED(PLANES_IN, samples),                 // SIGNAL_PLANES planes
-    BATCHED(__global const uchar *restrict, level), // 1 plane: how densely this picture was traced
-    BATCHED(PLANES_OUT, signal),                 // out: SIGNAL_PLANES planes
-    BATCHED(PLANES_OUT, length),                 // out: 1 plane
-    BATCHED(PLANES_OUT, spread),                 // out: 1 plane
-    BATCHED(PLANES_OUT, fast_signal),            // out: SIGNAL_PLANES planes
-    BATCHED(PLANES_OUT, fast_length),            // out: 1 plane
-    BATCHED(PLANES_OUT, fast_spread),            // out: 1 plane
-    BATCHED(PLANES_OUT, scalar),                 // out: 1 plane, g of the slow history
-    float limit,                                   // samples that the fast history is worth at most
-    int fresh,                                     // the fast history begins with this picture
-    int width,
-    int height CAMERA_PARAMETER)
-{
-    SPAN_ITEM;
-    FETCH_ENTRIES;
-    PLANES_OUT signal = OF_BATCH(signal);
-    PLANES_OUT length = OF_BATCH(length);
-    PLANES_OUT spread = OF_BATCH(spread);
-    PLANES_OUT scalar = OF_BATCH(scalar);
-    int size = plane_size(width, height), p = plane_index(x, y, width);
-    History slow = fetch_history(guide, guide_previous, motion, signal_before, length_before,
-                                 spread_before, plane_tolerance, normal_agreement, p, width,
-                                 height CAMERA_ARGUMENT);
-    store_history(&slow, signal, length, spread, size, p, x, width);
-    store_wrapped(scalar, p, x, width, guide_scalar(slow.signal));
-
-    PLANES_IN fast_signal_before = OF_BATCH(fast_signal_before);
-    PLANES_IN fast_length_before = OF_BATCH(fast_length_before);
-    PLANES_IN fast_spread_before = OF_BATCH(fast_spread_before);
-    PLANES_IN samples = OF_BATCH(samples);
-    __global const uchar *restrict level = OF_BATCH(level);
-    PLANES_OUT fast_signal = OF_BATCH(fast_signal);
-    PLANES_OUT fast_length = OF_BATCH(fast_length);
-    PLANES_OUT fast_spread = OF_BATCH(fast_spread);
-    History quick = fetch_history(guide, guide_previous, motion, fast_signal_before,
-                                  fast_length_before, fast_spread_before, plane_tolerance,
-                                  normal_agreement, p, width, height CAMERA_ARGUMENT);
-    if (fresh) {
-        for (int c = 0; c < SIGNAL_PLANES; c++)
-            quick.signal[c] = 0.0f;
-        quick.length = quick.spread = 0.0f;
-    }
-    add_fast_sample(&quick, samples, guide, level, limit, size, p);
-    store_history(&quick, fast_signal, fast_length, fast_spread, size, p, x, width);
-}
-
-__kernel void correct(
-    BATCHED(PLANES_IN, guide),                   // 7 planes
-    SPAN_PARAMETERS,                             // where there are surfaces
-    BATCHED(PLANES_IN, fast_signal),             // SIGNAL_PLANES planes, border wrapped
-    BATCHED(PLANES_IN, fast_length),             // 1 plane
-    BATCHED(PLANES_IN, past_scalar),             // 1 plane, g of the slow history, border wrapped
-    BATCHED(PLANES_IN, samples),                 // SIGNAL_PLANES planes
-    BATCHED(__global const uchar *restrict, level), // 1 plane: how densely this picture was traced
-    BATCHED(PLANES_OUT, signal),                 // in, out: SIGNAL_PLANES planes of slow history
-    BATCHED(PLANES_OUT, length),                 // in, out: 1 plane
-    BATCHED(PLANES_OUT, spread),                 // in, out: 1 plane
-    BATCHED(PLANES_OUT, scalar),                 // out: 1 plane
-    float antilag_sigma,                        // differences of so many deviations are noise
-    float clamp_sigma,                          // half width of the box in deviations
-    int trusted,                                // the fast history holds enough to compare with
-    float fading,                               // least share of the new sample, 0: plain mean
-    int rays,                                   // of a sample, before they become fewer (rays.h)
-    int width,
-    int height)
+    int height,
+    int seam,
+    int planes CAMERA_PARAMETER)
 {
     SPAN_ITEM;
     PLANES_IN guide = OF_BATCH(guide);
-    PLANES_IN fast_signal = OF_BATCH(fast_signal);
-    PLANES_IN fast_length = OF_BATCH(fast_length);
-    PLANES_IN past_scalar = OF_BATCH(past_scalar);
     PLANES_IN samples = OF_BATCH(samples);
-    __global const uchar *restrict level = OF_BATCH(level);
-    PLANES_OUT signal = OF_BATCH(signal);
-    PLANES_OUT length = OF_BATCH(length);
-    PLANES_OUT spread = OF_BATCH(spread);
-    PLANES_OUT scalar = OF_BATCH(scalar);
+    int size = plane_size(width, height), p = plane_index(x, y, width);
+    History history = fetch_history(planes, FETCH_ENTRIES, p, width, height, seam CAMERA_ARGUMENT);
+#ifdef PUBLISHED
+    // The published mean is one of frames, whose lengths are not lowered.
+    const float before = history.length;
+    const Box box = nearby_box(planes, guide, samples, clamp_sigma, size, p, width);
+    clamp_history(planes, &history, &box);
+    history.length = before;
+#endif
+    add_sample(planes, &history, samples, guide, OF_BATCH(level), fading, rays, size, p);
+    store_history(planes, &history, OF_BATCH(signal), OF_BATCH(length), size, p, x, width, seam);
+}
+
+__kernel void follow(
+    FETCH_BATCHED,                               // of the fast history
+    SPAN_PARAMETERS,                             // where there are surfaces
+    BATCHED(PLANES_IN, samples),                 // its planes
+    BATCHED(__global const uchar *restrict, level), // 1 plane: how densely this picture was traced
+    BATCHED(PLANES_OUT, signal),                 // out: its planes and two more
+    BATCHED(PLANES_OUT, length),                 // out: 1 plane
+    float limit,                                   // samples that the history is worth at most
+    int fresh,                                     // it begins with this picture
+    int width,
+    int height,
+    int seam,
+    int planes CAMERA_PARAMETER)
+{
+    SPAN_ITEM;
+    int size = plane_size(width, height), p = plane_index(x, y, width);
+    History history = fetch_history(planes, FETCH_ENTRIES, p, width, height, seam CAMERA_ARGUMENT);
+    if (fresh) {
+        EACH_PLANE(c, planes)
+            history.signal[c] = 0.0f;
+        history.length = history.spread = 0.0f;
+    }
+    add_fast_sample(planes, &history, OF_BATCH(samples), OF_BATCH(guide), OF_BATCH(level), limit, size, p);
+    store_history(planes, &history, OF_BATCH(signal), OF_BATCH(length), size, p, x, width, seam);
+}
+
+__kernel void fetch(
+    FETCH_BATCHED,
+    SPAN_PARAMETERS,                             // where there are surfaces
+    BATCHED(PLANES_OUT, signal),                 // out: its planes and two more
+    BATCHED(PLANES_OUT, length),                 // out: 1 plane
+    BATCHED(PLANES_OUT, fast_signal),            // out: g, in the place of the fast history's own
+    int width,
+    int height,
+    int seam,
+    int planes CAMERA_PARAMETER)
+{
+    SPAN_ITEM;
+    int size = plane_size(width, height), p = plane_index(x, y, width);
+    History history = fetch_history(planes, FETCH_ENTRIES, p, width, height, seam CAMERA_ARGUMENT);
+    store_history(planes, &history, OF_BATCH(signal), OF_BATCH(length), size, p, x, width, seam);
+    store_scalar(planes, history.signal, OF_BATCH(fast_signal), size, p, x, width, seam);
+}
+
+// What both kinds of signals are corrected by: guide, 7 planes; spans, where there are surfaces; the fast
+// history, with g of the slow one, borders wrapped; samples, the signal's planes; level, how densely this
+// picture was traced. In and out: the slow history.
+#define CORRECT_BUFFERS(EACH)                                                                      \
+    EACH(PLANES_IN, guide), SPAN_PARAMETERS, EACH(PLANES_IN, fast_signal),                         \
+        EACH(PLANES_IN, fast_length), EACH(PLANES_IN, samples),                                    \
+        EACH(__global const uchar *restrict, level), EACH(PLANES_OUT, signal),                     \
+        EACH(PLANES_OUT, length)
+#define CORRECT_ENTRY(OF)                                                                          \
+    OF(guide), OF(fast_signal), OF(fast_length), OF(samples), OF(level), OF(signal), OF(length)
+#define CORRECT_SCALARS                                                                            \
+    float antilag_sigma, /* differences of so many deviations are noise */                         \
+        float clamp_sigma, /* half width of the box in deviations */                               \
+        int trusted, /* the fast history holds enough to compare with */                           \
+        float fading, /* least share of the new sample, 0: plain mean */                           \
+        int rays, /* of a sample, before they become fewer (rays.h) */                             \
+        int width, int height, int seam
+
+static inline ALWAYS_INLINE void correct_pixel(
+    int planes, PLANES_IN guide, PLANES_IN fast_signal, PLANES_IN fast_length, PLANES_IN samples,
+    __global const uchar *restrict level, PLANES_OUT signal, PLANES_OUT length, int x, int y,
+    CORRECT_SCALARS)
+{
     int size = plane_size(width, height), p = plane_index(x, y, width);
     History history;
     if (trusted) {
-        const float share = stale_share(guide, fast_signal, fast_length, past_scalar, length[p],
-                                        spread[p], antilag_sigma, size, p, width);
-        const Box box = nearby_box(guide, fast_signal, clamp_sigma, size, p, width);
-        history = load_history(signal, length, spread, size, p);
-        correct_history(&history, fast_signal, fast_length, share, size, p);
-        clamp_history(&history, &box);
+        const float spread = signal[(planes + SPREAD_PLANE) * size + p];
+        const float share = stale_share(planes, guide, fast_signal, fast_length, length[p], spread,
+                                        antilag_sigma, size, p, width);
+        const Box box = nearby_box(planes, guide, fast_signal, clamp_sigma, size, p, width);
+        history = load_history(planes, signal, length, size, p); // now: it takes registers
+        correct_history(planes, &history, fast_signal, fast_length, share, size, p);
+        clamp_history(planes, &history, &box);
     } else {
-        history = load_history(signal, length, spread, size, p);
+        history = load_history(planes, signal, length, size, p);
     }
-    add_sample(&history, samples, guide, level, fading, rays, size, p);
-    store_history(&history, signal, length, spread, size, p, x, width);
-    store_wrapped(scalar, p, x, width, guide_scalar(history.signal));
+    add_sample(planes, &history, samples, guide, level, fading, rays, size, p);
+    store_history(planes, &history, signal, length, size, p, x, width, seam);
+}
+
+// A kernel for each kind: PoCL vectorizes them, but not loops over planes that are known at run time.
+__kernel void correct_real(CORRECT_BUFFERS(SINGLE), CORRECT_SCALARS)
+{
+    SPAN_ITEM;
+    correct_pixel(REAL_PLANES, CORRECT_ENTRY(OF_SINGLE), x, y, antilag_sigma, clamp_sigma, trusted, fading, rays,
+                  width, height, seam);
+}
+
+__kernel void correct_reflected(CORRECT_BUFFERS(BATCHED), CORRECT_SCALARS)
+{
+    SPAN_ITEM;
+    correct_pixel(REFLECTED_PLANES, CORRECT_ENTRY(OF_BATCH), x, y, antilag_sigma, clamp_sigma, trusted, fading,
+                  rays, width, height, seam);
 }
 
 __kernel void estimate_variance(
     BATCHED(PLANES_IN, guide),                   // 7 planes
     SPAN_PARAMETERS,                             // where there are surfaces
-    BATCHED(PLANES_IN, scalar),                  // 1 plane, border wrapped
-    BATCHED(PLANES_IN, spread),                  // 1 plane
+    BATCHED(PLANES_IN, signal),                  // its planes and two more, border wrapped
     BATCHED(PLANES_IN, length),                  // 1 plane
     BATCHED(PLANES_OUT, variance),               // out: 1 plane, of the scalar's mean
     int width,
-    int height)
+    int height,
+    int seam,
+    int planes)
 {
     SPAN_ITEM;
     PLANES_IN guide = OF_BATCH(guide);
-    PLANES_IN scalar = OF_BATCH(scalar);
-    PLANES_IN spread = OF_BATCH(spread);
     PLANES_IN length = OF_BATCH(length);
     PLANES_OUT variance = OF_BATCH(variance);
-    int stride = plane_stride(width), p = plane_index(x, y, width);
-    __global const float *restrict ids = guide + GUIDE_ID * plane_size(width, height);
+    int stride = plane_stride(width), size = plane_size(width, height), p = plane_index(x, y, width);
+    PLANES_IN ids = guide + GUIDE_ID * size;
+    PLANES_IN spread = OF_BATCH(signal) + (planes + SPREAD_PLANE) * size;
+    PLANES_IN scalar = OF_BATCH(signal) + (planes + SCALAR_PLANE) * size;
     float samples = length[p], result = 0.0f;
     if (samples >= SHORT_HISTORY - 0.5f) { // the mean of four lengths of 4 may round down
         result = (1.0f + UNSURE / samples) * spread[p] / (samples - 1.0f);
@@ -209,5 +200,5 @@ __kernel void estimate_variance(
         float boost = (SHORT_HISTORY + UNSURE) / fmax(samples, 1.0f);
         result = boost * fmax(square / count - sum * sum / (count * count), 0.0f);
     }
-    store_wrapped(variance, p, x, width, result);
+    store_wrapped(variance, p, x, width, seam, result);
 }

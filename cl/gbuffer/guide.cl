@@ -8,7 +8,7 @@
 //                 nothing to trace), past
 //   build_guide   normal (3), depth, id, spans                 guide (7); id 0 without depth
 //
-// No work-group contract. Build with -DBATCH=layers and -DVIEW_EQUIRECT for equirect views.
+// No work-group contract.
 #include "gbuffer/batch.h"
 #include "gbuffer/guide.h"
 #include "gbuffer/view.h"
@@ -19,6 +19,7 @@ __kernel void find_spans(
     BATCHED(PLANES_IN, depth),                   // radial distance in metres, 0 = nothing here
     BATCHED(PLANES_IN, id),                      // 0 = nothing to trace, else the surface's id
     BATCHED(const int, layer),
+    const int layers,                            // of the batch
     __global int *restrict past,                 // in, out: per layer and row first column and end in
                                                  // the last picture, and in that before
     __global int *restrict spans,                // out: per layer and row first column and end
@@ -26,7 +27,7 @@ __kernel void find_spans(
     int height)
 {
     int y = get_global_id(0), entry = get_global_id(1);
-    if (y >= height || entry >= BATCH) // work groups may reach beyond both
+    if (y >= height || entry >= layers) // work groups may reach beyond both
         return;
     PLANES_IN depth = OF_BATCH(depth);
     PLANES_IN id = OF_BATCH(id);
@@ -53,7 +54,8 @@ __kernel void build_guide(
     SPAN_PARAMETERS,                             // where there are surfaces; the rest is 0
     BATCHED(PLANES_OUT, guide),                  // out: 7 planes
     int width,
-    int height)
+    int height,
+    int seam)
 {
     SPAN_ITEM;
     PLANES_IN normal = OF_BATCH(normal);
@@ -70,5 +72,5 @@ __kernel void build_guide(
     of_guide[GUIDE_POSITION + 2] = position.z;
     of_guide[GUIDE_ID] = depth[p] > 0.0f ? fmax(id[p], 0.0f) : 0.0f;
     for (int c = 0; c < GUIDE_PLANES; c++)
-        store_wrapped(guide + c * size, p, x, width, of_guide[c]);
+        store_wrapped(guide + c * size, p, x, width, seam, of_guide[c]);
 }

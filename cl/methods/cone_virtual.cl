@@ -41,6 +41,7 @@ TRACING_KERNEL void cone_virtual(
 #ifdef HAS_SPECULAR
     __global float *restrict specular,
     __global float *restrict hit_distance,
+    const int seam,
 #endif
     __global float *restrict touched WORK_PARAMETER)
 {
@@ -108,7 +109,7 @@ TRACING_KERNEL void cone_virtual(
 #endif
 #ifdef HAS_SPECULAR
     store_planes(specular, at.size, at.pixel, specular_sum / (float)rays);
-    store_wrapped(hit_distance, at.pixel, at.x, width,
+    store_wrapped(hit_distance, at.pixel, at.x, width, seam,
                   lobe > 0.0f ? fmin(lobe / lobe_nearness, FAR_HIT) : 0.0f);
 #endif
     if (met)

@@ -29,11 +29,11 @@ static inline float3 guide_vector(__global const float *guide, int plane, int si
 }
 
 // Plane index of the pixel that holds an image point, -1 outside the picture.
-static inline int pixel_at(float2 at, int width, int height)
+static inline int pixel_at(float2 at, int width, int height, int seam)
 {
     if (!(fabs(at.x) < 1e6f && at.y >= 0.0f && at.y < height))
         return -1;
-    int column = wrap_column((int)floor(at.x), width);
+    int column = wrap_column((int)floor(at.x), width, seam);
     return column >= 0 && column < width ? plane_index(column, (int)at.y, width) : -1;
 }
 
@@ -46,7 +46,8 @@ __kernel void move_reflections(
     __global const float *restrict view,           // of the previous picture
     __global float *restrict moved,                // out: 2 planes
     int width,
-    int height CAMERA_PARAMETER)
+    int height,
+    int seam CAMERA_PARAMETER)
 {
     int x = get_global_id(0), y = get_global_id(1);
     if (x >= width || y >= height)
@@ -57,7 +58,7 @@ __kernel void move_reflections(
     moved[p] = surface.x;
     moved[size + p] = surface.y;
     float id = guide[GUIDE_ID * size + p];
-    int before = pixel_at(surface, width, height);
+    int before = pixel_at(surface, width, height, seam);
     if (!(id > 0.0f) || before < 0 || guide_previous[GUIDE_ID * size + before] != id)
         return;
     float3 normal = guide_vector(guide, GUIDE_NORMAL, size, p);
@@ -91,7 +92,7 @@ __kernel void move_reflections(
     float2 corner = floor(surface - 0.5f), part = surface - 0.5f - corner;
     for (int i = 0; i < 4; i++) {
         float2 at = corner + (float2)(i & 1, i >> 1) + 0.5f;
-        int q = pixel_at(at, width, height);
+        int q = pixel_at(at, width, height, seam);
         if (q < 0 || guide_previous[GUIDE_ID * size + q] != id)
             continue;
         float w = ((i & 1) ? part.x : 1.0f - part.x) * ((i >> 1) ? part.y : 1.0f - part.y);
@@ -116,7 +117,7 @@ __kernel void move_reflections(
     float3 behind = reflected
                     - 2.0f * dot(reflected - point_before, normal_before) * normal_before;
     float2 at = view_project(view, point_before + image * (behind - point_before));
-    int there = pixel_at(at, width, height);
+    int there = pixel_at(at, width, height, seam);
     if (there < 0 || guide_previous[GUIDE_ID * size + there] != id)
         return;
     // Elsewhere on a bent surface something else is reflected.
@@ -125,9 +126,8 @@ __kernel void move_reflections(
     float rough = sqrt(clamp(roughness[p], 0.0f, 1.0f)), smooth = 1.0f - rough;
     float share = alike * smooth * (sqrt(smooth) + rough);
     float2 step = at - surface;
-#ifdef VIEW_EQUIRECT
-    step.x -= width * floor(step.x / width + 0.5f);
-#endif
+    if (seam)
+        step.x -= width * floor(step.x / width + 0.5f);
     moved[p] = surface.x + share * step.x;
     moved[size + p] = surface.y + share * step.y;
 }

@@ -8,7 +8,7 @@
 //   out  ratio, float4 per pixel (height x width, no border, row 0 the top), w = 1; exactly 1 where
 //        E_R and E_RV are equal or nothing is blocked or bounced, where E_R is black or not finite,
 //        and where no real surface is lit (nothing there, or an opening: id 0); not written outside
-//        the spans. Build with -DBATCH=1.
+//        the spans.
 //
 // No diffuse surface reflects more than it receives. Where the camera saw more than E_R, the rest
 // came from light that the panorama does not hold (a clipped window) or shone at the camera only (a

@@ -47,6 +47,7 @@ TRACING_KERNEL void trace_virtual(
     __global float *restrict diffuse,
     __global float *restrict specular,
     __global float *restrict hit_distance,
+    const int seam,
     __global float *restrict touched WORK_PARAMETER)
 {
     LIST_ITEM(count[0]);
@@ -109,7 +110,7 @@ TRACING_KERNEL void trace_virtual(
         store_planes(diffuse, planes, pixel, diffuse_sum / (float)more);
     if (specular) {
         store_planes(specular, planes, pixel, specular_sum / (float)more);
-        store_wrapped(hit_distance, pixel, listed % width, width,
+        store_wrapped(hit_distance, pixel, listed % width, width, seam,
                       lobe > 0.0f ? fmin(lobe / lobe_nearness, FAR_HIT) : 0.0f);
     }
     if (met)

@@ -1,10 +1,10 @@
 // Differential rendering (IPRT Eq. 2, with the radiance of glossy objects added):
 //   L = (1 - M) (k_V E_diffuse + L_specular) + M L_cam E_RV / E_R,  M = 1 - coverage.
 //
-// With -DGLOSS the real layer is L_cam + L_diffuse (E_RV / E_R - 1) + change: only what surfaces
+// With gloss the real layer is L_cam + L_diffuse (E_RV / E_R - 1) + change: only what surfaces
 // radiate to all sides follows the irradiance, and what they reflect towards the camera changes apart.
 //
-// With -DCOLOR_MAP objects and what they change are in the colours of a reference frame, which a map
+// With a colour map objects and what they change are in the colours of a reference frame, which a map
 // takes to those of the frame: L_cam + map(L_diffuse (E_RV / E_R - 1) + change).
 //
 // Where a pixel shows two real surfaces, each follows its own ratio, and objects may hide one of them
@@ -12,49 +12,34 @@
 //
 //   in   colour (3 planes, radiance of the real layer),
 //        other (float4 per pixel, share of a second surface in the radiance) and other_pixel (a pixel
-//        that shows it; -1 or the pixel itself: there is none) of sharpen.cl,
-//        -DHAS_RATIO: ratio (float4 per pixel, no border),
-//        -DHAS_BASE: base (3 planes, L_diffuse), with a ratio and gloss or a map,
-//        -DGLOSS: change (3 planes, radiance of either sign),
-//        -DCOLOR_MAP: maps (lib/world/real/color_map.h),
-//        -DHAS_OBJECTS: coverage (1 plane, [0, 1]) and sides (float2 per pixel) of unpack.cl,
-//        -DHAS_DIFFUSE: albedo (3 planes), diffuse (3 planes: what albedo is multiplied by),
-//        -DHAS_SPECULAR: specular (3 planes, radiance)
+//        that shows it; -1 or the pixel itself: there is none) of real_layer.cl
+//        and each of these that there is, else 0
+//        ratio (float4 per pixel, no border),
+//        base (3 planes, L_diffuse), with a ratio and gloss or a map,
+//        change (3 planes, radiance of either sign), with gloss,
+//        maps (lib/world/real/color_map.h),
+//        coverage (1 plane, [0, 1]) and sides (float2 per pixel) of unpack.cl, with objects,
+//        albedo (3 planes), diffuse (3 planes: what albedo is multiplied by),
+//        specular (3 planes, radiance)
 //   out  picture (height x width x 4, row 0 the top): linear rgb, a = coverage
 //
 // Where coverage is 0, the ratio 1 and the change 0, the output has the bits of the input.
 #include "gbuffer/planes.h"
-#ifdef COLOR_MAP
 #include "world/real/color_map.h"
-#endif
 
 __kernel void composite(
     __global const float *restrict colour,   // 3 planes
     __global const float4 *restrict other,   // float4 per pixel
     __global const int *restrict other_pixel,
-#ifdef HAS_RATIO
     __global const float4 *restrict ratio,   // float4 per pixel
-#endif
-#ifdef HAS_BASE
     __global const float *restrict base,     // 3 planes
-#endif
-#ifdef GLOSS
     __global const float *restrict change,   // 3 planes
-#endif
-#ifdef COLOR_MAP
     __global const float4 *restrict maps,
-#endif
-#ifdef HAS_OBJECTS
     __global const float *restrict coverage, // 1 plane
     __global const float2 *restrict sides,   // float2 per pixel
-#endif
-#ifdef HAS_DIFFUSE
     __global const float *restrict albedo,   // 3 planes
     __global const float *restrict diffuse,  // 3 planes
-#endif
-#ifdef HAS_SPECULAR
     __global const float *restrict specular, // 3 planes
-#endif
     __global float4 *restrict picture,       // out: rgba per pixel
     int width,
     int height)
@@ -64,56 +49,46 @@ __kernel void composite(
         return;
     int size = plane_size(width, height), p = plane_index(x, y, width), i = y * width + x;
     float4 background = (float4)(colour[p], colour[size + p], colour[2 * size + p], 0.0f);
-    float a = 0.0f;
-#ifdef HAS_OBJECTS
-    a = coverage[p];
-#endif
+    const float a = coverage ? coverage[p] : 0.0f;
     float3 left = (float3)(1.0f - a); // of the real layer's radiance
     const int second = other_pixel[i];
     const int is_edge = second >= 0 && second != i;
     float3 of_second = is_edge ? other[i].xyz : (float3)(0.0f);
-#ifdef HAS_OBJECTS
     if (is_edge && a > 0.0f) {
         const float2 hidden = sides[i];
         of_second *= 1.0f - hidden.y;
         left = (1.0f - other[i].xyz) * (1.0f - hidden.x) + of_second;
         of_second /= fmax(left, FLT_MIN);
     }
-#endif
-#ifdef HAS_RATIO
-    float4 relit = ratio[i];
-    if (is_edge)
-        relit.xyz += of_second * (ratio[second].xyz - relit.xyz);
-#endif
-#if defined(HAS_BASE)
-    float3 changed = load_planes(base, size, p) * (relit.xyz - 1.0f);
-#ifdef GLOSS
-    changed += load_planes(change, size, p);
-#endif
-#ifdef COLOR_MAP
-    changed = map_color(maps, TO_FRAME, changed);
-#endif
-    background.xyz = fmax(background.xyz + changed, 0.0f);
-#elif defined(HAS_RATIO)
-    background *= relit;
-#endif
-#ifdef HAS_OBJECTS
-    float4 object = (float4)(0.0f);
-#ifdef HAS_DIFFUSE
-    object.x = albedo[p] * diffuse[p];
-    object.y = albedo[size + p] * diffuse[size + p];
-    object.z = albedo[2 * size + p] * diffuse[2 * size + p];
-#endif
-#ifdef HAS_SPECULAR
-    object += (float4)(specular[p], specular[size + p], specular[2 * size + p], 0.0f);
-#endif
-#ifdef COLOR_MAP
-    object.xyz = fmax(map_color(maps, TO_FRAME, object.xyz), 0.0f);
-#endif
-    object.w = 1.0f;
-    // A choice, not a product with 0: pixels without an object keep their bits whatever lies there.
-    picture[i] = a > 0.0f ? a * object + (float4)(left, 1.0f) * background : background;
-#else
-    picture[i] = background;
-#endif
+    float4 relit = (float4)(1.0f);
+    if (ratio) {
+        relit = ratio[i];
+        if (is_edge)
+            relit.xyz += of_second * (ratio[second].xyz - relit.xyz);
+    }
+    if (base) {
+        float3 changed = load_planes(base, size, p) * (relit.xyz - 1.0f);
+        if (change)
+            changed += load_planes(change, size, p);
+        if (maps)
+            changed = map_color(maps, TO_FRAME, changed);
+        background.xyz = fmax(background.xyz + changed, 0.0f);
+    } else {
+        background *= relit;
+    }
+    if (a > 0.0f) {
+        float4 object = (float4)(0.0f);
+        if (diffuse) {
+            object.x = albedo[p] * diffuse[p];
+            object.y = albedo[size + p] * diffuse[size + p];
+            object.z = albedo[2 * size + p] * diffuse[2 * size + p];
+        }
+        if (specular)
+            object.xyz += load_planes(specular, size, p);
+        if (maps)
+            object.xyz = fmax(map_color(maps, TO_FRAME, object.xyz), 0.0f);
+        object.w = 1.0f;
+        background = a * object + (float4)(left, 1.0f) * background;
+    }
+    picture[i] = background; // without an object, pixels keep their bits whatever lies there
 }

@@ -68,14 +68,10 @@ static inline void store_tile(
 
 // Column and row of a block around an image point: to the right of the `corner` for odd i, below it
 // from 2 on.
-static inline int2 block_at(int2 corner, int i, int width, int height)
+static inline int2 block_at(int2 corner, int i, int width, int height, int seam)
 {
     const int column = corner.x + (i & 1), row = clamp(corner.y + (i >> 1), 0, height - 1);
-#ifdef VIEW_EQUIRECT
-    return (int2)(wrap_column(column, width), row);
-#else
-    return (int2)(clamp(column, 0, width - 1), row);
-#endif
+    return (int2)(clamp(wrap_column(column, width, seam), 0, width - 1), row);
 }
 
 // Light of a block, less what leaves the pixel as it is.
@@ -90,11 +86,12 @@ static inline float3 light_of(__global const LIGHT *restrict light, int2 block, 
 
 // Whether the blocks are so unlike that it matters which of them a pixel takes.
 static inline int blocks_differ(
-    __global const LIGHT *restrict light, int2 corner, int width, int height)
+    __global const LIGHT *restrict light, int2 corner, int width, int height, int seam)
 {
     float3 most = (float3)(-INFINITY), least = (float3)(INFINITY);
     for (int i = 0; i < 4; i++) {
-        const float3 one = light_of(light, block_at(corner, i, width, height), width, height);
+        const int2 block = block_at(corner, i, width, height, seam);
+        const float3 one = light_of(light, block, width, height);
         most = fmax(most, one);
         least = fmin(least, one);
     }
@@ -121,18 +118,19 @@ typedef struct {
 static inline void local_directions(
     __global const float *restrict view, floats x, floats y, floats *right, floats *up, floats *back)
 {
-#ifdef VIEW_EQUIRECT
-    const floats azimuth = (x / view[12] - 0.5f) * (2.0f * IPRT_PI), polar = y / view[13] * IPRT_PI;
-    *right = sin(polar) * sin(azimuth);
-    *up = cos(polar);
-    *back = -sin(polar) * cos(azimuth);
-#else
+    if (is_equirect(view)) {
+        const floats azimuth = (x / view[12] - 0.5f) * (2.0f * IPRT_PI);
+        const floats polar = y / view[13] * IPRT_PI;
+        *right = sin(polar) * sin(azimuth);
+        *up = cos(polar);
+        *back = -sin(polar) * cos(azimuth);
+        return;
+    }
     const floats across = x - view[10], upwards = view[11] - y;
     const floats inverse = 1.0f / sqrt(across * across + upwards * upwards + view[9] * view[9]);
     *right = across * inverse;
     *up = upwards * inverse;
     *back = -view[9] * inverse;
-#endif
 }
 
 // How far the surface of a block continues those of a tile.
@@ -176,6 +174,7 @@ __kernel void enlarge(
     const float4 to_block, // image point p of the view: p * to_block.xy + to_block.zw of the blocks
     const int width,
     const int height,
+    const int seam,
     const int block_width,
     const int block_height,
     const float normal_sharpness, // falloff per 1 - cosine of the normals' angle
@@ -217,7 +216,7 @@ __kernel void enlarge(
         if (ANY_OF(lit)) {
             // Where the blocks agree, as most do in most views, there is nothing to choose.
             const int choose
-                = blocks_differ(block_light, corner, block_width, block_height);
+                = blocks_differ(block_light, corner, block_width, block_height, seam);
             if (choose) {
                 own.x = load_tile(normal, p, stride);
                 own.y = load_tile(normal, size + p, stride);
@@ -237,7 +236,7 @@ __kernel void enlarge(
             floats sum = 0.0f;
             TAP_LOOP
             for (int i = 0; i < 4; i++) {
-                const int2 block = block_at(corner, i, block_width, block_height);
+                const int2 block = block_at(corner, i, block_width, block_height, seam);
                 const float3 its_light = light_of(block_light, block, block_width, block_height);
                 floats weight = (i & 1 ? right : 1.0f - right) * (i & 2 ? lower : 1.0f - lower);
                 if (choose)

@@ -11,11 +11,15 @@ import pyopencl.array as cla
 from iprt.device.compute import ComputeDevice
 from iprt.device.kernel import Kernel
 from iprt.device.program import Define
+from iprt.files.kernel_source import constant
 from iprt.filter.signals import Signal, half_unit, signal_defines, signal_planes
 from iprt.gbuffer.batch import batched
 from iprt.gbuffer.guide import span_arguments
 from iprt.gbuffer.layout import PlaneLayout
 from iprt.settings.filter import AtrousSettings
+
+RELAX_TAPS = constant("filter/atrous.cl", "RELAX_TAPS")
+SPLINE_TAPS = constant("filter/atrous.cl", "SPLINE_TAPS")
 
 
 class Atrous:
@@ -46,61 +50,76 @@ class Atrous:
         self._layout = layout = first.guide.layout
         self._specular = sum(signal.kind == "specular" for signal in signals)
         self._real = first.kind in ("ratio", "delta")
-        self._taps = 3 if self._real and guided else 5
-        defines = signal_defines(signals) | {
-            "SPECULAR": self._specular or False,
-            "EXTENT": first.kind == "delta",
-            "TAPS": self._taps,
-            "GUIDED": guided,
-        }
+        assert not self._real or len(signals) == 1
+        defines = signal_defines(signals) | {"GUIDED": guided}
         # What the difference of E_R and E_RV tells would be lost in their rounding.
         self._half = device.half_planes and first.kind != "ratio"
         defines["HALF_PLANES"] = self._half
         self._stored = np.float16 if self._half else np.float32
-
-        def planes(
-            label: str, channels: int = 1, dtype: type[np.floating[Any]] = np.float32
-        ) -> list[cla.Array]:
-            shape = layout.shape(channels)
-            return [device.zeros(f"{signal.name} {label}", shape, dtype) for signal in signals]
-
-        # Those that have none get another's, which is not used.
-        self._widened = [
-            device.zeros(f"{signal.name} widened roughness", layout.shape(1), self._stored)
-            for signal in signals[: self._specular]
-        ]
-        self._widened += self._widened[:1] * (len(signals) - self._specular)
-        turned = planes("least turn", 1, self._stored) if self._real and guided else []
-        self._given = batched(roughness=self._widened, turned=turned)
         self.spans = span_arguments([signal.guide for signal in signals])
+        self.variances: list[cla.Array] = []
+        if not settings.levels:
+            return
         self._extent = None
-        if first.kind == "delta" and settings.levels:
-            self._extent = Extent(device, layout, defines, name=first.name)
-            self.spans = {"spans": self._extent.used, "layer_0": 0}
+        if first.kind == "delta":
+            taps = RELAX_TAPS if guided else SPLINE_TAPS
+            reach = taps // 2 * ((1 << settings.levels) - 1)
+            self._extent = Extent(device, layout, defines, name=first.name, reach=reach)
+            self.spans = {"spans": self._extent.used, **batched(layer=[0])}
         if not guided:
-            self._nothing = planes("no variance")
+            self._nothing = self._planes("no variance")
         channels = signal_planes(first.kind)
         self._scratch = [
             (
-                planes(f"filtered {i}", channels, self._stored),
-                planes(f"filtered variance {i}", 1, self._stored),
+                self._planes(f"filtered {i}", channels, self._stored),
+                self._planes(f"filtered variance {i}", 1, self._stored),
             )
-            for i in range(2 if settings.levels else 0)
+            for i in range(2)
         ]
-        self._filtered: list[cla.Array] = []
-        self.variances: list[cla.Array] = []
-        if settings.levels:
-            self._filtered, variances = self._scratch[(settings.levels - 1) % 2]
-            self.variances = variances if guided else []
-        if settings.levels and self._half:
-            self._filtered = planes("filtered", channels)
-        if settings.levels:
-            self._smooth = device.kernel("filter/atrous.cl", "smooth_variance", defines).fixed(
-                layout.arguments(),
-                self.spans,
-                batched(smooth=self._scratch[-1][1], widened=self._widened, turned=turned),
-            )
+        self._filtered, variances = self._scratch[(settings.levels - 1) % 2]
+        if guided:
+            self.variances = variances
+        if self._half:
+            self._filtered = self._planes("filtered", channels)
+        self._own = self._of_kind()
+        self._smooth = device.kernel("filter/atrous.cl", f"smooth_{self._kind}", defines).fixed(
+            layout.arguments(), self.spans, self._own, batched(smooth=self._scratch[-1][1])
+        )
         self._levels = [self._level(level, defines) for level in range(settings.levels)]
+
+    @property
+    def _kind(self) -> str:
+        """Which of the kernels are those of these signals."""
+        return "real" if self._real else "reflected"
+
+    def _planes(
+        self,
+        label: str,
+        channels: int = 1,
+        dtype: type[np.floating[Any]] = np.float32,
+        *,
+        signals: int | None = None,
+    ) -> list[cla.Array]:
+        """Planes of each signal, or of the first `signals`."""
+        shape = self._layout.shape(channels)
+        return [
+            self._device.zeros(f"{signal.name} {label}", shape, dtype)
+            for signal in self._signals[:signals]
+        ]
+
+    def _of_kind(self) -> dict[str, Any]:
+        """What kernels of one kind of signals take, and those of the other do not."""
+        if self._real:
+            return batched(turned=self._planes("least turn", 1, self._stored))
+        widened = self._planes("widened roughness", 1, self._stored, signals=self._specular)
+        # Those that have no lobe are given another plane, which is not used.
+        lacking = len(self._signals) - self._specular
+        widened += (widened or self._scratch[0][1])[:1] * lacking
+        return {
+            **batched(widened=widened),
+            "specular": self._specular,
+            "lobe_fraction": self.settings.lobe_fraction,
+        }
 
     def _level(self, level: int, defines: Mapping[str, Define]) -> Kernel:
         """The kernel of a level: the first reads signals, later ones what the one before wrote."""
@@ -112,18 +131,16 @@ class Atrous:
             signal_out = self._filtered
         if self._half:
             defines = {**defines, "FIRST": level == 0, "LAST": last}
-        kernel = self._device.kernel("filter/atrous.cl", "filter_level", defines).fixed(
+        kernel = self._device.kernel("filter/atrous.cl", f"filter_{self._kind}", defines).fixed(
             self._layout.arguments(),
             self.spans,
-            self._given,
+            self._own,
             batched(variance=variance, signal_out=signal_out, variance_out=variance_out),
             step=1 << level,
             normal_sharpness=settings.normal_sharpness,
             plane_sharpness=settings.plane_sharpness,
             variance_scale=settings.deviations**2,
         )
-        if self._specular:
-            kernel.fixed(lobe_fraction=settings.lobe_fraction)
         return kernel.fixed(batched(signal=signal)) if level else kernel
 
     def run(
@@ -150,13 +167,12 @@ class Atrous:
         size = (*layout.size, len(signals))
         if settings.levels == 0:
             return signals
-        with self._device.profile.section(f"filter {'real' if self._real else 'reflected'}"):
+        with self._device.profile.section(f"filter {self._kind}"):
             variances = self._nothing if variances is None else variances
             guide = batched(guide=[signal.guide.current for signal in self._signals])
             if self._extent is not None:
-                reach = self._taps // 2 * ((1 << settings.levels) - 1)
-                self._extent.run(signals[0], variances[0], reach)
-            lobes = batched(roughness=roughness) if self._specular else {}
+                self._extent.run(signals[0], variances[0])
+            lobes = {} if self._real else batched(roughness=roughness or [None] * len(signals))
             unit = {"unit": half_unit(self._signals[0].kind, radiance)}
             self._smooth(size, guide, lobes, unit, batched(variance=variances))
             for kernel in self._levels:
@@ -170,12 +186,19 @@ class Extent:
     Attributes
     ----------
     used : (rows, 2) int32
-        First column and end of what `filter_level` has to write.
+        First column and end of what `filter_real` has to write.
     """
 
     def __init__(
-        self, device: ComputeDevice, layout: PlaneLayout, defines: dict[str, Define], *, name: str
+        self,
+        device: ComputeDevice,
+        layout: PlaneLayout,
+        defines: dict[str, Define],
+        *,
+        name: str,
+        reach: int,
     ) -> None:
+        """`reach`: pixels, of all levels together."""
         self._layout = layout
         rows = layout.height
 
@@ -189,12 +212,12 @@ class Extent:
             size, extent=self._found
         )
         self._grow = device.kernel("filter/atrous.cl", "grow_extent", defines).fixed(
-            size, found=self._found, extent=self.used
+            size, found=self._found, extent=self.used, reach=reach
         )
 
-    def run(self, signal: cla.Array, variance: cla.Array, reach: int) -> None:
+    def run(self, signal: cla.Array, variance: cla.Array) -> None:
         """Fill `used`."""
         rows = (self._layout.height,)
         self._now, self._before = self._before, self._now
         self._find(rows, signal=signal, variance=variance)
-        self._grow(rows, previous=self._before, grown=self._now, reach=reach)
+        self._grow(rows, previous=self._before, grown=self._now)

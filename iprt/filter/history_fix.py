@@ -28,14 +28,14 @@ class HistoryFix:
         self._device = device
         self._guide = guide = signal.guide
         layout = guide.layout
-        self._signal = device.zeros(
-            f"{signal.name} fixed", layout.shape(signal_planes(signal.kind))
-        )
+        planes = signal_planes(signal.kind)
+        self._signal = device.zeros(f"{signal.name} fixed", layout.shape(planes))
         self._variance = device.zeros(f"{signal.name} fixed variance", layout.shape(1))
         defines = signal_defines([signal])
-        self._fix = device.kernel("filter/history_fix.cl", "fix_history", defines).fixed(
+        self._fix = device.kernel("filter/neighbours.cl", "fix_history", defines).fixed(
             layout.arguments(),
             span_arguments([guide]),
+            planes=planes,
             signal_out=self._signal,
             variance_out=self._variance,
             stride=min(STRIDE, OF_HEIGHT * layout.height),

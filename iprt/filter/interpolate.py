@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import pyopencl.array as cla
 
 from iprt.device.compute import ComputeDevice
-from iprt.filter.signals import Signal, signal_defines
+from iprt.filter.signals import Signal, signal_defines, signal_planes
 from iprt.gbuffer.batch import batched
 from iprt.gbuffer.guide import span_arguments
 from iprt.settings.filter import InterpolateSettings
@@ -23,10 +23,11 @@ class Interpolate:
         self._device = device
         self._guides = [signal.guide for signal in signals]
         self._kernel = device.kernel(
-            "filter/interpolate.cl", "interpolate", signal_defines(signals)
+            "filter/neighbours.cl", "interpolate", signal_defines(signals)
         ).fixed(
             signals[0].guide.layout.arguments(),
             span_arguments([signal.guide for signal in signals]),
+            planes=signal_planes(signals[0].kind),
             normal_sharpness=settings.normal_sharpness,
             plane_sharpness=settings.plane_sharpness,
         )

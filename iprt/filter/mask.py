@@ -94,7 +94,7 @@ class Masks:
 
     def __init__(self, device: ComputeDevice, masks: Sequence[Mask]) -> None:
         self._device, self._masks = device, masks
-        defines = masks[0].guide.defines(BATCH=len(masks))
+        defines = masks[0].guide.defines()
         size = masks[0].guide.layout.arguments()
         spans = span_arguments([mask.guide for mask in masks])
         self._carry = device.kernel("filter/mask.cl", "carry_touched", defines).fixed(size, spans)

@@ -8,7 +8,11 @@ from dataclasses import dataclass
 from typing import Literal
 
 from iprt.device.program import Define
+from iprt.files.kernel_source import constant
 from iprt.gbuffer.guide import Guide
+
+REAL_PLANES = constant("lib/filter/signal.h", "REAL_PLANES")
+REFLECTED_PLANES = constant("lib/filter/signal.h", "REFLECTED_PLANES")
 
 Kind = Literal["ratio", "delta", "diffuse", "specular"]
 """Kind of a signal. For real surfaces, by estimator: E_R rgb and E_RV rgb; or blocked / E_R rgb and
@@ -17,7 +21,7 @@ bounce / E_R rgb. For objects: irradiance or radiance."""
 
 @dataclass(frozen=True)
 class Signal:
-    """One signal of a batch; all of a batch have the same planes, specular ones come first.
+    """One signal of a batch: one of real surfaces, or several reflected ones, specular ones first.
 
     Attributes
     ----------
@@ -35,7 +39,7 @@ class Signal:
 
 def signal_planes(kind: Kind) -> int:
     """Number of planes of a signal."""
-    return 6 if kind in ("ratio", "delta") else 3
+    return REAL_PLANES if kind in ("ratio", "delta") else REFLECTED_PLANES
 
 
 def half_unit(kind: Kind, radiance: float) -> float:
@@ -57,9 +61,4 @@ def half_unit(kind: Kind, radiance: float) -> float:
 def signal_defines(signals: Sequence[Signal]) -> dict[str, Define]:
     """Build flags of kernels that work on a batch of signals."""
     first = signals[0]
-    return first.guide.defines(
-        BATCH=len(signals),
-        SIGNAL_PLANES=signal_planes(first.kind),
-        DIFFERENCE=first.kind in ("ratio", "delta"),
-        COMMON=first.kind == "ratio",
-    )
+    return first.guide.defines(COMMON=first.kind == "ratio")

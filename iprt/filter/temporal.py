@@ -15,6 +15,9 @@ from iprt.gbuffer.batch import batched
 from iprt.gbuffer.guide import span_arguments
 from iprt.settings.filter import TemporalSettings
 
+HISTORY_PLANES = 2
+"""Planes of a history besides those of its signal: `cl/lib/filter/history.h`."""
+
 FAST_LENGTH = 6.0
 """Samples that the fast history is worth at most, as in ReLAX."""
 
@@ -36,7 +39,7 @@ class Accumulated:
 
     Attributes
     ----------
-    signal : the signal's planes, float32
+    signal : the signal's planes, float32, and those of `cl/lib/filter/history.h`
     length : 1 plane float32
         Number of samples that the mean is worth; 0 where it holds none.
     variance : 1 plane float32
@@ -54,29 +57,20 @@ class _History:
 
     Attributes
     ----------
-    signals, lengths, spreads : lists of buffers
-        Means, their lengths in samples, and the variances of single samples of g.
+    signals, lengths : lists of buffers
+        Means, with the variances of single samples of g and g itself, and their lengths in samples.
     """
 
-    def __init__(
-        self,
-        signals: Sequence[cla.Array],
-        lengths: Sequence[cla.Array],
-        spreads: Sequence[cla.Array],
-    ) -> None:
-        self.signals, self.lengths, self.spreads = signals, lengths, spreads
+    def __init__(self, signals: Sequence[cla.Array], lengths: Sequence[cla.Array]) -> None:
+        self.signals, self.lengths = signals, lengths
         self._named: dict[str, dict[str, cla.Array]] = {}
 
     def arguments(self, pattern: str) -> dict[str, cla.Array]:
-        """The buffers by names of parameters: `pattern` with "signal", "length" and "spread"."""
+        """The buffers by names of parameters: `pattern` with "signal" and "length"."""
         named = self._named.get(pattern)
         if named is None:
-            buffers = zip(
-                ("signal", "length", "spread"),
-                (self.signals, self.lengths, self.spreads),
-                strict=True,
-            )
-            named = batched(**{pattern.format(name): planes for name, planes in buffers})
+            buffers = {"signal": self.signals, "length": self.lengths}
+            named = batched(**{pattern.format(name): of for name, of in buffers.items()})
             self._named[pattern] = named
         return named
 
@@ -111,6 +105,7 @@ class Temporal:
         # did so before.
         self._fast_frames, self._fast_stale, self._fast_again = 0, False, False
         guide = signals[0].guide
+        channels = signal_planes(signals[0].kind)
         defines = signal_defines(signals) | guide.camera_define | {"PUBLISHED": published}
 
         def planes(label: str, channels: int = 1) -> list[cla.Array]:
@@ -119,12 +114,10 @@ class Temporal:
 
         def histories(label: str) -> list[_History]:
             """Those of this picture and of the one before."""
-            channels = signal_planes(signals[0].kind)
             return [
                 _History(
-                    planes(f"{label} {i}", channels),
+                    planes(f"{label} {i}", channels + HISTORY_PLANES),
                     planes(f"{label} length {i}"),
-                    planes(f"{label} spread {i}"),
                 )
                 for i in range(2)
             ]
@@ -135,9 +128,10 @@ class Temporal:
             **guide.layout.arguments(),
             **guide.camera_argument,
             **span_arguments([signal.guide for signal in signals]),
-            **batched(scalar=planes("scalar"), variance=self._variance),
+            **batched(variance=self._variance),
             "normal_agreement": settings.normal_agreement,
             "rays": rays,
+            "planes": channels,
         }
 
         def kernel(entry: str, *, later: bool = False, **own: Any) -> Kernel:
@@ -152,14 +146,12 @@ class Temporal:
         else:
             self._accumulate = kernel("accumulate")
             self._fast, self._fast_before = histories("fast history")
-            past_scalar = planes("past scalar")
-            self._follow = kernel(
-                "follow", later=True, **batched(scalar=past_scalar), limit=FAST_LENGTH
-            )
+            self._follow = kernel("follow", later=True, limit=FAST_LENGTH)
+            self._fetch = kernel("fetch", later=True)
+            of_real = signals[0].kind in ("ratio", "delta")
             self._correct = kernel(
-                "correct",
+                "correct_real" if of_real else "correct_reflected",
                 later=True,
-                **batched(past_scalar=past_scalar),
                 antilag_sigma=settings.antilag_sigma,
                 clamp_sigma=settings.clamp_sigma,
             )
@@ -248,14 +240,9 @@ class Temporal:
     def _follow_changes(self, fetched: Mapping[str, Any], added: Mapping[str, Any]) -> None:
         """Bring both histories to this picture, and add its samples to the fast ones."""
         self._fast, self._fast_before = self._fast_before, self._fast
-        self._run(
-            self._follow,
-            fetched,
-            added,
-            self._fast_before.arguments("fast_{}_before"),
-            self._fast.arguments("fast_{}"),
-            fresh=self._fast_frames == 1,
-        )
+        fast = self._fast_before.arguments("{}_before") | self._fast.arguments("{}")
+        self._run(self._follow, fetched, added, fast, fresh=self._fast_frames == 1)
+        self._run(self._fetch, fetched, added, batched(fast_signal=self._fast.signals))
 
     def _add_corrected(self, added: Mapping[str, Any]) -> None:
         """Add the samples to the slow histories, once they agree with the fast ones."""

@@ -8,6 +8,10 @@ from typing import Any
 
 from pyopencl import cltypes
 
+from iprt.files.kernel_source import constant
+
+MOST_ENTRIES = constant("lib/gbuffer/batch.h", "MOST_ENTRIES")
+
 Rect = tuple[int, int, int, int]
 """Pixels x0 <= x < x1, y0 <= y < y1, as (x0, y0, x1, y1)."""
 
@@ -22,10 +26,11 @@ def batched(**values: Sequence[Any]) -> dict[str, Any]:
     """`BATCHED` parameters of `cl/lib/gbuffer/batch.h`: one value of each for every entry."""
     given: dict[str, Any] = {}
     for name, entries in values.items():
-        given.update(zip(_names(name, len(entries)), entries, strict=True))
+        lacking = MOST_ENTRIES - len(entries)
+        given.update(zip(_names(name), (*entries, *[entries[0]] * lacking), strict=True))
     return given
 
 
 @cache
-def _names(name: str, count: int) -> tuple[str, ...]:
-    return tuple(f"{name}_{i}" for i in range(count))
+def _names(name: str) -> tuple[str, ...]:
+    return tuple(f"{name}_{i}" for i in range(MOST_ENTRIES))

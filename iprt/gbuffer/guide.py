@@ -21,7 +21,7 @@ PLANES = constant("lib/gbuffer/guide.h", "GUIDE_PLANES")
 
 def plane_defines(*, equirect: bool = False, **others: Define) -> dict[str, Define]:
     """Build flags of every kernel that works on padded planes of a view."""
-    return {"PLANE_PAD": PAD, "VIEW_EQUIRECT": equirect, **others}
+    return {"VIEW_EQUIRECT": equirect, **others}
 
 
 class Spans:
@@ -81,21 +81,17 @@ class Guide:
         device: ComputeDevice,
         layout: PlaneLayout,
         *,
-        equirect: bool,
         name: str,
         camera: cla.Array | None = None,
         spans: Spans | None = None,
     ) -> None:
-        """`equirect` views are adjacent across the ±180° seam; `name` tells layers apart; layers
-        whose passes share launches share `spans`.
-        """
+        """`name` tells layers apart; layers whose passes share launches share `spans`."""
         self.layout = layout
-        self.equirect = equirect
         self.camera = camera
         nothing = np.zeros(layout.shape(PLANES), np.float32)
         nothing[-1] = -1.0
         # Equirect views have neighbours to the left and right of every row.
-        nothing[-1, PAD:-PAD, slice(None) if equirect else slice(PAD, -PAD)] = 0.0
+        nothing[-1, PAD:-PAD, slice(None) if layout.equirect else slice(PAD, -PAD)] = 0.0
         self.current = device.upload(f"{name} guide", nothing)
         self.previous = device.upload(f"{name} guide before", nothing)
         self.spans = spans or Spans(device, layout, name=name)
@@ -103,13 +99,13 @@ class Guide:
         self._wide = device.wide
 
     def arguments(self) -> dict[str, Any]:
-        """Size and `guide` of this picture."""
-        return {"width": self.layout.width, "height": self.layout.height, "guide": self.current}
+        """Arguments of the layout, and `guide` of this picture."""
+        return {**self.layout.arguments(), "guide": self.current}
 
     def defines(self, **others: Define) -> dict[str, Define]:
         """Build flags of every kernel that works on planes of this layout."""
-        narrow = self.equirect and self.layout.width < PAD
-        return plane_defines(equirect=self.equirect, VIEW_NARROW=narrow, WIDE=self._wide, **others)
+        narrow = self.layout.equirect and self.layout.width < PAD
+        return {"VIEW_NARROW": narrow, "WIDE": self._wide, **others}
 
     @property
     def camera_define(self) -> dict[str, Define]:
@@ -149,14 +145,14 @@ class Guides:
     ) -> None:
         """`layers`: one for each guide."""
         self._device, self._guides = device, guides
-        defines = guides[0].defines(BATCH=len(guides))
+        defines = guides[0].defines()
         size, spans = guides[0].layout.arguments(), span_arguments(guides)
         of_surfaces = batched(
             depth=[layer.depth for layer in layers],
             id=[layer.ids for layer in layers],
         )
         self._find_spans = device.kernel("gbuffer/guide.cl", "find_spans", defines).fixed(
-            size, spans, of_surfaces, past=guides[0].spans.past
+            size, spans, of_surfaces, layers=len(guides), past=guides[0].spans.past
         )
         self._build = device.kernel("gbuffer/guide.cl", "build_guide", defines).fixed(
             size, spans, of_surfaces, batched(normal=[layer.normal for layer in layers])

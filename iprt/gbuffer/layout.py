@@ -3,20 +3,36 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-PAD = 32
-"""Border in pixels: the reach of the widest à-trous level (two taps of stride 16)."""
+from iprt.files.kernel_source import constant
+from iprt.geometry.camera import View
+
+PAD = constant("lib/gbuffer/planes.h", "PLANE_PAD")
+"""Border in pixels."""
 
 
 @dataclass(frozen=True)
 class PlaneLayout:
-    """Shape of a stack of planes for a view of `width` x `height` pixels."""
+    """Shape of a stack of planes for a view of `width` x `height` pixels.
+
+    Attributes
+    ----------
+    equirect : bool
+        The view shows the whole panorama: its left and right are adjacent.
+    """
 
     width: int
     height: int
+    equirect: bool = False
+
+    @classmethod
+    def of(cls, view: View) -> Self:
+        """The layout of a view's planes."""
+        return cls(view.width, view.height, view.projection == "equirect")
 
     @property
     def size(self) -> tuple[int, int]:
@@ -24,8 +40,11 @@ class PlaneLayout:
         return self.width, self.height
 
     def arguments(self) -> dict[str, int]:
-        """`width` and `height` of kernels that work on these planes."""
-        return {"width": self.width, "height": self.height}
+        """`width` and `height` of kernels that work on these planes, and `seam`: columns of the
+        border that repeat what is across the ±180° seam.
+        """
+        seam = PAD if self.equirect else 0
+        return {"width": self.width, "height": self.height, "seam": seam}
 
     def shape(self, channels: int) -> tuple[int, int, int]:
         """(channels, height + 2 PAD, width + 2 PAD), what `cl/lib/gbuffer/planes.h` indexes."""

@@ -105,11 +105,14 @@ class View:
         )
 
     def kernel_constants(self) -> NDArray[np.float32]:
-        """(16,) float32 for `cl/lib/gbuffer/view.h`: rotation rows, focal length, centre, size."""
+        """(16,) float32 for `cl/lib/gbuffer/view.h`: rotation rows, focal length, centre, size,
+        and whether the projection is equirect.
+        """
         size = (self.width, self.height)
         centre = (0.5 * self.width, 0.5 * self.height)
         rotation = self.world_from_view.ravel().tolist()
-        return np.array([*rotation, self.focal_px, *centre, *size, 0.0, 0.0], np.float32)
+        equirect = float(self.projection == "equirect")
+        return np.array([*rotation, self.focal_px, *centre, *size, equirect, 0.0], np.float32)
 
 
 def equirect_direction(pixels: Float, width: int, height: int) -> Float:

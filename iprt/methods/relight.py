@@ -43,7 +43,6 @@ class Relight:
         self._guide = guide
         noise = {} if variance is None or not delta else {"variance": variance}
         defines = guide.defines(
-            BATCH=1,
             DELTA=delta,
             NOISE=bool(noise),
             HALF_PLANES=device.half_planes,

@@ -99,7 +99,6 @@ class SparseMethod(Method):
         guide = Guide(
             setup.device,
             setup.layout,
-            equirect=setup.equirect,
             name=name,
             camera=setup.camera,
             spans=self._spans,

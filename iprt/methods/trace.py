@@ -125,7 +125,7 @@ class TraceReal(RealTracer):
         self, device: ComputeDevice, guide: Guide, features: Features, *, name: str
     ) -> None:
         # Its rays look into the view only where this holds layers of the objects.
-        equirect = guide.equirect and features.traced_layers
+        equirect = guide.layout.equirect and features.traced_layers
         defines = plane_defines(equirect=equirect, **features.trace_defines())
         kernel = "trace_delta" if features.delta else "trace_real"
         super().__init__(device, guide, features, kernel, defines, name=name)
@@ -193,7 +193,8 @@ class TraceVirtual(VirtualTracer):
     """Rays that meet real surfaces and objects."""
 
     def __init__(self, device: ComputeDevice, guide: Guide, features: Features) -> None:
-        defines = guide.defines(**features.gloss_defines())
+        equirect = guide.layout.equirect and features.traced_layers
+        defines = guide.defines(VIEW_EQUIRECT=equirect, **features.gloss_defines())
         super().__init__(
             device, guide, features, "trace_virtual", defines, jitter=int(features.jitter)
         )
@@ -233,5 +234,6 @@ class TraceGloss(GlossTracer):
     """Rays of the specular lobe."""
 
     def __init__(self, device: ComputeDevice, guide: Guide, features: Features) -> None:
-        defines = guide.defines(**features.gloss_defines())
+        equirect = guide.layout.equirect and features.traced_layers
+        defines = guide.defines(VIEW_EQUIRECT=equirect, **features.gloss_defines())
         super().__init__(device, guide, features, "trace_gloss", defines, name="gloss")

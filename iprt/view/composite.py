@@ -5,8 +5,6 @@ from __future__ import annotations
 import pyopencl.array as cla
 
 from iprt.device.compute import ComputeDevice
-from iprt.device.kernel import Kernel
-from iprt.gbuffer.guide import plane_defines
 from iprt.gbuffer.layout import PlaneLayout
 
 
@@ -19,47 +17,12 @@ class Composite:
         Linear rgb, a = coverage by objects.
     """
 
-    def __init__(
-        self,
-        device: ComputeDevice,
-        layout: PlaneLayout,
-        *,
-        relit: bool,
-        diffuse: bool,
-        specular: bool,
-        gloss: bool = False,
-        color_map: bool = False,
-    ) -> None:
-        """`relit`: objects shadow and light the real layer. `diffuse`, `specular`: the parts of
-        which objects' radiance consists; none: no objects. `gloss`: the real layer, which is
-        relit, also reflects objects. `color_map`: frames may come with one.
-        """
-        self._device = device
-        self._layout = layout
-        self._relit = relit
-        self._gloss = gloss
-        self._diffuse = diffuse
-        self._specular = specular
+    def __init__(self, device: ComputeDevice, layout: PlaneLayout) -> None:
+        self._device, self._layout = device, layout
         self.picture = device.empty("picture", (layout.height, layout.width, 4))
-        self._kernel = self._variant(mapped=False)
-        # A kernel of its own, so that frames without a map are as in a video without any.
-        self._mapped = self._variant(mapped=True) if color_map else None
-
-    def _variant(self, *, mapped: bool) -> Kernel:
-        defines = plane_defines(
-            HAS_RATIO=self._relit,
-            HAS_BASE=self._has_base(mapped),
-            GLOSS=self._gloss,
-            COLOR_MAP=mapped,
-            HAS_OBJECTS=self._diffuse or self._specular,
-            HAS_DIFFUSE=self._diffuse,
-            HAS_SPECULAR=self._specular,
+        self._kernel = device.kernel("view/composite.cl", "composite").fixed(
+            layout.arguments(), picture=self.picture
         )
-        kernel = self._device.kernel("view/composite.cl", "composite", defines)
-        return kernel.fixed(self._layout.arguments(), picture=self.picture)
-
-    def _has_base(self, mapped: bool) -> bool:
-        return self._relit and (self._gloss or mapped)
 
     def run(
         self,
@@ -77,7 +40,7 @@ class Composite:
         specular: cla.Array | None = None,
         color_map: cla.Array | None = None,
     ) -> None:
-        """Fill `picture`.
+        """Fill `picture`. What is None does not change it.
 
         Parameters
         ----------
@@ -96,21 +59,20 @@ class Composite:
         color_map : (6, 4)
             `ColorMap.rows`: all but `colour` is in the colours that it takes the frame's to.
         """
-        given = {
-            "colour": colour,
-            "other": other,
-            "other_pixel": other_pixel,
-            "ratio": ratio,
-            "base": base,
-            "change": change,
-            "coverage": coverage,
-            "sides": sides,
-            "albedo": albedo,
-            "diffuse": diffuse,
-            "specular": specular,
-            "maps": color_map,
-        }
-        kernel = self._kernel if color_map is None else self._mapped
-        assert kernel is not None
+        based = ratio is not None and (change is not None or color_map is not None)
         with self._device.profile.section("composite"):
-            kernel(self._layout.size, given)
+            self._kernel(
+                self._layout.size,
+                colour=colour,
+                other=other,
+                other_pixel=other_pixel,
+                ratio=ratio,
+                base=base if based else None,
+                change=change,
+                maps=color_map,
+                coverage=coverage,
+                sides=sides,
+                albedo=albedo,
+                diffuse=diffuse,
+                specular=specular,
+            )

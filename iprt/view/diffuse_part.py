@@ -5,8 +5,6 @@ from __future__ import annotations
 import pyopencl.array as cla
 
 from iprt.device.compute import ComputeDevice
-from iprt.device.kernel import Kernel
-from iprt.gbuffer.guide import plane_defines
 from iprt.gbuffer.layout import PlaneLayout
 
 
@@ -28,18 +26,13 @@ class DiffusePart:
     def __init__(
         self, device: ComputeDevice, layout: PlaneLayout, *, name: str, gloss: bool, color_map: bool
     ) -> None:
-        self._device, self._layout = device, layout
-        self._gloss = gloss
+        self._layout = layout
         self._planes: cla.Array | None = None
         if gloss or color_map:
             self._planes = device.zeros(f"{name} diffuse", layout.shape(3))
-        self._plain = self._variant(mapped=False) if gloss else None
-        self._mapped = self._variant(mapped=True) if color_map else None
-
-    def _variant(self, *, mapped: bool) -> Kernel:
-        defines = plane_defines(GLOSS=self._gloss, COLOR_MAP=mapped)
-        kernel = self._device.kernel("view/diffuse_part.cl", "diffuse_part", defines)
-        return kernel.fixed(self._layout.arguments(), diffuse=self._planes)
+            self._kernel = device.kernel("view/real_layer.cl", "diffuse_part").fixed(
+                layout.arguments(), diffuse=self._planes
+            )
 
     def run(
         self, colour: cla.Array, highlight: cla.Array | None, color_map: cla.Array | None
@@ -55,8 +48,7 @@ class DiffusePart:
         color_map : (6, 4) or None
             `ColorMap.rows`.
         """
-        kernel = self._plain if color_map is None else self._mapped
-        if kernel is None:
+        if highlight is None and color_map is None:
             return colour
-        kernel(self._layout.size, {"maps": color_map, "highlight": highlight}, colour=colour)
+        self._kernel(self._layout.size, colour=colour, maps=color_map, highlight=highlight)
         return self._planes

@@ -12,7 +12,6 @@ from iprt.device.compute import ComputeDevice
 from iprt.device.kernel import Kernel
 from iprt.device.program import Define
 from iprt.gbuffer.context import FrameContext
-from iprt.gbuffer.guide import plane_defines
 from iprt.gbuffer.layout import PlaneLayout
 from iprt.view.diffuse_part import DiffusePart
 from iprt.world.real.clipped import NOTHING_CLIPPED
@@ -28,14 +27,15 @@ class RealLayer:
     color : 3 planes
         Linear radiance, L_cam of IPRT Eq. 2.
     normal, depth, id, motion : 3, 1, 1, 2 planes
-        See `cl/view/resample.cl`.
+        See `cl/view/real_layer.cl`.
     diffuse : 3 planes
         What of `color` surfaces radiate to all sides, in the colours that rays find: `color`
         itself, but mapped where the frame has a colour map, and without the highlight where real
         surfaces are glossy.
-    other, other_pixel : (H * W, 4) float32, (H * W,) int32; or None
-        Share of a second surface in the radiance and in the area, at depth edges, and a pixel that
-        shows that one, where asked for: see `cl/view/sharpen.cl`.
+    other : (H * W, 4) float32, or None
+        Share of a second surface in the radiance and in the area, at depth edges, where asked for.
+    other_pixel : (H * W,) int32
+        A pixel that shows that one: see `cl/view/real_layer.cl`.
     gloss, roughness : 1 plane each, or None
         Index of the real material + 1, 0 where diffuse, and its GGX alpha; where asked for.
     """
@@ -45,7 +45,6 @@ class RealLayer:
         device: ComputeDevice,
         layout: PlaneLayout,
         *,
-        equirect: bool,
         name: str,
         gloss: bool = False,
         radiated: bool = False,
@@ -77,19 +76,11 @@ class RealLayer:
             self.gloss = device.zeros(f"{name} gloss", layout.shape(1))
             self.roughness = device.zeros(f"{name} roughness", layout.shape(1))
             self._highlight = device.zeros(f"{name} highlight", layout.shape(3))
-        defines = plane_defines(
-            equirect=equirect,
-            GLOSS=gloss,
-            MATERIAL_PLASTIC=gloss,
-            MATERIAL_CONDUCTOR=gloss,
-            CAMERA_MOTION=camera is not None,
-        )
+        defines = {"CAMERA_MOTION": camera is not None}
         self._camera = camera
-        self.other = self.other_pixel = None
-        if edges:
-            pixels = layout.width * layout.height
-            self.other = device.zeros(f"{name} other", (pixels, 4))
-            self.other_pixel = device.zeros(f"{name} other pixel", (pixels,), np.int32)
+        pixels = layout.width * layout.height
+        self.other = device.zeros(f"{name} other", (pixels, 4)) if edges else None
+        self.other_pixel = device.zeros(f"{name} other pixel", (pixels,), np.int32)
         # A frame in which nothing is clipped takes the quicker ones.
         self._plain = self._kernels(defines)
         self._clipped = self._kernels({**defines, "CLIPPED": True}) if clipped else None
@@ -98,7 +89,6 @@ class RealLayer:
     def edges(self) -> dict[str, cla.Array]:
         """What objects are compared with at depth edges: see `cl/world/objects/unpack.cl`."""
         assert self.other is not None
-        assert self.other_pixel is not None
         return {
             "real_normal": self.normal,
             "real_depth": self.depth,
@@ -108,12 +98,12 @@ class RealLayer:
 
     def _kernels(self, defines: Mapping[str, Define]) -> list[Kernel]:
         """What fills the planes, one after the other."""
-        names = [("view/resample.cl", "resample_panorama")]
+        glossy = self.gloss is not None
+        names = ["resample_glossy" if glossy else "resample_panorama"]
         if self.other is not None:
-            names.append(("view/sharpen.cl", "sharpen_edges"))
-        defines = {**defines, "EDGES": self.other is not None}
+            names.append("sharpen_glossy" if glossy else "sharpen_edges")
         return [
-            self._device.kernel(*name, defines).fixed(
+            self._device.kernel("view/real_layer.cl", name, defines).fixed(
                 self._layout.arguments(),
                 {} if self._camera is None else {"camera": self._camera},
                 {"gloss": self.gloss, "roughness": self.roughness, "highlight": self._highlight},

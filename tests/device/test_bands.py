@@ -124,7 +124,7 @@ def test_programs_that_are_not_in_use_are_forgotten(device: ComputeDevice) -> No
     """Those in use stay, however many; what is forgotten can be built again, and counts as new."""
     own = ComputeDevice(device.device)
     own.most_programs = 3
-    variants = [{"PLANE_PAD": 2 + number} for number in range(6)]
+    variants = [{"VARIANT": number} for number in range(6)]
     source, name = "view/composite.cl", "composite"
 
     def planned(number: int) -> list[PlannedKernel]:

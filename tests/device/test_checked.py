@@ -151,7 +151,7 @@ def test_the_command_line_says_it_in_one_line(
     monkeypatch: pytest.MonkeyPatch,
     device: ComputeDevice,
 ) -> None:
-    right, wrong = "picture[i] = a >", "picture[i + 1] = a >"
+    right, wrong = "picture[i] = background", "picture[i + 1] = background"
     source = (CL / "view/composite.cl").read_text()
     assert right in source
 

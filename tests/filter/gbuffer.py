@@ -31,7 +31,7 @@ class GBuffer:
 
     @property
     def layout(self) -> PlaneLayout:
-        return PlaneLayout(self.view.width, self.view.height)
+        return PlaneLayout.of(self.view)
 
     @property
     def equirect(self) -> bool:
@@ -58,7 +58,7 @@ class GBuffer:
         return np.concatenate([self.normal, self.position, self.seen_ids[None]])
 
     def guide(self, device: ComputeDevice) -> Guide:
-        guide = Guide(device, self.layout, equirect=self.equirect, name="test")
+        guide = Guide(device, self.layout, name="test")
         self.fill(device, guide)
         return guide
 

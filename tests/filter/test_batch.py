@@ -60,10 +60,7 @@ class Frames:
         used = sorted({LAYERS[i] for i in chosen})
         layout = self.gbuffers[0].layout
         spans = Spans(device, layout, name="test", layers=len(self.gbuffers))
-        guides = [
-            Guide(device, layout, equirect=g.equirect, name="test", spans=spans)
-            for g in self.gbuffers
-        ]
+        guides = [Guide(device, layout, name="test", spans=spans) for _ in self.gbuffers]
         masks = self.masks(guides, used)
         layers = [layer_of(self, self.gbuffers[i]) for i in used]
         gather = Guides(device, [guides[i] for i in used], layers)

@@ -61,7 +61,7 @@ def test_what_is_left_out_is_what_it_was(
 
     def run(*, everywhere: bool) -> list[np.ndarray]:
         layout = gbuffers[0].layout
-        guide = Guide(device, layout, equirect=equirect, name="test")
+        guide = Guide(device, layout, name="test")
         mask = Mask(device, guide, Settings().mask, name="test")
         choose = Masks(device, [mask])
         signal_filter = SignalFilter(

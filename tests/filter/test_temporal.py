@@ -40,6 +40,7 @@ class Session:
     ) -> None:
         self.device = device
         self.layout = gbuffer.layout
+        self.planes = signal_planes(kind)
         self.guide = gbuffer.guide(device)
         signals = [Signal("test", kind, self.guide)]
         self.temporal = Temporal(device, signals, settings, rays=rays, published=published)
@@ -67,7 +68,8 @@ class Session:
         return result
 
     def image(self, planes: object) -> np.ndarray:
-        return read(self.device, self.layout, planes)
+        """A plane, or those of the signal of a history."""
+        return read(self.device, self.layout, planes)[: self.planes]
 
 
 def noise(rng: np.random.Generator, kind: Kind, width: int, height: int) -> np.ndarray:

@@ -149,7 +149,7 @@ def test_only_what_drifts_has_a_radiance_of_its_own(gloss: bool) -> None:
     frame = lit(gloss=gloss)
     plain, needed = planned(frame, [BALL]), planned(clipped(frame), [BALL])
     files = [[one.file for one in device.kernels] for device in (plain, needed)]
-    assert sorted([*files[0], "view/resample.cl", "view/sharpen.cl"]) == sorted(files[1])
+    assert sorted([*files[0], *["view/real_layer.cl"] * 2]) == sorted(files[1])
     assert needed.buffers == plain.buffers
     still = Footage.of(frame, video=True)
     plain = planned(frame, [BALL], footage=still)

@@ -46,13 +46,14 @@ def test_an_equirect_view_is_the_panorama_of_the_scene_format() -> None:
 
 
 @pytest.mark.parametrize("view", [SCREEN, AROUND], ids=lambda view: view.projection)
-def test_kernels_get_rotation_focal_length_centre_and_size(view: View) -> None:
+def test_kernels_get_rotation_focal_length_centre_size_and_projection(view: View) -> None:
     constants = view.kernel_constants()
     np.testing.assert_allclose(constants[:9].reshape(3, 3), view.world_from_view, atol=1e-6)
     focal = view.height / 2 / np.tan(np.deg2rad(view.fov_y_deg / 2))
     size = [view.width, view.height]
+    equirect = view.projection == "equirect"
     np.testing.assert_allclose(
-        constants[9:], [focal, view.width / 2, view.height / 2, *size, 0, 0], rtol=1e-6
+        constants[9:], [focal, view.width / 2, view.height / 2, *size, equirect, 0], rtol=1e-6
     )
 
 

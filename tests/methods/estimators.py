@@ -151,7 +151,7 @@ class Kernels:
         """Pixels of virtual surfaces, all of which are traced, and a history without anything."""
         device, renderer = self.device, self.renderer
         seen, layout = renderer.visible, renderer.layout
-        guide = Guide(device, layout, equirect=False, name="run")
+        guide = Guide(device, layout, name="run")
         Guides(device, [guide], [Layer(seen.normal, seen.depth, seen.id)]).run(self.view)
         mask = Mask(device, guide, MaskSettings(sparse=False), name="run")
         Masks(device, [mask]).run(tracing_grid(device, (0, 0)), [seen.motion])

@@ -47,9 +47,8 @@ def show(
     clipped: bool = False,
     edges: bool = False,
 ) -> Layer:
-    layout = PlaneLayout(view.width, view.height)
-    equirect = view.projection == "equirect"
-    layer = RealLayer(device, layout, equirect=equirect, name="real", clipped=clipped, edges=edges)
+    layout = PlaneLayout.of(view)
+    layer = RealLayer(device, layout, name="real", clipped=clipped, edges=edges)
     constants = (device.upload("view", v.kernel_constants()) for v in (view, previous or view))
     layer.run(panorama, *constants)
 
@@ -71,7 +70,7 @@ def show(
 
 def no_edges(device: ComputeDevice, view: View) -> dict[str, cla.Array]:
     """`RealLayer.edges` of a view at none."""
-    layout = PlaneLayout(view.width, view.height)
-    layer = RealLayer(device, layout, equirect=False, name="no edges", edges=True)
+    layout = PlaneLayout.of(view)
+    layer = RealLayer(device, layout, name="no edges", edges=True)
     layer.other_pixel.fill(-1)
     return layer.edges

@@ -44,7 +44,7 @@ def test_equation(
     arrays |= edges(device, layout, share, np.where(at_edge, second, -1), hidden)
     if relit:
         arrays["ratio"] = device.upload("ratio", pixels(ratio))
-    composite = Composite(device, layout, relit=relit, diffuse=diffuse, specular=specular)
+    composite = Composite(device, layout)
     composite.run(upload(device, layout, colour), **arrays)
     picture = np.moveaxis(device.read(composite.picture), -1, 0)
     if not (diffuse or specular):
@@ -66,9 +66,7 @@ def test_untouched_pixels_keep_their_bits(device: ComputeDevice, color_map: bool
     colour.ravel()[:3] = 0.0, 1e-30, 65504.0
     unlit = np.full((3, 17, 31), np.nan)
     mapped = np.einsum("ij,jyx->iyx", COLOR_MAP, colour)
-    composite = Composite(
-        device, layout, relit=True, diffuse=True, specular=True, color_map=color_map
-    )
+    composite = Composite(device, layout)
     composite.run(
         upload(device, layout, colour),
         ratio=device.upload("ratio", pixels(np.ones((3, 17, 31)))),
@@ -118,7 +116,7 @@ def gloss_picture(
     """(3, H, W): a real layer that reflects objects, none of which covers it."""
     _, height, width = colour.shape
     layout = PlaneLayout(width, height)
-    composite = Composite(device, layout, relit=True, diffuse=True, specular=False, gloss=True)
+    composite = Composite(device, layout)
     nothing = np.zeros((3, height, width))
     composite.run(
         upload(device, layout, colour),
@@ -171,9 +169,7 @@ def test_changes_and_objects_are_mapped_back(
     colour, base, albedo, light, shine, ratio = rng.random((6, 3, height, width))
     change = rng.normal(size=colour.shape) if gloss else np.zeros(colour.shape)
     coverage = rng.choice([0.0, 0.3, 1.0], (height, width))
-    composite = Composite(
-        device, layout, relit=True, diffuse=True, specular=True, gloss=gloss, color_map=True
-    )
+    composite = Composite(device, layout)
     composite.run(
         upload(device, layout, colour),
         ratio=device.upload("ratio", pixels(ratio)),

@@ -9,7 +9,6 @@ import pytest
 from pyopencl import cltypes
 
 from iprt.device.compute import ComputeDevice
-from iprt.gbuffer.guide import plane_defines
 from iprt.gbuffer.layout import PlaneLayout
 from iprt.geometry.camera import View
 from iprt.light_view import block_map, enlarging_size
@@ -71,9 +70,9 @@ def enlarged(
     """
     wide = device.wide if wide is None else wide
     small = view.reduced(scale)
-    layouts = [PlaneLayout(v.width, v.height) for v in (view, small)]
+    layouts = [PlaneLayout.of(v) for v in (view, small)]
     ratio = light.shape[-1] == 4
-    defines = plane_defines(equirect=view.projection == "equirect", RATIO=ratio, WIDE=wide)
+    defines = {"RATIO": ratio, "WIDE": wide}
     arguments = {}
     for prefix, layout, surfaces in zip(("", "block_"), layouts, (full, blocks), strict=True):
         for name, image in vars(surfaces).items():
@@ -87,8 +86,7 @@ def enlarged(
         view=device.upload("view", view.kernel_constants()),
         block_view=device.upload("block view", small.kernel_constants()),
         to_block=cltypes.make_float4(*block_map(view, small)),
-        width=view.width,
-        height=view.height,
+        **layouts[0].arguments(),
         block_width=small.width,
         block_height=small.height,
         block_light=device.upload("light of blocks", rows),

@@ -228,7 +228,7 @@ def test_a_turned_panorama_looks_the_same(device: ComputeDevice, name: str, colu
 
 def test_replaced_color_is_kept_bit_for_bit(device: ComputeDevice) -> None:
     layout = PlaneLayout(33, 17)
-    layer = RealLayer(device, layout, equirect=False, name="real")
+    layer = RealLayer(device, layout, name="real")
     picture = np.random.default_rng(1).random((17, 33, 3)).astype(np.float32)
     layer.replace_color(picture)
     np.testing.assert_array_equal(

@@ -9,7 +9,6 @@ import pytest
 from pyopencl import cltypes
 
 from iprt.device.compute import ComputeDevice
-from iprt.gbuffer.guide import plane_defines
 from iprt.gbuffer.layout import PlaneLayout
 from iprt.geometry.camera import View
 from iprt.light_view import block_map
@@ -59,15 +58,14 @@ def reduced(
     device: ComputeDevice, view: View, scale: int, full: dict[str, Float]
 ) -> dict[str, Float]:
     small = view.reduced(scale)
-    layouts = [PlaneLayout(v.width, v.height) for v in (view, small)]
+    layouts = [PlaneLayout.of(v) for v in (view, small)]
     arguments: dict[str, Any] = {}
     for name, channels in PLANES.items():
         image = full[name].reshape(view.height, view.width, channels)
         given = layouts[0].padded(np.moveaxis(image, -1, 0)).astype(np.float32)
         arguments[f"full_{name}"] = device.upload(f"full {name}", given)
         arguments[name] = device.zeros(name, layouts[1].shape(channels))
-    defines = plane_defines(equirect=view.projection == "equirect")
-    device.kernel("view/reduce.cl", "reduce_objects", defines)(
+    device.kernel("view/reduce.cl", "reduce_objects")(
         (small.width, small.height),
         arguments,
         view=device.upload("view", small.kernel_constants()),

@@ -1,7 +1,7 @@
 // The history of a pixel: fetched from the previous picture, corrected, clamped, and added to
 // (filter/temporal.cl). Sources are named there.
 //
-// -DSIGNAL_PLANES, -DDIFFERENCE, -DCOMMON as there; -DCAMERA_MOTION: gbuffer/camera.h.
+// -DCOMMON: filter/signal.h; -DCAMERA_MOTION: gbuffer/camera.h.
 #ifndef IPRT_HISTORY_H
 #define IPRT_HISTORY_H
 
@@ -16,10 +16,10 @@
 #define MAX_LENGTH 1e6f
 #define NEAR_STEP 2           // nine pixels so far apart stand for a 5x5 neighbourhood
 
-static inline void load_signal(float *s, __global const float *signal, int size, int p)
+static inline ALWAYS_INLINE void load_signal(
+    int planes, float *s, __global const float *signal, int size, int p)
 {
-    #pragma unroll
-    for (int c = 0; c < SIGNAL_PLANES; c++)
+    EACH_PLANE(c, planes)
         s[c] = signal[c * size + p];
 }
 
@@ -29,16 +29,15 @@ static inline void without_common(float *s)
 {
 #ifdef COMMON
     #pragma unroll
-    for (int c = 3; c < SIGNAL_PLANES; c++)
-        s[c] -= s[c - 3];
+    for (int c = REFLECTED_PLANES; c < REAL_PLANES; c++)
+        s[c] -= s[c - REFLECTED_PLANES];
 #endif
 }
 
-static inline bool all_finite(const float *s)
+static inline ALWAYS_INLINE bool all_finite(int planes, const float *s)
 {
     float total = 0.0f;
-    #pragma unroll
-    for (int c = 0; c < SIGNAL_PLANES; c++)
+    EACH_PLANE(c, planes)
         total += fabs(s[c]);
     return total < HUGE;
 }
@@ -47,12 +46,12 @@ static inline bool all_finite(const float *s)
 // pixels that share one ray have a part of its weight, so a lone hit that was spread over many of
 // them gives way to the rays of their own that follow. A pixel that waits for its turn takes what
 // others found only if it is the `first` sample.
-static inline float load_sample(
-    float *sample, __global const float *samples, __global const float *guide,
+static inline ALWAYS_INLINE float load_sample(
+    int planes, float *sample, __global const float *samples, __global const float *guide,
     __global const uchar *level, bool first, int size, int p)
 {
-    load_signal(sample, samples, size, p);
-    bool usable = guide[GUIDE_ID * size + p] > 0.0f && all_finite(sample)
+    load_signal(planes, sample, samples, size, p);
+    bool usable = guide[GUIDE_ID * size + p] > 0.0f && all_finite(planes, sample)
                   && (first || level[p] != LEVEL_WAITING);
     int spacing = level_spacing(usable ? level[p] : 0);
     return usable ? 1.0f / (spacing * spacing) : 0.0f;
@@ -66,32 +65,43 @@ static inline float worth_of_biased(float length, float spread, float bias_squar
     return bias_squared > 0.0f ? spread * length / error : length;
 }
 
+// In memory, two more planes follow those of the signal: `spread` and, for neighbours to be compared with, g.
+// So no kernel has more than 31 buffers, which is all that some drivers grant.
+#define SPREAD_PLANE 0
+#define SCALAR_PLANE 1
+
 typedef struct {
-    float signal[SIGNAL_PLANES];
+    float signal[REAL_PLANES];
     float length;   // how many samples it is worth, 0: there is none
     float spread;   // variance of single samples of g
 } History;
 
-static inline History load_history(
-    __global const float *signal, __global const float *length, __global const float *spread,
-    int size, int p)
+static inline ALWAYS_INLINE History load_history(
+    int planes, __global const float *signal, __global const float *length, int size, int p)
 {
     History history;
-    load_signal(history.signal, signal, size, p);
+    load_signal(planes, history.signal, signal, size, p);
     history.length = length[p];
-    history.spread = spread[p];
+    history.spread = signal[(planes + SPREAD_PLANE) * size + p];
     return history;
 }
 
-static inline void store_history(
-    const History *history, __global float *signal, __global float *length, __global float *spread,
-    int size, int p, int x, int width)
+static inline ALWAYS_INLINE void store_scalar(
+    int planes, const float *s, __global float *signal, int size, int p, int x, int width, int seam)
 {
-    #pragma unroll
-    for (int c = 0; c < SIGNAL_PLANES; c++)
-        store_wrapped(signal + c * size, p, x, width, history->signal[c]);
+    __global float *scalar = signal + (planes + SCALAR_PLANE) * size;
+    store_wrapped(scalar, p, x, width, seam, guide_scalar(planes, s));
+}
+
+static inline ALWAYS_INLINE void store_history(
+    int planes, const History *history, __global float *signal, __global float *length, int size, int p,
+    int x, int width, int seam)
+{
+    EACH_PLANE(c, planes)
+        store_wrapped(signal + c * size, p, x, width, seam, history->signal[c]);
+    store_scalar(planes, history->signal, signal, size, p, x, width, seam);
+    signal[(planes + SPREAD_PLANE) * size + p] = history->spread;
     length[p] = history->length;
-    spread[p] = history->spread;
 }
 
 // What it takes to fetch a history: guides of 7 planes, of this and the previous picture;
@@ -100,25 +110,21 @@ static inline void store_history(
 #define FETCH_PARAMETERS                                                                           \
     __global const float *restrict guide, __global const float *restrict guide_previous,           \
         __global const float *restrict motion, __global const float *restrict signal_before,       \
-        __global const float *restrict length_before, __global const float *restrict spread_before, \
-        const float plane_tolerance, const float normal_agreement
+        __global const float *restrict length_before, const float plane_tolerance,                 \
+        const float normal_agreement
 
-// The same for kernels, of each signal, and the variables that hold those of the work item's.
+// The same for kernels, of each signal, and those of the work item's.
 #define FETCH_BATCHED                                                                              \
     BATCHED(PLANES_IN, guide), BATCHED(PLANES_IN, guide_previous), BATCHED(PLANES_IN, motion),     \
         BATCHED(PLANES_IN, signal_before), BATCHED(PLANES_IN, length_before),                      \
-        BATCHED(PLANES_IN, spread_before), const float plane_tolerance,                            \
-        const float normal_agreement
+        const float plane_tolerance, const float normal_agreement
 #define FETCH_ENTRIES                                                                              \
-    PLANES_IN guide = OF_BATCH(guide);                                                             \
-    PLANES_IN guide_previous = OF_BATCH(guide_previous);                                           \
-    PLANES_IN motion = OF_BATCH(motion);                                                           \
-    PLANES_IN signal_before = OF_BATCH(signal_before);                                             \
-    PLANES_IN length_before = OF_BATCH(length_before);                                             \
-    PLANES_IN spread_before = OF_BATCH(spread_before)
+    OF_BATCH(guide), OF_BATCH(guide_previous), OF_BATCH(motion), OF_BATCH(signal_before),          \
+        OF_BATCH(length_before), plane_tolerance, normal_agreement
 
 // The history of what this pixel shows, where the previous picture showed that.
-static inline History fetch_history(FETCH_PARAMETERS, int p, int width, int height CAMERA_PARAMETER)
+static inline ALWAYS_INLINE History fetch_history(
+    int planes, FETCH_PARAMETERS, int p, int width, int height, int seam CAMERA_PARAMETER)
 {
     int size = plane_size(width, height);
     float nx = guide[p], ny = guide[size + p], nz = guide[2 * size + p];
@@ -132,9 +138,8 @@ static inline History fetch_history(FETCH_PARAMETERS, int p, int width, int heig
     px = point.x, py = point.y, pz = point.z;
 #endif
 
-    float past[SIGNAL_PLANES];
-    #pragma unroll
-    for (int c = 0; c < SIGNAL_PLANES; c++)
+    float past[REAL_PLANES];
+    EACH_PLANE(c, planes)
         past[c] = 0.0f;
     float weights = 0.0f, samples = 0.0f, variation = 0.0f;
     float mx = motion[p] - 0.5f, my = motion[size + p] - 0.5f;
@@ -143,7 +148,7 @@ static inline History fetch_history(FETCH_PARAMETERS, int p, int width, int heig
         float fx = mx - left, fy = my - top;
         #pragma unroll 1
         for (int i = 0; i < 4; i++) {
-            int tx = wrap_column(left + (i & 1), width), ty = top + (i >> 1);
+            int tx = wrap_column(left + (i & 1), width, seam), ty = top + (i >> 1);
             float w = ((i & 1) ? fx : 1.0f - fx) * ((i >> 1) ? fy : 1.0f - fy);
             if (!(w > 0.0f) || tx < 0 || tx >= width || ty < 0 || ty >= height)
                 continue;
@@ -156,19 +161,17 @@ static inline History fetch_history(FETCH_PARAMETERS, int p, int width, int heig
             if (guide_previous[6 * size + q] != id || !(fabs(off_plane) <= tolerance)
                 || !(cosine >= normal_agreement) || !(length_before[q] > 0.0f))
                 continue;
-            #pragma unroll
-            for (int c = 0; c < SIGNAL_PLANES; c++)
+            EACH_PLANE(c, planes)
                 past[c] += w * signal_before[c * size + q];
             samples += w * length_before[q];
-            variation += w * spread_before[q];
+            variation += w * signal_before[(planes + SPREAD_PLANE) * size + q];
             weights += w;
         }
     }
     // A lone tap on the pixel centre has weight 1 and stays exact.
     bool found = weights > 0.01f;
     History history;
-    #pragma unroll
-    for (int c = 0; c < SIGNAL_PLANES; c++)
+    EACH_PLANE(c, planes)
         history.signal[c] = found ? past[c] / weights : 0.0f;
     history.length = found ? samples / weights : 0.0f;
     history.spread = found ? variation / weights : 0.0f;
@@ -178,21 +181,22 @@ static inline History fetch_history(FETCH_PARAMETERS, int p, int width, int heig
 // Antilag: where the fast history's mean over a neighbourhood differs from the slow one's by more
 // than noise explains, the slow one, which is worth `before` samples of variance `spread`, is off by
 // the rest, and gives way to the fast one to the degree that this bias makes it the worse estimate.
-// Returns that share; `scalar` is g of the slow one.
-static inline float stale_share(
-    __global const float *restrict guide, __global const float *restrict fast,
-    __global const float *restrict fast_length, __global const float *restrict scalar, float before,
+// Returns that share; g of the slow one is with the fast one.
+static inline ALWAYS_INLINE float stale_share(
+    int planes, __global const float *restrict guide, __global const float *restrict fast,
+    __global const float *restrict fast_length, float before,
     float spread, float sigma, int size, int p, int width)
 {
+    __global const float *restrict scalar = fast + (planes + SCALAR_PLANE) * size;
     float id = guide[GUIDE_ID * size + p];
     float count = 0.0f, sum = 0.0f, square = 0.0f;
     TAP_LOOP
     for (int i = 0; i < 9; i++) {
         int q = p + NEAR_STEP * (i % 3 - 1 + (i / 3 - 1) * plane_stride(width));
-        float s[SIGNAL_PLANES];
-        load_signal(s, fast, size, q);
+        float s[REAL_PLANES];
+        load_signal(planes, s, fast, size, q);
         float same = guide[GUIDE_ID * size + q] == id ? 1.0f : 0.0f;
-        float d = same * (guide_scalar(s) - scalar[q]);
+        float d = same * (guide_scalar(planes, s) - scalar[q]);
         count += same;
         sum += d;
         square += d * d;
@@ -205,13 +209,12 @@ static inline float stale_share(
     return stale ? 1.0f - worth / before : 0.0f;
 }
 
-static inline void correct_history(
-    History *history, __global const float *restrict fast, __global const float *restrict fast_length,
+static inline ALWAYS_INLINE void correct_history(
+    int planes, History *history, __global const float *restrict fast, __global const float *restrict fast_length,
     float share, int size, int p)
 {
     float before = history->length;
-    #pragma unroll
-    for (int c = 0; c < SIGNAL_PLANES; c++) {
+    EACH_PLANE(c, planes) {
         float past = history->signal[c];
         history->signal[c] = past + share * (fast[c * size + p] - past);
     }
@@ -220,35 +223,33 @@ static inline void correct_history(
 
 // Mean +- sigma deviations of a neighbourhood, and the pixel's own value.
 typedef struct {
-    float low[SIGNAL_PLANES];
-    float high[SIGNAL_PLANES];
+    float low[REAL_PLANES];
+    float high[REAL_PLANES];
     bool usable;
 } Box;
 
-static inline Box nearby_box(
-    __global const float *restrict guide, __global const float *restrict nearby, float sigma, int size,
+static inline ALWAYS_INLINE Box nearby_box(
+    int planes, __global const float *restrict guide, __global const float *restrict nearby, float sigma, int size,
     int p, int width)
 {
     float id = guide[GUIDE_ID * size + p];
-    float centre[SIGNAL_PLANES], mean[SIGNAL_PLANES], square[SIGNAL_PLANES];
-    load_signal(centre, nearby, size, p);
+    float centre[REAL_PLANES], mean[REAL_PLANES], square[REAL_PLANES];
+    load_signal(planes, centre, nearby, size, p);
     without_common(centre);
     Box box;
-    box.usable = id > 0.0f && all_finite(centre);
-    #pragma unroll
-    for (int c = 0; c < SIGNAL_PLANES; c++)
+    box.usable = id > 0.0f && all_finite(planes, centre);
+    EACH_PLANE(c, planes)
         mean[c] = square[c] = 0.0f;
     float count = 0.0f;
     TAP_LOOP
     for (int i = 0; i < 9; i++) {
         int q = p + NEAR_STEP * (i % 3 - 1 + (i / 3 - 1) * plane_stride(width));
-        float s[SIGNAL_PLANES];
-        load_signal(s, nearby, size, q);
+        float s[REAL_PLANES];
+        load_signal(planes, s, nearby, size, q);
         without_common(s);
-        bool used = guide[GUIDE_ID * size + q] == id && all_finite(s);
+        bool used = guide[GUIDE_ID * size + q] == id && all_finite(planes, s);
         count += used ? 1.0f : 0.0f;
-        #pragma unroll
-        for (int c = 0; c < SIGNAL_PLANES; c++) {
+        EACH_PLANE(c, planes) {
             // About the centre, which may be large against the spread.
             float d = used ? s[c] - centre[c] : 0.0f;
             mean[c] += d;
@@ -256,8 +257,7 @@ static inline Box nearby_box(
         }
     }
     float scale = 1.0f / fmax(count, 1.0f);
-    #pragma unroll
-    for (int c = 0; c < SIGNAL_PLANES; c++) {
+    EACH_PLANE(c, planes) {
         float m = scale * mean[c];
         float deviation = sigma * sqrt(fmax(scale * square[c] - m * m, 0.0f));
         box.low[c] = centre[c] + fmin(m - deviation, 0.0f);
@@ -269,50 +269,46 @@ static inline Box nearby_box(
 // Clamps the history to such a box (IPRT "Filtering"). Where no object has influence the box of what
 // objects do is a point, so an old shadow goes at once: of E_RV (-DCOMMON) by its difference to E_R,
 // although E_R itself is noisy. The length is lowered where g moved.
-static inline void clamp_history(History *history, const Box *box)
+static inline ALWAYS_INLINE void clamp_history(int planes, History *history, const Box *box)
 {
-    float value[SIGNAL_PLANES], clamped[SIGNAL_PLANES];
-    #pragma unroll
-    for (int c = 0; c < SIGNAL_PLANES; c++)
+    float value[REAL_PLANES], clamped[REAL_PLANES];
+    EACH_PLANE(c, planes)
         value[c] = history->signal[c];
     without_common(value);
     bool moved = false;
-    #pragma unroll
-    for (int c = 0; c < SIGNAL_PLANES; c++) {
+    EACH_PLANE(c, planes) {
         clamped[c] = fmin(fmax(value[c], box->low[c]), box->high[c]);
         moved = moved || clamped[c] != value[c];
 #ifdef COMMON
-        clamped[c] += c < 3 ? 0.0f : clamped[c - 3];
+        clamped[c] += c < REFLECTED_PLANES ? 0.0f : clamped[c - REFLECTED_PLANES];
 #endif
     }
     moved = moved && box->usable;
-    float step = guide_scalar(clamped) - guide_scalar(history->signal);
+    float step = guide_scalar(planes, clamped) - guide_scalar(planes, history->signal);
     float worth = worth_of_biased(history->length, history->spread, step * step);
     history->length = moved ? worth : history->length;
-    #pragma unroll
-    for (int c = 0; c < SIGNAL_PLANES; c++)
+    EACH_PLANE(c, planes)
         history->signal[c] = moved ? clamped[c] : history->signal[c];
 }
 
 // Adds the sample of pixel p to the mean.
-static inline void add_sample(
-    History *history, __global const float *samples, __global const float *guide,
+static inline ALWAYS_INLINE void add_sample(
+    int planes, History *history, __global const float *samples, __global const float *guide,
     __global const uchar *level, float fading, int rays, int size, int p)
 {
-    float sample[SIGNAL_PLANES], before = history->length, variation = history->spread;
+    float sample[REAL_PLANES], before = history->length, variation = history->spread;
     // A fading memory is one of so many frames, whatever their rays.
     float sent = fading > 0.0f ? 1.0f : share_of_rays(before, rays);
     bool first = !(before > 0.0f);
-    float worth = sent * load_sample(sample, samples, guide, level, first, size, p);
+    float worth = sent * load_sample(planes, sample, samples, guide, level, first, size, p);
     bool usable = worth > 0.0f;
     float share = first ? 1.0f : fmax(worth / (before + worth), fading * worth);
     // Fading makes the mean worth (2 - fading) / fading samples at most: so a later, longer
     // average goes on from the right weight.
     float limit = fading > 0.0f ? fmin(2.0f / fading - 1.0f, MAX_LENGTH) : MAX_LENGTH;
-    float step = guide_scalar(sample) - guide_scalar(history->signal);
+    float step = guide_scalar(planes, sample) - guide_scalar(planes, history->signal);
     float varied = first ? 0.0f : (1.0f - share) * (variation + share * sent * step * step);
-    #pragma unroll
-    for (int c = 0; c < SIGNAL_PLANES; c++) {
+    EACH_PLANE(c, planes) {
         float past = history->signal[c];
         float mean = first ? sample[c] : past + share * (sample[c] - past);
         history->signal[c] = usable ? mean : past;
@@ -322,16 +318,15 @@ static inline void add_sample(
 }
 
 // The same for the fast history, which forgets: it is worth `limit` samples at most.
-static inline void add_fast_sample(
-    History *history, __global const float *samples, __global const float *guide,
+static inline ALWAYS_INLINE void add_fast_sample(
+    int planes, History *history, __global const float *samples, __global const float *guide,
     __global const uchar *level, float limit, int size, int p)
 {
-    float sample[SIGNAL_PLANES], before = history->length;
-    float worth = load_sample(sample, samples, guide, level, !(before > 0.0f), size, p);
+    float sample[REAL_PLANES], before = history->length;
+    float worth = load_sample(planes, sample, samples, guide, level, !(before > 0.0f), size, p);
     bool usable = worth > 0.0f;
     float share = before > 0.0f ? worth / fmin(before + worth, limit) : 1.0f;
-    #pragma unroll
-    for (int c = 0; c < SIGNAL_PLANES; c++) {
+    EACH_PLANE(c, planes) {
         float past = history->signal[c];
         float mean = share < 1.0f ? past + share * (sample[c] - past) : sample[c];
         history->signal[c] = usable ? mean : past;

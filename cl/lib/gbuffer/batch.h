@@ -1,22 +1,18 @@
-// Launches that work on a batch of -DBATCH=n layers or signals at once, the third dimension of the
-// grid: a frame of few pixels costs what its launches cost. Each entry has buffers of its own.
+// Launches that work on a batch of up to three layers or signals at once, the third dimension of the
+// grid: a frame of few pixels costs what its launches cost. Each entry has buffers of its own; those
+// that a smaller batch lacks are bound to its first entry's (iprt/gbuffer/batch.py).
 #ifndef IPRT_BATCH_H
 #define IPRT_BATCH_H
 
 // BATCHED declares a parameter for each entry: NAME_0, NAME_1, ...; OF_BATCH is that of the work
 // item's `entry`.
-#if BATCH == 1
-#define BATCHED(TYPE, NAME) TYPE NAME##_0
-#define OF_BATCH(NAME) NAME##_0
-#elif BATCH == 2
-#define BATCHED(TYPE, NAME) TYPE NAME##_0, TYPE NAME##_1
-#define OF_BATCH(NAME) (entry == 0 ? NAME##_0 : NAME##_1)
-#elif BATCH == 3
+#define MOST_ENTRIES 3
 #define BATCHED(TYPE, NAME) TYPE NAME##_0, TYPE NAME##_1, TYPE NAME##_2
 #define OF_BATCH(NAME) (entry == 0 ? NAME##_0 : entry == 1 ? NAME##_1 : NAME##_2)
-#else
-#error "a batch has one to three entries"
-#endif
+
+// The same of kernels whose batches always have one entry.
+#define SINGLE(TYPE, NAME) TYPE NAME##_0
+#define OF_SINGLE(NAME) NAME##_0
 
 #define PLANES_IN __global const float *restrict
 #define PLANES_OUT __global float *restrict

@@ -27,15 +27,15 @@ static inline bool is_traced(int level, int x, int y)
     return level < LEVEL_WAITING && ((x | y) & (level_spacing(level) - 1)) == 0;
 }
 
-// Column of a neighbour: wrapped around the seam in equirect views.
-static inline int wrap_column(int x, int width)
+// Column of a neighbour: wrapped around the seam in equirect views, whose `seam` (planes.h) is not 0. It is
+// less than a turn beyond the picture, but in views narrower than their border.
+static inline int wrap_column(int x, int width, int seam)
 {
-#ifdef VIEW_EQUIRECT
-    x %= width;
-    return x < 0 ? x + width : x;
-#else
-    return x;
+    const int turn = seam ? width : 0;
+#ifdef VIEW_NARROW
+    x = seam ? x % width : x;
 #endif
+    return x < 0 ? x + turn : x >= width ? x - turn : x;
 }
 
 #endif

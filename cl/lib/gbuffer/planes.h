@@ -4,7 +4,7 @@
 #ifndef IPRT_PLANES_H
 #define IPRT_PLANES_H
 
-// PLANE_PAD is set by -D from iprt.gbuffer.layout.
+#define PLANE_PAD 32 // the reach of the widest à-trous level: two taps of stride 16
 
 // Before loops over neighbouring pixels. -D WIDE: unrolled, as PoCL vectorizes only kernels without
 // loops. Compilers for GPUs would then load all neighbours at once, and hold them in registers.
@@ -24,23 +24,22 @@ static inline int plane_index(int x, int y, int width)
     return (y + PLANE_PAD) * plane_stride(width) + x + PLANE_PAD;
 }
 
-// In equirect views, PUT of each index at which the border repeats pixel p, in column x, from across
-// the seam. -DVIEW_NARROW: the border is wider than the view, and repeats it more than once.
-#if !defined(VIEW_EQUIRECT)
-#define AT_BORDER(PUT)
-#elif defined(VIEW_NARROW)
+// PUT of each index at which the border repeats pixel p, in column x, from across the seam: `seam`
+// is PLANE_PAD in equirect views, else 0. -DVIEW_NARROW: the border may be wider than the view, and
+// then repeats it more than once.
+#ifdef VIEW_NARROW
 #define AT_BORDER(PUT)                                                                             \
-    for (int turns = 1; turns <= (PLANE_PAD - 1) / width + 1; turns++) {                           \
-        if (x - turns * width >= -PLANE_PAD)                                                       \
+    for (int turns = 1; (turns - 1) * width < seam; turns++) {                                     \
+        if (x - turns * width >= -seam)                                                            \
             PUT(p - turns * width);                                                                \
-        if (x + turns * width < width + PLANE_PAD)                                                 \
+        if (x + turns * width < width + seam)                                                      \
             PUT(p + turns * width);                                                                \
     }
 #else
 #define AT_BORDER(PUT)                                                                             \
-    if (x < PLANE_PAD)                                                                             \
+    if (x < seam)                                                                                  \
         PUT(p + width);                                                                            \
-    if (x >= width - PLANE_PAD)                                                                    \
+    if (x >= width - seam)                                                                         \
         PUT(p - width);
 #endif
 
@@ -48,17 +47,17 @@ static inline int plane_index(int x, int y, int width)
 
 // Writes the value of pixel p, in column x, to the border.
 static inline void store_border(
-    __global float *restrict plane, int p, int x, int width, float value)
+    __global float *restrict plane, int p, int x, int width, int seam, float value)
 {
     AT_BORDER(PUT)
 }
 
 // Writes it there and at the pixel itself, so that neighbours need no wrapping.
 static inline void store_wrapped(
-    __global float *restrict plane, int p, int x, int width, float value)
+    __global float *restrict plane, int p, int x, int width, int seam, float value)
 {
     PUT(p);
-    store_border(plane, p, x, width, value);
+    store_border(plane, p, x, width, seam, value);
 }
 
 #undef PUT

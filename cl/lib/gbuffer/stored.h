@@ -48,7 +48,8 @@ static inline float load_stored_variance(STORED_IN plane, int p)
 #endif
 
 // As store_wrapped of planes.h.
-static inline void store_stored(STORED_OUT plane, int p, int x, int width, float value)
+static inline void store_stored(
+    STORED_OUT plane, int p, int x, int width, int seam, float value)
 {
 #ifdef HALF_PLANES
     const float clamped = fmin(fmax(value, -LARGEST_HALF), LARGEST_HALF);
@@ -60,12 +61,13 @@ static inline void store_stored(STORED_OUT plane, int p, int x, int width, float
 
 #undef PUT
 
-static inline void store_stored_variance(STORED_OUT plane, int p, int x, int width, float value)
+static inline void store_stored_variance(
+    STORED_OUT plane, int p, int x, int width, int seam, float value)
 {
 #ifdef HALF_PLANES
     value = sqrt(value);
 #endif
-    store_stored(plane, p, x, width, value);
+    store_stored(plane, p, x, width, seam, value);
 }
 
 #endif

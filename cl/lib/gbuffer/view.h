@@ -1,10 +1,12 @@
 // The view's projection. `view` is the 16-float block of View.kernel_constants():
-// rows of world_from_view, focal length and centre in pixels, width, height.
-// -D VIEW_EQUIRECT selects the equirect projection, else perspective.
+// rows of world_from_view, focal length and centre in pixels, width, height, and 1 where the
+// projection is equirect, 0 where it is perspective.
 #ifndef IPRT_VIEW_H
 #define IPRT_VIEW_H
 
 #include "maths/equirect.h"
+
+static inline int is_equirect(__global const float *restrict view) { return view[14] != 0.0f; }
 
 // No arithmetic of vectors: PoCL vectorizes kernels of scalars only.
 
@@ -27,13 +29,11 @@ static inline float3 view_rotate_to_local(__global const float *restrict view, f
 // Unit direction through the image point p (pixels), in the axes of the view.
 static inline float3 view_local_direction(__global const float *restrict view, float2 p)
 {
-#ifdef VIEW_EQUIRECT
-    return equirect_direction(p.x / view[12], p.y / view[13]);
-#else
+    if (is_equirect(view))
+        return equirect_direction(p.x / view[12], p.y / view[13]);
     const float right = p.x - view[10], up = view[11] - p.y, back = -view[9];
     const float inverse = 1.0f / sqrt(right * right + up * up + back * back);
     return (float3)(right * inverse, up * inverse, back * inverse);
-#endif
 }
 
 // The same in those of the world.
@@ -46,14 +46,13 @@ static inline float3 view_direction(__global const float *restrict view, float2 
 static inline float2 view_project(__global const float *restrict view, float3 point)
 {
     float3 p = view_rotate_to_local(view, point);
-#ifdef VIEW_EQUIRECT
-    float2 uv = equirect_uv(p);
-    return (float2)(uv.x * view[12], uv.y * view[13]);
-#else
+    if (is_equirect(view)) {
+        const float2 uv = equirect_uv(p);
+        return (float2)(uv.x * view[12], uv.y * view[13]);
+    }
     const int in_front = p.z < 0.0f;
     return (float2)(in_front ? view[10] - view[9] * p.x / p.z : -1e9f,
                     in_front ? view[11] + view[9] * p.y / p.z : -1e9f);
-#endif
 }
 
 #endif

@@ -4,7 +4,7 @@
 //                          1 + material index; fraction of the pixel where an object is in front,
 //                          previous image point in pixels, fraction where there is any object
 //      materials           material table (lib/world/brdf.h)
-//      real_normal 3, real_depth 1 plane, other and other_pixel [H*W]: the real layer (view/sharpen.cl)
+//      real_normal 3, real_depth 1 plane, other and other_pixel [H*W]: the real layer (view/real_layer.cl)
 // out  normal 3, depth 1 (0: not visible), id 1 (1 + material index), roughness 1 (GGX alpha; 1:
 //      diffuse), albedo 3, coverage 1, motion 2 planes
 //      sides     [H*W]     share of the pixel's own real surface, and of the other one, that objects hide,

@@ -146,15 +146,15 @@ static inline int2 visible_samples(const Objects world, __global const float *re
 }
 
 // A neighbour with a surface, -1: none.
-static inline int nearest_covered_neighbour(__global const float4 *restrict front, int x, int y, int width, int height)
+static inline int nearest_covered_neighbour(__global const float4 *restrict front, int x, int y,
+                                            int width, int height, int wraps)
 {
     const int2 steps[8] = {{-1, 0}, {1, 0}, {0, -1}, {0, 1}, {-1, -1}, {1, -1}, {-1, 1}, {1, 1}};
     for (int i = 0; i < 8; i++) {
         int column = x + steps[i].x;
         const int row = y + steps[i].y;
-#ifdef VIEW_EQUIRECT
-        column = (column + width) % width;
-#endif
+        if (wraps)
+            column = (column + width) % width;
         if (column < 0 || row < 0 || column >= width || row >= height)
             continue;
         if (front[row * width + column].w > 0.0f)
@@ -198,7 +198,7 @@ TRACING_KERNEL void show_objects(
     const int pixel = y * width + x;
     const float3 d = view_direction(view, (float2)(x + 0.5f, y + 0.5f));
     float4 seen = front[pixel], its_material = material[pixel];
-    int from = seen.w > 0.0f ? -1 : nearest_covered_neighbour(front, x, y, width, height);
+    int from = seen.w > 0.0f ? -1 : nearest_covered_neighbour(front, x, y, width, height, is_equirect(view));
     // Here nothing can be lent, whatever samples meet: most of a rectangle around objects.
     if (!(seen.w > 0.0f) && from < 0) {
         display[pixel] = display[width * height + pixel] = (float4)(0.0f);

@@ -43,12 +43,10 @@ class RatioMap:
         self.rows = features.needs.ratio_rows
         self._device = device
         self._view = View(2 * self.rows, self.rows, projection="equirect")
-        layout = PlaneLayout(self._view.width, self._view.height)
+        layout = PlaneLayout.of(self._view)
         self._constants = device.upload("ratio map view", self._view.kernel_constants())
-        layer = RealLayer(
-            device, layout, equirect=True, name="ratio map", radiated=True, camera=camera
-        )
-        guide = Guide(device, layout, equirect=True, name="ratio map", camera=camera)
+        layer = RealLayer(device, layout, name="ratio map", radiated=True, camera=camera)
+        guide = Guide(device, layout, name="ratio map", camera=camera)
         self._guides = Guides(device, [guide], [Layer(layer.normal, layer.depth, layer.id)])
         self._pixels = RealPixels(
             device, layer, guide, features, name="ratio map", min_solid_angle=MIN_SOLID_ANGLE

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
 from iprt.gbuffer.batch import int4
-from iprt.gbuffer.guide import plane_defines
 from iprt.geometry.camera import View
 from iprt.geometry.mesh import Instance, motion_between
 from iprt.raster.layers import COVERAGE_TOLERANCE
@@ -59,11 +58,7 @@ class Visibility:
         materials = sum(len(instance.mesh.materials) for instance in instances)
         self.motion = device.empty(MOTION, (3 * max(materials, 1), 4))
         bvh.follow_vertices()
-        defines = plane_defines(
-            equirect=view.projection == "equirect",
-            COVERAGE_TOLERANCE=COVERAGE_TOLERANCE,
-            **BVH_DEFINES,
-        )
+        defines = {"COVERAGE_TOLERANCE": COVERAGE_TOLERANCE, **BVH_DEFINES}
         self._see = device.kernel("world/objects/visibility.cl", "see_objects", defines)
         self._show = device.kernel("world/objects/visibility.cl", "show_objects", defines)
         self.front = device.empty(FRONT, (view.height, view.width, 4))

@@ -113,7 +113,7 @@ def rasterized(
 
 def visible(device: ComputeDevice, layers: ObjectLayers, view: View) -> VisibleLayer:
     equirect = view.projection == "equirect"
-    layout = PlaneLayout(view.width, view.height)
+    layout = PlaneLayout.of(view)
     layer = VisibleLayer(device, layout, no_edges(device, view), equirect=equirect)
     constants = device.upload("view", view.kernel_constants())
     layer.load(layers, constants, device.upload("materials", material_table(MATERIALS)))

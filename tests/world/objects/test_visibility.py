@@ -78,7 +78,7 @@ class Both:
         now, then = (device.upload("view", v.kernel_constants()) for v in (view, turned))
         materials = [m for i in instances for m in i.mesh.materials]
         table = device.upload("materials", material_table(materials))
-        layout = PlaneLayout(view.width, view.height)
+        layout = PlaneLayout.of(view)
         equirect = view.projection == "equirect"
         self.drawn = VisibleLayer(device, layout, no_edges(device, view), equirect=equirect)
         self.traced = VisibleLayer(device, layout, no_edges(device, view), equirect=equirect)
@@ -211,7 +211,7 @@ def test_an_edge_on_the_seam_borrows_across_it(device: ComputeDevice, side: int)
     panorama = panorama_of(device, room_frame(World(), 64, 32, bright_walls))
     constants = device.upload("view", view.kernel_constants())
     table = device.upload("materials", material_table(ball.mesh.materials))
-    layout = PlaneLayout(view.width, view.height)
+    layout = PlaneLayout.of(view)
     layer = VisibleLayer(device, layout, no_edges(device, view), equirect=True)
     bvh = ObjectBvh(device, [ball])
     bvh.load([ball])
@@ -236,7 +236,7 @@ def test_nothing_in_sight(device: ComputeDevice, view: View) -> None:
     constants = device.upload("view", view.kernel_constants())
     table = device.upload("materials", material_table(seen[0].mesh.materials))
     equirect = view.projection == "equirect"
-    layout = PlaneLayout(view.width, view.height)
+    layout = PlaneLayout.of(view)
     layer = VisibleLayer(device, layout, no_edges(device, view), equirect=equirect)
     bvh = ObjectBvh(device, seen)
     visibility = Visibility(device, view, bvh, seen, SAMPLES)
@@ -262,7 +262,7 @@ def test_rectangles_that_are_filled_anew_leave_nothing_of_the_last_run(
     panorama = panorama_of(device, frame)
     constants = device.upload("view", view.kernel_constants())
     table = device.upload("materials", material_table(ball.mesh.materials))
-    layout = PlaneLayout(view.width, view.height)
+    layout = PlaneLayout.of(view)
     bvh = ObjectBvh(device, [ball])
 
     def pair() -> tuple[Visibility, VisibleLayer]:

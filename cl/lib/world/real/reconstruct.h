@@ -12,11 +12,9 @@
 // Points across a pixel so that no texel under it is left out; 1: the view is about as fine, or finer.
 static inline ALWAYS_INLINE int points_across(__global const float *restrict view, int height)
 {
-#ifdef VIEW_EQUIRECT
-    const float texels = height / view[13];
-#else
-    const float texels = height / (IPRT_PI * view[9]); // in the middle, where pixels are largest
-#endif
+    // In the middle of a perspective view, where pixels are largest.
+    const float rows = is_equirect(view) ? view[13] : IPRT_PI * view[9];
+    const float texels = height / rows;
     return (int)clamp(ceil(texels / SPACING - 1e-3f), 1.0f, (float)MAX_POINTS);
 }
 
@@ -40,16 +38,17 @@ static inline ALWAYS_INLINE Footprint footprint(__global const float *restrict v
 {
     const float3 ahead = view_local_direction(view, (float2)(x + 0.5f, y + 0.5f));
     const float3 d = view_rotate_to_world(view, ahead);
-#ifdef VIEW_EQUIRECT
+    if (!is_equirect(view)) {
+        const float width = -ahead.z / view[9];
+        const float3 right = (float3)(width, 0.0f, 0.0f), down = (float3)(0.0f, -width, 0.0f);
+        return (Footprint){d, equirect_uv(d), uv_change(d, view_rotate_to_world(view, right)),
+                           uv_change(d, view_rotate_to_world(view, down))};
+    }
     const float level = sqrt(fmax(ahead.x * ahead.x + ahead.z * ahead.z, 1e-12f));
     const float column = 2.0f * IPRT_PI / view[12], row = IPRT_PI / view[13];
     const float along = row * ahead.y / level;
     const float3 right = (float3)(-column * ahead.z, 0.0f, column * ahead.x);
     const float3 down = (float3)(along * ahead.x, -row * level, along * ahead.z);
-#else
-    const float width = -ahead.z / view[9];
-    const float3 right = (float3)(width, 0.0f, 0.0f), down = (float3)(0.0f, -width, 0.0f);
-#endif
     return (Footprint){d, equirect_uv(d), uv_change(d, view_rotate_to_world(view, right)),
                        uv_change(d, view_rotate_to_world(view, down))};
 }

@@ -1,0 +1,287 @@
+// The real layer of a view: what the camera shows without objects.
+//
+//   kernel             what it fills
+//   resample_panorama  all planes, from the panorama; resample_glossy: the same where real surfaces reflect
+//   sharpen_edges      depth edges, which are then as sharp as the view is fine (world/real/edges.h);
+//                      sharpen_glossy: the same where real surfaces reflect
+//   diffuse_part       what surfaces radiate to all sides, in the colours that rays find
+//
+// in   view       [16]       lib/gbuffer/view.h
+//      previous   [16]       view of the previous picture
+//      panorama   lib/world/real/real.h surface, range; three floats a texel of color and highlight;
+//                 -D CLIPPED: what of it was clipped (lib/world/real/panorama.h)
+// out  color      3 planes   linear radiance, L_cam of IPRT Eq. 2 (reconstruct.h); the panorama's own bits
+//                            in an equirect view of its size
+//      normal     3 planes   world, facing the capture centre
+//      depth      1 plane    metres from the capture centre; 0: open sky
+//      id         1 plane    1: surface that takes shadows; 0: opening or open sky
+//      motion     2 planes   where the point was in the previous picture, pixels; -1e9: nowhere
+//      other_pixel [H*W]     -1, but of resample_*: the pixel itself where one of the four texels around is at
+//                            a gap, and the view is about as fine as the panorama, or finer; of sharpen_*,
+//                            which goes on there: a pixel (y * width + x) that shows the other side; the
+//                            pixel itself: the view shows none; -1: it is as it was
+//      other      [H*W]      xyz: share of the other side in the radiance, w: in the area, each in [0, 1];
+//                            where sharpen_* leaves other_pixel not -1
+// and of *_glossy, from the panorama's gloss, highlight and the table of real materials
+// (lib/world/brdf.h)
+//      gloss      1 plane    0: diffuse, else 1 + index of the real material
+//      roughness  1 plane    GGX alpha of that
+//      highlight  3 planes   specular part of what the camera saw; infinite where all of it is
+//
+// Where a gap is near, pixels show one side or, on the edge, both by coverage; depth, normal, id and motion
+// are those of the side that covers more. With -D CAMERA_MOTION, `camera` (lib/gbuffer/camera.h) tells where
+// surfaces were; else they stayed.
+#include "gbuffer/camera.h"
+#include "gbuffer/planes.h"
+#include "world/brdf.h"
+#include "world/real/color_map.h"
+#include "world/real/edges.h"
+
+#define BEYOND 0.1f // of a texel's depth, up to which its plane goes on into its neighbours
+
+#ifdef CLIPPED
+#define CLIPPED_PARAMETERS                                                                         \
+    __global const uint *restrict panorama_clipped,                                                \
+        __global const float *restrict panorama_clipped_color,
+#define CLIPPED_ARGUMENTS panorama_clipped, panorama_clipped_color,
+#define SHOWN {panorama_color, panorama_clipped, panorama_clipped_color}
+#else
+#define CLIPPED_PARAMETERS
+#define CLIPPED_ARGUMENTS
+#define SHOWN {panorama_color, 0, 0}
+#endif
+
+#define REAL_LAYER_PARAMETERS                                                                      \
+    const int width, const int height, __global const float *restrict view,                        \
+        __global const float *restrict previous, const int panorama_width,                         \
+        const int panorama_height, __global const float *restrict panorama_color,                  \
+        CLIPPED_PARAMETERS __global const float4 *restrict panorama_surface,                       \
+        __global const float2 *restrict panorama_range, __global float *restrict color,            \
+        __global float *restrict normal, __global float *restrict depth,                           \
+        __global float *restrict id, __global float *restrict motion,                              \
+        __global int *restrict other_pixel CAMERA_PARAMETER
+#define REAL_LAYER_ARGUMENTS                                                                       \
+    width, height, view, previous, panorama_width, panorama_height, panorama_color,                \
+        CLIPPED_ARGUMENTS panorama_surface, panorama_range, color, normal, depth, id, motion,      \
+        other_pixel CAMERA_ARGUMENT
+#define GLOSS_PARAMETERS                                                                           \
+    __global const int *restrict panorama_gloss, __global const float *restrict panorama_highlight, \
+        __global const float4 *restrict real_materials, __global float *restrict gloss,            \
+        __global float *restrict roughness, __global float *restrict highlight
+
+#define PIXEL_ITEM                                                                                 \
+    const int x = get_global_id(0), y = get_global_id(1);                                          \
+    if (x >= width || y >= height)                                                                 \
+        return
+
+// What a pixel shows of a texel's plane in direction v, which may leave the texel's depths by a share `slack` of
+// them. Scalars only: PoCL vectorizes resampling.
+static inline ALWAYS_INLINE void show_surface(
+    int texel, float3 v, float slack, __global const float *restrict previous,
+    __global const float4 *restrict panorama_surface, __global const float2 *restrict panorama_range,
+    int pixel, int size, __global float *restrict normal, __global float *restrict depth,
+    __global float *restrict id, __global float *restrict motion CAMERA_PARAMETER)
+{
+    __global const float *restrict surface = (__global const float *)panorama_surface + 4 * texel;
+    const float gx = surface[0], gy = surface[1], gz = surface[2];
+    const int flags = (int)surface[3];
+    const int visible = !(flags & SURFACE_NONE);
+    const float facing = visible ? -1.0f / sqrt(gx * gx + gy * gy + gz * gz) : 0.0f;
+    normal[pixel] = facing * gx;
+    normal[size + pixel] = facing * gy;
+    normal[2 * size + pixel] = facing * gz;
+    __global const float *restrict near_far = (__global const float *)panorama_range + 2 * texel;
+    const float2 range = (float2)((1.0f - slack) * near_far[0], (1.0f + slack) * near_far[1]);
+    const float inverse = gx * v.x + gy * v.y + gz * v.z;
+    const float radius = visible ? surface_radius(0.0f, inverse, 1.0f, 1.0f, range) : 0.0f;
+    depth[pixel] = radius;
+    id[pixel] = visible && !(flags & SURFACE_OPENING) ? 1.0f : 0.0f;
+#ifdef CAMERA_MOTION
+    // Only the direction of distant surfaces matters.
+    const float3 point = camera_before(camera, v, radius > 0.0f ? 1.0f / radius : 0.0f);
+#else
+    const float3 point = v; // the capture centre stays, so only the direction matters
+#endif
+    const float2 before = view_project(previous, point);
+    motion[pixel] = before.x;
+    motion[size + pixel] = before.y;
+}
+
+// What a pixel shows of a texel's gloss: `index` of the real material + 1, and the highlight's radiance.
+static inline ALWAYS_INLINE void show_gloss(
+    int index, float3 specular, __global const float4 *restrict real_materials, int pixel, int size,
+    __global float *restrict gloss, __global float *restrict roughness,
+    __global float *restrict highlight)
+{
+    const Material material = load_material(real_materials, max(index - 1, 0));
+    const int all = material.kind == KIND_CONDUCTOR;
+    gloss[pixel] = index;
+    roughness[pixel] = index ? material.alpha : 0.0f;
+    highlight[pixel] = index ? (all ? INFINITY : specular.x) : 0.0f;
+    highlight[size + pixel] = index ? (all ? INFINITY : specular.y) : 0.0f;
+    highlight[2 * size + pixel] = index ? (all ? INFINITY : specular.z) : 0.0f;
+}
+
+typedef struct {
+    int texel; // whose surface the pixel shows
+    int points; // lookups across it
+    Footprint inside;
+} Sampled;
+
+static inline ALWAYS_INLINE Sampled resample(int x, int y, REAL_LAYER_PARAMETERS)
+{
+    const int pixel = plane_index(x, y, width), size = plane_size(width, height);
+    const Footprint inside = footprint(view, x, y);
+    const float2 uv = inside.middle;
+    int texel = min((int)(uv.y * panorama_height), panorama_height - 1) * panorama_width
+        + min((int)(uv.x * panorama_width), panorama_width - 1);
+    const Shown shown = SHOWN;
+    const int points = points_across(view, panorama_height);
+    const Taps around = equirect_taps(panorama_width, panorama_height, uv);
+    __global const float *restrict marks = (__global const float *)panorama_surface + 3;
+    const int gap = at_gap((int)marks[4 * around.a]) || at_gap((int)marks[4 * around.b])
+        || at_gap((int)marks[4 * around.below_a]) || at_gap((int)marks[4 * around.below_b]);
+    // The panorama at its own size keeps its bits: rounded directions would blend in neighbours.
+    const int same = is_equirect(view) && width == panorama_width && height == panorama_height
+        && view[0] == 1.0f && view[4] == 1.0f && view[8] == 1.0f;
+    other_pixel[y * width + x] = gap && points == 1 && !same ? y * width + x : -1;
+    float3 radiance;
+    if (same) {
+        texel = y * width + x;
+        radiance = (float3)(shown_texel(shown, texel, 0), shown_texel(shown, texel, 1),
+                            shown_texel(shown, texel, 2));
+    } else {
+        radiance = shown_in_pixel(shown, panorama_width, panorama_height, inside, points);
+    }
+    color[pixel] = radiance.x;
+    color[size + pixel] = radiance.y;
+    color[2 * size + pixel] = radiance.z;
+    show_surface(texel, inside.direction, 0.0f, previous, panorama_surface, panorama_range, pixel, size,
+                 normal, depth, id, motion CAMERA_ARGUMENT);
+    return (Sampled){texel, points, inside};
+}
+
+__kernel void resample_panorama(REAL_LAYER_PARAMETERS)
+{
+    PIXEL_ITEM;
+    resample(x, y, REAL_LAYER_ARGUMENTS);
+}
+
+__kernel void resample_glossy(REAL_LAYER_PARAMETERS, GLOSS_PARAMETERS)
+{
+    PIXEL_ITEM;
+    const Sampled sampled = resample(x, y, REAL_LAYER_ARGUMENTS);
+    const Shown part = {panorama_highlight, 0, 0};
+    const float3 specular
+        = shown_in_pixel(part, panorama_width, panorama_height, sampled.inside, sampled.points);
+    show_gloss(panorama_gloss[sampled.texel], specular, real_materials, plane_index(x, y, width),
+               plane_size(width, height), gloss, roughness, highlight);
+}
+
+typedef struct {
+    int is;         // the pixel is at an edge, and shows
+    int texel;      // the surface of this one
+    float share;    // of the first side in it
+    float mixtures; // how far texels are mixtures of both sides
+    int2 whole;
+    Footprint inside;
+    Window window;
+} Edge;
+
+// Sharpens a pixel; window.red, green and blue are the colours of its window.
+static inline ALWAYS_INLINE Edge sharpen(
+    int x, int y, REAL_LAYER_PARAMETERS, __global float4 *restrict other)
+{
+    const int pixel = plane_index(x, y, width), size = plane_size(width, height);
+    const int itself = y * width + x;
+    Edge edge;
+    edge.is = 0;
+    if (other_pixel[itself] < 0)
+        return edge;
+    other_pixel[itself] = -1;
+    const Footprint inside = footprint(view, x, y);
+    Window window = window_at(panorama_width, panorama_height, inside.middle);
+    const Joints joints = window_joints(panorama_surface, &window);
+    const int2 sides = sides_of_gap(&window, joints);
+    if (INNER & ~(sides.x | sides.y))
+        return edge;
+    const Shown shown = SHOWN;
+    see(&window, shown);
+    const int2 pure = pure_texels(&window, sides, joints.mixed);
+    if (!pure.x)
+        return edge;
+    float mixtures;
+    const float16 coverage = find_coverage(&window, sides.x, pure, joints.mixed, &mixtures);
+    const float2 texels = (float2)(panorama_width, panorama_height);
+    const float share
+        = pixel_coverage(&window, coverage, inside.right * texels, inside.down * texels);
+    const int2 whole = whole_texels(sides, pure, coverage);
+    const float3 first = side_color(&window, whole.x), second = side_color(&window, whole.y);
+    const float3 blurred = load_planes(color, size, pixel);
+    store_planes(color, size, pixel, mix(blurred, mix(second, first, share), mixtures));
+
+    const int is_first = share > 0.5f;
+    const float of_first = mix(blurred_coverage(&window, coverage), share, mixtures);
+    const float area = is_first ? 1.0f - of_first : of_first;
+    const float3 theirs = area * (is_first ? second : first);
+    const float3 light = theirs + (1.0f - area) * (is_first ? first : second);
+    const int beyond = nearest_texel(&window, is_first ? whole.y : whole.x);
+    const float2 there = view_project(view, texel_direction(beyond % panorama_width,
+                                                            beyond / panorama_width,
+                                                            panorama_width, panorama_height));
+    const int in_view = there.x >= 0.0f && there.y >= 0.0f && there.x < width && there.y < height;
+    other_pixel[itself] = in_view ? (int)there.y * width + (int)there.x : itself;
+    other[itself] = in_view ? (float4)(theirs / fmax(light, FLT_MIN), area) : (float4)(0.0f);
+
+    const int texel = nearest_texel(&window, is_first ? sides.x : sides.y);
+    show_surface(texel, inside.direction, BEYOND, previous, panorama_surface, panorama_range, pixel, size,
+                 normal, depth, id, motion CAMERA_ARGUMENT);
+    return (Edge){1, texel, share, mixtures, whole, inside, window};
+}
+
+__kernel void sharpen_edges(REAL_LAYER_PARAMETERS, __global float4 *restrict other)
+{
+    PIXEL_ITEM;
+    sharpen(x, y, REAL_LAYER_ARGUMENTS, other);
+}
+
+__kernel void sharpen_glossy(
+    REAL_LAYER_PARAMETERS, __global float4 *restrict other, GLOSS_PARAMETERS)
+{
+    PIXEL_ITEM;
+    const Edge edge = sharpen(x, y, REAL_LAYER_ARGUMENTS, other);
+    if (!edge.is)
+        return;
+    const int index = panorama_gloss[edge.texel];
+    float3 specular = (float3)(0.0f);
+    if (index) {
+        const Shown part = {panorama_highlight, 0, 0};
+        Window window = edge.window;
+        see(&window, part);
+        specular = mix(shown_in_pixel(part, panorama_width, panorama_height, edge.inside, 1),
+                       mix(side_color(&window, edge.whole.y), side_color(&window, edge.whole.x),
+                           edge.share),
+                       edge.mixtures);
+    }
+    show_gloss(index, specular, real_materials, plane_index(x, y, width), plane_size(width, height),
+               gloss, roughness, highlight);
+}
+
+// The bits of `colour` where there is neither map nor highlight; >= 0.
+__kernel void diffuse_part(
+    __global const float *restrict colour,    // 3 planes, radiance of the real layer
+    __global const float4 *restrict maps,     // lib/world/real/color_map.h; 0: none
+    __global const float *restrict highlight, // 3 planes, in the colours that rays find; 0: none
+    __global float *restrict diffuse,         // out: 3 planes
+    int width,
+    int height)
+{
+    PIXEL_ITEM;
+    const int size = plane_size(width, height), p = plane_index(x, y, width);
+    float3 left = load_planes(colour, size, p);
+    if (maps)
+        left = map_color(maps, TO_REFERENCE, left);
+    if (highlight)
+        left -= load_planes(highlight, size, p);
+    store_planes(diffuse, size, p, fmax(left, 0.0f));
+}
