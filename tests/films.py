@@ -45,7 +45,7 @@ CHECKS = np.random.default_rng(0).random((3, 5, 3)).astype(np.float32)
 FLOOR = Material("plastic", alpha=0.2)
 WALL = Material("conductor", (0.9, 0.7, 0.5), alpha=0.1)
 LOOK = View(13, 7, pitch_deg=-35.0)
-AROUND = View(15, 7, projection="equirect")
+AROUND = View(33, 4, projection="equirect")
 FEW: dict[str, Any] = {
     "trace": {"object_rays": 1},
     "iprt": {"ratio_rows": 16},
