@@ -17,6 +17,7 @@ from iprt.errors import KernelError
 from iprt.files.kernel_source import KernelSource
 
 SCALARS = {"int": np.int32, "uint": np.uint32, "float": np.float32}
+QUALIFIERS = ("const", "__global", "__constant", "restrict", "*")
 
 
 @dataclass(frozen=True)
@@ -28,10 +29,15 @@ class Parameter:
     name : str
     scalar : numpy type or None
         None: a buffer or a vector.
+    kind : str
+        What it is, or points to, such as `float4`.
+    is_buffer : bool
     """
 
     name: str
     scalar: Any
+    kind: str
+    is_buffer: bool
 
 
 def signature(
@@ -70,6 +76,7 @@ def signature(
 
 
 def _parameter(declaration: str) -> Parameter:
-    *kind, name = re.findall(r"\w+|\*", declaration)
-    words = [word for word in kind if word != "const"]
-    return Parameter(name, None if "*" in kind else SCALARS.get(words[0]))
+    *words, name = re.findall(r"\w+|\*", declaration)
+    kind = next(word for word in words if word not in QUALIFIERS)
+    is_buffer = "*" in words
+    return Parameter(name, None if is_buffer else SCALARS.get(kind), kind, is_buffer)
