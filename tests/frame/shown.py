@@ -1,7 +1,7 @@
-"""Pictures that must look alike on every OpenCL driver, each made in a process of its own.
+"""Pictures that must look alike on every OpenCL driver.
 
 Two drivers that bring an LLVM each may crash one another, so that a process uses one of them only:
-`python -m tests.frame.shown CASE FILE` writes those of PoCL, or of `IPRT_TEST_DEVICE`.
+`python -m tests.frame.shown CASE FILE` writes those of PoCL.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from iprt.device.choose import choose_device
 from iprt.device.compute import ComputeDevice
 from iprt.device.icd import OVERRIDES
+from iprt.errors import DeviceError
 from iprt.footage.gloss import with_gloss
 from iprt.geometry.camera import View
 from iprt.renderer import Renderer
@@ -48,24 +49,24 @@ def shown(device: ComputeDevice, case: str) -> Pictures:
     return list(_scene(device, case) if case in SCENES else _method(device, case))
 
 
-def shown_elsewhere(case: str, folder: Path, driver: str = "pocl") -> Pictures | str:
-    """What another process shows on `driver`, registered as usual; or why it cannot.
-
-    `folder` takes the file in between.
+def shown_elsewhere(case: str, folder: Path) -> Pictures | None:
+    """What PoCL shows, in another process; None: it is not installed. `folder` takes the file in
+    between.
     """
     file = folder / f"{case}.npz"
-    kept = {name: value for name, value in os.environ.items() if name not in OVERRIDES}
+    usual = {name: value for name, value in os.environ.items() if name not in OVERRIDES}
     child = subprocess.run(
         [sys.executable, "-m", "tests.frame.shown", case, str(file)],
         cwd=ROOT,
-        env={**kept, "IPRT_TEST_DEVICE": driver},
+        env=usual,
         capture_output=True,
         text=True,
         check=False,
         timeout=DEADLINE_S,
     )
-    if child.returncode != 0:
-        return f"status {child.returncode}: {child.stderr.strip().splitlines()[-1:]}"
+    if child.returncode == DeviceError.exit_code:
+        return None
+    assert child.returncode == 0, child.stderr
     with np.load(file) as arrays:
         return list(arrays.values())
 
@@ -87,11 +88,16 @@ def _method(device: ComputeDevice, name: str) -> Iterator[NDArray[np.float32]]:
         yield renderer.render(2).color
 
 
-def main(case: str, file: str) -> None:
-    """Write the pictures of a case."""
-    device = ComputeDevice(choose_device(os.environ.get("IPRT_TEST_DEVICE", "pocl")))
-    np.savez(file, *shown(device, case))
+def main(case: str, file: str) -> int:
+    """Write the pictures of a case; the exit status."""
+    try:
+        device = choose_device("pocl")
+    except DeviceError as error:
+        print(error, file=sys.stderr)
+        return error.exit_code
+    np.savez(file, *shown(ComputeDevice(device), case))
+    return 0
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    sys.exit(main(*sys.argv[1:]))
