@@ -63,6 +63,8 @@ def _unpack(folder: Path) -> None:
     library = next(folder.glob(LIBRARY), None)
     if library is None:
         raise MissingError(f"{PACKAGE} of this distribution holds no rusticl")
+    if not (folder / BUILTINS).is_dir():  # they are installed where the library looks for them
+        return
     library = library.resolve()
     library.write_bytes(with_builtins_in(library.read_bytes(), FOLDER.relative_to(ROOT)))
     for file in (folder / BUILTINS).glob("spirv*-mesa3d-.spv"):
