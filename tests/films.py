@@ -45,7 +45,7 @@ CHECKS = np.random.default_rng(0).random((3, 5, 3)).astype(np.float32)
 FLOOR = Material("plastic", alpha=0.2)
 WALL = Material("conductor", (0.9, 0.7, 0.5), alpha=0.1)
 LOOK = View(13, 7, pitch_deg=-35.0)
-AROUND = View(33, 4, projection="equirect")
+AROUND, WIDE_AROUND = (View(width, 4, projection="equirect") for width in (33, 129))
 FEW: dict[str, Any] = {
     "trace": {"object_rays": 1},
     "iprt": {"ratio_rows": 16},
@@ -100,7 +100,7 @@ def films(**settings: Any) -> dict[str, Film]:
         ),
         "gloss": (glossy, (clay,), LOOK, SEEN_ONLY),
         "blocks": (glossy, (clay, brass), LOOK, {**SEEN_ONLY, "light_scale": 2}),
-        "blocks around": (_drifting(room), (plastic,), AROUND, {"light_scale": 4}),
+        "blocks around": (_drifting(room), (plastic,), WIDE_AROUND, {"light_scale": 4}),
         "walk": (_carried(room), (clay, brass), LOOK, {}),
         "remembered": (_glossy(_passing(30, 15)), (clay,), LOOK, SEEN_ONLY),
         "environment": (room, _objects(), LOOK, {"method": "ibl"}),

@@ -28,8 +28,8 @@ __kernel void reduce_voxels(
     #pragma unroll
     for (int child = 0; child < 8; child++) {
         const int x = child & 1, y = child >> 1 & 1, z = child >> 2;
-        const int3 at = corner + (int3)(x, y, z);
-        const int there = at.x < fine.x && at.y < fine.y && at.z < fine.z;
+        const int3 child_at = corner + (int3)(x, y, z), at = min(child_at, fine.xyz - 1);
+        const int there = all(child_at == at);
         const int voxel = fine.w + (at.z * fine.y + at.y) * fine.x + at.x;
         const float4 blocked = there ? opacity[voxel] : (float4)(0.0f);
         open += blocked.w;

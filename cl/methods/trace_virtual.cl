@@ -59,8 +59,10 @@ TRACING_KERNEL void trace_virtual(
     const int own = pixel_of(list[item], width), planes = plane_size(width, height);
     const uint first = samples[own];
     const float steady = rays * share_of_rays(history[own], rays);
-    const int more = (int)(steady * isolation(guide, planes, own, plane_stride(width),
-                                              load_planes(guide, planes, own)));
+    const float deserved = steady * isolation(guide, planes, own, plane_stride(width),
+                                              load_planes(guide, planes, own));
+    // A quotient may be 2.5 ulp below the whole number that it is.
+    const int more = max((int)(deserved + 1e-3f), 1);
     float3 n, o, viewer, color;
     for (int ray = 0; ray < more; ray++) {
         const TracedPixel at = TRACED_PIXEL(item, 0x76697274u);

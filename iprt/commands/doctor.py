@@ -49,6 +49,11 @@ def show(report: Record) -> None:
     console.print(device_table(opencl.get("devices", [])))
     if "error" in opencl:
         line(f"OpenCL: {opencl['error']}", "red")
+        for library, record in opencl.get("alone", {}).items():
+            found = record.get("error") or ", ".join(record["devices"])
+            line(f"    {library} alone: {found}", "yellow")
+        if opencl.get("alone"):
+            line("    OCL_ICD_VENDORS=FOLDER leaves drivers out whose .icd files are not in FOLDER")
     else:
         line(f"chosen: {opencl['chosen']}, {opencl['reason']}")
     line(f"OpenCL drivers are registered in {opencl['vendors']}")

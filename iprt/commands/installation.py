@@ -7,12 +7,14 @@ import platform
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from importlib import metadata
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import iprt
 from iprt.commands.probe import probe
 from iprt.device.caches import settle_caches
-from iprt.device.icd import OVERRIDES, SYSTEM_VENDORS, intel_runtime
+from iprt.device.icd import OVERRIDES, SYSTEM_VENDORS, intel_runtime, read_vendors
 from iprt.device.install import (
     GL_PACKAGES,
     apt_command,
@@ -52,18 +54,40 @@ def examine() -> Record:
     -------
     dict
         `ok`: iprt can render; `opencl`: `devices`, `chosen`, `reason`, `vendors`, or
-        `error`; `opengl`: `renderer`, `vendor`, `version`, `software`, or `error`; `caches`:
-        `folder` of compiled kernels and the `problem` with it; `versions`: name -> version or None;
-        `optional`: list of `name`, `purpose`, `version`, `state`; `missing`: list of `what`,
-        `why`, `install`.
+        `error` and `alone` (`drivers_alone`); `opengl`: `renderer`, `vendor`, `version`,
+        `software`, or `error`; `caches`: `folder` of compiled kernels and the `problem` with it;
+        `versions`: name -> version or None; `optional`: list of `name`, `purpose`, `version`,
+        `state`; `missing`: list of `what`, `why`, `install`.
     """
     names = ["opencl", "opengl", "window", "browser", *(["mitsuba"] if _version("mitsuba") else [])]
     with ThreadPoolExecutor() as pool:
         records = dict(zip(names, pool.map(probe, names), strict=True))
     records["opencl"]["vendors"] = vendors_folder()
+    if "devices" not in records["opencl"]:
+        records["opencl"]["alone"] = drivers_alone(Path(vendors_folder()))
     caches = settle_caches()
     folder = None if caches.folder is None else str(caches.folder)
     return diagnose(records, versions()) | {"caches": {"folder": folder, "problem": caches.problem}}
+
+
+def drivers_alone(vendors: Path) -> dict[str, Record]:
+    """The `devices` of each driver of a vendors folder, or an `error`, by the driver's library.
+
+    Each is loaded by a process without the others: one that crashes, or two that clash, end a
+    process that loads all.
+    """
+
+    def alone(entry: tuple[str, str]) -> Record:
+        with TemporaryDirectory() as folder:
+            Path(folder, entry[0]).write_text(f"{entry[1]}\n", encoding="utf-8")
+            record = probe("opencl", variables={OVERRIDES[0]: folder, OVERRIDES[1]: ""})
+        if "devices" in record:
+            return {"devices": [device["name"] for device in record["devices"]]}
+        return {"error": record["error"].partition(": install")[0]}
+
+    entries = read_vendors(vendors)
+    with ThreadPoolExecutor() as pool:
+        return dict(zip(entries.values(), pool.map(alone, entries.items()), strict=True))
 
 
 def diagnose(records: dict[str, Record], found: dict[str, str | None]) -> Record:
@@ -77,7 +101,8 @@ def diagnose(records: dict[str, Record], found: dict[str, str | None]) -> Record
             missing.append({"what": what, "why": why, "install": install})
 
     devices = opencl.get("devices", [])
-    if all(device["problem"] for device in devices):
+    some_alone = any("devices" in record for record in opencl.get("alone", {}).values())
+    if all(device["problem"] for device in devices) and not some_alone:
         command = opencl_command(pocl_fails=bool(devices))
         lacks("OpenCL device", "nothing renders without one", command)
     if "error" in opengl and found["moderngl"]:

@@ -11,7 +11,7 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,14 +21,19 @@ Record = dict[str, Any]
 TIMEOUT_S = 120.0
 
 
-def probe(name: str, timeout_s: float = TIMEOUT_S) -> Record:
-    """The record that the probe `name` of `PROBES` prints, or `{"error": why}`."""
+def probe(
+    name: str, timeout_s: float = TIMEOUT_S, variables: Mapping[str, str] | None = None
+) -> Record:
+    """The record that the probe `name` of `PROBES` prints, or `{"error": why}`.
+
+    `variables` are added to its environment.
+    """
     package_parent = str(Path(__file__).resolve().parents[2])
     path = os.pathsep.join(filter(None, (package_parent, os.environ.get("PYTHONPATH"))))
     try:
         child = subprocess.Popen(
             [sys.executable, "-m", "iprt.commands.probe", name],
-            env={**os.environ, "PYTHONPATH": path},
+            env={**os.environ, "PYTHONPATH": path, **(variables or {})},
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,

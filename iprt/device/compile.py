@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import pickle
+import string
 import sys
 from typing import Any
 
@@ -32,8 +33,9 @@ def launch(context: cl.Context, built: Any, task: KernelTask) -> None:
     middle = memory.get_sub_region(MEMORY_BYTES // 2, MEMORY_BYTES // 2)
     kernel = cl.Kernel(built, task.name)
     for index, parameter in enumerate(task.signature):
-        zeros = np.zeros(parameter.words, np.int32)
-        kernel.set_arg(index, zeros if parameter.words else middle)
+        components = int(parameter.kind.lstrip(string.ascii_letters) or 1)
+        zeros = np.zeros(components, np.int32)
+        kernel.set_arg(index, middle if parameter.is_buffer else zeros)
     items = -(-SMALL_GRID // GROUP) * GROUP if task.large else GROUP
     cl.enqueue_nd_range_kernel(queue, kernel, (items, 1), (GROUP, 1)).wait()
 

@@ -161,7 +161,7 @@ class ComputeDevice:
         program = Program.of(file, defines)
         self.compile([PlannedKernel(file, name, defines or {}, items, later)])
         found = self._programs.pop(program, None) or _Built(program)
-        self._programs[program] = found
+        self._programs[found.program] = found
         kernel = Kernel(
             self,
             lambda: cl.Kernel(self._built(found, name), name),

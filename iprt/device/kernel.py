@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import AbstractContextManager
@@ -93,6 +94,17 @@ def _merged(groups: tuple[Mapping[str, Any], ...], own: Mapping[str, Any]) -> di
     return given
 
 
+def fitting(group: tuple[int, ...], most: int) -> tuple[int, ...]:
+    """A group of at most so many work items: the longest side, a power of two, halved as often as
+    that takes.
+    """
+    sides = list(group)
+    while math.prod(sides) > max(most, 1):
+        longest = sides.index(max(sides))
+        sides[longest] //= 2
+    return tuple(sides)
+
+
 class Kernel:
     """A built kernel of one call site. Its arguments stay bound from call to call.
 
@@ -149,7 +161,7 @@ class Kernel:
         self._bind(groups, own)
         device = self.device
         if size != self._size:
-            local = device.group_size(len(size))
+            local = fitting(device.group_size(len(size)), self._largest_group())
             rounded = tuple(-(-n // m) * m for n, m in zip(size, local, strict=True))
             self._size, self._range = size, (rounded, local)
         global_size, local = self._range
@@ -239,6 +251,14 @@ class Kernel:
         bound = self._bound[0]
         bound.take_buffers([self._bindable[name] for name in self._buffers], buffers)
         return bound
+
+    def _largest_group(self) -> int:
+        """Work items of a group that the device can run of this kernel: of one that needs many
+        registers, perhaps fewer than of others.
+        """
+        what = cl.kernel_work_group_info.WORK_GROUP_SIZE
+        most: int = self._bound[-1].kernel.get_work_group_info(what, self.device.queue.device)
+        return most
 
     @property
     def _described(self) -> str:

@@ -6,7 +6,6 @@ Not every driver tells the parameters of programs that come from its cache.
 from __future__ import annotations
 
 import re
-import string
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,6 +15,7 @@ from iprt.errors import KernelError
 from iprt.files.kernel_source import KernelSource
 
 SCALARS = {"int": np.int32, "uint": np.uint32, "float": np.float32}
+QUALIFIERS = ("const", "__global", "__constant", "restrict", "*")
 
 
 @dataclass(frozen=True)
@@ -27,13 +27,15 @@ class Parameter:
     name : str
     scalar : numpy type or None
         None: a buffer or a vector.
-    words : int
-        Components of a number or vector, of four bytes each; 0: a buffer.
+    kind : str
+        What it is, or points to, such as `float4`.
+    is_buffer : bool
     """
 
     name: str
     scalar: Any
-    words: int
+    kind: str
+    is_buffer: bool
 
 
 def signature(source: KernelSource, kernel: str) -> tuple[Parameter, ...]:
@@ -58,8 +60,7 @@ def signature(source: KernelSource, kernel: str) -> tuple[Parameter, ...]:
 
 
 def _parameter(declaration: str) -> Parameter:
-    *kind, name = re.findall(r"\w+|\*", declaration)
-    words = [word for word in kind if word != "const"]
-    if "*" in kind:
-        return Parameter(name, None, 0)
-    return Parameter(name, SCALARS.get(words[0]), int(words[0].lstrip(string.ascii_letters) or 1))
+    *words, name = re.findall(r"\w+|\*", declaration)
+    kind = next(word for word in words if word not in QUALIFIERS)
+    is_buffer = "*" in words
+    return Parameter(name, None if is_buffer else SCALARS.get(kind), kind, is_buffer)

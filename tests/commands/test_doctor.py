@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 import tomllib
@@ -15,6 +16,7 @@ import pytest
 from iprt.commands import installation as doctor
 from iprt.commands.doctor import show
 from iprt.commands.probe import probe, read_record
+from iprt.device.icd import read_vendors, write_vendors
 
 ROOT = Path(__file__).parents[2]
 DEVICE: dict[str, Any] = {
@@ -152,6 +154,30 @@ def test_a_hanging_child_becomes_an_error() -> None:
 def test_a_child_that_cannot_be_started_becomes_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "executable", "/proc/none")
     assert probe("opencl")["error"].startswith("no process can be started: ")
+
+
+@pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler")
+def test_a_driver_that_crashes_is_told_from_those_that_work(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A driver that ends the process that loads it, beside those of this machine."""
+    source, library = tmp_path / "bad.c", tmp_path / "libbad.so"
+    source.write_text("#include <stdlib.h>\n__attribute__((constructor)) void f(void) { abort(); }")
+    subprocess.run(["cc", "-shared", "-fPIC", "-o", library, source], check=True)
+    working = read_vendors(Path(doctor.vendors_folder()))
+    vendors = write_vendors({**working, "bad.icd": str(library)}, tmp_path)
+    together = probe("opencl", variables={"OCL_ICD_VENDORS": str(vendors)})
+    assert together == {"error": "the process was ended by SIGABRT"}
+    alone = doctor.drivers_alone(vendors)
+    assert alone.pop(str(library)) == together
+    assert any(record.get("devices") for record in alone.values())
+    report = diagnose(together | {"alone": alone, "vendors": str(vendors)}, OPENGL)
+    assert not report["ok"]
+    assert "OpenCL device" not in lacking(report)
+    show(report | CACHES)
+    text = capsys.readouterr().out
+    for name in alone:
+        assert f"{name} alone: " in text
 
 
 def test_json_of_this_machine() -> None:

@@ -120,12 +120,16 @@ def test_a_picture_in_parts_has_the_same_bits(
         np.testing.assert_array_equal(parts.aovs[name], whole.aovs[name])
 
 
-def test_programs_that_are_not_in_use_are_forgotten(device: ComputeDevice) -> None:
+SCALE = "__kernel void scale(__global float *it) { it[get_global_id(0)] *= BY; }"
+
+
+def test_programs_that_are_not_in_use_are_forgotten(device: ComputeDevice, tmp_path: Path) -> None:
     """Those in use stay, however many; what is forgotten can be built again, and counts as new."""
     own = ComputeDevice(device.device)
     own.most_programs = 3
-    variants = [{"VARIANT": number} for number in range(6)]
-    source, name = "view/composite.cl", "composite"
+    variants = [{"BY": number} for number in range(6)]
+    source, name = str(tmp_path / "scale.cl"), "scale"
+    Path(source).write_text(SCALE)
 
     def planned(number: int) -> list[PlannedKernel]:
         return [PlannedKernel(source, name, variants[number])]

@@ -106,7 +106,7 @@ def test_a_device_launches_what_was_compiled(cache: Path) -> None:
     before = compiled(cache)
     kernel = device.kernel(FILE, NAME)
     source = device.upload("source", np.ones((2, 4, 2), np.float32))
-    arguments = {one.name: source if one.words == 0 else 0 for one in kernel.signature}
+    arguments = {one.name: source if one.is_buffer else 0 for one in kernel.signature}
     kernel((1, 1), arguments)
     device.finish()
     assert compiled(cache) == before == [NAME]

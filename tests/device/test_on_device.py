@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from iprt.device.compute import ComputeDevice
-from iprt.device.program import variant
+from iprt.device.program import Program
 from tests.films import planned_kernels
 from tests.gpu import Need, allocated
 from tests.on_device import builds, drivers, packages, suite
@@ -171,8 +171,8 @@ def test_the_log_of_nvidias_driver() -> None:
 
 
 def test_programs_are_built_anew_and_kernels_named(device: ComputeDevice) -> None:
-    file, _, defines = next(found for found in planned_kernels() if found[1] == "composite")
-    rows = builds.built(device, file, tuple(variant(file, defines)[1]))
+    file, _, defines, *_ = next(found for found in planned_kernels() if found.name == "composite")
+    rows = builds.built(device, Program.of(file, defines))
     assert [row["kernel"] for row in rows] == ["composite"]
 
 

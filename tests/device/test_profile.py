@@ -139,6 +139,9 @@ class SlowKernel:
     def __init__(self, clock: HostClock) -> None:
         self.clock, self.pause = clock, 30.0
 
+    def get_work_group_info(self, *_: object) -> int:
+        return 64
+
     def enqueue(self) -> FakeEvent:
         self.clock.wait(self.pause)
         self.pause = 0.0

@@ -71,9 +71,13 @@ def test_conditions_macros_and_included_files(tmp_path: Path) -> None:
 
 def test_kinds() -> None:
     source = "__kernel void k(const int a, uint b, float c, __global int *d, const int4 e) {}"
-    kinds = (np.int32, 1), (np.uint32, 1), (np.float32, 1), (None, 0), (None, 4)
-    expected = tuple(Parameter(name, *kind) for name, kind in zip("abcde", kinds, strict=True))
-    assert signature(read(source), "k") == expected
+    assert signature(read(source), "k") == (
+        Parameter("a", np.int32, "int", is_buffer=False),
+        Parameter("b", np.uint32, "uint", is_buffer=False),
+        Parameter("c", np.float32, "float", is_buffer=False),
+        Parameter("d", None, "int", is_buffer=True),
+        Parameter("e", None, "int4", is_buffer=False),
+    )
 
 
 def test_constants_of_headers() -> None:

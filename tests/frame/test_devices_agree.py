@@ -1,49 +1,61 @@
-"""Two OpenCL implementations show the same pictures: PoCL and Intel's CPU runtime.
+"""OpenCL implementations show the same pictures: that of `IPRT_TEST_DEVICE`, and PoCL.
 
 Their rounding differs, so that a few rays meet something else; what is shown may hardly differ.
 """
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
-from iprt.device.choose import choose_device
 from iprt.device.compute import ComputeDevice
-from iprt.errors import DeviceError
-from iprt.geometry.camera import View
 from iprt.output.display import display
-from tests.frame.test_determinism import walk
-from tests.frame.whole_frame import METHOD
+from tests.frame.shown import CASES, shown, shown_elsewhere
 
-pytestmark = [pytest.mark.gl, pytest.mark.slow]
+pytestmark = pytest.mark.gl
 
-NAMES = ("pocl", "intel")
-NEEDED = "needs PoCL and Intel's CPU runtime (pip install iprt[pocl,intel])"
-LEVELS = 2.0 / 255.0
-SHARE = 0.999
-VIEW = View(128, 96, pitch_deg=-35.0)
+LEVELS, SHARE = 2.0 / 255.0, 0.999
+"""So far may displayed colours of this share of the pixels be apart."""
+MEAN_LEVELS = 0.1 / 255.0
+"""And of all pixels on average: few rays meet something else."""
 
-
-@pytest.fixture(scope="module")
-def both(device: ComputeDevice) -> list[ComputeDevice]:
-    """A device of each implementation; one is that of the other tests, whose kernels are built."""
-    try:
-        found = [choose_device(name) for name in NAMES]
-    except DeviceError as error:
-        pytest.skip(f"{NEEDED}: {error}")
-    if found[0] == found[1]:  # PoCL's device has the processor's name
-        pytest.skip(NEEDED)
-    return [device if one == device.device else ComputeDevice(one) for one in found]
+Picture = NDArray[np.float32]
 
 
-@METHOD
-def test_pictures_agree(both: list[ComputeDevice], method: tuple[str, str]) -> None:
-    """At rest, in motion and after the video changed: at most 2/255 on 99.9% of the pixels."""
-    for step, (one, other) in enumerate(zip(*(walk(d, method, VIEW) for d in both), strict=True)):
-        exposure = 0.4 / float(one.color.mean())
-        shown, wanted = (display(picture.color, exposure) for picture in (one, other))
-        apart = np.abs(shown - wanted).max(-1)
-        share = float((apart <= LEVELS).mean())
-        assert share >= SHARE, f"picture {step}: {share:.4f}, at most {apart.max() * 255:.1f}/255"
-        assert not np.array_equal(one.color, other.color), "compared with itself"
+def require_alike(one: Picture, other: Picture, what: str) -> None:
+    """Two linear pictures, at an exposure that shows them well."""
+    exposure = 0.4 / float(other.mean())
+    apart = np.abs(display(one, exposure) - display(other, exposure)).max(-1)
+    share = float((apart <= LEVELS).mean())
+    told = f"{what}: {255 * apart.mean():.3f}/255 on average, {255 * apart.max():.1f}/255 at most"
+    assert share >= SHARE, f"{told}, at most {255 * LEVELS:.0f}/255 on {share:.4f} of the pixels"
+    assert apart.mean() <= MEAN_LEVELS, told
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", CASES)
+def test_pictures_agree(device: ComputeDevice, case: str, tmp_path: Path) -> None:
+    """Scenes, each method, and a walk over a video that changes."""
+    if "pocl" in device.device.platform.vendor.lower():
+        pytest.skip("compares with PoCL: IPRT_TEST_DEVICE=intel, or ./run rusticl")
+    wanted = shown_elsewhere(case, tmp_path)
+    if wanted is None:
+        pytest.skip("needs PoCL (pip install iprt[pocl])")
+    for step, pictures in enumerate(zip(shown(device, case), wanted, strict=True)):
+        require_alike(*pictures, f"picture {step}")
+
+
+def test_differences_are_found() -> None:
+    """Few pixels that are far apart, and many that are a little; not single ones."""
+    picture = np.random.default_rng(0).random((96, 96, 3)).astype(np.float32)
+    other = picture.copy()
+    other[40, 50:55] *= 0.9
+    require_alike(other, picture, "five pixels")
+    other[40, 55:60] *= 0.9
+    with pytest.raises(AssertionError, match="of the pixels"):
+        require_alike(other, picture, "ten pixels")
+    with pytest.raises(AssertionError, match="on average"):
+        require_alike(1.003 * picture, picture, "brighter by 0.3%")

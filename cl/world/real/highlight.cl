@@ -198,7 +198,7 @@ TRACING_KERNEL void measure_cells(
     float3 sum = (float3)(0.0f);
     const uint seed = hash_combine(hash_combine((uint)cell, 0x63656c6cu), (uint)frame_seed);
     for (int ray = 0; ray < rays && count > 0; ray++) {
-        const int texel = texels[ray % count];
+        const int texel = texels[ray % max(count, 1)];
         const float3 n = -normalize(layer.surface[texel].xyz), p = texel_point(layer, texel);
         const float3 d = frame_to_world(build_frame(n), sample_cosine(sobol_2d(ray, seed)));
         const RealHit hit = trace_real_layer(layer, real_start(layer, p, n), d, INFINITY);
