@@ -12,6 +12,7 @@ import pytest
 from iprt import cli
 from iprt.device.choose import choose_device
 from iprt.device.compute import ComputeDevice
+from tests.like_gpu import LikeGpu
 from tests.scene.files import write_scene
 
 # Examples may take long: other programs may run on all cores.
@@ -25,6 +26,20 @@ hypothesis.settings.load_profile("any speed")
 def device() -> ComputeDevice:
     """The device that the tests run on: `IPRT_TEST_DEVICE`, else PoCL, the baseline."""
     return ComputeDevice(choose_device(os.environ.get("IPRT_TEST_DEVICE", "pocl")))
+
+
+@pytest.fixture(scope="session")
+def gpu(device: ComputeDevice) -> LikeGpu:
+    """The same device, with what is done on GPUs: planes in half precision, for one."""
+    return LikeGpu(device.device)
+
+
+@pytest.fixture
+def own_accounts(device: ComputeDevice, monkeypatch: pytest.MonkeyPatch) -> ComputeDevice:
+    """The device with no buffers accounted yet, for tests of which ones a renderer needs."""
+    monkeypatch.setattr(device, "buffers", {})
+    monkeypatch.setattr(device, "opengl", {})
+    return device
 
 
 @pytest.fixture

@@ -165,7 +165,7 @@ def is_here(command: str) -> bool:
 
 
 @pytest.mark.gl
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize(("blocks", "step"), PARTS)
 def test_commands_run_as_they_are_written(
     blocks: list[list[tuple[list[str], list[str]]]],

@@ -115,7 +115,7 @@ def test_all_is_checked_where_the_driver_does_not_tell_what_is_const(
 
 
 @pytest.mark.gl
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "name", ["triangles", "around", "layers around", "remembered", "environment", "nothing"]
 )

@@ -148,7 +148,7 @@ def test_rays_of_a_picture_are_those_asked_for(device: ComputeDevice) -> None:
 
 
 @pytest.mark.gl
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["published", "around", "nothing"])
 def test_every_kernel_that_counts_leaves_the_picture_as_it_is(
     device: ComputeDevice, name: str
@@ -159,7 +159,7 @@ def test_every_kernel_that_counts_leaves_the_picture_as_it_is(
 
 
 @pytest.mark.gl
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_counting_and_checking_go_together(device: ComputeDevice) -> None:
     """Whichever is put around the other."""
     film = films(gbuffer="cl")["triangles"]

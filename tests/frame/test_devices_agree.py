@@ -16,7 +16,7 @@ from iprt.output.display import display
 from tests.frame.test_determinism import walk
 from tests.frame.whole_frame import METHOD
 
-pytestmark = [pytest.mark.gl, pytest.mark.slow]
+pytestmark = [pytest.mark.gl, pytest.mark.thorough]
 
 NAMES = ("pocl", "intel")
 NEEDED = "needs PoCL and Intel's CPU runtime (pip install iprt[pocl,intel])"

@@ -30,7 +30,6 @@ from tests.frame.whole_frame import (
     still_life,
     two_frames,
 )
-from tests.like_gpu import LikeGpu
 from tests.oracles.worlds import World
 from tests.rendering import render
 from tests.worlds import (
@@ -103,12 +102,11 @@ def test_light_may_have_any_unit(device: ComputeDevice, plain: Film, factor: flo
         assert rms(found.aovs["ratio"] - was.aovs["ratio"]) < 5e-4
 
 
-def test_planes_in_half_precision_are_not_seen(device: ComputeDevice) -> None:
+def test_planes_in_half_precision_are_not_seen(device: ComputeDevice, gpu: ComputeDevice) -> None:
     """Neither beside planes of float, nor in light of another unit."""
     frames, objects = two_frames(), still_life()
     settings = chosen(METHODS[0], gbuffer="gl")
     plain = film(device, frames, objects, VIEW, settings)
-    gpu = LikeGpu(device.device)
     for factor in (1.0, 3e-4, 3e4):
         bright = [replace(f, color=f.color * np.float32(factor)) for f in frames]
         for was, found in zip(plain, film(gpu, bright, objects, VIEW, settings), strict=True):

@@ -168,19 +168,20 @@ def test_nothing_trails(device: ComputeDevice, method: tuple[str, str]) -> None:
 @METHOD
 @VIEWS
 def test_moving_takes_no_more_memory_and_boxes_follow(
-    device: ComputeDevice, frame: Frame, view: View, method: tuple[str, str]
+    own_accounts: ComputeDevice, frame: Frame, view: View, method: tuple[str, str]
 ) -> None:
-    own = ComputeDevice(device.device)
     objects = still_life()
     plan = RenderPlan.of(frame, objects, view, chosen(method))
-    with Renderer(own, frame, objects, view, chosen(method)) as renderer:
+    with Renderer(own_accounts, frame, objects, view, chosen(method)) as renderer:
         renderer.render(1)
         renderer.move(elsewhere(objects))
         renderer.render(2)
         fresh = Renderer(PlanDevice(), frame, elsewhere(objects), view, chosen(method))
         assert fresh._objects is not None
-        np.testing.assert_array_equal(own.read(renderer.world.bounds), fresh._objects.bounds)
-    assert plan.buffers == own.buffers
+        np.testing.assert_array_equal(
+            own_accounts.read(renderer.world.bounds), fresh._objects.bounds
+        )
+    assert plan.buffers == own_accounts.buffers
 
 
 def other(instance: Instance, **changes: Any) -> Instance:

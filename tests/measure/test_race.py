@@ -263,7 +263,7 @@ def test_bad_values_are_one_line(scene: Path, fails: Callable[..., str]) -> None
 
 @pytest.mark.gl
 @pytest.mark.mitsuba
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_mitsuba_finds_the_picture_that_it_made(
     scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -22,11 +22,6 @@ CONSTANTS = 16 * 4
 """Bytes of what a turned view changes: `View.kernel_constants`."""
 
 
-@pytest.fixture
-def gpu(device: ComputeDevice) -> LikeGpu:
-    return LikeGpu(device.device)
-
-
 def renderer(device: ComputeDevice, name: str, **settings: Any) -> Renderer:
     film = films(**settings)[name]
     footage = Footage.of(film.video[0], static_camera=film.static_camera)

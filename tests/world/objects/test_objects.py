@@ -138,7 +138,7 @@ def test_rays_draw_without_opengl(
 
 
 @pytest.mark.parametrize("view", [DOWN, PANORAMA], ids=lambda view: view.projection)
-def test_the_plan_is_what_is_allocated(device: ComputeDevice, view: View) -> None:
+def test_the_plan_is_what_is_allocated(own_accounts: ComputeDevice, view: View) -> None:
     """Without building a tree, which the file name of this test's mesh would take seconds for."""
     frame = room_frame(ROOM, 64, 32, bright_walls)
     objects = [
@@ -148,11 +148,10 @@ def test_the_plan_is_what_is_allocated(device: ComputeDevice, view: View) -> Non
     settings = Settings(gbuffer="cl")
     plan = PlanDevice()
     Renderer(plan, frame, objects, view, settings)
-    own = ComputeDevice(device.device)
-    with Renderer(own, frame, objects, view, settings) as renderer:
+    with Renderer(own_accounts, frame, objects, view, settings) as renderer:
         renderer.render(1)
     for name, size in plan.buffers.items():
-        assert own.buffers[name] == size, name
+        assert own_accounts.buffers[name] == size, name
     assert {name for name in plan.buffers if name.startswith("bvh")} == {
         "bvh nodes", "bvh packets", "bvh instances", "bvh triangles", "bvh normals", "bvh albedos",
     }  # fmt: skip
