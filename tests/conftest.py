@@ -22,6 +22,44 @@ hypothesis.settings.register_profile(
 hypothesis.settings.load_profile("any speed")
 
 
+@pytest.hookimpl(tryfirst=True)  # before -m counts
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark cases of products of parameters as thorough whose values other cases have too."""
+    cases: dict[str, list[pytest.Function]] = {}
+    for item in items:
+        if isinstance(item, pytest.Function) and hasattr(item, "callspec"):
+            cases.setdefault(item.nodeid.partition("[")[0], []).append(item)
+    for functions in cases.values():
+        for item, needed in zip(functions, _covering(functions), strict=True):
+            if not needed:
+                item.add_marker("thorough")
+
+
+def _covering(functions: list[pytest.Function]) -> list[bool]:
+    """Return which cases of a test together have every value of each parameter once, as few as a
+    greedy choice finds.
+    """
+    values = [_values(function) for function in functions]
+    left = set().union(*values)
+    chosen = [False] * len(values)
+    while left:
+        best = max(range(len(values)), key=lambda index: len(values[index] & left))
+        chosen[best] = True
+        left -= values[best]
+    return chosen
+
+
+def _values(function: pytest.Function) -> set[tuple[object, ...]]:
+    """Return what a case has of each list of parameters, and of each fixture that has some."""
+    given = function.callspec.params
+    lists = [mark.args[0] for mark in function.iter_markers("parametrize")]
+    lists = [names.split(",") if isinstance(names, str) else names for names in lists]
+    together = [tuple(name.strip() for name in names) for names in lists]
+    alone = [(name,) for name in given.keys() - {name for names in together for name in names}]
+    # Cases share the very objects.
+    return {(names, *(id(given[name]) for name in names)) for names in (*together, *alone)}
+
+
 @pytest.fixture(scope="session")
 def device() -> ComputeDevice:
     """The device that the tests run on: `IPRT_TEST_DEVICE`, else PoCL, the baseline."""
@@ -40,24 +78,6 @@ def own_accounts(device: ComputeDevice, monkeypatch: pytest.MonkeyPatch) -> Comp
     monkeypatch.setattr(device, "buffers", {})
     monkeypatch.setattr(device, "opengl", {})
     return device
-
-
-@pytest.fixture
-def quick_builds(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    """PoCL compiles without optimising, in half the time.
-
-    For tests of what is around kernels, which launch many of them on few pixels. What the optimiser
-    makes of kernels is tested by all that compare pictures with the truth.
-    """
-    # It keeps what it has built for other tests.
-    assert "device" not in request.fixturenames, "take `quick_device`"
-    monkeypatch.setenv("POCL_EXTRA_BUILD_FLAGS", "-cl-opt-disable")
-
-
-@pytest.fixture
-def quick_device(quick_builds: None) -> ComputeDevice:
-    """The device of a test with `quick_builds`."""
-    return ComputeDevice(choose_device(os.environ.get("IPRT_TEST_DEVICE", "pocl")))
 
 
 @pytest.fixture

@@ -81,11 +81,11 @@ def test_no_such_kernel() -> None:
         signature("__kernel void present(int a) {}", "missing", {}, Path())
 
 
-def test_every_variant_of_every_kernel(quick_device: ComputeDevice) -> None:
+def test_every_variant_of_every_kernel(device: ComputeDevice) -> None:
     variants = planned_kernels()
     assert {name for _, name, _ in variants} == entry_points()
     for file, name, defines in variants:
-        kernel = quick_device.kernel(file, name, defines)
+        kernel = device.kernel(file, name, defines)
         made = kernel.make()
         declared = [
             (

@@ -143,7 +143,6 @@ def test_a_claim_that_does_not_hold_says_why() -> None:
 
 
 @pytest.mark.gl
-@pytest.mark.usefixtures("quick_builds")
 def test_a_view_is_measured(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
