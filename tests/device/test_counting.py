@@ -122,6 +122,7 @@ def test_sums_of_steps_need_more_than_32_bits(device: ComputeDevice) -> None:
     assert Work() + total == total
 
 
+@pytest.mark.thorough
 @pytest.mark.gl
 def test_rays_of_a_picture_are_those_asked_for(device: ComputeDevice) -> None:
     film = films(trace={"light_sampling": False}, iprt={"relight_reflections": False})["triangles"]

@@ -81,6 +81,7 @@ def test_no_such_kernel() -> None:
         signature("__kernel void present(int a) {}", "missing", {}, Path())
 
 
+@pytest.mark.thorough
 def test_every_variant_of_every_kernel(device: ComputeDevice) -> None:
     variants = planned_kernels()
     assert {name for _, name, _ in variants} == entry_points()

@@ -68,6 +68,7 @@ def test_hit_distance_of_a_mirror_ball_is_that_of_a_box_room(device: ComputeDevi
         assert (values["hit_distance"][values["coverage"] == 1.0] > 0.1).all()
 
 
+@pytest.mark.thorough
 def test_hit_distance_of_the_sky_and_of_what_does_not_reflect(device: ComputeDevice) -> None:
     """Under the open sky, upwards: it is as far as anything is."""
     frame = landscape_frame(64, 32)
@@ -157,6 +158,7 @@ def variances(device: ComputeDevice, frames: int) -> dict[str, tuple[Any, Any, N
     }
 
 
+@pytest.mark.thorough
 def test_variance_is_that_over_seeds(device: ComputeDevice) -> None:
     """It is told high rather than low: few samples may have missed a rare event (temporal.cl), and
     the sequences by which rays are sent err less than random ones.

@@ -68,6 +68,7 @@ def last_of(
         return picture
 
 
+@pytest.mark.thorough
 def test_a_mirror_shows_what_a_screen_hides(
     device: ComputeDevice, empty: Frame, screened: Frame
 ) -> None:

@@ -128,6 +128,7 @@ def test_motion_is_that_of_vertices(
             last = step
 
 
+@pytest.mark.thorough
 @METHOD
 def test_bent_is_as_if_always_so(
     device: ComputeDevice, frame: Frame, method: tuple[str, str]

@@ -338,6 +338,7 @@ def test_a_cut_of_the_video_leaves_nothing_behind(
     assert likeness(old.color, truth.color) < 0.5
 
 
+@pytest.mark.thorough
 @METHOD
 def test_a_jump_of_the_head_leaves_nothing_behind(
     device: ComputeDevice, method: tuple[str, str]
@@ -363,6 +364,7 @@ def test_a_jump_of_the_head_leaves_nothing_behind(
     assert shadow > 0.6 * (1.0 - fresh.aovs["ratio"][dark].mean())
 
 
+@pytest.mark.thorough
 @METHOD
 def test_hundreds_of_frames_of_random_motion(
     device: ComputeDevice, method: tuple[str, str]

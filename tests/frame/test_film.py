@@ -88,6 +88,7 @@ def test_runs_know_nothing_of_each_other(scene: Scene, device: ComputeDevice) ->
     assert np.array_equal(first, again)
 
 
+@pytest.mark.thorough
 def test_exposure_and_white_balance_may_drift(tmp_path: Path, device: ComputeDevice) -> None:
     """Each frame is that of the steady video in its own colours; the setting turns that off."""
     steady = Scene.open(write_clip(tmp_path / "steady", 4))

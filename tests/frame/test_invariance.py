@@ -102,6 +102,7 @@ def test_light_may_have_any_unit(device: ComputeDevice, plain: Film, factor: flo
         assert rms(found.aovs["ratio"] - was.aovs["ratio"]) < 5e-4
 
 
+@pytest.mark.thorough
 def test_planes_in_half_precision_are_not_seen(device: ComputeDevice, gpu: ComputeDevice) -> None:
     """Neither beside planes of float, nor in light of another unit."""
     frames, objects = two_frames(), still_life()
@@ -181,6 +182,7 @@ def striped_walls(points: Float, normals: Float) -> Float:
     return bright_walls(points, normals) * waves
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("method", "columns"),
     [(METHODS[0], 135), (METHODS[0], None), (METHODS[1], None)],
@@ -229,6 +231,7 @@ def symmetric(side: int) -> tuple[Frame, list[Instance]]:
     return frame, [ball((x, 1.1 * side, z), 0.18, CLAY) for x, z in places]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("side", "method"), [(-1, METHODS[0]), (1, METHODS[1])], ids=["down", "up"]
 )

@@ -137,6 +137,7 @@ def test_motion_is_where_surfaces_were(
                 assert np.median(np.abs((motion - own)[seen & (number <= 2)])) > 0.5
 
 
+@pytest.mark.thorough
 @METHOD
 def test_nothing_trails(device: ComputeDevice, method: tuple[str, str]) -> None:
     """A ball rolls below a lamp: eight frames later nothing is left of it and its shadow."""
@@ -165,6 +166,7 @@ def test_nothing_trails(device: ComputeDevice, method: tuple[str, str]) -> None:
     assert np.isfinite(blocks(passing.color)).all()
 
 
+@pytest.mark.thorough
 @METHOD
 @VIEWS
 def test_moving_takes_no_more_memory_and_boxes_follow(

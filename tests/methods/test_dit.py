@@ -183,6 +183,7 @@ def test_what_a_mirror_shows_depends_on_its_place(device: ComputeDevice) -> None
     assert np.abs(distant - exact).mean() > 5.0 * np.abs(impostor - exact).mean()
 
 
+@pytest.mark.thorough
 def test_a_convex_room_is_that_of_iprt(device: ComputeDevice) -> None:
     """All is seen from the middle of the objects: nothing is left to approximate but the map."""
     objects = [ball(*BALL, CLAY), box_of(Material(albedo=(0.5, 0.4, 0.3)))]
@@ -206,6 +207,7 @@ def test_a_convex_room_is_that_of_iprt(device: ComputeDevice) -> None:
 # The map follows -----------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 def test_the_map_follows_objects_and_video(device: ComputeDevice) -> None:
     objects = [ball((0.3, -0.5, -1.0), 0.3, CLAY)]
     frame = patterned(128, 64)
@@ -229,6 +231,7 @@ def test_the_map_follows_objects_and_video(device: ComputeDevice) -> None:
         np.testing.assert_array_equal(third[:, 3], second[:, 3])
 
 
+@pytest.mark.thorough
 def test_a_map_that_stays_shows_nearly_what_a_fresh_one_does(
     device: ComputeDevice, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -101,6 +101,7 @@ def nearest_plane(points: Float, normals: Float) -> Any:
     return np.array([*normal, normal @ points[row, column]], np.float32)
 
 
+@pytest.mark.thorough
 def test_both_methods_have_one_mean(device: ComputeDevice) -> None:
     """Pixel by pixel the same paths: what is not gathered is what cancels."""
     frame, objects = windowed(), [ball(*BALL, LAMP), box_of(Material(albedo=(0.3, 0.6, 0.9)))]
@@ -211,6 +212,7 @@ def test_the_plane_is_that_below_the_lowest_object() -> None:
     np.testing.assert_allclose(support_plane(far, bounds), [0.0, 1.0, 0.0, foot[1]], atol=1e-6)
 
 
+@pytest.mark.thorough
 def test_all_bounces_are_those_of_iprt(device: ComputeDevice) -> None:
     """Two implementations of one transport, in a picture of objects that light each other."""
     view = View(48, 36, pitch_deg=-35.0)
