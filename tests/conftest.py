@@ -15,6 +15,9 @@ from iprt.device.compute import ComputeDevice
 from tests.like_gpu import LikeGpu
 from tests.scene.files import write_scene
 
+DEVICE = os.environ.get("IPRT_TEST_DEVICE", "pocl")
+"""What the tests run on; PoCL is the baseline."""
+
 # Examples may take long: other programs may run on all cores.
 hypothesis.settings.register_profile(
     "any speed", deadline=None, suppress_health_check=[hypothesis.HealthCheck.too_slow]
@@ -62,14 +65,14 @@ def _values(function: pytest.Function) -> set[tuple[object, ...]]:
 
 @pytest.fixture(scope="session")
 def device() -> ComputeDevice:
-    """The device that the tests run on: `IPRT_TEST_DEVICE`, else PoCL, the baseline."""
-    return ComputeDevice(choose_device(os.environ.get("IPRT_TEST_DEVICE", "pocl")))
+    """The device that the tests run on."""
+    return ComputeDevice(choose_device(DEVICE))
 
 
 @pytest.fixture(scope="session")
-def gpu(device: ComputeDevice) -> LikeGpu:
+def gpu() -> LikeGpu:
     """The same device, with what is done on GPUs: planes in half precision, for one."""
-    return LikeGpu(device.device)
+    return LikeGpu(choose_device(DEVICE))
 
 
 @pytest.fixture

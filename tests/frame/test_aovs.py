@@ -87,6 +87,7 @@ def test_hit_distance_of_the_sky_and_of_what_does_not_reflect(device: ComputeDev
         assert not read_aov(renderer, "hit_distance").any()
 
 
+@pytest.mark.thorough
 def test_history_length_counts_frames_since_a_surface_came_into_view(
     device: ComputeDevice,
 ) -> None:

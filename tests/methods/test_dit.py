@@ -66,6 +66,7 @@ def test_a_ball_takes_its_form_factor(
         confirm(sent, LAMP.albedo[channel] * factor.ravel(), rounding=3e-3)
 
 
+@pytest.mark.thorough
 def test_every_strategy_has_one_mean(device: ComputeDevice) -> None:
     """Where light is uneven: cached directions or all, aimed at boxes, at lights or at neither."""
     frame, objects = windowed(), [ball(*BALL, CLAY), box_of(LAMP)]
