@@ -46,6 +46,7 @@ def pictures(
         return [picture.color for _, picture in running.frames(indices, warm_up=warm_up)]
 
 
+@pytest.mark.thorough
 def test_a_goal_decides_how_many_frames_a_picture_has(scene: Scene, device: ComputeDevice) -> None:
     settings, view = SETTINGS.model_copy(update={"fading": 0.0}), scene.views["ahead"]
     goal, seen = Goal(0.01, 256, scene.exposure), list[int]()

@@ -153,6 +153,7 @@ def test_boxes_are_met_as_slabs_say(device: ComputeDevice) -> None:
 # Objects -------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("view", [View(64, 48), View(128, 64, projection="equirect")])
 def test_even_light_shows_the_albedo(device: ComputeDevice, view: View) -> None:
     frame = sphere_frame(2.0, 128, 64, 0.7)
@@ -170,6 +171,7 @@ def patterned(width: int = 256, height: int = 128, radius: float = 2.5) -> Frame
     return replace(sphere_frame(radius, width, height, 1.0), color=color.astype(np.float32))
 
 
+@pytest.mark.thorough
 def test_what_a_mirror_shows_depends_on_its_place(device: ComputeDevice) -> None:
     """As with exact rays, and unlike a distant environment (section 8: EM lights uniformly)."""
     objects = [ball((0.5, -0.6, -1.4), 0.35, MIRROR), ball((-0.6, -0.5, -1.2), 0.3, MIRROR)]

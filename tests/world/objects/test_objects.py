@@ -36,6 +36,7 @@ def settings(*, rays: int = 4, represented: str = "", **others: Any) -> Settings
     return variant(estimator, objects=represented, **chosen)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("view", [DOWN, PANORAMA], ids=lambda view: view.projection)
 def test_a_convex_object_is_the_same_in_both(device: ComputeDevice, view: View) -> None:
     frame = room_frame(ROOM, 256, 128, bright_walls)
@@ -75,6 +76,7 @@ def test_what_an_object_hides_casts_a_shadow(device: ComputeDevice) -> None:
     assert ratio[under].mean() < layered - 0.05
 
 
+@pytest.mark.thorough
 def test_a_mirror_shows_what_an_object_hides(device: ComputeDevice) -> None:
     """A red ball behind a wall, seen in a mirror to the right."""
     frame = room_frame(ROOM, 256, 128, lambda points, _: np.full(points.shape, 1.0))
