@@ -77,6 +77,7 @@ def test_moved_is_as_if_always_there(
     require_only_noise(moved.aovs["ratio"], still.aovs["ratio"], again.aovs["ratio"])
 
 
+@pytest.mark.thorough
 @METHOD
 @VIEWS
 def test_still_objects_change_no_bit(

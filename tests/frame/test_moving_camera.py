@@ -73,6 +73,7 @@ def errors(picture: RenderedFrame, truth: RenderedFrame) -> dict[str, float]:
 # What must stay ------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 @METHOD
 @pytest.mark.parametrize("view", [VIEW, WHOLE], ids=lambda view: view.projection)
 def test_the_worlds_own_pose_changes_no_bit(

@@ -134,6 +134,7 @@ def test_the_sky_keeps_its_bits(device: ComputeDevice) -> None:
 # Two projections, and every heading ----------------------------------------------------------
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "view", [DOWN, View(96, 72, yaw_deg=178.0, pitch_deg=-30.0)], ids=["ahead", "seam"]
 )

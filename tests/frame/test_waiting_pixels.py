@@ -36,6 +36,7 @@ def rays_while_turning(renderer: Renderer, frames: range) -> list[int]:
     return counts
 
 
+@pytest.mark.thorough
 def test_settled_pixels_wait_until_something_moves(device: ComputeDevice, frame: Frame) -> None:
     objects = still_life()
     with Renderer(device, frame, objects, VIEW, Settings(fading=0.1)) as renderer:

@@ -135,6 +135,7 @@ def test_a_mirror_ball_over_a_mirror_floor(device: ComputeDevice) -> None:
     assert (error < 0.1).mean() > 0.85
 
 
+@pytest.mark.thorough
 def test_the_seam_does_not_show(device: ComputeDevice) -> None:
     """The whole panorama, turned by half: mirrors and a black ball have nothing random."""
     frame = mirror_room(256, 128)
