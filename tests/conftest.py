@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import hypothesis
 import pytest
@@ -28,9 +29,9 @@ hypothesis.settings.load_profile("any speed")
 @pytest.hookimpl(tryfirst=True)  # before -m counts
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark cases of products of parameters as thorough whose values other cases have too."""
-    cases: dict[str, list[pytest.Function]] = {}
+    cases: dict[str, list[Any]] = {}
     for item in items:
-        if isinstance(item, pytest.Function) and hasattr(item, "callspec"):
+        if item.get_closest_marker("thorough") is None and hasattr(item, "callspec"):
             cases.setdefault(item.nodeid.partition("[")[0], []).append(item)
     for functions in cases.values():
         for item, needed in zip(functions, _covering(functions), strict=True):
@@ -38,7 +39,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
                 item.add_marker("thorough")
 
 
-def _covering(functions: list[pytest.Function]) -> list[bool]:
+def _covering(functions: list[Any]) -> list[bool]:
     """Return which cases of a test together have every value of each parameter once, as few as a
     greedy choice finds.
     """
@@ -52,7 +53,7 @@ def _covering(functions: list[pytest.Function]) -> list[bool]:
     return chosen
 
 
-def _values(function: pytest.Function) -> set[tuple[object, ...]]:
+def _values(function: Any) -> set[tuple[object, ...]]:
     """Return what a case has of each list of parameters, and of each fixture that has some."""
     given = function.callspec.params
     lists = [mark.args[0] for mark in function.iter_markers("parametrize")]

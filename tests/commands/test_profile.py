@@ -48,6 +48,7 @@ def printed(capsys: pytest.CaptureFixture[str], device: ComputeDevice) -> Callab
     return run
 
 
+@pytest.mark.thorough
 @pytest.mark.gl
 def test_a_still_scene_is_profiled_and_compared(
     room: Path, tmp_path: Path, printed: Callable[..., str]

@@ -66,6 +66,7 @@ def test_without_stdout_nothing_is_begun(verb: str, redirection: str, folder: Pa
     assert snapshot(folder) == before
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("verb", "told"),
     [

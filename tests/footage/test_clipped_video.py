@@ -111,6 +111,7 @@ def lamp_scene(folder: Path, name: str, extra: str = "") -> Scene:
     return Scene.open(root)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("name", "extra", "found"),
     [

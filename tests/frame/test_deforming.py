@@ -84,6 +84,7 @@ def total(instances: Sequence[Instance], step: int) -> list[Float]:
     return [i.to_world @ bend if n < 2 else i.to_world for n, i in enumerate(instances)]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("gbuffer", ["gl", "cl"])
 @VIEWS
 def test_motion_is_that_of_vertices(

@@ -110,6 +110,7 @@ def test_a_mirror_shows_what_is_behind_the_window(device: ComputeDevice, opening
     assert np.median(np.abs(wanted - other).max(-1)) > 0.3
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("openings", METHODS)
 def test_the_sun_falls_through_the_window(device: ComputeDevice, openings: str) -> None:
     """Onto the floor, as by Monte Carlo in the true room: twice the light of a painted pane."""

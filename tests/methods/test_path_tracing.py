@@ -71,6 +71,7 @@ def test_one_bounce_is_shadow_alone(device: ComputeDevice, estimator: Estimator)
     np.testing.assert_array_equal(sent, 0.0)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("estimator", WAYS)
 def test_a_window_casts_a_shadow_by_its_direction(
     device: ComputeDevice, estimator: Estimator
@@ -130,6 +131,7 @@ def test_glossy_objects_reflect_their_albedo(
         confirm(np.array([one[kind][inside, 0] for one in runs]), wanted[kind], rounding=1e-3)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("bounces", [1, 2, 3])
 def test_light_between_objects_is_that_of_so_many_surfaces(
     device: ComputeDevice, bounces: int

@@ -71,6 +71,7 @@ def test_furnace_lights_real_surfaces_evenly(
     assert picture.aovs["irradiance_mixed"].max() <= RADIANCE * (1.0 + 2e-6)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "material",
     [

@@ -28,6 +28,7 @@ def made(monkeypatch: pytest.MonkeyPatch) -> list[Renderer]:
     return found
 
 
+@pytest.mark.thorough
 def test_going_back_and_forth_makes_nothing_anew(
     scene: Scene, device: ComputeDevice, made: list[Renderer]
 ) -> None:
