@@ -61,7 +61,11 @@ class Film:
 
 # Units ----------------------------------------------------------------------------------------
 
-CASES = [(METHODS[0], VIEW), (METHODS[1], VIEW), (METHODS[0], PANORAMA)]
+CASES = [
+    (METHODS[0], VIEW),
+    pytest.param((METHODS[1], VIEW), marks=pytest.mark.thorough),
+    (METHODS[0], PANORAMA),
+]
 CASE_NAMES = ["delta-triangles", "ratio-layers", "panorama"]
 
 
@@ -150,7 +154,12 @@ def agrees(device: ComputeDevice, method: tuple[str, str], scene: Scene, other: 
 
 @pytest.mark.parametrize(
     ("method", "columns"),
-    [(METHODS[0], 77), (METHODS[0], 126), (METHODS[1], 1), (METHODS[1], 135)],
+    [
+        (METHODS[0], 77),
+        (METHODS[0], 126),
+        pytest.param(METHODS[1], 1, marks=pytest.mark.thorough),
+        pytest.param(METHODS[1], 135, marks=pytest.mark.thorough),
+    ],
     ids=str,
 )
 def test_a_rolled_panorama_looks_the_same(
