@@ -147,6 +147,7 @@ def test_files_do_not_get_the_number_of_a_closed_stream(folder: Path) -> None:
     assert (folder / "file").read_bytes() == b""
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("words", ["doctor", "--help", "settings", "scene info SCENE", "rendr"])
 def test_a_reader_that_leaves_is_no_error(words: str, folder: Path) -> None:
     """Also where only the last flush finds that out."""
