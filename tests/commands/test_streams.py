@@ -181,6 +181,7 @@ def test_the_plain_locale_of_c_shows_tables(folder: Path) -> None:
     assert b"OpenCL devices" in result.stdout
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("words", "columns"),
     [
@@ -206,6 +207,7 @@ def test_the_version_is_one_line_wherever_it_is_asked_for(folder: Path) -> None:
     assert line.count(b"\n") == 1
 
 
+@pytest.mark.thorough
 def test_quiet_leaves_results_and_errors(folder: Path) -> None:
     """The render without OpenGL logs that rays draw the objects."""
     given = ARGUMENTS["render"]

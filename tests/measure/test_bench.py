@@ -174,6 +174,7 @@ def test_frames_out_of_range_are_refused(frames: int) -> None:
         bench(ROOM, frames=frames)
 
 
+@pytest.mark.thorough
 @pytest.mark.gl
 def test_every_frame_does_all_that_a_new_direction_asks_for(device: ComputeDevice) -> None:
     scene = Scene.open(ROOM)

@@ -291,6 +291,7 @@ def _add(room: Path, mesh: Path) -> str:
     return add_object(room, mesh, 0, -50).name
 
 
+@pytest.mark.thorough
 def test_objects_added_at_the_same_time_are_all_there(room: Path, tmp_path: Path) -> None:
     (tmp_path / "m.obj").write_text(CUBE)
     with multiprocessing.get_context("spawn").Pool(2) as pool:

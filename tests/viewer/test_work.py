@@ -183,6 +183,7 @@ def test_what_a_mesh_file_lost_is_told(scene: Scene, device: ComputeDevice, tmp_
         assert driver.mailbox.status.notes == ()
 
 
+@pytest.mark.thorough
 def test_renderers_and_programs_do_not_pile_up(
     scene: Scene, device: ComputeDevice, monkeypatch: pytest.MonkeyPatch
 ) -> None:
