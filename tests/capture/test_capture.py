@@ -51,6 +51,7 @@ def expected(center: Array = ORIGIN, trace: Trace = room) -> tuple[Array, Array]
     return trace(center, View(WIDTH, WIDTH // 2, projection="equirect").directions())
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("center", [ORIGIN, np.array([0.5, -0.3, 0.4])])
 def test_the_room_at_any_point(center: Array, tmp_path: Path) -> None:
     result = captured(tmp_path / "s", AROUND, center=center)

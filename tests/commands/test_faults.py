@@ -78,6 +78,7 @@ def rendering(scene: Path, picture: Path) -> Iterator[subprocess.Popen[str]]:
         yield child
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_signals_end_a_render_without_traces(
     number: signal.Signals, scene: Path, tmp_path: Path, fails: Callable[..., str]

@@ -35,6 +35,7 @@ def render(
     return run
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "name",
     [

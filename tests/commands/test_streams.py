@@ -158,6 +158,7 @@ def test_a_reader_that_leaves_is_no_error(words: str, folder: Path) -> None:
     assert b"Traceback" not in result.stderr
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("words", "encoding"),
     [
@@ -223,6 +224,7 @@ def test_quiet_leaves_results_and_errors(folder: Path) -> None:
     assert told.stderr.startswith(b"iprt: error: nowhere")
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("flag", ["--verbose", "--profile OUT/times.json"])
 def test_the_table_of_passes_is_shown_where_it_is_asked_for(flag: str, folder: Path) -> None:
     result = shell(f"render {ARGUMENTS['render']} {flag}", folder)

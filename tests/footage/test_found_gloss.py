@@ -151,6 +151,7 @@ def test_even_light_is_reflected_by_the_albedo_of_the_coat(alpha: float) -> None
         assert found[ring].mean() == pytest.approx(2.0 * albedo, rel=0.05)
 
 
+@pytest.mark.thorough
 def test_what_is_clipped_is_reflected_apart() -> None:
     frame = matte_room()
     cells = [RoomCells.of(other, 128) for other in (frame, clipped(frame, 1.0))]
@@ -205,6 +206,7 @@ def test_what_is_clipped_has_a_strength_of_its_own() -> None:
     assert is_strong(found, 50)
 
 
+@pytest.mark.thorough
 def test_texture_alone_is_no_evidence() -> None:
     """t is a Student's t: of many floors without a reflection, few have a large one."""
     found = [pictured(0.0, 0.2, seed)[0] for seed in range(3)]

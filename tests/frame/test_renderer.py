@@ -201,6 +201,7 @@ def test_the_seed_makes_the_picture(device: ComputeDevice, view: View) -> None:
     np.testing.assert_allclose(first.color.mean((0, 1)), other.color.mean((0, 1)), rtol=0.01)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("estimator", "filtered_to"), [("delta", 1.0), ("ratio", 0.8)])
 def test_frames_average_out_the_noise(
     device: ComputeDevice, estimator: str, filtered_to: float

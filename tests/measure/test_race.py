@@ -145,6 +145,7 @@ class Painter:
         return seconds, color
 
 
+@pytest.mark.thorough
 def test_processes_take_turns(scene: Path) -> None:
     done: list[int] = []
     entries = [Pretender("a"), Pretender("b")]
@@ -161,6 +162,7 @@ def test_processes_take_turns(scene: Path) -> None:
     assert done == list(range(1, 17))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("fault", "message"), [("error", "nothing there"), ("end", "a: its process has ended early")]
 )
@@ -170,6 +172,7 @@ def test_what_goes_wrong_there_is_told_here(scene: Path, fault: str, message: st
         list(run_race([subject_of(scene)], entries, [1], enough=1.0, seeds=1))
 
 
+@pytest.mark.thorough
 def test_a_signal_ends_the_processes_too(scene: Path) -> None:
     """With one line; the output is open as long as one of them lives."""
     code = (

@@ -161,6 +161,7 @@ def test_an_animation_by_name_or_number(
     assert snapshot(room) == before
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("suffix", "size", "lowest", "hint"),
     [
@@ -300,6 +301,7 @@ def test_objects_added_at_the_same_time_are_all_there(room: Path, tmp_path: Path
     assert {table.name for table in Scene.open(room).manifest.objects} == set(names)
 
 
+@pytest.mark.thorough
 def test_one_who_changes_a_scene_keeps_others_waiting(room: Path, tmp_path: Path) -> None:
     (tmp_path / "m.obj").write_text(CUBE)
     with multiprocessing.get_context("spawn").Pool(1) as pool:

@@ -69,6 +69,7 @@ def test_renderers_of_a_third_kind_take_the_oldest_place(
     assert set(closed) == set(made)
 
 
+@pytest.mark.thorough
 def test_a_client_has_settings_of_its_own(scene: Scene, device: ComputeDevice) -> None:
     baseline = SETTINGS.model_copy(update={"method": "ibl"})
     with turns(scene, device) as driver:

@@ -80,6 +80,7 @@ def test_edits_stay_when_the_scene_is_read_again(scene: Scene, device: ComputeDe
     assert geometry.names == ()
 
 
+@pytest.mark.thorough
 def test_a_mesh_that_cannot_be_read_is_told(
     scene: Scene, device: ComputeDevice, tmp_path: Path
 ) -> None:
@@ -263,6 +264,7 @@ def test_a_device_that_cannot_be_had_is_told(scene: Scene, device: ComputeDevice
         assert problems(driver) == ()
 
 
+@pytest.mark.thorough
 def test_a_view_that_does_not_fit_is_told(scene: Scene, device: ComputeDevice) -> None:
     with turns(scene, device) as driver:
         client = driver.join()

@@ -28,6 +28,7 @@ def save(driver: Turns, look: Look | None = None) -> None:
     assert driver.mailbox.world.unsaved == ()
 
 
+@pytest.mark.thorough
 def test_undo_goes_on_across_saves(scene: Scene, device: ComputeDevice, tmp_path: Path) -> None:
     """To the bytes that the file had: comments, materials and removed objects come back."""
     path = scene.root / "scene.toml"

@@ -94,6 +94,7 @@ def test_what_can_follow_is_finished(
         assert driver.shown(client).request.view == turned
 
 
+@pytest.mark.thorough
 def test_who_drags_a_slider_sees_pictures(
     scene: Scene, device: ComputeDevice, monkeypatch: pytest.MonkeyPatch
 ) -> None:
