@@ -40,12 +40,14 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def _covering(functions: list[Any]) -> list[bool]:
-    """Return which cases of a test together have every value of each parameter once, as few as a
+    """Return which cases of a test together have every value of each parameter at least once.
+
+    The last one, where lists of parameters are usually at their largest, and as few more as a
     greedy choice finds.
     """
     values = [_values(function) for function in functions]
-    left = set().union(*values)
-    chosen = [False] * len(values)
+    left = set().union(*values) - values[-1]
+    chosen = [False] * (len(values) - 1) + [True]
     while left:
         best = max(range(len(values)), key=lambda index: len(values[index] & left))
         chosen[best] = True
