@@ -228,6 +228,7 @@ def run(words: list[str], output: list[str], capsys: pytest.CaptureFixture[str])
             assert list(Path().glob(re.sub(r"%\d*d", "*", value))), command
 
 
+@pytest.mark.thorough
 @pytest.mark.gl
 def test_python_example_runs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

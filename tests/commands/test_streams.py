@@ -107,6 +107,7 @@ def test_a_disk_that_is_full_at_the_end_tells_what_is_done(
         assert (folder / "a.png").is_file()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("redirection", ["2>&-", "2>/dev/full", "<&- 2>&-"])
 @pytest.mark.parametrize(
     ("words", "code", "out"),
@@ -175,6 +176,7 @@ def test_characters_that_an_encoding_lacks_are_replaced(
     assert b"Error" not in result.stderr
 
 
+@pytest.mark.thorough
 def test_the_plain_locale_of_c_shows_tables(folder: Path) -> None:
     result = shell("doctor", folder, LC_ALL="C", PYTHONUTF8="0", PYTHONCOERCECLOCALE="0")
     assert result.returncode == 0, result.stderr

@@ -157,6 +157,7 @@ def test_inside_an_object_one_sees_its_inside(
     np.testing.assert_allclose(picture.color.mean((0, 1)), wanted[0, 0], rtol=0.01)
 
 
+@pytest.mark.thorough
 @METHOD
 def test_an_object_at_the_centre_has_a_picture(
     device: ComputeDevice, method: tuple[str, str]
@@ -314,6 +315,7 @@ def errors(picture: RenderedFrame, truth: RenderedFrame) -> dict[str, float]:
     return {"all": rms(apart), "objects": rms(apart[solid]), "ratio": rms(ratio)}
 
 
+@pytest.mark.thorough
 @METHOD
 def test_a_cut_of_the_video_leaves_nothing_behind(
     device: ComputeDevice, method: tuple[str, str]

@@ -173,6 +173,7 @@ def test_a_rolled_panorama_looks_the_same(
     agrees(device, method, (frame, objects, view), (rolled, moved, there))
 
 
+@pytest.mark.thorough
 @METHOD
 @pytest.mark.parametrize("meshes", [False, True], ids=["transforms", "meshes"])
 def test_a_mirrored_world_looks_mirrored(

@@ -148,6 +148,7 @@ def of_every_kind(albedo: float) -> list[Instance]:
     return [ball((i - 1.0, FLOOR + 0.3, -1.5), 0.3, kind) for i, kind in enumerate(kinds)]
 
 
+@pytest.mark.thorough
 def test_light_from_outside_knows_of_no_objects(device: ComputeDevice) -> None:
     """E_R is what it is for black ones."""
 

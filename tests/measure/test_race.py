@@ -200,6 +200,7 @@ def test_a_signal_ends_the_processes_too(scene: Path) -> None:
 # Contenders ------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 @pytest.mark.gl
 def test_pictures_of_iprt_are_those_of_a_renderer_of_its_own(
     device: ComputeDevice, scene: Path, monkeypatch: pytest.MonkeyPatch

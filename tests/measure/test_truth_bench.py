@@ -331,6 +331,7 @@ def test_what_was_measured_before_an_error_is_kept(
     assert marks_in(page_of(html)) == 1
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("results", "printed"), [("", ""), ("1", "table\n")])
 def test_what_was_measured_before_a_signal_is_printed(results: str, printed: str) -> None:
     code = (

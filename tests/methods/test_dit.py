@@ -42,9 +42,9 @@ def dit(**others: Any) -> Settings:
     ("estimator", "around", "own"),
     [
         ("dit, aimed", "plain", {"cache": 32}),
-        ("dit, even", "plain", {"cache": 6}),
+        pytest.param("dit, even", "plain", {"cache": 6}, marks=pytest.mark.thorough),
         ("dit, even", "sphere", {"directions": "all"}),
-        ("dit, aimed", "sphere", {"directions": "boxes"}),
+        pytest.param("dit, aimed", "sphere", {"directions": "boxes"}, marks=pytest.mark.thorough),
     ],
 )
 def test_a_ball_takes_its_form_factor(

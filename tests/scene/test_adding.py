@@ -192,6 +192,7 @@ def test_likely_mistakes_are_hinted_at(
         assert any(hint in line for line in added.hints)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("unit", "warning"),
     [

@@ -81,6 +81,7 @@ def test_a_client_has_settings_of_its_own(scene: Scene, device: ComputeDevice) -
         assert (driver.shown(ours).picture.color != expected).any()
 
 
+@pytest.mark.thorough
 def test_surfaces_come_at_rest(scene: Scene, device: ComputeDevice) -> None:
     """Not while the camera turns; real ones stay known while an object moves over them."""
     with turns(scene, device) as driver:

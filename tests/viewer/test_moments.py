@@ -191,6 +191,7 @@ class Fails:
         monkeypatch.setattr(module.Kernel, "__call__", failing)
 
 
+@pytest.mark.thorough
 def test_a_lost_device_is_made_anew_once(
     scene: Scene, device: ComputeDevice, monkeypatch: pytest.MonkeyPatch
 ) -> None:

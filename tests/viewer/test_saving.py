@@ -111,6 +111,7 @@ def test_saved_edits_outdate_the_truth(judged: Scene, device: ComputeDevice) -> 
     assert path.read_text() == first
 
 
+@pytest.mark.thorough
 def test_what_was_added_is_seen_when_the_scene_is_opened_again(
     judged: Scene, device: ComputeDevice
 ) -> None:
