@@ -294,7 +294,6 @@ def test_flux_turns_with_the_camera(device: ComputeDevice) -> None:
     assert np.median(length / true) == pytest.approx(1.0, abs=0.05)
 
 
-@pytest.mark.thorough
 def test_random_numbers_go_on(device: ComputeDevice) -> None:
     """Cells that forget draw other samples: what they say over time is the mean of many."""
     rows = {"rows": 32}
