@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import hypothesis
 import pytest
@@ -12,7 +13,11 @@ import pytest
 from iprt import cli
 from iprt.device.choose import choose_device
 from iprt.device.compute import ComputeDevice
+from tests.like_gpu import LikeGpu
 from tests.scene.files import write_scene
+
+DEVICE = os.environ.get("IPRT_TEST_DEVICE", "pocl")
+"""What the tests run on; PoCL is the baseline."""
 
 # Examples may take long: other programs may run on all cores.
 hypothesis.settings.register_profile(
@@ -21,28 +26,64 @@ hypothesis.settings.register_profile(
 hypothesis.settings.load_profile("any speed")
 
 
+@pytest.hookimpl(tryfirst=True)  # before -m counts
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark cases of products of parameters as thorough whose values other cases have too."""
+    cases: dict[str, list[Any]] = {}
+    for item in items:
+        if item.get_closest_marker("thorough") is None and hasattr(item, "callspec"):
+            cases.setdefault(item.nodeid.partition("[")[0], []).append(item)
+    for functions in cases.values():
+        for item, needed in zip(functions, _covering(functions), strict=True):
+            if not needed:
+                item.add_marker("thorough")
+
+
+def _covering(functions: list[Any]) -> list[bool]:
+    """Return which cases of a test together have every value of each parameter at least once.
+
+    The last one, where lists of parameters are usually at their largest, and as few more as a
+    greedy choice finds.
+    """
+    values = [_values(function) for function in functions]
+    left = set().union(*values) - values[-1]
+    chosen = [False] * (len(values) - 1) + [True]
+    while left:
+        best = max(range(len(values)), key=lambda index: len(values[index] & left))
+        chosen[best] = True
+        left -= values[best]
+    return chosen
+
+
+def _values(function: Any) -> set[tuple[object, ...]]:
+    """Return what a case has of each list of parameters, and of each fixture that has some."""
+    given = function.callspec.params
+    lists = [mark.args[0] for mark in function.iter_markers("parametrize")]
+    lists = [names.split(",") if isinstance(names, str) else names for names in lists]
+    together = [tuple(name.strip() for name in names) for names in lists]
+    alone = [(name,) for name in given.keys() - {name for names in together for name in names}]
+    # Cases share the very objects.
+    return {(names, *(id(given[name]) for name in names)) for names in (*together, *alone)}
+
+
 @pytest.fixture(scope="session")
 def device() -> ComputeDevice:
-    """The device that the tests run on: `IPRT_TEST_DEVICE`, else PoCL, the baseline."""
-    return ComputeDevice(choose_device(os.environ.get("IPRT_TEST_DEVICE", "pocl")))
+    """The device that the tests run on."""
+    return ComputeDevice(choose_device(DEVICE))
+
+
+@pytest.fixture(scope="session")
+def gpu() -> LikeGpu:
+    """The same device, with what is done on GPUs: planes in half precision, for one."""
+    return LikeGpu(choose_device(DEVICE))
 
 
 @pytest.fixture
-def quick_builds(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    """PoCL compiles without optimising, in half the time.
-
-    For tests of what is around kernels, which launch many of them on few pixels. What the optimiser
-    makes of kernels is tested by all that compare pictures with the truth.
-    """
-    # It keeps what it has built for other tests.
-    assert "device" not in request.fixturenames, "take `quick_device`"
-    monkeypatch.setenv("POCL_EXTRA_BUILD_FLAGS", "-cl-opt-disable")
-
-
-@pytest.fixture
-def quick_device(quick_builds: None) -> ComputeDevice:
-    """The device of a test with `quick_builds`."""
-    return ComputeDevice(choose_device(os.environ.get("IPRT_TEST_DEVICE", "pocl")))
+def own_accounts(device: ComputeDevice, monkeypatch: pytest.MonkeyPatch) -> ComputeDevice:
+    """The device with no buffers accounted yet, for tests of which ones a renderer needs."""
+    monkeypatch.setattr(device, "buffers", {})
+    monkeypatch.setattr(device, "opengl", {})
+    return device
 
 
 @pytest.fixture

@@ -84,6 +84,7 @@ def run(sources: Path, code: str) -> dict[str, float]:
     return found
 
 
+@pytest.mark.thorough
 def test_a_material(sources: Path) -> None:
     change(sources, MATERIAL)
     means = run(sources, RENDER_MATERIALS)
@@ -155,6 +156,7 @@ print(json.dumps(found))
 """
 
 
+@pytest.mark.thorough
 def test_a_pass(sources: Path) -> None:
     """It is in the picture, in the profile, and in the plan of kernels and memory."""
     for name, text in PASS.items():

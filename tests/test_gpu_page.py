@@ -131,6 +131,7 @@ def test_a_panorama_is_resized() -> None:
         assert np.all(np.diff(found.color[:, 0, 0]) >= 0.0)
 
 
+@pytest.mark.thorough
 def test_a_frame_is_counted(device: ComputeDevice) -> None:
     size = Size(16, 16, 1, {**GBUFFER, "method": "ibl"})
     marked: list[tuple[str, ...]] = []

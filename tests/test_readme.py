@@ -165,7 +165,7 @@ def is_here(command: str) -> bool:
 
 
 @pytest.mark.gl
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize(("blocks", "step"), PARTS)
 def test_commands_run_as_they_are_written(
     blocks: list[list[tuple[list[str], list[str]]]],
@@ -228,6 +228,7 @@ def run(words: list[str], output: list[str], capsys: pytest.CaptureFixture[str])
             assert list(Path().glob(re.sub(r"%\d*d", "*", value))), command
 
 
+@pytest.mark.thorough
 @pytest.mark.gl
 def test_python_example_runs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

@@ -138,7 +138,7 @@ def test_the_unit_of_length_does_not_matter(factor: float) -> None:
     assert is_tree(scaled, 2000)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_hundreds_of_thousands_of_triangles() -> None:
     mesh = bumpy(np.random.default_rng(2), 7)
     assert len(mesh.triangles) > 3e5

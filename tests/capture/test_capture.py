@@ -51,6 +51,7 @@ def expected(center: Array = ORIGIN, trace: Trace = room) -> tuple[Array, Array]
     return trace(center, View(WIDTH, WIDTH // 2, projection="equirect").directions())
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("center", [ORIGIN, np.array([0.5, -0.3, 0.4])])
 def test_the_room_at_any_point(center: Array, tmp_path: Path) -> None:
     result = captured(tmp_path / "s", AROUND, center=center)
@@ -75,7 +76,7 @@ def test_what_was_never_seen_is_marked(tmp_path: Path) -> None:
     assert 0.4 < result.seen_share < 0.8
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_thing_that_went_away_is_removed(tmp_path: Path) -> None:
     ball = with_ball(np.array([0.3, -0.2, -1.2]), 0.3)
     # Depth is missing in places: to be sure of what is gone, the camera looks twice.

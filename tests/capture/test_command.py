@@ -32,6 +32,7 @@ def sequence(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_tum(folder, CAMERA, POSES, lambda _, origin, rays: room(origin, rays))
 
 
+@pytest.mark.thorough
 def test_a_captured_room_lights_objects_as_the_room_does(
     sequence: Path, tmp_path: Path, device: ComputeDevice, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -42,7 +42,7 @@ def clean(color: Array) -> Array:
     return denoise(image, grey, ahead, wrap=False).astype(np.float64)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_our_room_is_captured(mi: Any, tmp_path: Path) -> None:
     scene = load_scene(load_parts("scenes360.room.model"))
     random = np.random.default_rng(3)

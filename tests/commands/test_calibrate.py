@@ -31,7 +31,7 @@ def quick(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     return write_tiny(tmp_path / "room", "near", "again", "third")
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_table_of_the_device_is_kept_and_used(
     quick: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -48,7 +48,7 @@ def test_a_table_of_the_device_is_kept_and_used(
         assert mine.seconds_of(256).mean > 0.0
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_table_with_the_accuracy_of_the_scene(quick: Path, tmp_path: Path) -> None:
     output = tmp_path / "a.toml"
     words = ["calibrate", quick, "--view", "near", "--ssim", "-o", output, "--device", DEVICE]

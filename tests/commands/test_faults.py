@@ -78,6 +78,7 @@ def rendering(scene: Path, picture: Path) -> Iterator[subprocess.Popen[str]]:
         yield child
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_signals_end_a_render_without_traces(
     number: signal.Signals, scene: Path, tmp_path: Path, fails: Callable[..., str]
@@ -109,6 +110,7 @@ def test_compare_takes_its_folder_too(
     assert f"out: process {os.getpid()} on " in line
 
 
+@pytest.mark.thorough
 def test_a_killed_render_does_not_block_its_folder(scene: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     with rendering(scene, out / "a.png") as child:
@@ -245,6 +247,7 @@ def test_frames_have_a_finite_limit(
     assert f"--frame-limit {limit}: expected seconds above 0" in fails(*words)
 
 
+@pytest.mark.thorough
 def test_a_device_that_hangs_ends_the_render(scene: Path, tmp_path: Path) -> None:
     """A real kernel that would take days; the process does not wait for it at its end."""
     words = ["render", str(scene), "-o", str(tmp_path / "out" / "a.png"), *SMALL]

@@ -35,6 +35,7 @@ def render(
     return run
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "name",
     [
@@ -57,6 +58,7 @@ def test_outputs_of_any_name(
     assert os.path.getsize(os.path.join(os.fsencode(scene.parent), name)) > 0
 
 
+@pytest.mark.thorough
 def test_an_output_whose_name_is_no_text(scene: Path) -> None:
     """By the process, whose stdout passes such bytes on."""
     name = b"\xff\xfe.png"
@@ -108,6 +110,7 @@ def test_names_end_no_line_of_an_error_of_several(scene: Path, fails: Callable[.
     ]
 
 
+@pytest.mark.thorough
 def test_names_end_no_line_of_the_log(scene: Path) -> None:
     """The folder for compiled kernels that cannot be made is a warning."""
     result = subprocess.run(

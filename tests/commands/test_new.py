@@ -70,6 +70,7 @@ def test_a_mistake_is_one_line_and_leaves_nothing(
     assert not (files / "own").exists()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("words", "said"),
     [
@@ -92,6 +93,7 @@ def test_what_is_unlikely_is_said_by_all_verbs(
     assert said in json.loads(capsys.readouterr().out)["unlikely"][0]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "words",
     [

@@ -48,6 +48,7 @@ def printed(capsys: pytest.CaptureFixture[str], device: ComputeDevice) -> Callab
     return run
 
 
+@pytest.mark.thorough
 @pytest.mark.gl
 def test_a_still_scene_is_profiled_and_compared(
     room: Path, tmp_path: Path, printed: Callable[..., str]
@@ -105,6 +106,7 @@ def test_a_video_plays(tmp_path: Path, printed: Callable[..., str]) -> None:
     assert all(row["pass"] == "" and row["ms"] == "" for row in programs)
 
 
+@pytest.mark.thorough
 @pytest.mark.gl
 def test_tables_name_kernels_buffers_and_programs(room: Path, printed: Callable[..., str]) -> None:
     text = printed(room, "--frames", 1)

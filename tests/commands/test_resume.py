@@ -40,6 +40,7 @@ def whole(clip: Path) -> NDArray[np.float32]:
     return pictures(clip.parent / "whole")
 
 
+@pytest.mark.thorough
 def test_a_killed_render_goes_on_without_a_jump(clip: Path, whole: NDArray[np.float32]) -> None:
     out = clip.parent / "out"
     code = (

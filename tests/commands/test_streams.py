@@ -66,6 +66,7 @@ def test_without_stdout_nothing_is_begun(verb: str, redirection: str, folder: Pa
     assert snapshot(folder) == before
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("verb", "told"),
     [
@@ -106,6 +107,7 @@ def test_a_disk_that_is_full_at_the_end_tells_what_is_done(
         assert (folder / "a.png").is_file()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("redirection", ["2>&-", "2>/dev/full", "<&- 2>&-"])
 @pytest.mark.parametrize(
     ("words", "code", "out"),
@@ -146,6 +148,7 @@ def test_files_do_not_get_the_number_of_a_closed_stream(folder: Path) -> None:
     assert (folder / "file").read_bytes() == b""
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("words", ["doctor", "--help", "settings", "scene info SCENE", "rendr"])
 def test_a_reader_that_leaves_is_no_error(words: str, folder: Path) -> None:
     """Also where only the last flush finds that out."""
@@ -156,6 +159,7 @@ def test_a_reader_that_leaves_is_no_error(words: str, folder: Path) -> None:
     assert b"Traceback" not in result.stderr
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("words", "encoding"),
     [
@@ -172,6 +176,7 @@ def test_characters_that_an_encoding_lacks_are_replaced(
     assert b"Error" not in result.stderr
 
 
+@pytest.mark.thorough
 def test_the_plain_locale_of_c_shows_tables(folder: Path) -> None:
     result = shell("doctor", folder, LC_ALL="C", PYTHONUTF8="0", PYTHONCOERCECLOCALE="0")
     assert result.returncode == 0, result.stderr
@@ -179,6 +184,7 @@ def test_the_plain_locale_of_c_shows_tables(folder: Path) -> None:
     assert b"OpenCL devices" in result.stdout
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("words", "columns"),
     [
@@ -204,6 +210,7 @@ def test_the_version_is_one_line_wherever_it_is_asked_for(folder: Path) -> None:
     assert line.count(b"\n") == 1
 
 
+@pytest.mark.thorough
 def test_quiet_leaves_results_and_errors(folder: Path) -> None:
     """The render without OpenGL logs that rays draw the objects."""
     given = ARGUMENTS["render"]
@@ -219,6 +226,7 @@ def test_quiet_leaves_results_and_errors(folder: Path) -> None:
     assert told.stderr.startswith(b"iprt: error: nowhere")
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("flag", ["--verbose", "--profile OUT/times.json"])
 def test_the_table_of_passes_is_shown_where_it_is_asked_for(flag: str, folder: Path) -> None:
     result = shell(f"render {ARGUMENTS['render']} {flag}", folder)

@@ -116,14 +116,14 @@ def test_all_is_checked_where_the_driver_does_not_tell_what_is_const(
 
 
 @pytest.mark.gl
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "name", ["triangles", "around", "layers around", "remembered", "environment", "nothing"]
 )
-def test_no_way_to_render_has_a_finding(quick_device: ComputeDevice, name: str) -> None:
+def test_no_way_to_render_has_a_finding(device: ComputeDevice, name: str) -> None:
     """And checks leave all bits of the picture as they are."""
-    picture = play(quick_device, films(check_kernels=True)[name])
-    plain = play(quick_device, films()[name])
+    picture = play(device, films(check_kernels=True)[name])
+    plain = play(device, films()[name])
     np.testing.assert_array_equal(picture.color, plain.color)
     assert picture.aovs.keys() == plain.aovs.keys()
     for layer, values in plain.aovs.items():

@@ -122,6 +122,7 @@ def test_sums_of_steps_need_more_than_32_bits(device: ComputeDevice) -> None:
     assert Work() + total == total
 
 
+@pytest.mark.thorough
 @pytest.mark.gl
 def test_rays_of_a_picture_are_those_asked_for(device: ComputeDevice) -> None:
     film = films(trace={"light_sampling": False}, iprt={"relight_reflections": False})["triangles"]
@@ -148,7 +149,7 @@ def test_rays_of_a_picture_are_those_asked_for(device: ComputeDevice) -> None:
 
 
 @pytest.mark.gl
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["published", "around", "nothing"])
 def test_every_kernel_that_counts_leaves_the_picture_as_it_is(
     device: ComputeDevice, name: str
@@ -159,7 +160,7 @@ def test_every_kernel_that_counts_leaves_the_picture_as_it_is(
 
 
 @pytest.mark.gl
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_counting_and_checking_go_together(device: ComputeDevice) -> None:
     """Whichever is put around the other."""
     film = films(gbuffer="cl")["triangles"]

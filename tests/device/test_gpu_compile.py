@@ -9,7 +9,10 @@ import pytest
 from tests import gpu
 from tests.gpu import CompileError, Need, compiled, exceeded
 
-pytestmark = pytest.mark.skipif(not gpu.installed(), reason=gpu.MISSING)
+pytestmark = [
+    pytest.mark.skipif(not gpu.installed(), reason=gpu.MISSING),
+    pytest.mark.thorough,
+]
 
 SOURCE = """
 %s

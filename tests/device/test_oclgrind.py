@@ -8,7 +8,10 @@ import pytest
 
 from tests.oclgrind import LIBRARY, MISSING, watch
 
-pytestmark = pytest.mark.skipif(not LIBRARY.exists(), reason=MISSING)
+pytestmark = [
+    pytest.mark.skipif(not LIBRARY.exists(), reason=MISSING),
+    pytest.mark.thorough,
+]
 
 SOURCE = """
 __kernel void planted(__global const float *restrict in, __global float *restrict out, int count)

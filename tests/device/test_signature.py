@@ -92,11 +92,12 @@ def test_no_such_kernel() -> None:
         signature(read("__kernel void present(int a) {}"), "missing")
 
 
-def test_every_variant_of_every_kernel(quick_device: ComputeDevice) -> None:
+@pytest.mark.thorough
+def test_every_variant_of_every_kernel(device: ComputeDevice) -> None:
     variants = planned_kernels()
     assert {one.name for one in variants} == entry_points()
     for file, name, defines, *_ in variants:
-        kernel = quick_device.kernel(file, name, defines)
+        kernel = device.kernel(file, name, defines)
         made = kernel.make()
         declared = [
             (

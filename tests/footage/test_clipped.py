@@ -49,6 +49,7 @@ def test_a_lamp_is_as_bright_as_it_was(radiance: float, walls: str) -> None:
     np.testing.assert_allclose(ratio, 1.0, atol=0.25)
 
 
+@pytest.mark.thorough
 def test_the_colour_of_a_lamp_that_looks_white() -> None:
     frame = lamp_room("coloured", WARM)
     lit = bright(frame)
@@ -93,6 +94,7 @@ def test_the_rim_of_a_lamp_is_not_painted() -> None:
     assert found.color[lit & ~rim].min() > 10.0
 
 
+@pytest.mark.thorough
 def test_eight_bits_do() -> None:
     frame = lamp_room("coloured", lamp(20.0))
     found = ClippedLights(1.0)(replace(frame, color=decode_srgb(srgb(frame.color))))
@@ -128,6 +130,7 @@ def test_bright_walls_are_no_part_of_lamps() -> None:
     np.testing.assert_allclose(flux(light, lit) / flux(frame.color, lit), 1.0, atol=0.25)
 
 
+@pytest.mark.thorough
 def test_light_and_lengths_may_have_any_unit() -> None:
     factor = 2.0**10
     frame = clip(lamp_room("coloured", WARM))
@@ -140,6 +143,7 @@ def test_light_and_lengths_may_have_any_unit() -> None:
     np.testing.assert_allclose(longer, plain, rtol=1e-3)
 
 
+@pytest.mark.thorough
 def test_the_seam_does_not_show() -> None:
     """A lamp across the seam is one lamp, as bright as elsewhere."""
     frame = lamp_room("coloured", WARM)

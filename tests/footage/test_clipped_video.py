@@ -111,6 +111,7 @@ def lamp_scene(folder: Path, name: str, extra: str = "") -> Scene:
     return Scene.open(root)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("name", "extra", "found"),
     [
@@ -133,6 +134,7 @@ def test_what_counts_as_clipped(tmp_path: Path, name: str, extra: str, found: bo
     np.testing.assert_array_equal(streamed.picture, frame.picture)
 
 
+@pytest.mark.thorough
 def test_info_and_check_tell(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     scene = lamp_scene(tmp_path / "lamp", "color.png")
     told = Recovered.of(scene.frame(), 1.0)

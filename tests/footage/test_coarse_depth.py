@@ -251,6 +251,7 @@ def write_coarse_scene(folder: Path, depth: Depth) -> Path:
     return folder
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", ["repeated", "smaller", "both"])
 def test_a_scene_with_coarse_depth(
     kind: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture

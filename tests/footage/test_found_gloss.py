@@ -21,7 +21,7 @@ from tests.oracles.brdf import specular_albedo
 from tests.worlds import Float, bright_walls, room_frame
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("alpha", [0.05, 0.1, 0.2])
 def test_a_floor_that_reflects_a_window_gets_its_roughness(alpha: float) -> None:
     frame = coated_room(alpha)
@@ -38,7 +38,7 @@ def test_a_floor_that_reflects_a_window_gets_its_roughness(alpha: float) -> None
     assert not region[~down].any()
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_matte_room_has_no_gloss() -> None:
     assert find_gloss(matte_room()) == ()
 
@@ -52,7 +52,7 @@ def clipped(frame: Frame, factor: float) -> Frame:
     return replace(frame, color=color, clipped=ClippedTexels(texel, white))
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_the_reflection_of_a_clipped_window_may_be_brighter_than_the_window_seems() -> None:
     factor, alpha = 0.2, 0.05
     (floor,) = find_gloss(clipped(coated_room(alpha), factor))
@@ -63,7 +63,7 @@ def test_the_reflection_of_a_clipped_window_may_be_brighter_than_the_window_seem
     assert find_gloss(clipped(matte_room(), factor)) == ()
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_what_is_declared_is_not_found_again() -> None:
     frame = coated_room(0.1)
     floor = (frame.fitted_normal[..., 1] > 0.9).astype(np.uint8)
@@ -151,6 +151,7 @@ def test_even_light_is_reflected_by_the_albedo_of_the_coat(alpha: float) -> None
         assert found[ring].mean() == pytest.approx(2.0 * albedo, rel=0.05)
 
 
+@pytest.mark.thorough
 def test_what_is_clipped_is_reflected_apart() -> None:
     frame = matte_room()
     cells = [RoomCells.of(other, 128) for other in (frame, clipped(frame, 1.0))]
@@ -205,6 +206,7 @@ def test_what_is_clipped_has_a_strength_of_its_own() -> None:
     assert is_strong(found, 50)
 
 
+@pytest.mark.thorough
 def test_texture_alone_is_no_evidence() -> None:
     """t is a Student's t: of many floors without a reflection, few have a large one."""
     found = [pictured(0.0, 0.2, seed)[0] for seed in range(3)]

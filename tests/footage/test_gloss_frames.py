@@ -20,7 +20,7 @@ def carried(alpha: float | None) -> list[Frame]:
     ]
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_moving_camera_finds_the_gloss_of_a_patterned_floor() -> None:
     first, *later = carried(ALPHA)
     assert find_gloss(first) == ()
@@ -29,13 +29,13 @@ def test_a_moving_camera_finds_the_gloss_of_a_patterned_floor() -> None:
     assert ALPHA / 2.0 < floor.material.alpha < 2.0 * ALPHA
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_moving_camera_finds_nothing_on_a_matte_floor() -> None:
     first, *later = carried(None)
     assert find_gloss(first, later=later) == ()
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_what_things_change_that_move_is_no_evidence() -> None:
     """Their shadows are like rough reflections, so that frames of a still camera are left out."""
     first, *later = (seen(None, CONTRAST, ball, rows=ROWS) for ball in BALL)

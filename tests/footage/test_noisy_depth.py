@@ -98,6 +98,7 @@ def test_a_turned_panorama_is_turned() -> None:
     np.testing.assert_allclose(turned, smoothed(depth), rtol=1e-5)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("pitch_deg", [-69.0, -44.0, -24.0])
 def test_objects_set_down_on_noisy_depth_stand_on_the_floor(pitch_deg: float) -> None:
     """At three distances, from 1.5 to 3.5 m; without smoothing they are some 10 mm off."""

@@ -68,6 +68,7 @@ def test_hit_distance_of_a_mirror_ball_is_that_of_a_box_room(device: ComputeDevi
         assert (values["hit_distance"][values["coverage"] == 1.0] > 0.1).all()
 
 
+@pytest.mark.thorough
 def test_hit_distance_of_the_sky_and_of_what_does_not_reflect(device: ComputeDevice) -> None:
     """Under the open sky, upwards: it is as far as anything is."""
     frame = landscape_frame(64, 32)
@@ -86,6 +87,7 @@ def test_hit_distance_of_the_sky_and_of_what_does_not_reflect(device: ComputeDev
         assert not read_aov(renderer, "hit_distance").any()
 
 
+@pytest.mark.thorough
 def test_history_length_counts_frames_since_a_surface_came_into_view(
     device: ComputeDevice,
 ) -> None:
@@ -157,6 +159,7 @@ def variances(device: ComputeDevice, frames: int) -> dict[str, tuple[Any, Any, N
     }
 
 
+@pytest.mark.thorough
 def test_variance_is_that_over_seeds(device: ComputeDevice) -> None:
     """It is told high rather than low: few samples may have missed a rare event (temporal.cl), and
     the sequences by which rays are sent err less than random ones.

@@ -68,6 +68,7 @@ def last_of(
         return picture
 
 
+@pytest.mark.thorough
 def test_a_mirror_shows_what_a_screen_hides(
     device: ComputeDevice, empty: Frame, screened: Frame
 ) -> None:
@@ -95,6 +96,7 @@ def test_a_mirror_shows_what_a_screen_hides(
     assert np.mean(others[0]) < np.mean(others[1]) + 1e-3
 
 
+@pytest.mark.thorough
 def test_a_still_video_looks_as_if_nothing_were_remembered(
     device: ComputeDevice, screened: Frame
 ) -> None:

@@ -84,6 +84,7 @@ def total(instances: Sequence[Instance], step: int) -> list[Float]:
     return [i.to_world @ bend if n < 2 else i.to_world for n, i in enumerate(instances)]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("gbuffer", ["gl", "cl"])
 @VIEWS
 def test_motion_is_that_of_vertices(
@@ -128,6 +129,7 @@ def test_motion_is_that_of_vertices(
             last = step
 
 
+@pytest.mark.thorough
 @METHOD
 def test_bent_is_as_if_always_so(
     device: ComputeDevice, frame: Frame, method: tuple[str, str]
@@ -155,7 +157,7 @@ def test_bent_is_as_if_always_so(
 
 @pytest.mark.parametrize("gbuffer", ["gl", "cl"])
 def test_only_what_deforms_needs_memory_for_it(
-    device: ComputeDevice, frame: Frame, gbuffer: str
+    own_accounts: ComputeDevice, frame: Frame, gbuffer: str
 ) -> None:
     path = states()
     stiff = [replace(i, mesh=replace(i.mesh, deforms=False)) for i in path[0]]
@@ -165,14 +167,13 @@ def test_only_what_deforms_needs_memory_for_it(
     assert set(plan.buffers) - set(without.buffers) == more
     assert plan.features.describe()["motion of every vertex"]
     assert not without.features.describe()["motion of every vertex"]
-    own = ComputeDevice(device.device)
-    with Renderer(own, frame, path[0], VIEW, settings) as renderer:
+    with Renderer(own_accounts, frame, path[0], VIEW, settings) as renderer:
         renderer.render(1)
         renderer.move(path[1])
         renderer.render(1)
         with pytest.raises(SceneError, match="object near: cannot move, its triangles, vertices"):
             renderer.move(stiff)
-    assert own.buffers == plan.buffers
+    assert own_accounts.buffers == plan.buffers
 
 
 def test_what_does_not_bend_changes_no_bit(device: ComputeDevice, frame: Frame) -> None:

@@ -126,6 +126,7 @@ def elsewhere(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[dict[s
     return found
 
 
+@pytest.mark.thorough
 @METHOD
 def test_two_renderers_make_the_same_bits(
     device: ComputeDevice,
@@ -147,6 +148,7 @@ def test_two_renderers_make_the_same_bits(
     assert first.aovs["specular"].any()
 
 
+@pytest.mark.thorough
 def test_scenes_are_read_alike(tmp_path: Path, elsewhere: dict[str, list[dict[str, str]]]) -> None:
     assert read_scene(tmp_path / "scene") == elsewhere["scene"]
 

@@ -112,6 +112,7 @@ def flicker(pictures: list[Picture], where: NDArray[np.bool_]) -> float:
     return float(np.abs(np.diff(during, axis=0)).mean() / during.mean())
 
 
+@pytest.mark.thorough
 def test_exposure_ramps_and_the_object_follows(device: ComputeDevice) -> None:
     """Output over exposure is the steady video's; without compensation, history lags behind."""
     steady = film(device, exposed([1.0] * len(GAINS)))

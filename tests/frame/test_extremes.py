@@ -157,6 +157,7 @@ def test_inside_an_object_one_sees_its_inside(
     np.testing.assert_allclose(picture.color.mean((0, 1)), wanted[0, 0], rtol=0.01)
 
 
+@pytest.mark.thorough
 @METHOD
 def test_an_object_at_the_centre_has_a_picture(
     device: ComputeDevice, method: tuple[str, str]
@@ -314,6 +315,7 @@ def errors(picture: RenderedFrame, truth: RenderedFrame) -> dict[str, float]:
     return {"all": rms(apart), "objects": rms(apart[solid]), "ratio": rms(ratio)}
 
 
+@pytest.mark.thorough
 @METHOD
 def test_a_cut_of_the_video_leaves_nothing_behind(
     device: ComputeDevice, method: tuple[str, str]
@@ -338,6 +340,7 @@ def test_a_cut_of_the_video_leaves_nothing_behind(
     assert likeness(old.color, truth.color) < 0.5
 
 
+@pytest.mark.thorough
 @METHOD
 def test_a_jump_of_the_head_leaves_nothing_behind(
     device: ComputeDevice, method: tuple[str, str]
@@ -363,6 +366,7 @@ def test_a_jump_of_the_head_leaves_nothing_behind(
     assert shadow > 0.6 * (1.0 - fresh.aovs["ratio"][dark].mean())
 
 
+@pytest.mark.thorough
 @METHOD
 def test_hundreds_of_frames_of_random_motion(
     device: ComputeDevice, method: tuple[str, str]

@@ -46,6 +46,7 @@ def pictures(
         return [picture.color for _, picture in running.frames(indices, warm_up=warm_up)]
 
 
+@pytest.mark.thorough
 def test_a_goal_decides_how_many_frames_a_picture_has(scene: Scene, device: ComputeDevice) -> None:
     settings, view = SETTINGS.model_copy(update={"fading": 0.0}), scene.views["ahead"]
     goal, seen = Goal(0.01, 256, scene.exposure), list[int]()
@@ -88,6 +89,7 @@ def test_runs_know_nothing_of_each_other(scene: Scene, device: ComputeDevice) ->
     assert np.array_equal(first, again)
 
 
+@pytest.mark.thorough
 def test_exposure_and_white_balance_may_drift(tmp_path: Path, device: ComputeDevice) -> None:
     """Each frame is that of the steady video in its own colours; the setting turns that off."""
     steady = Scene.open(write_clip(tmp_path / "steady", 4))

@@ -30,7 +30,6 @@ from tests.frame.whole_frame import (
     still_life,
     two_frames,
 )
-from tests.like_gpu import LikeGpu
 from tests.oracles.worlds import World
 from tests.rendering import render
 from tests.worlds import (
@@ -62,7 +61,11 @@ class Film:
 
 # Units ----------------------------------------------------------------------------------------
 
-CASES = [(METHODS[0], VIEW), (METHODS[1], VIEW), (METHODS[0], PANORAMA)]
+CASES = [
+    (METHODS[0], VIEW),
+    pytest.param((METHODS[1], VIEW), marks=pytest.mark.thorough),
+    (METHODS[0], PANORAMA),
+]
 CASE_NAMES = ["delta-triangles", "ratio-layers", "panorama"]
 
 
@@ -103,12 +106,12 @@ def test_light_may_have_any_unit(device: ComputeDevice, plain: Film, factor: flo
         assert rms(found.aovs["ratio"] - was.aovs["ratio"]) < 5e-4
 
 
-def test_planes_in_half_precision_are_not_seen(device: ComputeDevice) -> None:
+@pytest.mark.thorough
+def test_planes_in_half_precision_are_not_seen(device: ComputeDevice, gpu: ComputeDevice) -> None:
     """Neither beside planes of float, nor in light of another unit."""
     frames, objects = two_frames(), still_life()
     settings = chosen(METHODS[0], gbuffer="gl")
     plain = film(device, frames, objects, VIEW, settings)
-    gpu = LikeGpu(device.device)
     for factor in (1.0, 3e-4, 3e4):
         bright = [replace(f, color=f.color * np.float32(factor)) for f in frames]
         for was, found in zip(plain, film(gpu, bright, objects, VIEW, settings), strict=True):
@@ -151,7 +154,12 @@ def agrees(device: ComputeDevice, method: tuple[str, str], scene: Scene, other: 
 
 @pytest.mark.parametrize(
     ("method", "columns"),
-    [(METHODS[0], 77), (METHODS[0], 126), (METHODS[1], 1), (METHODS[1], 135)],
+    [
+        (METHODS[0], 77),
+        (METHODS[0], 126),
+        pytest.param(METHODS[1], 1, marks=pytest.mark.thorough),
+        pytest.param(METHODS[1], 135, marks=pytest.mark.thorough),
+    ],
     ids=str,
 )
 def test_a_rolled_panorama_looks_the_same(
@@ -165,6 +173,7 @@ def test_a_rolled_panorama_looks_the_same(
     agrees(device, method, (frame, objects, view), (rolled, moved, there))
 
 
+@pytest.mark.thorough
 @METHOD
 @pytest.mark.parametrize("meshes", [False, True], ids=["transforms", "meshes"])
 def test_a_mirrored_world_looks_mirrored(
@@ -183,6 +192,7 @@ def striped_walls(points: Float, normals: Float) -> Float:
     return bright_walls(points, normals) * waves
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("method", "columns"),
     [(METHODS[0], 135), (METHODS[0], None), (METHODS[1], None)],
@@ -231,6 +241,7 @@ def symmetric(side: int) -> tuple[Frame, list[Instance]]:
     return frame, [ball((x, 1.1 * side, z), 0.18, CLAY) for x, z in places]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("side", "method"), [(-1, METHODS[0]), (1, METHODS[1])], ids=["down", "up"]
 )

@@ -20,7 +20,7 @@ from tests.frame.test_background import BALL, MIRROR, SCREEN, SETTINGS, SILVER, 
 from tests.oracles.worlds import Sphere, World
 from tests.worlds import Float, ball, bright_walls, filmed, pose_at
 
-pytestmark = pytest.mark.gl
+pytestmark = [pytest.mark.gl, pytest.mark.thorough]
 
 ROOM = World(solids=(SCREEN,))
 WAY = tuple((1.3 * share, 0.1 * share, -1.2 * share) for share in np.linspace(1.0, 0.0, 10))

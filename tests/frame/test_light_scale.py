@@ -46,6 +46,7 @@ def test_only_light_is_coarse(device: ComputeDevice) -> None:
     assert (coarse.aovs["ratio"] != fine.aovs["ratio"]).any()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("view", "scale"),
     [
@@ -64,6 +65,7 @@ def test_any_size(device: ComputeDevice, view: View, scale: int) -> None:
         assert np.isfinite(image).all(), name
 
 
+@pytest.mark.thorough
 def test_light_comes_near_that_of_every_pixel(device: ComputeDevice) -> None:
     """What a light of half the resolution loses is little beside what objects change."""
     frame, objects = room_frame(ROOM, 256, 128, bright_walls), still_life()
@@ -87,6 +89,7 @@ def test_nothing_changes_without_influence(device: ComputeDevice) -> None:
     np.testing.assert_array_equal(picture.color, picture.aovs["background"])
 
 
+@pytest.mark.thorough
 def test_the_head_turns(device: ComputeDevice) -> None:
     """A picture after a turn is that of a head that was there from the start, but for its noise."""
     frame, objects = room_frame(ROOM, 256, 128, bright_walls), still_life()

@@ -66,6 +66,7 @@ class Idle(ComputeDevice):
         return UnbuiltKernel()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("video", [False, True])
 @pytest.mark.parametrize("projection", ["rectilinear", "equirect"])
 @pytest.mark.parametrize("settings", SETTINGS.values(), ids=SETTINGS)

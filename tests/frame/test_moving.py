@@ -77,6 +77,7 @@ def test_moved_is_as_if_always_there(
     require_only_noise(moved.aovs["ratio"], still.aovs["ratio"], again.aovs["ratio"])
 
 
+@pytest.mark.thorough
 @METHOD
 @VIEWS
 def test_still_objects_change_no_bit(
@@ -137,6 +138,7 @@ def test_motion_is_where_surfaces_were(
                 assert np.median(np.abs((motion - own)[seen & (number <= 2)])) > 0.5
 
 
+@pytest.mark.thorough
 @METHOD
 def test_nothing_trails(device: ComputeDevice, method: tuple[str, str]) -> None:
     """A ball rolls below a lamp: eight frames later nothing is left of it and its shadow."""
@@ -165,22 +167,24 @@ def test_nothing_trails(device: ComputeDevice, method: tuple[str, str]) -> None:
     assert np.isfinite(blocks(passing.color)).all()
 
 
+@pytest.mark.thorough
 @METHOD
 @VIEWS
 def test_moving_takes_no_more_memory_and_boxes_follow(
-    device: ComputeDevice, frame: Frame, view: View, method: tuple[str, str]
+    own_accounts: ComputeDevice, frame: Frame, view: View, method: tuple[str, str]
 ) -> None:
-    own = ComputeDevice(device.device)
     objects = still_life()
     plan = RenderPlan.of(frame, objects, view, chosen(method))
-    with Renderer(own, frame, objects, view, chosen(method)) as renderer:
+    with Renderer(own_accounts, frame, objects, view, chosen(method)) as renderer:
         renderer.render(1)
         renderer.move(elsewhere(objects))
         renderer.render(2)
         fresh = Renderer(PlanDevice(), frame, elsewhere(objects), view, chosen(method))
         assert fresh._objects is not None
-        np.testing.assert_array_equal(own.read(renderer.world.bounds), fresh._objects.bounds)
-    assert plan.buffers == own.buffers
+        np.testing.assert_array_equal(
+            own_accounts.read(renderer.world.bounds), fresh._objects.bounds
+        )
+    assert plan.buffers == own_accounts.buffers
 
 
 def other(instance: Instance, **changes: Any) -> Instance:

@@ -73,6 +73,7 @@ def errors(picture: RenderedFrame, truth: RenderedFrame) -> dict[str, float]:
 # What must stay ------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 @METHOD
 @pytest.mark.parametrize("view", [VIEW, WHOLE], ids=lambda view: view.projection)
 def test_the_worlds_own_pose_changes_no_bit(
@@ -174,6 +175,7 @@ def walked(
         return renderer.render(0, AOVS), device.read(renderer.real_world.irradiance.mean)
 
 
+@pytest.mark.thorough
 def test_walking_leaves_no_trails(device: ComputeDevice, truth: RenderedFrame) -> None:
     """After a walk the picture has less noise than a first one, and in no place another one."""
     poses = walk(14)
@@ -190,6 +192,7 @@ def test_walking_leaves_no_trails(device: ComputeDevice, truth: RenderedFrame) -
     np.testing.assert_allclose(picture.aovs["background"], truth.aovs["background"], atol=1e-6)
 
 
+@pytest.mark.thorough
 def test_histories_survive_the_walk(device: ComputeDevice, truth: RenderedFrame) -> None:
     """With as many samples as at rest, nearly as good as at rest."""
     poses = walk(14)
@@ -229,6 +232,7 @@ def test_objects_keep_their_place_in_the_world(device: ComputeDevice) -> None:
         np.testing.assert_allclose(np.moveaxis(rested, 0, -1)[solid], still[solid], atol=0.01)
 
 
+@pytest.mark.thorough
 def test_the_seam_does_not_show_while_walking(device: ComputeDevice) -> None:
     """An equirect view: histories cross the seam with what moves past it."""
     near = [ball((0.1, -1.0, 1.2), 0.35, CLAY, subdivisions=3)]

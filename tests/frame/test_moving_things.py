@@ -18,7 +18,7 @@ from tests.frame.whole_frame import CLAY, METHODS, chosen, rms
 from tests.oracles.worlds import Sphere, World
 from tests.worlds import Float, ball, bright_walls, ceiling_lamp, room_frame
 
-pytestmark = pytest.mark.gl
+pytestmark = [pytest.mark.gl, pytest.mark.thorough]
 
 VIEW = View(64, 48, yaw_deg=5.0, pitch_deg=-35.0)
 TRAIL = 8

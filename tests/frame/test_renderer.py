@@ -134,6 +134,7 @@ def test_the_sky_keeps_its_bits(device: ComputeDevice) -> None:
 # Two projections, and every heading ----------------------------------------------------------
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "view", [DOWN, View(96, 72, yaw_deg=178.0, pitch_deg=-30.0)], ids=["ahead", "seam"]
 )
@@ -159,6 +160,7 @@ def test_both_projections_agree(device: ComputeDevice, view: View) -> None:
     assert rms(shown / other - 1.0) < 0.1
 
 
+@pytest.mark.thorough
 def test_the_seam_does_not_show(device: ComputeDevice) -> None:
     """A ball across the seam, one over the nadir: turned to elsewhere, they look the same."""
     frame, _ = lit_room(bright_walls)
@@ -186,6 +188,7 @@ def test_the_seam_does_not_show(device: ComputeDevice) -> None:
 # Randomness ----------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("view", [SMALL, HALF], ids=lambda v: v.projection)
 def test_the_seed_makes_the_picture(device: ComputeDevice, view: View) -> None:
     frame, objects = lit_room(bright_walls)[0], still_life()
@@ -200,6 +203,7 @@ def test_the_seed_makes_the_picture(device: ComputeDevice, view: View) -> None:
     np.testing.assert_allclose(first.color.mean((0, 1)), other.color.mean((0, 1)), rtol=0.01)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("estimator", "filtered_to"), [("delta", 1.0), ("ratio", 0.8)])
 def test_frames_average_out_the_noise(
     device: ComputeDevice, estimator: str, filtered_to: float
@@ -243,6 +247,7 @@ def test_frames_average_out_the_noise(
 # A head that turns ---------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 def test_turning_leaves_no_trails(device: ComputeDevice) -> None:
     """After a turn the picture is as good as one that was always there, in no place worse."""
     frame, objects = lit_room()
@@ -310,6 +315,7 @@ def test_distant_environment_is_the_cosine_convolution(device: ComputeDevice) ->
     np.testing.assert_array_equal(picture.color[ground], picture.aovs["background"][ground])
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("view", "sigma"), [(View(96, 72, -25.0, fov_y_deg=15.0), 10.0), (HALF, 0.5)]
 )

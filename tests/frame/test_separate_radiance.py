@@ -101,6 +101,7 @@ def test_the_picture_shows_the_colour(device: ComputeDevice) -> None:
     np.testing.assert_allclose(shown.color[real], expected[real], rtol=1e-5)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", KINDS, ids=str)
 def test_a_buffer_of_its_own_changes_no_bit(device: ComputeDevice, kind: dict[str, bool]) -> None:
     frame = lit(**kind)
@@ -129,6 +130,7 @@ def test_light_that_goes_out_is_a_cut_though_the_colour_stays(device: ComputeDev
     assert counted > 2.0 * left
 
 
+@pytest.mark.thorough
 def test_mean_radiance_is_that_of_the_light(device: ComputeDevice) -> None:
     frame = lit()
     with Renderer(device, clipped(frame), [BALL], LOOK, SETTINGS) as renderer:

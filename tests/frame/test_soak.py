@@ -157,7 +157,7 @@ def play(scene: Scene, compute: ComputeDevice, frames: int, method: tuple[str, s
     return run
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_long_film_stays_as_it_began(
     device: ComputeDevice, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

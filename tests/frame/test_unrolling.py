@@ -11,6 +11,7 @@ from tests.films import films, play
 pytestmark = pytest.mark.gl
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["layers", "gloss", "blocks", "published"])
 def test_pictures_agree(device: ComputeDevice, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
     film = films()[name]

@@ -36,6 +36,7 @@ def rays_while_turning(renderer: Renderer, frames: range) -> list[int]:
     return counts
 
 
+@pytest.mark.thorough
 def test_settled_pixels_wait_until_something_moves(device: ComputeDevice, frame: Frame) -> None:
     objects = still_life()
     with Renderer(device, frame, objects, VIEW, Settings(fading=0.1)) as renderer:
@@ -48,12 +49,14 @@ def test_settled_pixels_wait_until_something_moves(device: ComputeDevice, frame:
         assert min(rays_while_turning(renderer, range(20, 28))) > 0.9 * min(counts[2:7])
 
 
+@pytest.mark.thorough
 def test_all_rays_go_into_the_mean_of_all_frames(device: ComputeDevice, frame: Frame) -> None:
     with Renderer(device, frame, still_life(), VIEW, Settings(fading=0.0)) as renderer:
         counts = rays_while_turning(renderer, range(20))
     assert min(counts[12:]) > 0.9 * min(counts[2:7])
 
 
+@pytest.mark.thorough
 def test_waiting_costs_noise_alone(
     device: ComputeDevice, frame: Frame, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -110,6 +110,7 @@ def test_a_mirror_shows_what_is_behind_the_window(device: ComputeDevice, opening
     assert np.median(np.abs(wanted - other).max(-1)) > 0.3
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("openings", METHODS)
 def test_the_sun_falls_through_the_window(device: ComputeDevice, openings: str) -> None:
     """Onto the floor, as by Monte Carlo in the true room: twice the light of a painted pane."""
@@ -147,6 +148,7 @@ def of_every_kind(albedo: float) -> list[Instance]:
     return [ball((i - 1.0, FLOOR + 0.3, -1.5), 0.3, kind) for i, kind in enumerate(kinds)]
 
 
+@pytest.mark.thorough
 def test_light_from_outside_knows_of_no_objects(device: ComputeDevice) -> None:
     """E_R is what it is for black ones."""
 

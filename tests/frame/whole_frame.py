@@ -34,7 +34,11 @@ VIEW = View(48, 36, pitch_deg=-35.0)
 PANORAMA = View(64, 32, projection="equirect")
 METHODS = [("delta", "triangles"), ("ratio", "layers")]
 """Estimators of real surfaces, and what rays meet of objects: every value of both."""
-METHOD = pytest.mark.parametrize("method", METHODS, ids="-".join)
+METHOD = pytest.mark.parametrize(
+    "method",
+    [METHODS[0], pytest.param(METHODS[1], marks=pytest.mark.thorough)],
+    ids="-".join,
+)
 
 
 def still_life() -> list[Instance]:

@@ -174,12 +174,13 @@ def test_frames_out_of_range_are_refused(frames: int) -> None:
         bench(ROOM, frames=frames)
 
 
+@pytest.mark.thorough
 @pytest.mark.gl
-def test_every_frame_does_all_that_a_new_direction_asks_for(quick_device: ComputeDevice) -> None:
+def test_every_frame_does_all_that_a_new_direction_asks_for(device: ComputeDevice) -> None:
     scene = Scene.open(ROOM)
     view = scene.views["room"].view.resized(48, 32)
     given = (scene.frame(), scene.instances, view, Settings(gbuffer="gl"))
-    result = timed(quick_device, Turn(*given), scene=scene.name, frames=3)
+    result = timed(device, Turn(*given), scene=scene.name, frames=3)
     rows = {row.name: row for row in result.passes}
     assert rows["rasterize view"].host_ms > 0.0
     once_a_frame = {"unpack", "trace real", "trace virtual", "relight", "composite"}

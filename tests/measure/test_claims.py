@@ -142,8 +142,8 @@ def test_a_claim_that_does_not_hold_says_why() -> None:
     assert [row[-2:] for row in grid.rows] == [("yes", ""), ("no", "slow")]
 
 
+@pytest.mark.thorough
 @pytest.mark.gl
-@pytest.mark.usefixtures("quick_builds")
 def test_a_view_is_measured(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

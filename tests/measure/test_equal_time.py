@@ -91,6 +91,7 @@ def test_costs_are_those_of_the_frames_that_have_them(
     assert (alone.frame, alone.video, alone.objects) == (1000.0, 2000.0, 0.0)
 
 
+@pytest.mark.thorough
 @pytest.mark.gl
 def test_results_hold_all_pictures(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = write_tiny(tmp_path / "room", "near")

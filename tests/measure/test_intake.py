@@ -35,6 +35,7 @@ def loaded(monkeypatch: pytest.MonkeyPatch) -> list[Frame]:
     return frames
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("name", "size"), [("train", (64, 32)), ("chart", (96, 48))])
 def test_frames_that_differ_come_in(
     device: ComputeDevice, loaded: list[Frame], name: str, size: tuple[int, int]

@@ -43,6 +43,7 @@ def compared(capsys: pytest.CaptureFixture[str]) -> Callable[..., list[dict[str,
     return run
 
 
+@pytest.mark.thorough
 def test_our_own_picture_has_the_scores_of_our_own(
     room: Path, tmp_path: Path, compared: Callable[..., list[dict[str, Any]]]
 ) -> None:

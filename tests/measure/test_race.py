@@ -145,6 +145,7 @@ class Painter:
         return seconds, color
 
 
+@pytest.mark.thorough
 def test_processes_take_turns(scene: Path) -> None:
     done: list[int] = []
     entries = [Pretender("a"), Pretender("b")]
@@ -161,6 +162,7 @@ def test_processes_take_turns(scene: Path) -> None:
     assert done == list(range(1, 17))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("fault", "message"), [("error", "nothing there"), ("end", "a: its process has ended early")]
 )
@@ -170,6 +172,7 @@ def test_what_goes_wrong_there_is_told_here(scene: Path, fault: str, message: st
         list(run_race([subject_of(scene)], entries, [1], enough=1.0, seeds=1))
 
 
+@pytest.mark.thorough
 def test_a_signal_ends_the_processes_too(scene: Path) -> None:
     """With one line; the output is open as long as one of them lives."""
     code = (
@@ -197,6 +200,7 @@ def test_a_signal_ends_the_processes_too(scene: Path) -> None:
 # Contenders ------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 @pytest.mark.gl
 def test_pictures_of_iprt_are_those_of_a_renderer_of_its_own(
     device: ComputeDevice, scene: Path, monkeypatch: pytest.MonkeyPatch
@@ -263,7 +267,7 @@ def test_bad_values_are_one_line(scene: Path, fails: Callable[..., str]) -> None
 
 @pytest.mark.gl
 @pytest.mark.mitsuba
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_mitsuba_finds_the_picture_that_it_made(
     scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -185,6 +185,7 @@ def test_sweep_finds_the_settings_that_made_the_truth(
     assert one["settings"]["trace"]["object_rays"] == 1
 
 
+@pytest.mark.thorough
 @pytest.mark.gl
 def test_intervals_are_over_pictures_of_other_seeds(
     scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -255,6 +256,7 @@ def marks_in(page: Page) -> int:
     return sum(base64.b64decode(file).count(b"<title>") for file in files)
 
 
+@pytest.mark.thorough
 @pytest.mark.gl
 def test_page_of_a_sweep_needs_nothing_else(
     scene: Path,
@@ -276,6 +278,7 @@ def test_page_of_a_sweep_needs_nothing_else(
     assert [path.name for path in html.parent.iterdir()] == ["a.html"]
 
 
+@pytest.mark.thorough
 @pytest.mark.gl
 def test_page_of_convergence_and_of_a_comparison(
     scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -328,6 +331,7 @@ def test_what_was_measured_before_an_error_is_kept(
     assert marks_in(page_of(html)) == 1
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("results", "printed"), [("", ""), ("1", "table\n")])
 def test_what_was_measured_before_a_signal_is_printed(results: str, printed: str) -> None:
     code = (

@@ -261,6 +261,7 @@ def clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.thorough
 @pytest.mark.gl
 def test_what_no_object_touches_is_as_steady_as_the_input(
     clip: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]

@@ -176,6 +176,8 @@ def test_maps_show_a_ball_in_a_sphere(device: ComputeDevice) -> None:
     wrong = total = 0
     for light, seen in zip(lights, maps, strict=True):
         o, axis = light[0, :3], light[3, :3]
+        # Discs face the sphere's middle.
+        assert light[1, :3] @ -o > 0.99 * np.linalg.norm(light[1, :3]) * np.linalg.norm(o) > 0.0
         # From each texel's distance, how near its ray can come to the ball's middle.
         away = np.asarray(BALL[0]) - o
         distance = float(np.linalg.norm(away))

@@ -333,6 +333,7 @@ def test_objects_reflect_their_albedo_in_a_furnace(device: ComputeDevice, name: 
 LOOK = View(48, 36, pitch_deg=-35.0)
 
 
+@pytest.mark.thorough
 def test_two_runs_agree_bit_for_bit(device: ComputeDevice) -> None:
     objects = [ball(*BALL, CLAY), box_of(Material("plastic", alpha=0.2))]
     first, second = (render(device, windowed(), objects, LOOK, vct(), 3).color for _ in range(2))

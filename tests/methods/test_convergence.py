@@ -21,6 +21,8 @@ from tests.methods.test_estimators import (
 )
 from tests.worlds import Float, ball
 
+pytestmark = pytest.mark.thorough
+
 MOST = 256
 COUNTS = [1, 4, 16, 64, MOST]
 

@@ -111,6 +111,7 @@ def test_light_blocked_and_bounced_is_monte_carlos(
         assert exact.max() > 10.0 * slack.min()
 
 
+@pytest.mark.thorough
 def test_both_estimators_find_the_same(device: ComputeDevice) -> None:
     frame = room_frame(ROOM, 128, 64, ceiling_lamp)
     objects = SCENES["ball"][1]

@@ -174,6 +174,7 @@ def test_a_lobe_is_a_cone_of_its_density(device: ComputeDevice, alpha: float) ->
     np.testing.assert_allclose(weight, wanted, rtol=2e-3)
 
 
+@pytest.mark.thorough
 def test_a_mirror_floor_shows_the_ball_upside_down(device: ComputeDevice) -> None:
     """A black ball hides what was reflected, as voxels do; far beside its image nothing changes."""
     chosen = dvct(voxels=64)
@@ -197,6 +198,7 @@ def test_a_mirror_floor_shows_the_ball_upside_down(device: ComputeDevice) -> Non
 LOOK = View(48, 36, pitch_deg=-35.0)
 
 
+@pytest.mark.thorough
 def test_two_runs_agree_bit_for_bit(device: ComputeDevice) -> None:
     objects = [ball(*BALL, CLAY), box_of(Material("plastic", alpha=0.2))]
     first, second = (

@@ -91,6 +91,7 @@ def test_each_way_to_choose_directions_finds_the_same(
         assert abs(a.mean() - b.mean()) < 4.5 * error + 2e-3 * a.mean()
 
 
+@pytest.mark.thorough
 def test_less_than_a_third_of_the_variance_at_equal_rays(device: ComputeDevice) -> None:
     """The quotient varies so with 16 rays per pixel, below a lamp."""
 
@@ -105,6 +106,7 @@ def test_less_than_a_third_of_the_variance_at_equal_rays(device: ComputeDevice) 
     assert aimed < even
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "material",
     [

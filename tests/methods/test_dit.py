@@ -42,9 +42,9 @@ def dit(**others: Any) -> Settings:
     ("estimator", "around", "own"),
     [
         ("dit, aimed", "plain", {"cache": 32}),
-        ("dit, even", "plain", {"cache": 6}),
+        pytest.param("dit, even", "plain", {"cache": 6}, marks=pytest.mark.thorough),
         ("dit, even", "sphere", {"directions": "all"}),
-        ("dit, aimed", "sphere", {"directions": "boxes"}),
+        pytest.param("dit, aimed", "sphere", {"directions": "boxes"}, marks=pytest.mark.thorough),
     ],
 )
 def test_a_ball_takes_its_form_factor(
@@ -66,6 +66,7 @@ def test_a_ball_takes_its_form_factor(
         confirm(sent, LAMP.albedo[channel] * factor.ravel(), rounding=3e-3)
 
 
+@pytest.mark.thorough
 def test_every_strategy_has_one_mean(device: ComputeDevice) -> None:
     """Where light is uneven: cached directions or all, aimed at boxes, at lights or at neither."""
     frame, objects = windowed(), [ball(*BALL, CLAY), box_of(LAMP)]
@@ -152,6 +153,7 @@ def test_boxes_are_met_as_slabs_say(device: ComputeDevice) -> None:
 # Objects -------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("view", [View(64, 48), View(128, 64, projection="equirect")])
 def test_even_light_shows_the_albedo(device: ComputeDevice, view: View) -> None:
     frame = sphere_frame(2.0, 128, 64, 0.7)
@@ -169,6 +171,7 @@ def patterned(width: int = 256, height: int = 128, radius: float = 2.5) -> Frame
     return replace(sphere_frame(radius, width, height, 1.0), color=color.astype(np.float32))
 
 
+@pytest.mark.thorough
 def test_what_a_mirror_shows_depends_on_its_place(device: ComputeDevice) -> None:
     """As with exact rays, and unlike a distant environment (section 8: EM lights uniformly)."""
     objects = [ball((0.5, -0.6, -1.4), 0.35, MIRROR), ball((-0.6, -0.5, -1.2), 0.3, MIRROR)]
@@ -183,6 +186,7 @@ def test_what_a_mirror_shows_depends_on_its_place(device: ComputeDevice) -> None
     assert np.abs(distant - exact).mean() > 5.0 * np.abs(impostor - exact).mean()
 
 
+@pytest.mark.thorough
 def test_a_convex_room_is_that_of_iprt(device: ComputeDevice) -> None:
     """All is seen from the middle of the objects: nothing is left to approximate but the map."""
     objects = [ball(*BALL, CLAY), box_of(Material(albedo=(0.5, 0.4, 0.3)))]
@@ -206,6 +210,7 @@ def test_a_convex_room_is_that_of_iprt(device: ComputeDevice) -> None:
 # The map follows -----------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 def test_the_map_follows_objects_and_video(device: ComputeDevice) -> None:
     objects = [ball((0.3, -0.5, -1.0), 0.3, CLAY)]
     frame = patterned(128, 64)
@@ -229,6 +234,7 @@ def test_the_map_follows_objects_and_video(device: ComputeDevice) -> None:
         np.testing.assert_array_equal(third[:, 3], second[:, 3])
 
 
+@pytest.mark.thorough
 def test_a_map_that_stays_shows_nearly_what_a_fresh_one_does(
     device: ComputeDevice, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -156,6 +156,7 @@ def test_objects_shade_each_other(device: ComputeDevice, estimator: Estimator) -
     confirm(runs, 1.0 - factor, rounding=1e-3)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["conductor", "plastic"])
 def test_glossy_objects_reflect_their_albedo(device: ComputeDevice, name: Any) -> None:
     material = Material(name, (0.9, 0.6, 0.3), alpha=0.3)
@@ -203,6 +204,7 @@ def test_a_convex_object_is_lit_as_by_image_based_lighting(device: ComputeDevice
     assert tested.aovs["ratio"].min() < 0.8
 
 
+@pytest.mark.thorough
 def test_how_far_the_room_is_does_not_matter(device: ComputeDevice) -> None:
     """To objects; with parallax it does."""
     rng = np.random.default_rng(3)

@@ -30,6 +30,8 @@ from tests.methods.estimators import (
 from tests.oracles.brdf import diffuse_albedo, specular_albedo
 from tests.worlds import Float, ball, cuboid, disc, landscape_frame, panorama_at
 
+pytestmark = pytest.mark.thorough
+
 RUNS, RAYS = 64, 32
 BALL, DISC = ((0.2, -0.8, -0.9), 0.45), ((0.2, -0.8, -0.9), 0.5)
 LAMP = Material(albedo=(0.0, 0.5, 1.0))

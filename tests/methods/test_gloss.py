@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
@@ -135,6 +136,7 @@ def test_a_mirror_ball_over_a_mirror_floor(device: ComputeDevice) -> None:
     assert (error < 0.1).mean() > 0.85
 
 
+@pytest.mark.thorough
 def test_the_seam_does_not_show(device: ComputeDevice) -> None:
     """The whole panorama, turned by half: mirrors and a black ball have nothing random."""
     frame = mirror_room(256, 128)

@@ -69,6 +69,7 @@ def channels(file: Path) -> dict[str, NDArray[np.float64]]:
         return {name: c.pixels.astype(np.float64) for name, c in opened.channels().items()}
 
 
+@pytest.mark.thorough
 def test_an_installed_method_renders(python: Path, scene: Path, tmp_path: Path) -> None:
     """In the light of the mean radiance, an object has its albedo's part of that."""
     listed = json.loads(iprt(python, "methods", "--json"))

@@ -85,6 +85,7 @@ def test_radiance_is_that_which_was_learned(device: ComputeDevice) -> None:
     assert np.median(shown[1]["learned"][known] / shown[0]["learned"][known]) == pytest.approx(3.0)
 
 
+@pytest.mark.thorough
 def test_windows_show_what_the_panorama_does(device: ComputeDevice) -> None:
     """Even where models know a wall in their place."""
     frame = room_frame(World(), 128, 64, bright_walls)
@@ -195,6 +196,7 @@ def bounds_of(renderer: Renderer) -> Any:
     return renderer.world.objects.bounds[0, :, :3].astype(np.float64)
 
 
+@pytest.mark.thorough
 def test_frames_are_deterministic_and_finite(device: ComputeDevice) -> None:
     """With holes in the depth, and light that is not a number."""
     frame = room_frame(World(), 64, 32, ceiling_lamp)

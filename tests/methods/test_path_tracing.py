@@ -71,6 +71,7 @@ def test_one_bounce_is_shadow_alone(device: ComputeDevice, estimator: Estimator)
     np.testing.assert_array_equal(sent, 0.0)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("estimator", WAYS)
 def test_a_window_casts_a_shadow_by_its_direction(
     device: ComputeDevice, estimator: Estimator
@@ -101,6 +102,7 @@ def nearest_plane(points: Float, normals: Float) -> Any:
     return np.array([*normal, normal @ points[row, column]], np.float32)
 
 
+@pytest.mark.thorough
 def test_both_methods_have_one_mean(device: ComputeDevice) -> None:
     """Pixel by pixel the same paths: what is not gathered is what cancels."""
     frame, objects = windowed(), [ball(*BALL, LAMP), box_of(Material(albedo=(0.3, 0.6, 0.9)))]
@@ -129,6 +131,7 @@ def test_glossy_objects_reflect_their_albedo(
         confirm(np.array([one[kind][inside, 0] for one in runs]), wanted[kind], rounding=1e-3)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("bounces", [1, 2, 3])
 def test_light_between_objects_is_that_of_so_many_surfaces(
     device: ComputeDevice, bounces: int
@@ -211,6 +214,7 @@ def test_the_plane_is_that_below_the_lowest_object() -> None:
     np.testing.assert_allclose(support_plane(far, bounds), [0.0, 1.0, 0.0, foot[1]], atol=1e-6)
 
 
+@pytest.mark.thorough
 def test_all_bounces_are_those_of_iprt(device: ComputeDevice) -> None:
     """Two implementations of one transport, in a picture of objects that light each other."""
     view = View(48, 36, pitch_deg=-35.0)

@@ -19,7 +19,6 @@ from tests.methods.traced import (
 from tests.oracles.brdf import diffuse_albedo, specular_albedo
 from tests.oracles.worlds import Sphere
 from tests.rendering import render
-from tests.variants import ESTIMATORS
 from tests.worlds import ball, sphere_frame
 
 RADIANCE = 0.7
@@ -55,7 +54,7 @@ def test_furnace_shows_the_reflectance(
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("estimator", ESTIMATORS)
+@pytest.mark.parametrize("estimator", ["delta", pytest.param("ratio", marks=pytest.mark.thorough)])
 @pytest.mark.parametrize("view", FURNACE_VIEWS, ids=lambda view: view.projection)
 def test_furnace_lights_real_surfaces_evenly(
     device: ComputeDevice, view: View, estimator: str
@@ -74,7 +73,7 @@ def test_furnace_lights_real_surfaces_evenly(
 @pytest.mark.parametrize(
     "material",
     [
-        Material("conductor", (0.9, 0.6, 0.3), alpha=0.3),
+        pytest.param(Material("conductor", (0.9, 0.6, 0.3), alpha=0.3), marks=pytest.mark.thorough),
         Material("plastic", (0.8, 0.5, 0.2), alpha=0.2),
     ],
     ids=["conductor", "plastic"],

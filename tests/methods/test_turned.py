@@ -42,6 +42,7 @@ def blocks(picture: Float) -> Float:
     return np.asarray(picture.reshape(height // 4, 4, width // 4, 4, 3).mean((1, 3)))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("view", VIEWS)
 @pytest.mark.parametrize("method", OWN)
 def test_half_a_turn_changes_nothing(device: ComputeDevice, method: str, view: str) -> None:

@@ -161,6 +161,7 @@ def test_an_animation_by_name_or_number(
     assert snapshot(room) == before
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("suffix", "size", "lowest", "hint"),
     [
@@ -191,6 +192,7 @@ def test_likely_mistakes_are_hinted_at(
         assert any(hint in line for line in added.hints)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("unit", "warning"),
     [
@@ -291,6 +293,7 @@ def _add(room: Path, mesh: Path) -> str:
     return add_object(room, mesh, 0, -50).name
 
 
+@pytest.mark.thorough
 def test_objects_added_at_the_same_time_are_all_there(room: Path, tmp_path: Path) -> None:
     (tmp_path / "m.obj").write_text(CUBE)
     with multiprocessing.get_context("spawn").Pool(2) as pool:
@@ -299,6 +302,7 @@ def test_objects_added_at_the_same_time_are_all_there(room: Path, tmp_path: Path
     assert {table.name for table in Scene.open(room).manifest.objects} == set(names)
 
 
+@pytest.mark.thorough
 def test_one_who_changes_a_scene_keeps_others_waiting(room: Path, tmp_path: Path) -> None:
     (tmp_path / "m.obj").write_text(CUBE)
     with multiprocessing.get_context("spawn").Pool(1) as pool:

@@ -273,6 +273,7 @@ def test_info_says_what_matters(
     assert set(record["renderer"]) == {"ahead", "cube"}
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("offset", "warning"),
     [
@@ -337,6 +338,7 @@ def test_directions_that_make_no_sense(tmp_path: Path, look: str) -> None:
         commands.add(tmp_path, tmp_path / "m.obj", look=look)
 
 
+@pytest.mark.thorough
 def test_shared_objects_rest_on_their_surfaces() -> None:
     if not (SHARED / "livingroom").is_dir():
         pytest.skip("the scene `livingroom` is not beside the repository")

@@ -84,6 +84,7 @@ def test_the_foot_is_on_the_true_floor_within_a_fraction_of_white_noise(noise: f
     assert np.abs(gaps).max() < max(0.1 * noise * -FLOOR, 1e-5)
 
 
+@pytest.mark.thorough
 def test_the_foot_is_on_the_floor_that_rays_meet_where_errors_are_shared() -> None:
     """Within half of the error, RMS, and no more above than below."""
     frame = off(ROOM.frame(WIDTH, HEIGHT), shared(NOISE))
@@ -134,6 +135,7 @@ def wall_lamp(points: NDArray[np.float64], _: NDArray[np.float64]) -> NDArray[np
     return np.where(lit, 100.0, 0.1)[..., None] * np.ones(3)
 
 
+@pytest.mark.thorough
 def test_shadows_begin_at_the_foot_of_what_stands_on_noisy_depth(device: ComputeDevice) -> None:
     """The lamp is behind a thin board. If that floats, light goes below it."""
     frame = off(room_frame(ROOM, WIDTH, HEIGHT, wall_lamp), white(NOISE))

@@ -23,6 +23,7 @@ def truth_file(scene: Scene, path: Path, index: int) -> Path:
     return frame_path(scene.root, str(path.relative_to(scene.root)), index)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", NAMES)
 def test_manifest_and_files_fit(name: str) -> None:
     scene = Scene.open(SCENES / name)
@@ -105,6 +106,7 @@ def test_chart_walls_are_where_their_names_say(azimuth: int, colour: str) -> Non
     assert lit == set(colour)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["room", "lounge"])
 def test_light_is_where_it_should_be(name: str) -> None:
     """The window is an opening to the left, and the brightest large area."""

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -58,6 +60,7 @@ def averaged(view: View, across: int = 8) -> Float:
     return np.asarray(np.mean(samples, axis=0))
 
 
+@cache
 def painted() -> Frame:
     """The room, of which texels show means."""
     color = averaged(View(WIDTH, HEIGHT, projection="equirect"))
@@ -82,13 +85,16 @@ def ragged() -> Frame:
     return replace(frame, depth=depth.astype(np.float32), color=color.astype(np.float32))
 
 
-FRAMES = {"painted": painted(), "textured": textured(), "ragged": ragged()}
+FRAMES = {"painted": painted, "textured": textured, "ragged": ragged}
 
 
-@pytest.mark.parametrize("frame", FRAMES.values(), ids=FRAMES)
+@pytest.mark.parametrize("make", FRAMES.values(), ids=FRAMES)
 @pytest.mark.parametrize("name", ["ahead", "tilted", "seam"])
-def test_the_twin_shows_the_same(device: ComputeDevice, name: str, frame: Frame) -> None:
-    view = VIEWS[name]
+def test_the_twin_shows_the_same(
+    device: ComputeDevice, name: str, make: Callable[[], Frame]
+) -> None:
+    """At a quarter of the pixels, as the twin is slow."""
+    view, frame = VIEWS[name], make()
     panorama = loaded(device, frame)
     sharp, blurred = shown(device, panorama, view), shown(device, panorama, view, sharp=False)
     surface = device.read(panorama.surface)
@@ -98,7 +104,8 @@ def test_the_twin_shows_the_same(device: ComputeDevice, name: str, frame: Frame)
     assert sharp.other_pixel is not None
     other, second = np.zeros(sharp.other.shape), np.full(sharp.depth.shape, -1)
     centres = View(WIDTH, HEIGHT, projection="equirect").directions()
-    for y, x in np.ndindex(view.height, view.width):
+    tried = np.random.default_rng(7).random(second.shape) < 0.25
+    for y, x in np.argwhere(tried).tolist():
         pixel = twin.pixel(view, x, y)
         wanted[y, x] = pixel.color
         if pixel.texel is not None:
@@ -114,11 +121,11 @@ def test_the_twin_shows_the_same(device: ComputeDevice, name: str, frame: Frame)
     assert changed.mean() > 0.03
     # At the border between two windows, and where two gaps are as near, rounding decides.
     off = np.abs(sharp.color - wanted).max(-1) > 2e-3
-    assert off.mean() < 0.01
-    assert (np.abs(sharp.normal - normal).max(-1) > 1e-3).mean() < 0.01
-    assert (other[..., 3] > 0.1).mean() > 0.003
-    assert (np.abs(sharp.other - other).max(-1) > 2e-3).mean() < 0.01
-    assert (second != sharp.other_pixel).mean() < 0.01
+    assert off[tried].mean() < 0.01
+    assert (np.abs(sharp.normal - normal).max(-1) > 1e-3)[tried].mean() < 0.01
+    assert (other[..., 3] > 0.1)[tried].mean() > 0.003
+    assert (np.abs(sharp.other - other).max(-1) > 2e-3)[tried].mean() < 0.01
+    assert (second != sharp.other_pixel)[tried].mean() < 0.01
 
 
 @views

@@ -28,6 +28,7 @@ def made(monkeypatch: pytest.MonkeyPatch) -> list[Renderer]:
     return found
 
 
+@pytest.mark.thorough
 def test_going_back_and_forth_makes_nothing_anew(
     scene: Scene, device: ComputeDevice, made: list[Renderer]
 ) -> None:
@@ -68,6 +69,7 @@ def test_renderers_of_a_third_kind_take_the_oldest_place(
     assert set(closed) == set(made)
 
 
+@pytest.mark.thorough
 def test_a_client_has_settings_of_its_own(scene: Scene, device: ComputeDevice) -> None:
     baseline = SETTINGS.model_copy(update={"method": "ibl"})
     with turns(scene, device) as driver:
@@ -79,6 +81,7 @@ def test_a_client_has_settings_of_its_own(scene: Scene, device: ComputeDevice) -
         assert (driver.shown(ours).picture.color != expected).any()
 
 
+@pytest.mark.thorough
 def test_surfaces_come_at_rest(scene: Scene, device: ComputeDevice) -> None:
     """Not while the camera turns; real ones stay known while an object moves over them."""
     with turns(scene, device) as driver:

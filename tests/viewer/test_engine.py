@@ -143,6 +143,7 @@ def test_the_video_is_steered(scene: Scene, device: ComputeDevice) -> None:
         assert engine.world.playback == Playback(3, now[0])
 
 
+@pytest.mark.thorough
 def test_edits_are_saved_with_all_else_as_it_was(scene: Scene, device: ComputeDevice) -> None:
     path = scene.root / "scene.toml"
     text = path.read_text().replace("[[objects]]", "# my cube\n[[objects]]  # here")

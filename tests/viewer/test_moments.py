@@ -80,6 +80,7 @@ def test_edits_stay_when_the_scene_is_read_again(scene: Scene, device: ComputeDe
     assert geometry.names == ()
 
 
+@pytest.mark.thorough
 def test_a_mesh_that_cannot_be_read_is_told(
     scene: Scene, device: ComputeDevice, tmp_path: Path
 ) -> None:
@@ -190,6 +191,7 @@ class Fails:
         monkeypatch.setattr(module.Kernel, "__call__", failing)
 
 
+@pytest.mark.thorough
 def test_a_lost_device_is_made_anew_once(
     scene: Scene, device: ComputeDevice, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -263,6 +265,7 @@ def test_a_device_that_cannot_be_had_is_told(scene: Scene, device: ComputeDevice
         assert problems(driver) == ()
 
 
+@pytest.mark.thorough
 def test_a_view_that_does_not_fit_is_told(scene: Scene, device: ComputeDevice) -> None:
     with turns(scene, device) as driver:
         client = driver.join()

@@ -283,6 +283,7 @@ def test_who_asked_for_least_is_left_with_resolution() -> None:
     assert all(level.settings == LEAST for level in levels)
 
 
+@pytest.mark.thorough
 def test_an_engine_follows_down_and_up_again(tmp_path: Path, device: ComputeDevice) -> None:
     """Settings and resolution, on times as a slow and then a quick device would take them."""
     base = changed(SETTINGS, {"trace.object_rays": 2})

@@ -28,6 +28,7 @@ def save(driver: Turns, look: Look | None = None) -> None:
     assert driver.mailbox.world.unsaved == ()
 
 
+@pytest.mark.thorough
 def test_undo_goes_on_across_saves(scene: Scene, device: ComputeDevice, tmp_path: Path) -> None:
     """To the bytes that the file had: comments, materials and removed objects come back."""
     path = scene.root / "scene.toml"
@@ -110,6 +111,7 @@ def test_saved_edits_outdate_the_truth(judged: Scene, device: ComputeDevice) -> 
     assert path.read_text() == first
 
 
+@pytest.mark.thorough
 def test_what_was_added_is_seen_when_the_scene_is_opened_again(
     judged: Scene, device: ComputeDevice
 ) -> None:

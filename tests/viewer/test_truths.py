@@ -58,6 +58,7 @@ def test_truth_is_scored_as_iprt_compare_does(judged: Scene, device: ComputeDevi
         viewport.close()
 
 
+@pytest.mark.thorough
 def test_what_was_added_is_shown_in_views_that_list_objects(
     device: ComputeDevice, judged: Scene
 ) -> None:

@@ -132,6 +132,7 @@ def test_comparisons_are_of_the_same_view(
         assert (np.abs(displayed.pixels.astype(int) - video)[on] > 4).any(), "no object"
 
 
+@pytest.mark.thorough
 def test_a_method_is_compared_by_its_own_picture(
     viewport: Viewport, engine: Engine, device: ComputeDevice
 ) -> None:

@@ -94,6 +94,7 @@ def test_what_can_follow_is_finished(
         assert driver.shown(client).request.view == turned
 
 
+@pytest.mark.thorough
 def test_who_drags_a_slider_sees_pictures(
     scene: Scene, device: ComputeDevice, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -183,6 +184,7 @@ def test_what_a_mesh_file_lost_is_told(scene: Scene, device: ComputeDevice, tmp_
         assert driver.mailbox.status.notes == ()
 
 
+@pytest.mark.thorough
 def test_renderers_and_programs_do_not_pile_up(
     scene: Scene, device: ComputeDevice, monkeypatch: pytest.MonkeyPatch
 ) -> None:

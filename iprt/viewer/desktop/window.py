@@ -25,8 +25,9 @@ from iprt.viewer.desktop.style import apply_style
 from iprt.viewer.desktop.turning import BESIDE, Matrix, Turner
 from iprt.viewer.needs import ELSEWHERE
 
-STIRRED_S = 0.6
-"""Drawn again and again so long after any input: tooltips appear, and popups settle."""
+STIRRED_S, STIRRED_FRAMES = 0.6, 8
+"""Drawn again and again at least so long and so often after any input: tooltips appear, and popups
+settle. Where a frame takes a tenth of a second, the time alone would not be enough."""
 
 
 _NAMED_KEYS = {
@@ -100,7 +101,7 @@ class Window:
         press: Any = self._press
         glfw.set_key_callback(handle, press)
         self._presses: list[KeyPress] = []
-        self._stirred_s = time.monotonic()
+        self._stir()
         self._texture: moderngl.Texture | None = None
         self._turner: Turner | None = None
         imgui.create_context()
@@ -174,10 +175,10 @@ class Window:
     def wait(self, timeout_s: float) -> bool:
         """Take events, and wait for one at most so long; whether there is something to draw for."""
         glfw.wait_events_timeout(timeout_s)
-        return time.monotonic() - self._stirred_s < STIRRED_S
+        return self._unsettled > 0 or time.monotonic() - self._stirred_s < STIRRED_S
 
     def _stir(self, *_: Any) -> None:
-        self._stirred_s = time.monotonic()
+        self._stirred_s, self._unsettled = time.monotonic(), STIRRED_FRAMES
 
     def take_keys(self) -> list[KeyPress]:
         """Keys pressed since the last call.
@@ -206,6 +207,7 @@ class Window:
     @contextmanager
     def frame(self) -> Iterator[None]:
         """Draw by imgui inside; then it is on the screen."""
+        self._unsettled = max(self._unsettled - 1, 0)
         backends.opengl3_new_frame()
         backends.glfw_new_frame()
         imgui.new_frame()

@@ -36,7 +36,7 @@ from tests.viewer.screen.web import FRAMES, Place, at_rest, cube_middle, screen 
 
 pytestmark = [
     pytest.mark.screen,
-    pytest.mark.slow,
+    pytest.mark.thorough,
     pytest.mark.filterwarnings("ignore:Queued a .* on a closed connection"),
 ]
 

@@ -17,7 +17,7 @@ from tests.viewer.screen.web import Place, at_rest
 
 pytestmark = [
     pytest.mark.screen,
-    pytest.mark.slow,
+    pytest.mark.thorough,
     pytest.mark.filterwarnings("ignore:Queued a .* on a closed connection"),
 ]
 TOKEN = "a-token-of_27-characters-1"

@@ -40,7 +40,7 @@ from tests.viewer.screen.web import (
 
 pytestmark = [
     pytest.mark.screen,
-    pytest.mark.slow,
+    pytest.mark.thorough,
     pytest.mark.filterwarnings("ignore:Queued a .* on a closed connection"),
 ]
 LARGE = {"width": 900, "height": 700}

@@ -28,7 +28,7 @@ from tests.viewer.screen.web import PASSIVE, Place, at_rest, bar, box, button, c
 
 pytestmark = [
     pytest.mark.screen,
-    pytest.mark.slow,
+    pytest.mark.thorough,
     pytest.mark.filterwarnings("ignore:Queued a .* on a closed connection"),
 ]
 SIZE = (64, 48)

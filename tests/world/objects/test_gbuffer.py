@@ -22,11 +22,6 @@ CONSTANTS = 16 * 4
 """Bytes of what a turned view changes: `View.kernel_constants`."""
 
 
-@pytest.fixture
-def gpu(device: ComputeDevice) -> LikeGpu:
-    return LikeGpu(device.device)
-
-
 def renderer(device: ComputeDevice, name: str, **settings: Any) -> Renderer:
     film = films(**settings)[name]
     footage = Footage.of(film.video[0], static_camera=film.static_camera)
@@ -127,6 +122,7 @@ def test_ways_are_timed_until_the_device_has_finished(monkeypatch: pytest.Monkey
     assert all(next(left, None) is None for left in costs.values())
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["triangles", "gloss", "blocks", "published", "environment"])
 def test_in_a_steady_frame_the_host_only_tells_where_the_view_looks(
     gpu: LikeGpu, name: str

@@ -36,6 +36,7 @@ def settings(*, rays: int = 4, represented: str = "", **others: Any) -> Settings
     return variant(estimator, objects=represented, **chosen)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("view", [DOWN, PANORAMA], ids=lambda view: view.projection)
 def test_a_convex_object_is_the_same_in_both(device: ComputeDevice, view: View) -> None:
     frame = room_frame(ROOM, 256, 128, bright_walls)
@@ -75,6 +76,7 @@ def test_what_an_object_hides_casts_a_shadow(device: ComputeDevice) -> None:
     assert ratio[under].mean() < layered - 0.05
 
 
+@pytest.mark.thorough
 def test_a_mirror_shows_what_an_object_hides(device: ComputeDevice) -> None:
     """A red ball behind a wall, seen in a mirror to the right."""
     frame = room_frame(ROOM, 256, 128, lambda points, _: np.full(points.shape, 1.0))
@@ -138,7 +140,7 @@ def test_rays_draw_without_opengl(
 
 
 @pytest.mark.parametrize("view", [DOWN, PANORAMA], ids=lambda view: view.projection)
-def test_the_plan_is_what_is_allocated(device: ComputeDevice, view: View) -> None:
+def test_the_plan_is_what_is_allocated(own_accounts: ComputeDevice, view: View) -> None:
     """Without building a tree, which the file name of this test's mesh would take seconds for."""
     frame = room_frame(ROOM, 64, 32, bright_walls)
     objects = [
@@ -148,11 +150,10 @@ def test_the_plan_is_what_is_allocated(device: ComputeDevice, view: View) -> Non
     settings = Settings(gbuffer="cl")
     plan = PlanDevice()
     Renderer(plan, frame, objects, view, settings)
-    own = ComputeDevice(device.device)
-    with Renderer(own, frame, objects, view, settings) as renderer:
+    with Renderer(own_accounts, frame, objects, view, settings) as renderer:
         renderer.render(1)
     for name, size in plan.buffers.items():
-        assert own.buffers[name] == size, name
+        assert own_accounts.buffers[name] == size, name
     assert {name for name in plan.buffers if name.startswith("bvh")} == {
         "bvh nodes", "bvh packets", "bvh instances", "bvh triangles", "bvh normals", "bvh albedos",
     }  # fmt: skip

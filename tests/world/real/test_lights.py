@@ -256,6 +256,7 @@ light = share > 0.0f ? weight.y * share * captured_radiance(world, hit, s.wi).y 
 MIXED = [(name, index) for name in FRAMES for index in range(len(SHINY))]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("name", "material"), MIXED)
 def test_aiming_at_lights_does_not_change_what_is_reflected(
     worlds: Callable[[str], RealWorld], name: str, material: int

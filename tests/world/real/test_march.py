@@ -171,7 +171,7 @@ def test_sphere_around_the_centre(device: ComputeDevice, trace: RealTracer) -> N
     assert np.array_equal(centre.texel, np.arange(256 * 128))
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_sphere_in_a_large_panorama_of_odd_height(device: ComputeDevice, trace: RealTracer) -> None:
     """Where texels are so small that tangent planes are the sphere: the analytic distance."""
     width, height = 4096, 2047
