@@ -1,14 +1,14 @@
 """The process of `iprt.device.compilers`: compiles the kernels that it is sent.
 
-`python -m iprt.device.compile PLATFORM DEVICE` reads pickled tasks from stdin. It answers True for
-each kernel that is compiled and False for a program that does not build.
+`python -m iprt.device.compile PLATFORM DEVICE` reads tasks from stdin, each a line of JSON: text and
+options of a program, and `KernelTask`s. It answers `true` for each kernel that is compiled, and
+`false` for a program that does not build.
 """
 
 from __future__ import annotations
 
+import json
 import os
-import pickle
-import string
 import sys
 from typing import Any
 
@@ -18,6 +18,8 @@ import pyopencl as cl
 from iprt.device.compilers import SMALL_GRID, KernelTask
 from iprt.device.program import Program, build
 from iprt.errors import KernelError
+from iprt.files.kernel_source import KernelSource
+from iprt.files.resources import CL
 
 GROUP = 64
 """Work items of a group, as `ComputeDevice.group_size` has it for processors."""
@@ -32,37 +34,31 @@ def launch(context: cl.Context, built: Any, task: KernelTask) -> None:
     cl.enqueue_fill_buffer(queue, memory, b"\0", 0, MEMORY_BYTES)
     middle = memory.get_sub_region(MEMORY_BYTES // 2, MEMORY_BYTES // 2)
     kernel = cl.Kernel(built, task.name)
-    for index, parameter in enumerate(task.signature):
-        components = int(parameter.kind.lstrip(string.ascii_letters) or 1)
-        zeros = np.zeros(components, np.int32)
-        kernel.set_arg(index, middle if parameter.is_buffer else zeros)
+    for index, components in enumerate(task.components):
+        kernel.set_arg(index, np.zeros(components, np.int32) if components else middle)
     items = -(-SMALL_GRID // GROUP) * GROUP if task.large else GROUP
     cl.enqueue_nd_range_kernel(queue, kernel, (items, 1), (GROUP, 1)).wait()
 
 
 def main() -> None:
     """Compile until stdin ends."""
-    answers = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
+    answers = os.fdopen(os.dup(sys.stdout.fileno()), "w")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # drivers print there
     platform, device = map(int, sys.argv[1:])
     context = cl.Context([cl.get_platforms()[platform].get_devices()[device]])
-    while True:
+    for line in sys.stdin:
+        text, options, kernels = json.loads(line)
         try:
-            program, kernels = pickle.load(sys.stdin.buffer)
-        except EOFError:
-            return
-        assert isinstance(program, Program)
-        try:
-            built = build(context, program)
+            built = build(context, Program(text, tuple(options), "", "", KernelSource(CL)))
         except KernelError:  # reported where it is launched
             built = None
-        for task in kernels:
-            if built is not None:
-                launch(context, built, task)
-            pickle.dump(built is not None, answers)
+        for task in kernels if built is not None else ():
+            launch(context, built, KernelTask(*task))
+            answers.write("true\n")
             answers.flush()
-            if built is None:
-                break
+        if built is None:
+            answers.write("false\n")
+            answers.flush()
 
 
 if __name__ == "__main__":

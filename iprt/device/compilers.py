@@ -7,13 +7,12 @@ ask. A process of its own launches it there on a few items, and the launch here 
 from __future__ import annotations
 
 import hashlib
+import json
 import os
-import pickle
 import subprocess
 import sys
 import threading
 from collections import deque
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any, NamedTuple
@@ -22,7 +21,6 @@ import pyopencl as cl
 
 from iprt.device.caches import cache_folder
 from iprt.device.program import Program
-from iprt.device.signature import Parameter
 
 SMALL_GRID = 2**16 - 1
 """Most items along a dimension up to which PoCL compiles a kernel for small grids."""
@@ -39,13 +37,14 @@ class KernelTask(NamedTuple):
     Attributes
     ----------
     name : str
-    signature : sequence of Parameter
+    components : list of int
+        Of each parameter, of four bytes each; 0: a buffer.
     large : bool
         For grids larger than `SMALL_GRID`.
     """
 
     name: str
-    signature: Sequence[Parameter]
+    components: list[int]
     large: bool
 
 
@@ -99,12 +98,13 @@ class Compilers:
         asked = key in self._tasks or (program, kernel, True) in self._tasks
         if asked or self._file(*key).exists():
             return
+        components = [parameter.components for parameter in program.signature(kernel)]
         with self._changed:
             task = next((task for task in self._queue if task.program == program), None)
             if task is None:
                 task = _Task(program)
                 self._queue.append(task)
-            task.kernels.append(KernelTask(kernel, program.signature(kernel), large))
+            task.kernels.append(KernelTask(kernel, components, large))
             self._tasks[key] = task
             if self._running < min(self._processes, len(self._queue)):
                 self._running += 1
@@ -159,14 +159,15 @@ class Compilers:
     ) -> bool:
         """Compile kernels, which leave the list; return whether the process goes on."""
         try:
-            pickle.dump((program, list(kernels)), _stream(process.stdin))
+            task = [program.text, program.options, list(kernels)]
+            _stream(process.stdin).write(json.dumps(task).encode() + b"\n")
             _stream(process.stdin).flush()
             while kernels:
-                if pickle.load(_stream(process.stdout)):
+                if json.loads(_stream(process.stdout).readline()):
                     self._mark(program, kernels.popleft())
                 else:  # reported where it is launched
                     kernels.clear()
-        except (OSError, EOFError, pickle.UnpicklingError):
+        except (OSError, ValueError):
             # With nothing to work on, a kernel may crash; by then it is compiled.
             process.kill()
             process.wait()

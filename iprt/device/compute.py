@@ -197,8 +197,9 @@ class ComputeDevice:
             It does not build.
         """
         name = found.program.name
-        if found.built is None or (name, kernel) not in self._launched:
+        if found.built is None:
             self.building(found.program.file)
+        if found.built is None or (name, kernel) not in self._launched:
             with self.profile.compiling(name):
                 if self._compilers is not None:
                     self._compilers.wait(found.program, kernel)

@@ -52,13 +52,15 @@ class Program:
         File of `cl/`.
     name : str
         Name in the profile: the file and the defines.
+    source : KernelSource
+        What the text was made of, for the parameters of kernels.
     """
 
     text: str
     options: tuple[str, ...]
     file: str = field(compare=False)
     name: str = field(compare=False)
-    _source: KernelSource = field(compare=False, repr=False)
+    source: KernelSource = field(compare=False, repr=False)
     _signatures: dict[str, tuple[Parameter, ...]] = field(
         default_factory=dict, compare=False, repr=False
     )
@@ -76,7 +78,7 @@ class Program:
     def signature(self, kernel: str) -> tuple[Parameter, ...]:
         """Return the parameters of one of its kernels, in order."""
         if kernel not in self._signatures:
-            self._signatures[kernel] = signature(self._source, kernel)
+            self._signatures[kernel] = signature(self.source, kernel)
         return self._signatures[kernel]
 
     @property

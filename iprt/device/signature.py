@@ -6,6 +6,7 @@ Not every driver tells the parameters of programs that come from its cache.
 from __future__ import annotations
 
 import re
+import string
 from dataclasses import dataclass
 from typing import Any
 
@@ -36,6 +37,11 @@ class Parameter:
     scalar: Any
     kind: str
     is_buffer: bool
+
+    @property
+    def components(self) -> int:
+        """Components of a number or vector; 0: a buffer."""
+        return 0 if self.is_buffer else int(self.kind.lstrip(string.ascii_letters) or 1)
 
 
 def signature(source: KernelSource, kernel: str) -> tuple[Parameter, ...]:

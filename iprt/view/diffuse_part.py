@@ -48,7 +48,7 @@ class DiffusePart:
         color_map : (6, 4) or None
             `ColorMap.rows`.
         """
-        if highlight is None and color_map is None:
+        if self._planes is None or (highlight is None and color_map is None):
             return colour
         self._kernel(self._layout.size, colour=colour, maps=color_map, highlight=highlight)
         return self._planes

@@ -19,7 +19,12 @@ from tests.films import planned_kernels
 
 MOST_BUFFERS = 31
 """What Apple's GPUs let a kernel take."""
-MORE_BUFFERS = {"trace_virtual": 35, "path_trace_real": 33, "path_trace_virtual": 33}
+MORE_BUFFERS = {
+    "trace_virtual": 36,
+    "trace_gloss": 36,
+    "path_trace_real": 33,
+    "path_trace_virtual": 33,
+}
 """Kernels with variants that do not run there: reflections of `iprt2023`, paths of `oil`."""
 ELEMENTS = re.compile(r"(uchar|int|uint|float)[234]?")
 

@@ -63,7 +63,7 @@ def change_of(
         planes = renderer.layout.interior(device.read(renderer.method.real_pixels.change))
     change = np.moveaxis(planes.astype(np.float64), 0, -1)
     return (
-        change[..., :3], change[..., 3:],
+        change[..., :3], change[..., 3:6],
         aovs["irradiance_real"].astype(np.float64), aovs["ratio"].astype(np.float64),
     )  # fmt: skip
 

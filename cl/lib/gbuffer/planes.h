@@ -29,7 +29,7 @@ static inline int plane_index(int x, int y, int width)
 // then repeats it more than once.
 #ifdef VIEW_NARROW
 #define AT_BORDER(PUT)                                                                             \
-    for (int turns = 1; (turns - 1) * width < seam; turns++) {                                     \
+    for (int turns = 1; turns < (seam + width - 1) / width + 1; turns++) {                         \
         if (x - turns * width >= -seam)                                                            \
             PUT(p - turns * width);                                                                \
         if (x + turns * width < width + seam)                                                      \
