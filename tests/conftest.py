@@ -11,6 +11,7 @@ import hypothesis
 import pytest
 
 from iprt import cli
+from iprt.device import compilers
 from iprt.device.choose import choose_device
 from iprt.device.compute import ComputeDevice
 from tests.like_gpu import LikeGpu
@@ -18,6 +19,9 @@ from tests.scene.files import write_scene
 
 DEVICE = os.environ.get("IPRT_TEST_DEVICE", "pocl")
 """What the tests run on; PoCL is the baseline."""
+
+if "PYTEST_XDIST_WORKER" in os.environ:
+    compilers.MOST_PROCESSES = 1  # other cores have tests of their own
 
 # Examples may take long: other programs may run on all cores.
 hypothesis.settings.register_profile(

@@ -1,7 +1,7 @@
 """The process of `iprt.device.compilers`: compiles the kernels that it is sent.
 
-`python -m iprt.device.compile PLATFORM DEVICE` reads tasks from stdin, each a line of JSON: text and
-options of a program, and `KernelTask`s. It answers `true` for each kernel that is compiled, and
+`python -m iprt.device.compile PLATFORM DEVICE` reads tasks from stdin, each a line of JSON: text
+and options of a program, and `KernelTask`s. It answers `true` for each kernel that is compiled, and
 `false` for a program that does not build.
 """
 

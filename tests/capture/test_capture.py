@@ -92,6 +92,7 @@ def test_a_thing_that_went_away_is_removed(tmp_path: Path) -> None:
     assert goes.removed > 20 * max(stays.removed, 1)
 
 
+@pytest.mark.thorough
 def test_exposure_and_white_balance_are_compensated(tmp_path: Path) -> None:
     number = np.arange(len(AROUND))
     exposure = 1.0 + np.sin(number / 3.0)[:, None] * [0.3, 0.25, 0.15]

@@ -46,6 +46,7 @@ def test_attributes_stay_together() -> None:
     np.testing.assert_array_equal(held.clipped, number % 2 == 1)
 
 
+@pytest.mark.thorough
 def test_every_sample_has_the_same_chance() -> None:
     """However they arrive: in one frame, or in frames of different sizes."""
     arrivals, slots, trials = 40, 8, 4000

@@ -100,6 +100,7 @@ def scene(tmp_path: Path) -> Scene:
     return Scene.open(write_clip(tmp_path / "clip", 1))
 
 
+@pytest.mark.thorough
 def test_a_picture_in_parts_has_the_same_bits(
     scene: Scene, device: ComputeDevice, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -98,7 +98,8 @@ def test_what_does_not_build_is_left_to_the_launch(several: Compilers, cache: Pa
 
 
 @pytest.mark.skipif(len(os.sched_getaffinity(0)) < 2, reason="one core compiles by itself")
-def test_a_device_launches_what_was_compiled(cache: Path) -> None:
+def test_a_device_launches_what_was_compiled(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(compilers, "MOST_PROCESSES", 2)
     device = ComputeDevice(choose_device("pocl"))
     device.compile([PlannedKernel(FILE, NAME, {})])
     assert device._compilers is not None

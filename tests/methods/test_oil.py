@@ -44,6 +44,7 @@ def plain(method: str) -> Settings:
     })  # fmt: skip
 
 
+@pytest.mark.thorough
 def test_the_picture_is_that_of_path_tracing(device: ComputeDevice) -> None:
     """In a room that does not change, of radiance that models can show."""
     frame = room_frame(World(), 256, 128, bright_walls)
@@ -124,6 +125,7 @@ def test_the_view_of_what_was_learned(device: ComputeDevice) -> None:
     assert np.median(np.abs(shown / background - 1.0)[known]) < 0.03
 
 
+@pytest.mark.thorough
 def test_what_was_learned_stays_where_it_is_while_the_camera_moves(device: ComputeDevice) -> None:
     world, objects = World(), [ball((0.2, -1.0, -1.4), 0.3, LAMP)]
     poses = [pose_at(), pose_at((0.5, 0.1, -0.4), 40.0)]
@@ -170,6 +172,7 @@ def test_a_still_is_learned_until_as_many_samples_as_texels_were_drawn(
         assert renderer.real_world.panorama.learned.learner.learned == 64 * 32
 
 
+@pytest.mark.thorough
 def test_real_surfaces_change_within_the_region_alone(device: ComputeDevice) -> None:
     """Within the boxes enlarged about their middle, and there as everywhere."""
     frame, thing = windowed(), box_of(Material(albedo=(0.4, 0.3, 0.2)))

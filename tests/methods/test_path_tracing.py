@@ -40,6 +40,7 @@ LOOK = View(40, 30, pitch_deg=-38.0, fov_y_deg=60.0)
 # Real surfaces -------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("estimator", WAYS)
 @pytest.mark.parametrize("surfaces", ["plane", "all"])
 def test_a_ball_hides_light_and_shines(

@@ -210,6 +210,7 @@ def test_shared_scenes_open(name: str) -> None:
     assert all(instance.mesh.dropped == () for instance in scene.instances)
 
 
+@pytest.mark.thorough
 def test_living_room_openings_carry_most_of_the_light() -> None:
     if not (SHARED / "livingroom").is_dir():
         pytest.skip("the scene `livingroom` is not beside the repository")
