@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from iprt.device.program import Program
 from tests import gpu
 from tests.gpu import CompileError, Need, compiled, exceeded
 
@@ -27,9 +28,7 @@ __kernel void planted(__global const float *restrict in, __global float *restric
 
 
 def needs(tmp_path: Path, statement: str, before: str = "") -> dict[tuple[str, str], Need]:
-    file = tmp_path / "planted.cl"
-    file.write_text(SOURCE % (before, statement))
-    return compiled((str(file), ()), tmp_path)
+    return compiled(Program.of_text(SOURCE % (before, statement), "planted.cl"), tmp_path)
 
 
 def test_a_sound_kernel_needs_little(tmp_path: Path) -> None:
