@@ -150,7 +150,7 @@ def variances(device: ComputeDevice, frames: int) -> dict[str, tuple[Any, Any, N
             planes = renderer.layout.interior(device.read(change))
         told.append(picture.aovs["variance"])
         shown.append(picture.aovs["diffuse"] @ LUMINANCE)
-        relit.append(np.tensordot(LUMINANCE, planes[:3] - planes[3:], 1))
+        relit.append(np.tensordot(LUMINANCE, planes[:3] - planes[3:6], 1))
     coverage = picture.aovs["coverage"]
     mean = np.mean(told, axis=0)
     return {

@@ -62,7 +62,7 @@ def objects(subdivisions: int = 4) -> list[Instance]:
 class Idle(ComputeDevice):
     """Allocates and transfers, but computes nothing: compiling would take minutes."""
 
-    def kernel(self, *_: Any) -> Any:
+    def kernel(self, *_: Any, **__: Any) -> Any:
         return UnbuiltKernel()
 
 
