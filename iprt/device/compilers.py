@@ -145,12 +145,14 @@ class Compilers:
             return None
 
     def _start(self) -> subprocess.Popen[bytes]:
-        """Start a process of `iprt.device.compile`."""
+        """Start a process of `iprt.device.compile`, which finds the package where this one did."""
+        folders = [str(Path(__file__).parents[2]), *filter(None, [os.environ.get("PYTHONPATH")])]
         return subprocess.Popen(
             [sys.executable, "-m", "iprt.device.compile", *map(str, self._place)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
+            env={**os.environ, "PYTHONPATH": os.pathsep.join(folders)},
             start_new_session=True,  # Ctrl+C is for this process, whose end ends the other
         )
 
