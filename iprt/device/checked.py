@@ -77,13 +77,9 @@ class CheckedDevice(ComputeDevice):
         file: str,
         name: str,
         defines: Mapping[str, Define] | None = None,
-        *,
-        items: int = 0,
-        later: bool = False,
+        **hints: Any,
     ) -> Kernel:
-        return CheckedKernel(
-            self, self._inside.kernel(file, name, defines, items=items, later=later), file
-        )
+        return CheckedKernel(self, self._inside.kernel(file, name, defines, **hints), file)
 
     def empty(
         self, name: str, shape: tuple[int, ...], dtype: DTypeLike = np.float32

@@ -81,7 +81,7 @@ class Compilers:
 
     @classmethod
     def of(cls, device: cl.Device) -> Compilers | None:
-        """Return those of a device; None where they would be of no use."""
+        """Return the compilers of a device, or None where its driver gains nothing by them."""
         processes = min(len(os.sched_getaffinity(0)), MOST_PROCESSES)
         pocl = "Portable Computing Language" in device.platform.name
         cached = os.environ.get("POCL_KERNEL_CACHE", "1") != "0"
@@ -112,7 +112,7 @@ class Compilers:
             self._changed.notify()
 
     def wait(self, program: Program, kernel: str) -> None:
-        """Wait for a kernel, if it was requested; it goes before all that nobody waits for."""
+        """Wait for a kernel, if it was requested, and move it to the front of the queue."""
         for large in (False, True):
             task = self._tasks.get((program, kernel, large))
             if task is not None:

@@ -101,13 +101,11 @@ class CountingDevice(ComputeDevice):
         file: str,
         name: str,
         defines: Mapping[str, Define] | None = None,
-        *,
-        items: int = 0,
-        later: bool = False,
+        **hints: Any,
     ) -> Kernel:
         if "WORK_PARAMETER" in (CL / file).read_text():
             defines = {**(defines or {}), "COUNT_WORK": True}
-        kernel = self._inside.kernel(file, name, defines, items=items, later=later)
+        kernel = self._inside.kernel(file, name, defines, **hints)
         kernel.run_on(self)  # whose profile is another
         return CountingKernel(self, kernel)
 

@@ -222,7 +222,7 @@ def constant(file: str, name: str) -> int:
 
 
 def float_constant(file: str, name: str) -> float:
-    """Return the same of a number in single precision, such as 0.1f."""
+    """Return a single-precision constant, such as 0.1f, that a file of `cl/` defines."""
     return float(_source(file).expanded(name).removesuffix("f"))
 
 

@@ -108,7 +108,7 @@ class Atrous:
         ]
 
     def _of_kind(self) -> dict[str, Any]:
-        """What kernels of one kind of signals take, and those of the other do not."""
+        """Return the arguments that only kernels of this kind of signal have."""
         if self._real:
             return batched(turned=self._planes("least turn", 1, self._stored))
         widened = self._planes("widened roughness", 1, self._stored, signals=self._specular)

@@ -113,7 +113,7 @@ def without_flakes(cells: Cells, planes: list[CellPlane]) -> list[CellPlane]:
 
 
 def _reflection(plane: Followed) -> Reflection | None:
-    """What is known of a plane's reflection; None where nothing looks like one."""
+    """Gather the evidence of a plane's reflection; None where nothing looks like one."""
     if not _worth_a_look(plane):
         return None
     parts = [plane.reflected(alpha, index) for index, alpha in enumerate(ALPHAS)]
