@@ -67,7 +67,7 @@ class Guide:
 
     Attributes
     ----------
-    current, previous : (7, H + 2 PAD, W + 2 PAD) float32
+    current, previous : planes of 7 channels, float32
         Before the second picture, `previous` holds no surface.
     spans : Spans
     layer : int
@@ -91,7 +91,8 @@ class Guide:
         nothing = np.zeros(layout.shape(PLANES), np.float32)
         nothing[-1] = -1.0
         # Equirect views have neighbours to the left and right of every row.
-        nothing[-1, PAD:-PAD, slice(None) if layout.equirect else slice(PAD, -PAD)] = 0.0
+        columns = slice(None) if layout.equirect else slice(PAD, -PAD)
+        layout.bordered(nothing)[-1, PAD:-PAD, columns] = 0.0
         self.current = device.upload(f"{name} guide", nothing)
         self.previous = device.upload(f"{name} guide before", nothing)
         self.spans = spans or Spans(device, layout, name=name)

@@ -14,6 +14,9 @@ from iprt.geometry.camera import View
 PAD = constant("lib/gbuffer/planes.h", "PLANE_PAD")
 """Border in pixels."""
 
+WAY = constant("lib/gbuffer/planes.h", "PLANE_WAY")
+SHIFT = constant("lib/gbuffer/planes.h", "PLANE_SHIFT")
+
 
 @dataclass(frozen=True)
 class PlaneLayout:
@@ -46,19 +49,27 @@ class PlaneLayout:
         seam = PAD if self.equirect else 0
         return {"width": self.width, "height": self.height, "seam": seam}
 
-    def shape(self, channels: int) -> tuple[int, int, int]:
-        """(channels, height + 2 PAD, width + 2 PAD), what `cl/lib/gbuffer/planes.h` indexes."""
-        return (channels, self.height + 2 * PAD, self.width + 2 * PAD)
+    def shape(self, channels: int) -> tuple[int, int]:
+        """Return the shape of planes: channels, and `plane_size` of `cl/lib/gbuffer/planes.h`."""
+        pixels = (self.height + 2 * PAD) * (self.width + 2 * PAD)
+        return channels, -(-pixels // WAY) * WAY + SHIFT
+
+    def bordered(self, planes: NDArray[np.generic]) -> NDArray[np.generic]:
+        """Return a (channels, height + 2 PAD, width + 2 PAD) view of planes."""
+        rows, columns = self.height + 2 * PAD, self.width + 2 * PAD
+        return planes[:, : rows * columns].reshape(-1, rows, columns)
 
     def interior(self, planes: NDArray[np.generic]) -> NDArray[np.generic]:
-        """(channels, height, width) view of padded planes, without the border."""
-        return planes[..., PAD:-PAD, PAD:-PAD]
+        """Return a (channels, height, width) view of planes, without the border."""
+        return self.bordered(planes)[:, PAD:-PAD, PAD:-PAD]
 
     def image(self, planes: NDArray[np.generic], channels: slice) -> NDArray[np.float32]:
-        """Some of padded planes: (H, W) of one, else (H, W, C); without the border."""
+        """Return the image of some planes, (H, W) of one, else (H, W, C), without the border."""
         image = self.interior(planes)[channels].astype(np.float32)
         return np.ascontiguousarray(image[0] if len(image) == 1 else np.moveaxis(image, 0, -1))
 
     def padded(self, image: NDArray[np.generic]) -> NDArray[np.generic]:
-        """Planes (C, height + 2 PAD, width + 2 PAD) from an image (C, height, width), border 0."""
-        return np.pad(image, [(0, 0), (PAD, PAD), (PAD, PAD)])
+        """Return planes of an image (channels, height, width), whose border is 0."""
+        planes = np.zeros(self.shape(len(image)), image.dtype)
+        self.interior(planes)[:] = image
+        return planes

@@ -127,10 +127,12 @@ def flat_gbuffer(width: int, height: int) -> GBuffer:
 
 
 def upload(device: ComputeDevice, layout: PlaneLayout, image: Array) -> cla.Array:
-    """Padded float32 planes of a (C, H, W) image, wrapped around as kernels leave equirect ones."""
-    rows = layout.padded(image)[..., PAD:-PAD]
-    planes = np.pad(rows, [(0, 0), (0, 0), (PAD, PAD)], mode="wrap")
-    return device.upload("test planes", planes.astype(np.float32))
+    """Float32 planes of a (C, H, W) image, wrapped around as kernels leave equirect ones."""
+    planes = layout.padded(image.astype(np.float32))
+    layout.bordered(planes)[:] = np.pad(
+        layout.bordered(planes)[..., PAD:-PAD], [(0, 0), (0, 0), (PAD, PAD)], mode="wrap"
+    )
+    return device.upload("test planes", planes)
 
 
 def read(device: ComputeDevice, layout: PlaneLayout, planes: cla.Array) -> NDArray[np.generic]:
