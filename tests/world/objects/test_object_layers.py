@@ -128,9 +128,9 @@ def traced(device: ComputeDevice, layers: ObjectLayers, view: View) -> TracedLay
 
 def image(device: ComputeDevice, layer: VisibleLayer, name: str) -> Float:
     """(H, W) or (H, W, C)."""
-    planes = device.read(getattr(layer, name))
-    layout = PlaneLayout(planes.shape[-1] - 64, planes.shape[-2] - 64)
-    channels = np.moveaxis(layout.interior(planes).astype(np.float64), 0, -1)
+    _, height, width, _ = layer.display.shape
+    planes = PlaneLayout(width, height).interior(device.read(getattr(layer, name)))
+    channels = np.moveaxis(planes.astype(np.float64), 0, -1)
     return channels[..., 0] if channels.shape[-1] == 1 else channels
 
 
