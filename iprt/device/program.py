@@ -13,6 +13,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pyopencl as cl
+from pyopencl.cache import create_built_program_from_source_cached
+from pyopencl.characterize import has_src_build_cache
 
 from iprt.device.signature import Parameter, signature
 from iprt.errors import KernelError
@@ -110,7 +112,15 @@ def build(context: cl.Context, program: Program, tries: int = BUILD_TRIES) -> An
         with warnings.catch_warnings():
             # Some compilers report success at length; a failure raises with its log.
             warnings.simplefilter("ignore", cl.CompilerWarning)
-            return cl.Program(context, program.text).build(list(program.options))
+            # `cl.Program.build` would add the folder of pyopencl's headers to the options, and with
+            # it to the key of the driver's cache: each environment would compile everything anew.
+            built, _ = create_built_program_from_source_cached(
+                context,
+                program.text,
+                " ".join(program.options).encode(),
+                cache_dir=False if has_src_build_cache(context.devices[0]) else None,
+            )
+            return cl.Program(built)
     except cl.RuntimeError as error:
         if tries > 1 and CACHE_RACE in str(error):
             time.sleep(BUILD_PAUSE_S)

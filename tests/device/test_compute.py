@@ -23,14 +23,15 @@ RACE = f"clBuildProgram failed: BUILD_PROGRAM_FAILURE\nerror: {CACHE_RACE} 'a' t
 def builds(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """What the next builds fail with; those after them succeed."""
     failures: list[str] = []
-    build = cl.Program.build
+    name = "create_built_program_from_source_cached"
+    build = getattr(program, name)
 
-    def failing(self: Any, *args: Any, **kwargs: Any) -> Any:
+    def failing(*args: Any, **kwargs: Any) -> Any:
         if failures:
             raise cl.RuntimeError(failures.pop(0))
-        return build(self, *args, **kwargs)
+        return build(*args, **kwargs)
 
-    monkeypatch.setattr(cl.Program, "build", failing)
+    monkeypatch.setattr(program, name, failing)
     monkeypatch.setattr(program, "BUILD_PAUSE_S", 0.0)
     return failures
 

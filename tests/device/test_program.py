@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pyopencl as cl
 import pytest
 
 from iprt.device.compute import ComputeDevice
@@ -73,6 +74,15 @@ def test_the_folder_of_the_checkout_does_not_matter(
         text = (tmp_path / file).read_text()
         assert Program.of_text(text, str(file)).text == here[file]
         assert str(CL) not in here[file]
+
+
+def test_the_driver_is_given_no_folders(device: ComputeDevice) -> None:
+    """Its cache knows programs by their options too, and environments lie in different folders."""
+    correct = Program.of_text(TEXT, "run.cl", {"OFFSET": 3, "WRONG": ""})
+    given = build(device.context, correct).get_build_info(
+        device.device, cl.program_build_info.OPTIONS
+    )
+    assert given.split() == list(correct.options)
 
 
 def test_errors_are_reported_at_their_line(device: ComputeDevice) -> None:
