@@ -80,7 +80,7 @@ class GlossSettings(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     rays: int = Field(
-        default=4,
+        default=2,
         ge=1,
         le=4096,
         description="Rays per glossy texel, once per video frame, that find the highlight to take "
