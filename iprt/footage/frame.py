@@ -89,6 +89,12 @@ class Frame:
         fitted = estimate_normals(self.depth, self.opening.view(np.uint8))
         return fitted if self.normal is None else sanitise_normals(self.normal, fitted)
 
+    def fitted_normal_in(self, rows: slice) -> NDArray[np.float32]:
+        """Return these rows of `fitted_normal`, and fit no others if it can."""
+        if self.normal is not None or "fitted_normal" in vars(self):
+            return self.fitted_normal[rows]
+        return estimate_normals(self.depth, self.opening.view(np.uint8), rows)
+
     def measured(self) -> Self:
         """The same, once what takes time to find out about its depth is known."""
         _ = self.median_depth, self.nearest, self.farthest, self.fit_tolerance

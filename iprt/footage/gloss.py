@@ -168,8 +168,11 @@ def _on_plane(frame: Frame, plane: Plane) -> Mask:
         reach = np.where(np.isfinite(frame.depth[row]), frame.depth[row], 0.0)
         offset = reach * (sine * across + y * cosine) - distance
         on[row] = np.abs(offset) <= plane.tolerance
-    if on.any():
-        on[on] = np.abs(frame.fitted_normal[on] @ np.asarray(plane.normal)) >= PARALLEL
+    rows = np.flatnonzero(on.any(axis=1))
+    if len(rows):
+        near = slice(rows[0], rows[-1] + 1)
+        normal = frame.fitted_normal_in(near)[on[near]]
+        on[on] = np.abs(normal @ np.asarray(plane.normal)) >= PARALLEL
     return on
 
 

@@ -37,8 +37,10 @@ _NEAREST = np.float32(1e30)
 """Largest inverse depth: so that no product is infinite, which times 0 is not 0."""
 
 
-def estimate_normals(depth: Plane, same: NDArray[np.uint8]) -> Plane:
-    """Unit normals facing the capture centre; (H, W, 3) float32, zero where depth is infinite.
+def estimate_normals(
+    depth: Plane, same: NDArray[np.uint8], rows: slice = slice(None)
+) -> Plane:
+    """Fit unit normals that face the capture centre, zero where depth is infinite.
 
     Parameters
     ----------
@@ -47,23 +49,31 @@ def estimate_normals(depth: Plane, same: NDArray[np.uint8]) -> Plane:
     same : (H, W) uint8
         Windows join texels of equal value only (what is interpolated must not bend what is
         measured).
+    rows : slice, optional
+        Rows to fit. All by default.
+
+    Returns
+    -------
+    (rows, W, 3) float32
     """
     height, width = depth.shape
+    start, stop, _ = rows.indices(height)
     with np.errstate(divide="ignore"):
         inverse = np.minimum(np.float32(1.0) / depth, _NEAREST).astype(np.float32)
     spread = _column_spread(width, height)
     tolerance = fit_tolerance(depth)
     padded_inverse = over_poles(inverse, WINDOW_REACH)
     padded_same = over_poles(same, WINDOW_REACH)
-    normal = np.empty((height, width, 3), np.float32)
+    normal = np.empty((stop - start, width, 3), np.float32)
 
     def fit(first: int) -> None:
-        last = min(first + _BLOCK_ROWS, height)
+        last = min(first + _BLOCK_ROWS, stop)
         window = _Window(padded_inverse, padded_same, first, spread[first:last])
         fitted = window.fit_planes(tolerance)
-        normal[first:last] = np.where(inverse[first:last, :, None] > 0.0, fitted, 0.0)
+        surface = inverse[first:last, :, None] > 0.0
+        normal[first - start : last - start] = np.where(surface, fitted, 0.0)
 
-    on_all_cores(fit, range(0, height, _BLOCK_ROWS))
+    on_all_cores(fit, range(start, stop, _BLOCK_ROWS))
     return normal
 
 
