@@ -1,7 +1,8 @@
-"""Processes that fill PoCL's cache of compiled kernels, one per core.
+"""Processes that fill the cache of compiled programs, one per core.
 
-PoCL compiles a kernel when it is first launched, one at a time in a process however many threads
-ask. A process of its own launches it there on a few items, and the launch here finds it compiled.
+PoCL and Intel's runtime compile one program at a time in a process, however many threads ask. What
+Intel's runtime builds, pyopencl keeps. PoCL compiles a kernel when it is first launched: a process
+of its own launches it on a few items, and the launch here finds it compiled.
 """
 
 from __future__ import annotations
@@ -22,6 +23,8 @@ import pyopencl as cl
 from iprt.device.caches import cache_folder
 from iprt.device.program import Program
 
+POCL, INTEL = "Portable Computing Language", "Intel(R) OpenCL"
+"""Platforms whose programs are compiled so."""
 SMALL_GRID = 2**16 - 1
 """Most items along a dimension up to which PoCL compiles a kernel for small grids."""
 MOST_PROCESSES = 8
@@ -58,7 +61,7 @@ class _Task:
 
 
 class Compilers:
-    """Compiles kernels of one PoCL device in other processes, in the order of the requests.
+    """Compiles kernels of one device in other processes, in the order of the requests.
 
     Parameters
     ----------
@@ -83,9 +86,9 @@ class Compilers:
     def of(cls, device: cl.Device) -> Compilers | None:
         """Return the compilers of a device, or None where its driver gains nothing by them."""
         processes = min(len(os.sched_getaffinity(0)), MOST_PROCESSES)
-        pocl = "Portable Computing Language" in device.platform.name
+        known = device.platform.name.strip() in (POCL, INTEL)
         cached = os.environ.get("POCL_KERNEL_CACHE", "1") != "0"
-        return cls(device, processes) if pocl and cached and processes > 1 else None
+        return cls(device, processes) if known and cached and processes > 1 else None
 
     def request(self, program: Program, kernel: str, items: int) -> None:
         """Compile a kernel that will be launched on up to `items` along a dimension.
@@ -182,7 +185,7 @@ class Compilers:
         self._file(program, kernel.name, kernel.large).touch()
 
     def _file(self, program: Program, kernel: str, large: bool) -> Path:
-        """Return the file that stands for a compiled kernel beside PoCL's own."""
+        """Return the file that stands for a compiled kernel."""
         words = [self._device_key, program.key, kernel, str(large)]
         return self._folder / hashlib.sha256("\0".join(words).encode()).hexdigest()
 

@@ -34,12 +34,12 @@ class _Built:
 
     Attributes
     ----------
-    built : pyopencl.Program or None
-        None until a kernel is launched.
+    built : object or None
+        What `build` returned. None until a kernel is launched.
     """
 
     program: Program
-    built: cl.Program | None = None
+    built: Any = None
     kernels: weakref.WeakSet[Kernel] = field(default_factory=weakref.WeakSet)
 
 
@@ -188,7 +188,7 @@ class ComputeDevice:
                     program = Program.of(kernel.file, kernel.defines)
                     self._compilers.request(program, kernel.name, kernel.items)
 
-    def _built(self, found: _Built, kernel: str) -> cl.Program:
+    def _built(self, found: _Built, kernel: str) -> Any:
         """Build a program, once, after its kernel was compiled elsewhere.
 
         Raises

@@ -101,7 +101,7 @@ def _program(file: str, text: str | None, defines: tuple[tuple[str, str], ...]) 
 
 
 def build(context: cl.Context, program: Program, tries: int = BUILD_TRIES) -> Any:
-    """Build a program for the only device of a context.
+    """Build a program for the only device of a context, to be given to `pyopencl.Kernel`.
 
     Raises
     ------
@@ -114,13 +114,12 @@ def build(context: cl.Context, program: Program, tries: int = BUILD_TRIES) -> An
             warnings.simplefilter("ignore", cl.CompilerWarning)
             # `cl.Program.build` would add the folder of pyopencl's headers to the options, and with
             # it to the key of the driver's cache: each environment would compile everything anew.
-            built, _ = create_built_program_from_source_cached(
+            return create_built_program_from_source_cached(
                 context,
                 program.text,
                 " ".join(program.options).encode(),
                 cache_dir=False if has_src_build_cache(context.devices[0]) else None,
-            )
-            return cl.Program(built)
+            )[0]
     except cl.RuntimeError as error:
         if tries > 1 and CACHE_RACE in str(error):
             time.sleep(BUILD_PAUSE_S)

@@ -37,9 +37,7 @@ _NEAREST = np.float32(1e30)
 """Largest inverse depth: so that no product is infinite, which times 0 is not 0."""
 
 
-def estimate_normals(
-    depth: Plane, same: NDArray[np.uint8], rows: slice = slice(None)
-) -> Plane:
+def estimate_normals(depth: Plane, same: NDArray[np.uint8], rows: slice = slice(None)) -> Plane:
     """Fit unit normals that face the capture centre, zero where depth is infinite.
 
     Parameters

@@ -1,4 +1,4 @@
-"""Kernels that other processes compile: the launch here finds them in PoCL's cache."""
+"""Kernels that other processes compile: the launch here finds them in a cache."""
 
 from __future__ import annotations
 
@@ -6,7 +6,9 @@ import os
 from pathlib import Path
 
 import numpy as np
+import pyopencl as cl
 import pytest
+from pyopencl.cache import create_built_program_from_source_cached
 
 from iprt.device import compilers
 from iprt.device.choose import choose_device, describe_devices
@@ -113,6 +115,22 @@ def test_a_device_launches_what_was_compiled(cache: Path, monkeypatch: pytest.Mo
     assert compiled(cache) == before == [NAME]
 
 
+def test_programs_of_intels_runtime_are_kept(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    handles = [info.handle for info in describe_devices() if info.platform == compilers.INTEL]
+    if not handles:
+        pytest.skip("Intel's OpenCL runtime is not installed")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(cache))
+    program, context = Program.of(FILE), cl.Context(handles[:1])
+    several = Compilers(handles[0], 2)
+    several.request(program, NAME, 0)
+    several.wait(program, NAME)
+    _, kept = create_built_program_from_source_cached(
+        context, program.text, " ".join(program.options).encode()
+    )
+    assert kept
+
+
 def test_other_drivers_have_none() -> None:
-    others = [info for info in describe_devices() if "pocl" not in info.vendor.lower()]
+    known = compilers.POCL, compilers.INTEL
+    others = [info for info in describe_devices() if info.platform.strip() not in known]
     assert all(Compilers.of(info.handle) is None for info in others)
