@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from iprt.footage.frame import Frame
 from iprt.footage.normals import estimate_normals, over_poles, sanitise_normals
 from iprt.scene.scene import Scene
 from tests.scene.files import SHARED, box_room, directions
@@ -133,6 +136,19 @@ def test_a_texel_by_itself_faces_the_centre() -> None:
 def test_tiny_panoramas(size: tuple[int, int]) -> None:
     depth, _ = box_room(*size)
     assert np.allclose(np.linalg.norm(fit(depth), axis=-1), 1.0, atol=1e-5)
+
+
+@pytest.mark.parametrize("rows", [slice(0, 1), slice(13, 70), slice(100, 128)])
+def test_some_rows_are_those_of_all(rows: slice) -> None:
+    depth, _ = box_room(256, 128)
+    frame = Frame(
+        np.zeros((128, 256, 3), np.float32), depth.astype("f4"), np.zeros((128, 256), bool)
+    )
+    some = frame.fitted_normal_in(rows)
+    assert "fitted_normal" not in vars(frame)
+    assert np.array_equal(some, frame.fitted_normal[rows])
+    given = replace(frame, normal=frame.fitted_normal)
+    assert np.array_equal(given.fitted_normal_in(rows), given.fitted_normal[rows])
 
 
 def test_given_normals_are_repaired() -> None:

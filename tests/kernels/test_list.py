@@ -26,7 +26,7 @@ def visited(device, groups, count, offset=0):
     size = groups * LOCAL
     visits = cla.zeros(device.queue, offset + size, np.int32)
     by = cla.zeros(device.queue, offset + size, np.int32) - 1
-    kernel = program.mark
+    kernel = cl.Kernel(program, "mark")
     kernel.set_args(np.int32(count), visits.data, by.data)
     cl.enqueue_nd_range_kernel(
         device.queue, kernel, (size,), (LOCAL,), (offset,) if offset else None

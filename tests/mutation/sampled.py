@@ -47,10 +47,6 @@ GUARDED = {
 
 # Why no test tells a mutant from the program, by its label.
 EQUIVALENT: dict[str, str] = {
-    "iprt/footage/normals.py: return np.clip(np.rint(ratio), 1, max(1, width // 8)).astype"
-    "(np.intp) -> return np.clip(np.rint(ratio), 1, max(2, width // 8)).astype(np.intp)": (
-        "Panoramas of fewer than 16 columns."
-    ),
     "iprt/footage/openings.py: small = (sr < DROPOUT_SR) & (brightness < DROPOUT_BRIGHTNESS) -> "
     "small = (sr <= DROPOUT_SR) & (brightness < DROPOUT_BRIGHTNESS)": (
         "A solid angle that is the limit by chance."
