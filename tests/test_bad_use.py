@@ -45,6 +45,7 @@ def test_bad_renders(
     assert snapshot(tmp_path) == before
 
 
+@pytest.mark.thorough
 def test_pictures_larger_than_the_device_are_refused(
     scene: Path, tmp_path: Path, fails: Callable[..., str]
 ) -> None:
@@ -145,6 +146,7 @@ def render_without_egl(scene: Path, picture: Path, *words: str) -> subprocess.Co
     )
 
 
+@pytest.mark.thorough
 def test_without_egl_rays_draw_the_objects(scene: Path, tmp_path: Path) -> None:
     result = render_without_egl(scene, tmp_path / "a.png")
     assert result.returncode == 0
@@ -152,6 +154,7 @@ def test_without_egl_rays_draw_the_objects(scene: Path, tmp_path: Path) -> None:
     assert (tmp_path / "a.png").exists()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("needing", [["--method", "iprt2023"], ["--set", "gbuffer=gl"]])
 def test_no_egl_is_one_line_with_the_command_that_installs_it(
     scene: Path, tmp_path: Path, needing: list[str]
@@ -166,6 +169,7 @@ def test_no_egl_is_one_line_with_the_command_that_installs_it(
     assert not (tmp_path / "a.png").exists()
 
 
+@pytest.mark.thorough
 def test_an_interrupted_render_leaves_no_picture(scene: Path, tmp_path: Path) -> None:
     started = tmp_path / "started"
     code = (

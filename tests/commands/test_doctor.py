@@ -180,6 +180,7 @@ def test_a_driver_that_crashes_is_told_from_those_that_work(
         assert f"{name} alone: " in text
 
 
+@pytest.mark.thorough
 def test_json_of_this_machine() -> None:
     """The real command, as a program reads it."""
     result = subprocess.run(

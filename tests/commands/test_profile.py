@@ -88,6 +88,7 @@ def test_a_still_scene_is_profiled_and_compared(
     assert all(row["noise_ms"] > 0.0 for row in told["changes"] if row["after_ms"] is not None)
 
 
+@pytest.mark.thorough
 @pytest.mark.gl
 def test_a_video_plays(tmp_path: Path, printed: Callable[..., str]) -> None:
     clip = write_clip(tmp_path / "clip", 3)

@@ -151,6 +151,7 @@ def test_no_temporary_folder_is_one_line(monkeypatch: pytest.MonkeyPatch) -> Non
         describe_devices()
 
 
+@pytest.mark.thorough
 def test_kernels_run_without_a_home(tmp_path: Path) -> None:
     """/proc refuses even root. The temporary folder is gone afterwards."""
     if not any("pocl" in info.vendor.lower() and not info.problem for info in describe_devices()):

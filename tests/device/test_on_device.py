@@ -95,6 +95,7 @@ def test_what_did_not_fit_is_said(tmp_path: Path) -> None:
     assert json.loads((tmp_path / "results.json").read_text())["steps"]["step"]["left"] == ["hangs"]
 
 
+@pytest.mark.thorough
 def test_results_stay_when_it_is_cut_off(tmp_path: Path) -> None:
     code = (
         "import signal; from pathlib import Path; from tests.on_device import __main__ as main;"

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
+import pytest
+
 from iprt.device.plan import PlanDevice
 from iprt.device.program import PlannedKernel, Program
 from iprt.film import footage_of
@@ -65,6 +67,7 @@ def counted(found: set[Program]) -> str:
     return ", ".join(f"{file} {files.count(file)}" for file in sorted(set(files)))
 
 
+@pytest.mark.thorough
 def test_scenes_projections_and_presets_share_programs() -> None:
     assert len(SCENES) >= 4
     found = set().union(*(programs(device.kernels) for device in all_planned()))

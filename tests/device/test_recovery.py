@@ -210,6 +210,7 @@ def render(scene: Path, tmp_path: Path) -> Callable[..., tuple[int, Path]]:
     return run
 
 
+@pytest.mark.thorough
 def test_a_lost_device_changes_nothing_in_the_picture(
     render: Callable[..., tuple[int, Path]],
     fails_at: Callable[..., list[str]],
@@ -229,6 +230,7 @@ def test_a_lost_device_changes_nothing_in_the_picture(
     assert again.read_bytes() == whole.read_bytes()
 
 
+@pytest.mark.thorough
 def test_a_device_lost_twice_is_one_error(
     render: Callable[..., tuple[int, Path]],
     fails_at: Callable[..., list[str]],

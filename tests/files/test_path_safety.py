@@ -200,6 +200,7 @@ def test_every_verb_that_reads_a_scene_takes_the_permission(
         assert "--allow-outside" in capsys.readouterr().out
 
 
+@pytest.mark.thorough
 def test_no_module_can_run_what_a_file_holds() -> None:
     """No pickles, no `eval`, no `np.load` that may read pickles."""
     banned = {"pickle", "cPickle", "marshal", "shelve", "dill", "joblib", "yaml"}

@@ -68,6 +68,7 @@ def test_actions_run_last_first_and_their_notes_are_told(tmp_path: Path) -> None
     assert (tmp_path / "made").exists()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("signals", [1, 2])
 def test_actions_that_hang_are_not_waited_for(signals: int) -> None:
     """Not for ever after one signal, and no more after a second one."""
@@ -148,6 +149,7 @@ def test_a_signal_while_modules_are_imported(delay_s: float, scene: Path, tmp_pa
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("times", [1, 2])
 def test_an_interrupt_while_kernels_compile(times: int, scene: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"

@@ -38,6 +38,7 @@ def recovered(frame: Frame) -> NDArray[np.float32]:
     return found.color
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("radiance", "walls"),
     [(5.0, "white"), (5.0, "tiled"), (20.0, "grey"), (80.0, "coloured"), (80.0, "white")],
@@ -58,6 +59,7 @@ def test_the_colour_of_a_lamp_that_looks_white() -> None:
     np.testing.assert_allclose(ratio, 1.0, atol=0.2)
 
 
+@pytest.mark.thorough
 def test_two_lamps_are_told_apart() -> None:
     dim, strong = Lamp(-1.2, -1.4, 0.4, (8.0,) * 3), Lamp(1.4, 1.5, 0.25, (40.0,) * 3)
     frame = lamp_room("coloured", dim, strong)
@@ -68,6 +70,7 @@ def test_two_lamps_are_told_apart() -> None:
         np.testing.assert_allclose(ratio, 1.0, atol=0.3)
 
 
+@pytest.mark.thorough
 def test_behind_a_window_the_sky_is_brighter_than_the_ground() -> None:
     def sky(d: Float) -> Float:
         return np.where(d[:, 1:2] > 0.0, 12.0, 2.5) * np.array([0.8, 0.9, 1.2])
@@ -102,6 +105,7 @@ def test_eight_bits_do() -> None:
     np.testing.assert_allclose(flux(found.color, lit) / flux(frame.color, lit), 1.0, atol=0.25)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("walls", "strong", "dim"), [("grey", 30.0, 5.0), ("tiled", 20.0, 6.0)])
 def test_light_that_tone_mapping_hides(walls: str, strong: float, dim: float) -> None:
     """A lamp that is not clipped, but shown as bright as one that is; depth as estimators see it.
@@ -213,6 +217,7 @@ def test_all_clipped_tells_nothing() -> None:
     assert "as bright as the picture shows, because" in told.line()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("wall", [0.02, 0.3, 0.9])
 def test_walls_without_shading_bound_the_light(wall: float) -> None:
     """All around the same, and a white spot: a finite guess that no surface contradicts."""

@@ -68,6 +68,7 @@ def test_a_camera_that_stops_down_clips_less_of_a_lamp() -> None:
     np.testing.assert_allclose(later.radiance[lit], first.radiance[lit], rtol=0.02)
 
 
+@pytest.mark.thorough
 def test_a_lamp_that_is_switched_on_fades_in(estimates: list[Frame]) -> None:
     one = Lamp(-1.2, -1.4, 0.4, (8.0,) * 3)
     other = Lamp(1.4, 1.5, 0.4, (24.0,) * 3)
@@ -84,6 +85,7 @@ def test_a_lamp_that_is_switched_on_fades_in(estimates: list[Frame]) -> None:
     assert len(estimates) == 2
 
 
+@pytest.mark.thorough
 def test_after_a_cut_other_lights_hold_at_once() -> None:
     one = Lamp(-1.2, -1.4, 0.4, (8.0,) * 3)
     other = Lamp(1.4, 1.5, 0.4, (24.0,) * 3)

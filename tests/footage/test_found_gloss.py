@@ -190,6 +190,7 @@ def pictured(
     return PlanePicture(around.cells, plane.cells, color, even).reflection(parts), ALPHAS[2]
 
 
+@pytest.mark.thorough
 def test_the_strength_of_a_reflection_is_found_through_texture() -> None:
     found, alpha = pictured(0.7, 0.2)
     assert found.fit.strength == pytest.approx(0.7, abs=4.0 * found.fit.error + 0.05)
@@ -198,6 +199,7 @@ def test_the_strength_of_a_reflection_is_found_through_texture() -> None:
     assert is_strong(found, 50)
 
 
+@pytest.mark.thorough
 def test_what_is_clipped_has_a_strength_of_its_own() -> None:
     found, alpha = pictured(0.7, 0.2, gain=6.0)
     assert found.fit.recovered

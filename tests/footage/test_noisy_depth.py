@@ -50,6 +50,7 @@ def test_exact_depth_stays_as_it_is(world: World) -> None:
     assert errors(smoothed(rounded), rounded).max() < 5e-4
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("noise", [0.002, 0.005, 0.01, 0.02])
 def test_walls_are_where_they_were_without_noise(noise: float) -> None:
     depth, _ = depth_of(ROOM)

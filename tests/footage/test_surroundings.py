@@ -48,6 +48,7 @@ def test_units_that_are_unlikely(scale: float, message: str) -> None:
     assert "check depth_scale" in warning
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("folder", SCENES, ids=lambda path: path.name)
 def test_scenes_are_likely_and_their_inverse_is_not(folder: Path) -> None:
     if not folder.is_dir():

@@ -90,6 +90,7 @@ LIGHTS: dict[str, Callable[[], Float]] = {
 }
 
 
+@pytest.mark.thorough
 @METHOD
 def test_extreme_light_stays_finite(device: ComputeDevice, method: tuple[str, str]) -> None:
     """In the picture, in all that is shown beside it, and in what later frames build on."""

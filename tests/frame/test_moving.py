@@ -59,6 +59,7 @@ def elsewhere(objects: Sequence[Instance]) -> list[Instance]:
     return [*moved, *objects[2:]]
 
 
+@pytest.mark.thorough
 @METHOD
 def test_moved_is_as_if_always_there(
     device: ComputeDevice, frame: Frame, method: tuple[str, str]

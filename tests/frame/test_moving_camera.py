@@ -121,6 +121,7 @@ def test_a_scene_moved_by_a_pose_looks_the_same(
     np.testing.assert_allclose(other.aovs["normal"][inside], normals, atol=2e-3)
 
 
+@pytest.mark.thorough
 @METHOD
 def test_a_camera_that_turns_shows_the_still_picture(
     device: ComputeDevice, method: tuple[str, str]
@@ -294,6 +295,7 @@ def test_flux_turns_with_the_camera(device: ComputeDevice) -> None:
     assert np.median(length / true) == pytest.approx(1.0, abs=0.05)
 
 
+@pytest.mark.thorough
 def test_random_numbers_go_on(device: ComputeDevice) -> None:
     """Cells that forget draw other samples: what they say over time is the mean of many."""
     rows = {"rows": 32}

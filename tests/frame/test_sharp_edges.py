@@ -49,6 +49,7 @@ def averaged_frame(radiance: Radiance) -> Frame:
     return replace(room_frame(BOARD, 192, 96, radiance), color=mixed)
 
 
+@pytest.mark.thorough
 def test_both_sides_of_an_edge_are_relit(device: ComputeDevice) -> None:
     """A dark board before a shadowed floor: pixels that show both have some of either's ratio."""
     frame = averaged_frame(dark_board)
@@ -87,6 +88,7 @@ def shown_and_hidden(box: Box, view: View, texels: Float | None = None) -> tuple
     return shown / 64, hidden / 64
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("depth", [-0.6, -1.6, -3.0], ids=["in front", "between", "behind"])
 def test_real_edges_cut_objects_as_finely_as_the_view(device: ComputeDevice, depth: float) -> None:
     """A box covers what it does in the room: in front of a dark board, between it and a bright

@@ -86,6 +86,7 @@ def render_ball(
     return render(device, frame, objects, view, settings, frames)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("openings", METHODS)
 def test_a_mirror_shows_what_is_behind_the_window(device: ComputeDevice, openings: str) -> None:
     """In the ray's own direction; or painted on the pane, seen from the ball."""

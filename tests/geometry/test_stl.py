@@ -86,6 +86,7 @@ def test_what_is_no_number_is_an_error(number: str, tmp_path: Path) -> None:
         load_mesh(tmp_path / "m.stl")
 
 
+@pytest.mark.thorough
 def test_limits_hold_before_anything_is_read(tmp_path: Path) -> None:
     (tmp_path / "m.stl").write_text(solid("a") * (MAX_SOLIDS + 1))
     with pytest.raises(FormatError, match=f"in {MAX_SOLIDS + 1} solids; at most"):

@@ -60,6 +60,7 @@ def marked(before: CostReport, after: CostReport) -> list[tuple[str, str]]:
     return [(c.name, c.part) for c in changes(old(before), after) if c.beyond_noise]
 
 
+@pytest.mark.thorough
 def test_noise_alone_is_hardly_ever_marked() -> None:
     """In 5% of comparisons of all rows together, or less."""
     rng = np.random.default_rng(4)

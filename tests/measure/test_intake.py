@@ -57,6 +57,7 @@ def test_frames_that_differ_come_in(
     assert all(one.device_ms < found.ms * 5 for one in found.passes)
 
 
+@pytest.mark.thorough
 def test_the_command_prints_both_ways(capsys: pytest.CaptureFixture[str]) -> None:
     given = {"video": True, "frames": 2, "size": (64, 32), "device": "cpu"}
     assert bench(SCENES / "train", **given) == 0

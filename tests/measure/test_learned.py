@@ -28,6 +28,7 @@ def test_voxels_hold_the_means_of_their_samples() -> None:
     np.testing.assert_array_equal(found, voxel_means(made, asked, stored, dense=False))
 
 
+@pytest.mark.thorough
 def test_a_room_is_learned(device: ComputeDevice) -> None:
     """Of even walls with waves, with less error than by voxels; memory grows and flattens."""
     frame = room_frame(World(), 256, 128, bright_walls)

@@ -167,6 +167,7 @@ def test_levels() -> None:
 # What is found ---------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 @pytest.mark.gl
 def test_sweep_finds_the_settings_that_made_the_truth(
     scene: Path, capsys: pytest.CaptureFixture[str]

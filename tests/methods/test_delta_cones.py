@@ -73,6 +73,7 @@ def test_antiradiance_is_the_shadow(device: ComputeDevice) -> None:
 # Real surfaces -------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 def test_shadows_are_form_factors(device: ComputeDevice) -> None:
     """Of a ball above a plain, under an even sky; errors shrink with lights and voxels."""
     made = ball(*BALL, BLACK)
@@ -122,6 +123,7 @@ def test_a_ball_sends_by_its_form_factor(device: ComputeDevice) -> None:
     assert wanted.mean() * 0.9 < hidden[..., 0].mean() < wanted.mean() * 1.5
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["diffuse", "plastic"])
 def test_objects_reflect_their_albedo_in_a_furnace(device: ComputeDevice, name: Any) -> None:
     """Less what their own shadow takes away, which is little on the box's upper sides."""

@@ -52,6 +52,7 @@ def windowed(width: int = 128, height: int = 64) -> Frame:
 # Real surfaces -------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("estimator", "around"), [*((way, "plain") for way in WAYS), (WAYS[0], "sphere")]
 )
@@ -104,6 +105,7 @@ def hidden_and_bounced(
     return hidden, bounced
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("estimator", WAYS)
 def test_a_window_casts_a_shadow_by_its_direction(
     device: ComputeDevice, estimator: Estimator
@@ -135,6 +137,7 @@ def test_even_light_shows_the_albedo(device: ComputeDevice, view: View) -> None:
     np.testing.assert_allclose(picture.color[inside], wanted, rtol=1e-5)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("estimator", WAYS)
 def test_objects_shade_each_other(device: ComputeDevice, estimator: Estimator) -> None:
     """A box's top below a black ball, in a furnace: 1 - (r / d)² cos β."""

@@ -62,6 +62,7 @@ def test_a_ball_hides_light_and_shines(
             np.testing.assert_array_equal(sent, 0.0)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("estimator", WAYS)
 def test_one_bounce_is_shadow_alone(device: ComputeDevice, estimator: Estimator) -> None:
     frame, objects = furnace("plain"), [ball(*BALL, LAMP)]
@@ -118,6 +119,7 @@ def test_both_methods_have_one_mean(device: ComputeDevice) -> None:
 # Objects -------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["conductor", "plastic"])
 @pytest.mark.parametrize("own", [ALL, PLANE], ids=["all", "plane"])
 def test_glossy_objects_reflect_their_albedo(

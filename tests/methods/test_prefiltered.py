@@ -64,6 +64,7 @@ def soft_sky(d: Float) -> Float:
     return np.asarray(1.0 + 0.8 * np.sin(d * [9.0, 12.0, 5.0] + [0.0, 1.0, 2.0]))
 
 
+@pytest.mark.thorough
 @pytest.mark.gl
 @pytest.mark.parametrize("openings", ["environment", "surface"])
 def test_a_mirror_shows_what_is_behind_the_window(device: ComputeDevice, openings: str) -> None:

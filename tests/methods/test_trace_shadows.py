@@ -88,6 +88,7 @@ def means3(image: NDArray[np.floating]) -> Float:
     return np.asarray(np.mean(nine, axis=0), np.float64)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("estimator", ESTIMATORS)
 @pytest.mark.parametrize("filtered", [False, True], ids=["raw", "filtered"])
 @pytest.mark.parametrize(
@@ -132,6 +133,7 @@ def test_contact_is_dark_and_distance_is_light(device: ComputeDevice, estimator:
     assert ratio[on_floor & (away > 1.1) & (np.abs(floor[..., 0]) < 1.9)].min() > 0.97
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("estimator", ESTIMATORS)
 def test_objects_off_screen_cast_shadows(device: ComputeDevice, estimator: str) -> None:
     """The view's edge cuts the ball off, not its shadow."""

@@ -229,6 +229,7 @@ print(json.dumps([moments, ends]))
 """
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("kind", "every"), [("movie", 3), ("%d.png", 2), ("%d.exr", 5)])
 def test_a_render_killed_at_any_moment_goes_on(kind: str, every: int, tmp_path: Path) -> None:
     """The file is the same to the byte, and no finished frame was rendered again."""

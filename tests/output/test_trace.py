@@ -6,6 +6,8 @@ import json
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from iprt.device.profile import Key, Kind, Span
 from iprt.output.trace import DEVICE, FRAMES, HOST, trace_events, write_trace
 
@@ -82,6 +84,7 @@ def check_trace(events: list[dict[str, Any]]) -> None:
             open_until.append(end)
 
 
+@pytest.mark.thorough
 def test_a_reader_that_cuts_off_gets_every_nanosecond() -> None:
     """Perfetto makes whole nanoseconds of microseconds; what is lost of one breaks the nesting."""
     times = [*range(20_000), *(10**10 + 7 * n for n in range(20_000))]

@@ -107,6 +107,7 @@ def test_random_triangles() -> None:
     check(instances, *EQUIRECT, *PERSPECTIVE, min_compared=1000)
 
 
+@pytest.mark.thorough
 def test_sphere_in_equirect() -> None:
     """In front, across the seam, over and beside each pole."""
     places = [(10, -5), (180, 10), (-179, -30), (60, 85), (0, 90), (-30, -80), (0, -90)]

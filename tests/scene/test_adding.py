@@ -55,6 +55,7 @@ def placed(room: Path, name: str) -> Any:
     return instance.mesh.positions @ matrix[:3, :3].T + matrix[:3, 3]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("up", UP_AXES)
 def test_the_axis_that_is_up_points_up(up: str, room: Path, tmp_path: Path) -> None:
     mesh = wedge(tmp_path / "w.ply")
@@ -70,6 +71,7 @@ def test_the_axis_that_is_up_points_up(up: str, room: Path, tmp_path: Path) -> N
     assert np.ptp(corners[:, 1]) == pytest.approx(0.1 * (1.0 + "xyz".index(up[-1])), rel=1e-5)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("degrees", [90.0, -30.0, 400.0])
 def test_objects_turn_to_the_left(degrees: float, room: Path, tmp_path: Path) -> None:
     added = add_object(room, wedge(tmp_path / "w.ply"), 0, -50, stance=Stance(turn_deg=degrees))
@@ -80,6 +82,7 @@ def test_objects_turn_to_the_left(degrees: float, room: Path, tmp_path: Path) ->
     assert f"turned by {degrees:g} degrees" in added.size
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("unit", "metres"),
     [("m", 1.0), ("cm", 0.01), ("mm", 0.001), ("in", 0.0254), ("ft", 0.3048), ("0.5", 0.5)],
@@ -115,6 +118,7 @@ def test_scene_toml_needs_no_new_keys(room: Path, tmp_path: Path) -> None:
     assert sorted(map(abs, table.to_world[:3])) == [0.0, 0.0, 0.1]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("words", "message"),
     [
@@ -137,6 +141,7 @@ def test_flags_that_make_no_sense(
     assert snapshot(room) == before
 
 
+@pytest.mark.thorough
 def test_an_animation_by_name_or_number(
     room: Path,
     tmp_path: Path,
@@ -259,6 +264,7 @@ def test_one_object_too_many_is_not_added(
 # Nothing half written -----------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("error", [OSError(28, "No space left on device"), KeyboardInterrupt()])
 def test_a_mesh_is_taken_away_again_if_scene_toml_cannot_be_written(
     error: BaseException, room: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -67,6 +67,7 @@ def vertices(scene: Scene, name: str) -> Any:
     return instance.mesh.positions @ matrix[:3, :3].T + matrix[:3, 3]
 
 
+@pytest.mark.thorough
 def test_own_footage_takes_two_commands(
     tmp_path: Path, footage: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -94,6 +95,7 @@ def test_own_footage_takes_two_commands(
     assert "fine" in capsys.readouterr().out
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("look", [(0, -20), (90, 10), (180, 0), (-60, -30), (40, -24), (-33, -10)])
 def test_objects_stand_on_the_floor_and_cut_no_wall(
     tmp_path: Path, footage: Path, look: tuple[float, float]

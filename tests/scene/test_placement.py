@@ -77,6 +77,7 @@ def ground(frame: Frame, instance: Instance) -> float:
     return float((directions * frame.depth[..., None])[under, 1].mean())
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("noise", [0.0, 0.005, 0.01, 0.02])
 def test_the_foot_is_on_the_true_floor_within_a_fraction_of_white_noise(noise: float) -> None:
     surfaces = RealSurfaces(off(ROOM.frame(WIDTH, HEIGHT), white(noise)))
@@ -119,6 +120,7 @@ def test_a_stray_texel_is_not_where_objects_go() -> None:
         assert foot(cube) == pytest.approx(FLOOR, abs=1e-4)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("noise", [0.0, 0.01])
 def test_objects_at_the_edge_of_a_table_stand_on_the_table(noise: float) -> None:
     """The middle is 5 cm from the edge, with floor below a quarter; or wholly beside the table."""

@@ -72,6 +72,7 @@ def waves(cycles: float) -> Frame:
     return replace(ROOM.frame(WIDTH, HEIGHT), color=color.astype(np.float32))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("cycles", "contrast"), [(1 / 16, 0.998), (1 / 8, 0.985), (1 / 4, 0.88)])
 def test_fine_views_keep_contrast(device: ComputeDevice, cycles: float, contrast: float) -> None:
     """Bilinear lookups keep 0.987, 0.950 and 0.811 of it."""

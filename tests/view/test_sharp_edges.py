@@ -88,6 +88,7 @@ def ragged() -> Frame:
 FRAMES = {"painted": painted, "textured": textured, "ragged": ragged}
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("make", FRAMES.values(), ids=FRAMES)
 @pytest.mark.parametrize("name", ["ahead", "tilted", "seam"])
 def test_the_twin_shows_the_same(
@@ -128,6 +129,7 @@ def test_the_twin_shows_the_same(
     assert (second != sharp.other_pixel)[tried].mean() < 0.01
 
 
+@pytest.mark.thorough
 @views
 def test_edges_are_sharp(device: ComputeDevice, view: View) -> None:
     """Nearer to the room than what is only resampled, the more the finer the view is."""
@@ -142,6 +144,7 @@ def test_edges_are_sharp(device: ComputeDevice, view: View) -> None:
     assert sharp.color.max() < 1.05 * COLORS.max()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["ahead", "tilted", "seam"])
 def test_edges_do_not_flicker(device: ComputeDevice, name: str) -> None:
     """While the head turns by a third of a pixel, edges change less, but for their motion, than

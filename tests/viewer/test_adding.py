@@ -21,6 +21,7 @@ def no_device() -> ComputeDevice:
     raise AssertionError("nothing is rendered")
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "stance", [Stance(), Stance("z", 30.0, height_m=0.3), Stance("-x", -45.0, unit_m=0.1)]
 )

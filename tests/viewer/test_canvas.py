@@ -56,6 +56,7 @@ def test_going_back_and_forth_makes_nothing_anew(
         assert difference.mean() < 5e-3 * picture.color.mean()
 
 
+@pytest.mark.thorough
 def test_renderers_of_a_third_kind_take_the_oldest_place(
     scene: Scene, device: ComputeDevice, made: list[Renderer], monkeypatch: pytest.MonkeyPatch
 ) -> None:

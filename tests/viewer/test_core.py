@@ -34,6 +34,7 @@ def renderer_of(scene: Scene, device: ComputeDevice, **options: object) -> Rende
     return Renderer(device, frame, footage=footage, **given)  # type: ignore[arg-type]
 
 
+@pytest.mark.thorough
 def test_a_picture_at_rest_is_refined_to_that_of_a_still(
     scene: Scene, device: ComputeDevice
 ) -> None:
@@ -98,6 +99,7 @@ def assert_alike(one: RenderedFrame, other: RenderedFrame) -> None:
     assert difference.max() < 0.2 * other.color.mean()
 
 
+@pytest.mark.thorough
 def test_clients_see_what_each_alone_would(scene: Scene, device: ComputeDevice) -> None:
     requests = [
         {"view": VIEW, "frames": 3},
@@ -124,6 +126,7 @@ def test_clients_see_what_each_alone_would(scene: Scene, device: ComputeDevice) 
     assert set(together[1].picture.aovs) == {"normal"}
 
 
+@pytest.mark.thorough
 def test_who_moves_comes_before_who_refines(scene: Scene, device: ComputeDevice) -> None:
     with turns(scene, device) as driver:
         patient = driver.join(frames=500)
@@ -140,6 +143,7 @@ def test_who_moves_comes_before_who_refines(scene: Scene, device: ComputeDevice)
             assert driver.shown(patient).step == before + 1
 
 
+@pytest.mark.thorough
 def test_a_resized_window_needs_no_other_kernels(scene: Scene, device: ComputeDevice) -> None:
     with turns(scene, device) as driver:
         client = driver.join()
@@ -173,6 +177,7 @@ def edited(driver: Turns, edit: ObjectEdit) -> int:
     return driver.mailbox.change(lambda world: world.edited(edit))
 
 
+@pytest.mark.thorough
 def test_edits_are_seen_as_a_renderer_of_them_shows(scene: Scene, device: ComputeDevice) -> None:
     to_world = scene.instances[0].to_world.copy()
     to_world[0, 3] += 0.2

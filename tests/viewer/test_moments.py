@@ -131,6 +131,7 @@ def test_a_video_that_cannot_be_read_is_told(scene: Scene, device: ComputeDevice
         assert problems(driver) == ()
 
 
+@pytest.mark.thorough
 def test_a_compiler_at_work_is_told(
     scene: Scene, device: ComputeDevice, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -220,6 +221,7 @@ def test_a_lost_device_is_made_anew_once(
         assert problems(driver) == ()
 
 
+@pytest.mark.thorough
 def test_a_device_that_hangs_is_left_alone(
     scene: Scene, device: ComputeDevice, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -174,6 +174,7 @@ def test_nothing_holds_the_target() -> None:
     assert set(device.numbers[30:]) == {len(device.pace.levels) - 1}
 
 
+@pytest.mark.thorough
 @settings(max_examples=40)
 @given(
     fixed=st.floats(0.0, 0.6),

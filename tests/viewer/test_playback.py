@@ -14,6 +14,7 @@ from tests.viewer.turns import SETTINGS, Clock, turns
 CLIP_FRAMES = 6
 
 
+@pytest.mark.thorough
 def test_every_frame_is_shown_however_slow_the_device_is(
     scene: Scene, device: ComputeDevice
 ) -> None:

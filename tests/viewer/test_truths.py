@@ -101,6 +101,7 @@ def test_a_truth_of_other_objects_is_stale(device: ComputeDevice, judged: Scene)
         viewport.close()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("removed", [False, True])
 def test_a_truth_is_stale_after_edits_are_saved(
     device: ComputeDevice, judged: Scene, removed: bool

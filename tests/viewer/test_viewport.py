@@ -103,6 +103,7 @@ def test_exposure_renders_nothing_anew(viewport: Viewport, engine: Engine) -> No
     np.testing.assert_array_equal(after.pixels, np.rint(255.0 * expected))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("against", ["input", "ibl"])
 def test_comparisons_are_of_the_same_view(
     viewport: Viewport, engine: Engine, device: ComputeDevice, against: str

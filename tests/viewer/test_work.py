@@ -47,6 +47,7 @@ class Meanwhile:
         monkeypatch.setattr(module.Kernel, "__call__", noting)
 
 
+@pytest.mark.thorough
 def test_what_is_not_wanted_any_more_is_abandoned(
     scene: Scene, device: ComputeDevice, monkeypatch: pytest.MonkeyPatch
 ) -> None:

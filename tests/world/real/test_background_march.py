@@ -115,6 +115,7 @@ def at_point(hits: Hits, rays: Rays) -> NDArray[np.bool_]:
     return np.asarray(np.abs(met - rays.t) < np.maximum(0.02, 0.5 * np.pi / HEIGHT * ends))
 
 
+@pytest.mark.thorough
 def test_more_rays_find_what_is_true(
     one: Panorama, two: Panorama, plain: RealTracer, trace: RealTracer, rays: Rays
 ) -> None:

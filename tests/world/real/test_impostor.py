@@ -267,6 +267,7 @@ def room_distance(o: Float, d: Float) -> Float:
     return ROOM.first_hit(o, d)[0]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("of", ["sphere", "room"])
 def test_refinement_converges_to_what_a_ray_meets(device: ComputeDevice, of: str) -> None:
     frame = (

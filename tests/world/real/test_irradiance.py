@@ -138,6 +138,7 @@ def test_cells_hold_the_irradiance(device: ComputeDevice, scene: str, light_samp
     assert abs(total) < norm.isf(0.005)
 
 
+@pytest.mark.thorough
 def test_more_samples_are_surer(device: ComputeDevice) -> None:
     """Means of the same cells after many frames lie closer together than after two, and about what
     as many samples at once find.
