@@ -167,7 +167,6 @@ def maps_of(run: Kernels) -> tuple[Float, Float]:
     )
 
 
-@pytest.mark.thorough
 def test_maps_show_a_ball_in_a_sphere(device: ComputeDevice) -> None:
     made = ball(*BALL, BLACK)
     with kernels(device, furnace("sphere"), [made], "dvct, even", own=COARSE) as run:

@@ -88,7 +88,6 @@ def means3(image: NDArray[np.floating]) -> Float:
     return np.asarray(np.mean(nine, axis=0), np.float64)
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize("estimator", ESTIMATORS)
 @pytest.mark.parametrize("filtered", [False, True], ids=["raw", "filtered"])
 @pytest.mark.parametrize(

@@ -198,7 +198,6 @@ def repeated(place: Sequence[float], count: int) -> NDArray[np.float32]:
     return np.tile(np.asarray(place, np.float32), (count, 1))
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize(("name", "place"), CASES)
 def test_directions_to_lights_have_their_density(
     worlds: Callable[[str], RealWorld], name: str, place: tuple[float, float, float]
