@@ -104,6 +104,21 @@ def test_quantised_and_noisy_depth_still_give_normals() -> None:
     assert np.median(angle_deg(fit(noisy), normal)) < 1.5
 
 
+def test_noise_matters_no_more_at_the_poles() -> None:
+    """Windows are as wide there, in more columns."""
+    depth, normal = box_room(256, 128)
+    noisy = depth * (1 + 1e-4 * np.random.default_rng(3).standard_normal(depth.shape))
+    error = angle_deg(fit(noisy), normal)
+    assert np.median(error[4:12]) < 1.5 * np.median(error[20:28])
+
+
+def test_a_mirrored_room_has_mirrored_normals() -> None:
+    depth, _ = box_room(256, 128)
+    depth[40:80, 30:55] = 0.9
+    mirrored = fit(depth[:, ::-1])[:, ::-1] * np.array([-1.0, 1.0, 1.0], np.float32)
+    np.testing.assert_allclose(mirrored, fit(depth), atol=1e-4)
+
+
 def test_no_surface_no_normal_and_no_influence() -> None:
     depth, normal = box_room(128, 64)
     depth[:20] = np.inf

@@ -62,6 +62,7 @@ def test_a_ball_hides_light_and_shines(
             np.testing.assert_array_equal(sent, 0.0)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("estimator", WAYS)
 def test_one_bounce_is_shadow_alone(device: ComputeDevice, estimator: Estimator) -> None:
     frame, objects = furnace("plain"), [ball(*BALL, LAMP)]
