@@ -24,7 +24,7 @@ from iprt.device.caches import cache_folder
 from iprt.device.program import Program
 
 POCL, INTEL = "Portable Computing Language", "Intel(R) OpenCL"
-"""Platforms whose programs are compiled so."""
+"""Names of the platforms that these processes compile for."""
 SMALL_GRID = 2**16 - 1
 """Most items along a dimension up to which PoCL compiles a kernel for small grids."""
 MOST_PROCESSES = 8
@@ -86,9 +86,12 @@ class Compilers:
     def of(cls, device: cl.Device) -> Compilers | None:
         """Return the compilers of a device, or None where its driver gains nothing by them."""
         processes = min(len(os.sched_getaffinity(0)), MOST_PROCESSES)
-        known = device.platform.name.strip() in (POCL, INTEL)
-        cached = os.environ.get("POCL_KERNEL_CACHE", "1") != "0"
-        return cls(device, processes) if known and cached and processes > 1 else None
+        cached = {
+            POCL: os.environ.get("POCL_KERNEL_CACHE", "1") != "0",
+            INTEL: "PYOPENCL_NO_CACHE" not in os.environ,
+        }
+        useful = cached.get(device.platform.name.strip(), False) and processes > 1
+        return cls(device, processes) if useful else None
 
     def request(self, program: Program, kernel: str, items: int) -> None:
         """Compile a kernel that will be launched on up to `items` along a dimension.

@@ -16,6 +16,7 @@ PAD = constant("lib/gbuffer/planes.h", "PLANE_PAD")
 
 WAY = constant("lib/gbuffer/planes.h", "PLANE_WAY")
 SHIFT = constant("lib/gbuffer/planes.h", "PLANE_SHIFT")
+"""Planes start `SHIFT` floats more than a multiple of `WAY` apart."""
 
 
 @dataclass(frozen=True)

@@ -2,9 +2,9 @@
 // border of PLANE_PAD pixels on all sides, so that filters read past the edge without clamping.
 // The border of a depth plane is 0 ("nothing here") and stays so.
 //
-// The planes of a buffer are a multiple of PLANE_WAY floats and PLANE_SHIFT more apart. A pixel's values in
-// planes that are a multiple apart, as those of 512x512 pixels would be, share one set of a CPU's L1
-// cache, which holds 8: a level of the à-trous filter then takes 1.7 times as long.
+// Planes start PLANE_SHIFT floats more than a multiple of PLANE_WAY apart. Without the shift, all values
+// of a pixel of a 512x512 view fall into one set of a CPU's L1 cache. A set holds 8 lines, and a level
+// of the à-trous filter takes 1.7 times as long.
 #ifndef IPRT_PLANES_H
 #define IPRT_PLANES_H
 
