@@ -1,4 +1,4 @@
-"""Which texels of a panorama are glossy: the regions of `[[real_materials]]`."""
+"""Glossy texels of a panorama: the regions of `[[real_materials]]`."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Plane:
 
 @dataclass(frozen=True)
 class Evidence:
-    """How sure it is that a surface reflects.
+    """Evidence that a surface reflects.
 
     Attributes
     ----------
@@ -53,7 +53,7 @@ class Evidence:
     high: float
 
     def line(self) -> str:
-        """As text."""
+        """Return the evidence as text."""
         return (
             f"found: alpha {self.low:.2g} to {self.high:.2g}, strength {self.strength:.2f} "
             f"± {self.error:.2f}, t = {self.t:.0f}"

@@ -45,7 +45,7 @@ class PlaneLayout:
 
     def arguments(self) -> dict[str, int]:
         """`width` and `height` of kernels that work on these planes, and `seam`: columns of the
-        border that repeat what is across the ±180° seam.
+        border that repeat the other side of the ±180° seam.
         """
         seam = PAD if self.equirect else 0
         return {"width": self.width, "height": self.height, "seam": seam}
