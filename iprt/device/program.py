@@ -113,7 +113,7 @@ def build(context: cl.Context, program: Program, tries: int = BUILD_TRIES) -> An
             # Some compilers report success at length; a failure raises with its log.
             warnings.simplefilter("ignore", cl.CompilerWarning)
             # `cl.Program.build` would add the folder of pyopencl's headers to the options, and with
-            # it to the key of the driver's cache: each environment would compile every kernel again.
+            # it to the key of the driver's cache: every environment would compile it again.
             return create_built_program_from_source_cached(
                 context,
                 program.text,
