@@ -61,7 +61,7 @@ def span_arguments(guides: Sequence[Guide]) -> dict[str, Any]:
 
 
 class Guide:
-    """A layer's G-buffer as planes of `cl/lib/gbuffer/guide.h`, for this picture and the previous one.
+    """G-buffer of a layer as planes of `cl/lib/gbuffer/guide.h`, for this and the previous picture.
 
     `Guides` fills it.
 
