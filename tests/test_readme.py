@@ -135,6 +135,12 @@ SMALLER: dict[str, tuple[str, ...]] = {
 }
 """Flags that are added to the pages' commands, so that they take less time. Later flags win. Sizes
 divide those of the truths."""
+FEWER_FRAMES = {
+    "iprt.measure.equal_time.ROUNDS": 1,
+    "iprt.measure.bench.WARM_UP": 2,
+    "iprt.measure.sweep.LEAST_TIMED": 8,
+}
+"""Numbers of frames that are timed, which no flag lowers; nobody reads the times here."""
 NOT_HERE = {
     "iprt view": "waits for a user; tests/viewer/screen/ opens it",
     "./run": "sets up what is there already; .ci/run begins with it, word for word",
@@ -180,7 +186,8 @@ def test_commands_run_as_they_are_written(
         shrink(tmp_path / "scenes360" / "room", step)
     (tmp_path / "out").mkdir()  # by ./run demo
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("iprt.measure.equal_time.ROUNDS", 1)
+    for fewer_frames, count in FEWER_FRAMES.items():
+        monkeypatch.setattr(fewer_frames, count)
     for block in blocks:
         for words, output in block:
             command = " ".join(words)
