@@ -109,7 +109,8 @@ def add_object(
         file = MeshFile(mesh_path, anywhere(mesh_path.parent) if allow_outside else None)
         mesh = _mesh(file, animation, allow_outside=allow_outside)
         surfaces = RealSurfaces(scene.frame())
-        to_world = set_down(surfaces, mesh, yaw_deg, pitch_deg, stance)
+        placed = set_down(surfaces, mesh, yaw_deg, pitch_deg, stance)
+        to_world = placed.to_world
         upright = bounds(mesh, stance.rotation)
         added = Added(
             chosen,
@@ -117,7 +118,10 @@ def add_object(
             _base(bounds(mesh), to_world),
             _size(mesh, upright, to_world, stance),
             (*hints(file.suffix, bounds(mesh), stance), *_animation_hints(file, animation)),
-            tuple(surfaces.standing(Instance(chosen, mesh, to_world)).warnings()),
+            (
+                *placed.warnings(),
+                *surfaces.standing(Instance(chosen, mesh, to_world)).warnings(),
+            ),
             mesh.dropped,
         )
         copies, target = mesh_copies(scene.root, file, chosen)

@@ -17,24 +17,26 @@ from iprt.footage.openings import solid_angles
 from iprt.geometry.camera import View, equirect_direction, equirect_texel
 from iprt.geometry.mesh import Instance, Mesh, transformed
 from iprt.scene.stance import Stance
+from iprt.scene.walls import Walls
 
 Array = NDArray[np.float64]
 
 UPRIGHT = 0.7
 """Least |y| of the normal of a floor or ceiling."""
-_WALL = 0.9
-"""Least horizontal part of the normal of a wall, from which objects keep away."""
 _SMOOTHING_TEXELS = 9
 """Normals are averaged over so many texels: depth of real captures is noisy."""
 _MAX_ROWS = 512
 _STEP = 0.02
 """Gap between the heights of two surfaces, over the height of the camera above the upper one."""
 _STRAY = 0.05
-"""Share of the area around that stray points have, at most."""
+"""Share of what is seen around that stray points have, at most."""
 _LEAST_SLANT = 0.01
 """Least sine of the angle at which level surfaces are seen: they have no area at the horizon."""
 _SETTLE = 0.01
 """Gap from which on an object counts as floating or sunk, over the median depth."""
+_DEEP, _LITTLE = 0.5, 5e-3
+"""Depth below the floor, over the camera's height above it, and share of the sphere: a surface so
+deep that fills so little is more likely an error of depth than a place."""
 _VISIBLE = 1e-3
 """Size over distance of what can be seen: a third of a pixel at 60 degrees and 1024 pixels."""
 
@@ -47,6 +49,9 @@ class Standing:
     ----------
     gap_m : float or None
         Height of its lowest point over the surface below it; None where none is seen.
+    below_m : float
+        Depth of that surface below the floor, where so little of it is seen that it may be none;
+        else 0.
     hidden : float
         Fraction of its vertices that lie behind the real surfaces.
     tolerance_m : float
@@ -60,6 +65,7 @@ class Standing:
     """
 
     gap_m: float | None
+    below_m: float
     hidden: float
     tolerance_m: float
     size_m: Array
@@ -82,10 +88,38 @@ class Standing:
             found.append("surrounds the capture centre: views look out from inside it")
         elif self.hidden > 0.95:
             found.append("lies behind the real surfaces, outside the room")
+        elif self.gap_m is None:
+            found.append("stands on nothing that is seen: nothing below it faces up")
+        if self.below_m > 0.0:
+            found.append(
+                f"stands {self.below_m:.2g} m below the floor, on something that fills little of "
+                "the panorama; its depth may be wrong there"
+            )
         if self.hidden <= 0.95 and self.gap_m is not None and abs(self.gap_m) > self.tolerance_m:
             verb = "floats {} above" if self.gap_m > 0.0 else "sinks {} into"
             found.append(f"{verb.format(f'{100 * abs(self.gap_m):.1f} cm')} the surface below it")
         return found
+
+
+@dataclass(frozen=True)
+class SetDown:
+    """The result of `set_down`.
+
+    Attributes
+    ----------
+    to_world : (4, 4) float64
+    fits : bool
+        The object cuts no wall.
+    """
+
+    to_world: Array
+    fits: bool
+
+    def warnings(self) -> list[str]:
+        """Return what is wrong with it, one phrase each."""
+        if self.fits:
+            return []
+        return ["cuts a wall: no place that is free is nearer than the object is large"]
 
 
 class RealSurfaces:
@@ -149,10 +183,16 @@ class RealSurfaces:
         return direction * depth, self._smooth[row // self._step, column // self._step]
 
     def height_below(self, x: float, z: float, radius: float, top: float) -> float | None:
-        """y of the highest upward-facing surface around (x, z), not above `top`.
+        """Return y of the highest upward-facing surface around (x, z), not above `top`.
 
         It is the median over the area of that surface. Its highest points would lift objects by
-        the noise of depth, and single points above it would by more.
+        the noise of depth. Surfaces that fill little of what is seen there are stray points,
+        however large they would be at their depth.
+
+        Returns
+        -------
+        float or None
+            Metres; None where no such surface is seen.
         """
         offset = self._level[:, [0, 2]] - (x, z)
         near = np.einsum("ij,ij->i", offset, offset) < np.maximum(radius, self._apart) ** 2
@@ -162,9 +202,10 @@ class RealSurfaces:
             return None
         order = np.argsort(-heights)
         heights, area = heights[order], self._area[near][order]
+        seen = self._weights[self._upward][near][order]
         steps = -np.diff(heights, prepend=heights[0])
         surface = np.cumsum(steps > _STEP * max(abs(heights[0]), 1e-6))
-        share = np.bincount(surface, area) / area.sum()
+        share = np.bincount(surface, seen) / seen.sum()
         highest = surface == np.argmax(share >= min(_STRAY, share.max()))
         return weighted_quantile(heights[highest], area[highest], 0.5)
 
@@ -174,19 +215,9 @@ class RealSurfaces:
             return None
         return weighted_quantile(self._level[:, 1], self._weights[self._upward], 0.2)
 
-    def push_out(self, base: Array, radius: float, height: float) -> Array:
-        """Horizontal shift (3,) that frees an upright cylinder from the wall it cuts deepest."""
-        offset = base - self.points
-        level = (-offset[:, 1] > 0.15 * height) & (-offset[:, 1] < height)
-        sideways = self.normals * (1.0, 0.0, 1.0)
-        length = np.linalg.norm(sideways, axis=1)
-        wall = level & (length > _WALL) & (np.hypot(*offset[:, [0, 2]].T) < radius)
-        if not wall.any():
-            return np.zeros(3)
-        out = sideways[wall] / length[wall, None]
-        depth = radius - np.einsum("ij,ij->i", offset[wall], out)
-        worst = int(depth.argmax())
-        return np.asarray(out[worst] * max(float(depth[worst]), 0.0))
+    def walls(self, centre: Array, reach: float) -> Walls:
+        """Return the walls within a horizontal distance of a point (3,), metres."""
+        return Walls(self.points, self.normals, centre, reach)
 
     def standing(self, instance: Instance) -> Standing:
         """The place of an object."""
@@ -203,6 +234,7 @@ class RealSurfaces:
         gap = None if support is None else float(low[1] - support)
         return Standing(
             gap,
+            0.0 if support is None else self._doubtful_depth(support),
             hidden,
             self._tolerance_m,
             high - low,
@@ -210,6 +242,15 @@ class RealSurfaces:
             float(distance.min()),
             bool((low < 0.0).all() and (high > 0.0).all()),
         )
+
+    def _doubtful_depth(self, support: float) -> float:
+        """Return how far below the floor a surface is; 0 where it is no error."""
+        floor = self.floor()
+        if floor is None or not floor < 0.0 or floor - support < _DEEP * -floor:
+            return 0.0
+        level = np.abs(self._level[:, 1] - support) < _STEP * -support
+        share = self._weights[self._upward][level].sum() * self._step**2 / (4.0 * np.pi)
+        return floor - support if share < _LITTLE else 0.0
 
     @cached_property
     def _tolerance_m(self) -> float:
@@ -246,16 +287,12 @@ def bounds(mesh: Mesh, rotation: Array | None = None) -> tuple[Array, Array]:
 
 def set_down(
     surfaces: RealSurfaces, mesh: Mesh, yaw_deg: float, pitch_deg: float, stance: Stance
-) -> Array:
+) -> SetDown:
     """Stand an object upright on the surface seen in a direction.
 
-    A floor or table is taken as it is; at a wall, the object goes to the surface at its foot, and
-    away from the wall until it does not cut it.
-
-    Returns
-    -------
-    (4, 4) float64
-        `to_world`.
+    A floor or table is taken as it is. At a wall, the object goes to the surface at its foot, and
+    away from the wall until it does not cut it: to the nearest free place no further off than the
+    object is large. Where there is none, it stays where it was asked for, and cuts the wall.
 
     Raises
     ------
@@ -277,19 +314,20 @@ def set_down(
             base += wall / length * radius
     top = float(point[1]) + 0.02 * float(np.linalg.norm(point))
     base[1] = _support(surfaces, base, radius, top)
-    for _ in range(8):
-        push = surfaces.push_out(base, radius, scale * float(extent[1]))
-        moved = base + push
-        support = surfaces.height_below(moved[0], moved[2], 0.5 * radius, top)
-        # Better to touch a wall than to be pushed off a table, out of sight.
-        if np.linalg.norm(push) < 1e-3 * radius or support is None:
-            break
-        base = np.array([moved[0], support, moved[2]])
+    size, height = scale * float(extent.max()), scale * float(extent[1])
+    place = surfaces.walls(base, size + radius).free_place(
+        base,
+        radius,
+        height,
+        size,
+        lambda x, z: surfaces.height_below(x, z, 0.5 * radius, top),
+    )
     matrix = np.eye(4)
     matrix[:3, :3] = scale * rotation
     center = 0.5 * (low + high)
-    matrix[:3, 3] = base - scale * np.array([center[0], low[1], center[2]])
-    return matrix
+    foot = base if place is None else place
+    matrix[:3, 3] = foot - scale * np.array([center[0], low[1], center[2]])
+    return SetDown(matrix, fits=place is not None)
 
 
 def set_on(

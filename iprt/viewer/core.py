@@ -359,15 +359,17 @@ class Core:
             mesh = load_mesh(path)
             if frame is None:
                 raise SceneError(f"{path}: there is no frame yet to set it down in")
-            to_world = set_down(RealSurfaces(frame), mesh, *direction, stance)
+            placed = set_down(RealSurfaces(frame), mesh, *direction, stance)
+            to_world = placed.to_world
             if frame.pose is not None:
                 to_world = frame.pose @ to_world
             added = replace(edit, to_world=flat(to_world), mesh=mesh)
 
             def finish() -> None:
                 self._problems.pop("mesh", None)
-                if dropped := mesh.dropped:
-                    self._notes[path.name] = f"{path.name}: not read: {', '.join(dropped)}"
+                unread = [f"not read: {', '.join(mesh.dropped)}"] if mesh.dropped else []
+                if notes := [*placed.warnings(), *unread]:
+                    self._notes[path.name] = f"{path.name}: {'; '.join(notes)}"
                     self._noted_s = self._clock()
                 self._mailbox.edit(added.name, lambda _: added)
 

@@ -57,7 +57,7 @@ def seat(
 ) -> Instance:
     """A cube or board, a fifth of its distance large, on the floor that far away."""
     pitch_deg = float(np.degrees(np.arcsin(FLOOR / distance)))
-    to_world = set_down(surfaces, thing.mesh, yaw_deg, pitch_deg, Stance())
+    to_world = set_down(surfaces, thing.mesh, yaw_deg, pitch_deg, Stance()).to_world
     return Instance("thing", thing.mesh, to_world)
 
 
@@ -128,6 +128,65 @@ def test_objects_at_the_edge_of_a_table_stand_on_the_table(noise: float) -> None
     for x, y in ((0.55, TABLE_TOP), (1.1, FLOOR)):
         height = surfaces.height_below(x, -1.5, 0.15, y + 0.05)
         assert height == pytest.approx(y, abs=max(0.2 * noise, 1e-4))
+
+
+def with_deep_nadir() -> Frame:
+    """A room whose depth is 14 m within 6 degrees of the nadir."""
+    frame = ROOM.frame(WIDTH, HEIGHT)
+    deep = np.arange(HEIGHT)[:, None] >= HEIGHT * (1.0 - 6.0 / 180.0)
+    depth = np.where(deep, np.float32(14.0), frame.depth)
+    return replace(frame, depth=depth, normal=None)
+
+
+@pytest.mark.parametrize("height_m", [0.05, 0.1, 0.4])
+def test_few_points_far_below_are_not_the_floor(height_m: float) -> None:
+    """Their area is larger than the floor's under the object, since it grows with depth squared."""
+    surfaces = RealSurfaces(with_deep_nadir())
+    for pitch_deg in (-80.0, -70.0, -50.0, -45.0, -35.0):
+        for yaw_deg in YAWS_DEG:
+            stance = Stance(height_m=height_m)
+            to_world = set_down(surfaces, CUBE.mesh, yaw_deg, pitch_deg, stance).to_world
+            assert foot(Instance("cube", CUBE.mesh, to_world)) == pytest.approx(FLOOR, abs=1e-3)
+
+
+def test_what_stands_on_them_is_named() -> None:
+    surfaces = RealSurfaces(with_deep_nadir())
+    to_world = set_down(surfaces, CUBE.mesh, 0.0, -89.0, Stance(height_m=0.4)).to_world
+    deep = Instance("cube", CUBE.mesh, to_world)
+    assert foot(deep) < -13.0, "there the view shows nothing else"
+    (warning,) = surfaces.standing(deep).warnings()
+    assert "13 m below the floor" in warning
+    ordinary = RealSurfaces(ROOM.frame(WIDTH, HEIGHT))
+    assert ordinary.standing(seat(ordinary, 2.0, 0.0)).warnings() == []
+
+
+def test_what_stands_on_nothing_is_named() -> None:
+    frame = ROOM.frame(WIDTH, HEIGHT)
+    sky = np.where(np.arange(HEIGHT)[:, None] > HEIGHT // 2, np.inf, frame.depth)
+    surfaces = RealSurfaces(replace(frame, depth=sky.astype(np.float32), normal=None))
+    (warning,) = surfaces.standing(seat(RealSurfaces(frame), 2.0, 0.0)).warnings()
+    assert "nothing below it faces up" in warning
+
+
+@pytest.mark.parametrize("width", [0.3, 0.5, 0.8])
+def test_in_a_niche_objects_stay_near_and_cut_no_wall_or_say_so(width: float) -> None:
+    """Two walls 0.6 m apart push what is wider from one to the other."""
+    solids = (Box((-0.8, 0.0, -2.9), (0.5, 2.0, 1.0)), Box((0.8, 0.0, -2.9), (0.5, 2.0, 1.0)))
+    world = World(low=ROOM.low, high=ROOM.high, solids=solids)
+    surfaces = RealSurfaces(world.frame(WIDTH, HEIGHT))
+    pitch_deg = float(np.degrees(np.arctan2(FLOOR, 2.3)))
+    placed = set_down(surfaces, CUBE.mesh, 4.0, pitch_deg, Stance(height_m=width))
+    asked = 2.3 * np.array([np.sin(np.radians(4.0)), -np.cos(np.radians(4.0))])
+    shift = np.hypot(*(placed.to_world[[0, 2], 3] - asked))
+    assert shift <= width + 1e-6
+    radius = width / np.sqrt(2.0)
+    x, _, z = placed.to_world[:3, 3]
+    free = 0.3 - abs(x) > 0.98 * radius or -z < 1.9 - 0.7 * radius
+    assert free == placed.fits
+    assert bool(placed.warnings()) != placed.fits
+    if width == 0.3:
+        assert placed.fits
+        assert -z > 2.0, "it has room there"
 
 
 def wall_lamp(points: NDArray[np.float64], _: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,0 +1,121 @@
+"""Walls that objects keep away from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+_WALL = 0.9
+"""Least horizontal part of the normal of a wall."""
+_KERB = 0.15
+"""Share of an object's height that it may stand in front of: the foot of a wall is rounded."""
+_TOUCHING = 1e-3
+"""Depth of a cut that does not count, over the object's radius."""
+_PUSHES = 8
+_RINGS, _DIRECTIONS = 12, 24
+"""Places around the one asked for that are tried: rings, and places on each."""
+
+
+class Walls:
+    """Points of walls, and the directions away from them.
+
+    Parameters
+    ----------
+    points : (N, 3) float64
+        Of all real surfaces, metres.
+    normals : (N, 3) float64
+        Unit vectors.
+    centre : (3,) float64
+    reach : float
+        Horizontal distance from `centre` up to which points are kept, metres.
+    """
+
+    def __init__(self, points: Array, normals: Array, centre: Array, reach: float) -> None:
+        near = np.hypot(*(points - centre)[:, [0, 2]].T) < reach
+        sideways = normals[near] * (1.0, 0.0, 1.0)
+        length = np.linalg.norm(sideways, axis=1)
+        wall = length > _WALL
+        self._points = points[near][wall]
+        self._out = sideways[wall] / length[wall, None]
+
+    def push(self, base: Array, radius: float, height: float) -> Array:
+        """Return the shift (3,) that frees an upright cylinder from the wall it cuts deepest.
+
+        It is horizontal, and zero where the cylinder cuts none.
+        """
+        offset = base - self._points
+        level = (-offset[:, 1] > _KERB * height) & (-offset[:, 1] < height)
+        cut = level & (np.hypot(*offset[:, [0, 2]].T) < radius)
+        if not cut.any():
+            return np.zeros(3)
+        depth = radius - np.einsum("ij,ij->i", offset[cut], self._out[cut])
+        worst = int(depth.argmax())
+        shift: Array = self._out[cut][worst] * max(float(depth[worst]), 0.0)
+        return shift
+
+    def cut(self, base: Array, radius: float, height: float) -> float:
+        """Return how deep the cylinder cuts a wall, metres; 0 where it only touches one."""
+        depth = float(np.linalg.norm(self.push(base, radius, height)))
+        return depth if depth > _TOUCHING * radius else 0.0
+
+    def free_place(
+        self,
+        base: Array,
+        radius: float,
+        height: float,
+        reach: float,
+        support: Callable[[float, float], float | None],
+    ) -> Array | None:
+        """Return the base (3,) of a cylinder that cuts no wall, near the one asked for.
+
+        Pushes that come to rest within `reach` win. Between walls that push in turns, it is the
+        nearest free place on rings around `base`.
+
+        Parameters
+        ----------
+        base : (3,) float64
+            The place asked for, metres.
+        reach : float
+            Greatest horizontal distance from there, metres.
+        support : callable
+            Height of the surface at (x, z); None beside it.
+
+        Returns
+        -------
+        (3,) float64 or None
+            None where no place in reach is free.
+        """
+        pushed = self._pushed(base, radius, height, support)
+        if pushed is not None and np.hypot(*(pushed - base)[[0, 2]]) <= reach:
+            return pushed
+        for distance in reach * np.arange(1, _RINGS + 1) / _RINGS:
+            for turn in 2.0 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS:
+                x, z = base[[0, 2]] + distance * np.array([np.cos(turn), np.sin(turn)])
+                if self.cut(np.array([x, base[1], z]), radius, height):
+                    continue
+                y = support(x, z)
+                if y is not None and not self.cut(np.array([x, y, z]), radius, height):
+                    return np.array([x, y, z])
+        return None
+
+    def _pushed(
+        self,
+        base: Array,
+        radius: float,
+        height: float,
+        support: Callable[[float, float], float | None],
+    ) -> Array | None:
+        for _ in range(_PUSHES):
+            if not self.cut(base, radius, height):
+                return base
+            moved = base + self.push(base, radius, height)
+            y = support(moved[0], moved[2])
+            if y is None:
+                # Better to touch a wall than to be pushed off a table, out of sight.
+                return base
+            base = np.array([moved[0], y, moved[2]])
+        return None
