@@ -82,7 +82,7 @@ def test_compare_needs_truth_of_the_views_size(scene: Path, fails: Callable[...,
 
 
 BAD_ADDS: dict[str, tuple[list[str], str]] = {
-    "sky": (["--look", "0,60"], "there is open sky at yaw 0, pitch 60"),
+    "sky": (["--look", "0,60"], "the panorama has no depth at yaw 0, pitch 60 (sky, or a hole)"),
     "direction": (["--look", "up"], "--look up: expected YAW,PITCH"),
     "name taken": (["--look", "0,-40", "--name", "cube"], "named 'cube' already"),
     "name with slash": (["--look", "0,-40", "--name", "a/b"], "--name 'a/b': expected letters"),
@@ -102,6 +102,13 @@ def test_failing_to_add_leaves_the_scene_as_it_is(
     before = snapshot(tmp_path)
     assert message in fails("scene", "add", scene, tmp_path / "m.obj", *words)
     assert snapshot(tmp_path) == before
+
+
+def test_a_scene_that_is_missing_is_said_to_be(tmp_path: Path, fails: Callable[..., str]) -> None:
+    (tmp_path / "m.obj").write_text(CUBE)
+    line = fails("scene", "add", tmp_path / "none", tmp_path / "m.obj", "--look", "0,-40")
+    assert "none/scene.toml: no such file" in line
+    assert not (tmp_path / "none").exists()
 
 
 @pytest.mark.parametrize("name", ["room", "file", "file/below", "taken"])

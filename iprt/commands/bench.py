@@ -8,6 +8,7 @@ from typing import Literal
 
 import tyro
 
+from iprt.commands.lists import listed
 from iprt.commands.pairs import Size
 from iprt.commands.setting_flags import BALANCED, ChosenSettings, SettingFlags
 from iprt.errors import IprtError
@@ -64,8 +65,8 @@ def bench(
     view
         Name of a view of the scene, or `equirect` for the whole panorama, which is rendered anew
         for every frame instead of turning. Default: the scene's first view. With --sweep,
-        --convergence, --seconds and --against it may be given several times; default: all views
-        that have a truth.
+        --convergence, --seconds and --against there may be several, separated by commas or with
+        --view again; default: all views that have a truth.
     size
         Width and height in pixels. Default: the view's own. With --sweep, --convergence, --seconds
         and --against, the size of the truth divided by a whole number.
@@ -136,6 +137,7 @@ def bench(
         raise IprtError("--seconds: does not go with --convergence, --against and --seeds")
     if claims and (sweep or followed or seconds is not None or seeds is not None or method):
         raise IprtError("--claims: says what is measured; leave out --method, --sweep and the like")
+    view = listed(view)
     against_truth = bool(sweep) or followed or seconds is not None or claims
     of_truth = {
         "--html": html,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
+from iprt.commands.lists import listed
 from iprt.errors import IprtError
 
 if TYPE_CHECKING:
@@ -48,8 +49,8 @@ def calibrate(
     scene
         Scene folder whose views are timed. Times are those of pictures like these.
     view
-        Name of a view to time; may be given several times. Default: the first two that have a
-        truth, or else the first two.
+        Name of a view to time, or several, separated by commas or with --view again. Default: the
+        first two that have a truth, or else the first two.
     ssim
         Measure the accuracy too, on the views that have a truth; it takes some minutes more. It
         hardly depends on the device: by default that of the table that comes with iprt is kept.
@@ -78,6 +79,7 @@ def calibrate(
     from iprt.scene.scene import Scene
 
     opened = Scene.open(scene, allow_outside=allow_outside)
+    view = listed(view)
     names = _views(opened, view)
     targets = _targets(opened, view) if ssim else []
     handle = choose_device(device)

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any, Literal
 import tyro
 
 from iprt.commands.compare_video import NO_VIDEO, Video, combinations_of, compare_video
+from iprt.commands.lists import listed
+from iprt.commands.pairs import Size
 from iprt.commands.setting_flags import BALANCED, ChosenSettings
 from iprt.errors import IprtError
 
@@ -37,6 +39,7 @@ def compare(
     view: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
     method: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
     pictures: tyro.conf.UseAppendAction[tuple[Path, ...]] = (),
+    size: Size = None,
     background: Literal["panorama", "truth"] = "panorama",
     frames: int | None = None,
     seed: int | None = None,
@@ -60,14 +63,17 @@ def compare(
     scene
         Scene folder.
     view
-        Name of a view; may be given several times. Default: all views that have a truth.
+        Name of a view, or several, separated by commas or with --view again. Default: all views
+        that have a truth.
     method
-        How virtual objects are lit: a name from `iprt methods`, or `all`; may be given several
-        times. Short for --set method=. Default: iprt.
+        How virtual objects are lit: a name from `iprt methods`, several as with --view, or
+        `all`. Short for --set method=. Default: iprt.
     pictures
         Folder of pictures to score by the same protocol, linear EXR named by the view: table.exr,
         or table.0007.exr for each frame of a video that has a truth. May be given several times.
         Nothing is rendered unless --method is given too.
+    size
+        Width and height in pixels: the truth's, divided by a whole number. Default: the view's.
     background
         What the camera sees behind the objects: the resampled panorama, or the truth's own
         background, which isolates relighting from the panorama's resolution.
@@ -107,6 +113,8 @@ def compare(
     _check_limit(fail_under_ssim)
     if pictures and frames is not None and not method:
         raise IprtError(f"--frames {frames}: has no effect on --pictures without --method")
+    if pictures and size is not None:
+        raise IprtError(f"--size {size[0]} {size[1]}: pictures of --pictures have their own size")
     if json and video.markdown:
         raise IprtError("--json and --markdown: give one of them")
     video.check()
@@ -119,6 +127,7 @@ def compare(
     from iprt.measure.target import views_with_truth
     from iprt.scene.scene import Scene
 
+    view, method = listed(view), listed(method)
     asked: list[str | None] = _asked(method)
     for name in asked or [None]:
         setting_flags.resolved(seed=seed, method=name)  # faults in flags are reported first
@@ -150,6 +159,7 @@ def compare(
             compute,
             background,
             frames or FRAMES,
+            size=size,
             made=made,
             json=json,
             save=save,
@@ -166,7 +176,7 @@ def compare(
                 output.add(compared)
         if rendered:
             compute = ComputeDevice(choose_device(device))
-            _render(opened, views, variants, compute, background, frames or FRAMES, output)
+            _render(opened, views, variants, compute, background, frames or FRAMES, size, output)
     results = output.results
     if json:
         records = [result.record() for result in results]
@@ -208,6 +218,7 @@ def _render(
     device: ComputeDevice,
     background: Background,
     frames: int,
+    size: tuple[int, int] | None,
     output: Output,
 ) -> None:
     from iprt.commands.progress import progress_bar
@@ -222,6 +233,7 @@ def _render(
             device=device,
             background=background,
             frames=frames,
+            size=size,
             progress=lambda done: progress((len(output.results) - before) * frames + done),
         ):
             output.add(compared)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import tyro
 
 from iprt.commands.help import plain_default
-from iprt.commands.pairs import FrameSpan, Size
+from iprt.commands.pairs import FrameSpan
 from iprt.errors import IprtError
 
 if TYPE_CHECKING:
@@ -34,8 +34,6 @@ class VideoFlags:
 
     play: Annotated[FrameSpan, plain_default()] = None
     """First and last frame of the video to play. Default: all."""
-    size: Annotated[Size, plain_default()] = None
-    """Width and height in pixels: the truth's, divided by a whole number. Default: the view's."""
     trails: Annotated[bool, plain_default()] = False
     """Measure how long things that moved away stay visible, against each frame rendered alone."""
     sweep: Annotated[tyro.conf.UseAppendAction[tuple[str, ...]], plain_default("KEY=VALUES")] = ()
@@ -129,6 +127,7 @@ def compare_video(
     background: Background,
     frames: int,
     *,
+    size: tuple[int, int] | None,
     made: dict[str, Any],
     json: bool,
     save: Path | None,
@@ -146,7 +145,7 @@ def compare_video(
         progress_bar("playing", len(views) * len(indices)) as progress,
     ):
         for number, name in enumerate(views):
-            view = resized(scene.views[name], flags.size)
+            view = resized(scene.views[name], size)
             player = Player(
                 scene,
                 view,

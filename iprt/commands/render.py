@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
+from iprt.commands.lists import listed
 from iprt.commands.pairs import Size
 from iprt.commands.setting_flags import BALANCED, ChosenSettings
 from iprt.commands.wish import Wish
@@ -113,8 +114,8 @@ def render(
         gpu, cpu, a place such as 0:0 (see `iprt doctor`), or part of a device's name. Default: the
         fastest kind there is.
     aov
-        Auxiliary layer to add to EXR files, for example normal or depth; may be given several
-        times.
+        Auxiliary layer to add to EXR files, or several, separated by commas or with --aov again,
+        for example normal,depth.
     strict
         Stop at the first frame of the video that cannot be read, instead of repeating the last good
         frame.
@@ -134,6 +135,7 @@ def render(
         raise IprtError(f"--accumulate {accumulate}: expected 1 to {MAX_FRAMES}")
     if not 0.0 < frame_limit < float("inf"):
         raise IprtError(f"--frame-limit {frame_limit:g}: expected seconds above 0")
+    aov = listed(aov)
     wish = Wish.of(time_per_frame, ssim, setting_flags.quality)
     from iprt.output.encode import FORMATS
     from iprt.output.sequence import is_video

@@ -88,6 +88,7 @@ def compare_views(
     device: ComputeDevice,
     background: Background = "panorama",
     frames: int = 64,
+    size: tuple[int, int] | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Iterator[Compared]:
     """Render each view with each of the settings, accumulating `frames` frames, and score it.
@@ -100,6 +101,8 @@ def compare_views(
         See `iprt.measure.target.views_with_truth`.
     background : {"panorama", "truth"}
         Which background the objects are composited over.
+    size : (int, int) or None
+        Width and height of the pictures; see `read_target`.
     progress : callable, optional
         Called with the number of frames of the current picture done so far.
 
@@ -108,7 +111,7 @@ def compare_views(
     IprtError
         As `read_target`; or a picture needs more memory than the device has.
     """
-    targets = [read_target(scene, name, background) for name in views]
+    targets = [read_target(scene, name, background, size) for name in views]
     for target, frame in with_frames(scene, targets):
         for settings in variants:
             drawn = render_target(scene, frame, target, settings, device, frames, progress)

@@ -176,7 +176,8 @@ def changing(folder: Path) -> Iterator[None]:
     path = folder / MANIFEST_NAME
     with suppress(OSError):
         # Where a folder can be written to, even read-only files can be replaced.
-        if not (os.access(path, os.W_OK) and path.stat().st_mode & 0o222):
+        writable = path.stat().st_mode & 0o222 and os.access(path, os.W_OK)
+        if not writable:
             raise SceneError(f"{path}: is read-only; make it writable to change the scene")
     handle = None
     try:

@@ -166,15 +166,16 @@ class RealSurfaces:
         Raises
         ------
         SceneError
-            There is only open sky.
+            The panorama has no depth there.
         """
         view = View(1, 1, yaw_deg, pitch_deg)
         direction = view.world_from_view @ np.array([0.0, 0.0, -1.0])
         row, column = equirect_texel(direction, self._frame.width, self._frame.height)
         if not np.isfinite(self._frame.depth[row, column]):
+            where = "lower" if pitch_deg > 0.0 else "beside it"
             raise SceneError(
-                f"there is open sky at yaw {yaw_deg:g}, pitch {pitch_deg:g}, and nothing to stand "
-                "on; look lower"
+                f"the panorama has no depth at yaw {yaw_deg:g}, pitch {pitch_deg:g} (sky, or a "
+                f"hole), and so nothing to stand on; look {where}"
             )
         rows = slice(max(int(row) - 1, 0), int(row) + 2)
         columns = np.arange(int(column) - 1, int(column) + 2) % self._frame.width
@@ -297,7 +298,7 @@ def set_down(
     Raises
     ------
     SceneError
-        Open sky in that direction, or no floor anywhere; or the object becomes so large or small
+        No depth in that direction, or no floor anywhere; or the object becomes so large or small
         that `scene.toml` cannot say it.
     """
     rotation = stance.rotation

@@ -312,6 +312,37 @@ def test_table_has_a_row_per_method(
     assert [line[:3] for line in lines] == [["table", "iprt", "1.0000"], ["table", "ibl", ANY]]
 
 
+def test_names_may_be_repeated_or_separated_by_commas(
+    command: Callable[..., int], capsys: pytest.CaptureFixture[str]
+) -> None:
+    printed = []
+    for given in (("ibl", "iprt"), ("ibl, iprt",), ("iprt", "ibl,iprt")):
+        assert command(view=("table",), method=given) == 0
+        printed.append(capsys.readouterr().out)
+    assert printed[1] == printed[0]
+    assert printed[2] == printed[0]
+
+
+def test_a_still_may_be_smaller(
+    command: Callable[..., int],
+    scene: Any,
+    renderer: type[FakeRenderer],
+    truth: NDArray[np.float32],
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """It is compared with means of the truth's pixels."""
+    scene.views["table"].cuts = CUTS[1:]
+    renderer.picture = truth.reshape(16, 2, 20, 2, 3).mean(axis=(1, 3))
+    assert command(size=(20, 16), json=True) == 0
+    (record,) = json.loads(capsys.readouterr().out)["results"]
+    assert (record["ssim"], record["rmse"]) == pytest.approx((1.0, 0.0), abs=1e-6)
+    assert renderer.calls[0]["view"] == View(20, 16)
+    with pytest.raises(IprtError, match="--size 40 30: the truth of view 'table'"):
+        command(size=(40, 30))
+    with pytest.raises(IprtError, match="--size 20 16: pictures of --pictures"):
+        command(size=(20, 16), pictures=(Path("elsewhere"),), method=("iprt",))
+
+
 def test_table_fits_80_columns() -> None:
     scores = Scores(0.98765, (0.987654, 0.87654), 36.876, 2.1e-4, 0.01234, None)
     result = Comparison("floor_dragon", "iprt", "truth", scores, {"march": 1234.56}, 98_765_432)

@@ -47,7 +47,8 @@ class ProfilePanel:
         self._due_s = time.monotonic() + EVERY_S
         rows, series = self._timeline.table(), self._timeline.series()
         whole, passes = np.sum(list(series.values()), axis=0), rows[1:]
-        if len(self._lines) < min(len(passes), MOST_PASSES):
+        # Passes leave the window: objects were hidden, or the method changed.
+        if len(self._lines) < min(len(passes), MOST_PASSES) or not series.keys() >= {*self._lines}:
             self._lines = [row.name for row in passes[:MOST_PASSES]]
             names = ["with the host", WHOLE, *self._lines]
             lines = [_line(name, number) for number, name in enumerate(names)]
