@@ -13,6 +13,7 @@ from iprt.footage.window_environment import OUTSIDE_ROWS
 from iprt.geometry.camera import View
 from iprt.methods.voxels import PrefilteredPanorama
 from tests.frame.test_windows import BALL, MIRROR, arriving, render_ball, windowed
+from tests.kernels.wrap import evaluate
 from tests.worlds import Float, panorama_at
 
 OPENING, NONE = 16, 32
@@ -57,6 +58,43 @@ def test_levels_are_means_by_solid_angle(device: ComputeDevice, openings: bool) 
     for columns, rows, first, _ in prefiltered.levels.tolist():
         found = texels[first : first + rows * columns].reshape(rows, columns, 3)
         np.testing.assert_allclose(found, block_means(wanted, rows), atol=1e-3)
+
+
+def test_windows_show_the_outside_and_gaps_the_panorama(device: ComputeDevice) -> None:
+    """Each in its share, beside what the cone has gathered in the room."""
+    levels = device.upload("test levels", np.array([[2, 1, 0, 0]], np.int32))
+    panorama, outside = np.array([2.0, 3.0, 4.0]), np.array([50.0, 60.0, 70.0])
+    texels = {
+        name: device.upload(f"test {name}", np.tile(color, 2).astype(np.float32))
+        for name, color in (("prefiltered", panorama), ("outside", outside))
+    }
+    rng = np.random.default_rng(6)
+    room, d = rng.random((8, 3)).astype(np.float32), rng.normal(size=(8, 3)).astype(np.float32)
+    shares = rng.random((8, 2)).astype(np.float32)
+    shares[0] = 0.0
+    found = evaluate(
+        device,
+        ["methods/prefiltered.h"],
+        """
+        const Surroundings around = SURROUNDINGS;
+        const Cone cone = {(float3)(0.0f), normalize(d), 0.5f, 0.0f, 0.0f};
+        const ConeLight light = {room, shares.x, shares.y, 1.0f, 1.0f};
+        arriving = all_arriving(around, cone, light);
+        """,
+        {"d": d, "room": room, "shares": shares},
+        {"arriving": "float3"},
+        defines=["OPENING_ENVIRONMENT"],
+        parameters="SURROUNDINGS_PARAMETERS",
+        arguments={
+            **texels,
+            "prefiltered_levels": levels,
+            "outside_levels": levels,
+            "prefiltered_count": 1,
+            "outside_count": 1,
+        },
+    )["arriving"]
+    wanted = room + shares[:, :1] * outside + shares[:, 1:] * panorama
+    np.testing.assert_allclose(found, wanted, rtol=1e-5)
 
 
 def soft_sky(d: Float) -> Float:
