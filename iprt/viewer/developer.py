@@ -108,7 +108,9 @@ class Developer:
             return Developed(left, buffer, f"{words}: {other}")
         pixels = lens.compare(left, lens.develop(other, exposure))
         warning = _warning(scene, name, shown, edits) if lens.against == "truth" else ""
-        caption = self._caption(lens, words, shown, other, exposure, scored=not warning)
+        # A score is of pictures; a buffer has none.
+        scored = not warning and buffer is None
+        caption = self._caption(lens, words, shown, other, exposure, scored=scored)
         sides = None if lens.error else (words, labels.comparisons()[lens.against].name)
         return Developed(pixels, buffer, caption, warning, sides)
 
@@ -123,6 +125,7 @@ class Developer:
             return self.truth.picture(scene, name, shown)
         if (
             baseline is None
+            or baseline.plain  # its kernels compile: it is the input so far
             or baseline.frame != shown.frame
             or baseline.request.view != shown.request.view
             or baseline.request.settings is None
