@@ -189,6 +189,21 @@ def test_cut_outside_the_image_is_refused(cut: metrics.Cut, pair: tuple[Image, I
 def test_flip_needs_its_package(monkeypatch: pytest.MonkeyPatch, pair: tuple[Image, Image]) -> None:
     monkeypatch.setitem(sys.modules, "flip_evaluator", None)
     assert metrics.flip(*pair) is None
+    assert metrics.flip_map(*pair) is None
+
+
+def test_the_map_of_flip_shows_where_images_differ() -> None:
+    pytest.importorskip("flip_evaluator")
+    truth = np.full((64, 128, 3), 0.5)
+    test = truth.copy()
+    test[:, :32] = 1.0
+    found = metrics.flip_map(test, truth)
+    assert found is not None
+    assert found.shape == truth.shape
+    same = metrics.flip_map(truth, truth)
+    assert same is not None
+    np.testing.assert_array_equal(found[:, 64:], same[:, 64:])
+    assert (np.abs(found - same)[:, :28].max(axis=-1) > 0.1).all()
 
 
 def test_flip_grows_with_the_error(pair: tuple[Image, Image]) -> None:

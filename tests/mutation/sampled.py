@@ -81,6 +81,9 @@ EQUIVALENT: dict[str, str] = {
     "iprt/bvh/wide.py: references += np.where(references >= 0, first_node, -first_leaf)"
     ".astype(np.int32) -> references += np.where(references >= 1, first_node, -first_leaf)"
     ".astype(np.int32)": ("Node 0 is the root, which no node refers to."),
+    'iprt/world/real/lights.py: f"{prefix}_rows": 1, -> f"{prefix}_rows": 2,': (
+        "Never read: there are no cells to be aimed at."
+    ),
     "iprt/bvh/cache.py: most = fixed[-1] + MESH_DEPTH + 1 -> most = fixed[-1] + MESH_DEPTH + 2": (
         "A bound on what is read, one number larger; what is no tree is refused afterwards."
     ),

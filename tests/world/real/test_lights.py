@@ -63,6 +63,13 @@ def test_table_equals_a_plain_one(width: int, height: int, columns: int, rows: i
     assert cumulative[-1] == 1.0
 
 
+@pytest.mark.parametrize("unit", [1e-9, 1e9])
+def test_the_unit_of_light_does_not_matter(unit: float) -> None:
+    luminance = cell_luminance(random_panorama(64, 32), 16, 32)
+    for found, wanted in zip(light_table(unit * luminance), light_table(luminance), strict=True):
+        np.testing.assert_allclose(found, wanted, rtol=1e-9)
+
+
 @pytest.mark.parametrize("noise", [0.0, 1e-5])
 def test_nothing_is_aimed_at_in_even_light(device: ComputeDevice, noise: float) -> None:
     rng = np.random.default_rng(0)
