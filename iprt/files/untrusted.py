@@ -89,5 +89,6 @@ def decoding(path: Path, complaint: str) -> Iterator[None]:
     except (FormatError, MemoryError):
         raise
     except Exception as error:
-        reason = (str(error).splitlines() or [type(error).__name__])[0]
-        raise FormatError(f"{path}: {complaint} ({printable(reason)})") from error
+        lines = str(error).splitlines()
+        reason = f" ({printable(lines[0])})" if lines else ""
+        raise FormatError(f"{path}: {complaint}{reason}") from error

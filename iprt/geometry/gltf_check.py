@@ -7,7 +7,7 @@ Specification: Khronos glTF 2.0, sections 3.5 (scenes), 3.6 (binary data), 3.7 (
 from __future__ import annotations
 
 from collections.abc import Collection, Sized
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -22,10 +22,12 @@ MAX_NODES = 2**14
 MAX_DEPTH = 256
 """Nodes are nested no deeper; each is moved by all above it."""
 
+_FLOAT32 = 5126
 _COMPONENT_BYTES = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}
 _COMPONENTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 _TRIANGLES, _STRIP = 4, 5
-_READ_ATTRIBUTES = {"POSITION": "VEC3", "NORMAL": "VEC3", "TEXCOORD_0": "VEC2"}
+READ_ATTRIBUTES = {"POSITION": "VEC3", "NORMAL": "VEC3", "TEXCOORD_0": "VEC2"}
+"""Attributes of vertices that trimesh reads itself, and their types."""
 _INDEX_TYPES = (5121, 5123, 5125)
 
 Index = Annotated[int, Field(ge=0)]
@@ -41,6 +43,9 @@ class Part(BaseModel):
     """A part of a document, which may have keys that are not read."""
 
     model_config = ConfigDict(extra="ignore", strict=True, alias_generator=to_camel)
+
+
+Model = TypeVar("Model", bound=Part)
 
 
 class Buffer(Part):
@@ -65,6 +70,10 @@ class Accessor(Part):
     normalized: bool = False
 
     @property
+    def is_integer(self) -> bool:
+        return self.component_type != _FLOAT32
+
+    @property
     def item_bytes(self) -> int:
         return _COMPONENT_BYTES[self.component_type] * _COMPONENTS[self.type]
 
@@ -79,14 +88,59 @@ class Sampler(Part):
     wrap_t: int = 10497
 
 
+class TextureSource(Part):
+    source: Index | None = None
+
+
+class TextureExtensions(Part):
+    webp: TextureSource | None = Field(default=None, alias="EXT_texture_webp")
+    basisu: TextureSource | None = Field(default=None, alias="KHR_texture_basisu")
+
+
 class Texture(Part):
     source: Index | None = None
     sampler: Index | None = None
+    extensions: TextureExtensions = Field(default=TextureExtensions())
+
+    @property
+    def image(self) -> int | None:
+        """Number of the image that is read: WebP, which Pillow reads, or the one of the core."""
+        webp = self.extensions.webp
+        return self.source if webp is None or webp.source is None else webp.source
+
+
+class TextureTransform(Part):
+    offset: list[Number] = Field(default=[0.0, 0.0])
+    rotation: Number = 0.0
+    scale: list[Number] = Field(default=[1.0, 1.0])
+    tex_coord: Index | None = None
+
+    @property
+    def changes(self) -> bool:
+        """Whether texture coordinates become others."""
+        return self.offset != [0.0, 0.0] or self.rotation != 0.0 or self.scale != [1.0, 1.0]
+
+
+class ReferenceExtensions(Part):
+    transform: TextureTransform | None = Field(default=None, alias="KHR_texture_transform")
 
 
 class TextureReference(Part):
     index: Index
     tex_coord: Index = 0
+    extensions: ReferenceExtensions = Field(default=ReferenceExtensions())
+
+    @property
+    def coordinates(self) -> int:
+        """Number of the set of texture coordinates that it asks for."""
+        transform = self.extensions.transform
+        given = None if transform is None else transform.tex_coord
+        return self.tex_coord if given is None else given
+
+    @property
+    def moved(self) -> bool:
+        """Whether KHR_texture_transform makes other texture coordinates of them."""
+        return self.extensions.transform is not None and self.extensions.transform.changes
 
 
 class PbrMetallicRoughness(Part):
@@ -96,15 +150,40 @@ class PbrMetallicRoughness(Part):
     base_color_texture: TextureReference | None = None
 
 
+class SpecularGlossiness(Part):
+    diffuse_texture: TextureReference | None = None
+
+
+class MaterialExtensions(Part):
+    glossy: SpecularGlossiness | None = Field(
+        default=None, alias="KHR_materials_pbrSpecularGlossiness"
+    )
+
+
 class GltfMaterial(Part):
     name: str | None = None
     alpha_mode: str = "OPAQUE"
     emissive_factor: Triple | None = None
     pbr_metallic_roughness: PbrMetallicRoughness | None = None
+    extensions: MaterialExtensions = Field(default=MaterialExtensions())
+
+    def color_textures(self) -> list[TextureReference]:
+        """Return the textures that it takes its colour from."""
+        pbr, glossy = self.pbr_metallic_roughness, self.extensions.glossy
+        given = [
+            None if pbr is None else pbr.base_color_texture,
+            None if glossy is None else glossy.diffuse_texture,
+        ]
+        return [texture for texture in given if texture is not None]
+
+
+class PrimitiveExtensions(Part):
+    draco: Any = Field(default=None, alias="KHR_draco_mesh_compression")
 
 
 class Primitive(Part):
     attributes: dict[str, Index]
+    extensions: PrimitiveExtensions = Field(default=PrimitiveExtensions())
     indices: Index | None = None
     material: Index | None = None
     mode: Annotated[int, Field(ge=0, le=6)] = _TRIANGLES
@@ -149,6 +228,7 @@ class Gltf(Part):
     skins: list[Any] = Field(default=[])
     cameras: list[Any] = Field(default=[])
     extensions_used: list[str] = Field(default=[])
+    extensions_required: list[str] = Field(default=[])
 
     def uris(self) -> list[str]:
         """Addresses of buffers and images outside the binary chunk."""
@@ -157,41 +237,38 @@ class Gltf(Part):
 
     def color_images(self) -> list[int]:
         """Images that materials take their base colour from."""
-        found = []
-        for material in self.materials:
-            pbr = material.pbr_metallic_roughness
-            if pbr is not None and pbr.base_color_texture is not None:
-                source = self.textures[pbr.base_color_texture.index].source
-                found += [] if source is None else [source]
-        return list(dict.fromkeys(found))
+        images = [self.textures[texture.index].image for texture in self.color_textures()]
+        return list(dict.fromkeys(image for image in images if image is not None))
+
+    def color_textures(self) -> list[TextureReference]:
+        """Return the textures that materials take their colours from."""
+        return [texture for material in self.materials for texture in material.color_textures()]
 
 
 def parsed_gltf(document: Any) -> Gltf:
-    """The document, checked.
+    """Return a document whose parts have the right shapes; `check_gltf` tells whether they fit.
 
     Raises
     ------
     ValueError
         The first fault, in one line.
     """
-    try:
-        gltf = Gltf.model_validate(document)
-    except ValidationError as error:
-        raise ValueError(first_fault(error)) from None
+    return parsed_part(Gltf, document, "")
+
+
+def check_gltf(gltf: Gltf) -> None:
+    """Raise ValueError, in one line, where parts of a document do not fit each other."""
     _check_data(gltf)
     for number, mesh in enumerate(gltf.meshes):
         for primitive in mesh.primitives:
             _check_primitive(gltf, primitive, f"meshes[{number}]")
     for number, material in enumerate(gltf.materials):
-        pbr = material.pbr_metallic_roughness
-        if pbr is not None and pbr.base_color_texture is not None:
-            index = pbr.base_color_texture.index
-            _require("texture", index, gltf.textures, f"materials[{number}]")
-    for number, texture in enumerate(gltf.textures):
-        _require("image", texture.source, gltf.images, f"textures[{number}]")
-        _require("sampler", texture.sampler, gltf.samplers, f"textures[{number}]")
+        for texture in material.color_textures():
+            _require("texture", texture.index, gltf.textures, f"materials[{number}]")
+    for number, entry in enumerate(gltf.textures):
+        _require("image", entry.image, gltf.images, f"textures[{number}]")
+        _require("sampler", entry.sampler, gltf.samplers, f"textures[{number}]")
     _check_nodes(gltf)
-    return gltf
 
 
 def accessor_of(gltf: Gltf, index: int, types: Collection[str], where: str) -> Accessor:
@@ -205,7 +282,15 @@ def accessor_of(gltf: Gltf, index: int, types: Collection[str], where: str) -> A
     return accessor
 
 
-def first_fault(error: ValidationError, where: str = "") -> str:
+def parsed_part(model: type[Model], value: Any, where: str) -> Model:
+    """Return a part of a document as a model; ValueError names the first fault in one line."""
+    try:
+        return model.model_validate(value)
+    except ValidationError as error:
+        raise ValueError(_first_fault(error, where)) from None
+
+
+def _first_fault(error: ValidationError, where: str = "") -> str:
     """One line for the first thing wrong with a part of a document, by its key below `where`."""
     fault = error.errors(include_url=False, include_input=False)[0]
     key = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in fault["loc"])
@@ -245,12 +330,9 @@ def _check_data(gltf: Gltf) -> None:
 def _check_primitive(gltf: Gltf, primitive: Primitive, where: str) -> None:
     if "POSITION" not in primitive.attributes:
         raise ValueError(f"{where}: a primitive without POSITION")
-    for name, kind in _READ_ATTRIBUTES.items():
+    for name, kind in READ_ATTRIBUTES.items():
         if (index := primitive.attributes.get(name)) is not None:
-            accessor = accessor_of(gltf, index, (kind,), f"{where}.{name}")
-            # trimesh takes 255 for 255, not for 1; normals get unit length and do not mind.
-            if name != "NORMAL" and accessor.normalized:
-                raise ValueError(f"{where}.{name}: fractions stored as integers; export floats")
+            accessor_of(gltf, index, (kind,), f"{where}.{name}")
     if primitive.indices is not None:
         accessor = accessor_of(gltf, primitive.indices, ("SCALAR",), f"{where}.indices")
         if accessor.component_type not in _INDEX_TYPES:

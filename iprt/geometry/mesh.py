@@ -32,6 +32,9 @@ class Mesh:
         At least one.
     dropped : tuple of str
         What the file holds and this does not, one phrase each.
+    warnings : tuple of str
+        What of the file's materials is missing or not applied and changes the look much, a line
+        each.
     deforms : bool
         At other times vertices lie elsewhere.
     """
@@ -43,6 +46,7 @@ class Mesh:
     material_index: NDArray[np.int32]
     materials: tuple[Material, ...]
     dropped: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
     deforms: bool = False
 
 

@@ -16,14 +16,19 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 from urllib.parse import unquote
 
+import numpy as np
+from numpy.typing import NDArray
+
 from iprt.errors import FormatError
 from iprt.files.images import open_picture
 from iprt.files.path_safety import require_inside
 from iprt.files.toml_text import printable
 from iprt.files.untrusted import MAX_BYTES, decoding, is_file, read_bytes
-from iprt.geometry.gltf_check import Gltf, parsed_gltf
-from iprt.geometry.gltf_numbers import CHUNK, numbered
-from iprt.geometry.mesh_unread import unread_gltf, unread_obj, unread_ply
+from iprt.geometry.gltf_check import READ_ATTRIBUTES, Gltf, check_gltf, parsed_gltf
+from iprt.geometry.gltf_compressed import require_uncompressed
+from iprt.geometry.gltf_numbers import CHUNK, FLOATS, numbered
+from iprt.geometry.gltf_values import values_of
+from iprt.geometry.mesh_unread import unapplied_gltf, unread_gltf, unread_obj, unread_ply
 from iprt.geometry.ply_check import check_ply
 from iprt.geometry.stl_check import check_stl, checked_stl_text, has_colors
 
@@ -33,6 +38,8 @@ MAX_MATERIALS_TIMES_VERTICES = 2**32
 """An OBJ file has no more: trimesh goes through all vertices for each material."""
 MAX_JSON_BYTES = 2**27
 """A glTF document has no more; it takes a multiple of that in memory."""
+LONGEST_NAME = 255
+"""Letters of a file's name that file systems hold."""
 _GLTF_SUFFIXES = (".gltf", ".glb")
 
 
@@ -69,7 +76,8 @@ class MeshFile:
         self._decoded: dict[str, bytes] = {}
         self.gltf: Gltf | None = None
         self._gltf_document: Any = None
-        self._gltf_chunk = b""
+        self._gltf_chunk = self._gltf_floats = b""
+        self._missing_libraries: list[str] = []
         self._ply_elements: list[str] = []
         self.references: dict[str, Path] = {}
         if self.suffix not in MESH_SUFFIXES:
@@ -95,8 +103,8 @@ class MeshFile:
         FileNotFoundError
             It refers to no such file.
         """
-        if name == CHUNK:
-            return self._gltf_chunk
+        if name in (CHUNK, FLOATS):
+            return self._gltf_chunk if name == CHUNK else self._gltf_floats
         for known in (name.strip(), _without_options(name.strip())):
             if known in self.references:
                 return self._contents(self.references[known])
@@ -105,11 +113,17 @@ class MeshFile:
     __getitem__ = get
 
     def readable_data(self) -> bytes:
-        """The file for trimesh.
+        """Return the file for trimesh.
 
         It takes words of the format in comments and names for real. Of glTF, nodes are named by
         their numbers, and the joints, weights and colours of vertices by what trimesh hands on:
-        `JOINT_KEYS`, `WEIGHT_KEYS`, `COLOR_KEY`.
+        `JOINT_KEYS`, `WEIGHT_KEYS`, `COLOR_KEY`. Positions, normals and texture coordinates that
+        are integers become floats.
+
+        Raises
+        ------
+        ValueError
+            A buffer of glTF is shorter than it claims.
         """
         if self.suffix == ".obj":
             lines = BytesIO(self.data)
@@ -118,7 +132,12 @@ class MeshFile:
             return checked_stl_text(self.data)
         if self.gltf is None:
             return self.data
-        return numbered(self._gltf_document)
+        for number, buffer in enumerate(self.gltf.buffers):
+            if (size := len(self.buffer(number))) < buffer.byte_length:
+                raise ValueError(f"buffer {number}: {size} of {buffer.byte_length} bytes")
+        floats = self._floats(self.gltf)
+        self._gltf_floats = b"".join(values.tobytes() for values in floats.values())
+        return numbered(self._gltf_document, floats)
 
     def buffer(self, number: int) -> bytes:
         """Contents of a glTF file's buffer, which may be shorter than it claims."""
@@ -139,10 +158,38 @@ class MeshFile:
             return ["colours of triangles"] if has_colors(self.data) else []
         return unread_ply(self._ply_elements)
 
+    def warnings(self) -> list[str]:
+        """Return what of the file's materials is missing or not applied, a line each.
+
+        Only what changes the look much is named.
+        """
+        missing = [
+            f"refers to {name}, which is missing beside it; what it would colour is grey"
+            for name in dict.fromkeys(self._missing_libraries)
+        ]
+        return missing + ([] if self.gltf is None else list(unapplied_gltf(self.gltf)))
+
+    def _floats(self, gltf: Gltf) -> dict[int, NDArray[np.float32]]:
+        """Decode attributes that are integers: trimesh takes 255 for 255 where glTF means 1.
+
+        Khronos glTF 2.0, section 3.6.2.2, and KHR_mesh_quantization.
+        """
+        floats = {}
+        for mesh in gltf.meshes:
+            for primitive in mesh.primitives:
+                for name, kind in READ_ATTRIBUTES.items():
+                    index = primitive.attributes.get(name)
+                    if index is not None and gltf.accessors[index].is_integer:
+                        values = values_of(self, index, (kind,), name)
+                        floats[index] = values.astype("<f4")
+        return floats
+
     def _look_inside(self) -> None:
         if self.suffix in _GLTF_SUFFIXES:
             self._gltf_document, self._gltf_chunk = self._document()
             self.gltf = parsed_gltf(self._gltf_document)
+            require_uncompressed(self.path, self.gltf)
+            check_gltf(self.gltf)
             for uri in self.gltf.uris():
                 if not uri.startswith("data:"):
                     self._refer(uri, unquote(uri))
@@ -185,7 +232,8 @@ class MeshFile:
                 materials.add(rest)
             if key == "mtllib":
                 library = rest.strip()
-                self._refer(library, library)
+                if not self._refer_to_library(library):
+                    continue
                 for name in _material_maps(self._contents(self.references[library])):
                     self._refer(name, name)
                     self._check_texture(name)
@@ -196,18 +244,36 @@ class MeshFile:
                 "or split the file"
             )
 
-    def _refer(self, written: str, name: str) -> None:
+    def _refer_to_library(self, name: str) -> bool:
+        """Refer to an MTL file, unless it is missing.
+
+        A name that no file can have is no sign of a file that was lost, but of a damaged one.
+        """
+        possible = name.isprintable() and len(name) <= LONGEST_NAME
+        if possible and not is_file(self.path.parent / self._place(name)):
+            self._missing_libraries.append(printable(name))
+            return False
+        self._refer(name, name)
+        return True
+
+    def _place(self, name: str) -> Path:
+        """Return the path of a file that this one names; FormatError where none may be read."""
         relative = PurePosixPath(name.replace("\\", "/"))
         name = printable(name)
         if "://" in name:
             raise FormatError(f"{self.path}: refers to {name} on the net; copy it beside it")
         if relative.is_absolute() or ".." in relative.parts:
             raise FormatError(f"{self.path}: refers to {name}, outside its folder; copy it in")
+        return Path(relative)
+
+    def _refer(self, written: str, name: str) -> None:
+        relative = self._place(name)
         file = self.path.parent / relative
         if not is_file(file):
+            name = printable(name)
             raise FormatError(f"{self.path}: refers to {name}, which is missing beside it")
         require_inside(file, self._within)
-        self.references[written] = Path(relative)
+        self.references[written] = relative
 
     def _contents(self, relative: Path) -> bytes:
         if relative not in self._read:

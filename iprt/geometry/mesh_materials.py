@@ -16,7 +16,6 @@ from iprt.errors import FormatError
 from iprt.files.images import decode_srgb, texture_pixels
 from iprt.files.toml_text import printable
 from iprt.files.untrusted import MAX_PIXELS
-from iprt.geometry.gltf_numbers import COLOR_KEY
 from iprt.geometry.material import Material
 
 DEFAULT_MATERIAL = Material("diffuse", (0.5, 0.5, 0.5))
@@ -24,6 +23,8 @@ MATTE_ROUGHNESS = 0.9
 """glTF roughness from which a dielectric is taken as diffuse: its coat no longer shows."""
 METALLIC = 0.5
 """Least metalness of what is taken for a metal: there is no material in between."""
+NEARLY = 1e-3
+"""Metalness so near to 0 or 1 is that, up to the rounding of converters."""
 GLOSSY_SPECULAR = 0.04
 """Least specular reflectance (Ks) of an MTL material that gets a coat."""
 MAX_IOR = 4.0
@@ -42,6 +43,15 @@ class Textures:
         self._texels = 0
         self._decoded: dict[bytes, NDArray[np.float32]] = {}
 
+    def count(self, texels: int) -> None:
+        """Count the texels of one more texture; FormatError where all together are too many."""
+        self._texels += texels
+        if self._texels > MAX_PIXELS:
+            raise FormatError(
+                f"{self._path}: its textures have more than the {MAX_PIXELS} pixels that are "
+                "read; make them smaller (colours of vertices take four for each triangle)"
+            )
+
     def linear(self, image: Any) -> NDArray[np.float32] | None:
         """Linear (H, W, 3) float32 of a picture that Pillow has opened; None if it is none.
 
@@ -55,14 +65,16 @@ class Textures:
         pixels = texture_pixels(image, self._path)
         digest = hashlib.blake2b(pixels.tobytes() + str(pixels.shape).encode()).digest()
         if digest not in self._decoded:
-            self._texels += pixels.shape[0] * pixels.shape[1]
-            if self._texels > MAX_PIXELS:
-                raise FormatError(
-                    f"{self._path}: its textures have more than the {MAX_PIXELS} pixels that are "
-                    "read; make them smaller"
-                )
+            self.count(pixels.shape[0] * pixels.shape[1])
             self._decoded[digest] = decode_srgb(pixels)
         return self._decoded[digest]
+
+
+def has_texture(source: Any) -> bool:
+    """Whether a material of trimesh, or None, has a colour texture."""
+    if type(source).__name__ == "PBRMaterial":
+        return isinstance(source.baseColorTexture, Image.Image)
+    return isinstance(getattr(source, "image", None), Image.Image)
 
 
 def convert_material(
@@ -82,23 +94,6 @@ def convert_material(
     if type(source).__name__ == "PBRMaterial":
         return _from_pbr(source, factors, textures, dropped)
     return _from_mtl(source, textures, dropped)
-
-
-def mean_color(geometry: Any) -> tuple[float, float, float] | None:
-    """The mean of the colours that vertices or faces of a trimesh geometry have; None: of none.
-
-    Those of glTF are linear, others those of sRGB displays.
-    """
-    given, visual = geometry.vertex_attributes.get(COLOR_KEY), geometry.visual
-    if given is not None:
-        rgb = np.asarray(given)[:, :3]
-        rgb = rgb / np.iinfo(rgb.dtype).max if rgb.dtype.kind in "iu" else rgb
-    elif visual.kind in ("vertex", "face"):
-        colors = visual.vertex_colors if visual.kind == "vertex" else visual.face_colors
-        rgb = decode_srgb(np.asarray(colors)[:, :3])
-    else:
-        return None
-    return _color(rgb.mean(axis=0, dtype=np.float64)) if len(rgb) else None
 
 
 def tinted(material: Material, color: tuple[float, float, float] | None) -> Material:
@@ -136,9 +131,9 @@ def _metal_or_not(
     dropped: list[str],
 ) -> Material:
     """A metal, or plastic, or what is so rough that no coat shows; glTF 2.0, section 3.9.2."""
-    if 0.0 < metallic < 1.0:
+    if NEARLY < metallic < 1.0 - NEARLY:
         taken = "1, a metal" if metallic >= METALLIC else "0, no metal"
-        dropped.append(f"metallic {metallic:g}, which is taken for {taken}")
+        dropped.append(f"metallic {metallic:.3g}, which is taken for {taken}")
     alpha = float(np.clip(roughness, 0.0, 1.0) ** 2)
     if metallic >= METALLIC:
         return Material("conductor", albedo, alpha=alpha, texture=texture)
@@ -157,7 +152,9 @@ def _from_mtl(source: Any, textures: Textures, dropped: list[str]) -> Material:
     values = source.kwargs
     albedo = _color(values.get("kd", [1.0, 1.0, 1.0]))
     texture = textures.linear(source.image)
-    dropped.extend(_unread_mtl(values))
+    # The same picture as that of the colour, in most files.
+    read = {"map_ka"} if texture is not None else set()
+    dropped.extend(_unread_mtl({key: values[key] for key in values if key not in read}))
     exponent = _first(values.get("ns"), 0.0)
     alpha = float(np.sqrt(2.0 / (exponent + 2.0))) if exponent >= 1.0 else 1.0
     if "pr" in values or "pm" in values:
@@ -174,11 +171,12 @@ def _from_mtl(source: Any, textures: Textures, dropped: list[str]) -> Material:
 
 def _unread_mtl(values: dict[str, Any]) -> Iterator[str]:
     """Properties of an MTL material that ours lack, a phrase each."""
-    if _first(values.get("d"), 1.0) < 1.0 or _first(values.get("tr"), 0.0) > 0.0:
+    opaque = _first(values.get("d"), 1.0) >= 1.0 and _first(values.get("tr"), 0.0) <= 0.0
+    if not opaque or "map_d" in values:  # often the picture that the colour is read from
         yield "transparency"
     if max(_color(values.get("ke", [0.0, 0.0, 0.0]))) > 0.0:
         yield "emission"
-    for key in sorted(set(values) - _READ_KEYS - _SAYS_NOTHING - {"d", "tr", "ke"}):
+    for key in sorted(set(values) - _READ_KEYS - _SAYS_NOTHING - {"d", "map_d", "tr", "ke"}):
         if key.startswith("map_") or key in _MAPS:
             yield f"texture {printable(key)}"
         elif key == "tf":
@@ -200,8 +198,6 @@ def _note_unused_maps(source: Any, dropped: list[str]) -> None:
     emission = source.emissiveFactor
     if emission is not None and np.any(np.asarray(emission) > 0.0):
         dropped.append("emission")
-    if source.alphaMode in ("MASK", "BLEND"):
-        dropped.append("transparency")
 
 
 def _color(values: Any) -> tuple[float, float, float]:

@@ -9,6 +9,18 @@ from iprt.geometry.gltf_check import Gltf
 
 _TRIANGLE_MODES = (4, 5)
 _REPEAT = 10497
+_READ_EXTENSIONS = (
+    "EXT_meshopt_compression",
+    "EXT_texture_webp",
+    "KHR_draco_mesh_compression",
+    "KHR_materials_pbrSpecularGlossiness",
+    "KHR_mesh_quantization",
+    "KHR_meshopt_compression",
+    "KHR_texture_basisu",
+    "KHR_texture_transform",
+)
+"""Extensions whose contents are read, or named with what they concern. Compressed forms are here
+besides others that are read: files without these are refused."""
 _OBJ_WORDS = {
     "l": "lines",
     "p": "points",
@@ -20,8 +32,8 @@ _PLY_ELEMENTS = ("vertex", "face")
 
 
 def unread_gltf(gltf: Gltf, *, animated: bool) -> Iterator[str]:
-    """`animated`: an animation, and what bends with it, is read."""
-    for key in ("cameras",) if animated else ("animations", "skins", "cameras"):
+    """Yield what of a glTF file is not read; `animated`: one of its animations is."""
+    for key in ("cameras",) if animated else ("animations", "cameras"):
         if count := len(getattr(gltf, key)):
             yield f"{key} ({count})"
     primitives = [primitive for mesh in gltf.meshes for primitive in mesh.primitives]
@@ -29,20 +41,29 @@ def unread_gltf(gltf: Gltf, *, animated: bool) -> Iterator[str]:
         yield "points, lines or triangle fans"
     if any(primitive.targets for primitive in primitives):
         yield "morph targets"
-    textures = [
-        pbr.base_color_texture
-        for material in gltf.materials
-        if (pbr := material.pbr_metallic_roughness) is not None
-        and pbr.base_color_texture is not None
-    ]
-    if any(texture.tex_coord for texture in textures):
+    textures = gltf.color_textures()
+    if any(texture.coordinates for texture in textures):
         yield "a second set of texture coordinates; the first is used"
     samplers = [gltf.textures[texture.index].sampler for texture in textures]
     given = [gltf.samplers[number] for number in samplers if number is not None]
     if any({sampler.wrap_s, sampler.wrap_t} != {_REPEAT} for sampler in given):
         yield "textures that are clamped or mirrored at their borders; they repeat"
     for name in gltf.extensions_used:
-        yield f"extension {printable(name)}"
+        if name not in _READ_EXTENSIONS:
+            yield f"extension {printable(name)}"
+
+
+def unapplied_gltf(gltf: Gltf) -> Iterator[str]:
+    """Yield what of the materials of a glTF file would change its look much and is not applied."""
+    used = {primitive.material for mesh in gltf.meshes for primitive in mesh.primitives}
+    materials = [material for number, material in enumerate(gltf.materials) if number in used]
+    modes = {material.alpha_mode for material in materials}
+    if "MASK" in modes:
+        yield "alphaMode MASK is not applied: what textures cut out is drawn opaque"
+    if "BLEND" in modes:
+        yield "alphaMode BLEND is not applied: what is transparent is drawn opaque"
+    if any(texture.moved for texture in gltf.color_textures()):
+        yield "KHR_texture_transform is not applied: textures are not shifted, turned or scaled"
 
 
 def unread_obj(lines: Iterable[str]) -> list[str]:

@@ -2,40 +2,73 @@
 
 from __future__ import annotations
 
-import warnings
+import logging
 from collections import Counter
 from dataclasses import dataclass, replace
 from io import BytesIO
 from pathlib import Path
 from typing import Any
+from warnings import catch_warnings, simplefilter
 
 import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import FormatError
 from iprt.files.untrusted import MAX_TRIANGLES, MAX_VERTICES, decoding
+from iprt.geometry.animation import moved
 from iprt.geometry.creases import same_position, with_normals
 from iprt.geometry.gltf_check import Gltf
+from iprt.geometry.gltf_skin import resting_matrices
 from iprt.geometry.material import Material
 from iprt.geometry.mesh import Mesh
 from iprt.geometry.mesh_files import MeshFile
-from iprt.geometry.mesh_materials import Textures, convert_material, mean_color, tinted
+from iprt.geometry.mesh_materials import Textures, convert_material, has_texture, tinted
+from iprt.geometry.vertex_colors import color_texture, corner_colors
+
+LOG = logging.getLogger("iprt.scene")
 
 
 @dataclass
 class Part:
-    """One geometry of the file, in object space; normals are NaN where the file has none.
+    """A geometry of the file, in object space, whose triangles can be drawn.
 
-    Its triangles can be drawn: they are finite and not degenerate. `material` is trimesh's, and
-    `color` the mean of what vertices or faces have; None: the file has none.
+    They are finite and not degenerate.
+
+    Attributes
+    ----------
+    positions, normals : (V, 3) float64
+        Normals are NaN where the file has none.
+    uvs : (V, 2) float32
+    triangles : (F, 3) int64
+    source : (V,) int64
+        The vertex of the file that each comes from.
+    material : trimesh material or None
+    color : (r, g, b) or None
+        Linear; multiplies the material. None: the file has none.
+    colors : (V, 3) float32 or None
+        The same, where vertices differ; then no two triangles share one.
     """
 
     positions: NDArray[np.float64]
     normals: NDArray[np.float64]
     uvs: NDArray[np.float32]
     triangles: NDArray[np.int64]
+    source: NDArray[np.int64]
     material: Any
-    color: tuple[float, float, float] | None
+    color: tuple[float, float, float] | None = None
+    colors: NDArray[np.float32] | None = None
+
+    def taken(self, source: NDArray[np.int64], triangles: NDArray[np.int64]) -> Part:
+        """Return the part with other triangles, of vertices (W,) that come from these."""
+        return replace(
+            self,
+            positions=self.positions[source],
+            normals=self.normals[source],
+            uvs=self.uvs[source],
+            triangles=triangles,
+            source=self.source[source],
+            colors=None if self.colors is None else self.colors[source],
+        )
 
 
 def load_mesh(path: Path, material: Material | None = None, within: Path | None = None) -> Mesh:
@@ -43,7 +76,10 @@ def load_mesh(path: Path, material: Material | None = None, within: Path | None 
 
     Geometries of different materials are never merged. Normals that the file lacks are flat for
     glTF, and smooth up to a crease angle for other formats (`creases.py`). Triangles that are
-    degenerate or not finite are removed.
+    degenerate or not finite are removed. Skins of glTF files follow their joints as the nodes are
+    placed, with no animation (Khronos glTF 2.0, section 3.7.3.3). Colours of vertices become a
+    texture. A warning is logged for each property of the file's own materials that is missing or
+    not applied and would change much.
 
     Parameters
     ----------
@@ -63,8 +99,9 @@ def load_mesh(path: Path, material: Material | None = None, within: Path | None 
     file = MeshFile(path, within)
     dropped = file.unread_parts()
     with decoding(path, "cut off or damaged mesh file"), np.errstate(all="ignore"):
-        placed = placed_geometries(file, dropped).values()
-        parts = [part_of(geometry, transform, dropped) for transform, geometry in placed]
+        placed = resting_matrices(file, placed_geometries(file, dropped))
+        colored = material is None
+        parts = [part_of(shape, matrices, dropped, colored) for matrices, shape in placed]
         if file.suffix == ".stl":
             parts = [_welded(part) for part in parts]
         mesh = joined(file, parts, material, dropped)
@@ -77,13 +114,7 @@ def _welded(part: Part) -> Part:
     """One vertex for each position, of which STL has as many as there are triangles at it."""
     number = same_position(part.positions)
     _, first = np.unique(number, return_index=True)
-    return replace(
-        part,
-        positions=part.positions[first],
-        normals=part.normals[first],
-        uvs=part.uvs[first],
-        triangles=number[part.triangles],
-    )
+    return part.taken(first, number[part.triangles])
 
 
 def placed_geometries(
@@ -99,8 +130,8 @@ def placed_geometries(
     import trimesh
 
     # An open file and a resolver of ours: trimesh finds no other files, and asks no server.
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
+    with catch_warnings():
+        simplefilter("ignore")
         scene = trimesh.load_scene(
             BytesIO(file.readable_data()),
             file_type=file.suffix[1:] if file.gltf is None else "gltf",
@@ -125,8 +156,18 @@ def placed_geometries(
     return meshes
 
 
-def part_of(geometry: Any, transform: NDArray[np.float64], dropped: list[str]) -> Part:
-    """A mesh of trimesh, transformed by (4, 4) float64."""
+def part_of(
+    geometry: Any, matrices: NDArray[np.float64], dropped: list[str], colored: bool
+) -> Part:
+    """Return a mesh of trimesh, placed by matrices.
+
+    Parameters
+    ----------
+    matrices : (1, 3, 4) or (V, 3, 4) float64
+        For all vertices, or for each.
+    colored : bool
+        Whether colours of vertices and faces are read.
+    """
     positions = np.asarray(geometry.vertices, np.float64).reshape(-1, 3)
     triangles = np.asarray(geometry.faces, np.int64).reshape(-1, 3)
     if triangles.size and not (triangles.min() >= 0 and triangles.max() < len(positions)):
@@ -143,48 +184,56 @@ def part_of(geometry: Any, transform: NDArray[np.float64], dropped: list[str]) -
     uv = geometry.visual.uv if textured else None
     if uv is not None and len(uv) == len(positions):
         uvs = np.nan_to_num(np.asarray(uv, np.float32)[:, :2])
-    linear = transform[:3, :3]
-    if not np.allclose(transform, np.eye(4)):
-        positions = positions @ linear.T + transform[:3, 3]
-        normals = normals @ np.linalg.inv(linear) if np.linalg.det(linear) else normals * np.nan
-        if np.linalg.det(linear) < 0.0:
-            triangles = triangles[:, ::-1]
+    if not np.allclose(matrices, np.eye(4)[:3]):
+        positions, normals = moved(positions, normals, matrices)
+        mirrored = np.broadcast_to(np.linalg.det(matrices[:, :, :3]) < 0.0, len(positions))
+        turned = mirrored[triangles[:, :1]]
+        triangles = np.where(turned, triangles[:, ::-1], triangles)
     kept = _usable_triangles(positions, triangles)
     if removed := len(triangles) - len(kept):
         _note(dropped, f"{removed} degenerate or non-finite triangles")
     positions = np.nan_to_num(positions, posinf=0.0, neginf=0.0)
-    return Part(positions, normals, uvs, kept, material, mean_color(geometry))
+    source = np.arange(len(positions))
+    part = Part(positions, normals, uvs, triangles[kept], source, material)
+    colors = corner_colors(geometry, part.triangles, kept) if colored else None
+    return part if colors is None else _colored(part, colors, dropped)
+
+
+def _colored(part: Part, colors: NDArray[np.float32], dropped: list[str]) -> Part:
+    """Return a part with the colours (F, 3, 3) of its triangles' corners."""
+    flat = colors.reshape(-1, 3)
+    varied = bool((flat != flat[:1]).any())
+    if varied and not has_texture(part.material):
+        count = len(part.triangles)
+        divided = part.taken(part.triangles.ravel(), np.arange(3 * count).reshape(-1, 3))
+        return replace(divided, colors=flat)
+    if varied:
+        _note(dropped, "colours of vertices below a texture; their mean is used")
+    red, green, blue = flat.mean(axis=0, dtype=np.float64) if len(flat) else (1.0, 1.0, 1.0)
+    return replace(part, color=(float(red), float(green), float(blue)))
 
 
 def joined(
     file: MeshFile, parts: list[Part], override: Material | None, dropped: list[str]
 ) -> Mesh:
-    """All parts in one mesh, with a material index per triangle."""
-    materials: list[Material] = [override] if override is not None else []
-    index_of: dict[tuple[int, Any], int] = {}
-    factors, textures = _base_colors(file.gltf), Textures(file.path)
-    columns: list[tuple[Any, ...]] = []
-    offset = 0
-    for part in parts:
-        index = 0
-        if override is None:
-            if part.color is not None:
-                _note(dropped, "colours of vertices or faces; their mean is used")
-            key = (id(part.material), part.color)
-            if key not in index_of:
-                index_of[key] = len(materials)
-                material = convert_material(part.material, factors, textures, dropped)
-                materials.append(tinted(material, part.color))
-            index = index_of[key]
-        triangles = part.triangles + offset
-        index_of_each = np.full(len(triangles), index)
-        columns.append((part.positions, part.normals, part.uvs, triangles, index_of_each))
-        offset += len(part.positions)
-    if not columns:
+    """Return all parts in one mesh, with a material index per triangle."""
+    if not parts:
         raise FormatError(f"{file.path}: holds no triangles")
-    positions, normals, uvs, triangles, indices = (
-        np.concatenate(column) for column in zip(*columns, strict=True)
-    )
+    warnings: list[str] = []
+    if override is not None:
+        materials, index = [override], [0] * len(parts)
+    else:
+        materials, index = _materials(file, parts, dropped)
+        warnings = file.warnings()
+    for line in warnings:
+        LOG.warning("%s: %s", file.path, line)
+    ends = np.cumsum([len(part.positions) for part in parts])
+    placed = zip(parts, ends, strict=True)
+    triangles = np.concatenate([part.triangles + end - len(part.positions) for part, end in placed])
+    positions = np.concatenate([part.positions for part in parts])
+    normals = np.concatenate([part.normals for part in parts])
+    uvs = np.concatenate([part.uvs for part in parts])
+    indices = np.repeat(index, [len(part.triangles) for part in parts])
     flat = np.full(len(triangles), file.gltf is not None)
     source, normals, triangles = with_normals(positions, normals, triangles, flat)
     return Mesh(
@@ -195,7 +244,50 @@ def joined(
         material_index=indices.astype(np.int32),
         materials=tuple(materials),
         dropped=tuple(dict.fromkeys(dropped)),
+        warnings=tuple(warnings),
     )
+
+
+def _materials(
+    file: MeshFile, parts: list[Part], dropped: list[str]
+) -> tuple[list[Material], list[int]]:
+    """Return the materials of parts, and the index of each part's.
+
+    Parts whose vertices differ in colour get the texture coordinates of a texture that they share
+    with the others of their material.
+    """
+    groups: dict[tuple[int, Any, bool], list[int]] = {}
+    for number, part in enumerate(parts):
+        key = (id(part.material), part.color, part.colors is not None)
+        groups.setdefault(key, []).append(number)
+    factors, textures = _base_colors(file.gltf), Textures(file.path)
+    materials: list[Material] = []
+    index = [0] * len(parts)
+    for (_, color, varied), numbers in groups.items():
+        members = [parts[number] for number in numbers]
+        material = convert_material(members[0].material, factors, textures, dropped)
+        if varied:
+            texture = _shared_colors(members)
+            textures.count(texture.shape[0] * texture.shape[1])
+            material = replace(tinted(material, (1.0, 1.0, 1.0)), texture=texture)
+        for number in numbers:
+            index[number] = len(materials)
+        materials.append(tinted(material, color))
+    return materials, index
+
+
+def _shared_colors(parts: list[Part]) -> NDArray[np.float32]:
+    """Return a texture with the colours of parts, which get its texture coordinates."""
+    corners = [part.positions[part.triangles] for part in parts]
+    colors = [part.colors[part.triangles] for part in parts if part.colors is not None]
+    centers = np.concatenate([each.mean(axis=1) for each in corners])
+    texture, uvs = color_texture(centers, np.concatenate(colors))
+    first = 0
+    for part in parts:
+        count = len(part.triangles)
+        part.uvs[part.triangles] = uvs[first : first + count]
+        first += count
+    return texture
 
 
 def _base_colors(gltf: Gltf | None) -> dict[str, list[float]]:
@@ -215,7 +307,7 @@ def _base_colors(gltf: Gltf | None) -> dict[str, list[float]]:
 def _usable_triangles(
     positions: NDArray[np.float64], triangles: NDArray[np.int64]
 ) -> NDArray[np.int64]:
-    """Triangles with finite corners and an area above rounding noise."""
+    """Return the numbers of triangles with finite corners and an area above rounding noise."""
     corners = positions[triangles]
     with np.errstate(invalid="ignore"):
         finite: NDArray[np.bool_] = np.all(np.abs(corners) < 1e18, axis=(1, 2))
@@ -223,7 +315,7 @@ def _usable_triangles(
     edges = corners - np.roll(corners, 1, axis=1)
     area = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
     longest = np.einsum("fij,fij->fi", edges, edges).max(axis=1, initial=0.0)
-    return np.asarray(triangles[finite & (area > 1e-9 * longest) & (longest > 0.0)])
+    return np.flatnonzero(finite & (area > 1e-9 * longest) & (longest > 0.0))
 
 
 def _note(dropped: list[str], phrase: str) -> None:

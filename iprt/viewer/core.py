@@ -368,7 +368,7 @@ class Core:
             def finish() -> None:
                 self._problems.pop("mesh", None)
                 unread = [f"not read: {', '.join(mesh.dropped)}"] if mesh.dropped else []
-                if notes := [*placed.warnings(), *unread]:
+                if notes := [*placed.warnings(), *mesh.warnings, *unread]:
                     self._notes[path.name] = f"{path.name}: {'; '.join(notes)}"
                     self._noted_s = self._clock()
                 self._mailbox.edit(added.name, lambda _: added)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from PIL import Image
 
 from iprt.geometry.material import Material
 from iprt.geometry.mesh import Mesh
+from iprt.geometry.mesh_materials import DEFAULT_MATERIAL
 from iprt.geometry.meshes import load_mesh
 from tests.geometry.gltf_files import GltfFile
 from tests.geometry.test_meshes import gltf
@@ -53,6 +55,8 @@ def test_mtl_to_kind(tmp_path: Path, lines: list[str], material: Material) -> No
         ("Ke 2 2 2", "emission"),
         ("d 0.5", "transparency"),
         ("Tr 0.5", "transparency"),
+        ("map_d t.png", "transparency"),
+        ("map_Ka t.png", "texture map_ka"),
         ("Tf 1 0 0", "a filter of what shines through (Tf)"),
         ("Pc 0.5", "'pc' of its materials"),
         ("map_Pr r.png", "texture map_pr"),
@@ -85,7 +89,7 @@ def test_colours_of_gltf_multiply_that_of_the_material(
 ) -> None:
     file = GltfFile()
     top = 1.0 if dtype == "f4" else np.iinfo(dtype).max
-    colors = np.array([[0.2, 1.0, 0.0], [0.4, 1.0, 0.0], [0.6, 1.0, 0.0]]) * top
+    colors = np.tile([0.4, 1.0, 0.0], (3, 1)) * top
     more = {} if dtype == "f4" else {"normalized": True}
     corners = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
     number = file.mesh(corners, [[0, 1, 2]], COLOR_0=file.array(colors, dtype, **more))
@@ -111,6 +115,75 @@ def test_texture_coordinates_and_borders_that_are_not_read_are_named(tmp_path: P
         "a second set of texture coordinates; the first is used",
         "textures that are clamped or mirrored at their borders; they repeat",
     )
+
+
+def test_the_picture_of_the_colour_is_not_named_where_it_lights_from_nowhere_too(
+    tmp_path: Path,
+) -> None:
+    Image.new("RGB", (2, 2), (255, 0, 0)).save(tmp_path / "t.png")
+    mesh = of_mtl(tmp_path, "Kd 1 1 1", "map_Ka t.png", "map_Kd t.png")
+    assert mesh.materials[0].texture is not None
+    assert mesh.dropped == ()
+
+
+def test_a_missing_mtl_file_leaves_the_mesh_grey(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    (tmp_path / "m.obj").write_text("mtllib none.mtl\nusemtl a\n" + CUBE)
+    mesh = load_mesh(tmp_path / "m.obj")
+    assert mesh.materials == (DEFAULT_MATERIAL,)
+    (line,) = caplog.messages
+    assert line.startswith(f"{tmp_path / 'm.obj'}: refers to none.mtl, which is missing")
+    assert mesh.warnings == (line.partition(": ")[2],)
+    assert load_mesh(tmp_path / "m.obj", Material()).warnings == ()
+
+
+@pytest.mark.parametrize(
+    ("change", "phrase"),
+    [
+        ({"alphaMode": "MASK"}, "alphaMode MASK is not applied"),
+        ({"alphaMode": "BLEND"}, "alphaMode BLEND is not applied"),
+        ({"alphaMode": "OPAQUE"}, None),
+        ({"transform": {"scale": [0.5, 0.5]}}, "KHR_texture_transform is not applied"),
+        ({"transform": {"offset": [0, 0.5]}}, "KHR_texture_transform is not applied"),
+        ({"transform": {"rotation": 1}}, "KHR_texture_transform is not applied"),
+        ({"transform": {"scale": [1, 1], "offset": [0, 0], "rotation": 0}}, None),
+    ],
+)
+def test_what_is_not_applied_is_one_warning(
+    change: dict[str, Any], phrase: str | None, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = gltf(tmp_path / "q.gltf", baseColorTexture=Image.new("RGB", (2, 2)), metallicFactor=0.0)
+    document = json.loads(path.read_text())
+    (material,) = document["materials"]
+    if "transform" in change:
+        extension = {"KHR_texture_transform": change["transform"]}
+        material["pbrMetallicRoughness"]["baseColorTexture"]["extensions"] = extension
+        document["extensionsUsed"] = list(extension)
+    else:
+        material.update(change)
+    path.write_text(json.dumps(document))
+    mesh = load_mesh(path)
+    assert mesh.dropped == ()
+    assert len(mesh.warnings) == len(caplog.messages) == (phrase is not None)
+    assert all(line.startswith(phrase or "-") for line in mesh.warnings)
+    assert load_mesh(path, Material()).warnings == ()
+
+
+def test_a_texture_of_another_material_model_is_read_and_not_named(tmp_path: Path) -> None:
+    """KHR_materials_pbrSpecularGlossiness, which trimesh converts."""
+    path = gltf(tmp_path / "q.gltf", baseColorTexture=Image.new("RGB", (2, 2), (255, 0, 0)))
+    document = json.loads(path.read_text())
+    pbr = document["materials"][0].pop("pbrMetallicRoughness")
+    values = {"diffuseTexture": pbr["baseColorTexture"], "specularFactor": [0.04] * 3}
+    document["materials"][0]["extensions"] = {"KHR_materials_pbrSpecularGlossiness": values}
+    document["extensionsUsed"] = ["KHR_materials_pbrSpecularGlossiness"]
+    path.write_text(json.dumps(document))
+    mesh = load_mesh(path)
+    assert mesh.materials[0].texture is not None
+    red = np.tile([1.0, 0.0, 0.0], (2, 2, 1))
+    np.testing.assert_allclose(mesh.materials[0].texture, red, atol=0.01)
+    assert not any("extension" in phrase for phrase in mesh.dropped)
 
 
 def test_smoothing_groups_are_named_where_they_would_matter(tmp_path: Path) -> None:

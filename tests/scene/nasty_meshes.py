@@ -160,7 +160,6 @@ for _name, _changes, _message in (
     ("glTF accessor of text", {"accessors.0.type": "TEXT"}, "accessors[0].type: "),
     ("glTF positions in two numbers", {"accessors.0.type": "VEC2"}, "POSITION: made of VEC2"),
     ("glTF corners that are no numbers", {"accessors.1.componentType": 5122}, "not whole numbers"),
-    ("glTF positions as fractions", {"accessors.0.normalized": True}, "stored as integers"),
     ("glTF corner beyond", {"bufferViews.1.byteOffset": 12}, "damaged mesh file"),
     ("glTF view beyond its buffer", {"bufferViews.0.byteLength": 45}, "bufferViews[0]: ends"),
     ("glTF view of buffer 7", {"bufferViews.0.buffer": 7}, "there is no buffer 7"),

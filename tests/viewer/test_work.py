@@ -165,20 +165,19 @@ def test_the_plain_video_is_what_renderers_resample(scene: Scene, device: Comput
 
 
 def test_what_a_mesh_file_lost_is_told(scene: Scene, device: ComputeDevice, tmp_path: Path) -> None:
-    path = tmp_path / "painted.ply"
+    path = tmp_path / "shining.obj"
     path.write_text(
-        "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
-        "property float z\nproperty uchar red\nproperty uchar green\nproperty uchar blue\n"
-        "element face 1\nproperty list uchar int vertex_indices\nend_header\n"
-        "0 0 0 255 0 0\n1 0 0 0 255 0\n0 1 0 0 0 255\n3 0 1 2\n"
+        "mtllib shining.mtl\nmtllib lost.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl lamp\nf 1 2 3\n"
     )
+    (tmp_path / "shining.mtl").write_text("newmtl lamp\nKd 1 1 1\nKe 5 5 5\n")
     with turns(scene, device) as driver:
         driver.answer(driver.join())
-        driver.core.add(ObjectEdit("painted", path=path), (20.0, -40.0), Stance(height_m=0.3))
+        driver.core.add(ObjectEdit("shining", path=path), (20.0, -40.0), Stance(height_m=0.3))
         driver.settle()
         (note,) = driver.mailbox.status.notes
-        assert note.startswith("painted.ply: not read: ")
-        assert "colours" in note
+        assert note.startswith("shining.obj: ")
+        assert "refers to lost.mtl, which is missing" in note
+        assert "not read: emission" in note
         assert driver.mailbox.status.problems == ()
         driver.clock.now += 100.0
         driver.settle()

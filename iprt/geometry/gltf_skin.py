@@ -1,0 +1,244 @@
+"""Nodes and skins of a glTF file: where they are, and which joints vertices follow.
+
+Specification: Khronos glTF 2.0, sections 3.5 (scenes), 3.7.3 (skins).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from iprt.errors import FormatError
+from iprt.geometry.animation import Float, Node, Skeleton, Skin
+from iprt.geometry.gltf_check import MAX_NODES, Gltf, Index, Part, accessor_of, parsed_part
+from iprt.geometry.gltf_numbers import INFLUENCES, JOINT_KEYS, WEIGHT_KEYS, part_node
+from iprt.geometry.gltf_values import values_of
+from iprt.geometry.mesh_files import MeshFile
+
+MAX_BENT_VERTICES = 2**21
+"""Each takes some hundred bytes while it is bent."""
+
+
+class _Skin(Part):
+    joints: Annotated[list[Index], Field(min_length=1, max_length=MAX_NODES)]
+    inverse_bind_matrices: Index | None = None
+
+
+@dataclass(frozen=True)
+class Bones:
+    """The joints of a skin.
+
+    Attributes
+    ----------
+    nodes : (J,) int64
+    inverse_bind : (J, 4, 4) float64
+    """
+
+    nodes: NDArray[np.int64]
+    inverse_bind: Float
+
+
+def scene_nodes(gltf: Gltf) -> dict[int, Node]:
+    """Return the nodes of the file's scene by their numbers, parents first."""
+    nodes: dict[int, Node] = {}
+    roots = dict.fromkeys(gltf.scenes[gltf.scene].nodes) if gltf.scenes else {}
+    level = [(-1, index) for index in roots]
+    while level:
+        for parent, index in level:
+            entry = gltf.nodes[index]
+            given = {
+                key: np.array(value, np.float64)
+                for key in ("translation", "rotation", "scale")
+                if (value := getattr(entry, key)) is not None
+            }
+            if "rotation" in given:
+                given["rotation"] = unit_quaternions(given["rotation"], f"nodes[{index}].rotation")
+            matrix = None
+            if entry.matrix is not None:
+                matrix = np.array(entry.matrix, np.float64).reshape(4, 4).T  # column by column
+            nodes[index] = Node(parent, **given, matrix=matrix)
+        level = [(index, child) for _, index in level for child in gltf.nodes[index].children]
+    return nodes
+
+
+def read_bones(file: MeshFile, nodes: dict[int, Node]) -> dict[int, Bones]:
+    """Read the skins that nodes of the scene have, by their numbers.
+
+    Parameters
+    ----------
+    nodes : dict of int to Node
+        All of the scene, as `scene_nodes` returns them.
+
+    Raises
+    ------
+    ValueError
+        A skin, or joints and weights of vertices, are damaged; in one line.
+    """
+    assert file.gltf is not None
+    used = dict.fromkeys(file.gltf.nodes[index].skin for index in nodes)
+    bones = {skin: _bones(file, skin, nodes) for skin in used if skin is not None}
+    if bones:
+        _check_joints(file.gltf)
+    return bones
+
+
+def resting_matrices(
+    file: MeshFile, placed: dict[str, tuple[Float, Any]]
+) -> Iterator[tuple[Float, Any]]:
+    """Yield geometries and what places their vertices while no animation plays.
+
+    Joints alone place the vertices of a skin: nodes above the mesh do not (section 3.7.3.3).
+
+    Parameters
+    ----------
+    placed : dict of str to (4, 4) float64 and trimesh geometry
+        By the name of the node, as `numbered` gives it.
+
+    Yields
+    ------
+    matrices : (1, 3, 4) or (V, 3, 4) float64
+        To the scene's space, for all vertices or for each.
+    geometry : trimesh geometry
+
+    Raises
+    ------
+    FormatError, ValueError
+        Too many vertices to bend; a skin that is damaged.
+    """
+    bones: dict[int, Bones] = {}
+    pose: dict[int, Float] = {}
+    if file.gltf is not None and any(node.skin is not None for node in file.gltf.nodes):
+        nodes = scene_nodes(file.gltf)
+        bones, pose = read_bones(file, nodes), Skeleton(nodes, {}).pose(0.0)
+    count = 0
+    for name, (transform, geometry) in placed.items():
+        skin = skin_of(file, bones, part_node(name), geometry) if bones else None
+        if skin is None:
+            yield transform[None, :3], geometry
+            continue
+        count += len(skin.joints)
+        require_few_vertices(file, count)
+        yield skin.matrices(pose), geometry
+
+
+def require_few_vertices(file: MeshFile, count: int) -> None:
+    """Raise FormatError if so many vertices are not bent."""
+    if count > MAX_BENT_VERTICES:
+        raise FormatError(
+            f"{file.path}: {count} vertices that move; at most {MAX_BENT_VERTICES} are read"
+        )
+
+
+def _bones(file: MeshFile, number: int, nodes: dict[int, Node]) -> Bones:
+    assert file.gltf is not None
+    where = f"skins[{number}]"
+    if number >= len(file.gltf.skins):
+        raise ValueError(f"there is no skin {number}")
+    skin = parsed_part(_Skin, file.gltf.skins[number], where)
+    for joint in skin.joints:
+        if joint not in nodes:
+            raise ValueError(f"{where}: joint {joint} is no node of the scene")
+    count = len(skin.joints)
+    inverse_bind = np.broadcast_to(np.eye(4), (count, 4, 4))
+    if skin.inverse_bind_matrices is not None:
+        given = values_of(file, skin.inverse_bind_matrices, ("MAT4",), f"{where}.matrices")
+        if len(given) < count:
+            raise ValueError(f"{where}: {len(given)} inverse bind matrices for {count} joints")
+        inverse_bind = given[:count].reshape(count, 4, 4).transpose(0, 2, 1)
+    return Bones(np.array(skin.joints, np.int64), inverse_bind)
+
+
+def _check_joints(gltf: Gltf) -> None:
+    """Raise ValueError where vertices of skins have no usable joints or weights."""
+    for number, mesh in enumerate(gltf.meshes):
+        for primitive in mesh.primitives:
+            for influence in INFLUENCES:
+                names = [f"{kind}_{influence}" for kind in ("JOINTS", "WEIGHTS")]
+                given = [name for name in names if name in primitive.attributes]
+                where = f"meshes[{number}]"
+                if len(given) == 1:
+                    raise ValueError(f"{where}: {given[0]} without the other of {', '.join(names)}")
+                count = gltf.accessors[primitive.attributes["POSITION"]].count
+                for name in given:
+                    index = primitive.attributes[name]
+                    found = accessor_of(gltf, index, ("VEC4",), f"{where}.{name}").count
+                    if found != count:
+                        raise ValueError(f"{where}.{name}: {found} of VEC4; expected {count}")
+
+
+def unit_quaternions(quaternions: Float, where: str) -> Float:
+    """Return quaternions (..., 4) at unit length; ValueError where one has none."""
+    length = np.linalg.norm(quaternions, axis=-1, keepdims=True)
+    if not (length > 1e-6).all():
+        raise ValueError(f"{where}: a quaternion of no length")
+    return np.asarray(quaternions / length)
+
+
+def skin_of(file: MeshFile, bones: dict[int, Bones], node: int, geometry: Any) -> Skin | None:
+    """Return the skin of a node's geometry; None: it has none and follows the node.
+
+    Raises
+    ------
+    ValueError
+        Joints or weights that cannot be used.
+    """
+    assert file.gltf is not None
+    number = file.gltf.nodes[node].skin
+    if number is None or number not in bones:
+        return None
+    given = geometry.vertex_attributes
+    pairs = [pair for pair in zip(JOINT_KEYS, WEIGHT_KEYS, strict=True) if pair[0] in given]
+    sets = [(given[joints], given[weights]) for joints, weights in pairs]
+    if not sets:
+        return None
+    count = len(geometry.vertices)
+    where = f"nodes[{node}]: skin {number}"
+    joints = np.concatenate([_table(j, count, f"{where}: joints") for j, _ in sets], axis=1)
+    weights = np.concatenate([_fractions(w, count, f"{where}: weights") for _, w in sets], axis=1)
+    found = bones[number]
+    return Skin(found.nodes, found.inverse_bind, *_checked(found, joints, weights, where))
+
+
+def _checked(
+    bones: Bones, joints: NDArray[np.generic], weights: NDArray[np.float64], where: str
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Joints and weights (V, I) that can be used.
+
+    Raises
+    ------
+    ValueError
+        They cannot.
+    """
+    if not (np.isfinite(weights).all() and (weights >= 0.0).all()):
+        raise ValueError(f"{where}: weights that are NaN, infinite or negative")
+    if joints.dtype.kind not in "iu":
+        raise ValueError(f"{where}: joints that are no whole numbers")
+    numbers = np.where(weights > 0.0, joints.astype(np.int64), 0)
+    if numbers.size and not 0 <= numbers.min() <= numbers.max() < len(bones.nodes):
+        raise ValueError(f"{where}: joint {numbers.max()} of {len(bones.nodes)}")
+    total = weights.sum(axis=1, keepdims=True)
+    # A vertex without weights follows the first joint.
+    first = np.zeros_like(weights)
+    first[:, :1] = 1.0
+    shares = np.divide(weights, total, out=first, where=total > 0.0)
+    return numbers, shares
+
+
+def _table(values: Any, count: int, where: str) -> NDArray[np.generic]:
+    table: NDArray[np.generic] = np.asarray(values)
+    if table.shape != (count, 4):
+        raise ValueError(f"{where} of {table.shape}; there are {count} vertices of 4")
+    return table
+
+
+def _fractions(values: Any, count: int, where: str) -> NDArray[np.float64]:
+    """Integers stand for fractions of their largest."""
+    table = _table(values, count, where)
+    if table.dtype.kind not in "iu":
+        return table.astype(np.float64)
+    return table.astype(np.float64) / float(2 ** (8 * table.dtype.itemsize) - 1)
