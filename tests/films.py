@@ -154,7 +154,12 @@ def films(**settings: Any) -> dict[str, Film]:
                 "learning": {"samples": 256, "models": 64},
             },
         ),
-        "cones": (room, (textured, plastic, mirror, far), LOOK, {"method": "vct", "vct": FEW_VOXELS}),
+        "cones": (
+            room,
+            (textured, plastic, mirror, far),
+            LOOK,
+            {"method": "vct", "vct": FEW_VOXELS},
+        ),
         "cones around": (
             _landscape(),
             (clay, far),

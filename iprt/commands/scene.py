@@ -161,6 +161,9 @@ def new(
     depth_range: DepthRange = None,
     depth_encoding: Literal["linear", "inverse"] | None = None,
     normal: Path | None = None,
+    color_layer: str | None = None,
+    depth_layer: str | None = None,
+    list_layers: bool = False,
 ) -> int:
     """Make a scene folder from a panorama and its depth, or from a video with depth.
 
@@ -173,7 +176,8 @@ def new(
         color.%04d.png, or a video file.
     depth
         Its depth: EXR, PFM or 16-bit PNG of the same size or smaller, or a video file of 16-bit
-        grey. Default: in the same file as colour: a second stream, or below colour in each picture.
+        grey. Default: in the same file as colour: a layer of EXR, a second stream, or below colour
+        in each picture.
     depth_scale
         Metres per stored unit; 0.001 for millimetres. PNG and video need it or depth_range.
     depth_range
@@ -182,7 +186,14 @@ def new(
         What grows in proportion with the stored values of --depth-range: depth (linear) or its
         inverse. Default: linear.
     normal
-        World-space normals in an EXR file. Default: fitted to the depth.
+        World-space normals in an EXR file. Default: the layer of colour's file that is named so and
+        agrees with depth; else they are fitted to depth.
+    color_layer
+        Layer of an EXR file that is the picture. Default: by the layers' names.
+    depth_layer
+        Layer of an EXR file that is depth. Default: by the layers' names.
+    list_layers
+        Print the layers of the files and stop; no folder is made.
 
     Returns
     -------
@@ -192,6 +203,7 @@ def new(
     from iprt.commands.scene_report import first_look
     from iprt.footage.video.depth_code import DepthCode
     from iprt.scene.edit import new_scene
+    from iprt.scene.sources import layer_lists
 
     if depth_scale is not None and not 0.0 < depth_scale < float("inf"):
         raise IprtError(f"--depth-scale {depth_scale:g}: expected a number above 0")
@@ -203,8 +215,15 @@ def new(
         raise IprtError("--depth-scale and --depth-range: give one of them")
     if depth_encoding is not None and depth_range is None:
         raise IprtError(f"--depth-encoding {depth_encoding}: needs --depth-range")
+    if list_layers:
+        named = {"color": color, "depth": depth, "normal": normal}
+        sources = {key: path for key, path in named.items() if path is not None}
+        print("\n".join(layer_lists(sources)))
+        return 0
     code = DepthCode(depth_scale, depth_range, depth_encoding or "linear")
-    frames = new_scene(folder, color, depth, code, normal)
+    frames = new_scene(
+        folder, color, depth, code, normal, color_layer=color_layer, depth_layer=depth_layer
+    )
     with reporting(f"{folder} has been made all the same"):
         print("\n".join(first_look(folder)))
         print(

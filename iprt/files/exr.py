@@ -1,204 +1,201 @@
-"""OpenEXR pictures: header checked first, then decoded by the OpenEXR library.
-
-The header is parsed here because the library allocates what a header claims and writes its
-complaints about cut-off files to stdout. Layout: "OpenEXR File Layout",
-https://openexr.com/en/latest/OpenEXRFileLayout.html.
-"""
+"""OpenEXR pictures: headers are checked, a layer is chosen, and the OpenEXR library decodes it."""
 
 from __future__ import annotations
 
+import logging
 import os
 import struct
-from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import FormatError
+from iprt.files.exr_header import Part, read_parts
+from iprt.files.exr_layers import Layer, color_layer, depth_layer, layers_of, normal_layer
+from iprt.files.primaries import Chromaticity, to_rec709
 from iprt.files.toml_text import printable
-from iprt.files.untrusted import MAX_BYTES, decoding, require_picture_size
+from iprt.files.untrusted import decoding
 
-MAGIC = b"\x76\x2f\x31\x01"
-
-_MAX_HEADER_BYTES = 2**24
-_SAMPLE_BYTES = {0: 4, 1: 2, 2: 4}
-"""Bytes by the type code of a channel: unsigned, half, float."""
-_DEEP = 0x800
-_MULTIPART = 0x1000
-_TILED = 0x200
-_LINES_PER_CHUNK = {0: 1, 1: 1, 2: 1, 3: 16, 4: 32, 5: 16, 6: 32, 7: 32, 8: 32, 9: 256}
-"""Lines by the compression code: none, RLE, ZIPS, ZIP, PIZ, PXR24, B44, B44A, DWAA, DWAB."""
+LOG = logging.getLogger("iprt.files")
+NO_DEPTH = "depth needs one channel, as EXR, PFM or 16-bit grey PNG"
+_warned: set[tuple[Path, bytes]] = set()
+"""Folders and unusable chromaticities that have been warned of."""
 
 
-@dataclass(frozen=True)
-class _Header:
-    channels: dict[str, tuple[int, int]]
-    width: int
-    height: int
-    compression: int
-    tile: tuple[int, int] | None
-    """Width and height of the tiles of a file that has them, in one level."""
+def read_exr_color(path: Path, wanted: str | None = None) -> NDArray[np.float32]:
+    """Read the picture: linear Rec.709 radiance (H, W, 3), as stored: possibly not finite.
 
-
-def read_exr(path: Path, choices: Sequence[tuple[str, ...]]) -> list[NDArray[np.generic]]:
-    """Read the first of `choices` that the file holds.
+    Primaries and white point that the file names are converted; where these are unusable, a
+    warning says that the values are taken as they are.
 
     Parameters
     ----------
-    choices : sequence of tuple of str
-        Sets of channel names in order of preference. A set may lie in a layer
-        (`beauty.R, beauty.G, beauty.B`); channels without a layer go first. The set `("*",)`
-        stands for the only channel of a file that has one.
-
-    Returns
-    -------
-    list of (H, W) array
-        float16, float32 or uint32, one per name of the set.
+    wanted : str or None
+        Name of its layer. By default, names tell; see `color_layer`.
 
     Raises
     ------
     FormatError
-        Cut off or damaged, deep or multi-part, cropped, too large, or without such channels.
+        Cut off or damaged, cropped, too large, without a picture, or with several.
     """
-    header = _checked_header(path)
-    names = _choose(path, list(header.channels), choices)
-    for name in names:
-        if header.channels[name] != (1, 1):
+    parts = read_parts(path)
+    layer = color_layer(path, layers_of(parts), wanted)
+    planes = _planes(path, parts, layer)
+    color = np.empty((*planes[0].shape, 3), np.float32)
+    for channel in range(3):
+        color[..., channel] = planes[channel % len(planes)]
+    stored = parts[layer.part].chromaticities
+    matrix = None if stored is None or layer.is_single else _matrix(path, stored)
+    if matrix is not None:
+        with np.errstate(all="ignore"):
+            for row in color:
+                row[:] = row @ matrix.T
+    return color
+
+
+def read_exr_depth(path: Path, wanted: str | None = None) -> NDArray[np.generic]:
+    """Read depth (H, W) in stored units: float16, float32 or uint32.
+
+    Parameters
+    ----------
+    wanted : str or None
+        Name of its layer. By default, names tell; see `depth_layer`.
+
+    Raises
+    ------
+    FormatError
+        As `read_exr_color`; also a layer whose channels differ: a picture in colours.
+    """
+    parts = read_parts(path)
+    layer = depth_layer(path, layers_of(parts), wanted)
+    plane, *others = _planes(path, parts, layer)
+    if not all(np.array_equal(plane, other, equal_nan=True) for other in others):
+        name = f"layer {printable(layer.name)}: " if layer.prefix else ""
+        differ = f"{', '.join(layer.letters[:-1])} and {layer.letters[-1]} differ"
+        raise FormatError(f"{path}: {name}a picture in colours, whose {differ}; {NO_DEPTH}")
+    return plane
+
+
+def read_exr_normal(path: Path) -> NDArray[np.float32]:
+    """Read normals (H, W, 3), x, y, z, as stored.
+
+    Raises
+    ------
+    FormatError
+        As `read_exr_color`.
+    """
+    parts = read_parts(path)
+    planes = _planes(path, parts, normal_layer(path, layers_of(parts)))
+    return np.stack(planes, axis=-1).astype(np.float32)
+
+
+def exr_size(path: Path, wanted: str | None = None) -> tuple[int, int]:
+    """Return width and height by the header; the file is checked for completeness.
+
+    Parameters
+    ----------
+    wanted : str or None
+        Name of the layer that is the picture, where parts differ in size.
+
+    Raises
+    ------
+    FormatError
+        Damaged, or parts differ in size and several could be the picture.
+    """
+    parts = read_parts(path)
+    if len({(part.width, part.height) for part in parts}) > 1:
+        part = parts[color_layer(path, layers_of(parts), wanted).part]
+    else:
+        part = parts[0]
+    return part.width, part.height
+
+
+def exr_layers(path: Path) -> list[Layer]:
+    """Return the layers of a file.
+
+    Raises
+    ------
+    FormatError
+        Damaged.
+    """
+    return layers_of(read_parts(path))
+
+
+def layer_lines(path: Path) -> list[str]:
+    """Describe the layers of a file, a line each below one for the file.
+
+    Raises
+    ------
+    FormatError
+        Damaged.
+    """
+    parts = read_parts(path)
+    rows = [
+        (
+            printable(layer.name),
+            printable(layer.letters if layer.is_single else ", ".join(layer.letters)),
+            f"{parts[layer.part].width} x {parts[layer.part].height}",
+            layer.meaning,
+        )
+        for layer in layers_of(parts)
+    ]
+    widths = [max(len(row[column]) for row in rows) for column in range(4)] if rows else []
+    lines = ("  ".join(map(str.ljust, row, widths)).rstrip() for row in rows)
+    return [f"{path}:", *(f"  {line}" for line in lines)]
+
+
+def _planes(path: Path, parts: list[Part], layer: Layer) -> list[NDArray[np.generic]]:
+    """Decode the channels of a layer.
+
+    Returns
+    -------
+    list of (H, W) array
+        float16, float32 or uint32.
+    """
+    part = parts[layer.part]
+    if not part.is_whole:
+        raise FormatError(
+            f"{path}: data window {part.window} differs from the display window; "
+            "save the whole picture, not a crop"
+        )
+    for name in layer.channels:
+        if part.channels[name] != (1, 1):
             raise FormatError(
                 f"{path}: channel {printable(name)} is subsampled; save it at full resolution"
             )
     import OpenEXR
 
+    known = {int(code) for code in OpenEXR.Compression.__members__.values()}
+    for other in parts:
+        if other.compression not in known:
+            raise FormatError(
+                f"{path}: its compression, {other.compression_name}, needs OpenEXR 3.4 or later; "
+                "update the package OpenEXR, or save the file with ZIP"
+            )
     with decoding(path, "damaged EXR file"):
-        channels = OpenEXR.File(os.fspath(path), separate_channels=True).channels()
-        planes = [np.asarray(channels[name].pixels) for name in names]
-    if any(plane.shape != (header.height, header.width) for plane in planes):
+        channels = OpenEXR.File(os.fspath(path), separate_channels=True).channels(layer.part)
+        planes = [np.asarray(channels[name].pixels) for name in layer.channels]
+    if any(plane.shape != (part.height, part.width) for plane in planes):
         raise FormatError(f"{path}: damaged EXR file (its pixels do not match its header)")
     return planes
 
 
-def exr_size(path: Path) -> tuple[int, int]:
-    """Width and height, from the header; the file is checked for completeness."""
-    header = _checked_header(path)
-    return header.width, header.height
+def _matrix(path: Path, stored: bytes) -> NDArray[np.float32] | None:
+    """Return (3, 3) to Rec.709 by the value of the attribute `chromaticities`.
 
-
-def _choose(path: Path, present: list[str], choices: Sequence[tuple[str, ...]]) -> list[str]:
-    prefixes = {name.rpartition(".")[0] for name in present}
-    for prefix in sorted(prefixes):
-        for choice in choices:
-            wanted = [f"{prefix}.{channel}" if prefix else channel for channel in choice]
-            if all(name in present for name in wanted):
-                return wanted
-    if ("*",) in choices and len(present) == 1:
-        return present
-    known = printable(", ".join(present))
-    asked = " or ".join(", ".join(choice) for choice in choices if choice != ("*",))
-    raise FormatError(f"{path}: no channels {asked}; the file has {known}")
-
-
-def _checked_header(path: Path) -> _Header:
-    with path.open("rb") as file:
-        size = os.fstat(file.fileno()).st_size
-        try:
-            header = _parse_header(path, file)
-            _check_complete(file, header, size)
-        except (struct.error, KeyError) as error:
-            raise FormatError(
-                f"{path}: cut off or damaged EXR file ({size} bytes); copy or export it again"
-            ) from error
-    return header
-
-
-def _parse_header(path: Path, file: BinaryIO) -> _Header:
-    magic, flags = struct.unpack("<4sI", file.read(8))
-    if magic != MAGIC:
-        raise FormatError(f"{path}: not an EXR file")
-    if flags & (_DEEP | _MULTIPART):
-        raise FormatError(f"{path}: deep or multi-part EXR; save a flat, single-part one")
-    attributes = {}
-    while name := _string(file):
-        _string(file)  # the attribute's type follows from its name
-        (length,) = struct.unpack("<I", file.read(4))
-        if file.tell() + length > _MAX_HEADER_BYTES:
-            raise struct.error("header too long")
-        attributes[name] = file.read(length)
-    x0, y0, x1, y1 = struct.unpack("<4i", attributes["dataWindow"])
-    if attributes["displayWindow"] != attributes["dataWindow"]:
-        raise FormatError(
-            f"{path}: data window {(x0, y0, x1, y1)} differs from the display window; "
-            "save the whole picture, not a crop"
-        )
-    width, height = x1 - x0 + 1, y1 - y0 + 1
-    require_picture_size(path, width, height)
-    channels, texel_bytes = _parse_channels(attributes["channels"])
-    # The library decodes all channels, whichever are asked for.
-    if width * height * texel_bytes > MAX_BYTES:
-        raise FormatError(
-            f"{path}: claims {len(channels)} channels of {width} x {height} pixels; "
-            f"at most {MAX_BYTES} bytes are read"
-        )
-    return _Header(
-        channels=channels,
-        width=width,
-        height=height,
-        compression=attributes["compression"][0] if attributes["compression"] else -1,
-        tile=_parse_tile(path, attributes["tiles"]) if flags & _TILED else None,
-    )
-
-
-def _parse_tile(path: Path, data: bytes) -> tuple[int, int]:
-    width, height, mode = struct.unpack("<IIB", data)
-    if mode & 15:
-        raise FormatError(f"{path}: has mipmaps; save one level")
-    require_picture_size(path, width, height)
-    return width, height
-
-
-def _parse_channels(data: bytes) -> tuple[dict[str, tuple[int, int]], int]:
-    """Sampling in x and y of each channel of a `chlist` attribute, and bytes per pixel."""
-    channels = {}
-    at = texel_bytes = 0
-    while at < len(data) and data[at]:
-        end = data.find(b"\0", at)
-        if end < 0:
-            raise struct.error("unterminated channel name")
-        kind, _, x_sampling, y_sampling = struct.unpack_from("<iiii", data, end + 1)
-        if min(x_sampling, y_sampling) < 1:
-            raise struct.error("impossible sampling")
-        texel_bytes += _SAMPLE_BYTES[kind]
-        channels[data[at:end].decode("utf-8", "replace")] = (x_sampling, y_sampling)
-        at = end + 17
-    return channels, texel_bytes
-
-
-def _check_complete(file: BinaryIO, header: _Header, size: int) -> None:
-    """Follow the table of chunk offsets to the last chunk: does the file reach its end?"""
-    if header.tile is None:
-        count = -(-header.height // _LINES_PER_CHUNK.get(header.compression, 1))
-        place = 4  # the first line
-    else:
-        count = -(-header.width // header.tile[0]) * -(-header.height // header.tile[1])
-        place = 16  # column and row of the tile, and its level in both directions
-    if file.tell() + 8 * count > size:
-        raise struct.error("table of chunks cut off")
-    offsets = np.frombuffer(file.read(8 * count), "<u8")
-    last = int(offsets.max())
-    if offsets.min() == 0 or last + place + 4 > size:
-        raise struct.error("chunk missing")
-    file.seek(last + place)
-    (length,) = struct.unpack("<I", file.read(4))
-    if last + place + 4 + length > size:
-        raise struct.error("last chunk cut off")
-
-
-def _string(file: BinaryIO) -> str:
-    letters = bytearray()
-    while (letter := file.read(1)) != b"\0":
-        if not letter or len(letters) > 255:
-            raise struct.error("unterminated name")
-        letters += letter
-    return letters.decode("utf-8", "replace")
+    None where it is Rec.709 already, or unusable, of which one warning tells for each folder.
+    """
+    try:
+        values = struct.unpack("<8f", stored)
+        corners: list[Chromaticity] = list(zip(values[::2], values[1::2], strict=True))
+        return to_rec709(corners)
+    except (ValueError, struct.error) as error:
+        if (path.parent, stored) not in _warned:
+            _warned.add((path.parent, stored))
+            LOG.warning(
+                "%s: chromaticities cannot be used (%s); its colours are taken for Rec.709",
+                path,
+                error,
+            )
+        return None

@@ -15,6 +15,7 @@ from PIL import Image
 
 from iprt.errors import FormatError
 from iprt.files import exr
+from iprt.files.exr_header import MAGIC as EXR_MAGIC
 from iprt.files.pfm import read_pfm
 from iprt.files.untrusted import (
     MAX_PIXELS,
@@ -26,7 +27,7 @@ from iprt.files.untrusted import (
 
 Image2D = NDArray[np.float32]
 _SIGNATURES = {
-    exr.MAGIC: "exr",
+    EXR_MAGIC: "exr",
     b"\x89PNG": "png",
     b"\xff\xd8\xff": "jpeg",
     b"Pf": "pfm",
@@ -36,7 +37,6 @@ FLOAT_KINDS = ("exr", "pfm")
 """Kinds of files whose values have no upper end."""
 TEXTURE_FORMATS = ("PNG", "JPEG", "WEBP", "BMP", "TGA", "TIFF")
 """Names that Pillow has for what textures of meshes may be stored as."""
-NO_DEPTH = "depth needs one channel, as EXR, PFM or 16-bit grey PNG"
 LOOKUP_ROWS = 128
 """Rows of a picture that are looked up in a table at once: NumPy makes indices of eight bytes."""
 MAX_SCANS = 100
@@ -61,23 +61,25 @@ def file_kind(path: Path) -> str:
     raise FormatError(f"{path}: {what}")
 
 
-def read_color(path: Path) -> Image2D:
-    """Linear RGB radiance as (H, W, 3) float32, as stored: possibly not finite.
+def read_color(path: Path, layer: str | None = None) -> Image2D:
+    """Read linear Rec.709 radiance as (H, W, 3) float32, as stored: possibly not finite.
 
-    EXR with channels R, G, B (or Y alone) is linear; PNG and JPEG, 8 or 16 bits per channel, are
-    decoded from sRGB. Alpha and colour profiles are ignored.
+    EXR is linear, and what it says of its primaries is converted; PNG and JPEG, 8 or 16 bits per
+    channel, are decoded from sRGB. Alpha and colour profiles are ignored.
+
+    Parameters
+    ----------
+    layer : str or None
+        Layer of an EXR file. Default: the one that is the picture by its name.
 
     Raises
     ------
     FormatError
+        Damaged, of another kind, without such a layer, or with several that could be meant.
     """
-    kind = file_kind(path)
+    kind = _kind_with(path, "color", layer)
     if kind == "exr":
-        planes = exr.read_exr(path, [("R", "G", "B"), ("Y",)])
-        color = np.empty((*planes[0].shape, 3), np.float32)
-        for channel in range(3):
-            color[..., channel] = planes[channel % len(planes)]
-        return color
+        return exr.read_exr_color(path, layer)
     if kind == "pfm":
         raise FormatError(f"{path}: PFM is read as depth only; save colour as EXR, PNG or JPEG")
     image = _open_pillow(path)
@@ -86,50 +88,74 @@ def read_color(path: Path) -> Image2D:
     return decode_srgb(_png16(path) if is_16_bit else coded)
 
 
-def read_depth(path: Path) -> tuple[Image2D, bool]:
-    """Depth in stored units as (H, W) float32, and whether it is stored as integers.
+def read_depth(path: Path, layer: str | None = None) -> tuple[Image2D, bool]:
+    """Read depth in stored units as (H, W) float32, and whether it is stored as integers.
 
-    EXR (channel Z, else Y, else R, else the only one), 16-bit grey PNG, or PFM.
+    EXR, 16-bit grey PNG, or PFM.
+
+    Parameters
+    ----------
+    layer : str or None
+        Layer of an EXR file. Default: the one that is depth by its name, or the only one.
 
     Raises
     ------
     FormatError
-        Also for pictures in colours, and for those of 8 bits: too coarse for geometry.
+        As `read_color`; also pictures in colours, and those of 8 bits: too coarse for geometry.
     """
-    kind = file_kind(path)
+    kind = _kind_with(path, "depth", layer)
     if kind == "exr":
-        plane, *others = exr.read_exr(path, [("Z",), ("Y",), ("R", "G", "B"), ("R",), ("*",)])
-        if not all(np.array_equal(plane, other, equal_nan=True) for other in others):
-            raise FormatError(f"{path}: a picture in colours, whose R, G and B differ; {NO_DEPTH}")
+        plane = exr.read_exr_depth(path, layer)
         return plane.astype(np.float32, copy=False), plane.dtype.kind == "u"
     if kind == "pfm":
         return read_pfm(path), False
     image = _open_pillow(path)
     if not image.mode.startswith("I"):
         what = "grey picture of 8 bits" if image.mode.startswith("L") else "picture in colours"
-        raise FormatError(f"{path}: a {what}; {NO_DEPTH}")
+        raise FormatError(f"{path}: a {what}; {exr.NO_DEPTH}")
     return _decoded(path, image).astype(np.float32), True
 
 
 def read_normal(path: Path) -> Image2D:
-    """World-space normals (H, W, 3) float32 from an EXR picture, R, G, B = x, y, z, as stored."""
+    """Read world-space normals (H, W, 3) float32 from an EXR picture: x, y, z, as stored.
+
+    Raises
+    ------
+    FormatError
+        As `read_color`.
+    """
     if file_kind(path) != "exr":
         raise FormatError(f"{path}: normals are read from EXR only")
-    planes = exr.read_exr(path, [("R", "G", "B"), ("X", "Y", "Z"), ("x", "y", "z")])
-    return np.stack(planes, axis=-1).astype(np.float32)
+    return exr.read_exr_normal(path)
 
 
-def picture_size(path: Path) -> tuple[int, int]:
-    """Width and height of an EXR, PNG or JPEG picture, from its header.
+def picture_size(path: Path, layer: str | None = None) -> tuple[int, int]:
+    """Return width and height of an EXR, PNG or JPEG picture, from its header.
+
+    Parameters
+    ----------
+    layer : str or None
+        As of `read_color`.
 
     Raises
     ------
     FormatError
     """
     if file_kind(path) == "exr":
-        return exr.exr_size(path)
+        return exr.exr_size(path, layer)
     image = _open_pillow(path)
     return image.width, image.height
+
+
+def _kind_with(path: Path, key: str, layer: str | None) -> str:
+    """Return the kind of a file; raise FormatError if it has no layers, but one is named."""
+    kind = file_kind(path)
+    if layer is not None and kind != "exr":
+        raise FormatError(
+            f"{path}: --{key}-layer ({key}_layer in scene.toml) is for EXR files; this one has no "
+            "layers"
+        )
+    return kind
 
 
 def decode_srgb(coded: NDArray[Any]) -> Image2D:

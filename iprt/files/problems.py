@@ -147,8 +147,8 @@ def _video_problems(video: Any) -> Iterator[str]:
     picture = pattern or color.lower().endswith(PICTURE_SUFFIXES)
     if picture and "depth" not in video:
         yield (
-            "video.depth: required key is missing; only a video file can hold its own depth; name "
-            "a file of depth (docs/footage.md says of what kind)"
+            "video.depth: required key is missing; name a file of depth (docs/footage.md says of "
+            "what kind), or that of color again where it is EXR and holds depth"
         )
     if not _integers(video.get("frames"), 2):
         return

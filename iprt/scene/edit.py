@@ -17,7 +17,7 @@ import numpy as np
 import tomlkit
 from numpy.typing import NDArray
 
-from iprt.errors import FormatError, SceneError
+from iprt.errors import SceneError
 from iprt.files.atomic import replacing, require_writable
 from iprt.files.images import read_depth
 from iprt.files.path_safety import anywhere
@@ -30,13 +30,26 @@ from iprt.footage.video.source import FrameSource
 from iprt.footage.video.table import VideoTable
 from iprt.geometry.mesh_files import MeshFile
 from iprt.scene.manifest import MANIFEST_NAME, parse_manifest
-from iprt.scene.sources import require_frames, require_sources
+from iprt.scene.sources import (
+    frame_range,
+    has_own_normals,
+    require_frames,
+    require_own_depth,
+    require_sources,
+)
 
 VIEW_SIZE = (1024, 768)
 
 
 def new_scene(
-    folder: Path, color: Path, depth: Path | None, code: DepthCode, normal: Path | None
+    folder: Path,
+    color: Path,
+    depth: Path | None,
+    code: DepthCode,
+    normal: Path | None,
+    *,
+    color_layer: str | None = None,
+    depth_layer: str | None = None,
 ) -> int:
     """Make a scene folder with copies of the pictures and a scene.toml.
 
@@ -49,6 +62,10 @@ def new_scene(
         the file of `color` holds it.
     code : DepthCode
         What stored depth stands for; needed where it is stored as integers.
+    normal : Path or None
+        By default, layers of `color` are taken that are normals by name and agree with depth.
+    color_layer, depth_layer : str or None
+        Layers of EXR files, where their names do not tell.
 
     Returns
     -------
@@ -66,40 +83,66 @@ def new_scene(
     named = {"color": color, "depth": depth, "normal": normal}
     sources = {key: path for key, path in named.items() if path is not None}
     require_sources(sources)
-    first, last = _frame_range(color)
-    if depth is not None and not code.is_known:
-        picture = frame_path(Path(), str(depth), first)
-        if is_container(Path(), str(picture)) or read_depth(picture)[1]:
-            raise SceneError(
-                f"{picture}: stores integers; give --depth-scale, the metres of one step "
-                "(0.001 for millimetres), or --depth-range, the metres of black and of white"
-            )
+    first, last = frame_range(color)
+    picture = frame_path(Path(), str(color), first)
     is_video = is_container(Path(), str(color))
-    entries: dict[str, Any] = {
-        **{key: str(path) for key, path in sources.items()},
-        "depth_scale": code.scale,
-        "depth_range": None if code.ends is None else list(code.ends),
-        "depth_encoding": code.encoding,
-        "frames": None if is_video else [first, last],
-    }
-    # Not checked as a manifest's table is, for these paths may lead anywhere.
-    source = FrameSource(Path(), VideoTable.model_construct(**entries), anywhere(Path()))
+    if depth is None and not is_video:
+        require_own_depth(color, picture, depth_layer)
+        sources["depth"] = depth = color
+    if depth is not None and not code.is_known:
+        _require_floats(frame_path(Path(), str(depth), first), depth_layer)
+    named_layers = {"color_layer": color_layer, "depth_layer": depth_layer}
+    layers = {key: layer for key, layer in named_layers.items() if layer is not None}
+    frames = None if is_video else (first, last)
+    source = _source_of(sources, layers, code, frames)
     files = [source.files(index) for index in source.indices]
     for key, path in sources.items():
         require_frames(path, list(dict.fromkeys(entry[key] for entry in files if key in entry)))
-    source.read(source.indices[0])
-    names = {key: _target_name(key, path) for key, path in sources.items()}
+    raw = source.read(source.indices[0])
+    if normal is None and not is_video and has_own_normals(picture, raw):
+        sources["normal"] = color
+    # What lies in the file of colour needs no second copy of it.
+    keys = {key: "color" if path == color else key for key, path in sources.items()}
+    names = {key: _target_name(keys[key], path) for key, path in sources.items()}
     copies = {
         frame_path(folder, names[key], index): frame_path(Path(), str(path), index)
         for key, path in sources.items()
         for index in source.indices
     }
     name = re.sub(r"[/\\\n]", "-", folder.resolve().name) or "scene"
-    text = _manifest_text(name, names, code, None if is_video else (first, last))
+    text = _manifest_text(name, names | layers, code, frames)
     parse_manifest(text, str(folder / MANIFEST_NAME))
     with copied(copies), replacing(folder / MANIFEST_NAME) as temporary:
         temporary.write_text(text, encoding="utf-8")
     return len(source.indices)
+
+
+def _require_floats(depth: Path, layer: str | None) -> None:
+    """Raise SceneError for a file of depth that stores integers, whose unit nobody can guess."""
+    if is_container(Path(), str(depth)) or read_depth(depth, layer)[1]:
+        raise SceneError(
+            f"{depth}: stores integers; give --depth-scale, the metres of one step "
+            "(0.001 for millimetres), or --depth-range, the metres of black and of white"
+        )
+
+
+def _source_of(
+    sources: Mapping[str, Path],
+    layers: Mapping[str, str],
+    code: DepthCode,
+    frames: tuple[int, int] | None,
+) -> FrameSource:
+    """Return the source of the frames that a new scene is to have, from where its files lie."""
+    entries: dict[str, Any] = {
+        **{key: str(path) for key, path in sources.items()},
+        **layers,
+        "depth_scale": code.scale,
+        "depth_range": None if code.ends is None else list(code.ends),
+        "depth_encoding": code.encoding,
+        "frames": None if frames is None else list(frames),
+    }
+    # Not checked as a manifest's table is, for these paths may lead anywhere.
+    return FrameSource(Path(), VideoTable.model_construct(**entries), anywhere(Path()))
 
 
 def parse_material(text: str) -> dict[str, Any]:
@@ -190,20 +233,6 @@ def changing(folder: Path) -> Iterator[None]:
             os.close(handle)
 
 
-def _frame_range(color: Path) -> tuple[int, int]:
-    """First and last frame of a printf pattern, as found on disk; (0, 0) for one picture."""
-    conversion = FRAME_PATTERN.search(color.name)
-    if conversion is None:
-        return 0, 0
-    before, after = color.name[: conversion.start()], color.name[conversion.end() :]
-    matcher = re.compile(re.escape(before) + r"(\d+)" + re.escape(after))
-    siblings = color.parent.iterdir() if color.parent.is_dir() else iter(())
-    numbers = [int(match[1]) for path in siblings if (match := matcher.fullmatch(path.name))]
-    if not numbers:
-        raise FormatError(f"{color}: no file matches this pattern")
-    return min(numbers), max(numbers)
-
-
 def _target_name(key: str, path: Path) -> str:
     conversion = FRAME_PATTERN.search(path.name)
     number = f".{conversion[0]}" if conversion else ""
@@ -225,7 +254,7 @@ def matrix_text(to_world: NDArray[np.float64]) -> str:
 def _manifest_text(
     name: str, files: dict[str, str], code: DepthCode, frames: tuple[int, int] | None
 ) -> str:
-    """A manifest; a video file tells its own frames and rate."""
+    """Return a manifest: `files` and layers by key; a video file tells its frames and rate."""
     document = tomlkit.document()
     document.update({"format": 1, "name": name, "exposure": 1.0})
     document["exposure"].comment("display = sRGB of exposure times radiance")

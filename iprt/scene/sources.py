@@ -1,25 +1,34 @@
-"""Names of the files that a new scene is to be made from, and what is wrong with them."""
+"""Files that a new scene is made from: faults of their names, and layers that they hold."""
 
 from __future__ import annotations
 
+import logging
 import re
 from collections import Counter
 from itertools import islice
 from pathlib import Path
 
-from iprt.errors import SceneError
+from iprt.errors import FormatError, SceneError
+from iprt.files.exr import exr_layers, layer_lines
+from iprt.files.exr_layers import named_depth
+from iprt.files.images import file_kind, read_normal
 from iprt.files.problems import FRAME_PATTERN, PICTURE_SUFFIXES
+from iprt.files.toml_text import printable
 from iprt.files.untrusted import is_file
 from iprt.files.wording import counted
+from iprt.footage.surroundings import normal_warnings
 from iprt.footage.video.container import is_container
+from iprt.footage.video.sequence import frame_path
+from iprt.footage.video.source import RawFrame, require_unit
 
+LOG = logging.getLogger("iprt.scene")
 MAX_LISTED = 100_000
 """Files of a folder that are looked at."""
 _NUMBERED = re.compile(r"(.*?)(\d+)(\D*)")
 
 
 def require_sources(sources: dict[str, Path]) -> None:
-    """Raise SceneError for folders, missing files, and a picture without depth.
+    """Raise SceneError for folders and missing files.
 
     Parameters
     ----------
@@ -37,13 +46,102 @@ def require_sources(sources: dict[str, Path]) -> None:
             )
         if not FRAME_PATTERN.search(path.name) and not is_file(path):
             raise SceneError(f"--{key} {path}: no such file")
-    color = sources["color"]
-    if "depth" not in sources and not is_container(Path(), str(color)):
-        raise SceneError(
-            f"--depth is missing: {color} is a picture and holds no depth; give a picture of depth "
-            "of the same view: EXR or PFM in metres, or 16-bit grey PNG with --depth-scale "
-            "(docs/footage.md names programs that estimate depth)"
-        )
+
+
+def require_own_depth(color: Path, picture: Path, layer: str | None) -> None:
+    """Raise SceneError unless a picture holds its depth: a layer of EXR that is so named.
+
+    Parameters
+    ----------
+    color : Path
+        As given; may be a pattern.
+    picture : Path
+        The first picture of it.
+    layer : str or None
+        Layer that is said to be depth.
+    """
+    layers = exr_layers(picture) if file_kind(picture) == "exr" else []
+    if layers and (layer is not None or named_depth(layers)):
+        return
+    unknown = [entry.name for entry in layers if entry.is_single and not entry.meaning]
+    hint = f"; or, of its layers, --depth-layer {unknown[0]} names one" if unknown else ""
+    raise SceneError(
+        f"--depth is missing: {color} is a picture and holds no depth; give a picture of depth "
+        "of the same view: EXR or PFM in metres, or 16-bit grey PNG with --depth-scale "
+        f"(docs/footage.md names programs that estimate depth){printable(hint)}"
+    )
+
+
+def has_own_normals(picture: Path, raw: RawFrame) -> bool:
+    """Return whether an EXR picture holds normals by name, and these agree with its depth.
+
+    Where they do not, a warning says so: programs write normals in axes of their own.
+
+    Parameters
+    ----------
+    picture : Path
+        The picture of the first frame.
+    raw : RawFrame
+        That frame.
+    """
+    if file_kind(picture) != "exr":
+        return False
+    if all(layer.meaning != "normals" for layer in exr_layers(picture)):
+        return False
+    try:
+        normal = read_normal(picture)
+        require_unit(picture, normal)
+        if normal.shape != raw.color.shape:
+            raise FormatError(f"{picture}: normals of another size than colour")
+        problems = [f"{picture}: normals {phrase}" for phrase in normal_warnings(normal, raw.depth)]
+    except FormatError as error:
+        problems = [str(error)]
+    if problems:
+        reason = problems[0].partition(";")[0]
+        LOG.warning("%s; they are left out, and normals are fitted to depth", reason)
+    return not problems
+
+
+def layer_lists(sources: dict[str, Path]) -> list[str]:
+    """Return lines that list the layers of each file once, of a pattern those of its first file.
+
+    Parameters
+    ----------
+    sources : dict of str to Path
+        As of `require_sources`.
+
+    Raises
+    ------
+    SceneError, FormatError
+        A file is missing or damaged.
+    """
+    require_sources(sources)
+    firsts = [frame_path(Path(), str(path), frame_range(path)[0]) for path in sources.values()]
+    lines = []
+    for path in dict.fromkeys(firsts):
+        is_exr = not is_container(Path(), str(path)) and file_kind(path) == "exr"
+        lines += layer_lines(path) if is_exr else [f"{path}: no layers, for it is no EXR file"]
+    return lines
+
+
+def frame_range(color: Path) -> tuple[int, int]:
+    """Return first and last frame of a printf pattern as found on disk; (0, 0) for one picture.
+
+    Raises
+    ------
+    FormatError
+        No file matches the pattern.
+    """
+    conversion = FRAME_PATTERN.search(color.name)
+    if conversion is None:
+        return 0, 0
+    before, after = color.name[: conversion.start()], color.name[conversion.end() :]
+    matcher = re.compile(re.escape(before) + r"(\d+)" + re.escape(after))
+    siblings = color.parent.iterdir() if color.parent.is_dir() else iter(())
+    numbers = [int(match[1]) for path in siblings if (match := matcher.fullmatch(path.name))]
+    if not numbers:
+        raise FormatError(f"{color}: no file matches this pattern")
+    return min(numbers), max(numbers)
 
 
 def require_frames(pattern: Path, files: list[Path]) -> None:

@@ -11,7 +11,7 @@ import pytest
 from iprt import cli
 from iprt.capture.scene import MEASURED, UNSEEN
 from iprt.device.compute import ComputeDevice
-from iprt.files.exr import read_exr
+from iprt.files.images import read_depth
 from iprt.geometry.camera import View
 from iprt.geometry.material import Material
 from iprt.scene.scene import Scene
@@ -84,8 +84,8 @@ def test_what_was_never_seen_is_told_in_a_layer(
     words = ["capture", str(sequence), "-o", str(output), "--every", "30", "--no-compensate"]
     assert cli.main([*words, "--size", "64", "32"]) == 0
     capsys.readouterr()
-    (seen,) = read_exr(output / "color.exr", [("seen.Y",), ("seen",)])
-    (depth,) = read_exr(output / "depth.exr", [("Z",)])
+    seen, _ = read_depth(output / "color.exr", "seen.Y")
+    depth, _ = read_depth(output / "depth.exr")
     assert (depth[seen == UNSEEN] == 0.0).all()
     assert (depth[seen == MEASURED] > 0.0).all()
     assert 0.2 < (seen == UNSEEN).mean() < 0.9

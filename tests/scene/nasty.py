@@ -155,8 +155,8 @@ for _name, _message, _old, _new in (
         CHANNEL,
         CHANNEL[:-8] + b"\2\0\0\0" * 2,
     ),
-    ("EXR that is deep", "deep or multi-part", b"\2\0\0\0channels", b"\2\x08\0\0channels"),
-    ("EXR of many parts", "deep or multi-part", b"\2\0\0\0channels", b"\2\x10\0\0channels"),
+    ("EXR that is deep", "deep EXR", b"\2\0\0\0channels", b"\2\x08\0\0channels"),
+    ("EXR of parts that it lacks", "cut off", b"\2\0\0\0channels", b"\2\x10\0\0channels"),
     ("EXR with an attribute of 4 GB", "damaged", b"box2i\0\x10\0\0\0", b"box2i\0\xff\xff\xff\xff"),
 ):
     CORPUS.append(

@@ -178,7 +178,7 @@ def snapshot(folder: Path) -> dict[str, bytes]:
         ({"name": "cube"}, "an object is named 'cube' already"),
         ({"mesh": "none.obj"}, "no such mesh file"),
         ({"mesh": "bad.obj"}, "bad.obj"),
-        ({"pitch": 60.0}, "open sky"),
+        ({"pitch": 60.0}, "no depth"),
     ],
 )
 def test_failing_to_add_changes_nothing(

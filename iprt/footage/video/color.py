@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from iprt.errors import FormatError
 from iprt.files.images import decode_srgb
+from iprt.files.primaries import D65, REC709, to_rec709
 from iprt.footage.video.planes import Layout, Samples, layout, planes
 
 if TYPE_CHECKING:
@@ -52,23 +53,19 @@ _LUMA = {
     9: (0.2627, 0.0593),
 }
 """Weights of red and blue in luma, by matrix coefficients (H.273, table 4)."""
-_D65, _C, _DCI = (0.3127, 0.3290), (0.310, 0.316), (0.314, 0.351)
+_C, _DCI = (0.310, 0.316), (0.314, 0.351)
 _PRIMARIES = {
-    1: ((0.640, 0.330), (0.300, 0.600), (0.150, 0.060), _D65),
+    1: REC709,
     4: ((0.67, 0.33), (0.21, 0.71), (0.14, 0.08), _C),
-    5: ((0.64, 0.33), (0.29, 0.60), (0.15, 0.06), _D65),
-    6: ((0.630, 0.340), (0.310, 0.595), (0.155, 0.070), _D65),
-    7: ((0.630, 0.340), (0.310, 0.595), (0.155, 0.070), _D65),
-    9: ((0.708, 0.292), (0.170, 0.797), (0.131, 0.046), _D65),
+    5: ((0.64, 0.33), (0.29, 0.60), (0.15, 0.06), D65),
+    6: ((0.630, 0.340), (0.310, 0.595), (0.155, 0.070), D65),
+    7: ((0.630, 0.340), (0.310, 0.595), (0.155, 0.070), D65),
+    9: ((0.708, 0.292), (0.170, 0.797), (0.131, 0.046), D65),
     11: ((0.680, 0.320), (0.265, 0.690), (0.150, 0.060), _DCI),
-    12: ((0.680, 0.320), (0.265, 0.690), (0.150, 0.060), _D65),
-    22: ((0.630, 0.340), (0.295, 0.605), (0.155, 0.077), _D65),
+    12: ((0.680, 0.320), (0.265, 0.690), (0.150, 0.060), D65),
+    22: ((0.630, 0.340), (0.295, 0.605), (0.155, 0.077), D65),
 }
 """Chromaticities (x, y) of red, green, blue and white (H.273, table 2)."""
-_BRADFORD = np.array(
-    [[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]]
-)
-"""XYZ to the cone responses in which white points are exchanged (ICC.1:2022, annex E)."""
 
 
 @dataclass(frozen=True)
@@ -155,13 +152,13 @@ def linear_color(frame: av.VideoFrame, rows: slice, path: Path) -> Picture:
     stored = planes(frame, rows)
     height, width = stored[0].shape
     chroma = [_upsampled(plane, encoding.layout, height, width) for plane in stored[1:]]
-    to_rec709 = _to_rec709(encoding.primaries)
+    matrix = to_rec709(_PRIMARIES[encoding.primaries])
     out = np.empty((height, width, 3), np.float32)
     for first in range(0, height, BAND):
         band = slice(first, min(first + BAND, height))
         coded = _coded_rgb([stored[0][band], *(plane[band] for plane in chroma)], encoding)
         linear = _linear(coded, encoding)
-        out[band] = linear if to_rec709 is None else linear @ to_rec709.T
+        out[band] = linear if matrix is None else linear @ matrix.T
     return out
 
 
@@ -258,28 +255,6 @@ def _table(transfer: int) -> Picture:
     else:
         linear = e ** _GAMMAS.get(transfer, 2.4)
     return linear.astype(np.float32)
-
-
-@lru_cache(maxsize=16)
-def _to_rec709(primaries: int) -> Picture | None:
-    """(3, 3) from linear RGB of these primaries to that of Rec.709; None if they are the same."""
-    if primaries == 1:
-        return None
-    own, rec709 = _to_xyz(primaries), _to_xyz(1)
-    return (np.linalg.inv(rec709) @ own).astype(np.float32)
-
-
-def _to_xyz(primaries: int) -> NDArray[np.float64]:
-    """(3, 3) from linear RGB to XYZ under D65 (SMPTE RP 177; white points by Bradford)."""
-    *corners, white = (_xyz(*xy) for xy in _PRIMARIES[primaries])
-    columns = np.stack(corners, axis=1)
-    matrix = columns * np.linalg.solve(columns, white)
-    gains = (_BRADFORD @ _xyz(*_D65)) / (_BRADFORD @ white)
-    return np.asarray(np.linalg.inv(_BRADFORD) @ np.diag(gains) @ _BRADFORD @ matrix)
-
-
-def _xyz(x: float, y: float) -> NDArray[np.float64]:
-    return np.array([x / y, 1.0, (1.0 - x - y) / y])
 
 
 def _upsampled(plane: Samples, how: Layout, height: int, width: int) -> Picture:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import FormatError
-from iprt.files.images import FLOAT_KINDS, file_kind, picture_size, read_depth
+from iprt.files.images import FLOAT_KINDS, file_kind, picture_size, read_color, read_depth
 from iprt.files.path_safety import require_inside
 from iprt.files.problems import FRAME_PATTERN
 from iprt.files.untrusted import is_file
@@ -89,20 +89,48 @@ class PictureTrack:
         return lambda index: kept(self.file(index))
 
 
+class ColorPictures(PictureTrack):
+    """As `PictureTrack`, of linear radiance.
+
+    Parameters
+    ----------
+    layer : str or None
+        Layer of EXR files; see `read_color`.
+    """
+
+    def __init__(
+        self, pattern: str, root: Path, indices: range, within: Path, layer: str | None
+    ) -> None:
+        read = partial(read_color, layer=layer)
+        super().__init__("color", pattern, root, indices, within, read)
+        self._layer = layer
+
+    def size(self) -> tuple[int, int]:
+        return picture_size(self.file(self._indices[0]), self._layer)
+
+
 class DepthPictures(PictureTrack):
     """As `PictureTrack`, of depth in metres.
 
     Parameters
     ----------
+    layer : str or None
+        Layer of EXR files; see `read_depth`.
     code : DepthCode
         What stored values stand for; needed where they are integers.
     """
 
     def __init__(
-        self, pattern: str, root: Path, indices: range, within: Path, code: DepthCode
+        self,
+        pattern: str,
+        root: Path,
+        indices: range,
+        within: Path,
+        layer: str | None,
+        code: DepthCode,
     ) -> None:
         super().__init__("depth", pattern, root, indices, within, self._metres)
-        self._code = code
+        self._layer, self._code = layer, code
 
     def problems(self) -> list[str]:
         problems = super().problems()
@@ -116,7 +144,7 @@ class DepthPictures(PictureTrack):
         return problems
 
     def _metres(self, path: Path) -> Picture:
-        depth, integers = read_depth(path)
+        depth, integers = read_depth(path, self._layer)
         if integers and not self._code.is_known:
             raise FormatError(f"{path}: {unit_problem(path.name)}")
         if not integers:

@@ -18,10 +18,12 @@ from iprt.footage.coarse_depth import Grid, at_full_size
 from iprt.footage.depth import sanitise_color, sanitise_depth
 from iprt.footage.frame import Frame
 from iprt.footage.noisy_depth import smoothed
+from iprt.footage.video.depth_code import DepthCode
+from iprt.footage.video.mistaken_depth import require_no_picture
 from iprt.footage.video.poses import read_poses
 from iprt.footage.video.reader import open_streams
 from iprt.footage.video.table import VideoTable
-from iprt.footage.video.tracks import Tracks, open_tracks
+from iprt.footage.video.tracks import Tracks, depth_code, open_tracks
 
 Picture = NDArray[np.float32]
 MAX_MISSING = 10_000
@@ -125,6 +127,11 @@ class FrameSource:
         """Do several frames show what is around one place?"""
         stays = self._poses is None or bool((self._poses == self._poses[:1]).all())
         return stays and len(self.indices) > 1
+
+    @property
+    def code(self) -> DepthCode:
+        """Meaning of stored depth."""
+        return depth_code(self._video)
 
     @cached_property
     def white(self) -> float:
@@ -267,8 +274,8 @@ class FrameReader:
         ------
         FormatError
             A damaged or missing file, depth that is larger than colour or not 2:1, normals of
-            another size than colour, integer depth without a scale, or depth without a single
-            usable value.
+            another size than colour, integer depth without a scale, depth without a single
+            usable value, or, of the first frame, depth that is a picture.
         """
         files = self._source.files(index)
         depth = self._readers["depth"](index)
@@ -284,8 +291,10 @@ class FrameReader:
         if "normal" in files:
             normal = self._readers["normal"](index)
             self._require_size(files["normal"], normal, "colour")
-            _require_unit(files["normal"], normal)
+            require_unit(files["normal"], normal)
         turned = turned_geometry(full, normal, self._yaw_deg)
+        if index == self._source.indices[0]:
+            require_no_picture(files["depth"], turned[0], color, self._source.code)
         return RawFrame(color, *turned, index, self.pose(index))
 
     def pose(self, index: int) -> NDArray[np.float64] | None:
@@ -355,7 +364,7 @@ def _require_any(path: Path, usable: NDArray[np.bool_], problem: str) -> None:
         raise FormatError(f"{path}: {problem}; export it again")
 
 
-def _require_unit(path: Path, normal: Picture) -> None:
+def require_unit(path: Path, normal: Picture) -> None:
     """Raise FormatError for what can be no normals: most vectors are not of length 1."""
     with np.errstate(all="ignore"):
         length = np.linalg.norm(normal, axis=-1)

@@ -15,11 +15,16 @@ def _differ(values: list[float]) -> list[float]:
     return values
 
 
+LayerName = Annotated[str, Field(min_length=1, max_length=1000)]
+
+
 class VideoTable(Table):
     """Pictures of one frame, printf patterns and a range of frames, or video files.
 
-    `depth` may be left out where the file of `color` holds it. `frames` and `fps` are those of
-    a video file by default, else one frame and 30 per second.
+    `depth` may be left out where a video file of `color` holds it, and may name the same EXR file.
+    `color_layer` and `depth_layer` name layers of EXR files where the layers' names do not tell.
+
+    `frames` and `fps` are those of a video file by default, else one frame and 30 per second.
 
     `white` is the linear radiance from which on the camera's colour is clipped, `inf` for never. By
     default it is 1 for integers, and floats and HDR video never are.
@@ -29,7 +34,9 @@ class VideoTable(Table):
     """
 
     color: FramePath
+    color_layer: LayerName | None = None
     depth: FramePath | None = None
+    depth_layer: LayerName | None = None
     depth_scale: Factor | None = None
     depth_range: (
         Annotated[list[Factor], Field(min_length=2, max_length=2), AfterValidator(_differ)] | None

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import FormatError
-from iprt.files.images import read_color, read_normal
+from iprt.files.images import read_normal
 from iprt.files.path_safety import require_inside
 from iprt.files.table import LAST_FRAME
 from iprt.files.untrusted import is_file
@@ -22,7 +22,7 @@ from iprt.footage.video.color import has_highlights, linear_color, luma
 from iprt.footage.video.container import StreamInfo, is_container, video_streams
 from iprt.footage.video.depth_code import DepthCode, unit_problem
 from iprt.footage.video.reader import Streams
-from iprt.footage.video.sequence import DepthPictures, PictureTrack
+from iprt.footage.video.sequence import ColorPictures, DepthPictures, PictureTrack
 from iprt.footage.video.table import VideoTable
 
 if TYPE_CHECKING:
@@ -130,6 +130,7 @@ def open_tracks(root: Path, video: VideoTable, within: Path) -> Tracks:
     """
     color, others = _color_stream(root, video, within)
     depth = _depth_stream(root, video, within, color, others)
+    _require_no_layers(video, color, depth)
     timed = color or depth
     fps = timed.rate if timed else DEFAULT_FPS
     if video.fps is not None:
@@ -141,13 +142,13 @@ def open_tracks(root: Path, video: VideoTable, within: Path) -> Tracks:
     by_key: dict[str, Track] = {}
     packed = color is not None and depth is color
     if color is None:
-        by_key["color"] = PictureTrack("color", video.color, *place, read_color)
+        by_key["color"] = ColorPictures(video.color, *place, video.color_layer)
     else:
         rows = slice(0, color.height // 2 if packed else color.height)
         by_key["color"] = StreamTrack(color, color.start, clock, rows, linear_color)
     if depth is None:
         assert video.depth is not None
-        by_key["depth"] = DepthPictures(video.depth, *place, code)
+        by_key["depth"] = DepthPictures(video.depth, *place, video.depth_layer, code)
     else:
         if not code.is_known:
             raise FormatError(unit_problem(depth.path.name))
@@ -160,6 +161,19 @@ def open_tracks(root: Path, video: VideoTable, within: Path) -> Tracks:
         by_key["normal"] = PictureTrack("normal", video.normal, *place, read_normal)
     notes = disagreements(clock, indices, color, None if packed else depth)
     return Tracks(by_key, indices, float(fps), notes)
+
+
+def _require_no_layers(
+    video: VideoTable, color: StreamInfo | None, depth: StreamInfo | None
+) -> None:
+    """Raise FormatError where a layer of a video file is named."""
+    named = {"color": (video.color_layer, color), "depth": (video.depth_layer, depth)}
+    for key, (layer, stream) in named.items():
+        if layer is not None and stream is not None:
+            raise FormatError(
+                f"video.{key}_layer: {stream.path} is a video file and has no layers; layers are "
+                "those of EXR files"
+            )
 
 
 def depth_code(video: VideoTable) -> DepthCode:

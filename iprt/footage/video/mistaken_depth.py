@@ -1,0 +1,69 @@
+"""Depth that is a picture by its values: ambient occlusion, or colour without its hues."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.errors import FormatError
+from iprt.footage.video.depth_code import MAX_WHITE, DepthCode
+
+Picture = NDArray[np.float32]
+
+ALIKE, COPIED = 0.9, 0.99
+"""Rank correlations with the picture's luminance from which on depth is a picture: within [0, 1] as
+stored, and beyond. Depth of rooms reaches 0.6; a grey copy has 1, whatever its transfer curve."""
+SAMPLES = 128
+"""Rows and columns that are compared."""
+LEAST = 64
+"""Samples that a correlation needs."""
+_LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
+
+
+def require_no_picture(path: Path, depth: Picture, color: Picture, code: DepthCode) -> None:
+    """Raise FormatError if depth follows the picture's luminance.
+
+    Parameters
+    ----------
+    path : Path
+        Names the file in the error.
+    depth : (H, W) float32
+        Metres; 0, negative, NaN or inf where there is no surface.
+    color : (H, W, 3) float32
+        The picture, linear.
+    code : DepthCode
+        The meaning of stored depth.
+    """
+    rows, columns = (slice(None, None, max(1, side // SAMPLES)) for side in depth.shape)
+    few, luminance = depth[rows, columns], color[rows, columns] @ _LUMINANCE
+    there = np.isfinite(few) & (few > 0.0) & np.isfinite(luminance)
+    if np.count_nonzero(there) < LEAST:
+        return
+    stored, luminance = few[there], luminance[there]
+    is_unit = code.ends is not None or stored.max() <= MAX_WHITE * (code.scale or 1.0)
+    falling = code.ends is not None and code.ends[0] > code.ends[1]
+    alike = _rank_correlation(-stored if falling else stored, luminance)
+    if alike >= (ALIKE if is_unit else COPIED):
+        raise FormatError(
+            f"{path}: holds no depth: its values rise and fall with the brightness of the picture "
+            f"(rank correlation {alike:.2f}), as of a grey picture or ambient occlusion"
+        )
+
+
+def _rank_correlation(a: Picture, b: Picture) -> float:
+    """Return Spearman's correlation of two arrays (N,); 0 where one is constant."""
+    ranks = [_ranks(values) for values in (a, b)]
+    spread = [float(rank.std()) for rank in ranks]
+    if min(spread) == 0.0:
+        return 0.0
+    products = (ranks[0] - ranks[0].mean()) * (ranks[1] - ranks[1].mean())
+    return float(products.mean()) / (spread[0] * spread[1])
+
+
+def _ranks(values: Picture) -> NDArray[np.float64]:
+    """Return the rank of each value (N,); equal ones share the mean of theirs."""
+    _, place, counts = np.unique(values, return_inverse=True, return_counts=True)
+    ends = np.cumsum(counts)
+    return (ends - 0.5 * (counts + 1))[place]
