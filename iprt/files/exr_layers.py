@@ -60,12 +60,12 @@ class Layer:
 
     @property
     def is_single(self) -> bool:
-        """Whether it is one channel."""
+        """True for a single channel."""
         return len(self.channels) == 1
 
     @property
     def meaning(self) -> str:
-        """One of picture, depth, normals and other by the words of the name; "" if none tells."""
+        """Kind by the words of the name: picture, depth, normals, other; "" if none tells."""
         # What comes before is the program's name for a part of the scene or an eye.
         last = self.prefix.rpartition(".")[2]
         found = _WORD.findall(f"{last}.{self.letters}" if self.is_single else last)

@@ -25,7 +25,7 @@ _BRADFORD = np.array(
 
 
 def to_rec709(primaries: Primaries) -> NDArray[np.float32] | None:
-    """Return (3, 3) from linear RGB of `primaries` to that of Rec.709; None if they are the same.
+    """Return (3, 3) from linear RGB of `primaries` to Rec.709; None if they are the same.
 
     White becomes white.
 

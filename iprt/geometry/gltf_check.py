@@ -117,7 +117,7 @@ class TextureTransform(Part):
 
     @property
     def changes(self) -> bool:
-        """Whether texture coordinates become others."""
+        """True unless the transform is the identity."""
         return self.offset != [0.0, 0.0] or self.rotation != 0.0 or self.scale != [1.0, 1.0]
 
 
@@ -139,7 +139,7 @@ class TextureReference(Part):
 
     @property
     def moved(self) -> bool:
-        """Whether KHR_texture_transform makes other texture coordinates of them."""
+        """True where KHR_texture_transform changes texture coordinates."""
         return self.extensions.transform is not None and self.extensions.transform.changes
 
 

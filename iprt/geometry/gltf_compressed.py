@@ -52,7 +52,7 @@ def require_uncompressed(path: Path, gltf: Gltf) -> None:
 
 
 def _has_draco_alone(gltf: Gltf) -> bool:
-    """Whether positions are in Draco's form only: not all files say that they require it."""
+    """Return whether positions exist in Draco's form alone; not all files state that."""
     indices = [
         primitive.attributes.get("POSITION")
         for mesh in gltf.meshes

@@ -90,7 +90,7 @@ def read_bones(file: MeshFile, nodes: dict[int, Node]) -> dict[int, Bones]:
 def resting_matrices(
     file: MeshFile, placed: dict[str, tuple[Float, Any]]
 ) -> Iterator[tuple[Float, Any]]:
-    """Yield geometries and what places their vertices while no animation plays.
+    """Yield geometries and their vertices' transforms while no animation plays.
 
     Joints alone place the vertices of a skin: nodes above the mesh do not (section 3.7.3.3).
 

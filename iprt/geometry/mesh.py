@@ -31,7 +31,7 @@ class Mesh:
     materials : tuple of Material
         At least one.
     dropped : tuple of str
-        What the file holds and this does not, one phrase each.
+        Contents of the file that are not read, one phrase each.
     warnings : tuple of str
         What of the file's materials is missing or not applied and changes the look much, a line
         each.

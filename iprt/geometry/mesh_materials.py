@@ -71,7 +71,7 @@ class Textures:
 
 
 def has_texture(source: Any) -> bool:
-    """Whether a material of trimesh, or None, has a colour texture."""
+    """Return whether a material of trimesh has a colour texture; None has none."""
     if type(source).__name__ == "PBRMaterial":
         return isinstance(source.baseColorTexture, Image.Image)
     return isinstance(getattr(source, "image", None), Image.Image)

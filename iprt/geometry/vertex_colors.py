@@ -30,7 +30,7 @@ def corner_colors(geometry: Any, triangles: Ints, kept: Ints) -> Float32 | None:
     Parameters
     ----------
     triangles : (F, 3) int64
-        Vertices of those that are kept.
+        Vertices of the triangles that are kept.
     kept : (F,) int64
         Their numbers among all of the geometry.
 

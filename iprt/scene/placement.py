@@ -1,4 +1,4 @@
-"""Where objects stand: the real surfaces as points, and objects set down on them."""
+"""Real surfaces as points, and objects set down on them."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _MAX_ROWS = 512
 _STEP = 0.02
 """Gap between the heights of two surfaces, over the height of the camera above the upper one."""
 _STRAY = 0.05
-"""Share of what is seen around that stray points have, at most."""
+"""Largest share of the solid angle around that stray points have."""
 _LEAST_SLANT = 0.01
 """Least sine of the angle at which level surfaces are seen: they have no area at the horizon."""
 _SETTLE = 0.01
@@ -38,7 +38,7 @@ _DEEP, _LITTLE = 0.5, 5e-3
 """Depth below the floor, over the camera's height above it, and share of the sphere: a surface so
 deep that fills so little is more likely an error of depth than a place."""
 _VISIBLE = 1e-3
-"""Size over distance of what can be seen: a third of a pixel at 60 degrees and 1024 pixels."""
+"""Least size over distance of a visible object: a third of a pixel at 60° and 1024 pixels."""
 
 
 @dataclass(frozen=True)
@@ -116,7 +116,7 @@ class SetDown:
     fits: bool
 
     def warnings(self) -> list[str]:
-        """Return what is wrong with it, one phrase each."""
+        """Return its faults, one phrase each."""
         if self.fits:
             return []
         return ["cuts a wall: no place that is free is nearer than the object is large"]
@@ -187,8 +187,8 @@ class RealSurfaces:
         """Return y of the highest upward-facing surface around (x, z), not above `top`.
 
         It is the median over the area of that surface. Its highest points would lift objects by
-        the noise of depth. Surfaces that fill little of what is seen there are stray points,
-        however large they would be at their depth.
+        the noise of depth. Surfaces that fill little of the view there are stray points, however
+        large they would be at their depth.
 
         Returns
         -------
@@ -211,7 +211,7 @@ class RealSurfaces:
         return weighted_quantile(heights[highest], area[highest], 0.5)
 
     def floor(self) -> float | None:
-        """y of the floor: below four fifths of what faces up, by solid angle."""
+        """Return y of the floor: below four fifths of upward surfaces, by solid angle."""
         if not self._upward.any():
             return None
         return weighted_quantile(self._level[:, 1], self._weights[self._upward], 0.2)
@@ -274,7 +274,7 @@ def metres(size: Array) -> str:
 
 
 def bounds(mesh: Mesh, rotation: Array | None = None) -> tuple[Array, Array]:
-    """Lowest and highest corner, (3,) each, of what the triangles of a mesh use.
+    """Return the lowest and highest corner, (3,) each, of the triangles of a mesh.
 
     `rotation`: (3, 3), before that.
     """
@@ -350,7 +350,7 @@ def set_on(
     Returns
     -------
     (4, 4) float64
-        The middle of its lower side is at `point`; its scale is what it was.
+        The middle of its lower side is at `point`; its scale is kept.
     """
     low, high = corners
     foot = np.array([0.5 * (low[0] + high[0]), low[1], 0.5 * (low[2] + high[2])])

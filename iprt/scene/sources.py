@@ -103,7 +103,7 @@ def has_own_normals(picture: Path, raw: RawFrame) -> bool:
 
 
 def layer_lists(sources: dict[str, Path]) -> list[str]:
-    """Return lines that list the layers of each file once, of a pattern those of its first file.
+    """Return lines that list the layers of each file; a pattern stands for its first file.
 
     Parameters
     ----------

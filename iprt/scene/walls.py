@@ -110,9 +110,10 @@ class Walls:
         support: Callable[[float, float], float | None],
     ) -> Array | None:
         for _ in range(_PUSHES):
-            if not self.cut(base, radius, height):
+            shift = self.push(base, radius, height)
+            if np.linalg.norm(shift) <= _TOUCHING * radius:
                 return base
-            moved = base + self.push(base, radius, height)
+            moved = base + shift
             y = support(moved[0], moved[2])
             if y is None:
                 # Better to touch a wall than to be pushed off a table, out of sight.

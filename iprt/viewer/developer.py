@@ -178,7 +178,7 @@ class Developer:
 
 
 def _warning(scene: Scene, name: str | None, shown: Shown, edits: Sequence[ObjectEdit]) -> str:
-    """If a view's truth shows other objects, or has them elsewhere or of other materials."""
+    """Return a warning if a view's truth shows other objects, places or materials; else ""."""
     entry = None if name is None else scene.views.get(name)
     if entry is None:
         return ""

@@ -61,7 +61,7 @@ def test_levels_are_means_by_solid_angle(device: ComputeDevice, openings: bool) 
 
 
 def test_windows_show_the_outside_and_gaps_the_panorama(device: ComputeDevice) -> None:
-    """Each in its share, beside what the cone has gathered in the room."""
+    """Each counts by its share, on top of the room's own light."""
     levels = device.upload("test levels", np.array([[2, 1, 0, 0]], np.int32))
     panorama, outside = np.array([2.0, 3.0, 4.0]), np.array([50.0, 60.0, 70.0])
     texels = {

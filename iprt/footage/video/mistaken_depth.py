@@ -14,7 +14,8 @@ Picture = NDArray[np.float32]
 
 ALIKE, COPIED = 0.9, 0.99
 """Rank correlations with the picture's luminance from which on depth is a picture: within [0, 1] as
-stored, and beyond. Depth of rooms reaches 0.6; a grey copy has 1, whatever its transfer curve."""
+stored, and beyond. Depth of the scenes measured has -0.4 to 0.02; a grey copy has 1, whatever its
+transfer curve."""
 SAMPLES = 128
 """Rows and columns that are compared."""
 LEAST = 64

@@ -90,7 +90,7 @@ class PictureTrack:
 
 
 class ColorPictures(PictureTrack):
-    """As `PictureTrack`, of linear radiance.
+    """Track of pictures of linear radiance.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ class ColorPictures(PictureTrack):
 
 
 class DepthPictures(PictureTrack):
-    """As `PictureTrack`, of depth in metres.
+    """Track of pictures of depth, in metres.
 
     Parameters
     ----------
