@@ -37,23 +37,23 @@ def calibrate(
     markdown: bool = False,
     allow_outside: bool = False,
 ) -> int:
-    """Measure what a ladder of settings costs on this device, in about two minutes, and keep it.
+    """Measure the cost of a ladder of settings on this device, in about two minutes, and keep it.
 
     `iprt render` chooses among these settings for --time-per-frame and --ssim, and `iprt view`
     to hold --fps. The table is kept in the cache folder for this device, its driver and this
-    version of iprt; without it, they use the one that comes with iprt, whose times are those of
-    another device.
+    version of iprt; without it, they use the table of the package, measured on another
+    device.
 
     Parameters
     ----------
     scene
-        Scene folder whose views are timed. Times are those of pictures like these.
+        Scene folder whose views are timed. Times hold for pictures like these.
     view
         Name of a view to time, or several, separated by commas or with --view again. Default: the
         first two that have a truth, or else the first two.
     ssim
         Measure the accuracy too, on the views that have a truth; it takes some minutes more. It
-        hardly depends on the device: by default that of the table that comes with iprt is kept.
+        hardly depends on the device: by default the accuracy in the table of the package is kept.
     output
         TOML file to write the table to, in place of the one in the cache folder.
     device

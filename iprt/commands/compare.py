@@ -75,7 +75,7 @@ def compare(
     size
         Width and height in pixels: the truth's, divided by a whole number. Default: the view's.
     background
-        What the camera sees behind the objects: the resampled panorama, or the truth's own
+        Picture behind the objects: the resampled panorama, or the truth's own
         background, which isolates relighting from the panorama's resolution.
     frames
         Frames accumulated into each picture; for a video, into the pictures that --trails compares
@@ -190,7 +190,7 @@ def compare(
 
 @dataclass
 class Output:
-    """Where comparisons go: to pictures and a page, one by one, so that nothing gets lost."""
+    """Outlet of comparisons: to pictures and a page, one by one, so that nothing gets lost."""
 
     title: str
     made: dict[str, Any]

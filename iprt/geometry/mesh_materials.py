@@ -22,7 +22,7 @@ DEFAULT_MATERIAL = Material("diffuse", (0.5, 0.5, 0.5))
 MATTE_ROUGHNESS = 0.9
 """glTF roughness from which a dielectric is taken as diffuse: its coat no longer shows."""
 METALLIC = 0.5
-"""Least metalness of what is taken for a metal: there is no material in between."""
+"""Least metalness of a metal: there is no material in between."""
 NEARLY = 1e-3
 """Metalness so near to 0 or 1 is that, up to the rounding of converters."""
 GLOSSY_SPECULAR = 0.04
@@ -80,7 +80,7 @@ def has_texture(source: Any) -> bool:
 def convert_material(
     source: Any, factors: dict[str, list[float]], textures: Textures, dropped: list[str]
 ) -> Material:
-    """A trimesh material as one of ours; what is lost is appended to `dropped`.
+    """A trimesh material as one of ours; properties that are lost are appended to `dropped`.
 
     Parameters
     ----------
@@ -201,7 +201,7 @@ def _note_unused_maps(source: Any, dropped: list[str]) -> None:
 
 
 def _color(values: Any) -> tuple[float, float, float]:
-    """Three values; of MTL, also one for all, and black for what are no numbers."""
+    """Three values; of MTL, also one for all, and black where there are no numbers."""
     try:
         given = np.asarray(values, np.float64)
     except (ValueError, TypeError):

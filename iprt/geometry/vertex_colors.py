@@ -38,7 +38,7 @@ def corner_colors(geometry: Any, triangles: Ints, kept: Ints) -> Float32 | None:
     -------
     (F, 3, 3) float32 or None
         Linear RGB from 0 to 1 by triangle and corner; None: there are none. Colours of glTF are
-        linear, others those of sRGB displays.
+        linear, others sRGB.
     """
     given, visual = geometry.vertex_attributes.get(COLOR_KEY), geometry.visual
     if given is not None:

@@ -88,7 +88,7 @@ def test_quantised_meshes_may_be_interleaved(tmp_path: Path) -> None:
 
 
 def draco(file: GltfFile, *, required: bool = True) -> None:
-    """As Draco's encoders write it: accessors without data."""
+    """A file as Draco's encoders write it: accessors without data."""
     (primitive,) = file.document["meshes"][0]["primitives"]
     extension = {"bufferView": 0, "attributes": {"POSITION": 0}}
     primitive["extensions"] = {"KHR_draco_mesh_compression": extension}
@@ -97,7 +97,7 @@ def draco(file: GltfFile, *, required: bool = True) -> None:
 
 
 def meshopt(file: GltfFile, name: str = "EXT_meshopt_compression") -> None:
-    """As meshopt's encoders write it: a buffer that does not exist."""
+    """A file as meshopt's encoders write it: a buffer that does not exist."""
     view = file.document["bufferViews"][0]
     view["extensions"] = {name: {"buffer": 0, "byteLength": 8, "byteStride": 4, "count": 3}}
     need(file, name)

@@ -64,7 +64,7 @@ def ball(suffix: str, folder: Path) -> tuple[Path, NDArray[np.uint8]]:
 
 @pytest.mark.parametrize("suffix", [".ply", ".obj", ".glb"])
 def test_colours_between_vertices_are_interpolated(suffix: str, tmp_path: Path) -> None:
-    """Colours of glTF are linear, others are those of sRGB displays."""
+    """Colours of glTF are linear, others are sRGB."""
     path, colors = ball(suffix, tmp_path)
     mesh = load_mesh(path)
     linear = colors / 255.0 if suffix == ".glb" else decode_srgb(colors)

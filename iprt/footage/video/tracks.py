@@ -121,7 +121,7 @@ class Tracks:
 
 
 def open_tracks(root: Path, video: VideoTable, within: Path) -> Tracks:
-    """Look at the headers of what `[video]` names.
+    """Read the headers of the files that `[video]` names.
 
     Raises
     ------
