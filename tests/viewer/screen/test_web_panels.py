@@ -50,6 +50,13 @@ def wait_for(visitor: Visitor, script: str) -> None:
     visitor.page.wait_for_function(script, timeout=1000 * DEADLINE_S)
 
 
+def enlarge(visitor: Visitor) -> None:
+    """Set the window's size to LARGE, and wait until the panel has followed its right edge."""
+    tab = visitor.page.get_by_role("tab", name="Scene")
+    visitor.page.set_viewport_size(LARGE)
+    until(lambda: tab.bounding_box()["x"] > LARGE["width"] / 2, "the panel stays where it was")
+
+
 def places(visitor: Visitor) -> list[dict[str, float]]:
     """Where controls of the open tab are."""
     found = [visitor.page.get_by_role("tab", name=name) for name in ("Scene", "Picture")]
@@ -72,7 +79,7 @@ def settled(item: Any) -> dict[str, float]:
 def test_controls_stay_where_they_are(place: Place, monkeypatch: pytest.MonkeyPatch) -> None:
     """Whatever the status has to tell: nothing, a pixel's values, or three problems at once."""
     visitor, browser = place.visit()
-    visitor.page.set_viewport_size(LARGE)
+    enlarge(visitor)
     at_rest(visitor, browser)
     visitor.tab("Picture")
     before = places(visitor)
@@ -96,7 +103,7 @@ def test_controls_stay_where_they_are(place: Place, monkeypatch: pytest.MonkeyPa
 def test_settings_stay_where_they_are(place: Place) -> None:
     """While they differ from the preset, more and more."""
     visitor, browser = place.visit()
-    visitor.page.set_viewport_size(LARGE)
+    enlarge(visitor)
     at_rest(visitor, browser)
     visitor.tab("Settings")
     engine, settings = place.engine, place.engine.world.settings
@@ -155,7 +162,7 @@ def turning(visitor: Visitor) -> Iterator[None]:
 def test_a_comparison_says_what_is_on_which_side(place: Place) -> None:
     """The bar is where the picture is divided, and divides it elsewhere when it is dragged."""
     visitor, browser = place.visit()
-    visitor.page.set_viewport_size(LARGE)
+    enlarge(visitor)
     at_rest(visitor, browser)
     plain = visitor.texture()
     visitor.tab("Picture")
