@@ -81,16 +81,15 @@ def settle(source: str, glances: Sequence[Glance], poses: Matrix, guess: Convent
     shares = {name: agree / max(n, 1) for name, (agree, n) in counts.items()}
     worth = {name: agree / max(n, FEW * most, ENOUGH) for name, (agree, n) in counts.items()}
     best = max(CONVENTIONS, key=worth.__getitem__)
-    checked = counts[guess][1] >= ENOUGH
-    there = shares[guess] if checked else AGREEING
-    if worth[best] - there > CLEARLY and 1.0 - worth[best] < MUCH * (1.0 - there):
+    if counts[guess][1] < ENOUGH:
+        return Settled(guess, f"{WORDS[guess]} (not checked: frames share too little)")
+    gain, left = worth[best] - shares[guess], 1.0 - worth[best]
+    if worth[best] > AGREEING and gain > CLEARLY and left < MUCH * (1.0 - shares[guess]):
         return Settled(
             best,
             f"{WORDS[best]}: {shares[best]:.0%} of depths agree, but {shares[guess]:.0%} by "
             f"{WORDS[guess]}, as the layout has it",
         )
-    if not checked:
-        return Settled(guess, f"{WORDS[guess]} (not checked: frames share too little)")
     if shares[guess] < AGREEING:
         listed = ", ".join(f"{name} {share:.0%}" for name, share in shares.items())
         raise FormatError(

@@ -19,8 +19,8 @@ from iprt.footage.video.sequence import frame_path
 COLOR_FOLDERS = ("color", "rgb", "image", "images", "colour")
 DEPTH_FOLDERS = ("depth", "depths", "depth_images")
 POSE_FOLDERS = ("pose", "poses")
-NUMBER = r"\D*(\d+)"
-"""The name of a numbered file, without its suffix."""
+NUMBER = r"\D*(\d+)(?:-\d+)?"
+"""The name of a numbered file, without its suffix; in Redwood's, a time is behind the number."""
 
 Matrix = NDArray[np.float64]
 Poses = dict[int, Matrix | None]

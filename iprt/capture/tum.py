@@ -36,7 +36,7 @@ Rows = list[tuple[str, list[str]]]
 def read_tum(folder: Path) -> Found | None:
     """Join colour with the depth and the pose nearest in time.
 
-    Without `rgb.txt` or `depth.txt`, the files of `rgb` and `depth` are named by their times. None
+    Without `rgb.txt` and `depth.txt`, the files of `rgb` and `depth` are named by their times. None
     if the folder has no lists and no such trajectory.
 
     Raises
@@ -48,8 +48,9 @@ def read_tum(folder: Path) -> Found | None:
     listed = [is_file(folder / f"{name}.txt") for name in FOLDERS]
     if not any(listed) and not (named and all((folder / name).is_dir() for name in FOLDERS)):
         return None
-    color_at, colors = _pictures(folder, "rgb")
-    depth_at, depths = _pictures(folder, "depth")
+    pictures = _listed if any(listed) else _named
+    color_at, colors = pictures(folder, "rgb")
+    depth_at, depths = pictures(folder, "depth")
     trajectory = folder / (named[0] if named else TRAJECTORIES[0])
     pose_at, rows = _timed(read_lines(trajectory), str(trajectory), 7)
     poses = [from_quaternion(where, numbers(where, words)) for where, words in rows]
@@ -64,18 +65,21 @@ def read_tum(folder: Path) -> Found | None:
         )
     if not frames.frames:
         raise FormatError(
-            f"{folder}: no picture of rgb.txt has a depth and a pose within {SAME_TIME_S:g} s"
+            f"{folder}: no colour picture has a depth and a pose within {SAME_TIME_S:g} s"
         )
     return Found(
         f"TUM RGB-D ({trajectory.name})", frames.frames, frames.skipped, step_m=STEP_M, up="z"
     )
 
 
-def _pictures(folder: Path, name: str) -> tuple[Matrix, Rows]:
-    """Return times, ascending, and the file at each."""
+def _listed(folder: Path, name: str) -> tuple[Matrix, Rows]:
+    """Return times, ascending, and the file at each, by a list."""
     path = folder / f"{name}.txt"
-    if is_file(path) or not (folder / name).is_dir():
-        return _timed(read_lines(path), str(path), 1)
+    return _timed(read_lines(path), str(path), 1)
+
+
+def _named(folder: Path, name: str) -> tuple[Matrix, Rows]:
+    """Return times, ascending, and the file at each, by the names of files."""
     files = sorted(p for p in (folder / name).iterdir() if p.suffix.lower() in PICTURE_SUFFIXES)
     rows = [(str(file), [file.stem, f"{name}/{file.name}"]) for file in files]
     return _timed(rows, str(folder / name), 1)
