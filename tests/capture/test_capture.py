@@ -116,7 +116,7 @@ def test_frames_that_share_nothing_with_others_are_used(tmp_path: Path) -> None:
     assert result.matched
     color, _ = expected()
     middle = np.s_[24:40]
-    for columns in (np.s_[48:80], np.r_[0:16, 112:128]):
+    for columns in (np.s_[54:74], np.r_[0:10, 118:128]):
         measured = (result.seen == MEASURED)[middle, columns]
         assert measured.mean() > 0.9
         off = np.abs(result.color - color)[middle, columns][measured]

@@ -83,7 +83,9 @@ def test_what_was_never_seen_is_told_in_a_layer(
     output = tmp_path / "scene"
     words = ["capture", str(sequence), "-o", str(output), "--every", "30", "--no-compensate"]
     assert cli.main([*words, "--size", "64", "32"]) == 0
-    capsys.readouterr()
+    printed = capsys.readouterr().out
+    assert "read as TUM RGB-D (groundtruth.txt), 56 frames\n" in printed
+    assert "poses: camera to world, OpenCV's axes (100% of depths agree); up: z\n" in printed
     seen, _ = read_depth(output / "color.exr", "seen.Y")
     depth, _ = read_depth(output / "depth.exr")
     assert (depth[seen == UNSEEN] == 0.0).all()

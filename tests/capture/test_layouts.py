@@ -1,4 +1,4 @@
-"""Layouts of other programs: the same frames as the room's, gaps are counted, faults are one line."""
+"""Layouts of other programs: frames are those of the room, gaps counted, faults one line."""
 
 from __future__ import annotations
 
