@@ -14,8 +14,8 @@ from iprt.capture.overlap import Glance, overlap
 from iprt.errors import FormatError
 
 CONVENTIONS: tuple[Convention, ...] = get_args(Convention)
-FRAMES = 24
-"""Frames that are compared, each with each."""
+PAIRS, APART = 12, 10
+"""Pairs of frames at most so far apart that are compared, each frame with all others."""
 ENOUGH = 300
 """With fewer cells in sight of two frames, nothing is told."""
 FEW = 0.02
@@ -54,9 +54,11 @@ def world_from_camera(poses: Matrix, convention: Convention) -> Matrix:
     return forward @ _FLIP if convention.startswith("opengl") else forward
 
 
-def chosen(count: int) -> list[int]:
+def sample(count: int) -> list[int]:
     """Return the numbers of the frames to compare, of so many."""
-    return sorted({int(at) for at in np.linspace(0, count - 1, min(count, FRAMES))})
+    apart = min(max(1, count // (2 * PAIRS)), APART)
+    first = {int(at) for at in np.linspace(0, max(count - 1 - apart, 0), min(count, PAIRS))}
+    return sorted(first | {min(at + apart, count - 1) for at in first})
 
 
 def settle(source: str, glances: Sequence[Glance], poses: Matrix, guess: Convention) -> Settled:

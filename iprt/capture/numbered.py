@@ -14,11 +14,13 @@ from iprt.capture.rigid import numbers, read_lines, read_matrix, rigid
 from iprt.capture.tum import STEP_M
 from iprt.errors import FormatError
 from iprt.files.problems import FRAME_PATTERN
+from iprt.files.untrusted import is_file
 from iprt.footage.video.sequence import frame_path
 
 COLOR_FOLDERS = ("color", "rgb", "image", "images", "colour")
 DEPTH_FOLDERS = ("depth", "depths", "depth_images")
 POSE_FOLDERS = ("pose", "poses")
+POSE_FILES = ("poses.txt", "pose.txt", "traj.txt", "trajectory.txt", "groundtruth.txt")
 NUMBER = r"\D*(\d+)(?:-\d+)?"
 """The name of a numbered file, without its suffix; in Redwood's, a time is behind the number."""
 
@@ -37,14 +39,7 @@ def read_listed(folder: Path, color: str, depth: str, poses: str) -> Found:
     colors, depths = _matching(folder, color), _matching(folder, depth)
     if not colors or min(colors) > 1:
         raise FormatError(f"{folder / color}: no picture with number 0 or 1")
-    rows = read_lines(folder / poses)
-    # A line for each picture, or for each number from the first on.
-    first = min(colors)
-    order = sorted(colors) if len(rows) == len(colors) else range(first, first + len(rows))
-    matrices = {
-        n: rigid(at, numbers(at, words)) for n, (at, words) in zip(order, rows, strict=True)
-    }
-    frames = _joined(colors, depths, matrices)
+    frames = _joined(colors, depths, _rows(folder / poses, colors))
     return Found(
         f"numbered pictures ({poses})",
         frames.complete(folder / poses),
@@ -52,6 +47,24 @@ def read_listed(folder: Path, color: str, depth: str, poses: str) -> Found:
         step_m=STEP_M,
         up="z",
     )
+
+
+def read_rows(folder: Path) -> Found | None:
+    """Read pictures in folders, and a pose file with a line of 12 or 16 numbers for each; None if
+    the folder has not all of them.
+
+    Raises
+    ------
+    FormatError
+        The pose file is damaged, or no frame is complete.
+    """
+    path = next((folder / name for name in POSE_FILES if is_file(folder / name)), None)
+    colors = by_number(_folder(folder, COLOR_FOLDERS), NUMBER)
+    depths = by_number(_folder(folder, DEPTH_FOLDERS), NUMBER)
+    if path is None or not colors or not depths:
+        return None
+    frames = _joined(colors, depths, _rows(path, colors))
+    return Found(f"numbered pictures ({path.name})", frames.complete(path), frames.skipped)
 
 
 def read_per_frame(folder: Path) -> Found | None:
@@ -113,6 +126,14 @@ def read_log(folder: Path) -> Found | None:
         depths = dict(zip(sorted(colors), (depths[n] for n in sorted(depths)), strict=True))
     frames = _joined(colors, depths, poses)
     return Found(f"Open3D or Redwood ({path.name})", frames.complete(folder), frames.skipped)
+
+
+def _rows(path: Path, colors: dict[int, Path]) -> Poses:
+    """Return poses of lines: one for each picture, or for each number from the first one's on."""
+    rows = read_lines(path)
+    first = min(colors)
+    order = sorted(colors) if len(rows) == len(colors) else range(first, first + len(rows))
+    return {n: rigid(at, numbers(at, words)) for n, (at, words) in zip(order, rows, strict=True)}
 
 
 def _joined(colors: dict[int, Path], depths: dict[int, Path], poses: Poses) -> Gatherer:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.capture.conventions import WORDS, Settled, chosen, settle, up_axis, world_from_camera
+from iprt.capture.conventions import WORDS, Settled, sample, settle, up_axis, world_from_camera
 from iprt.capture.found import Axis, Convention, Found
 from iprt.capture.intrinsics import (
     CAMERA,
@@ -18,7 +18,7 @@ from iprt.capture.intrinsics import (
     cameras_of_files,
     read_camera_table,
 )
-from iprt.capture.numbered import read_listed, read_log, read_per_frame
+from iprt.capture.numbered import read_listed, read_log, read_per_frame, read_rows
 from iprt.capture.overlap import Glance
 from iprt.capture.pinhole import Pinhole, blocks, sampled
 from iprt.capture.transforms import read_transforms
@@ -147,7 +147,7 @@ class RgbdSequence:
 
     def _checked(self, folder: Path, stored: Matrix) -> Settled:
         """Return the convention by which frames agree about depth."""
-        numbers = chosen(len(self.shots))
+        numbers = sample(len(self.shots))
         glances = [self.read(number).glance() for number in numbers]
         return settle(str(folder), glances, stored[numbers], self.found.convention)
 
@@ -205,13 +205,14 @@ def _layout(folder: Path, table: CameraTable) -> Found:
     """Tell by the files that are there which layout a folder has, and read it."""
     if table.color is not None:
         return read_listed(folder, table.color, str(table.depth), str(table.poses))
-    for read in (read_transforms, read_tum, read_per_frame, read_log):
+    for read in (read_transforms, read_tum, read_per_frame, read_log, read_rows):
         found = read(folder)
         if found is not None:
             return found
     raise FormatError(
         f"{folder}: no sequence: neither transforms.json, rgb.txt and depth.txt, a folder pose, "
-        "*.pose.txt, *.log nor a camera.toml that names pictures (docs/capture.md)"
+        "*.pose.txt, *.log, poses.txt with pictures in color and depth, nor a camera.toml that "
+        "names pictures (docs/capture.md)"
     )
 
 

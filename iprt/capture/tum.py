@@ -28,6 +28,8 @@ TRAJECTORIES = (
 )
 """Where poses are, by the benchmark and as SLAM systems name them."""
 FOLDERS = ("rgb", "depth")
+WORDS = 8
+"""A time, a position and a quaternion."""
 
 Matrix = NDArray[np.float64]
 Rows = list[tuple[str, list[str]]]
@@ -45,14 +47,17 @@ def read_tum(folder: Path) -> Found | None:
         A list or the trajectory is damaged, or no frame is complete.
     """
     named = [name for name in TRAJECTORIES if is_file(folder / name)]
-    listed = [is_file(folder / f"{name}.txt") for name in FOLDERS]
-    if not any(listed) and not (named and all((folder / name).is_dir() for name in FOLDERS)):
-        return None
-    pictures = _listed if any(listed) else _named
+    trajectory = folder / (named[0] if named else TRAJECTORIES[0])
+    listed = any(is_file(folder / f"{name}.txt") for name in FOLDERS)
+    if not listed:
+        rows = read_lines(trajectory)[:1] if named else []
+        timed = any(len(words) == WORDS for _, words in rows)
+        if not timed or not all((folder / name).is_dir() for name in FOLDERS):
+            return None
+    pictures = _listed if listed else _named
     color_at, colors = pictures(folder, "rgb")
     depth_at, depths = pictures(folder, "depth")
-    trajectory = folder / (named[0] if named else TRAJECTORIES[0])
-    pose_at, rows = _timed(read_lines(trajectory), str(trajectory), 7)
+    pose_at, rows = _timed(read_lines(trajectory), str(trajectory), WORDS - 1)
     poses = [from_quaternion(where, numbers(where, words)) for where, words in rows]
     frames = Gatherer()
     for time, color in zip(color_at, colors, strict=True):

@@ -120,6 +120,18 @@ def test_numbered_pictures_may_have_gaps(tmp_path: Path) -> None:
     np.testing.assert_allclose(sequence.pose(3, np.zeros(3)), POSES[5], atol=1e-6)
 
 
+@pytest.mark.parametrize("count", [12, 16])
+def test_a_line_of_numbers_for_each_picture_is_enough(count: int, tmp_path: Path) -> None:
+    folder = write_open3d(tmp_path)
+    (folder / "trajectory.log").unlink()
+    rows = [matrix_text(in_world(Y_DOWN, pose)).split()[:count] for pose in POSES]
+    (folder / "poses.txt").write_text("\n".join(" ".join(row) for row in rows))
+    sequence = RgbdSequence.open(folder)
+    assert str(sequence.found) == "numbered pictures (poses.txt), 12 frames"
+    for index, pose in enumerate(POSES):
+        np.testing.assert_allclose(sequence.pose(index, np.zeros(3)), pose, atol=1e-6)
+
+
 @pytest.mark.parametrize("key", ["w", "fl_x", "fl_y", "cx", "cy"])
 def test_transforms_may_lack_what_the_picture_tells(key: str, tmp_path: Path) -> None:
     folder = write_nerfstudio(tmp_path)
