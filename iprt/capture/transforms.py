@@ -18,6 +18,9 @@ from iprt.files.toml_text import printable
 from iprt.files.untrusted import MAX_SIDE, is_file
 
 NAMES = ("transforms.json", "transforms_train.json")
+BENDING = ("k1", "k2", "k3", "k4", "p1", "p2")
+STRAIGHT = 0.01
+"""Coefficients of distortion that are no larger move pixels by less than one or two."""
 
 
 def read_transforms(folder: Path) -> Found | None:
@@ -60,8 +63,9 @@ def read_transforms(folder: Path) -> Found | None:
                 camera = _camera({**data, **entry}, color, where if own else str(path))
             common = common if own else camera or common
         frames.add(color, depth, pose, camera or common, has_pose="transform_matrix" in entry)
+    bent = any(abs(_number(data, key, str(path), -1e6, 1e6) or 0.0) > STRAIGHT for key in BENDING)
     return Found(
-        f"{path.name} (NeRF, nerfstudio)",
+        f"{path.name} (NeRF, nerfstudio{'; lens distortion is not undone' if bent else ''})",
         frames.complete(path),
         frames.skipped,
         convention="opengl",

@@ -144,6 +144,13 @@ def test_transforms_may_lack_what_the_picture_tells(key: str, tmp_path: Path) ->
     np.testing.assert_allclose(list(vars(found).values()), list(vars(expected).values()))
 
 
+def test_distortion_that_is_not_undone_is_said(tmp_path: Path) -> None:
+    folder = write_nerfstudio(tmp_path)
+    assert "distortion" not in str(RgbdSequence.open(folder).found)
+    edited(lambda data: data.update(k1=-0.08, k2=0.01))(folder)
+    assert "lens distortion is not undone" in str(RgbdSequence.open(folder).found)
+
+
 def test_frames_of_transforms_without_depth_are_counted(tmp_path: Path) -> None:
     folder = write_nerfstudio(tmp_path)
     data = json.loads((folder / "transforms.json").read_text())
