@@ -42,11 +42,14 @@ static inline ALWAYS_INLINE void store_corners(
 {
     const Taps around = equirect_taps(panorama_width, panorama_height, inside.middle);
     const int texels[4] = {around.a, around.b, around.below_a, around.below_b};
-    const int nearest = texels[(around.fx < 0.5f ? 0 : 1) + (around.fy < 0.5f ? 0 : 2)];
+    const int upper = around.fx < 0.5f ? around.a : around.b;
+    const int lower = around.fx < 0.5f ? around.below_a : around.below_b;
+    const int nearest = around.fy < 0.5f ? upper : lower;
     const float2 right = inside.right * (float2)(panorama_width, panorama_height);
     const float2 down = inside.down * (float2)(panorama_width, panorama_height);
     const float inverse = 1.0f / (right.x * down.y - right.y * down.x);
     float share[4], radiance = FLT_MIN;
+    #pragma unroll
     for (int k = 0; k < 4; k++) {
         const float columns = (k & 1) - around.fx, rows = (k >> 1) - around.fy;
         const float3 color = vload3(texels[k], panorama_color);
@@ -58,6 +61,7 @@ static inline ALWAYS_INLINE void store_corners(
         const int is_in = column >= 0.0f && row >= 0.0f && column < width && row < height;
         pixels[k] = is_in ? (int)row * width + (int)column : y * width + x;
     }
+    #pragma unroll
     for (int k = 0; k < 4; k++)
         shares[k] = share[k] / radiance;
 }
