@@ -139,13 +139,15 @@ class RgbdSequence:
         """
         shot = self.shots[index]
         color = read_color(shot.color)
-        depth, is_integer = read_depth(shot.depth)
+        depth, bits = read_depth(shot.depth)
+        if bits == 8:
+            raise FormatError(f"{shot.depth}: depth of 8 bits; expected 16 bits, or floats")
         if color.shape[:2] != depth.shape:
             raise FormatError(
                 f"{shot.depth}: {depth.shape[1]}x{depth.shape[0]} pixels, but its colour has "
                 f"{color.shape[1]}x{color.shape[0]}; register depth to colour"
             )
-        scale = self.camera.depth_scale or (TUM_STEP_M if is_integer else 1.0)
+        scale = self.camera.depth_scale or (TUM_STEP_M if bits else 1.0)
         there = np.isfinite(depth) & (depth > 0.0) & np.isfinite(color).all(axis=-1)
         limited = file_kind(shot.color) not in FLOAT_KINDS
         clipped = (color.max(axis=-1) >= NEARLY_WHITE) & limited

@@ -88,10 +88,10 @@ def read_color(path: Path, layer: str | None = None) -> Image2D:
     return decode_srgb(_png16(path) if is_16_bit else coded)
 
 
-def read_depth(path: Path, layer: str | None = None) -> tuple[Image2D, bool]:
-    """Read depth in stored units as (H, W) float32, and whether it is stored as integers.
+def read_depth(path: Path, layer: str | None = None) -> tuple[Image2D, int]:
+    """Read depth in stored units as (H, W) float32, and the bits of its integers; 0 for floats.
 
-    EXR, 16-bit grey PNG, or PFM.
+    EXR, PFM, and PNG or JPEG in grey: one channel, or three that are equal.
 
     Parameters
     ----------
@@ -101,19 +101,25 @@ def read_depth(path: Path, layer: str | None = None) -> tuple[Image2D, bool]:
     Raises
     ------
     FormatError
-        As `read_color`; also pictures in colours, and those of 8 bits: too coarse for geometry.
+        As `read_color`; also pictures in colours.
     """
     kind = _kind_with(path, "depth", layer)
     if kind == "exr":
         plane = exr.read_exr_depth(path, layer)
-        return plane.astype(np.float32, copy=False), plane.dtype.kind == "u"
+        return plane.astype(np.float32, copy=False), 32 if plane.dtype.kind == "u" else 0
     if kind == "pfm":
-        return read_pfm(path), False
+        return read_pfm(path), 0
     image = _open_pillow(path)
-    if not image.mode.startswith("I"):
-        what = "grey picture of 8 bits" if image.mode.startswith("L") else "picture in colours"
-        raise FormatError(f"{path}: a {what}; {exr.NO_DEPTH}")
-    return _decoded(path, image).astype(np.float32), True
+    if image.mode.startswith("I"):
+        return _decoded(path, image).astype(np.float32), 16
+    is_16_bit = kind == "png" and _is_16_bit(image)
+    coded = _decoded(path, image, None if image.mode == "L" else "RGB")
+    coded = _png16(path) if is_16_bit else coded
+    if coded.ndim == 3:
+        if (coded != coded[..., :1]).any():
+            raise FormatError(f"{path}: a picture in colours; {exr.NO_DEPTH}")
+        coded = coded[..., 0]
+    return coded.astype(np.float32), 16 if is_16_bit else 8
 
 
 def read_normal(path: Path) -> Image2D:

@@ -23,6 +23,7 @@ from iprt.files.images import read_depth
 from iprt.files.path_safety import anywhere
 from iprt.files.problems import FRAME_PATTERN
 from iprt.files.termination import undisturbed
+from iprt.files.untrusted import is_file
 from iprt.footage.video.container import is_container
 from iprt.footage.video.depth_code import DepthCode
 from iprt.footage.video.sequence import frame_path
@@ -31,8 +32,8 @@ from iprt.footage.video.table import VideoTable
 from iprt.geometry.mesh_files import MeshFile
 from iprt.scene.manifest import MANIFEST_NAME, parse_manifest
 from iprt.scene.sources import (
-    frame_range,
     has_own_normals,
+    picture_numbers,
     require_frames,
     require_own_depth,
     require_sources,
@@ -83,21 +84,23 @@ def new_scene(
     named = {"color": color, "depth": depth, "normal": normal}
     sources = {key: path for key, path in named.items() if path is not None}
     require_sources(sources)
-    first, last = frame_range(color)
-    picture = frame_path(Path(), str(color), first)
+    numbers = picture_numbers(color)
+    picture = frame_path(Path(), str(color), numbers[0])
     is_video = is_container(Path(), str(color))
     if depth is None and not is_video:
         require_own_depth(color, picture, depth_layer)
         sources["depth"] = depth = color
     if depth is not None and not code.is_known:
-        _require_floats(frame_path(Path(), str(depth), first), depth_layer)
+        _require_floats(frame_path(Path(), str(depth), numbers[0]), depth_layer)
     named_layers = {"color_layer": color_layer, "depth_layer": depth_layer}
     layers = {key: layer for key, layer in named_layers.items() if layer is not None}
-    frames = None if is_video else (first, last)
-    source = _source_of(sources, layers, code, frames)
-    files = [source.files(index) for index in source.indices]
-    for key, path in sources.items():
-        require_frames(path, list(dict.fromkeys(entry[key] for entry in files if key in entry)))
+    source = _source_of(sources, layers, code, None if is_video else (numbers[0], numbers[-1]))
+    # Pictures in regular steps become frames one after the other.
+    there = source.indices if is_video else numbers
+    frames = None if is_video else (numbers[0], numbers[0] + len(numbers) - 1)
+    for path in sources.values():
+        named_files = (frame_path(Path(), str(path), number) for number in there)
+        require_frames(path, list(dict.fromkeys(named_files)))
     raw = source.read(source.indices[0])
     if normal is None and not is_video and has_own_normals(picture, raw):
         sources["normal"] = color
@@ -105,16 +108,17 @@ def new_scene(
     keys = {key: "color" if path == color else key for key, path in sources.items()}
     names = {key: _target_name(keys[key], path) for key, path in sources.items()}
     copies = {
-        frame_path(folder, names[key], index): frame_path(Path(), str(path), index)
+        frame_path(folder, names[key], there[0] + place): frame_path(Path(), str(path), number)
         for key, path in sources.items()
-        for index in source.indices
+        for place, number in enumerate(there)
     }
+    copies = {target: file for target, file in copies.items() if is_file(file)}
     name = re.sub(r"[/\\\n]", "-", folder.resolve().name) or "scene"
     text = _manifest_text(name, names | layers, code, frames)
     parse_manifest(text, str(folder / MANIFEST_NAME))
     with copied(copies), replacing(folder / MANIFEST_NAME) as temporary:
         temporary.write_text(text, encoding="utf-8")
-    return len(source.indices)
+    return len(there)
 
 
 def _require_floats(depth: Path, layer: str | None) -> None:
@@ -139,6 +143,9 @@ def _source_of(
         "depth_scale": code.scale,
         "depth_range": None if code.ends is None else list(code.ends),
         "depth_encoding": code.encoding,
+        "depth_kind": code.kind,
+        "depth_invalid": None if code.marks is None else list(code.marks.invalid),
+        "depth_sky": None if code.marks is None else list(code.marks.sky),
         "frames": None if frames is None else list(frames),
     }
     # Not checked as a manifest's table is, for these paths may lead anywhere.
@@ -266,6 +273,11 @@ def _manifest_text(
     if code.ends is not None:
         video.update({"depth_range": list(code.ends), "depth_encoding": code.encoding})
         video["depth_range"].comment("metres of black and of white")
+    if code.kind != "distance":
+        video["depth_kind"] = code.kind
+    if code.marks is not None:
+        video.update({"depth_invalid": list(code.marks.invalid)} if code.marks.invalid else {})
+        video["depth_sky"] = list(code.marks.sky)
     if frames is not None:
         video.update({"frames": list(frames), "fps": 30.0})
     document["video"] = video

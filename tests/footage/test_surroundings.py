@@ -71,7 +71,7 @@ def test_round_places_are_not_inverted() -> None:
         hit = np.where(ball > np.sqrt(3.0), ball - np.sqrt(ball**2 - 3.0), 4.0)
     for depth in (np.full((64, 128), 3.0), hit, 2.0 + w[..., 0]):
         place = of(depth.astype(np.float32))
-        assert not place.inverted
+        assert place.reading == "distance"
         assert place.floor_m is None
         assert "floor" not in place.line()
 
@@ -100,7 +100,7 @@ def sectors(*shares: float) -> NDArray[np.float32]:
 def test_inverse_depth_is_level_in_many_and_more_directions(
     level: float, inverse: float, inverted: bool
 ) -> None:
-    assert of(sectors(level, inverse)).inverted is inverted
+    assert (of(sectors(level, inverse)).reading == "inverse") is inverted
 
 
 def test_without_depth_there_is_nothing_to_tell() -> None:

@@ -176,7 +176,7 @@ def steady_frames(
 ) -> Iterator[Frame]:
     """Frames as `SteadyReader` reads them, each after all stages."""
     stages = tuple(stages)
-    for line in source.disagreements():
+    for line in source.disagreements() + source.doubts():
         LOG.warning(line)
     for line in source.interpolation():
         LOG.info(line)

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Iterator
 from functools import cache, partial
 from pathlib import Path
+from typing import Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,10 +16,11 @@ from iprt.files.images import FLOAT_KINDS, file_kind, picture_size, read_color, 
 from iprt.files.path_safety import require_inside
 from iprt.files.problems import FRAME_PATTERN
 from iprt.files.untrusted import is_file
-from iprt.footage.video.depth_code import DepthCode, unit_problem
+from iprt.footage.video.depth_code import DepthCode, DepthSamples, unit_problem
 from iprt.footage.video.reader import Streams
 
 Picture = NDArray[np.float32]
+Item = TypeVar("Item")
 
 
 def frame_path(root: Path, pattern: str, index: int) -> Path:
@@ -26,7 +28,7 @@ def frame_path(root: Path, pattern: str, index: int) -> Path:
     return root / FRAME_PATTERN.sub(lambda match: match[0] % index, pattern)
 
 
-class PictureTrack:
+class PictureTrack(Generic[Item]):
     """One picture, or one per frame that a printf pattern names.
 
     Parameters
@@ -50,7 +52,7 @@ class PictureTrack:
         root: Path,
         indices: range,
         within: Path,
-        read: Callable[[Path], Picture],
+        read: Callable[[Path], Item],
     ) -> None:
         self.key, self._root, self._pattern = key, root, pattern
         self._within, self._read = within, read
@@ -82,14 +84,14 @@ class PictureTrack:
     def white(self) -> float:
         return math.inf if file_kind(self.file(self._indices[0])) in FLOAT_KINDS else 1.0
 
-    def reader(self, _: Streams) -> Callable[[int], Picture]:
+    def reader(self, _: Streams) -> Callable[[int], Item]:
         if FRAME_PATTERN.search(self._pattern):
             return lambda index: self._read(self.file(index))
         kept = cache(self._read)  # one picture for all frames
         return lambda index: kept(self.file(index))
 
 
-class ColorPictures(PictureTrack):
+class ColorPictures(PictureTrack[Picture]):
     """Track of pictures of linear radiance.
 
     Parameters
@@ -109,8 +111,8 @@ class ColorPictures(PictureTrack):
         return picture_size(self.file(self._indices[0]), self._layer)
 
 
-class DepthPictures(PictureTrack):
-    """Track of pictures of depth, in metres.
+class DepthPictures(PictureTrack[DepthSamples]):
+    """Track of pictures of depth, as stored.
 
     Parameters
     ----------
@@ -129,7 +131,7 @@ class DepthPictures(PictureTrack):
         layer: str | None,
         code: DepthCode,
     ) -> None:
-        super().__init__("depth", pattern, root, indices, within, self._metres)
+        super().__init__("depth", pattern, root, indices, within, self._samples)
         self._layer, self._code = layer, code
 
     def problems(self) -> list[str]:
@@ -137,17 +139,15 @@ class DepthPictures(PictureTrack):
         if not self._code.is_known and not problems:
             first = self.file(self._indices[0])
             try:
-                if file_kind(first) == "png":
+                if file_kind(first) in ("png", "jpeg"):
                     problems.append(unit_problem(first.name))
             except FormatError as error:
                 problems.append(f"video.{self.key}: {error}")
         return problems
 
-    def _metres(self, path: Path) -> Picture:
-        depth, integers = read_depth(path, self._layer)
-        if integers and not self._code.is_known:
+    def _samples(self, path: Path) -> DepthSamples:
+        depth, bits = read_depth(path, self._layer)
+        if bits and not self._code.is_known:
             raise FormatError(f"{path}: {unit_problem(path.name)}")
-        if not integers:
-            self._code.require_range(path, depth)
-        white = 1.0 if not integers else 65535.0 if file_kind(path) == "png" else 2.0**32 - 1.0
-        return self._code.metres(depth, 0.0, white)
+        white = 2.0**bits - 1.0 if bits else 1.0
+        return DepthSamples(depth, 0.0, white, bits, exact=file_kind(path) != "jpeg")

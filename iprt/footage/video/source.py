@@ -8,20 +8,22 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import FormatError
 from iprt.files.path_safety import require_inside
-from iprt.footage.coarse_depth import Grid, at_full_size
+from iprt.footage.coarse_depth import at_full_size
 from iprt.footage.depth import sanitise_color, sanitise_depth
 from iprt.footage.frame import Frame
 from iprt.footage.noisy_depth import smoothed
-from iprt.footage.video.depth_code import DepthCode
+from iprt.footage.video.depth_code import DepthCode, DepthSamples
 from iprt.footage.video.mistaken_depth import require_no_picture
 from iprt.footage.video.poses import read_poses
 from iprt.footage.video.reader import open_streams
+from iprt.footage.video.stored_depth import StoredDepth
 from iprt.footage.video.table import VideoTable
 from iprt.footage.video.tracks import Tracks, depth_code, open_tracks
 
@@ -58,27 +60,6 @@ class RawFrame:
         return Frame(
             color, clean.depth, clean.opening, self.normal, index=self.index, pose=self.pose
         )
-
-
-@dataclass(frozen=True)
-class StoredDepth:
-    """Pixels of the pictures of depth.
-
-    Attributes
-    ----------
-    size : (int, int)
-        Width and height.
-    grid : Grid or None
-        The coarse texels that they repeat.
-    """
-
-    size: tuple[int, int]
-    grid: Grid | None
-
-    @classmethod
-    def of(cls, depth: Picture) -> StoredDepth:
-        """By a picture of depth."""
-        return cls((depth.shape[1], depth.shape[0]), Grid.of(depth))
 
 
 class FrameSource:
@@ -205,17 +186,23 @@ class FrameSource:
     @cached_property
     def stored_depth(self) -> StoredDepth | None:
         """How depth is stored, by the first frame wherever reading begins; None: it has none."""
+        first = self.indices[0]
         try:
             with open_streams() as streams:
-                depth = self._tracks.by_key["depth"].reader(streams)(self.indices[0])
+                samples = self._tracks.by_key["depth"].reader(streams)(first)
+            return StoredDepth.of(self.files(first)["depth"], samples, self.code)
         except FormatError:
             return None
-        return StoredDepth.of(depth)
 
-    def first_depth(self, depth: Picture) -> None:
-        """Take the depth (h, w) of the first frame, which need not be read for `stored_depth`."""
+    def first_depth(self, samples: DepthSamples) -> None:
+        """Take the depth of the first frame, which need not be read for `stored_depth`."""
         if "stored_depth" not in vars(self):
-            self.stored_depth = StoredDepth.of(depth)
+            path = self.files(self.indices[0])["depth"]
+            self.stored_depth = StoredDepth.of(path, samples, self.code)
+
+    def doubts(self) -> list[str]:
+        """What is guessed and what is doubtful of depth as stored; one line each."""
+        return [] if self.stored_depth is None else list(self.stored_depth.doubts)
 
     @cached_property
     def size(self) -> tuple[int, int]:
@@ -239,7 +226,7 @@ class FrameReader:
     """Reads frames of a source, whose files it holds open."""
 
     def __init__(
-        self, source: FrameSource, readers: dict[str, Callable[[int], Picture]], yaw_deg: float
+        self, source: FrameSource, readers: dict[str, Callable[[int], Any]], yaw_deg: float
     ) -> None:
         self._source, self._readers, self._yaw_deg = source, readers, yaw_deg
 
@@ -256,7 +243,7 @@ class FrameReader:
             A damaged or missing file, not 2:1 or of another size than the first frame, or without
             a single usable value.
         """
-        color = self._readers["color"](index)
+        color: Picture = self._readers["color"](index)
         path = self._source.files(index)["color"]
         height, width = color.shape[:2]
         if width != 2 * height:
@@ -278,10 +265,13 @@ class FrameReader:
             usable value, or, of the first frame, depth that is a picture.
         """
         files = self._source.files(index)
-        depth = self._readers["depth"](index)
+        samples: DepthSamples = self._readers["depth"](index)
         if index == self._source.indices[0]:
-            self._source.first_depth(depth)
-        full = self._full_depth(files["depth"], depth)
+            self._source.first_depth(samples)
+        code = self._source.code
+        stored = self._source.stored_depth or StoredDepth.of(files["depth"], samples, code)
+        depth = stored.metres(files["depth"], samples, code)
+        full = self._full_depth(files["depth"], depth, stored)
         _require_any(
             files["depth"],
             np.isfinite(depth) & (depth > 0.0),
@@ -294,27 +284,27 @@ class FrameReader:
             require_unit(files["normal"], normal)
         turned = turned_geometry(full, normal, self._yaw_deg)
         if index == self._source.indices[0]:
-            require_no_picture(files["depth"], turned[0], color, self._source.code)
+            require_no_picture(files["depth"], turned[0], color, code)
         return RawFrame(color, *turned, index, self.pose(index))
 
     def pose(self, index: int) -> NDArray[np.float64] | None:
         """As `FrameSource.pose`."""
         return self._source.pose(index)
 
-    def _full_depth(self, path: Path, depth: Picture) -> Picture:
+    def _full_depth(self, path: Path, depth: Picture, stored: StoredDepth) -> Picture:
         """Depth at the size of colour."""
-        stored, size = self._source.stored_depth, self._source.size
+        size = self._source.size
         columns, rows = own = depth.shape[1], depth.shape[0]
         if columns != 2 * rows or rows > size[1]:
             raise FormatError(
                 f"{path}: {_by(own)} pixels, but colour has {_by(size)}; depth needs the same "
                 "size, or a smaller one twice as wide as high"
             )
-        if stored is not None and own != stored.size:
+        if own != stored.size:
             raise FormatError(
                 f"{path}: {_by(own)} pixels, but the first frame has {_by(stored.size)}"
             )
-        return at_full_size(depth, None if stored is None else stored.grid, *size)
+        return at_full_size(depth, stored.grid, *size)
 
     def _require_size(self, path: Path, picture: Picture, other: str) -> None:
         size, own = self._source.size, (picture.shape[1], picture.shape[0])
