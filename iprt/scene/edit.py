@@ -5,6 +5,7 @@ from __future__ import annotations
 import fcntl
 import filecmp
 import json
+import logging
 import os
 import re
 import shutil
@@ -39,6 +40,7 @@ from iprt.scene.sources import (
     require_sources,
 )
 
+LOG = logging.getLogger("iprt.scene")
 VIEW_SIZE = (1024, 768)
 
 
@@ -98,6 +100,18 @@ def new_scene(
     # Pictures in regular steps become frames one after the other.
     there = source.indices if is_video else numbers
     frames = None if is_video else (numbers[0], numbers[0] + len(numbers) - 1)
+    if numbers.step > 1:
+        LOG.info(
+            "%s: its numbers from %d to %d in steps of %d become frames %d to %d",
+            *(
+                color,
+                numbers[0],
+                numbers[-1],
+                numbers.step,
+                numbers[0],
+                len(there) - 1 + numbers[0],
+            ),
+        )
     for path in sources.values():
         named_files = (frame_path(Path(), str(path), number) for number in there)
         require_frames(path, list(dict.fromkeys(named_files)))
@@ -276,8 +290,8 @@ def _manifest_text(
     if code.kind != "distance":
         video["depth_kind"] = code.kind
     if code.marks is not None:
-        video.update({"depth_invalid": list(code.marks.invalid)} if code.marks.invalid else {})
-        video["depth_sky"] = list(code.marks.sky)
+        for key, values in (("invalid", code.marks.invalid), ("sky", code.marks.sky)):
+            video[f"depth_{key}"] = [int(v) if v == v // 1 < 2**53 else v for v in values]
     if frames is not None:
         video.update({"frames": list(frames), "fps": 30.0})
     document["video"] = video

@@ -64,6 +64,15 @@ def test_scenes_are_likely_and_their_inverse_is_not(folder: Path) -> None:
     assert warning.startswith("seems to be stored as 1 / depth")
 
 
+def test_a_place_wider_than_any_is_warned_of() -> None:
+    depth = room()
+    far = np.random.default_rng(2).uniform(1e8, 1e9, depth.shape)
+    depth[::4, ::3] = far[::4, ::3]
+    (warning,) = of(depth).warnings()
+    assert " km wide; a stored value that means no surface may be read as depth" in warning
+    assert "depth_sky (--sky)" in warning
+
+
 def test_round_places_are_not_inverted() -> None:
     w = directions(128, 64)
     ball = w @ [0.0, 0.0, -2.0]

@@ -119,10 +119,10 @@ class DepthCode:
         Raises
         ------
         FormatError
-            See `require_range`.
+            `ends` are given for floats that go beyond 1: metres, mostly.
         """
         masks = marks.masks(samples.values)
-        self.require_range(path, samples.values, masks)
+        self._require_range(path, samples, masks)
         metres = self.metres(samples.values, samples.black, samples.white)
         if masks and metres is samples.values:
             metres = metres.copy()  # a picture may be kept for all frames
@@ -130,16 +130,15 @@ class DepthCode:
             metres[mask] = shown
         return metres
 
-    def require_range(
-        self, path: Path, stored: NDArray[Any], masks: list[tuple[NDArray[np.bool_], float]]
+    def _require_range(
+        self, path: Path, samples: DepthSamples, masks: list[tuple[NDArray[np.bool_], float]]
     ) -> None:
-        """Raise FormatError where `ends` are given for floats that go beyond 1: metres, mostly."""
-        if self.ends is None or stored.dtype.kind != "f":
+        if self.ends is None or samples.bits:
             return
-        there = np.isfinite(stored)
+        there = np.isfinite(samples.values)
         for mask, _ in masks:
             there &= ~mask
-        most = float(np.max(stored, initial=0.0, where=there))
+        most = float(np.max(samples.values, initial=0.0, where=there))
         if most > MAX_WHITE:
             raise FormatError(
                 f"{path}: stores floats up to {most:.4g}, but a depth range (depth_range) is for "
