@@ -105,7 +105,7 @@ def _explained(direction: Float, distance: Float, there: Mask) -> tuple[float, f
         Directions that count.
     """
     known = there & np.isfinite(distance) & (distance > 0.0)
-    if np.count_nonzero(known) < CANDIDATES:
+    if np.count_nonzero(known[REACH:-REACH]) < CANDIDATES:
         return 0.0, 0.0
     inverse = np.zeros_like(distance)
     np.divide(1.0, distance, out=inverse, where=known)

@@ -85,6 +85,7 @@ def test_what_has_no_planes_is_distance() -> None:
         dome,
         np.exp(rng.normal(0.0, 1.0, up.shape)),
         np.zeros(up.shape),
+        np.where(np.abs(up) > 0.997, 3.0, 0.0),
         np.full((2, 4), 3.0),
         np.full(up.shape, np.nan),
     ):
