@@ -12,6 +12,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from iprt.footage.coarse_depth import usable
 from iprt.geometry.camera import equirect_direction
 
 Float = NDArray[np.float64]
@@ -58,7 +59,8 @@ def likely_reading(depth: NDArray[np.float32], *, is_cube: bool = False) -> Read
     row, column = np.meshgrid(
         np.arange(step // 2, height, step), np.arange(step // 2, width, step), indexing="ij"
     )
-    stored = depth[row, column].astype(np.float64)
+    chosen = depth[row, column]
+    stored = np.where(usable(chosen), chosen, np.float32(0.0)).astype(np.float64)
     direction = equirect_direction(np.stack([column, row], axis=-1) + 0.5, width, height)
     part, ahead = np.abs(direction).max(axis=-1), np.abs(direction[..., 2])
     shares: dict[Reading, float] = {}
@@ -71,7 +73,7 @@ def likely_reading(depth: NDArray[np.float32], *, is_cube: bool = False) -> Read
             "twice": stored * part if is_cube else np.zeros_like(stored),
         }
         # Of every reading, what is there by all of them, so that shares can be compared.
-        there = np.isfinite(stored) & (stored > 0.0)
+        there = stored > 0.0
         for reading, distance in distances.items():
             shares[reading], beyond = _explained(direction, distance, there)
             if reading == "cube" and beyond < BEYOND_FACE:
@@ -87,9 +89,9 @@ def _falls_beside(stored: Float, ahead: Float) -> Mask:
     Parameters
     ----------
     stored, ahead : (h, w) float64
-        Depth, and the part of each direction along the axis.
+        Depth, 0 where there is none, and the part of each direction along the axis.
     """
-    there = np.isfinite(stored) & (stored > 0.0)
+    there = stored > 0.0
     beside = there & (ahead < BESIDE)
     small = beside.any() and np.median(stored[beside]) < LESS * np.median(stored[there])
     return (ahead > LEAST_ALONG) & bool(small)
