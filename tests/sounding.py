@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from fractions import Fraction
 from pathlib import Path
-from typing import Any
 
 import av
 import numpy as np
@@ -18,9 +17,7 @@ CLICKS = (0.3, 0.8, 1.3)
 WIDTH, HEIGHT = 64, 32
 
 
-def click_samples(
-    clicks: Sequence[float], seconds: float, rate: int = RATE
-) -> NDArray[np.float32]:
+def click_samples(clicks: Sequence[float], seconds: float, rate: int = RATE) -> NDArray[np.float32]:
     """(seconds * rate,) float32: silence, and a burst of 2 kHz at each of the moments."""
     time = np.arange(round(seconds * rate)) / rate
     samples = np.zeros_like(time)
@@ -44,9 +41,10 @@ def write_sounding(
     ends: float | None = None,
     layout: str = "stereo",
     rate: int = RATE,
-    **said: Any,
 ) -> Path:
     """A file of pictures and of a stream of sound for each codec, AAC if there is none.
+
+    Of several streams, each lacks one more of the first clicks.
 
     Parameters
     ----------
@@ -54,21 +52,16 @@ def write_sounding(
         Moments in seconds, of frames.
     begins, ends : float
         Seconds from and to which there is sound.
-    **said
-        Attributes of the last stream of sound.
     """
     with av.open(str(path), "w") as container:
         pictures = container.add_stream("libx264", rate=FPS)
         pictures.width, pictures.height, pictures.pix_fmt = WIDTH, HEIGHT, "yuv420p"
         packets = []
-        sounds = []
-        for codec in codecs or ("aac",):
-            sounds.append(container.add_stream(codec, rate=rate, layout=layout))
-        for name, value in said.items():
-            setattr(sounds[-1], name, value)
+        sounds = [
+            container.add_stream(codec, rate=rate, layout=layout) for codec in codecs or ("aac",)
+        ]
         for number, stream in enumerate(sounds):
-            own = clicks[number:] if len(sounds) > 1 else clicks
-            samples = click_samples(own, ends or seconds, rate)[round(begins * rate) :]
+            samples = click_samples(clicks[number:], ends or seconds, rate)[round(begins * rate) :]
             channels = np.tile(samples, (stream.layout.nb_channels, 1))
             heard = av.AudioFrame.from_ndarray(channels, "fltp", layout)
             heard.sample_rate, heard.time_base = rate, Fraction(1, rate)
@@ -89,7 +82,9 @@ def write_sounding(
 def flashes(path: Path) -> list[float]:
     """Seconds at which a file's pictures become bright."""
     with av.open(str(path)) as container:
-        shown = [(frame.time, frame.to_ndarray()[0, 0] > 100) for frame in container.decode(video=0)]
+        shown = [
+            (frame.time, frame.to_ndarray()[0, 0] > 100) for frame in container.decode(video=0)
+        ]
     before = [False, *(bright for _, bright in shown)]
     return [time for (time, bright), was in zip(shown, before, strict=False) if bright and not was]
 
@@ -105,7 +100,7 @@ def clicks_in(path: Path) -> list[float]:
             samples = np.concatenate([p.to_ndarray() for p in resampler.resample(frame)], axis=1)
             loud += list(begins + np.flatnonzero(np.abs(samples[0]) > 0.3) / frame.sample_rate)
     gaps = np.diff(loud, prepend=-1.0)
-    return [float(time) for time, gap in zip(loud, gaps, strict=True) if gap > 0.1]
+    return [float(time) for time, gap in zip(loud, gaps, strict=True) if gap > 0.05]
 
 
 def sound_bytes(path: Path) -> list[bytes]:

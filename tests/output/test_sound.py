@@ -93,8 +93,8 @@ def test_packets_are_copied_to_their_pictures(suffix: str, frames: range, tmp_pa
     require_together(path, clicks)
     require_length(path, len(frames) * frames.step / FPS)
     copied, there = sound_bytes(path), sound_bytes(source)
-    first = there.index(copied[0])
-    assert copied == there[first : first + len(copied)]
+    count = len(copied)
+    assert copied in [there[first : first + count] for first in range(len(there) - count + 1)]
     if frames is WHOLE and suffix != ".mkv":
         assert copied == there
     assert {each.name for each in tmp_path.glob("film*")} == {path.name}
@@ -166,9 +166,7 @@ def av_seconds(path: Path) -> float:
         return float(container.duration / av.time_base)
 
 
-def test_a_film_beyond_the_sound_has_none(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_film_beyond_the_sound_has_none(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     source = write_sounding(tmp_path / "source.mp4", ends=0.5)
     assert sound_codecs(film(source, frames=range(15, 30))) == []
     assert not caplog.messages
@@ -187,7 +185,6 @@ def test_a_video_without_sound_stays_silent(
 def test_of_several_streams_the_default_is_kept(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """The second lacks the first click, and the third the second too."""
     caplog.set_level("INFO", "iprt")
     source = write_sounding(tmp_path / "source.mkv", "aac", "flac", "aac")
     with av.open(str(source)) as container:
@@ -298,8 +295,7 @@ def test_damage_is_silence_and_no_shift(tmp_path: Path) -> None:
     for packet in packets[place - 1 : place + 2]:
         data = data.replace(packet, b"\xff" * len(packet))
     source.write_bytes(data)
-    heard = clicks_in(film(source))
-    assert np.allclose(heard, (0.3, 1.3), atol=TOLERANCE_S)
+    assert clicks_in(film(source)) == pytest.approx([0.3, 1.3], abs=TOLERANCE_S)
 
 
 @pytest.mark.parametrize("suffix", FORMATS)
@@ -324,7 +320,7 @@ def test_sound_that_cannot_be_decoded_is_left_out(
     for packet in sound_bytes(source):
         data = data.replace(packet, b"\xff" * len(packet))
     source.write_bytes(data)
-    assert sound_codecs(film(source)) == []
+    assert sound_codecs(film(source, ".mov")) == []
     (line,) = caplog.messages
     assert line == f"{source}: its sound is damaged; the film is written without sound"
 
@@ -363,7 +359,9 @@ def test_missing_encoders_would_be_seen() -> None:
 
 def grown(path: Path, source: Path | None, stop: int | None = None) -> Movie:
     """A film of the cut, or as far as a render came that was stopped after so many frames."""
-    sound = None if source is None else Sound(source, Fraction(CUT[0], FPS), Fraction(len(CUT), FPS))
+    sound = (
+        None if source is None else Sound(source, Fraction(CUT[0], FPS), Fraction(len(CUT), FPS))
+    )
     rate = Fraction(FPS)
     movie = Movie(path, CUT, metadata(), codec="h264", rate=rate, exposure=1.0, sound=sound)
     for index in movie.missing()[:stop]:
