@@ -41,8 +41,8 @@ COMMON_RATE = 48_000
 """Samples a second where the encoder does not take the source's."""
 BEFORE_S = Fraction(8, 100)
 """Seconds of sound that decoders need to hear before the first sample they get right: Opus most."""
-LONGEST_S = Fraction(5, 100)
-"""Packets of sound that are longer cannot be cut well enough."""
+LONGEST_S = {"mp4": Fraction(1, 8), "mov": Fraction(1, 8), "matroska": Fraction(1, 20)}
+"""Container -> how long packets may be: films end between two, and Matroska's begin there, too."""
 JITTER_S = Fraction(1, 100)
 """Decoded samples that are off by no more follow those before them without a gap."""
 
@@ -127,7 +127,7 @@ def sound_packets(container: Any, kind: str, sound: Sound) -> Iterator[Any]:
             return
         packets = chain([first], packets)
         length = (first.duration or 0) * time_base(stream)
-        if length <= LONGEST_S and _takes(container, kind, stream.codec_context):
+        if length <= LONGEST_S[kind] and _takes(container, kind, stream.codec_context):
             track = container.add_stream_from_template(stream)
             yield from _copied(packets, stream, track, sound, kind)
         else:
@@ -169,7 +169,7 @@ def _packets(source: Any, stream: Any, sound: Sound) -> Iterator[Any]:
 def _copied(
     packets: Iterable[Any], stream: Any, track: Any, sound: Sound, kind: str
 ) -> Iterator[Any]:
-    """The packets at the film's times.
+    """The packets at the film's times, without a last one of which most is heard after it.
 
     MP4 and QuickTime files say from where on a track is heard, so what decoders need comes before
     that; a Matroska file begins with its first packet, which therefore is the first of the film.
@@ -182,10 +182,11 @@ def _copied(
         last = -1 - ceil(Fraction(context.delay, context.sample_rate) / base)
     for packet in packets:
         begin = stamp_of(packet) - shift  # type: ignore[operator]  # none without one
-        if last is not None and begin <= last:
+        duration = packet.duration or 0
+        if (last is not None and begin <= last) or 2 * begin + duration > 2 * end:
             continue
         packet.pts = packet.dts = last = begin
-        packet.duration = min(packet.duration or 0, end - begin)
+        packet.duration = min(duration, end - begin)
         packet.stream = track
         yield packet
 
@@ -244,6 +245,8 @@ def _samples(packets: Iterable[Any], track: Any, sound: Sound) -> Iterator[NDArr
         begin = round((frame.pts * frame.time_base - sound.start) * rate)
         named = _named(frame, track.layout)
         parts = [each.to_ndarray() for each in resampler.resample(named)]
+        if not parts:
+            continue
         samples = np.concatenate(parts, axis=1, dtype=np.float32)
         gap = begin - done
         if done and abs(gap) <= JITTER_S * rate:

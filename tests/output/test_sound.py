@@ -76,12 +76,12 @@ def require_together(path: Path, clicks: int = len(CLICKS)) -> None:
     assert np.abs(np.subtract(shown, heard)).max() < TOLERANCE_S, (shown, heard)
 
 
-def require_length(path: Path, seconds: float) -> None:
-    """Neither pictures nor sound go on for longer than a packet of sound."""
+def require_length(path: Path, seconds: float, late: float = 0.022) -> None:
+    """Pictures end with the film, and sound no more than so many seconds later."""
     with av.open(str(path)) as container:
         ends = [frame.time + frame.samples / frame.rate for frame in container.decode(audio=0)]
         assert abs(container.duration / av.time_base - seconds) < 0.01
-    assert max(ends) < seconds + 0.03
+    assert max(ends) < seconds + late
 
 
 @pytest.mark.parametrize("frames", [WHOLE, CUT, STEPS], ids=["whole", "cut", "steps"])
@@ -91,7 +91,7 @@ def test_packets_are_copied_to_their_pictures(suffix: str, frames: range, tmp_pa
     path = film(source, suffix, frames)
     clicks = 2 if frames is CUT else 3
     require_together(path, clicks)
-    require_length(path, len(frames) * frames.step / FPS)
+    require_length(path, len(frames) * frames.step / FPS, 0.55 * 1024 / 48_000)
     copied, there = sound_bytes(path), sound_bytes(source)
     count = len(copied)
     assert copied in [there[first : first + count] for first in range(len(there) - count + 1)]
@@ -110,7 +110,8 @@ def test_packets_are_copied_to_their_pictures(suffix: str, frames: range, tmp_pa
         ("a.mov", "pcm_s16le", ".mp4", "aac"),
         ("a.mov", "pcm_s16le", ".mov", "pcm_s16le"),
         ("a.avi", "pcm_s16le", ".mp4", "aac"),
-        ("a.mkv", "flac", ".mp4", "aac"),
+        ("a.mkv", "flac", ".mp4", "flac"),
+        ("a.mkv", "flac", ".mov", "aac"),
         ("a.mkv", "flac", ".mkv", "flac"),
     ],
 )
@@ -122,7 +123,8 @@ def test_codecs_that_a_container_does_not_take_are_others(
         path = film(tmp_path / source, suffix, frames)
         assert sound_codecs(path) == [expected]
         require_together(path, clicks)
-        require_length(path, len(frames) * frames.step / FPS)
+        late = 0.05 if (suffix, expected) == (".mp4", "flac") else 0.022
+        require_length(path, len(frames) * frames.step / FPS, late)
 
 
 @pytest.mark.parametrize("codec", ["aac", "libopus"])
@@ -304,7 +306,7 @@ def test_damage_is_silence_and_no_shift(tmp_path: Path) -> None:
     for packet in packets[place - 1 : place + 2]:
         data = data.replace(packet, b"\xff" * len(packet))
     source.write_bytes(data)
-    assert clicks_in(film(source)) == pytest.approx([0.3, 1.3], abs=TOLERANCE_S)
+    assert clicks_in(film(source, ".mov")) == pytest.approx([0.3, 1.3], abs=TOLERANCE_S)
 
 
 @pytest.mark.parametrize("suffix", FORMATS)
