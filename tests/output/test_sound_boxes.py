@@ -1,4 +1,4 @@
-"""Boxes of films with sound: those of a panorama on its pictures, those of ambisonics on its sound."""
+"""Boxes of films with sound: a panorama's with the pictures, those of ambisonics with the sound."""
 
 from __future__ import annotations
 
