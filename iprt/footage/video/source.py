@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from fractions import Fraction
 from functools import cached_property
 from itertools import islice
 from pathlib import Path
@@ -25,7 +26,7 @@ from iprt.footage.video.poses import read_poses
 from iprt.footage.video.reader import open_streams
 from iprt.footage.video.stored_depth import StoredDepth
 from iprt.footage.video.table import VideoTable
-from iprt.footage.video.tracks import Tracks, depth_code, open_tracks
+from iprt.footage.video.tracks import StreamTrack, Tracks, depth_code, open_tracks
 
 Picture = NDArray[np.float32]
 MAX_MISSING = 10_000
@@ -123,6 +124,14 @@ class FrameSource:
     def files(self, index: int) -> dict[str, Path]:
         """The files of a frame by their key: color, depth, and normal where there are any."""
         return {key: track.file(index) for key, track in self._tracks.by_key.items()}
+
+    def moment(self, index: int) -> tuple[Path, Fraction] | None:
+        """The video file that shows a frame's colour, and when, in seconds on the file's clock.
+
+        None: colour is in pictures.
+        """
+        track = self._tracks.by_key["color"]
+        return (track.file(index), track.moment(index)) if isinstance(track, StreamTrack) else None
 
     @cached_property
     def _missing(self) -> dict[str, str]:

@@ -84,6 +84,10 @@ class StreamTrack(Track[Item]):
     def file(self, _: int) -> Path:
         return self._info.path
 
+    def moment(self, index: int) -> Fraction:
+        """When a frame is shown, in seconds on the file's clock."""
+        return self._zero + self._clock.time(index)
+
     def size(self) -> tuple[int, int]:
         return self._info.width, self._rows.stop - self._rows.start
 
@@ -94,7 +98,7 @@ class StreamTrack(Track[Item]):
         info, stream = self._info, streams(self._info)
 
         def read(index: int) -> Item:
-            frame = stream.at(self._zero + self._clock.time(index))
+            frame = stream.at(self.moment(index))
             if (frame.width, frame.height) != (info.width, info.height):
                 raise FormatError(
                     f"{info.path}: {frame.width} x {frame.height} pixels in frame {index}, but its "
