@@ -22,7 +22,7 @@ def first_look(folder: Path) -> list[str]:
     raw = scene.raw_frame()
     place = Surroundings.of(raw.depth)
     lines = [] if place is None else [f"place: {place.line()}"]
-    lines += [f"note: {line}" for line in scene.source.interpolation()]
+    lines += [f"note: {line}" for line in scene.source.remarks()]
     return lines + [f"warning: {phrase}" for phrase in unlikely(raw)]
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator
 from functools import cache, partial
 from pathlib import Path
@@ -11,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import FormatError
-from iprt.files.images import FLOAT_KINDS, file_kind, picture_size, read_color, read_depth
+from iprt.files.images import Header, read_color, read_depth, read_header
+from iprt.files.kinds import file_kind
 from iprt.files.path_safety import require_inside
 from iprt.files.problems import FRAME_PATTERN
 from iprt.files.untrusted import is_file
@@ -76,11 +76,8 @@ class PictureTrack:
             return [f"video.{self.key}: {error}"]
         return []
 
-    def size(self) -> tuple[int, int]:
-        return picture_size(self.file(self._indices[0]))
-
-    def white(self) -> float:
-        return math.inf if file_kind(self.file(self._indices[0])) in FLOAT_KINDS else 1.0
+    def header(self) -> Header:
+        return read_header(self.file(self._indices[0]))
 
     def reader(self, _: Streams) -> Callable[[int], Picture]:
         if FRAME_PATTERN.search(self._pattern):
@@ -105,8 +102,8 @@ class ColorPictures(PictureTrack):
         super().__init__("color", pattern, root, indices, within, read)
         self._layer = layer
 
-    def size(self) -> tuple[int, int]:
-        return picture_size(self.file(self._indices[0]), self._layer)
+    def header(self) -> Header:
+        return read_header(self.file(self._indices[0]), self._layer)
 
 
 class DepthPictures(PictureTrack):
@@ -144,10 +141,10 @@ class DepthPictures(PictureTrack):
         return problems
 
     def _metres(self, path: Path) -> Picture:
-        depth, integers = read_depth(path, self._layer)
-        if integers and not self._code.is_known:
+        depth, bits = read_depth(path, self._layer)
+        if bits and not self._code.is_known:
             raise FormatError(f"{path}: {unit_problem(path.name)}")
-        if not integers:
+        if not bits:
             self._code.require_range(path, depth)
-        white = 1.0 if not integers else 65535.0 if file_kind(path) == "png" else 2.0**32 - 1.0
+        white = 2.0**bits - 1.0 if bits else 1.0
         return self._code.metres(depth, 0.0, white)

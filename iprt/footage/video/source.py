@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -13,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import FormatError
+from iprt.files.images import Header
 from iprt.files.path_safety import require_inside
 from iprt.footage.coarse_depth import Grid, at_full_size
 from iprt.footage.depth import sanitise_color, sanitise_depth
@@ -20,8 +22,9 @@ from iprt.footage.frame import Frame
 from iprt.footage.noisy_depth import smoothed
 from iprt.footage.video.depth_code import DepthCode
 from iprt.footage.video.mistaken_depth import require_no_picture
+from iprt.footage.video.placement import Placement, placement_of, shape_problem
 from iprt.footage.video.poses import read_poses
-from iprt.footage.video.reader import open_streams
+from iprt.footage.video.reader import Streams, open_streams
 from iprt.footage.video.table import VideoTable
 from iprt.footage.video.tracks import Tracks, depth_code, open_tracks
 
@@ -137,7 +140,9 @@ class FrameSource:
     def white(self) -> float:
         """Radiance from which on colour is clipped; infinite where it never is."""
         given = self._video.white
-        return self._tracks.by_key["color"].white() if given is None else given
+        if given is not None:
+            return given
+        return 1.0 if self._header.has_end else math.inf
 
     def files(self, index: int) -> dict[str, Path]:
         """The files of a frame by their key: color, depth, and normal where there are any."""
@@ -189,6 +194,19 @@ class FrameSource:
         """Disagreements of the streams, and how they are resolved; one line each."""
         return self._tracks.disagreements
 
+    def remarks(self) -> list[str]:
+        """What is not read of colour, how much of the sphere it covers, and `interpolation`."""
+        path, placement = self.files(self.indices[0])["color"], self.placement
+        lines = []
+        if self._header.unread:
+            lines.append(f"video.color: {path.name} {self._header.unread}")
+        if placement is not None and placement.known < 0.99999:
+            lines.append(
+                f"video.color: {path.name} covers {100 * placement.known:.3g}% of the sphere; the "
+                "rest is unknown: black, without a surface, and gives no light"
+            )
+        return lines + self.interpolation()
+
     def interpolation(self) -> list[str]:
         """At most one line: that depth has fewer values than colour, and what is done about it."""
         stored = self.stored_depth
@@ -207,7 +225,7 @@ class FrameSource:
         """How depth is stored, by the first frame wherever reading begins; None: it has none."""
         try:
             with open_streams() as streams:
-                depth = self._tracks.by_key["depth"].reader(streams)(self.indices[0])
+                depth = self._readers(streams)["depth"](self.indices[0])
         except FormatError:
             return None
         return StoredDepth.of(depth)
@@ -219,15 +237,49 @@ class FrameSource:
 
     @cached_property
     def size(self) -> tuple[int, int]:
-        """Width and height of the first colour picture, from its header."""
-        return self._tracks.by_key["color"].size()
+        """Width and height of the panorama, from the header of the first colour picture."""
+        header, placement = self._header, self.placement
+        return (header.width, header.height) if placement is None else placement.size
+
+    @cached_property
+    def _header(self) -> Header:
+        return self._tracks.by_key["color"].header()
+
+    @cached_property
+    def placement(self) -> Placement | None:
+        """Where colour as stored lies in the sphere; None: it is all of it."""
+        header, path = self._header, self.files(self.indices[0])["color"]
+        size = header.width, header.height
+        return placement_of(path, size, self._video.eye, self._video.fit, header.crop)
+
+    def _readers(self, streams: Streams) -> dict[str, Callable[[int], Picture]]:
+        """Functions that read the pictures of a frame by their key, as they lie in the sphere."""
+        tracks = self._tracks.by_key
+        return {key: self._placing(key, track.reader(streams)) for key, track in tracks.items()}
+
+    def _placing(self, key: str, read: Callable[[int], Picture]) -> Callable[[int], Picture]:
+        def placed(index: int) -> Picture:
+            picture, placement = read(index), self.placement
+            if placement is None:
+                return picture
+            own = picture.shape[1], picture.shape[0]
+            if key == "color":
+                if own != placement.stored:
+                    raise FormatError(
+                        f"{self.files(index)[key]}: {_by(own)} pixels, but the first frame has "
+                        f"{_by(placement.stored)}"
+                    )
+                return placement.color(picture)
+            alike = placement.alike(*own)
+            return picture if alike is None else alike.nearest(picture)
+
+        return placed
 
     @contextmanager
     def reading(self) -> Iterator[FrameReader]:
         """A reader of frames, quickest in order. Not for several threads at a time."""
         with open_streams() as streams:
-            readers = {key: track.reader(streams) for key, track in self._tracks.by_key.items()}
-            yield FrameReader(self, readers, self._video.yaw_offset_deg)
+            yield FrameReader(self, self._readers(streams), self._video.yaw_offset_deg)
 
     def read(self, index: int) -> RawFrame:
         """Read one frame; see `FrameReader`."""
@@ -260,9 +312,7 @@ class FrameReader:
         path = self._source.files(index)["color"]
         height, width = color.shape[:2]
         if width != 2 * height:
-            raise FormatError(
-                f"{path}: {width} x {height} pixels; an equirect panorama is twice as wide as high"
-            )
+            raise FormatError(f"{path}: {shape_problem(color)}")
         self._require_size(path, color, "the first frame")
         _require_any(path, np.isfinite(color), "colour is NaN or infinite everywhere")
         return turned_color(color, self._yaw_deg)
