@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import FormatError
-from iprt.files.untrusted import MAX_PIXELS, decoding, open_file, read_bytes, require_picture_size
+from iprt.files.untrusted import MAX_PIXELS, decoding, open_file, require_picture_size
 
 if TYPE_CHECKING:
     import av
@@ -23,15 +23,19 @@ _HDR_SIZE = re.compile(rb"\n\n([-+])([XY]) (\d{1,6}) ([-+])([XY]) (\d{1,6})\n")
 _HEADER_BYTES = 2**16
 
 
-def decoded_by_ffmpeg(path: Path, codec: str) -> NDArray[Any]:
+def decoded_by_ffmpeg(path: Path, codec: str, data: bytes) -> NDArray[Any]:
     """Return (H, W, 3) of a picture as stored: uint16 or float32; grey is repeated.
 
     FFmpeg unpacks texts of PNG of any size: Pillow has to have read that before, which does not.
 
     Parameters
     ----------
+    path : Path
+        Names the file in errors.
     codec : str
         FFmpeg's name of the decoder: png, tiff or hdr.
+    data : bytes
+        The file's.
 
     Raises
     ------
@@ -44,7 +48,7 @@ def decoded_by_ffmpeg(path: Path, codec: str) -> NDArray[Any]:
         try:
             context = cast("av.VideoCodecContext", av.CodecContext.create(codec, "r"))
             context.options = {"err_detect": "crccheck+explode", "max_pixels": str(MAX_PIXELS)}
-            (frame,) = context.decode(av.Packet(read_bytes(path)))
+            (frame,) = context.decode(av.Packet(data))
         except av.FFmpegError as error:
             raise FormatError(f"{path}: {DAMAGED} ({error.strerror})") from error
         return _samples(frame)

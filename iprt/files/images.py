@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
+from shlex import quote
 from typing import Any
 
 import numpy as np
@@ -22,7 +23,7 @@ from iprt.files.kinds import file_kind, require_sdr
 from iprt.files.numpy_depth import read_numpy
 from iprt.files.orientation import TURNED, orientation_of, upright
 from iprt.files.pfm import read_pfm
-from iprt.files.tiff import TiffTags, read_tags
+from iprt.files.tiff import TiffTags, read_tags, with_tags_of_pixels
 from iprt.files.untrusted import decoding, read_bytes, require_picture_size
 from iprt.files.xmp import Crop, gpano_crop, xmp_of
 
@@ -91,14 +92,14 @@ def read_color(path: Path, layer: str | None = None) -> Image2D:
         )
     if kind == "hdr":
         hdr_size(path)
-        color: Image2D = decoded_by_ffmpeg(path, "hdr")
+        color: Image2D = decoded_by_ffmpeg(path, "hdr", read_bytes(path))
         return color
     if kind == "tiff":
         return _tiff_color(path)
     image = _open_pillow(path, kind)
     is_16_bit = kind == "png" and _is_16_bit(image)
     coded = _decoded(path, image, "RGB")
-    color = decode_srgb(decoded_by_ffmpeg(path, "png") if is_16_bit else coded)
+    color = decode_srgb(decoded_by_ffmpeg(path, "png", read_bytes(path)) if is_16_bit else coded)
     if kind == "jpeg" and names_gain_map(image) and (gain := read_gain_map(path)):
         gain.brighten(color)
     return np.ascontiguousarray(upright(color, orientation_of(image)))
@@ -107,7 +108,8 @@ def read_color(path: Path, layer: str | None = None) -> Image2D:
 def _tiff_color(path: Path) -> Image2D:
     tags = read_tags(path)
     if tags.is_deep:
-        deep = upright(decoded_by_ffmpeg(path, "tiff"), tags.orientation)
+        deep = decoded_by_ffmpeg(path, "tiff", with_tags_of_pixels(path))
+        deep = upright(deep, tags.orientation)
         return np.ascontiguousarray(deep if tags.is_float else decode_srgb(deep))
     image = _open_pillow(path, "tiff")
     if tags.bits <= 8:
@@ -150,6 +152,8 @@ def read_depth(path: Path, layer: str | None = None) -> tuple[Image2D, int]:
         raise FormatError(f"{path}: a picture in colours; {exr.NO_DEPTH}")
     if kind == "tiff":
         tags = read_tags(path)
+        if tags.is_deep:
+            raise FormatError(f"{path}: a picture in colours; {exr.NO_DEPTH}")
         if tags.channels == 1 and tags.bits > 8:
             return _with_bits(_tiff_grey(path, _open_pillow(path, kind), tags))
     image = _open_pillow(path, kind)
@@ -252,13 +256,15 @@ def _open_pillow(path: Path, kind: str) -> Image.Image:
     if kind == "heic" or (kind == "avif" and not features.check("avif")):
         raise FormatError(
             f"{path}: {kind.upper()} is not read; convert it, for example by "
-            f"heif-convert {path.name} {path.stem}.png"
+            f"heif-convert {quote(path.name)} {quote(path.stem + '.png')}"
         )
     if kind not in _PILLOW_FORMATS:
         raise FormatError(f"{path}: {_DEPTH_ONLY.get(kind, kind.upper())} is no picture in colours")
     if kind == "avif":
         require_sdr(path)
-    return open_picture(path, path, (_PILLOW_FORMATS[kind],))
+    # Pillow maps raw TIFF by its file's name, and then confuses rows and columns of what is turned.
+    source = BytesIO(read_bytes(path)) if kind == "tiff" else path
+    return open_picture(source, path, (_PILLOW_FORMATS[kind],))
 
 
 def open_picture(
@@ -302,6 +308,7 @@ def texture_pixels(image: Image.Image, path: Path) -> NDArray[np.uint8]:
 def _decoded(path: Path, image: Image.Image, mode: str | None = None) -> NDArray[Any]:
     """The pixels of a picture, converted to one of Pillow's modes."""
     with _quiet(), decoding(path, DAMAGED):
+        image.load()  # TIFF knows its size upright from then on
         return np.asarray(image if mode in (None, image.mode) else image.convert(mode))
 
 
