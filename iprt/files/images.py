@@ -25,7 +25,7 @@ from iprt.files.orientation import TURNED, orientation_of, upright
 from iprt.files.pfm import read_pfm
 from iprt.files.tiff import TiffTags, read_tags, with_tags_of_pixels
 from iprt.files.untrusted import decoding, read_bytes, require_picture_size
-from iprt.files.xmp import Crop, gpano_crop, xmp_of
+from iprt.files.xmp import xmp_of
 
 Image2D = NDArray[np.float32]
 _DEPTH_ONLY = {"pfm": "PFM", "npy": "NumPy's .npy", "npz": "NumPy's .npz"}
@@ -53,8 +53,8 @@ class Header:
         Upright, as `read_color` returns it.
     has_end : bool
         Whether its values end at 1, where light is clipped.
-    crop : Crop or None
-        The part of a panorama that GPano says it is; None: all of it, or nothing is said.
+    xmp : str
+        Its XMP; see `gpano_crop`.
     unread : str
         What the file holds of the picture and is not read; empty if nothing.
     """
@@ -62,7 +62,7 @@ class Header:
     width: int
     height: int
     has_end: bool = True
-    crop: Crop | None = None
+    xmp: str = ""
     unread: str = ""
 
 
@@ -194,7 +194,7 @@ def read_header(path: Path, layer: str | None = None) -> Header:
     Raises
     ------
     FormatError
-        As `read_color`; also of what GPano says.
+        As `read_color`.
     """
     kind = file_kind(path)
     if kind == "exr":
@@ -205,7 +205,7 @@ def read_header(path: Path, layer: str | None = None) -> Header:
         tags = read_tags(path)
         is_turned = tags.orientation in TURNED
         size = (tags.height, tags.width) if is_turned else (tags.width, tags.height)
-        return Header(*size, not tags.is_float, gpano_crop(path, tags.xmp, *size))
+        return Header(*size, not tags.is_float, tags.xmp)
     image = _open_pillow(path, kind)
     size = (image.width, image.height)
     size = size[::-1] if orientation_of(image) in TURNED else size
@@ -213,7 +213,7 @@ def read_header(path: Path, layer: str | None = None) -> Header:
     if names_gain_map(image):
         has_end = kind != "jpeg" or read_gain_map(path) is None
         unread = NO_GAIN_MAP if has_end else ""
-    return Header(*size, has_end, gpano_crop(path, xmp_of(image), *size), unread)
+    return Header(*size, has_end, xmp_of(image), unread)
 
 
 def picture_size(path: Path) -> tuple[int, int]:
@@ -308,7 +308,6 @@ def texture_pixels(image: Image.Image, path: Path) -> NDArray[np.uint8]:
 def _decoded(path: Path, image: Image.Image, mode: str | None = None) -> NDArray[Any]:
     """The pixels of a picture, converted to one of Pillow's modes."""
     with _quiet(), decoding(path, DAMAGED):
-        image.load()  # TIFF knows its size upright from then on
         return np.asarray(image if mode in (None, image.mode) else image.convert(mode))
 
 

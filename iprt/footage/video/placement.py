@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from iprt.errors import FormatError
 from iprt.files.untrusted import require_picture_size
-from iprt.files.xmp import Crop
+from iprt.files.xmp import gpano_crop
 
 Picture = NDArray[np.float32]
 Scalar = TypeVar("Scalar", bound=np.generic)
@@ -58,10 +58,11 @@ class Placement:
     def alike(self, width: int, height: int) -> Placement | None:
         """Return the placement of depth or normals of a size; None: they are whole panoramas.
 
-        Such as have the shape of stored colour are taken to lie as it does.
+        Such as have the shape of colour as stored, and no more pixels, are taken to lie as it does.
         """
         own = self.stored
-        if (width, height) == self.size or abs(width * own[1] - height * own[0]) > max(own):
+        is_alike = abs(width * own[1] - height * own[0]) <= max(own) and width <= own[0]
+        if (width, height) == self.size or not is_alike:
             return None
         rows = max(1, round(self.size[1] * width / own[0]))
         edges = self.left, self.top, self.right, self.bottom
@@ -151,7 +152,7 @@ def _between(picture: Picture, at: NDArray[np.float64], axis: int) -> Picture:
 
 
 def placement_of(
-    path: Path, size: tuple[int, int], eye: Eye | None, fit: Fit | None, crop: Crop | None
+    path: Path, size: tuple[int, int], eye: Eye | None, fit: Fit | None, xmp: str
 ) -> Placement | None:
     """Return where pictures lie in the sphere; None where nothing says so: they are all of it.
 
@@ -165,21 +166,23 @@ def placement_of(
         Half to take: above and below, or side by side, by the shape.
     fit : "stretch", "pad", "crop" or None
         How a picture of another shape than 2:1 covers the sphere; see `_fitted`.
-    crop : Crop or None
-        What the file says of that. `eye` and `fit` override it.
+    xmp : str
+        What the file says of itself; of GPano, `eye` and `fit` override it.
 
     Raises
     ------
     FormatError
-        There are no two eyes, or the panorama would be larger than is read.
+        There are no two eyes, the panorama would be larger than is read, or as `gpano_crop`.
     """
-    if eye is None and fit is None and crop is None:
+    is_chosen = eye is not None or fit is not None
+    crop = None if is_chosen else gpano_crop(path, xmp, *size)
+    if not is_chosen and crop is None:
         return None
     own, across, down = size, 1, 1
     if eye is not None:
         across, down = _halves(path, size)
         own = size[0] // across, size[1] // down
-    if eye is None and fit is None and crop is not None:
+    if crop is not None:
         rows = max(1, round(crop.full[0] / 2.0))
         placed = Placement(size, (2 * rows, rows), crop.left, crop.top, crop.right, crop.bottom)
     elif fit is not None:

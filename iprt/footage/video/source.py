@@ -250,7 +250,7 @@ class FrameSource:
         """Where colour as stored lies in the sphere; None: it is all of it."""
         header, path = self._header, self.files(self.indices[0])["color"]
         size = header.width, header.height
-        return placement_of(path, size, self._video.eye, self._video.fit, header.crop)
+        return placement_of(path, size, self._video.eye, self._video.fit, header.xmp)
 
     def _readers(self, streams: Streams) -> dict[str, Callable[[int], Picture]]:
         """Functions that read the pictures of a frame by their key, as they lie in the sphere."""
