@@ -58,11 +58,13 @@ class Placement:
     def alike(self, width: int, height: int) -> Placement | None:
         """Return the placement of depth or normals of a size; None: they are whole panoramas.
 
-        Such as have the shape of colour as stored, and no more pixels, are taken to lie as it does.
+        Such as have the shape of colour as stored, and no more pixels, lie as it does; but what is
+        2:1 is a crop only if colour is 2:1 as stored, too.
         """
         own = self.stored
-        is_alike = abs(width * own[1] - height * own[0]) <= max(own) and width <= own[0]
-        if (width, height) == self.size or not is_alike:
+        is_alike = abs(width * own[1] - height * own[0]) < own[0] and width <= own[0]
+        is_whole = width == 2 * height and own[0] != 2 * own[1]
+        if (width, height) == self.size or is_whole or not is_alike:
             return None
         rows = max(1, round(self.size[1] * width / own[0]))
         edges = self.left, self.top, self.right, self.bottom
