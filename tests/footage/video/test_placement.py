@@ -176,10 +176,11 @@ def test_a_stretched_sphere_is_resampled(height: int, folder: Path) -> None:
     write_channels(Path("d.exr"), Z=distance(WIDTH, height))
     raw = made("--color", "c.exr", "--depth", "d.exr", "--fit", "stretch")
     assert raw.color.shape == (HEIGHT, WIDTH, 3)
-    # Between rows of the picture it is interpolated: by a curve's height over its chord.
-    assert np.abs(raw.color - sight()).max() < 0.4 * (np.pi / height) ** 2 / 8 + 0.4 * 0.02
-    inner = slice(2, -2)
-    assert np.abs(raw.color - sight())[inner].max() < 2e-4
+    # Linear interpolation is off by a curve's height over its chord; beyond the last row's middle,
+    # next to the poles, that row stays.
+    error = np.abs(raw.color - sight())
+    assert error[2:-2].max() <= 0.4 * (np.pi / height) ** 2 / 8 + 1e-6
+    assert error.max() <= 0.4 * np.pi / height / 2
     # Depth is some row's own, never a mix; and that of the nearest row.
     at = np.clip(np.floor((np.arange(HEIGHT) + 0.5) / HEIGHT * height).astype(int), 0, height - 1)
     assert np.array_equal(raw.depth, distance(WIDTH, height)[at])
