@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pydantic import Field, ValidationError
 
 from iprt.errors import FormatError, SceneError
-from iprt.files.images import FLOAT_KINDS, file_kind, read_color, read_depth
+from iprt.files.images import read_color, read_depth, read_header
 from iprt.files.path_safety import stays_inside
 from iprt.files.problems import describe, problems_error
 from iprt.files.table import FARTHEST, Factor, FramePath, RelativePath, Table
@@ -149,7 +149,7 @@ class RgbdSequence:
             )
         scale = self.camera.depth_scale or (TUM_STEP_M if bits else 1.0)
         there = np.isfinite(depth) & (depth > 0.0) & np.isfinite(color).all(axis=-1)
-        limited = file_kind(shot.color) not in FLOAT_KINDS
+        limited = read_header(shot.color).has_end
         clipped = (color.max(axis=-1) >= NEARLY_WHITE) & limited
         color = np.maximum(np.nan_to_num(color, posinf=0.0, neginf=0.0), 0.0)
         metres = np.where(there, depth, 0.0) * scale

@@ -62,7 +62,7 @@ def info(
     if thumbnail is not None:
         write_thumbnail(thumbnail, opened, frame)
     plan = render_plan(opened, frame)
-    notices = opened.source.notices() + opened.source.interpolation()
+    notices = opened.source.notices() + opened.source.remarks()
     if json:
         import json as json_format
 
@@ -115,7 +115,7 @@ def check(
     made_up += report.unlikely
     for line in made_up:
         print(f"warning: {line}")
-    for line in opened.source.interpolation():
+    for line in opened.source.remarks():
         print(f"note: {line}")
     lost = 1.0 - float(np.isfinite(raw.color).all(axis=-1).mean())
     if lost > 0.0:
@@ -166,6 +166,8 @@ def new(
     normal: Path | None = None,
     color_layer: str | None = None,
     depth_layer: str | None = None,
+    eye: Literal["left", "right"] | None = None,
+    fit: Literal["stretch", "pad", "crop"] | None = None,
     list_layers: bool = False,
 ) -> int:
     """Make a scene folder from a panorama and its depth, or from a video with depth.
@@ -175,12 +177,12 @@ def new(
     folder
         Folder to make.
     color
-        360° picture: EXR, PNG or JPEG, twice as wide as high; for video a pattern such as
-        color.%04d.png, or a video file.
+        360° picture: EXR, PNG, JPEG, WebP, AVIF, TIFF or HDR, twice as wide as high; for video a
+        pattern such as color.%04d.png, or a video file.
     depth
-        Its depth: EXR, PFM or grey PNG of the same size or smaller, or a video file of 16-bit grey.
-        Default: in the same file as colour: a layer of EXR, a second stream, or below colour
-        in each picture.
+        Its depth: EXR, PFM, NumPy, or grey PNG or TIFF of the same size or smaller, or a video
+        file of 16-bit grey. Default: in the same file as colour: a layer of EXR, a second stream,
+        or below colour in each picture.
     depth_scale
         Metres per stored unit; 0.001 for millimetres. PNG and video need it or depth_range.
     depth_range
@@ -203,6 +205,11 @@ def new(
         Layer of an EXR file that is the picture. Default: by the layers' names.
     depth_layer
         Layer of an EXR file that is depth. Default: by the layers' names.
+    eye
+        Half to take of a stereo picture: left is the upper one, or the left of two side by side.
+    fit
+        How a picture that is not twice as wide as high covers the sphere: stretch takes it for all
+        of it, pad takes rows for missing at top and bottom, crop cuts such rows off, as black bars.
     list_layers
         Print the layers of the files and stop; no folder is made.
 
@@ -242,7 +249,15 @@ def new(
     encoding = depth_encoding or "linear"
     code = DepthCode(depth_scale, depth_range, encoding, depth_kind, marks)
     frames = new_scene(
-        folder, color, depth, code, normal, color_layer=color_layer, depth_layer=depth_layer
+        folder,
+        color,
+        depth,
+        code,
+        normal,
+        color_layer=color_layer,
+        depth_layer=depth_layer,
+        eye=eye,
+        fit=fit,
     )
     with reporting(f"{folder} has been made all the same"):
         print("\n".join(first_look(folder)))

@@ -21,7 +21,7 @@ def first_look(folder: Path) -> list[str]:
     raw = scene.raw_frame()
     place = surroundings_of(scene, raw)
     lines = [] if place is None else [f"place: {place.line()}"]
-    lines += [f"note: {line}" for line in scene.source.interpolation()]
+    lines += [f"note: {line}" for line in scene.source.remarks()]
     return lines + [f"warning: {phrase}" for phrase in unlikely(scene, raw, place)]
 
 

@@ -17,7 +17,10 @@ from iprt.files.toml_text import printable
 FRAME_PATTERN = re.compile(r"%(0\d)?d")
 """The printf conversions that a frame's number may take: %d, %04d."""
 
-PICTURE_SUFFIXES = (".exr", ".png", ".jpg", ".jpeg", ".pfm")
+PICTURE_SUFFIXES = (
+    *(".exr", ".png", ".jpg", ".jpeg", ".webp", ".avif", ".heic", ".heif", ".tif", ".tiff"),
+    *(".hdr", ".pfm", ".npy", ".npz"),
+)
 
 TABLE_LISTS = ("objects", "real_materials", "views")
 """Keys that hold lists of named tables."""

@@ -27,6 +27,7 @@ from iprt.files.termination import undisturbed
 from iprt.files.untrusted import is_file
 from iprt.footage.video.container import is_container
 from iprt.footage.video.depth_code import DepthCode
+from iprt.footage.video.placement import Eye, Fit
 from iprt.footage.video.sequence import frame_path
 from iprt.footage.video.source import FrameSource
 from iprt.footage.video.table import VideoTable
@@ -53,6 +54,8 @@ def new_scene(
     *,
     color_layer: str | None = None,
     depth_layer: str | None = None,
+    eye: Eye | None = None,
+    fit: Fit | None = None,
 ) -> int:
     """Make a scene folder with copies of the pictures and a scene.toml.
 
@@ -69,6 +72,8 @@ def new_scene(
         By default, layers of `color` are taken that are normals by name and agree with depth.
     color_layer, depth_layer : str or None
         Layers of EXR files, where their names do not tell.
+    eye, fit
+        Which half of stereo pictures, and how pictures that are not 2:1 cover the sphere.
 
     Returns
     -------
@@ -94,9 +99,9 @@ def new_scene(
         sources["depth"] = depth = color
     if depth is not None and not code.is_known:
         _require_floats(frame_path(Path(), str(depth), numbers[0]), depth_layer)
-    named_layers = {"color_layer": color_layer, "depth_layer": depth_layer}
-    layers = {key: layer for key, layer in named_layers.items() if layer is not None}
-    source = _source_of(sources, layers, code, None if is_video else (numbers[0], numbers[-1]))
+    choices = {"color_layer": color_layer, "depth_layer": depth_layer, "eye": eye, "fit": fit}
+    chosen = {key: choice for key, choice in choices.items() if choice is not None}
+    source = _source_of(sources, chosen, code, None if is_video else (numbers[0], numbers[-1]))
     # Pictures in regular steps become frames one after the other.
     there = source.indices if is_video else numbers
     frames = None if is_video else (numbers[0], numbers[0] + len(numbers) - 1)
@@ -128,7 +133,7 @@ def new_scene(
     }
     copies = {target: file for target, file in copies.items() if is_file(file)}
     name = re.sub(r"[/\\\n]", "-", folder.resolve().name) or "scene"
-    text = _manifest_text(name, names | layers, code, frames)
+    text = _manifest_text(name, names | chosen, code, frames)
     parse_manifest(text, str(folder / MANIFEST_NAME))
     with copied(copies), replacing(folder / MANIFEST_NAME) as temporary:
         temporary.write_text(text, encoding="utf-8")
@@ -146,14 +151,14 @@ def _require_floats(depth: Path, layer: str | None) -> None:
 
 def _source_of(
     sources: Mapping[str, Path],
-    layers: Mapping[str, str],
+    chosen: Mapping[str, str],
     code: DepthCode,
     frames: tuple[int, int] | None,
 ) -> FrameSource:
     """Return the source of the frames that a new scene is to have, from where its files lie."""
     entries: dict[str, Any] = {
         **{key: str(path) for key, path in sources.items()},
-        **layers,
+        **chosen,
         "depth_scale": code.scale,
         "depth_range": None if code.ends is None else list(code.ends),
         "depth_encoding": code.encoding,
@@ -275,7 +280,7 @@ def matrix_text(to_world: NDArray[np.float64]) -> str:
 def _manifest_text(
     name: str, files: dict[str, str], code: DepthCode, frames: tuple[int, int] | None
 ) -> str:
-    """Return a manifest: `files` and layers by key; a video file tells its frames and rate."""
+    """Return a manifest: `files` and choices by key; a video file tells its frames and rate."""
     document = tomlkit.document()
     document.update({"format": 1, "name": name, "exposure": 1.0})
     document["exposure"].comment("display = sRGB of exposure times radiance")

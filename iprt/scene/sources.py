@@ -11,7 +11,8 @@ from pathlib import Path
 from iprt.errors import FormatError, SceneError
 from iprt.files.exr import exr_layers, layer_lines
 from iprt.files.exr_layers import named_depth
-from iprt.files.images import file_kind, read_normal
+from iprt.files.images import read_normal
+from iprt.files.kinds import file_kind
 from iprt.files.problems import FRAME_PATTERN, PICTURE_SUFFIXES
 from iprt.files.toml_text import printable
 from iprt.files.untrusted import is_file

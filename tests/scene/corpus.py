@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from iprt.errors import FormatError, IprtError
-from iprt.files.images import read_color, read_depth
+from iprt.files.images import read_color, read_depth, read_header
 from iprt.footage.surroundings import Surroundings
 from iprt.footage.video.color import linear_color
 from iprt.footage.video.container import video_streams
@@ -100,6 +100,7 @@ def read_video(path: Path) -> None:
 READERS: dict[Reader, Callable[[Path], object]] = {
     "color": read_color_plane,
     "depth": read_depth_plane,
+    "header": read_header,
     "mesh": read_mesh,
     "manifest": lambda path: Scene.open(path.parent),
     "scene": read_scene,

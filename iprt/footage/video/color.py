@@ -23,7 +23,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import FormatError
-from iprt.files.exr import NO_DEPTH
 from iprt.files.images import decode_srgb
 from iprt.files.primaries import D65, REC709, to_rec709
 from iprt.footage.video.planes import Layout, Samples, layout, planes
@@ -41,9 +40,6 @@ _PQ, _HLG, _LINEAR = 16, 18, 8
 _BT1886 = (1, 6, 7, 11, 14, 15)
 _GAMMAS = {4: 2.2, 5: 2.8}
 _SRGB = 13
-HUE, HUES = 0.05, 0.1
-"""Difference of chroma from grey, over all its codes, that shows; and share of depth's pixels that
-show one where it is a picture in colours."""
 BAND = 64
 """Rows that are converted at a time, to stay in the processor's cache."""
 
@@ -172,7 +168,7 @@ def luma(frame: av.VideoFrame, rows: slice, path: Path) -> tuple[Samples, float,
     Raises
     ------
     FormatError
-        The pixel format has no luma, or the rows show colours.
+        The pixel format has no luma.
     """
     how = layout(frame.format.name)
     if how is None or how.kind == "rgb":
@@ -180,12 +176,7 @@ def luma(frame: av.VideoFrame, rows: slice, path: Path) -> tuple[Samples, float,
             f"{path}: its pixel format, {frame.format.name}, holds no depth; depth needs grey, "
             "such as gray16le"
         )
-    stored, *chroma = planes(frame, rows)
-    grey, least = 2.0 ** (how.bits - 1), HUE * 2.0**how.bits
-    hues = [np.abs(plane[::8, ::8].astype(np.float32) - grey) > least for plane in chroma]
-    if any(hue.mean() > HUES for hue in hues):
-        raise FormatError(f"{path}: its depth is a picture in colours; {NO_DEPTH}")
-    return stored, *_limits(how, _is_full(frame, how))
+    return planes(frame, rows)[0], *_limits(how, _is_full(frame, how))
 
 
 def _is_full(frame: av.VideoFrame, how: Layout) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from iprt.errors import FormatError
 from iprt.footage.openings import UNMEASURED
+from iprt.footage.video.placement import Placement
 
 Picture = NDArray[np.float32]
 
@@ -39,6 +40,15 @@ class DepthSamples:
     white: float
     bits: int
     exact: bool
+
+    def placed(self, placement: Placement) -> DepthSamples:
+        """Return these as they lie in the sphere, if they do as colour; see `Placement.alike`."""
+        alike = placement.alike(self.values.shape[1], self.values.shape[0])
+        if alike is None:
+            return self
+        # Of no value that `DepthMarks` may name: around a crop is no hole in a surface.
+        values = self.values.astype(np.float32, copy=False)
+        return replace(self, values=alike.nearest(values, unknown=-np.inf))
 
 
 @dataclass(frozen=True)

@@ -178,7 +178,7 @@ def steady_frames(
     stages = tuple(stages)
     for line in source.disagreements() + source.doubts():
         LOG.warning(line)
-    for line in source.interpolation():
+    for line in source.remarks():
         LOG.info(line)
     with source.reading() as reader:
         steady = SteadyReader(reader, source.indices[0], strict=strict)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator
 from functools import cache, partial
 from pathlib import Path
@@ -12,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import FormatError
-from iprt.files.images import FLOAT_KINDS, file_kind, picture_size, read_color, read_depth
+from iprt.files.images import Header, read_color, read_depth, read_header
+from iprt.files.kinds import file_kind
 from iprt.files.path_safety import require_inside
 from iprt.files.problems import FRAME_PATTERN
 from iprt.files.untrusted import is_file
@@ -21,6 +21,8 @@ from iprt.footage.video.reader import Streams
 
 Picture = NDArray[np.float32]
 Item = TypeVar("Item")
+LOSSY = ("jpeg", "webp", "avif")
+"""Kinds of pictures whose values may differ from those written."""
 
 
 def frame_path(root: Path, pattern: str, index: int) -> Path:
@@ -78,11 +80,8 @@ class PictureTrack(Generic[Item]):
             return [f"video.{self.key}: {error}"]
         return []
 
-    def size(self) -> tuple[int, int]:
-        return picture_size(self.file(self._indices[0]))
-
-    def white(self) -> float:
-        return math.inf if file_kind(self.file(self._indices[0])) in FLOAT_KINDS else 1.0
+    def header(self) -> Header:
+        return read_header(self.file(self._indices[0]))
 
     def reader(self, _: Streams) -> Callable[[int], Item]:
         if FRAME_PATTERN.search(self._pattern):
@@ -107,8 +106,8 @@ class ColorPictures(PictureTrack[Picture]):
         super().__init__("color", pattern, root, indices, within, read)
         self._layer = layer
 
-    def size(self) -> tuple[int, int]:
-        return picture_size(self.file(self._indices[0]), self._layer)
+    def header(self) -> Header:
+        return read_header(self.file(self._indices[0]), self._layer)
 
 
 class DepthPictures(PictureTrack[DepthSamples]):
@@ -139,7 +138,7 @@ class DepthPictures(PictureTrack[DepthSamples]):
         if not self._code.is_known and not problems:
             first = self.file(self._indices[0])
             try:
-                if file_kind(first) in ("png", "jpeg"):
+                if file_kind(first) in ("png", *LOSSY):
                     problems.append(unit_problem(first.name))
             except FormatError as error:
                 problems.append(f"video.{self.key}: {error}")
@@ -150,4 +149,4 @@ class DepthPictures(PictureTrack[DepthSamples]):
         if bits and not self._code.is_known:
             raise FormatError(f"{path}: {unit_problem(path.name)}")
         white = 2.0**bits - 1.0 if bits else 1.0
-        return DepthSamples(depth, 0.0, white, bits, exact=file_kind(path) != "jpeg")
+        return DepthSamples(depth, 0.0, white, bits, exact=file_kind(path) not in LOSSY)

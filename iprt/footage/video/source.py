@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -15,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import FormatError
+from iprt.files.images import Header
 from iprt.files.path_safety import require_inside
 from iprt.footage.coarse_depth import at_full_size
 from iprt.footage.depth import sanitise_color, sanitise_depth
@@ -22,11 +24,13 @@ from iprt.footage.frame import Frame
 from iprt.footage.noisy_depth import smoothed
 from iprt.footage.video.depth_code import DepthCode, DepthSamples
 from iprt.footage.video.mistaken_depth import require_no_picture
+from iprt.footage.video.placement import Placement, placement_of, shape_problem
 from iprt.footage.video.poses import read_poses
-from iprt.footage.video.reader import open_streams
+from iprt.footage.video.reader import Streams, open_streams
 from iprt.footage.video.stored_depth import StoredDepth
 from iprt.footage.video.table import VideoTable
 from iprt.footage.video.tracks import StreamTrack, Tracks, depth_code, open_tracks
+from iprt.footage.video.turning import turned_color, turned_geometry
 
 Picture = NDArray[np.float32]
 MAX_MISSING = 10_000
@@ -119,7 +123,9 @@ class FrameSource:
     def white(self) -> float:
         """Radiance from which on colour is clipped; infinite where it never is."""
         given = self._video.white
-        return self._tracks.by_key["color"].white() if given is None else given
+        if given is not None:
+            return given
+        return 1.0 if self._header.has_end else math.inf
 
     def files(self, index: int) -> dict[str, Path]:
         """The files of a frame by their key: color, depth, and normal where there are any."""
@@ -179,6 +185,19 @@ class FrameSource:
         """Disagreements of the streams, and how they are resolved; one line each."""
         return self._tracks.disagreements
 
+    def remarks(self) -> list[str]:
+        """What is not read of colour, how much of the sphere it covers, and `interpolation`."""
+        path, placement = self.files(self.indices[0])["color"], self.placement
+        lines = []
+        if self._header.unread:
+            lines.append(f"video.color: {path.name} {self._header.unread}")
+        if placement is not None and placement.known < 0.99999:
+            lines.append(
+                f"video.color: {path.name} covers {100 * placement.known:.3g}% of the sphere; the "
+                "rest is unknown: black, without a surface, and gives no light"
+            )
+        return lines + self.interpolation()
+
     def interpolation(self) -> list[str]:
         """At most one line: that depth has fewer values than colour, and what is done about it."""
         stored = self.stored_depth
@@ -198,7 +217,7 @@ class FrameSource:
         first = self.indices[0]
         try:
             with open_streams() as streams:
-                samples = self._tracks.by_key["depth"].reader(streams)(first)
+                samples = self._readers(streams)["depth"](first)
             return StoredDepth.of(self.files(first)["depth"], samples, self.code)
         except FormatError:
             return None
@@ -215,15 +234,51 @@ class FrameSource:
 
     @cached_property
     def size(self) -> tuple[int, int]:
-        """Width and height of the first colour picture, from its header."""
-        return self._tracks.by_key["color"].size()
+        """Width and height of the panorama, from the header of the first colour picture."""
+        header, placement = self._header, self.placement
+        return (header.width, header.height) if placement is None else placement.size
+
+    @cached_property
+    def _header(self) -> Header:
+        return self._tracks.by_key["color"].header()
+
+    @cached_property
+    def placement(self) -> Placement | None:
+        """Where colour as stored lies in the sphere; None: it is all of it."""
+        header, path = self._header, self.files(self.indices[0])["color"]
+        size = header.width, header.height
+        return placement_of(path, size, self._video.eye, self._video.fit, header.xmp)
+
+    def _readers(self, streams: Streams) -> dict[str, Callable[[int], Any]]:
+        """Functions that read the pictures of a frame by their key, as they lie in the sphere."""
+        tracks = self._tracks.by_key
+        return {key: self._placing(key, track.reader(streams)) for key, track in tracks.items()}
+
+    def _placing(self, key: str, read: Callable[[int], Any]) -> Callable[[int], Any]:
+        def placed(index: int) -> Any:
+            picture, placement = read(index), self.placement
+            if placement is None:
+                return picture
+            if key == "depth":
+                return picture.placed(placement)
+            own = picture.shape[1], picture.shape[0]
+            if key == "normal":
+                alike = placement.alike(*own)
+                return picture if alike is None else alike.nearest(picture)
+            if own != placement.stored:
+                raise FormatError(
+                    f"{self.files(index)[key]}: {_by(own)} pixels, but the first frame has "
+                    f"{_by(placement.stored)}"
+                )
+            return placement.color(picture)
+
+        return placed
 
     @contextmanager
     def reading(self) -> Iterator[FrameReader]:
         """A reader of frames, quickest in order. Not for several threads at a time."""
         with open_streams() as streams:
-            readers = {key: track.reader(streams) for key, track in self._tracks.by_key.items()}
-            yield FrameReader(self, readers, self._video.yaw_offset_deg)
+            yield FrameReader(self, self._readers(streams), self._video.yaw_offset_deg)
 
     def read(self, index: int) -> RawFrame:
         """Read one frame; see `FrameReader`."""
@@ -256,9 +311,7 @@ class FrameReader:
         path = self._source.files(index)["color"]
         height, width = color.shape[:2]
         if width != 2 * height:
-            raise FormatError(
-                f"{path}: {width} x {height} pixels; an equirect panorama is twice as wide as high"
-            )
+            raise FormatError(f"{path}: {shape_problem(color)}")
         self._require_size(path, color, "the first frame")
         _require_any(path, np.isfinite(color), "colour is NaN or infinite everywhere")
         return turned_color(color, self._yaw_deg)
@@ -323,39 +376,6 @@ class FrameReader:
 
 def _by(size: tuple[int, int]) -> str:
     return f"{size[0]} x {size[1]}"
-
-
-def turned_color(color: Picture, yaw_deg: float) -> Picture:
-    """Turn the world to the right, towards +X: what lay at azimuth a comes to a + yaw.
-
-    Colour is interpolated between columns.
-    """
-    columns = yaw_deg / 360.0 * color.shape[1]
-    whole = int(np.floor(columns))
-    part = np.float32(columns - whole)
-    if whole % color.shape[1]:
-        color = np.roll(color, whole, axis=1)
-    if part > 1e-4:
-        color = (1 - part) * color + part * np.roll(color, 1, axis=1)
-    return color
-
-
-def turned_geometry(
-    depth: Picture, normal: Picture | None, yaw_deg: float
-) -> tuple[Picture, Picture | None]:
-    """As `turned_color`, but from the nearest column, because depth and normals jump at edges.
-
-    Normals turn with the world.
-    """
-    nearest = int(np.floor(yaw_deg / 360.0 * depth.shape[1] + 0.5))
-    if yaw_deg == 0.0:
-        return depth, normal
-    if normal is not None and yaw_deg % 360.0 != 0.0:
-        angle = np.deg2rad(yaw_deg)
-        cos, sin = np.float32(np.cos(angle)), np.float32(np.sin(angle))
-        x, y, z = np.moveaxis(np.roll(normal, nearest, axis=1), -1, 0)
-        normal = np.stack([cos * x - sin * z, y, sin * x + cos * z], axis=-1)
-    return np.roll(depth, nearest, axis=1), normal
 
 
 def _require_any(path: Path, usable: NDArray[np.bool_], problem: str) -> None:

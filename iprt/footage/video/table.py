@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field
 
 from iprt.files.table import Degrees, Factor, FrameNumber, FramePath, RelativePath, Table
+from iprt.footage.video.placement import Eye, Fit
 
 
 def _differ(values: list[float]) -> list[float]:
@@ -33,6 +34,9 @@ class VideoTable(Table):
     `white` is the linear radiance from which on the camera's colour is clipped, `inf` for never. By
     default it is 1 for integers, and floats and HDR video never are.
 
+    `eye` takes one half of stereo pictures, and `fit` says how pictures that are not twice as wide
+    as high cover the sphere; see `placement_of`.
+
     `gloss` is "auto" where glossy surfaces are looked for in the first frame, and "declared" where
     they are those of `[[real_materials]]` only.
     """
@@ -49,6 +53,8 @@ class VideoTable(Table):
     depth_kind: Literal["distance", "cube"] = "distance"
     depth_invalid: Marks | None = None
     depth_sky: Marks | None = None
+    eye: Eye | None = None
+    fit: Fit | None = None
     normal: FramePath | None = None
     poses: RelativePath | None = None
     white: Annotated[float, Field(gt=0.0, allow_inf_nan=True)] | None = None

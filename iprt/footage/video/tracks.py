@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
@@ -13,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import FormatError
-from iprt.files.images import read_normal
+from iprt.files.images import Header, read_normal
 from iprt.files.path_safety import require_inside
 from iprt.files.table import LAST_FRAME
 from iprt.files.untrusted import is_file
@@ -21,6 +20,7 @@ from iprt.footage.video.clock import Clock, disagreements, frame_count
 from iprt.footage.video.color import has_highlights, linear_color, luma
 from iprt.footage.video.container import StreamInfo, is_container, video_streams
 from iprt.footage.video.depth_code import DepthCode, DepthMarks, DepthSamples, unit_problem
+from iprt.footage.video.mistaken_depth import grey_at_first
 from iprt.footage.video.planes import layout
 from iprt.footage.video.reader import Streams
 from iprt.footage.video.sequence import ColorPictures, DepthPictures, PictureTrack
@@ -49,11 +49,8 @@ class Track(Protocol[Shown]):
         """Reasons why existing files cannot be read; a line with its key each."""
         return []
 
-    def size(self) -> tuple[int, int]:
-        """Width and height of the first picture, from its header."""
-
-    def white(self) -> float:
-        """Radiance at which its colours end, by its kind; infinite where they do not."""
+    def header(self) -> Header:
+        """What its first picture says of itself."""
 
     def reader(self, streams: Streams) -> Callable[[int], Shown]:
         """A function that reads the picture of a frame; quickest in order."""
@@ -88,11 +85,9 @@ class StreamTrack(Track[Item]):
         """When a frame is shown, in seconds on the file's clock."""
         return self._zero + self._clock.time(index)
 
-    def size(self) -> tuple[int, int]:
-        return self._info.width, self._rows.stop - self._rows.start
-
-    def white(self) -> float:
-        return math.inf if has_highlights(self._info.pixels, self._info.transfer) else 1.0
+    def header(self) -> Header:
+        info, height = self._info, self._rows.stop - self._rows.start
+        return Header(info.width, height, not has_highlights(info.pixels, info.transfer))
 
     def reader(self, streams: Streams) -> Callable[[int], Item]:
         info, stream = self._info, streams(self._info)
@@ -163,7 +158,7 @@ def open_tracks(root: Path, video: VideoTable, within: Path) -> Tracks:
         # Streams of one file share its clock; another file's starts where the video does.
         same = color is not None and color.path == depth.path
         zero = color.start if color is not None and same else depth.start
-        by_key["depth"] = StreamTrack(depth, zero, clock, rows, _depth_samples)
+        by_key["depth"] = StreamTrack(depth, zero, clock, rows, grey_at_first(_depth_samples))
     if video.normal is not None:
         by_key["normal"] = PictureTrack("normal", video.normal, *place, read_normal)
     notes = disagreements(clock, indices, color, None if packed else depth)
@@ -251,6 +246,11 @@ def _depth_stream(
         found = next((stream for stream in others if stream.is_deep_grey), None)
         if found is not None:
             return found
+        if video.eye is not None:
+            raise FormatError(
+                f"video.depth: {color.path} holds no second stream of 16-bit grey; with eye, which "
+                "takes one of two pictures in colours, name a file of depth"
+            )
         # Two panoramas one above the other make a square.
         if color.width == color.height and color.height % 4 == 0:
             return color

@@ -216,21 +216,27 @@ def test_the_first_frame_decides(
     assert len(caplog.records) == 1
 
 
-def test_depth_in_colours_below_a_picture_is_refused(tmp_path: Path) -> None:
-    rows, chroma = np.full((256, 256), 100, np.uint8), np.full((128, 128), 128, np.uint8)
+@pytest.mark.parametrize("is_below", [True, False])
+def test_depth_in_colours_is_refused(is_below: bool, tmp_path: Path) -> None:
+    height = 256 if is_below else 128
+    rows = np.full((height, 256), 100, np.uint8)
+    chroma = np.full((height // 2, 128), 128, np.uint8)
     grey = [rows, chroma, chroma]
     tinted = chroma.copy()
-    tinted[64:] = 90
+    tinted[-64:] = 90
+    Image.new("RGB", (256, 128), (90, 120, 60)).save(tmp_path / "c.png")
+    what = "the lower half of its pictures" if is_below else "its depth is a picture"
     for name, planes in (("grey", grey), ("jet", [rows, tinted, chroma])):
         write_video(tmp_path / f"{name}.mkv", Track("ffv1", "yuv420p", [planes]))
+        files = f'"{name}.mkv"' if is_below else f'"c.png"\ndepth = "{name}.mkv"'
         (tmp_path / "scene.toml").write_text(
-            f'format = 1\nname = "a"\n[video]\ncolor = "{name}.mkv"\ndepth_range = [1.0, 9.0]\n'
+            f'format = 1\nname = "a"\n[video]\ncolor = {files}\ndepth_range = [1.0, 9.0]\n'
         )
         scene = Scene.open(tmp_path)
         if name == "grey":
             scene.raw_frame()
             continue
-        with pytest.raises(FormatError, match="its depth is a picture in colours; false colours"):
+        with pytest.raises(FormatError, match=f"{what}.* in colours.* false colours cannot"):
             scene.raw_frame()
 
 
