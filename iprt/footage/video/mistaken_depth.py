@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import FormatError
-from iprt.files.exr import NO_DEPTH
 from iprt.footage.video.depth_code import MAX_WHITE, DepthCode
 from iprt.footage.video.planes import layout, planes
 
@@ -57,15 +56,12 @@ def _require_grey(frame: av.VideoFrame, rows: slice, path: Path) -> None:
     _, *chroma = planes(frame, rows)
     codes = 2.0**how.bits
     off = [np.abs(plane.astype(np.float32) - 0.5 * codes) / codes for plane in chroma]
-    if float((np.maximum(*off) > COLORED).mean()) <= SHARE:
-        return
-    if rows.start == 0:
-        raise FormatError(f"{path}: its depth is a picture in colours; {NO_DEPTH}")
-    raise FormatError(
-        f"{path}: the lower half of its pictures is in colours, and no depth; where the halves "
-        "are for two eyes, take one by --eye left (eye in [video]) and name a file of depth; "
-        "false colours cannot be read as depth"
-    )
+    if float((np.maximum(*off) > COLORED).mean()) > SHARE:
+        raise FormatError(
+            f"{path}: the lower half of its pictures is in colours, and no depth; where the halves "
+            "are for two eyes, take one by --eye left (eye in [video]) and name a file of depth; "
+            "false colours cannot be read as depth"
+        )
 
 
 def require_no_picture(path: Path, depth: Picture, color: Picture, code: DepthCode) -> None:

@@ -158,7 +158,8 @@ def open_tracks(root: Path, video: VideoTable, within: Path) -> Tracks:
         # Streams of one file share its clock; another file's starts where the video does.
         same = color is not None and color.path == depth.path
         zero = color.start if color is not None and same else depth.start
-        by_key["depth"] = StreamTrack(depth, zero, clock, rows, grey_at_first(_depth_samples))
+        decode = grey_at_first(_depth_samples) if packed else _depth_samples
+        by_key["depth"] = StreamTrack(depth, zero, clock, rows, decode)
     if video.normal is not None:
         by_key["normal"] = PictureTrack("normal", video.normal, *place, read_normal)
     notes = disagreements(clock, indices, color, None if packed else depth)

@@ -66,7 +66,7 @@ def require_placed(raw: RawFrame, depth: NDArray[np.float32]) -> None:
     there = np.zeros(depth.shape, np.float32)
     cropped(there)[:] = cropped(depth)
     assert np.array_equal(raw.color, color)
-    assert np.array_equal(raw.depth, there)
+    assert np.array_equal(np.maximum(raw.depth, 0.0), there)
 
 
 def test_a_crop_lies_where_gpano_says(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -98,6 +98,24 @@ def test_depth_of_a_crop_may_be_smaller_or_whole(folder: Path) -> None:
     assert np.allclose(inside, cropped(distance())[2:-2, 2:-2], rtol=0.1)
     cropped(depth)[:] = 0.0
     assert not (np.isfinite(depth) & (depth > 0)).any()
+
+
+def test_around_a_crop_is_no_hole_that_is_filled_in(folder: Path) -> None:
+    """Whatever value marks holes."""
+    xmp = gpano((ACROSS, DOWN), (LEFT, TOP), (WIDTH, HEIGHT))
+    write_tiff(Path("c.tif"), cropped(sight()), xmp=xmp)
+    millimetres = np.rint(1000 * cropped(distance())).astype(np.uint16)
+    hole = slice(20, 24), slice(40, 46)
+    millimetres[hole] = 0
+    write_png16_grey(Path("d.png"), millimetres)
+    words = ["--color", "c.tif", "--depth", "d.png", "--depth-scale", "0.001", "--invalid", "0"]
+    frame = made(*words).sanitised()
+    inside = cropped(np.arange(WIDTH * HEIGHT).reshape(HEIGHT, WIDTH))
+    outside = np.setdiff1d(np.arange(WIDTH * HEIGHT), inside)
+    assert np.isinf(frame.depth.flat[outside]).all()
+    found, right = cropped(frame.depth)[hole], cropped(distance())[hole]
+    assert np.allclose(found, right, rtol=0.1)
+    assert not frame.opening.any()
 
 
 def test_a_crop_that_was_scaled_keeps_its_place(folder: Path) -> None:
@@ -193,7 +211,7 @@ def test_missing_rows_are_unknown(above: int, below: int, folder: Path) -> None:
     write_rgb(Path("c.exr"), sight()[rows])
     write_channels(Path("d.exr"), Z=distance()[rows])
     raw = made("--color", "c.exr", "--depth", "d.exr", "--fit", "pad")
-    for found, whole in ((raw.color, sight()), (raw.depth, distance())):
+    for found, whole in ((raw.color, sight()), (np.maximum(raw.depth, 0.0), distance())):
         assert np.array_equal(found[rows], whole[rows])
         assert not found[:above].any()
         assert not found[HEIGHT - below :].any()
@@ -328,6 +346,7 @@ def test_a_lower_half_in_colours_is_no_depth(
     error = refused(capsys, *words)
     assert "lower half of its pictures is in colours, and no depth" in error
     assert "--eye left" in error
+    assert "false colours" in error
     write_video(Path("c.mkv"), Track(codec, "yuv420p", [stacked(above, grey)] * 3))
     assert cli.main(["scene", "new", "own", *words]) == 0
 

@@ -18,7 +18,7 @@ from iprt.footage.video.depth_code import DepthCode, DepthMarks, DepthSamples, c
 from iprt.footage.video.incidents import steady_frames
 from iprt.footage.video.stored_depth import StoredDepth, find_marks
 from iprt.scene.scene import Scene
-from tests.footage.video.encoding import Track, grey16, write_video
+from tests.footage.video.encoding import grey16, write_video
 from tests.scene.files import SHARED, box_room, directions, write_channels, write_png16_grey
 
 OWN = Path(__file__).resolve().parents[3] / "scenes360"
@@ -214,30 +214,6 @@ def test_the_first_frame_decides(
         list(steady_frames(scene.source, [0, 1], [], strict=True))
     assert [record.message for record in caplog.records] == scene.source.doubts()
     assert len(caplog.records) == 1
-
-
-@pytest.mark.parametrize("is_below", [True, False])
-def test_depth_in_colours_is_refused(is_below: bool, tmp_path: Path) -> None:
-    height = 256 if is_below else 128
-    rows = np.full((height, 256), 100, np.uint8)
-    chroma = np.full((height // 2, 128), 128, np.uint8)
-    grey = [rows, chroma, chroma]
-    tinted = chroma.copy()
-    tinted[-64:] = 90
-    Image.new("RGB", (256, 128), (90, 120, 60)).save(tmp_path / "c.png")
-    what = "the lower half of its pictures" if is_below else "its depth is a picture"
-    for name, planes in (("grey", grey), ("jet", [rows, tinted, chroma])):
-        write_video(tmp_path / f"{name}.mkv", Track("ffv1", "yuv420p", [planes]))
-        files = f'"{name}.mkv"' if is_below else f'"c.png"\ndepth = "{name}.mkv"'
-        (tmp_path / "scene.toml").write_text(
-            f'format = 1\nname = "a"\n[video]\ncolor = {files}\ndepth_range = [1.0, 9.0]\n'
-        )
-        scene = Scene.open(tmp_path)
-        if name == "grey":
-            scene.raw_frame()
-            continue
-        with pytest.raises(FormatError, match=f"{what}.* in colours.* false colours cannot"):
-            scene.raw_frame()
 
 
 def test_a_hole_that_was_not_measured_is_filled_and_no_window(tmp_path: Path) -> None:
