@@ -135,6 +135,13 @@ def test_webp_and_avif(suffix: str, tmp_path: Path) -> None:
     flat = np.full((16, 32, 3), (40, 120, 200), np.uint8)
     Image.fromarray(flat).save(path, quality=100)
     assert np.allclose(read_color(path), decode_srgb(flat), atol=0.02)
+    assert "in colours" in refusal(path, read_depth)
+    grey = np.full((16, 32, 3), 120, np.uint8)
+    Image.fromarray(grey).save(path, quality=100)
+    depth, bits = read_depth(path)
+    assert bits == 8
+    assert np.allclose(depth, 120, atol=2)
+    Image.fromarray(flat).save(path, quality=100)
     whole = path.read_bytes()
     path.write_bytes(whole[: len(whole) * 2 // 3])
     refusal(path)

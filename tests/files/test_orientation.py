@@ -53,13 +53,22 @@ def test_16_bits_are_upright(orientation: int, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("orientation", range(1, 9))
 def test_depth_is_upright_by_its_own_tag(orientation: int, tmp_path: Path) -> None:
-    stored = stored_as(DEPTH, orientation)
-    write_png(tmp_path / "d.png", stored, exif=exif(orientation))
-    write_tiff(tmp_path / "d.tif", stored, orientation=orientation)
-    for name in ("d.png", "d.tif"):
-        depth, bits = read_depth(tmp_path / name)
-        assert bits == 16
-        assert np.array_equal(depth, DEPTH)
+    floats = np.where(DEPTH > 60000, np.nan, DEPTH / 7).astype(np.float32)
+    bytes_ = (DEPTH >> 8).astype(np.uint8)
+    for seen in (DEPTH, bytes_, floats):
+        for channels in (1, 3):
+            stored = stored_as(seen, orientation)
+            stored = stored if channels == 1 else np.repeat(stored[..., None], 3, -1)
+            write_tiff(tmp_path / "d.tif", stored, orientation=orientation)
+            names = ["d.tif"]
+            if seen is bytes_ or (seen is DEPTH and channels == 1):  # what Pillow writes
+                write_png(tmp_path / "d.png", stored, exif=exif(orientation))
+                names.append("d.png")
+            for name in names:
+                depth, bits = read_depth(tmp_path / name)
+                assert bits == (0 if seen is floats else 8 * seen.dtype.itemsize)
+                assert depth.flags.c_contiguous
+                assert np.array_equal(depth, seen.astype(np.float32), equal_nan=True)
 
 
 def test_values_that_are_no_orientation_turn_nothing(tmp_path: Path) -> None:

@@ -113,8 +113,7 @@ def test_around_a_crop_is_no_hole_that_is_filled_in(folder: Path) -> None:
     inside = cropped(np.arange(WIDTH * HEIGHT).reshape(HEIGHT, WIDTH))
     outside = np.setdiff1d(np.arange(WIDTH * HEIGHT), inside)
     assert np.isinf(frame.depth.flat[outside]).all()
-    found, right = cropped(frame.depth)[hole], cropped(distance())[hole]
-    assert np.allclose(found, right, rtol=0.1)
+    assert np.allclose(cropped(frame.depth)[hole], cropped(distance())[hole], rtol=0.1)
     assert not frame.opening.any()
 
 
