@@ -13,7 +13,7 @@ from iprt.gbuffer.layout import PlaneLayout
 from iprt.geometry.camera import View
 from iprt.light_view import LightView
 from iprt.methods.protocol import Image, Method, Signals, in_front
-from iprt.view.real_layer import RealLayer
+from iprt.view.real_layer import UNEVEN, RealLayer
 from iprt.world.objects.object_layers import VisibleLayer
 from iprt.world.real.real_world import RealWorld
 
@@ -80,10 +80,14 @@ def _ratio(renderer: RenderedView) -> Image | None:
     shape = (renderer.view.height, renderer.view.width, 4)
     ratio: Image = renderer.device.read(renderer.signals.ratio).reshape(shape)[..., :3]
     second = renderer.device.read(renderer.real.other_pixel).reshape(shape[:2])
-    share = renderer.device.read(renderer.real.other).reshape(shape)[..., :3]
-    edge = second >= 0
-    ratio[edge] += share[edge] * (ratio.reshape(-1, 3)[second[edge]] - ratio[edge])
-    return ratio
+    share = renderer.device.read(renderer.real.other).reshape(shape)
+    corner = renderer.device.read(renderer.real.corner).reshape(shape)
+    edge, uneven, flat = second >= 0, second == UNEVEN, ratio.reshape(-1, 3)
+    applied = ratio.copy()
+    applied[edge] += share[edge, :3] * (flat[second[edge]] - ratio[edge])
+    others = flat[corner[uneven]] - ratio[uneven][:, None]
+    applied[uneven] += (share[uneven][..., None] * others).sum(axis=1)
+    return applied
 
 
 def _background(renderer: RenderedView) -> Image | None:

@@ -277,6 +277,7 @@ class Renderer:
             self.real.color,
             other=self.real.other,
             other_pixel=self.real.other_pixel,
+            corner=self.real.corner,
             ratio=signals.ratio,
             base=self.real.diffuse,
             change=signals.change,

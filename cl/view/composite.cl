@@ -7,12 +7,13 @@
 // With a colour map objects and what they change are in the colours of a reference frame, which a map
 // takes to those of the frame: L_cam + map(L_diffuse (E_RV / E_R - 1) + change).
 //
+// A pixel that blends texels of several planes follows the ratio of each by its share.
 // Where a pixel shows two real surfaces, each follows its own ratio, and objects may hide one of them
 // alone: L = (1 - M) L_object + the sum over both of (1 - what objects hide of it) its part of L_cam.
 //
 //   in   colour (3 planes, radiance of the real layer),
-//        other (float4 per pixel, share of a second surface in the radiance) and other_pixel (a pixel
-//        that shows it; -1 or the pixel itself: there is none) of real_layer.cl
+//        other (float4 per pixel, share of a second surface in the radiance), other_pixel (a pixel
+//        that shows it; -1 or the pixel itself: there is none) and corner of real_layer.cl
 //        and each of these that there is, else 0
 //        ratio (float4 per pixel, no border),
 //        base (3 planes, L_diffuse), with a ratio and gloss or a map,
@@ -26,11 +27,13 @@
 // Where coverage is 0, the ratio 1 and the change 0, the output has the bits of the input.
 #include "gbuffer/planes.h"
 #include "world/real/color_map.h"
+#include "world/real/uneven.h"
 
 __kernel void composite(
     __global const float *restrict colour,   // 3 planes
     __global const float4 *restrict other,   // float4 per pixel
     __global const int *restrict other_pixel,
+    __global const int4 *restrict corner,
     __global const float4 *restrict ratio,   // float4 per pixel
     __global const float *restrict base,     // 3 planes
     __global const float *restrict change,   // 3 planes
@@ -65,6 +68,12 @@ __kernel void composite(
         relit = ratio[i];
         if (is_edge)
             relit.xyz += of_second * (ratio[second].xyz - relit.xyz);
+        if (second == UNEVEN) {
+            const float4 own = relit, share = other[i];
+            const int4 at = corner[i];
+            relit += share.x * (ratio[at.x] - own) + share.y * (ratio[at.y] - own)
+                + share.z * (ratio[at.z] - own) + share.w * (ratio[at.w] - own);
+        }
     }
     if (base) {
         float3 changed = load_planes(base, size, p) * (relit.xyz - 1.0f);

@@ -3,7 +3,7 @@
 //   kernel             what it fills
 //   resample_panorama  all planes, from the panorama; resample_glossy: the same where real surfaces reflect
 //   sharpen_edges      depth edges, which are then as sharp as the view is fine (world/real/edges.h);
-//                      sharpen_glossy: the same where real surfaces reflect
+//                      and parts of uneven pixels; sharpen_glossy: the same where real surfaces reflect
 //   diffuse_part       what surfaces radiate to all sides, in the colours that rays find
 //
 // in   view       [16]       lib/gbuffer/view.h
@@ -16,12 +16,15 @@
 //      depth      1 plane    metres from the capture centre; 0: open sky
 //      id         1 plane    1: surface that takes shadows; 0: opening or open sky
 //      motion     2 planes   where the point was in the previous picture, pixels; -1e9: nowhere
-//      other_pixel [H*W]     -1, but of resample_*: the pixel itself where one of the four texels around is at
-//                            a gap, and the view is about as fine as the panorama, or finer; of sharpen_*,
-//                            which goes on there: a pixel (y * width + x) that shows the other side; the
-//                            pixel itself: the view shows none; -1: it is as it was
-//      other      [H*W]      xyz: share of the other side in the radiance, w: in the area, each in [0, 1];
-//                            where sharpen_* leaves other_pixel not -1
+//      other_pixel [H*W]     -1, but in views about as fine as the panorama, or finer: UNEVEN where the four
+//                            texels around show several planes; of resample_*: the pixel itself where one of
+//                            them is at a gap; of sharpen_*, which goes on there: a pixel (y * width + x) that
+//                            shows the other side; the pixel itself: the view shows none; UNEVEN: there is no
+//                            edge
+// and of sharpen_*, where other_pixel is not -1
+//      other      [H*W]      xyz: share of the other side in the radiance, w: in the area, each in [0, 1]; where
+//                            UNEVEN, shares of the four texels (lib/world/real/uneven.h)
+//      corner     [H*W]      where UNEVEN: four pixels that show these texels
 // and of *_glossy, from the panorama's gloss, highlight and the table of real materials
 // (lib/world/brdf.h)
 //      gloss      1 plane    0: diffuse, else 1 + index of the real material
@@ -36,6 +39,7 @@
 #include "world/brdf.h"
 #include "world/real/color_map.h"
 #include "world/real/edges.h"
+#include "world/real/uneven.h"
 
 #define BEYOND 0.1f // of a texel's depth, up to which its plane goes on into its neighbours
 
@@ -144,7 +148,8 @@ static inline ALWAYS_INLINE Sampled resample(int x, int y, REAL_LAYER_PARAMETERS
     // The panorama at its own size keeps its bits: rounded directions would blend in neighbours.
     const int same = is_equirect(view) && width == panorama_width && height == panorama_height
         && view[0] == 1.0f && view[4] == 1.0f && view[8] == 1.0f;
-    other_pixel[y * width + x] = gap && points == 1 && !same ? y * width + x : -1;
+    const int mark = gap ? y * width + x : is_uneven(panorama_surface, around) ? UNEVEN : -1;
+    other_pixel[y * width + x] = points == 1 && !same ? mark : -1;
     float3 radiance;
     if (same) {
         texel = y * width + x;
@@ -190,16 +195,21 @@ typedef struct {
 
 // Sharpens a pixel; window.red, green and blue are the colours of its window.
 static inline ALWAYS_INLINE Edge sharpen(
-    int x, int y, REAL_LAYER_PARAMETERS, __global float4 *restrict other)
+    int x, int y, REAL_LAYER_PARAMETERS, __global float4 *restrict other, __global int4 *restrict corner)
 {
     const int pixel = plane_index(x, y, width), size = plane_size(width, height);
     const int itself = y * width + x;
     Edge edge;
     edge.is = 0;
-    if (other_pixel[itself] < 0)
+    const int mark = other_pixel[itself];
+    if (mark == -1)
         return edge;
-    other_pixel[itself] = -1;
     const Footprint inside = footprint(view, x, y);
+    store_corners(panorama_color, panorama_surface, panorama_width, panorama_height, inside, x, y, width,
+                  height, (__global float *)(other + itself), (__global int *)(corner + itself));
+    if (mark == UNEVEN)
+        return edge;
+    other_pixel[itself] = UNEVEN;
     Window window = window_at(panorama_width, panorama_height, inside.middle);
     const Joints joints = window_joints(panorama_surface, &window);
     const int2 sides = sides_of_gap(&window, joints);
@@ -239,17 +249,19 @@ static inline ALWAYS_INLINE Edge sharpen(
     return (Edge){1, texel, share, mixtures, whole, inside, window};
 }
 
-__kernel void sharpen_edges(REAL_LAYER_PARAMETERS, __global float4 *restrict other)
+__kernel void sharpen_edges(
+    REAL_LAYER_PARAMETERS, __global float4 *restrict other, __global int4 *restrict corner)
 {
     PIXEL_ITEM;
-    sharpen(x, y, REAL_LAYER_ARGUMENTS, other);
+    sharpen(x, y, REAL_LAYER_ARGUMENTS, other, corner);
 }
 
 __kernel void sharpen_glossy(
-    REAL_LAYER_PARAMETERS, __global float4 *restrict other, GLOSS_PARAMETERS)
+    REAL_LAYER_PARAMETERS, __global float4 *restrict other, __global int4 *restrict corner,
+    GLOSS_PARAMETERS)
 {
     PIXEL_ITEM;
-    const Edge edge = sharpen(x, y, REAL_LAYER_ARGUMENTS, other);
+    const Edge edge = sharpen(x, y, REAL_LAYER_ARGUMENTS, other, corner);
     if (!edge.is)
         return;
     const int index = panorama_gloss[edge.texel];

@@ -25,12 +25,6 @@ MIN_COSINE = 0.1
 Float = NDArray[np.float32]
 
 
-def pixel_rays(shape: tuple[int, int], fx: float, fy: float, cx: float, cy: float) -> Float:
-    """(H, W, 3) rays through the pixel centres, of z = 1, in OpenCV's axes."""
-    y, x = np.indices(shape, np.float32)
-    return np.stack([(x - cx) / fx, (y - cy) / fy, np.ones_like(x)], axis=-1).astype(np.float32)
-
-
 def fit_planes(depth: Float, rays: Float) -> tuple[Float, Float]:
     """Refined depth, and normals.
 
@@ -39,7 +33,7 @@ def fit_planes(depth: Float, rays: Float) -> tuple[Float, Float]:
     depth : (H, W) float32
         Metres along +Z, 0 where there is none.
     rays : (H, W, 3) float32
-        As from `pixel_rays`.
+        As from `Pinhole.rays`.
 
     Returns
     -------

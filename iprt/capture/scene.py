@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from iprt.capture.exposure import Exposures, match_exposures
 from iprt.capture.fill import gaps, push_pull
 from iprt.capture.gathering import Gathering
 from iprt.capture.sequence import RgbdSequence
@@ -41,7 +42,10 @@ class Captured:
     center : (3,) float64
         The panorama's centre in the world of the poses, turned to +Y up.
     samples, removed, left_out : int
-        Samples held, samples that were removed as seen through, and frames without overlap.
+        Samples held, samples that were removed as seen through, and frames whose colours do not
+        match those of the others.
+    matched : bool
+        False: most frames did not match, and all were taken as they are.
     cloud_bytes : int
         Memory of the cloud.
     """
@@ -53,6 +57,7 @@ class Captured:
     samples: int
     removed: int
     left_out: int
+    matched: bool
     cloud_bytes: int
 
     @property
@@ -84,7 +89,7 @@ def capture_panorama(
     compensate : bool
         Bring all frames to the colours of the first.
     progress : callable
-        Is told the number of frames that are done.
+        Is told the number of frames that are done; each counts twice if colours are matched.
 
     Raises
     ------
@@ -93,10 +98,23 @@ def capture_panorama(
     """
     if center is None:
         center = sequence.positions().mean(axis=0)
-    gathering = Gathering(sequence.camera, compensate=compensate)
-    for done, index in enumerate(range(0, len(sequence.shots), every), 1):
-        gathering.add(sequence.read(index), sequence.pose(index, center))
-        progress(done)
+    indices = range(0, len(sequence.shots), every)
+    poses = np.stack([sequence.pose(index, center) for index in indices])
+    exposures = Exposures.as_they_are(len(indices))
+    if compensate:
+        glances = []
+        for index in indices:
+            glances.append(sequence.read(index).glance())
+            progress(len(glances))
+        exposures = match_exposures(glances, poses)
+    gathering = Gathering()
+    for number, index in enumerate(indices):
+        picture = sequence.read(index)
+        color = exposures.matched(number, picture.color, picture.camera)
+        gathering.add(
+            replace(picture, color=color), poses[number], shown=number not in exposures.left_out
+        )
+        progress(number + 1 + compensate * len(indices))
     samples = gathering.cloud.samples()
     if not len(samples):
         raise FormatError(
@@ -114,7 +132,8 @@ def capture_panorama(
         center,
         len(samples),
         gathering.removed,
-        gathering.left_out,
+        len(exposures.left_out),
+        exposures.trusted,
         gathering.cloud.nbytes,
     )
 

@@ -2,72 +2,60 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, ValidationError
 
-from iprt.errors import FormatError, SceneError
+from iprt.capture.conventions import WORDS, Settled, sample, settle, up_axis, world_from_camera
+from iprt.capture.found import Axis, Convention, Found
+from iprt.capture.intrinsics import (
+    CAMERA,
+    CameraTable,
+    camera_of_table,
+    cameras_of_files,
+    read_camera_table,
+)
+from iprt.capture.numbered import read_listed, read_log, read_per_frame, read_rows
+from iprt.capture.overlap import Glance
+from iprt.capture.pinhole import Pinhole, blocks, sampled
+from iprt.capture.transforms import read_transforms
+from iprt.capture.tum import read_tum
+from iprt.errors import FormatError
 from iprt.files.images import read_color, read_depth, read_header
-from iprt.files.path_safety import stays_inside
-from iprt.files.problems import describe, problems_error
-from iprt.files.table import FARTHEST, Factor, FramePath, RelativePath, Table
-from iprt.files.toml_text import parse_toml, printable, read_text
-from iprt.files.untrusted import is_file, read_bytes
-from iprt.footage.video.poses import read_poses
-from iprt.footage.video.sequence import frame_path
 
-CAMERA = "camera.toml"
-SAME_TIME_S = 0.02
-"""Pictures and poses further apart in time do not belong together."""
-TUM_STEP_M = 1.0 / 5000.0
-"""Metres of one step of 16-bit depth in TUM's sequences."""
 NEARLY_WHITE = 0.95
 """Share of the range of 8 or 16 bits from where on colours may be clipped."""
-UNIT = 1e-2
-"""How far the length of a quaternion may be from 1."""
+SAME_ASPECT = 0.03
+"""Colour and depth whose aspects differ by more do not show the same view."""
+FARTHEST_STEP = 65535
+"""16-bit depth that is none: 7-Scenes and saturated sensors."""
 
 Matrix = NDArray[np.float64]
-Axis = Literal["x", "-x", "y", "-y", "z", "-z"]
-
-
-class CameraTable(Table):
-    """`camera.toml`: a pinhole, and where pictures lie that no TUM lists name.
-
-    `fx`, `fy` and `cx`, `cy` are in pixels; the centre of the first pixel is at (0, 0), as in
-    OpenCV. `up` is the axis of the poses' world that points up.
-    """
-
-    fx: Factor
-    fy: Factor
-    cx: float = Field(ge=-FARTHEST, le=FARTHEST)
-    cy: float = Field(ge=-FARTHEST, le=FARTHEST)
-    depth_scale: Factor | None = None
-    up: Axis = "z"
-    color: FramePath | None = None
-    depth: FramePath | None = None
-    poses: RelativePath | None = None
+Float = NDArray[np.float32]
+Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
 class Shot:
     """Files of one frame, and the rigid transform (4, 4) from the camera to the poses' world.
 
-    The camera's axes are OpenCV's: +X right, +Y down, +Z ahead.
+    The camera's axes are OpenCV's: +X right, +Y down, +Z ahead. `camera` is that of colour; that
+    of depth is None where depth is registered to colour.
     """
 
     color: Path
     depth: Path
     pose: Matrix
+    camera: Pinhole
+    depth_camera: Pinhole | None
 
 
 @dataclass(frozen=True)
 class Picture:
-    """One frame, read.
+    """One frame, read, in the pixels of its depth.
 
     Attributes
     ----------
@@ -77,11 +65,17 @@ class Picture:
         Metres along the camera's +Z, 0 where there is none.
     clipped : (H, W) bool
         May be brighter than its colour.
+    camera : Pinhole
     """
 
-    color: NDArray[np.float32]
-    depth: NDArray[np.float32]
-    clipped: NDArray[np.bool_]
+    color: Float
+    depth: Float
+    clipped: Mask
+    camera: Pinhole
+
+    def glance(self) -> Glance:
+        """Return it in few cells."""
+        return Glance.of(self.depth, self.color, self.clipped, self.camera)
 
 
 @dataclass(frozen=True)
@@ -90,33 +84,77 @@ class RgbdSequence:
 
     Attributes
     ----------
-    camera : CameraTable
     shots : tuple of Shot
         At least one.
+    up : str
+        Axis of the poses' world that points up.
+    step_m : float
+        Metres per step of depth that is stored as integers.
+    unit_m : float
+        Metres per unit of other depth.
+    found : Found
+        The layout.
+    settled : Settled
+        The convention of the poses.
     """
 
-    camera: CameraTable
     shots: tuple[Shot, ...]
+    up: Axis
+    step_m: float
+    unit_m: float
+    found: Found
+    settled: Settled
 
     @classmethod
-    def open(cls, folder: Path) -> RgbdSequence:
-        """Read `camera.toml`, the lists and the poses.
+    def open(cls, folder: Path, poses: Convention | None = None) -> RgbdSequence:
+        """Find the layout of a folder, its cameras and the convention of its poses.
+
+        Parameters
+        ----------
+        poses : str or None
+            Convention of the poses. Default: the one by which frames agree about depth.
 
         Raises
         ------
         FormatError, SceneError
-            One of them is missing or damaged, or no frames are left.
+            A file is missing or damaged, no frames are left, or poses do not fit depth.
         """
         if not folder.is_dir():
-            raise FormatError(f"{folder}: no such folder")
-        camera = _camera(folder / CAMERA)
-        shots = _tum_shots(folder) if camera.color is None else _numbered_shots(folder, camera)
-        return cls(camera, shots)
+            what = "is a file; give its folder" if folder.exists() else "no such folder"
+            raise FormatError(f"{folder}: {what}")
+        table = read_camera_table(folder / CAMERA)
+        found = _layout(folder, table)
+        shots = _shots(folder, table, found)
+        scale = table.depth_scale
+        stored = np.stack([frame.pose for frame in found.frames])
+        convention = poses or found.convention
+        sequence = cls(
+            shots,
+            "y",
+            scale or found.step_m,
+            scale or 1.0,
+            found,
+            Settled(convention, f"{WORDS[convention]} (--poses)"),
+        )
+        settled = sequence.settled if poses else sequence._checked(folder, stored)
+        turned = world_from_camera(stored, settled.convention)
+        return replace(
+            sequence,
+            shots=tuple(replace(s, pose=pose) for s, pose in zip(shots, turned, strict=True)),
+            up=table.up or up_axis(stored, settled.convention, found.up),
+            settled=settled,
+        )
+
+    def _checked(self, folder: Path, stored: Matrix) -> Settled:
+        """Return the convention by which frames agree about depth."""
+        numbers = sample(len(self.shots))
+        glances = [self.read(number).glance() for number in numbers]
+        return settle(str(folder), glances, stored[numbers], self.found.convention)
 
     @cached_property
     def world_from_poses(self) -> Matrix:
         """(3, 3) rotation of the poses' world to +Y up."""
-        return _upright(self.camera.up)
+        return _upright(self.up)
 
     def positions(self) -> Matrix:
         """(N, 3) camera positions, +Y up."""
@@ -130,140 +168,95 @@ class RgbdSequence:
         return pose
 
     def read(self, index: int) -> Picture:
-        """Colour and depth of one frame.
+        """Colour and depth of one frame, in the pixels of depth.
 
         Raises
         ------
         FormatError
-            A file is missing or damaged, or the two differ in size.
+            A file is missing or damaged, or the two do not show the same view.
         """
         shot = self.shots[index]
         color = read_color(shot.color)
         depth, bits = read_depth(shot.depth)
         if bits == 8:
             raise FormatError(f"{shot.depth}: depth of 8 bits; expected 16 bits, or floats")
-        if color.shape[:2] != depth.shape:
+        (height, width), (rows, columns) = color.shape[:2], depth.shape
+        camera = shot.camera.resized(width, height)
+        if shot.depth_camera is not None:
+            depth_camera = shot.depth_camera.resized(columns, rows)
+        elif abs(columns * height / (rows * width) - 1.0) <= SAME_ASPECT:
+            depth_camera = camera.resized(columns, rows)
+        else:
             raise FormatError(
-                f"{shot.depth}: {depth.shape[1]}x{depth.shape[0]} pixels, but its colour has "
-                f"{color.shape[1]}x{color.shape[0]}; register depth to colour"
+                f"{shot.depth}: {columns}x{rows} pixels, but its colour has {width}x{height}: "
+                "another view; register depth to colour"
             )
-        scale = self.camera.depth_scale or (TUM_STEP_M if bits else 1.0)
-        there = np.isfinite(depth) & (depth > 0.0) & np.isfinite(color).all(axis=-1)
         limited = read_header(shot.color).has_end
         clipped = (color.max(axis=-1) >= NEARLY_WHITE) & limited
+        if depth_camera != camera:
+            color, clipped = _seen_by(depth_camera, camera, color, clipped)
+        there = np.isfinite(depth) & (depth > 0.0) & np.isfinite(color).all(axis=-1)
+        if bits:
+            there &= depth < FARTHEST_STEP
         color = np.maximum(np.nan_to_num(color, posinf=0.0, neginf=0.0), 0.0)
-        metres = np.where(there, depth, 0.0) * scale
-        return Picture(color, metres.astype(np.float32), clipped)
+        metres = np.where(there, depth, 0.0) * (self.step_m if bits else self.unit_m)
+        return Picture(color, metres.astype(np.float32), clipped, depth_camera)
 
 
-def _camera(path: Path) -> CameraTable:
-    if not is_file(path):
-        raise FormatError(
-            f"{path}: no such file; write one with fx, fy, cx, cy in pixels (docs/capture.md)"
-        )
-    data: dict[str, Any] = {}
-    try:
-        data = parse_toml(read_text(path))
-        camera = CameraTable.model_validate(data)
-    except ValidationError as error:
-        problems = [describe(fault, data, CameraTable) for fault in error.errors()]
-        raise problems_error(str(path), problems) from None
-    except (OSError, ValueError) as error:
-        raise SceneError(f"{path}: {printable(str(error))}") from None
-    named = [key for key in ("color", "depth", "poses") if getattr(camera, key) is not None]
-    if len(named) not in (0, 3):
-        raise SceneError(f"{path}: has {' and '.join(named)}; give color, depth and poses, or none")
-    return camera
-
-
-def _numbered_shots(folder: Path, camera: CameraTable) -> tuple[Shot, ...]:
-    """Pictures from the lowest number of colour on, each with a line of the pose file."""
-    color, depth = str(camera.color), str(camera.depth)
-    first = next((n for n in range(2) if is_file(frame_path(folder, color, n))), None)
-    if first is None:
-        raise FormatError(f"{folder / color}: no picture with number 0 or 1")
-    count = 1
-    if frame_path(folder, color, 0) != frame_path(folder, color, 1):
-        while is_file(frame_path(folder, color, first + count)):
-            count += 1
-    poses = read_poses(folder / str(camera.poses), count)
-    return tuple(
-        Shot(frame_path(folder, color, number), frame_path(folder, depth, number), pose)
-        for number, pose in enumerate(poses, first)
+def _layout(folder: Path, table: CameraTable) -> Found:
+    """Tell by the files that are there which layout a folder has, and read it."""
+    if table.color is not None:
+        return read_listed(folder, table.color, str(table.depth), str(table.poses))
+    for read in (read_transforms, read_tum, read_per_frame, read_log, read_rows):
+        found = read(folder)
+        if found is not None:
+            return found
+    raise FormatError(
+        f"{folder}: no sequence: neither transforms.json, rgb.txt and depth.txt, a folder pose, "
+        "*.pose.txt, *.log, poses.txt with pictures in color and depth, nor a camera.toml that "
+        "names pictures (docs/capture.md)"
     )
 
 
-def _tum_shots(folder: Path) -> tuple[Shot, ...]:
-    """Colour with the depth and the pose nearest in time; without either, it is left out."""
-    color_at, colors = _listed(folder / "rgb.txt", 1)
-    depth_at, depths = _listed(folder / "depth.txt", 1)
-    pose_at, poses = _listed(folder / "groundtruth.txt", 7)
-    matrices = [_tum_pose(folder / "groundtruth.txt", words) for words in poses]
+def _shots(folder: Path, table: CameraTable, found: Found) -> tuple[Shot, ...]:
+    """Give frames their cameras; poses are as stored."""
+    first = found.frames[0]
+    camera, depth_camera = camera_of_table(table, first.color), None
+    own = camera is None
+    if own and first.camera is None:
+        camera, depth_camera = cameras_of_files(folder, first.color, first.depth)
     shots = []
-    for time, (name,) in zip(color_at, colors, strict=True):
-        depth, pose = _nearest(depth_at, time), _nearest(pose_at, time)
-        if depth is not None and pose is not None:
-            shots.append(Shot(folder / name, folder / depths[depth][0], matrices[pose]))
-    if not shots:
-        raise FormatError(
-            f"{folder}: no picture of rgb.txt has a depth and a pose within {SAME_TIME_S:g} s"
-        )
+    for frame in found.frames:
+        camera_of_frame = frame.camera if own and frame.camera is not None else camera
+        if camera_of_frame is None:
+            raise FormatError(
+                f"{folder / CAMERA}: no such file; write one with fx, fy, cx, cy in pixels "
+                "(docs/capture.md)"
+            )
+        shots.append(Shot(frame.color, frame.depth, frame.pose, camera_of_frame, depth_camera))
     return tuple(shots)
 
 
-def _listed(path: Path, count: int) -> tuple[Matrix, list[list[str]]]:
-    """Timestamps, ascending, and the `count` words behind each."""
-    rows: list[tuple[float, list[str]]] = []
-    for number, line in enumerate(read_bytes(path).decode("utf-8", "replace").splitlines(), 1):
-        text = line.partition("#")[0].strip()
-        if not text:
-            continue
-        time, *words = text.replace(",", " ").split()
-        try:
-            stamp = float(time)
-            if not np.isfinite(stamp) or len(words) != count:
-                raise ValueError
-        except ValueError:
-            raise FormatError(
-                f"{path}: line {number}: expected a time in seconds and {count} more"
-            ) from None
-        if count == 1 and not stays_inside(words[0]):
-            raise FormatError(f"{path}: line {number}: '{printable(words[0])}' leaves the folder")
-        rows.append((stamp, words))
-    if not rows:
-        raise FormatError(f"{path}: lists nothing")
-    rows.sort(key=lambda row: row[0])
-    return np.array([row[0] for row in rows]), [row[1] for row in rows]
+def _seen_by(
+    depth_camera: Pinhole, camera: Pinhole, color: Float, clipped: Mask
+) -> tuple[Float, Mask]:
+    """Return colours and whether they may be clipped where another camera's pixels see them.
 
-
-def _nearest(times: Matrix, time: float) -> int | None:
-    """Index of the time nearest to another one; None if they are too far apart."""
-    after = int(np.searchsorted(times, time))
-    beside = range(max(after - 1, 0), min(after + 1, len(times)))
-    best = min(beside, key=lambda index: abs(times[index] - time))
-    return best if abs(times[best] - time) <= SAME_TIME_S else None
-
-
-def _tum_pose(path: Path, words: list[str]) -> Matrix:
-    """`tx ty tz qx qy qz qw` as (4, 4)."""
-    try:
-        values = np.array([float(word) for word in words])
-    except ValueError:
-        raise FormatError(f"{path}: '{printable(' '.join(words))}' is no pose") from None
-    length = np.linalg.norm(values[3:])
-    if not (np.abs(values) <= FARTHEST).all() or abs(length - 1.0) > UNIT:
-        raise FormatError(
-            f"{path}: '{printable(' '.join(words))}': expected tx ty tz and a unit quaternion"
-        )
-    x, y, z, w = values[3:] / length
-    pose = np.eye(4)
-    pose[:3, :3] = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-    ]
-    pose[:3, 3] = values[:3]
-    return pose
+    Both cameras are at one place. What the first does not see is NaN. Larger pictures are averaged
+    over blocks first, as large as the other's pixels.
+    """
+    step = max(1, round(min(camera.fx / depth_camera.fx, camera.fy / depth_camera.fy)))
+    camera = camera.reduced(step)
+    color = np.asarray(blocks(color, step)).mean(axis=(1, 3))
+    limited = np.any(blocks(clipped, step), axis=(1, 3))
+    column, row = camera.pixels(depth_camera.rays())
+    both = np.concatenate([color, np.asarray(limited)[..., None]], axis=-1).astype(np.float32)
+    seen = sampled(both, column, row)
+    # Sides of pictures of nearly the same aspect need not meet to the pixel.
+    outside = (np.abs(column - (camera.width - 1) / 2) > camera.width / 2 + 1) | (
+        np.abs(row - (camera.height - 1) / 2) > camera.height / 2 + 1
+    )
+    return np.where(outside[..., None], np.nan, seen[..., :3]), seen[..., 3] > 0.0
 
 
 def _upright(up: Axis) -> Matrix:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import tyro
 
@@ -14,6 +14,7 @@ from iprt.files.wording import counted
 
 WIDTH = 1024
 FARTHEST_M = 1e5
+Poses = Literal["opencv", "opengl", "opencv-from-world", "opengl-from-world"] | None
 
 
 def capture(
@@ -25,14 +26,15 @@ def capture(
     size: Size = None,
     every: int = 1,
     compensate: bool = True,
+    poses: Poses = None,
 ) -> int:
     """Make a 360° scene from a hand-held RGB-D sequence with poses.
 
     Parameters
     ----------
     sequence
-        Folder of pictures, depth, poses and a camera.toml, as TUM RGB-D sequences have them or
-        with numbered pictures (docs/capture.md).
+        Folder of pictures, depth and poses, as TUM RGB-D, 7-Scenes, ScanNet, Open3D, Redwood and
+        nerfstudio have them, or as its camera.toml says (docs/capture.md).
     output
         Scene folder to make.
     center
@@ -44,7 +46,10 @@ def capture(
         Use every n-th frame.
     compensate
         Take colours as they are. By default, all frames are brought to the exposure and white
-        balance of the first.
+        balance of the first, and vignetting is taken away.
+    poses
+        Axes of the cameras, and whether poses lead from the world to the camera. Default: what the
+        layout has, unless depth tells otherwise.
 
     Returns
     -------
@@ -71,9 +76,9 @@ def capture(
         raise IprtError(f"{output}: is there already; choose another folder")
     require_writable(output / MANIFEST_NAME)
     at = None if center is None else _point(center)
-    opened = RgbdSequence.open(sequence)
+    opened = RgbdSequence.open(sequence, poses)
     frames = len(range(0, len(opened.shots), every))
-    with progress_bar("capture", frames, remaining=True) as update:
+    with progress_bar("capture", frames * (1 + compensate), remaining=True) as update:
         captured = capture_panorama(
             opened,
             width=width,
@@ -84,6 +89,8 @@ def capture(
         )
     write_scene(output, captured)
     with reporting(f"{output} has been made all the same"):
+        print(f"read as {opened.found}")
+        print(f"poses: {opened.settled.words}; up: {opened.up}")
         x, y, z = opened.world_from_poses.T @ captured.center
         print("\n".join(first_look(output)))
         print(
@@ -92,8 +99,13 @@ def capture(
         )
         if captured.left_out:
             print(
-                f"warning: {counted(captured.left_out, 'frame')} of {frames} left out: too little "
-                "of what was seen before is in them to compare colours; --no-compensate uses them"
+                f"warning: {counted(captured.left_out, 'frame')} of {frames} left out: colours do "
+                "not match those of the others; --no-compensate uses them"
+            )
+        if not captured.matched:
+            print(
+                "warning: colours of most frames do not match at any exposure; all frames are used "
+                "as they are"
             )
         print(
             f"{output}: {captured.seen_share:.1%} of the sphere seen by {counted(frames, 'frame')}"

@@ -84,12 +84,6 @@ class Pairs:
             return None
         return matrix
 
-    def scale_error(self) -> float:
-        """Standard error of `scale`, relative: by how far quotients are from it, in the median."""
-        errors = self._errors(np.diag(self.scale()))
-        effective = 1.0 / float((self._share * self._share).sum())
-        return weighted_quantile(errors, self._share) / float(np.sqrt(effective))
-
     def left(self, matrix: Values) -> tuple[float, float]:
         """Residual of a map, and its standard error by how pairs within regions differ.
 

@@ -30,6 +30,7 @@ class Composite:
         *,
         other: cla.Array,
         other_pixel: cla.Array,
+        corner: cla.Array,
         ratio: cla.Array | None = None,
         base: cla.Array | None = None,
         change: cla.Array | None = None,
@@ -45,8 +46,8 @@ class Composite:
         Parameters
         ----------
         colour : 3 planes, radiance of the real layer
-        other, other_pixel : (H * W, 4), (H * W,) int32
-            `RealLayer.other` and `RealLayer.other_pixel`.
+        other, other_pixel, corner : (H * W, 4), (H * W,) int32, (H * W, 4) int32
+            As of `RealLayer`.
         ratio : (H * W, 4), `Relight.ratio`
         base, change : 3 planes each
             `RealLayer.diffuse`, which the ratio multiplies, with gloss or a map; and what objects
@@ -66,6 +67,7 @@ class Composite:
                 colour=colour,
                 other=other,
                 other_pixel=other_pixel,
+                corner=corner,
                 ratio=ratio,
                 base=base if based else None,
                 change=change,

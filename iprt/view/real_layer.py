@@ -18,6 +18,9 @@ from iprt.world.real.clipped import NOTHING_CLIPPED
 from iprt.world.real.panorama import Panorama
 from iprt.world.real.real_world import RealWorld
 
+UNEVEN = -2
+"""In `other_pixel`, as in `cl/lib/world/real/uneven.h`."""
+
 
 class RealLayer:
     """Resamples the panorama into the view.
@@ -33,9 +36,12 @@ class RealLayer:
         itself, but mapped where the frame has a colour map, and without the highlight where real
         surfaces are glossy.
     other : (H * W, 4) float32, or None
-        Share of a second surface in the radiance and in the area, at depth edges, where asked for.
+        Share of a second surface in the radiance and in the area, at depth edges, or of the four
+        texels around in the radiance, where these show several planes; where asked for.
     other_pixel : (H * W,) int32
         A pixel that shows that one: see `cl/view/real_layer.cl`.
+    corner : (H * W, 4) int32, or None
+        Pixels that show these texels, with `other`.
     gloss, roughness : 1 plane each, or None
         Index of the real material + 1, 0 where diffuse, and its GGX alpha; where asked for.
     """
@@ -80,6 +86,7 @@ class RealLayer:
         self._camera = camera
         pixels = layout.width * layout.height
         self.other = device.zeros(f"{name} other", (pixels, 4)) if edges else None
+        self.corner = device.zeros(f"{name} corner", (pixels, 4), np.int32) if edges else None
         self.other_pixel = device.zeros(f"{name} other pixel", (pixels,), np.int32)
         # A frame in which nothing is clipped takes the quicker ones.
         self._plain = self._kernels(defines)
@@ -107,12 +114,13 @@ class RealLayer:
                 self._layout.arguments(),
                 {} if self._camera is None else {"camera": self._camera},
                 {"gloss": self.gloss, "roughness": self.roughness, "highlight": self._highlight},
-                {"other": self.other, "other_pixel": self.other_pixel},
+                {"other": self.other, "corner": self.corner},
                 color=self.color,
                 normal=self.normal,
                 depth=self.depth,
                 id=self.id,
                 motion=self.motion,
+                other_pixel=self.other_pixel,
             )
             for name in names
         ]

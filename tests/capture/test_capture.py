@@ -109,8 +109,15 @@ def test_exposure_and_white_balance_are_compensated(tmp_path: Path) -> None:
     assert errors[False] > 3.0 * errors[True]
 
 
-def test_frames_that_show_nothing_known_are_left_out(tmp_path: Path) -> None:
+def test_frames_that_share_nothing_with_others_are_used(tmp_path: Path) -> None:
     poses = looking_around(4, (0.0,))
-    apart = [poses[0], poses[2], poses[2], poses[0]]  # 72 degrees each, opposite
-    assert captured(tmp_path / "a", apart).left_out == 2
-    assert captured(tmp_path / "b", apart, compensate=False).left_out == 0
+    result = captured(tmp_path / "s", [poses[0], poses[2]])  # 72 degrees each, opposite
+    assert result.left_out == 0
+    assert result.matched
+    color, _ = expected()
+    middle = np.s_[24:40]
+    for columns in (np.s_[54:74], np.r_[0:10, 118:128]):
+        measured = (result.seen == MEASURED)[middle, columns]
+        assert measured.mean() > 0.9
+        off = np.abs(result.color - color)[middle, columns][measured]
+        assert np.quantile(off, 0.9) < 0.03

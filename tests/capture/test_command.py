@@ -16,6 +16,7 @@ from iprt.geometry.camera import View
 from iprt.geometry.material import Material
 from iprt.scene.scene import Scene
 from iprt.settings.model import Settings
+from tests.capture.layouts import write_7_scenes
 from tests.capture.sequences import Camera, looking_around, room, write_tum
 from tests.capture.test_capture import AROUND
 from tests.rendering import render
@@ -83,12 +84,33 @@ def test_what_was_never_seen_is_told_in_a_layer(
     output = tmp_path / "scene"
     words = ["capture", str(sequence), "-o", str(output), "--every", "30", "--no-compensate"]
     assert cli.main([*words, "--size", "64", "32"]) == 0
-    capsys.readouterr()
+    printed = capsys.readouterr().out
+    assert "read as TUM RGB-D (groundtruth.txt), 56 frames\n" in printed
+    assert "poses: camera to world, OpenCV's axes (100% of depths agree); up: z\n" in printed
     seen, _ = read_depth(output / "color.exr", "seen.Y")
     depth, _ = read_depth(output / "depth.exr")
     assert (depth[seen == UNSEEN] == 0.0).all()
     assert (depth[seen == MEASURED] > 0.0).all()
     assert 0.2 < (seen == UNSEEN).mean() < 0.9
+
+
+def test_a_convention_can_be_forced_and_what_does_not_fit_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], fails: Callable[..., str]
+) -> None:
+    folder = write_7_scenes(tmp_path)
+    order = iter(np.random.default_rng(1).permutation(12))
+    poses = sorted(folder.glob("*.pose.txt"))
+    texts = [path.read_text() for path in poses]
+    for path in poses:
+        path.write_text(texts[next(order)])
+    error = fails("capture", folder, "-o", tmp_path / "scene")
+    assert "poses and depth agree by no convention (opencv " in error
+    assert not (tmp_path / "scene").exists()
+    words = ["capture", str(folder), "-o", str(tmp_path / "scene"), "--poses", "opengl"]
+    assert cli.main([*words, "--size", "32", "16"]) == 0
+    printed = capsys.readouterr().out
+    assert "read as 7-Scenes (a pose file per frame), 12 frames\n" in printed
+    assert "poses: camera to world, OpenGL's axes (--poses); up: " in printed
 
 
 @pytest.mark.parametrize(

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from iprt.capture.planes import fit_planes, pixel_rays
+from iprt.capture.pinhole import Pinhole
+from iprt.capture.planes import fit_planes
 
-RAYS = pixel_rays((60, 80), 60.0, 60.0, 39.5, 29.5)
+RAYS = Pinhole(60.0, 60.0, 39.5, 29.5, 80, 60).rays()
 
 
 def of_plane(normal: np.ndarray, distance: float) -> np.ndarray:

@@ -95,8 +95,8 @@ FAULTS: dict[str, tuple[Callable[[Path], object], str]] = {
     "no picture": (lambda f: (f / "rgb/0001.png").unlink(), "0001.png"),
     "damaged": (lambda f: (f / "depth/0001.png").write_bytes(b"x"), "0001.png"),
     "other size": (
-        lambda f: write_png16_grey(f / "depth/0001.png", np.ones((9, 12), np.uint16)),
-        "12x9 pixels, but its colour has 24x18; register depth to colour",
+        lambda f: write_png16_grey(f / "depth/0001.png", np.ones((12, 12), np.uint16)),
+        "12x12 pixels, but its colour has 24x18: another view; register depth to colour",
     ),
 }
 

@@ -11,6 +11,7 @@ from iprt.device.compute import ComputeDevice
 from iprt.gbuffer.layout import PlaneLayout
 from iprt.view.composite import Composite
 from iprt.view.diffuse_part import DiffusePart
+from iprt.view.real_layer import UNEVEN
 from iprt.world.real.color_map import ColorMap
 from tests.filter.gbuffer import SIZES, upload
 
@@ -70,7 +71,7 @@ def test_untouched_pixels_keep_their_bits(device: ComputeDevice, color_map: bool
     composite.run(
         upload(device, layout, colour),
         ratio=device.upload("ratio", pixels(np.ones((3, 17, 31)))),
-        **edges(device, layout),
+        **edges(device, layout, rng.random((3, 17, 31)), rng.choice([-1, UNEVEN], (17, 31))),
         base=upload(device, layout, mapped) if color_map else None,
         coverage=upload(device, layout, np.zeros((1, 17, 31))),
         albedo=upload(device, layout, unlit),
@@ -97,9 +98,11 @@ def edges(
     share = np.full((3, *size), np.nan) if share is None else share
     second = np.full(size, -1) if second is None else second
     hidden = np.full((2, *size), np.nan) if hidden is None else hidden
+    corner = np.arange(layout.width * layout.height)[::-1, None].repeat(4, axis=1)
     return {
         "other": device.upload("other", pixels(share)),
         "other_pixel": device.upload("other pixel", second.ravel().astype(np.int32)),
+        "corner": device.upload("corner", corner.astype(np.int32)),
         "sides": device.upload("sides", np.moveaxis(hidden, 0, -1).astype(np.float32)),
     }
 

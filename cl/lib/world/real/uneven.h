@@ -1,0 +1,65 @@
+// Pixels whose colour blends texels of several planes, where no sharp edge is drawn: at creases, on rough depth,
+// around things of a few texels. Relit as the texel in their middle, they would show its outline.
+//
+// Scalars only: PoCL vectorizes resampling.
+#ifndef IPRT_UNEVEN_H
+#define IPRT_UNEVEN_H
+
+#include "world/real/real.h"
+#include "world/real/reconstruct.h"
+
+#define UNEVEN (-2)      // such a pixel in other_pixel (view/real_layer.cl)
+#define SAME_PLANE 0.05f // difference of two texels' planes, over the larger gradient, up to which they are one
+#define TWO_PLANES 0.2f  // from which they are two
+
+// How far two texels show different planes, 0 to 1. The plane of open sky is at infinity.
+static inline ALWAYS_INLINE float plane_difference(
+    __global const float4 *restrict panorama_surface, int one, int other)
+{
+    __global const float *restrict a = (__global const float *)panorama_surface + 4 * one;
+    __global const float *restrict b = (__global const float *)panorama_surface + 4 * other;
+    const float x = a[0] - b[0], y = a[1] - b[1], z = a[2] - b[2];
+    const float larger
+        = fmax(a[0] * a[0] + a[1] * a[1] + a[2] * a[2], b[0] * b[0] + b[1] * b[1] + b[2] * b[2]);
+    const float share = (x * x + y * y + z * z) / fmax(larger, FLT_MIN);
+    return smoothstep(SAME_PLANE * SAME_PLANE, TWO_PLANES * TWO_PLANES, share);
+}
+
+// Whether the texels around a place show several planes.
+static inline ALWAYS_INLINE int is_uneven(__global const float4 *restrict panorama_surface, Taps around)
+{
+    return plane_difference(panorama_surface, around.a, around.b)
+        + plane_difference(panorama_surface, around.a, around.below_a)
+        + plane_difference(panorama_surface, around.a, around.below_b) > 0.0f;
+}
+
+// Writes what parts of the pixel's bilinear radiance come from the four texels around, as far as they show
+// another plane than the nearest, and pixels that show these texels; where the view shows none, the pixel itself.
+static inline ALWAYS_INLINE void store_corners(
+    __global const float *restrict panorama_color, __global const float4 *restrict panorama_surface,
+    int panorama_width, int panorama_height, Footprint inside, int x, int y, int width, int height,
+    __global float *restrict shares, __global int *restrict pixels)
+{
+    const Taps around = equirect_taps(panorama_width, panorama_height, inside.middle);
+    const int texels[4] = {around.a, around.b, around.below_a, around.below_b};
+    const int nearest = texels[(around.fx < 0.5f ? 0 : 1) + (around.fy < 0.5f ? 0 : 2)];
+    const float2 right = inside.right * (float2)(panorama_width, panorama_height);
+    const float2 down = inside.down * (float2)(panorama_width, panorama_height);
+    const float inverse = 1.0f / (right.x * down.y - right.y * down.x);
+    float share[4], radiance = FLT_MIN;
+    for (int k = 0; k < 4; k++) {
+        const float columns = (k & 1) - around.fx, rows = (k >> 1) - around.fy;
+        const float3 color = vload3(texels[k], panorama_color);
+        const float part = (1.0f - fabs(columns)) * (1.0f - fabs(rows)) * (color.x + color.y + color.z);
+        radiance += part;
+        share[k] = part * plane_difference(panorama_surface, nearest, texels[k]);
+        const float column = floor(x + 0.5f + (columns * down.y - rows * down.x) * inverse);
+        const float row = floor(y + 0.5f + (rows * right.x - columns * right.y) * inverse);
+        const int is_in = column >= 0.0f && row >= 0.0f && column < width && row < height;
+        pixels[k] = is_in ? (int)row * width + (int)column : y * width + x;
+    }
+    for (int k = 0; k < 4; k++)
+        shares[k] = share[k] / radiance;
+}
+
+#endif

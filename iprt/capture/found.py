@@ -1,0 +1,115 @@
+"""What a folder's layout gives before cameras and conventions are settled."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.capture.pinhole import Pinhole
+from iprt.errors import FormatError
+from iprt.files.problems import PICTURE_SUFFIXES
+from iprt.files.wording import counted
+
+Matrix = NDArray[np.float64]
+Axis = Literal["x", "-x", "y", "-y", "z", "-z"]
+Convention = Literal["opencv", "opengl", "opencv-from-world", "opengl-from-world"]
+MILLIMETRE = 0.001
+
+
+@dataclass(frozen=True)
+class Frame:
+    """Files and the pose as the layout has it; its own camera, where the layout gives one."""
+
+    color: Path
+    depth: Path
+    pose: Matrix
+    camera: Pinhole | None = None
+
+
+@dataclass(frozen=True)
+class Found:
+    """Frames of a folder.
+
+    Attributes
+    ----------
+    name : str
+        Of the layout, for people.
+    frames : list of Frame
+        In their order; at least one.
+    skipped : Counter
+        Frames that cannot be used, by what is missing.
+    step_m : float
+        Metres per step of integer depth.
+    convention : str
+        Of the poses, by the layout's definition.
+    up : str or None
+        Axis of the poses' world that points up by the layout's definition.
+    """
+
+    name: str
+    frames: list[Frame]
+    skipped: Counter[str]
+    step_m: float = MILLIMETRE
+    convention: Convention = "opencv"
+    up: Axis | None = None
+
+    def __str__(self) -> str:
+        kept = counted(len(self.frames), "frame")
+        if not self.skipped:
+            return f"{self.name}, {kept}"
+        why = ", ".join(f"{count} {reason}" for reason, count in sorted(self.skipped.items()))
+        return f"{self.name}, {kept}; skipped: {why}"
+
+
+@dataclass
+class Gatherer:
+    """Frames that are complete, and counts of those that are not."""
+
+    frames: list[Frame] = field(default_factory=list)
+    skipped: Counter[str] = field(default_factory=Counter)
+
+    def add(
+        self,
+        color: Path | None,
+        depth: Path | None,
+        pose: Matrix | None,
+        camera: Pinhole | None = None,
+        *,
+        has_pose: bool = True,
+    ) -> None:
+        """Add a frame; None is what is missing, or a pose that is not finite."""
+        if color is None:
+            self.skipped["without colour"] += 1
+        elif depth is None:
+            self.skipped["without depth"] += 1
+        elif pose is None:
+            self.skipped["with an invalid pose" if has_pose else "without a pose"] += 1
+        else:
+            self.frames.append(Frame(color, depth, pose, camera))
+
+    def complete(self, source: Path) -> list[Frame]:
+        """Return the frames; FormatError about `source` if there are none."""
+        if not self.frames:
+            why = ", ".join(f"{count} {reason}" for reason, count in sorted(self.skipped.items()))
+            raise FormatError(f"{source}: no frame with colour, depth and a pose ({why or 'none'})")
+        return self.frames
+
+
+def by_number(
+    folder: Path, pattern: str, suffixes: tuple[str, ...] = PICTURE_SUFFIXES
+) -> dict[int, Path]:
+    """Return files of a folder whose names match, by the number in their first group."""
+    found = {}
+    names = re.compile(pattern)
+    if folder.is_dir():
+        for path in sorted(folder.iterdir()):
+            match = names.fullmatch(path.stem)
+            if match and path.suffix.lower() in suffixes:
+                found[int(match[1])] = path
+    return found

@@ -1,0 +1,165 @@
+"""Layouts with numbered pictures: poses in a list, a file each, or a trajectory log."""
+
+from __future__ import annotations
+
+import glob
+import re
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.capture.found import Axis, Found, Gatherer, by_number
+from iprt.capture.rigid import numbers, read_lines, read_matrix, rigid
+from iprt.capture.tum import STEP_M
+from iprt.errors import FormatError
+from iprt.files.problems import FRAME_PATTERN
+from iprt.files.untrusted import is_file
+from iprt.footage.video.sequence import frame_path
+
+COLOR_FOLDERS = ("color", "rgb", "image", "images", "colour")
+DEPTH_FOLDERS = ("depth", "depths", "depth_images")
+POSE_FOLDERS = ("pose", "poses")
+POSE_FILES = ("poses.txt", "pose.txt", "traj.txt", "trajectory.txt", "groundtruth.txt")
+NUMBER = r"\D*(\d+)(?:-\d+)?"
+"""The name of a numbered file, without its suffix; in Redwood's, a time is behind the number."""
+
+Matrix = NDArray[np.float64]
+Poses = dict[int, Matrix | None]
+
+
+def read_listed(folder: Path, color: str, depth: str, poses: str) -> Found:
+    """Read pictures that printf patterns name, and a pose file with a line for each number.
+
+    Raises
+    ------
+    FormatError
+        The pose file is damaged, or no frame is complete.
+    """
+    colors, depths = _matching(folder, color), _matching(folder, depth)
+    if not colors or min(colors) > 1:
+        raise FormatError(f"{folder / color}: no picture with number 0 or 1")
+    frames = _joined(colors, depths, _rows(folder / poses, colors))
+    return Found(
+        f"numbered pictures ({poses})",
+        frames.complete(folder / poses),
+        frames.skipped,
+        step_m=STEP_M,
+        up="z",
+    )
+
+
+def read_rows(folder: Path) -> Found | None:
+    """Read pictures in folders, and a pose file with a line of 12 or 16 numbers for each; None if
+    the folder has not all of them.
+
+    Raises
+    ------
+    FormatError
+        The pose file is damaged, or no frame is complete.
+    """
+    path = next((folder / name for name in POSE_FILES if is_file(folder / name)), None)
+    colors = by_number(_folder(folder, COLOR_FOLDERS), NUMBER)
+    depths = by_number(_folder(folder, DEPTH_FOLDERS), NUMBER)
+    if path is None or not colors or not depths:
+        return None
+    frames = _joined(colors, depths, _rows(path, colors))
+    return Found(f"numbered pictures ({path.name})", frames.complete(path), frames.skipped)
+
+
+def read_per_frame(folder: Path) -> Found | None:
+    """Read `frame-000000.color.png`, `.depth.png` and `.pose.txt` (7-Scenes), or `color/0.jpg`,
+    `depth/0.png` and `pose/0.txt` (exports of ScanNet); None if the folder has neither.
+
+    Raises
+    ------
+    FormatError
+        A pose is damaged, or no frame is complete.
+    """
+    files = by_number(folder, NUMBER + r"\.pose", (".txt",))
+    name = "7-Scenes (a pose file per frame)"
+    up: Axis | None = None
+    colors = by_number(folder, NUMBER + r"\.color")
+    depths = by_number(folder, NUMBER + r"\.depth")
+    if not files:
+        files = by_number(_folder(folder, POSE_FOLDERS), NUMBER, (".txt",))
+        name, up = "ScanNet export (color, depth, pose)", "z"
+        colors = by_number(_folder(folder, COLOR_FOLDERS), NUMBER)
+        depths = by_number(_folder(folder, DEPTH_FOLDERS), NUMBER)
+    if not files:
+        return None
+    poses = {n: rigid(str(p), list(read_matrix(p, (4, 4), (3, 4)).flat)) for n, p in files.items()}
+    frames = _joined(colors, depths, poses)
+    return Found(name, frames.complete(folder), frames.skipped, up=up)
+
+
+def read_log(folder: Path) -> Found | None:
+    """Read numbered pictures and a trajectory log of Open3D or Redwood: a line of three whole
+    numbers, then four lines of a matrix, for each pose. None if the folder has no log.
+
+    Raises
+    ------
+    FormatError
+        The log is damaged, or no frame is complete.
+    """
+    logs = [p for place in (folder, folder / "scene") for p in sorted(place.glob("*.log"))]
+    path = min(logs, key=lambda p: p.name != "trajectory.log", default=None)
+    if path is None:
+        return None
+    rows = read_lines(path)
+    poses: Poses = {}
+    for start in range(0, len(rows), 5):
+        where, words = rows[start]
+        if len(words) != 3 or not words[0].isdecimal():
+            raise FormatError(
+                f"{where}: expected three whole numbers, then a matrix on four lines, for each pose"
+            )
+        matrix = [value for at, line in rows[start + 1 : start + 5] for value in numbers(at, line)]
+        poses[int(words[0])] = rigid(where, matrix)
+    colors = by_number(_folder(folder, COLOR_FOLDERS), NUMBER)
+    depths = by_number(_folder(folder, DEPTH_FOLDERS), NUMBER)
+    if len(poses) == len(colors) and set(poses) != set(colors):
+        # Numbers of pictures may start at 1, or leave some out; the log counts its own.
+        poses = dict(zip(sorted(colors), (poses[n] for n in sorted(poses)), strict=True))
+    if len(colors) == len(depths) and set(colors) != set(depths):
+        # Those of Redwood have a time behind the number, and not the same one.
+        depths = dict(zip(sorted(colors), (depths[n] for n in sorted(depths)), strict=True))
+    frames = _joined(colors, depths, poses)
+    return Found(f"Open3D or Redwood ({path.name})", frames.complete(folder), frames.skipped)
+
+
+def _rows(path: Path, colors: dict[int, Path]) -> Poses:
+    """Return poses of lines: one for each picture, or for each number from the first one's on."""
+    rows = read_lines(path)
+    first = min(colors)
+    order = sorted(colors) if len(rows) == len(colors) else range(first, first + len(rows))
+    return {n: rigid(at, numbers(at, words)) for n, (at, words) in zip(order, rows, strict=True)}
+
+
+def _joined(colors: dict[int, Path], depths: dict[int, Path], poses: Poses) -> Gatherer:
+    frames = Gatherer()
+    for number in sorted(colors.keys() | depths.keys() | poses.keys()):
+        frames.add(
+            colors.get(number), depths.get(number), poses.get(number), has_pose=number in poses
+        )
+    return frames
+
+
+def _matching(folder: Path, pattern: str) -> dict[int, Path]:
+    """Return files by the number in a printf pattern; a name without one is of number 0."""
+    before, after = FRAME_PATTERN.split(pattern)[::2] if "%" in pattern else (pattern, "")
+    names = re.compile(f"{re.escape(before)}([0-9]+){re.escape(after)}")
+    found = {}
+    for path in folder.glob(f"{glob.escape(before)}*{glob.escape(after)}"):
+        name = path.relative_to(folder).as_posix()
+        match = names.fullmatch(name)
+        if match and frame_path(folder, pattern, int(match[1])) == path:
+            found[int(match[1])] = path
+        elif name == pattern:
+            found[0] = path
+    return found
+
+
+def _folder(folder: Path, names: tuple[str, ...]) -> Path:
+    """Return the first of these folders that is there, or the first name."""
+    return next((folder / name for name in names if (folder / name).is_dir()), folder / names[0])

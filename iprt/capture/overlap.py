@@ -1,0 +1,120 @@
+"""Coarse views of frames, and what one of them shows of what another has seen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.capture.pinhole import Pinhole, blocks, sampled
+
+COLUMNS = 64
+"""Cells along a row, at most."""
+SAME_SURFACE = 0.1
+"""Depths in a cell that differ by more, relatively, are of several surfaces."""
+AGREE_M, AGREE = 0.02, 0.03
+"""Depths of one surface differ by less than the sum."""
+
+Float = NDArray[np.float32]
+Matrix = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Indices = NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class Glance:
+    """A frame in few cells.
+
+    Attributes
+    ----------
+    camera : Pinhole
+        Of the cells.
+    depth : (H, W) float32
+        Metres along +Z, 0 where there is none or an edge.
+    color : (H, W, 3) float32
+        Mean linear radiance; NaN where it may be clipped.
+    """
+
+    camera: Pinhole
+    depth: Float
+    color: Float
+
+    @classmethod
+    def of(cls, depth: Float, color: Float, clipped: Mask, camera: Pinhole) -> Glance:
+        """Reduce a frame: arrays (H, W), (H, W, 3), (H, W) as of a `Picture`."""
+        step = max(1, -(-depth.shape[1] // COLUMNS))
+        parts = np.asarray(blocks(depth, step))
+        there = parts > 0.0
+        count = there.sum(axis=(1, 3))
+        mean = parts.sum(axis=(1, 3)) / np.maximum(count, 1)
+        nearest = np.where(there, parts, np.inf).min(axis=(1, 3))
+        one = (parts.max(axis=(1, 3)) - nearest <= SAME_SURFACE * mean) & (2 * count >= step * step)
+        colors = np.asarray(blocks(color, step)).mean(axis=(1, 3))
+        unclipped: Mask = ~np.any(blocks(clipped, step), axis=(1, 3))
+        return cls(
+            camera.reduced(step),
+            np.where(one, mean, 0.0).astype(np.float32),
+            np.where(unclipped[..., None], colors, np.nan).astype(np.float32),
+        )
+
+
+@dataclass(frozen=True)
+class Overlap:
+    """Cells of a glance that lie in another one, where that has depth.
+
+    Attributes
+    ----------
+    cell : (N,) intp
+        Flat indices.
+    column, row : (N,) float32
+        Where they lie in the other.
+    z : (N,) float32
+        Their depth as the other camera should see it.
+    seen : (N,) float32
+        The depth that it has there.
+    """
+
+    cell: Indices
+    column: Float
+    row: Float
+    z: Float
+    seen: Float
+
+    @property
+    def agree(self) -> Mask:
+        """(N,) bool: both see one surface."""
+        return np.asarray(np.abs(self.z - self.seen) < AGREE_M + AGREE * self.seen)
+
+    @property
+    def seen_through(self) -> int:
+        """Count the cells that would have to hide what the other camera sees."""
+        return int((self.z < self.seen)[~self.agree].sum())
+
+
+def overlap(glance: Glance, other: Glance, turn: Matrix) -> Overlap:
+    """Project a glance into another one.
+
+    Parameters
+    ----------
+    turn : (4, 4) float64
+        From the first camera's axes to those of the other.
+    """
+    cell = np.flatnonzero(glance.depth)
+    points = glance.camera.rays().reshape(-1, 3)[cell] * glance.depth.ravel()[cell, None]
+    points = (points @ turn[:3, :3].T + turn[:3, 3]).astype(np.float32)
+    ahead = points[:, 2] > AGREE_M
+    cell, points = cell[ahead], points[ahead]
+    column, row = other.camera.pixels(points)
+    height, width = other.depth.shape
+    inside = (np.abs(column - (width - 1) / 2) <= width / 2) & (
+        np.abs(row - (height - 1) / 2) <= height / 2
+    )
+    cell, points, column, row = cell[inside], points[inside], column[inside], row[inside]
+    nearness = 1.0 / np.where(other.depth > 0.0, other.depth, np.inf)
+    known = np.stack([nearness, other.depth > 0.0], axis=-1).astype(np.float32)
+    near, there = sampled(known, column, row).T
+    whole = there > 0.999
+    return Overlap(
+        cell[whole], column[whole], row[whole], points[whole, 2], there[whole] / near[whole]
+    )
