@@ -24,7 +24,7 @@ from iprt.capture.pinhole import Pinhole, blocks, sampled
 from iprt.capture.transforms import read_transforms
 from iprt.capture.tum import read_tum
 from iprt.errors import FormatError
-from iprt.files.images import FLOAT_KINDS, file_kind, read_color, read_depth
+from iprt.files.images import read_color, read_depth, read_header
 
 NEARLY_WHITE = 0.95
 """Share of the range of 8 or 16 bits from where on colours may be clipped."""
@@ -177,7 +177,9 @@ class RgbdSequence:
         """
         shot = self.shots[index]
         color = read_color(shot.color)
-        depth, is_integer = read_depth(shot.depth)
+        depth, bits = read_depth(shot.depth)
+        if bits == 8:
+            raise FormatError(f"{shot.depth}: depth of 8 bits; expected 16 bits, or floats")
         (height, width), (rows, columns) = color.shape[:2], depth.shape
         camera = shot.camera.resized(width, height)
         if shot.depth_camera is not None:
@@ -189,15 +191,15 @@ class RgbdSequence:
                 f"{shot.depth}: {columns}x{rows} pixels, but its colour has {width}x{height}: "
                 "another view; register depth to colour"
             )
-        limited = file_kind(shot.color) not in FLOAT_KINDS
+        limited = read_header(shot.color).has_end
         clipped = (color.max(axis=-1) >= NEARLY_WHITE) & limited
         if depth_camera != camera:
             color, clipped = _seen_by(depth_camera, camera, color, clipped)
         there = np.isfinite(depth) & (depth > 0.0) & np.isfinite(color).all(axis=-1)
-        if is_integer:
+        if bits:
             there &= depth < FARTHEST_STEP
         color = np.maximum(np.nan_to_num(color, posinf=0.0, neginf=0.0), 0.0)
-        metres = np.where(there, depth, 0.0) * (self.step_m if is_integer else self.unit_m)
+        metres = np.where(there, depth, 0.0) * (self.step_m if bits else self.unit_m)
         return Picture(color, metres.astype(np.float32), clipped, depth_camera)
 
 

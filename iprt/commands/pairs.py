@@ -1,4 +1,4 @@
-"""Flags that take two numbers: how many there are, and what they are, stands in help and errors."""
+"""Flags that take numbers: how many there are, and what they are, stands in help and errors."""
 
 from __future__ import annotations
 
@@ -29,6 +29,23 @@ def _pair(
     )
 
 
+def _any_number() -> PrimitiveConstructorSpec[tuple[float, ...] | None]:
+    def parsed(words: list[str]) -> tuple[float, ...]:
+        try:
+            return tuple(float(word) for word in words)
+        except ValueError:
+            raise ValueError(f"expected numbers; got {' '.join(words)}") from None
+
+    return PrimitiveConstructorSpec(
+        nargs="*",
+        metavar="[VALUE ...]",
+        instance_from_str=parsed,
+        is_instance=lambda value: value is None or isinstance(value, tuple),
+        str_from_instance=lambda values: ["None"] if values is None else list(map(str, values)),
+    )
+
+
 Size = Annotated[tuple[int, int] | None, _pair(int, WHOLE, "WIDTH", "HEIGHT")]
 FrameSpan = Annotated[tuple[int, int] | None, _pair(int, WHOLE, "FIRST", "LAST")]
 DepthRange = Annotated[tuple[float, float] | None, _pair(float, "two numbers", "LOW", "HIGH")]
+Values = Annotated[tuple[float, ...] | None, _any_number()]

@@ -49,6 +49,7 @@ def render(
     size: Size = None,
     accumulate: int | None = None,
     codec: Literal["h264", "hevc"] | None = None,
+    no_audio: bool = False,
     seed: int | None = None,
     method: str | None = None,
     time_per_frame: float | None = None,
@@ -96,6 +97,8 @@ def render(
     codec
         How .mp4, .mov and .mkv are coded: h264 (8 bits) plays everywhere; hevc (10 bits) shows no
         bands in soft gradients. Default: h264.
+    no_audio
+        Leave out the sound of the scene's video file, which .mp4, .mov and .mkv keep.
     seed
         Seed of the random numbers; the same seed gives the same picture on the same device.
         Short for --set seed=.
@@ -141,9 +144,10 @@ def render(
     from iprt.output.sequence import is_video
 
     video = is_video(output)
-    if codec is not None and output.suffix.lower() not in FORMATS:
+    film_flag = "--no-audio" if no_audio else None if codec is None else f"--codec {codec}"
+    if film_flag is not None and output.suffix.lower() not in FORMATS:
         kinds = ", ".join(FORMATS)
-        raise IprtError(f"--codec {codec}: has no effect on {output}; it is for {kinds}")
+        raise IprtError(f"{film_flag}: has no effect on {output}; it is for {kinds}")
     converged = CONVERGED.get(setting_flags.quality)
     if video and converged is not None:
         raise IprtError(
@@ -193,7 +197,7 @@ def render(
     if video:
         codec = codec or "h264"
         check_video(job, output, indices, codec)
-        rendered = render_video(job, output, indices, codec)
+        rendered = render_video(job, output, indices, codec, audio=not no_audio)
     else:
         if frames is not None and len(indices) > 1:
             raise IprtError(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 
 import tyro
 
-from iprt.commands.pairs import DepthRange
+from iprt.commands.pairs import DepthRange, Values
 from iprt.commands.streams import reporting
 from iprt.errors import IprtError
 from iprt.files.wording import counted
@@ -62,7 +62,7 @@ def info(
     if thumbnail is not None:
         write_thumbnail(thumbnail, opened, frame)
     plan = render_plan(opened, frame)
-    notices = opened.source.notices() + opened.source.interpolation()
+    notices = opened.source.notices() + opened.source.remarks()
     if json:
         import json as json_format
 
@@ -115,7 +115,7 @@ def check(
     made_up += report.unlikely
     for line in made_up:
         print(f"warning: {line}")
-    for line in opened.source.interpolation():
+    for line in opened.source.remarks():
         print(f"note: {line}")
     lost = 1.0 - float(np.isfinite(raw.color).all(axis=-1).mean())
     if lost > 0.0:
@@ -160,9 +160,14 @@ def new(
     depth_scale: float | None = None,
     depth_range: DepthRange = None,
     depth_encoding: Literal["linear", "inverse"] | None = None,
+    depth_kind: Literal["distance", "cube", "z"] = "distance",
+    invalid: Values = None,
+    sky: Values = None,
     normal: Path | None = None,
     color_layer: str | None = None,
     depth_layer: str | None = None,
+    eye: Literal["left", "right"] | None = None,
+    fit: Literal["stretch", "pad", "crop"] | None = None,
     list_layers: bool = False,
 ) -> int:
     """Make a scene folder from a panorama and its depth, or from a video with depth.
@@ -172,12 +177,12 @@ def new(
     folder
         Folder to make.
     color
-        360° picture: EXR, PNG or JPEG, twice as wide as high; for video a pattern such as
-        color.%04d.png, or a video file.
+        360° picture: EXR, PNG, JPEG, WebP, AVIF, TIFF or HDR, twice as wide as high; for video a
+        pattern such as color.%04d.png, or a video file.
     depth
-        Its depth: EXR, PFM or 16-bit PNG of the same size or smaller, or a video file of 16-bit
-        grey. Default: in the same file as colour: a layer of EXR, a second stream, or below colour
-        in each picture.
+        Its depth: EXR, PFM, NumPy, or grey PNG or TIFF of the same size or smaller, or a video
+        file of 16-bit grey. Default: in the same file as colour: a layer of EXR, a second stream,
+        or below colour in each picture.
     depth_scale
         Metres per stored unit; 0.001 for millimetres. PNG and video need it or depth_range.
     depth_range
@@ -185,6 +190,14 @@ def new(
     depth_encoding
         What grows in proportion with the stored values of --depth-range: depth (linear) or its
         inverse. Default: linear.
+    depth_kind
+        What depth measures: the distance along each ray, or the z-depth of a cube's six faces
+        (cube). The z-depth of one axis (z) is refused, for it tells nothing of what is beside.
+    invalid
+        Stored values that mean that nothing was measured: holes, filled in from around.
+    sky
+        Stored values that mean that there is no surface. Default, without --invalid: what stands
+        out, such as 65535 and 1e10; with no value, none.
     normal
         World-space normals in an EXR file. Default: the layer of colour's file that is named so and
         agrees with depth; else they are fitted to depth.
@@ -192,6 +205,11 @@ def new(
         Layer of an EXR file that is the picture. Default: by the layers' names.
     depth_layer
         Layer of an EXR file that is depth. Default: by the layers' names.
+    eye
+        Half to take of a stereo picture: left is the upper one, or the left of two side by side.
+    fit
+        How a picture that is not twice as wide as high covers the sphere: stretch takes it for all
+        of it, pad takes rows for missing at top and bottom, crop cuts such rows off, as black bars.
     list_layers
         Print the layers of the files and stop; no folder is made.
 
@@ -201,7 +219,7 @@ def new(
         Exit status 0.
     """
     from iprt.commands.scene_report import first_look
-    from iprt.footage.video.depth_code import DepthCode
+    from iprt.footage.video.depth_code import DepthCode, DepthMarks
     from iprt.scene.edit import new_scene
     from iprt.scene.sources import layer_lists
 
@@ -220,9 +238,26 @@ def new(
         sources = {key: path for key, path in named.items() if path is not None}
         print("\n".join(layer_lists(sources)))
         return 0
-    code = DepthCode(depth_scale, depth_range, depth_encoding or "linear")
+    if depth_kind == "z":
+        raise IprtError(
+            "--depth-kind z: z-depth along one axis tells nothing of what is beside the camera; "
+            "export the distance along each ray, or a cube's six faces with --depth-kind cube"
+        )
+    marks = None
+    if invalid is not None or sky is not None:
+        marks = DepthMarks(invalid or (), sky or ())
+    encoding = depth_encoding or "linear"
+    code = DepthCode(depth_scale, depth_range, encoding, depth_kind, marks)
     frames = new_scene(
-        folder, color, depth, code, normal, color_layer=color_layer, depth_layer=depth_layer
+        folder,
+        color,
+        depth,
+        code,
+        normal,
+        color_layer=color_layer,
+        depth_layer=depth_layer,
+        eye=eye,
+        fit=fit,
     )
     with reporting(f"{folder} has been made all the same"):
         print("\n".join(first_look(folder)))

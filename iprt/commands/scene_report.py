@@ -14,16 +14,15 @@ if TYPE_CHECKING:
 
 def first_look(folder: Path) -> list[str]:
     """Facts about the first frame of a new scene, for its maker to compare with the real place."""
-    from iprt.footage.surroundings import Surroundings
-    from iprt.scene.report import unlikely
+    from iprt.scene.report import surroundings_of, unlikely
     from iprt.scene.scene import Scene
 
     scene = Scene.open(folder)
     raw = scene.raw_frame()
-    place = Surroundings.of(raw.depth)
+    place = surroundings_of(scene, raw)
     lines = [] if place is None else [f"place: {place.line()}"]
-    lines += [f"note: {line}" for line in scene.source.interpolation()]
-    return lines + [f"warning: {phrase}" for phrase in unlikely(raw)]
+    lines += [f"note: {line}" for line in scene.source.remarks()]
+    return lines + [f"warning: {phrase}" for phrase in unlikely(scene, raw, place)]
 
 
 def memory_lines(

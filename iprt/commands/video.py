@@ -21,6 +21,7 @@ from iprt.output.frames import FrameOutput
 from iprt.output.movie import DESCRIPTION, Movie, parts_of
 from iprt.output.picture import check_output
 from iprt.output.sequence import PictureSequence, is_pattern, numbered
+from iprt.output.sound import Sound
 from iprt.output.spherical import equirect_boxes, is_spherical
 from iprt.scene.fingerprint import fingerprint
 
@@ -58,9 +59,11 @@ def check_video(job: Job, output: Path, frames: range, codec: CodecName) -> None
 
 
 def render_video(
-    job: Job, output: Path, frames: range, codec: CodecName
+    job: Job, output: Path, frames: range, codec: CodecName, *, audio: bool
 ) -> tuple[ComputeDevice, Film] | None:
     """Render what is not there yet: the device with its times, and what ran on it.
+
+    With `audio`, a video file keeps the sound of the source's.
 
     Whatever ends it, finished frames stay, and the error (or the line on a signal) says so.
 
@@ -83,7 +86,7 @@ def render_video(
         return compute, film
 
     with locked(output.parent):
-        target = _opened(job, output, frames, codec)
+        target = _opened(job, output, frames, codec, audio)
 
         def kept() -> str | None:
             if not target.done:
@@ -135,7 +138,7 @@ def runs(missing: Sequence[int], frames: range) -> Iterator[range]:
             start = place + 1
 
 
-def _opened(job: Job, output: Path, frames: range, codec: CodecName) -> FrameOutput:
+def _opened(job: Job, output: Path, frames: range, codec: CodecName, audio: bool) -> FrameOutput:
     """The output, with what an earlier render has left of the same job."""
     scene = job.scene
     files = {"iprt:files": fingerprint(scene)}
@@ -155,12 +158,15 @@ def _opened(job: Job, output: Path, frames: range, codec: CodecName) -> FrameOut
     description = job.metadata(frames[0], "")
     del description["iprt:device"]  # parts may come from several
     span = {"iprt:span": f"{frames[0]}:{frames[-1]}:{frames.step}", "iprt:codec": codec}
+    rate = frame_rate(scene.source.fps, frames.step)
+    shown = scene.source.moment(frames[0]) if audio else None
     return Movie(
         output,
         frames,
         {**description, **files, **span},
         codec=codec,
-        rate=frame_rate(scene.source.fps, frames.step),
+        rate=rate,
         exposure=scene.exposure,
         additions=equirect_boxes() if around and is_spherical(output) else None,
+        sound=None if shown is None else Sound(*shown, len(frames) / rate),
     )

@@ -18,7 +18,11 @@ from iprt.files.toml_text import printable
 from iprt.files.untrusted import decoding
 
 LOG = logging.getLogger("iprt.files")
-NO_DEPTH = "depth needs one channel, as EXR, PFM or 16-bit grey PNG"
+NO_DEPTH = (
+    "false colours cannot be read as depth; export depth itself, in one channel, as EXR, PFM or "
+    "16-bit grey PNG"
+)
+"""What is wrong with depth in colours, and what to give in its place."""
 _warned: set[tuple[Path, bytes]] = set()
 """Folders and unusable chromaticities that have been warned of."""
 

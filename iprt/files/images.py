@@ -1,40 +1,39 @@
-"""Pictures on disk to arrays: EXR, PNG, JPEG and PFM, recognised by their first bytes."""
+"""Pictures on disk to arrays: the kinds of `file_kind`, upright by their EXIF orientation."""
 
 from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
+from shlex import quote
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
+from PIL import Image, features
 
 from iprt.errors import FormatError
 from iprt.files import exr
-from iprt.files.exr_header import MAGIC as EXR_MAGIC
+from iprt.files.deep_pictures import DAMAGED, decoded_by_ffmpeg, hdr_size
+from iprt.files.gain_map import names_gain_map, read_gain_map
+from iprt.files.kinds import file_kind, require_sdr
+from iprt.files.numpy_depth import read_numpy
+from iprt.files.orientation import TURNED, orientation_of, upright
 from iprt.files.pfm import read_pfm
-from iprt.files.untrusted import (
-    MAX_PIXELS,
-    decoding,
-    open_file,
-    read_bytes,
-    require_picture_size,
-)
+from iprt.files.tiff import TiffTags, read_tags, with_tags_of_pixels
+from iprt.files.untrusted import decoding, read_bytes, require_picture_size
+from iprt.files.xmp import xmp_of
 
 Image2D = NDArray[np.float32]
-_SIGNATURES = {
-    EXR_MAGIC: "exr",
-    b"\x89PNG": "png",
-    b"\xff\xd8\xff": "jpeg",
-    b"Pf": "pfm",
-    b"PF": "pfm",
-}
-FLOAT_KINDS = ("exr", "pfm")
-"""Kinds of files whose values have no upper end."""
+_DEPTH_ONLY = {"pfm": "PFM", "npy": "NumPy's .npy", "npz": "NumPy's .npz"}
+_PILLOW_FORMATS = {"png": "PNG", "jpeg": "JPEG", "webp": "WEBP", "avif": "AVIF", "tiff": "TIFF"}
+"""Names that Pillow has for kinds of files that it reads."""
+NO_GAIN_MAP = (
+    "has a gain map that is not read: highlights are clipped at white; export it as EXR or HDR"
+)
 TEXTURE_FORMATS = ("PNG", "JPEG", "WEBP", "BMP", "TGA", "TIFF")
 """Names that Pillow has for what textures of meshes may be stored as."""
 LOOKUP_ROWS = 128
@@ -44,28 +43,35 @@ MAX_SCANS = 100
 _START_OF_SCAN = b"\xff\xda"
 
 
-def file_kind(path: Path) -> str:
-    """ "exr", "png", "jpeg" or "pfm", by the file's first bytes.
+@dataclass(frozen=True)
+class Header:
+    """What a picture says of itself before its pixels are decoded.
 
-    Raises
-    ------
-    FormatError
-        Missing, unreadable, empty, or none of these.
+    Attributes
+    ----------
+    width, height : int
+        Upright, as `read_color` returns it.
+    has_end : bool
+        Whether its values end at 1, where light is clipped.
+    xmp : str
+        Its XMP; see `gpano_crop`.
+    unread : str
+        What the file holds of the picture and is not read; empty if nothing.
     """
-    with open_file(path) as file:
-        start = file.read(4)
-    for signature, kind in _SIGNATURES.items():
-        if start.startswith(signature):
-            return kind
-    what = "empty" if not start else "not an EXR, PNG, JPEG or PFM file"
-    raise FormatError(f"{path}: {what}")
+
+    width: int
+    height: int
+    has_end: bool = True
+    xmp: str = ""
+    unread: str = ""
 
 
 def read_color(path: Path, layer: str | None = None) -> Image2D:
     """Read linear Rec.709 radiance as (H, W, 3) float32, as stored: possibly not finite.
 
-    EXR is linear, and what it says of its primaries is converted; PNG and JPEG, 8 or 16 bits per
-    channel, are decoded from sRGB. Alpha and colour profiles are ignored.
+    EXR, Radiance HDR and TIFF of floats are linear, and what EXR says of its primaries is
+    converted; integers of 8 or 16 bits are decoded from sRGB, and brightened by the gain map that
+    a JPEG may have. Alpha and colour profiles are ignored.
 
     Parameters
     ----------
@@ -80,18 +86,51 @@ def read_color(path: Path, layer: str | None = None) -> Image2D:
     kind = _kind_with(path, "color", layer)
     if kind == "exr":
         return exr.read_exr_color(path, layer)
-    if kind == "pfm":
-        raise FormatError(f"{path}: PFM is read as depth only; save colour as EXR, PNG or JPEG")
-    image = _open_pillow(path)
+    if kind in _DEPTH_ONLY:
+        raise FormatError(
+            f"{path}: {_DEPTH_ONLY[kind]} is read as depth only; save colour as EXR, PNG or JPEG"
+        )
+    if kind == "hdr":
+        hdr_size(path)
+        color: Image2D = decoded_by_ffmpeg(path, "hdr", read_bytes(path))
+        return color
+    if kind == "tiff":
+        return _tiff_color(path)
+    image = _open_pillow(path, kind)
     is_16_bit = kind == "png" and _is_16_bit(image)
     coded = _decoded(path, image, "RGB")
-    return decode_srgb(_png16(path) if is_16_bit else coded)
+    color = decode_srgb(decoded_by_ffmpeg(path, "png", read_bytes(path)) if is_16_bit else coded)
+    if kind == "jpeg" and names_gain_map(image) and (gain := read_gain_map(path)):
+        gain.brighten(color)
+    return np.ascontiguousarray(upright(color, orientation_of(image)))
 
 
-def read_depth(path: Path, layer: str | None = None) -> tuple[Image2D, bool]:
-    """Read depth in stored units as (H, W) float32, and whether it is stored as integers.
+def _tiff_color(path: Path) -> Image2D:
+    tags = read_tags(path)
+    if tags.is_deep:
+        deep = decoded_by_ffmpeg(path, "tiff", with_tags_of_pixels(path))
+        deep = upright(deep, tags.orientation)
+        return np.ascontiguousarray(deep if tags.is_float else decode_srgb(deep))
+    image = _open_pillow(path, "tiff")
+    if tags.bits <= 8:
+        return decode_srgb(_decoded(path, image, "RGB"))
+    grey = _tiff_grey(path, image, tags)
+    if tags.bits == 32 and not tags.is_float:
+        raise FormatError(f"{path}: a TIFF file of 32-bit integers is read as depth only")
+    return np.repeat((grey if tags.is_float else decode_srgb(grey))[..., None], 3, axis=-1)
 
-    EXR, 16-bit grey PNG, or PFM.
+
+def _tiff_grey(path: Path, image: Image.Image, tags: TiffTags) -> NDArray[Any]:
+    """(H, W) uint16, uint32 or float32, which Pillow turns upright."""
+    kind = np.float32 if tags.is_float else np.uint16 if tags.bits == 16 else np.uint32
+    return _decoded(path, image).astype(kind, copy=False)
+
+
+def read_depth(path: Path, layer: str | None = None) -> tuple[Image2D, int]:
+    """Read depth in stored units as (H, W) float32, and the bits of its integers; 0 for floats.
+
+    EXR, PFM, NumPy's files, TIFF of 32-bit floats, and PNG, TIFF, JPEG, WebP or AVIF in grey: one
+    channel, or three that are equal.
 
     Parameters
     ----------
@@ -101,19 +140,57 @@ def read_depth(path: Path, layer: str | None = None) -> tuple[Image2D, bool]:
     Raises
     ------
     FormatError
-        As `read_color`; also pictures in colours, and those of 8 bits: too coarse for geometry.
+        As `read_color`; also pictures in colours.
     """
     kind = _kind_with(path, "depth", layer)
     if kind == "exr":
-        plane = exr.read_exr_depth(path, layer)
-        return plane.astype(np.float32, copy=False), plane.dtype.kind == "u"
+        return _with_bits(exr.read_exr_depth(path, layer))
+    if kind in ("npy", "npz"):
+        return _with_bits(read_numpy(path))
     if kind == "pfm":
-        return read_pfm(path), False
-    image = _open_pillow(path)
-    if not image.mode.startswith("I"):
-        what = "grey picture of 8 bits" if image.mode.startswith("L") else "picture in colours"
-        raise FormatError(f"{path}: a {what}; {exr.NO_DEPTH}")
-    return _decoded(path, image).astype(np.float32), True
+        return read_pfm(path), 0
+    if kind == "hdr":
+        raise FormatError(f"{path}: a picture in colours; {exr.NO_DEPTH}")
+    return _with_bits(_tiff_depth(path) if kind == "tiff" else _coded_depth(path, kind))
+
+
+def _tiff_depth(path: Path) -> NDArray[Any]:
+    tags = read_tags(path)
+    if tags.is_deep:
+        deep = decoded_by_ffmpeg(path, "tiff", with_tags_of_pixels(path))
+        return upright(_one_channel(path, deep), tags.orientation)
+    image = _open_pillow(path, "tiff")
+    if tags.bits > 8:
+        return _tiff_grey(path, image, tags)
+    return _one_channel(path, _decoded(path, image, "RGB"))
+
+
+def _coded_depth(path: Path, kind: str) -> NDArray[Any]:
+    """(H, W) uint8 or uint16 of a picture that Pillow or, of 16-bit colours, FFmpeg decodes."""
+    image = _open_pillow(path, kind)
+    is_grey, is_16_bit = image.mode.startswith("I"), kind == "png" and _is_16_bit(image)
+    coded = _decoded(path, image, None if is_grey else "RGB")
+    if is_grey:
+        plane = coded.astype(np.uint16, copy=False)
+    elif is_16_bit:
+        plane = _one_channel(path, decoded_by_ffmpeg(path, "png", read_bytes(path)))
+    else:
+        plane = _one_channel(path, coded)
+    return upright(plane, orientation_of(image))
+
+
+def _one_channel(path: Path, coded: NDArray[Any]) -> NDArray[Any]:
+    """(H, W) of (H, W, 3) whose channels are equal."""
+    plane: NDArray[Any] = coded[..., 0]
+    if not all(np.array_equal(plane, coded[..., k], equal_nan=True) for k in (1, 2)):
+        raise FormatError(f"{path}: a picture in colours; {exr.NO_DEPTH}")
+    return plane
+
+
+def _with_bits(stored: NDArray[Any]) -> tuple[Image2D, int]:
+    with np.errstate(over="ignore"):
+        values = np.ascontiguousarray(stored, np.float32)
+    return values, 0 if stored.dtype.kind == "f" else 8 * stored.dtype.itemsize
 
 
 def read_normal(path: Path) -> Image2D:
@@ -129,8 +206,8 @@ def read_normal(path: Path) -> Image2D:
     return exr.read_exr_normal(path)
 
 
-def picture_size(path: Path, layer: str | None = None) -> tuple[int, int]:
-    """Return width and height of an EXR, PNG or JPEG picture, from its header.
+def read_header(path: Path, layer: str | None = None) -> Header:
+    """Read what a picture of colour says of itself.
 
     Parameters
     ----------
@@ -140,11 +217,32 @@ def picture_size(path: Path, layer: str | None = None) -> tuple[int, int]:
     Raises
     ------
     FormatError
+        As `read_color`.
     """
-    if file_kind(path) == "exr":
-        return exr.exr_size(path, layer)
-    image = _open_pillow(path)
-    return image.width, image.height
+    kind = file_kind(path)
+    if kind == "exr":
+        return Header(*exr.exr_size(path, layer), has_end=False)
+    if kind == "hdr":
+        return Header(*hdr_size(path), has_end=False)
+    if kind == "tiff":
+        tags = read_tags(path)
+        is_turned = tags.orientation in TURNED
+        size = (tags.height, tags.width) if is_turned else (tags.width, tags.height)
+        return Header(*size, not tags.is_float, tags.xmp)
+    image = _open_pillow(path, kind)
+    size = (image.width, image.height)
+    size = size[::-1] if orientation_of(image) in TURNED else size
+    has_end, unread = True, ""
+    if names_gain_map(image):
+        has_end = kind != "jpeg" or read_gain_map(path) is None
+        unread = NO_GAIN_MAP if has_end else ""
+    return Header(*size, has_end, xmp_of(image), unread)
+
+
+def picture_size(path: Path) -> tuple[int, int]:
+    """Return width and height of a picture, from its header; raises as `read_header`."""
+    header = read_header(path)
+    return header.width, header.height
 
 
 def _kind_with(path: Path, key: str, layer: str | None) -> str:
@@ -177,26 +275,19 @@ def _is_16_bit(image: Image.Image) -> bool:
     return image.mode.startswith("I") or (bool(tiles) and "16" in str(tiles[0][3]))
 
 
-def _png16(path: Path) -> NDArray[np.uint16]:
-    """(H, W, 3) of a PNG with 16 bits per channel, of which Pillow keeps 8 in colour.
-
-    FFmpeg unpacks texts of any size: Pillow has to have read the file before, which does not.
-    """
-    import av
-
-    with decoding(path, "cut off or damaged picture"):
-        codec = av.CodecContext.create("png", "r")
-        codec.options = {"err_detect": "crccheck+explode", "max_pixels": str(MAX_PIXELS)}
-        (frame,) = codec.decode(av.Packet(read_bytes(path)))
-        channels = len(frame.format.components)
-        rows = np.frombuffer(memoryview(frame.planes[0]), ">u2").reshape(frame.height, -1)
-    chosen = range(3) if channels >= 3 else [0, 0, 0]
-    columns = [rows[:, channel : frame.width * channels : channels] for channel in chosen]
-    return np.stack(columns, axis=-1).astype(np.uint16)
-
-
-def _open_pillow(path: Path) -> Image.Image:
-    return open_picture(path, path, ("PNG", "JPEG"))
+def _open_pillow(path: Path, kind: str) -> Image.Image:
+    if kind == "heic" or (kind == "avif" and not features.check("avif")):
+        raise FormatError(
+            f"{path}: {kind.upper()} is not read; convert it, for example by "
+            f"heif-convert {quote(path.name)} {quote(path.stem + '.png')}"
+        )
+    if kind not in _PILLOW_FORMATS:
+        raise FormatError(f"{path}: {_DEPTH_ONLY.get(kind, kind.upper())} is no picture in colours")
+    if kind == "avif":
+        require_sdr(path)
+    # Pillow maps raw TIFF by its file's name, and then confuses rows and columns of what is turned.
+    source = BytesIO(read_bytes(path)) if kind == "tiff" else path
+    return open_picture(source, path, (_PILLOW_FORMATS[kind],))
 
 
 def open_picture(
@@ -239,7 +330,7 @@ def texture_pixels(image: Image.Image, path: Path) -> NDArray[np.uint8]:
 
 def _decoded(path: Path, image: Image.Image, mode: str | None = None) -> NDArray[Any]:
     """The pixels of a picture, converted to one of Pillow's modes."""
-    with _quiet(), decoding(path, "cut off or damaged picture"):
+    with _quiet(), decoding(path, DAMAGED):
         return np.asarray(image if mode in (None, image.mode) else image.convert(mode))
 
 

@@ -17,7 +17,10 @@ from iprt.files.toml_text import printable
 FRAME_PATTERN = re.compile(r"%(0\d)?d")
 """The printf conversions that a frame's number may take: %d, %04d."""
 
-PICTURE_SUFFIXES = (".exr", ".png", ".jpg", ".jpeg", ".pfm")
+PICTURE_SUFFIXES = (
+    *(".exr", ".png", ".jpg", ".jpeg", ".webp", ".avif", ".heic", ".heif", ".tif", ".tiff"),
+    *(".hdr", ".pfm", ".npy", ".npz"),
+)
 
 TABLE_LISTS = ("objects", "real_materials", "views")
 """Keys that hold lists of named tables."""
@@ -140,6 +143,11 @@ def _video_problems(video: Any) -> Iterator[str]:
         yield "video.depth_range: depth_scale is given too; give one of them"
     if "depth_encoding" in video and "depth_range" not in video:
         yield "video.depth_encoding: has no effect without depth_range; give depth_range too"
+    invalid, sky = (video.get(f"depth_{key}") for key in ("invalid", "sky"))
+    if isinstance(invalid, list) and isinstance(sky, list):
+        for value in (value for value in sky if isinstance(value, float | int)):
+            if value in invalid:
+                yield f"video.depth_sky: {value:g} is in depth_invalid too; leave it out of one"
     color = video.get("color")
     if not isinstance(color, str):
         return

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.footage.normals import estimate_normals, over_poles
+from iprt.footage.openings import UNMEASURED
 from iprt.geometry.camera import equirect_direction
 
 Plane = NDArray[np.float32]
@@ -87,6 +88,12 @@ class Grid:
         rows = np.maximum.reduceat(known, self.rows, axis=0)
         return np.asarray(np.maximum.reduceat(rows, self.columns, axis=1), np.float32)
 
+    def repeated(self, coarse: Plane, height: int, width: int) -> Plane:
+        """(height, width) of coarse texels (h, w), each where it lies."""
+        down = np.diff(self.rows, append=height)
+        across = np.diff(self.columns, append=width)
+        return coarse.repeat(down, axis=0).repeat(across, axis=1)
+
     def has_finer_holes(self, depth: Plane) -> bool:
         """Whether holes were cut out of coarse texels, as by a mask of the size of colour."""
         there = usable(depth)
@@ -113,9 +120,22 @@ def at_full_size(depth: Plane, grid: Grid | None, width: int, height: int) -> Pl
     if coarse.shape == (height, width):
         return depth
     if grid is None or depth.shape != (height, width) or not grid.has_finer_holes(depth):
-        return enlarged(coarse, width, height)
-    full = enlarged(coarse, width, height, holes=False)
-    return np.where(usable(depth), full, np.float32(0.0))
+        full = enlarged(coarse, width, height)
+    else:
+        full = enlarged(coarse, width, height, holes=False)
+        full = np.where(usable(depth), full, np.float32(0.0))
+    return _with_unmeasured(full, depth)
+
+
+def _with_unmeasured(full: Plane, depth: Plane) -> Plane:
+    """`full` (H, W), with `UNMEASURED` where it has no depth because `depth` says so."""
+    unmeasured = depth == UNMEASURED
+    if not unmeasured.any():
+        return full
+    (height, width), (rows, columns) = full.shape, depth.shape
+    row, column = np.arange(height) * rows // height, np.arange(width) * columns // width
+    said = unmeasured[row[:, None], column]
+    return np.where(said & ~(full > 0.0), np.float32(UNMEASURED), full)
 
 
 def usable(depth: Plane) -> NDArray[np.bool_]:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from iprt.footage.openings import classify_holes
+from iprt.footage.openings import UNMEASURED, Holes, classify_holes
 
 Mask = NDArray[np.bool_]
 Plane = NDArray[np.float32]
@@ -51,14 +51,15 @@ def sanitise_depth(stored: Plane, color: Plane) -> CleanDepth:
     Parameters
     ----------
     stored : (H, W) float32
-        Metres from the capture centre; 0, negative, NaN or inf where there is no surface.
+        Metres from the capture centre; 0, negative, NaN or inf where there is no surface, and
+        `UNMEASURED` where one is that was not measured.
     color : (H, W, 3) float32
         Linear radiance, finite.
     """
     measured = _is_depth(stored)
     if measured.all():
         return CleanDepth(stored, np.zeros_like(measured), measured)
-    holes = classify_holes(~measured, color)
+    holes = holes_of(stored, measured, color)
     inverse = np.zeros(stored.shape, np.float32)
     with np.errstate(over="ignore"):
         np.divide(np.float32(1.0), stored, out=inverse, where=measured)
@@ -80,7 +81,13 @@ def find_openings(stored: Plane, color: Plane) -> Mask:
     measured = _is_depth(stored)
     if measured.all():
         return np.zeros_like(measured)
-    return classify_holes(~measured, color).opening
+    return holes_of(stored, measured, color).opening
+
+
+def holes_of(stored: Plane, measured: Mask, color: Plane) -> Holes:
+    """Sort what is not measured; see `sanitise_depth` and `classify_holes`."""
+    unmeasured = stored == UNMEASURED
+    return classify_holes(~measured, color, unmeasured if unmeasured.any() else None)
 
 
 def fill_inverse_depth(

@@ -7,7 +7,8 @@ poles). Three cases:
   reaches down to 30° above the horizon (a street's sky; a skylight ends higher). Stays at infinity.
 - **Opening**: any other hole, a window mostly. Filled from its rim, and flagged.
 - **Dropout**: a hole that a sensor left in a surface: smaller than 1e-4 sr and not twice as bright
-  as its rim, or around the nadir, where the tripod stands. Filled from its rim, not flagged.
+  as its rim, or around the nadir, where the tripod stands, or said to be one. Filled from its rim,
+  not flagged.
 """
 
 from __future__ import annotations
@@ -28,6 +29,9 @@ OPEN_SKY_ELEVATION_DEG = 30.0
 DROPOUT_SR = 1e-4
 DROPOUT_BRIGHTNESS = 2.0
 
+UNMEASURED = float(np.finfo(np.float32).min)
+"""Depth where a surface is said to be that was not measured; where a file holds it, too."""
+
 Mask = NDArray[np.bool_]
 
 
@@ -46,7 +50,7 @@ def solid_angles(width: int, height: int) -> NDArray[np.float64]:
     return (edges[:-1] - edges[1:]) * (2.0 * np.pi / width)
 
 
-def classify_holes(hole: Mask, color: NDArray[np.float32]) -> Holes:
+def classify_holes(hole: Mask, color: NDArray[np.float32], unmeasured: Mask | None = None) -> Holes:
     """Sort holes into open sky, openings and dropouts, by the rules above.
 
     Parameters
@@ -55,6 +59,8 @@ def classify_holes(hole: Mask, color: NDArray[np.float32]) -> Holes:
         Texels without depth.
     color : (H, W, 3) float32
         Linear radiance, finite.
+    unmeasured : (H, W) bool or None
+        Those of them where a surface is said to be; they decide where they are the most of a hole.
     """
     height, width = hole.shape
     texel = np.flatnonzero(hole)
@@ -68,10 +74,15 @@ def classify_holes(hole: Mask, color: NDArray[np.float32]) -> Holes:
     at_zenith, at_nadir = (
         np.isin(np.arange(count), of_texel[rows == row]) for row in (0, height - 1)
     )
-    is_open = (sr > OPEN_SKY_SR) | (at_zenith & (elevation_deg < OPEN_SKY_ELEVATION_DEG))
+    is_surface = np.zeros(count, np.bool_)
+    if unmeasured is not None:
+        said = np.bincount(of_texel, unmeasured.ravel()[texel], minlength=count)
+        is_surface = said > 0.5 * np.bincount(of_texel, minlength=count)
+    reaches_down = at_zenith & (elevation_deg < OPEN_SKY_ELEVATION_DEG)
+    is_open = (sr > OPEN_SKY_SR) | (reaches_down & ~is_surface)
     brightness = _brightness_over_rim(hole, color, texel, of_texel, count)
     small = (sr < DROPOUT_SR) & (brightness < DROPOUT_BRIGHTNESS)
-    is_dropout = ~is_open & (small | at_nadir)
+    is_dropout = ~is_open & (small | at_nadir | is_surface)
 
     def texels(chosen: Mask) -> Mask:
         mask = np.zeros_like(hole)

@@ -11,10 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from iprt.files.wording import length
 from iprt.footage.coarse_depth import usable
 from iprt.footage.color_fit import weighted_quantile
 from iprt.footage.normals import estimate_normals
 from iprt.footage.openings import solid_angles
+from iprt.footage.readings import Reading, likely_reading
 from iprt.geometry.camera import equirect_direction
 
 Float = NDArray[np.float64]
@@ -28,13 +30,25 @@ FLAT = 0.03
 """Half the thickness of what counts as one level, over its distance from the camera's height."""
 FLOOR_SHARE = 0.2
 """Share of the downward directions that must hit one level to call it a floor."""
-INVERTED_SHARE, INVERTED_FACTOR = 0.25, 2.0
-"""Share that meets a level, and how many times as many these are, where depth is inverted."""
+WIDEST_M = 1e5
+"""Extent of a place that no depth measures."""
 MAX_DISAGREEMENT_DEG = 30.0
 """Median angle between given normals and those of the depth."""
 _DOWN = 0.5
 """Sine of the angle below the horizon from which on a direction looks down."""
 _ROWS = 256
+_READINGS: dict[Reading, str] = {
+    "inverse": "seems to be stored as 1 / depth, high where things are near: floors and walls are "
+    "flat if it is read so, and bend otherwise; store depth itself, or values from 0 to 1 with a "
+    'depth_range and depth_encoding = "inverse"',
+    "cube": "seems to be z-depth of a cube's six faces: floors and walls are flat if it is read so,"
+    ' and bend otherwise; give --depth-kind cube (depth_kind = "cube")',
+    "axis": "seems to be z-depth along the axis ahead: floors and walls are flat if it is read so, "
+    "and bend otherwise; it tells nothing of what is beside the camera: store the distance along "
+    "each ray, or z-depth of a cube's six faces with --depth-kind cube",
+    "twice": "seems to be the distance along each ray: floors and walls are flat if it is read so, "
+    'and bend otherwise; leave out depth_kind = "cube"',
+}
 
 
 @dataclass(frozen=True)
@@ -49,18 +63,24 @@ class Surroundings:
         Extent along x, y and z of all but the outermost hundredths.
     floor_m : float or None
         Height of the camera over the floor; None where there is no level ground.
-    inverted : bool
-        Whether 1 / depth has level ground or a level ceiling, and depth has not.
+    reading : Reading
+        What depth seems to measure.
     """
 
     median_m: float
     size_m: tuple[float, float, float]
     floor_m: float | None
-    inverted: bool
+    reading: Reading
 
     @classmethod
-    def of(cls, depth: NDArray[np.float32]) -> Surroundings | None:
-        """By the depth (H, W) of a frame in metres; None where it has none."""
+    def of(cls, depth: NDArray[np.float32], *, is_cube: bool = False) -> Surroundings | None:
+        """By the depth (H, W) of a frame in metres; None where it has none.
+
+        Parameters
+        ----------
+        is_cube : bool
+            Whether it is converted from what a cube's faces measure.
+        """
         height, width = depth.shape
         step = -(-height // _ROWS)
         row, column = np.meshgrid(
@@ -83,15 +103,15 @@ class Surroundings:
             float(np.median(distance)),
             (x, y, z),
             -level if share > FLOOR_SHARE else None,
-            _is_inverted(distance, direction[:, 1], weight),
+            likely_reading(depth, is_cube=is_cube),
         )
 
     def line(self) -> str:
         """As text."""
-        x, y, z = (_length(side) for side in self.size_m)
-        text = f"median depth {_length(self.median_m)}; about {x} wide, {z} deep, {y} high"
+        x, y, z = (length(side) for side in self.size_m)
+        text = f"median depth {length(self.median_m)}; about {x} wide, {z} deep, {y} high"
         if self.floor_m is not None:
-            text += f"; the camera is {_length(self.floor_m)} above the floor"
+            text += f"; the camera is {length(self.floor_m)} above the floor"
         return text
 
     def warnings(self) -> list[str]:
@@ -102,21 +122,23 @@ class Surroundings:
             "check depth_scale, the metres of one stored unit: 0.001 for millimetres, 1 for metres"
         )
         if self.median_m > highest:
-            found.append(f"half of the depth is beyond {_length(self.median_m)}; {unit}")
+            found.append(f"half of the depth is beyond {length(self.median_m)}; {unit}")
         elif self.median_m < lowest:
-            found.append(f"half of the depth is nearer than {_length(self.median_m)}; {unit}")
+            found.append(f"half of the depth is nearer than {length(self.median_m)}; {unit}")
         elif (
             self.floor_m is not None
             and self.floor_m < LOW_CAMERA_M
             and self.median_m < SMALL_PLACE_M
         ):
-            found.append(f"the camera is only {_length(self.floor_m)} above the floor; {unit}")
-        if self.inverted:
+            found.append(f"the camera is only {length(self.floor_m)} above the floor; {unit}")
+        if self.median_m <= highest and max(self.size_m) > WIDEST_M:
             found.append(
-                "seems to be stored as 1 / depth, high where things are near: level ground comes "
-                "out curved; store depth itself, or values from 0 to 1 with a depth_range and "
-                'depth_encoding = "inverse"'
+                f"the place is {length(max(self.size_m))} wide; a stored value that means no "
+                "surface may be read as depth: list it in depth_sky (--sky) or depth_invalid "
+                f"(--invalid); or {unit}"
             )
+        if self.reading != "distance":
+            found.append(_READINGS[self.reading])
         return found
 
 
@@ -154,18 +176,3 @@ def _level(height: Float, up: Float, weight: Float) -> tuple[float, float]:
     found = total[last] - total[first]
     best = int(found.argmax())
     return float(np.median(heights[first[best] : last[best]])), float(found[best] / total[-1])
-
-
-def _is_inverted(distance: Float, up: Float, weight: Float) -> bool:
-    """Whether floor and ceiling are level if distances are taken to be inverse, and only then."""
-    stored, inverse = (
-        max(_level(side * depth * up, side * up, weight)[1] for side in (1.0, -1.0))
-        for depth in (distance, 1.0 / distance)
-    )
-    return inverse > max(INVERTED_SHARE, INVERTED_FACTOR * stored)
-
-
-def _length(metres: float) -> str:
-    if metres >= 1000.0:
-        return f"{metres / 1000.0:.3g} km"
-    return f"{metres:.2f} m" if metres >= 0.995 else f"{100.0 * metres:.1f} cm"

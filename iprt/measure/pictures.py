@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from iprt.errors import FormatError, IprtError
-from iprt.files.images import file_kind, read_color
+from iprt.files.images import read_color
+from iprt.files.kinds import file_kind
 from iprt.measure.compare import Compared, Comparison, scored
 from iprt.measure.target import Background, Radiance, read_target, truth_indices
 

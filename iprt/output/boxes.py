@@ -17,6 +17,9 @@ import numpy as np
 
 from iprt.errors import FormatError
 
+Additions = Mapping[bytes, Mapping[bytes, bytes]]
+"""Boxes to put at the end of each `trak`, and of the first entry of each `stsd`, by those names;
+these by the kind of track, `vide` or `soun`."""
 CONTAINERS = (b"moov", b"trak", b"mdia", b"minf", b"stbl")
 """Boxes that hold nothing but boxes, down to the tables that are changed here."""
 _LARGE = 2**32
@@ -93,14 +96,8 @@ def top_boxes(file: BinaryIO) -> list[Box]:
     return found
 
 
-def index_first(source: Path, target: Path, additions: Mapping[bytes, bytes]) -> None:
+def index_first(source: Path, target: Path, additions: Additions) -> None:
     """Copy a file whose index comes last to one whose index follows the file's type.
-
-    Parameters
-    ----------
-    additions : mapping of bytes to bytes
-        Boxes to put at the end of each `trak`, and of the first entry of each `stsd`, by those
-        names.
 
     Raises
     ------
@@ -117,7 +114,8 @@ def index_first(source: Path, target: Path, additions: Mapping[bytes, bytes]) ->
         head, moov = found[0], found[-1]
         file.seek(moov.body)
         index = file.read(moov.end - moov.body)
-        grown = 2 * len(index) + sum(map(len, additions.values()))
+        added = sum(len(each) for boxes in additions.values() for each in boxes.values())
+        grown = 2 * len(index) + index.count(b"trak") * added
         wide = moov.start + grown + 8 >= _LARGE
         moved = len(_changed(b"moov", index, additions, 0, wide))
         with target.open("wb") as out:
@@ -139,18 +137,29 @@ def _copy(source: BinaryIO, target: BinaryIO, size: int) -> None:
 
 
 def _changed(
-    kind: bytes, data: bytes, additions: Mapping[bytes, bytes], moved: int, wide: bool
+    kind: bytes,
+    data: bytes,
+    additions: Additions,
+    moved: int,
+    wide: bool,
+    own: Mapping[bytes, bytes] | None = None,
 ) -> bytes:
-    """The box `kind` with contents `data`, for pictures that lie `moved` bytes further back."""
+    """The box `kind` with contents `data`, for samples that lie `moved` bytes further back.
+
+    `own` are the additions to the track that it is in.
+    """
+    if kind == b"trak":
+        own = additions.get(handler_of(data))
+    own = own or {}
     if kind in CONTAINERS:
         inner = (
-            _changed(each.kind, data[each.body : each.end], additions, moved, wide)
+            _changed(each.kind, data[each.body : each.end], additions, moved, wide, own)
             for each in boxes_in(data)
         )
-        return box(kind, *inner, additions.get(kind, b""))
+        return box(kind, *inner, own.get(kind, b""))
     if kind == b"stsd":
         first, *others = boxes_in(data, 8)
-        entry = box(first.kind, data[first.body : first.end], additions.get(kind, b""))
+        entry = box(first.kind, data[first.body : first.end], own.get(kind, b""))
         return box(kind, data[:8], entry, *(data[each.start : each.end] for each in others))
     if kind in (b"stco", b"co64"):
         offsets = np.frombuffer(data, ">u4" if kind == b"stco" else ">u8", offset=8)
@@ -158,3 +167,20 @@ def _changed(
         table = (offsets.astype(np.uint64) + np.uint64(moved)).astype(">u8" if wide else ">u4")
         return box(b"co64" if wide else b"stco", data[:8], table.tobytes())
     return box(kind, data)
+
+
+def child(data: bytes, kind: bytes) -> bytes:
+    """The contents of the first box of this kind in `data`, one level deep; empty: there is none.
+
+    Raises
+    ------
+    FormatError
+        As of `boxes_in`.
+    """
+    found = (data[each.body : each.end] for each in boxes_in(data) if each.kind == kind)
+    return next(found, b"")
+
+
+def handler_of(track: bytes) -> bytes:
+    """The kind of a track: `vide`, `soun` and others."""
+    return child(child(track, b"mdia"), b"hdlr")[8:12]

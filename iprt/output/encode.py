@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import logging
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
+from heapq import merge
 from pathlib import Path
 from typing import Any, Literal
 
@@ -17,7 +19,10 @@ from iprt.errors import FormatError
 from iprt.files.atomic import replacing
 from iprt.output.boxes import index_first
 from iprt.output.display import display
+from iprt.output.sound import Sound, ambisonic_box, sound_packets
 from iprt.output.ycbcr import ycbcr420
+
+LOG = logging.getLogger("iprt.render")
 
 CodecName = Literal["h264", "hevc"]
 FORMATS = {".mp4": "mp4", ".mov": "mov", ".mkv": "matroska"}
@@ -204,8 +209,11 @@ def join_pieces(
     rate: Fraction,
     comment: str,
     additions: Mapping[bytes, bytes] | None = None,
+    sound: Sound | None = None,
 ) -> None:
-    """One file of pieces, without encoding anything again; its index comes first.
+    """One file of pieces, without encoding pictures again; its index comes first.
+
+    Sound that cannot be kept is left out, with a warning.
 
     Parameters
     ----------
@@ -216,7 +224,9 @@ def join_pieces(
     comment : str
         Text to keep in the file.
     additions : mapping of bytes to bytes
-        See `index_first`; for MP4 and QuickTime files.
+        Boxes of the pictures' track, see `Additions`; for MP4 and QuickTime files.
+    sound : Sound or None
+        None: the film is silent.
 
     Raises
     ------
@@ -227,44 +237,90 @@ def join_pieces(
     joined = path.with_name(f"index-last{path.suffix}")
     try:
         with _reported(path):
-            _mux(joined, kind, pieces, rate, comment)
+            kept = _mux_with_sound(joined, kind, pieces, rate, comment, sound)
         if kind == "matroska":
             joined.replace(path)
         else:
-            index_first(joined, path, additions or {})
+            around = {} if kept is None else {b"stsd": ambisonic_box(kept)}
+            index_first(joined, path, {b"vide": additions or {}, b"soun": around})
     except OSError as error:
         raise FormatError(f"{path}: cannot be written: {error.strerror}") from error
     finally:
         joined.unlink(missing_ok=True)
 
 
+def _mux_with_sound(
+    path: Path,
+    kind: str,
+    pieces: Sequence[tuple[int, Path]],
+    rate: Fraction,
+    comment: str,
+    sound: Sound | None,
+) -> Sound | None:
+    """The sound that could be kept. A full disk is an error as ever, and loses none."""
+    import av
+
+    if sound is None:
+        _mux(path, kind, pieces, rate, comment, None)
+        return None
+    try:
+        _mux(path, kind, pieces, rate, comment, sound)
+    except (FormatError, av.error.ArgumentError, av.error.InvalidDataError) as error:
+        _mux(path, kind, pieces, rate, comment, None)  # where pictures are the fault, it fails too
+        reason = str(error)
+        if not isinstance(error, FormatError):
+            reason = f"{sound.path}: its sound cannot be kept ({error.strerror})"
+        LOG.warning("%s; the film is written without sound", reason)
+        return None
+    return sound
+
+
 def _mux(
-    path: Path, kind: str, pieces: Sequence[tuple[int, Path]], rate: Fraction, comment: str
+    path: Path,
+    kind: str,
+    pieces: Sequence[tuple[int, Path]],
+    rate: Fraction,
+    comment: str,
+    sound: Sound | None,
 ) -> None:
     import av
 
-    decoded_at = -max(_decoded_ahead(piece) for _, piece in pieces)
     with av.open(_address(path), "w", format=kind) as container:
         container.metadata["comment"] = comment
-        stream = headers = None
-        for first, piece in pieces:
-            with av.open(_address(piece)) as part:
-                source = part.streams.video[0]
-                if stream is None:
-                    stream = container.add_stream_from_template(source)
-                    stream.codec_context.codec_tag = source.codec_context.codec_tag
-                    headers = source.codec_context.extradata
-                elif source.codec_context.extradata != headers:
-                    raise FormatError(f"{piece}: is of another encoder than {pieces[0][1].name}")
-                for packet in part.demux(source):
-                    if packet.pts is None:  # the last one, which is empty
-                        continue
-                    frame = round(1 / rate / packet.time_base)
-                    # Pieces differ in how much earlier than shown their pictures are decoded.
-                    packet.pts, packet.dts = packet.pts + first * frame, decoded_at * frame
-                    decoded_at += 1
-                    packet.stream = stream
-                    container.mux(packet)
+        tracks = [_picture_packets(container, pieces, rate)]
+        if sound is not None:
+            tracks.append(sound_packets(container, kind, sound))
+        # The first packets of all are made, and with them the streams, before one is written.
+        for packet in merge(*tracks, key=lambda packet: packet.dts * packet.time_base):
+            container.mux(packet)
+
+
+def _picture_packets(
+    container: Any, pieces: Sequence[tuple[int, Path]], rate: Fraction
+) -> Iterator[Any]:
+    """Add a stream of pictures to a file that is being written, and make its packets, in order."""
+    import av
+
+    decoded_at = -max(_decoded_ahead(piece) for _, piece in pieces)
+    stream = headers = None
+    for first, piece in pieces:
+        with av.open(_address(piece)) as part:
+            source = part.streams.video[0]
+            if stream is None:
+                stream = container.add_stream_from_template(source)
+                stream.codec_context.codec_tag = source.codec_context.codec_tag
+                headers = source.codec_context.extradata
+            elif source.codec_context.extradata != headers:
+                raise FormatError(f"{piece}: is of another encoder than {pieces[0][1].name}")
+            for packet in part.demux(source):
+                if packet.pts is None:  # the last one, which is empty
+                    continue
+                frame = round(1 / rate / packet.time_base)
+                # Pieces differ in how much earlier than shown their pictures are decoded.
+                packet.pts, packet.dts = packet.pts + first * frame, decoded_at * frame
+                decoded_at += 1
+                packet.stream = stream
+                yield packet
 
 
 def _decoded_ahead(piece: Path) -> int:

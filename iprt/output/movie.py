@@ -24,6 +24,7 @@ from iprt.files.atomic import replacing, require_regular
 from iprt.output.encode import CodecName, encode_piece, join_pieces, planes, read_comment
 from iprt.output.frames import FrameOutput
 from iprt.output.metadata import difference
+from iprt.output.sound import Sound
 
 if TYPE_CHECKING:
     from iprt.renderer import RenderedFrame
@@ -48,6 +49,8 @@ class Movie(FrameOutput):
         Frames a second.
     additions : mapping of bytes to bytes
         See `join_pieces`.
+    sound : Sound or None
+        See `join_pieces`. Parts hold none of it, and go together with any.
 
     Raises
     ------
@@ -65,14 +68,16 @@ class Movie(FrameOutput):
         rate: Fraction,
         exposure: float,
         additions: Mapping[bytes, bytes] | None = None,
+        sound: Sound | None = None,
     ) -> None:
         self.path = path
         self._codec, self._rate, self._exposure = codec, rate, exposure
-        self._additions = additions
+        self._additions, self._sound = additions, sound
         self._length = max(round(PIECE_S * rate), 1)
-        self._comment = json.dumps(dict(description), sort_keys=True)
+        whole = {**description, "iprt:audio": "no" if sound is None else "yes"}
+        self._comment = json.dumps(whole, sort_keys=True)
         self.parts = parts_of(path)
-        self.finished = _same(read_comment(path), description)
+        self.finished = _same(read_comment(path), whole)
         super().__init__(frames, ())
         if self.finished:
             shutil.rmtree(self.parts, ignore_errors=True)
@@ -95,7 +100,12 @@ class Movie(FrameOutput):
         pieces = [(first, self._piece(first)) for first in self._firsts()]
         joined = self.parts / f"joined{self.path.suffix}"
         join_pieces(
-            joined, pieces, rate=self._rate, comment=self._comment, additions=self._additions
+            joined,
+            pieces,
+            rate=self._rate,
+            comment=self._comment,
+            additions=self._additions,
+            sound=self._sound,
         )
         require_regular(self.path)
         try:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import fcntl
 import filecmp
 import json
+import logging
 import os
 import re
 import shutil
@@ -23,21 +24,24 @@ from iprt.files.images import read_depth
 from iprt.files.path_safety import anywhere
 from iprt.files.problems import FRAME_PATTERN
 from iprt.files.termination import undisturbed
+from iprt.files.untrusted import is_file
 from iprt.footage.video.container import is_container
 from iprt.footage.video.depth_code import DepthCode
+from iprt.footage.video.placement import Eye, Fit
 from iprt.footage.video.sequence import frame_path
 from iprt.footage.video.source import FrameSource
 from iprt.footage.video.table import VideoTable
 from iprt.geometry.mesh_files import MeshFile
 from iprt.scene.manifest import MANIFEST_NAME, parse_manifest
 from iprt.scene.sources import (
-    frame_range,
     has_own_normals,
+    picture_numbers,
     require_frames,
     require_own_depth,
     require_sources,
 )
 
+LOG = logging.getLogger("iprt.scene")
 VIEW_SIZE = (1024, 768)
 
 
@@ -50,6 +54,8 @@ def new_scene(
     *,
     color_layer: str | None = None,
     depth_layer: str | None = None,
+    eye: Eye | None = None,
+    fit: Fit | None = None,
 ) -> int:
     """Make a scene folder with copies of the pictures and a scene.toml.
 
@@ -66,6 +72,8 @@ def new_scene(
         By default, layers of `color` are taken that are normals by name and agree with depth.
     color_layer, depth_layer : str or None
         Layers of EXR files, where their names do not tell.
+    eye, fit
+        Which half of stereo pictures, and how pictures that are not 2:1 cover the sphere.
 
     Returns
     -------
@@ -83,21 +91,35 @@ def new_scene(
     named = {"color": color, "depth": depth, "normal": normal}
     sources = {key: path for key, path in named.items() if path is not None}
     require_sources(sources)
-    first, last = frame_range(color)
-    picture = frame_path(Path(), str(color), first)
+    numbers = picture_numbers(color)
+    picture = frame_path(Path(), str(color), numbers[0])
     is_video = is_container(Path(), str(color))
     if depth is None and not is_video:
         require_own_depth(color, picture, depth_layer)
         sources["depth"] = depth = color
     if depth is not None and not code.is_known:
-        _require_floats(frame_path(Path(), str(depth), first), depth_layer)
-    named_layers = {"color_layer": color_layer, "depth_layer": depth_layer}
-    layers = {key: layer for key, layer in named_layers.items() if layer is not None}
-    frames = None if is_video else (first, last)
-    source = _source_of(sources, layers, code, frames)
-    files = [source.files(index) for index in source.indices]
-    for key, path in sources.items():
-        require_frames(path, list(dict.fromkeys(entry[key] for entry in files if key in entry)))
+        _require_floats(frame_path(Path(), str(depth), numbers[0]), depth_layer)
+    choices = {"color_layer": color_layer, "depth_layer": depth_layer, "eye": eye, "fit": fit}
+    chosen = {key: choice for key, choice in choices.items() if choice is not None}
+    source = _source_of(sources, chosen, code, None if is_video else (numbers[0], numbers[-1]))
+    # Pictures in regular steps become frames one after the other.
+    there = source.indices if is_video else numbers
+    frames = None if is_video else (numbers[0], numbers[0] + len(numbers) - 1)
+    if numbers.step > 1:
+        LOG.info(
+            "%s: its numbers from %d to %d in steps of %d become frames %d to %d",
+            *(
+                color,
+                numbers[0],
+                numbers[-1],
+                numbers.step,
+                numbers[0],
+                len(there) - 1 + numbers[0],
+            ),
+        )
+    for path in sources.values():
+        named_files = (frame_path(Path(), str(path), number) for number in there)
+        require_frames(path, list(dict.fromkeys(named_files)))
     raw = source.read(source.indices[0])
     if normal is None and not is_video and has_own_normals(picture, raw):
         sources["normal"] = color
@@ -105,16 +127,17 @@ def new_scene(
     keys = {key: "color" if path == color else key for key, path in sources.items()}
     names = {key: _target_name(keys[key], path) for key, path in sources.items()}
     copies = {
-        frame_path(folder, names[key], index): frame_path(Path(), str(path), index)
+        frame_path(folder, names[key], there[0] + place): frame_path(Path(), str(path), number)
         for key, path in sources.items()
-        for index in source.indices
+        for place, number in enumerate(there)
     }
+    copies = {target: file for target, file in copies.items() if is_file(file)}
     name = re.sub(r"[/\\\n]", "-", folder.resolve().name) or "scene"
-    text = _manifest_text(name, names | layers, code, frames)
+    text = _manifest_text(name, names | chosen, code, frames)
     parse_manifest(text, str(folder / MANIFEST_NAME))
     with copied(copies), replacing(folder / MANIFEST_NAME) as temporary:
         temporary.write_text(text, encoding="utf-8")
-    return len(source.indices)
+    return len(there)
 
 
 def _require_floats(depth: Path, layer: str | None) -> None:
@@ -128,17 +151,20 @@ def _require_floats(depth: Path, layer: str | None) -> None:
 
 def _source_of(
     sources: Mapping[str, Path],
-    layers: Mapping[str, str],
+    chosen: Mapping[str, str],
     code: DepthCode,
     frames: tuple[int, int] | None,
 ) -> FrameSource:
     """Return the source of the frames that a new scene is to have, from where its files lie."""
     entries: dict[str, Any] = {
         **{key: str(path) for key, path in sources.items()},
-        **layers,
+        **chosen,
         "depth_scale": code.scale,
         "depth_range": None if code.ends is None else list(code.ends),
         "depth_encoding": code.encoding,
+        "depth_kind": code.kind,
+        "depth_invalid": None if code.marks is None else list(code.marks.invalid),
+        "depth_sky": None if code.marks is None else list(code.marks.sky),
         "frames": None if frames is None else list(frames),
     }
     # Not checked as a manifest's table is, for these paths may lead anywhere.
@@ -254,7 +280,7 @@ def matrix_text(to_world: NDArray[np.float64]) -> str:
 def _manifest_text(
     name: str, files: dict[str, str], code: DepthCode, frames: tuple[int, int] | None
 ) -> str:
-    """Return a manifest: `files` and layers by key; a video file tells its frames and rate."""
+    """Return a manifest: `files` and choices by key; a video file tells its frames and rate."""
     document = tomlkit.document()
     document.update({"format": 1, "name": name, "exposure": 1.0})
     document["exposure"].comment("display = sRGB of exposure times radiance")
@@ -266,6 +292,11 @@ def _manifest_text(
     if code.ends is not None:
         video.update({"depth_range": list(code.ends), "depth_encoding": code.encoding})
         video["depth_range"].comment("metres of black and of white")
+    if code.kind != "distance":
+        video["depth_kind"] = code.kind
+    if code.marks is not None:
+        for key, values in (("invalid", code.marks.invalid), ("sky", code.marks.sky)):
+            video[f"depth_{key}"] = [int(v) if v == v // 1 < 2**53 else v for v in values]
     if frames is not None:
         video.update({"frames": list(frames), "fps": 30.0})
     document["video"] = video

@@ -14,9 +14,10 @@ from iprt.errors import IprtError
 from iprt.files.images import picture_size
 from iprt.files.problems import problems_error
 from iprt.footage.clipped import Recovered
+from iprt.footage.depth import holes_of
 from iprt.footage.frame import Frame
 from iprt.footage.gloss import Evidence
-from iprt.footage.openings import classify_holes, solid_angles
+from iprt.footage.openings import solid_angles
 from iprt.footage.surroundings import Surroundings, normal_warnings
 from iprt.footage.video.incidents import bad_frames
 from iprt.footage.video.sequence import frame_path
@@ -119,7 +120,7 @@ def describe_scene(scene: Scene, frame: Frame, raw: RawFrame) -> SceneReport:
     """
     measured = np.isfinite(raw.depth) & (raw.depth > 0.0)
     picture = frame.picture
-    holes = classify_holes(~measured, picture)
+    holes = holes_of(raw.depth, measured, picture)
     weight = np.broadcast_to(solid_angles(frame.width, frame.height)[:, None], measured.shape)
     flux = weight * frame.radiance.mean(axis=-1)
 
@@ -131,6 +132,7 @@ def describe_scene(scene: Scene, frame: Frame, raw: RawFrame) -> SceneReport:
         )
 
     surfaces = RealSurfaces(frame)
+    place = surroundings_of(scene, raw)
     return SceneReport(
         name=scene.name,
         width=frame.width,
@@ -139,8 +141,8 @@ def describe_scene(scene: Scene, frame: Frame, raw: RawFrame) -> SceneReport:
         fps=scene.source.fps,
         exposure=scene.exposure,
         depth_unit=depth_code(scene.manifest.video).describe(),
-        surroundings=Surroundings.of(raw.depth),
-        unlikely=tuple(unlikely(raw)),
+        surroundings=place,
+        unlikely=tuple(unlikely(scene, raw, place)),
         depth_percentiles=_percentiles(raw.depth[measured], (1, 50, 99)),
         radiance_percentiles=_percentiles(picture, (1, 50, 99, 100)),
         holes=share(~measured),
@@ -179,10 +181,17 @@ def describe_scene(scene: Scene, frame: Frame, raw: RawFrame) -> SceneReport:
     )
 
 
-def unlikely(raw: RawFrame) -> list[str]:
-    """Unlikely facts about the depth and the normals of a frame as read, a phrase each."""
-    place = Surroundings.of(raw.depth)
-    found = [] if place is None else [f"depth: {phrase}" for phrase in place.warnings()]
+def surroundings_of(scene: Scene, raw: RawFrame) -> Surroundings | None:
+    """The place that a frame as read shows; None where it has no depth."""
+    return Surroundings.of(raw.depth, is_cube=scene.source.code.kind == "cube")
+
+
+def unlikely(scene: Scene, raw: RawFrame, place: Surroundings | None) -> list[str]:
+    """What is guessed of the depth and the normals of a frame as read, or is unlikely; a phrase
+    each.
+    """
+    found = scene.source.doubts()
+    found += [] if place is None else [f"depth: {phrase}" for phrase in place.warnings()]
     if raw.normal is not None:
         found += [f"normals: {phrase}" for phrase in normal_warnings(raw.normal, raw.depth)]
     return found

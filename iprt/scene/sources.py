@@ -5,13 +5,14 @@ from __future__ import annotations
 import logging
 import re
 from collections import Counter
-from itertools import islice
+from itertools import islice, pairwise
 from pathlib import Path
 
 from iprt.errors import FormatError, SceneError
 from iprt.files.exr import exr_layers, layer_lines
 from iprt.files.exr_layers import named_depth
-from iprt.files.images import file_kind, read_normal
+from iprt.files.images import read_normal
+from iprt.files.kinds import file_kind
 from iprt.files.problems import FRAME_PATTERN, PICTURE_SUFFIXES
 from iprt.files.toml_text import printable
 from iprt.files.untrusted import is_file
@@ -116,7 +117,7 @@ def layer_lists(sources: dict[str, Path]) -> list[str]:
         A file is missing or damaged.
     """
     require_sources(sources)
-    firsts = [frame_path(Path(), str(path), frame_range(path)[0]) for path in sources.values()]
+    firsts = [frame_path(Path(), str(path), picture_numbers(path)[0]) for path in sources.values()]
     lines = []
     for path in dict.fromkeys(firsts):
         is_exr = not is_container(Path(), str(path)) and file_kind(path) == "exr"
@@ -124,8 +125,11 @@ def layer_lists(sources: dict[str, Path]) -> list[str]:
     return lines
 
 
-def frame_range(color: Path) -> tuple[int, int]:
-    """Return first and last frame of a printf pattern as found on disk; (0, 0) for one picture.
+def picture_numbers(color: Path) -> range:
+    """Return the numbers of the frames of a printf pattern as found on disk; 0 for one picture.
+
+    Numbers that go up in regular steps are all there; where they do not, every number between the
+    first and the last is a frame.
 
     Raises
     ------
@@ -134,25 +138,34 @@ def frame_range(color: Path) -> tuple[int, int]:
     """
     conversion = FRAME_PATTERN.search(color.name)
     if conversion is None:
-        return 0, 0
+        return range(1)
     before, after = color.name[: conversion.start()], color.name[conversion.end() :]
     matcher = re.compile(re.escape(before) + r"(\d+)" + re.escape(after))
     siblings = color.parent.iterdir() if color.parent.is_dir() else iter(())
-    numbers = [int(match[1]) for path in siblings if (match := matcher.fullmatch(path.name))]
+    found = [int(match[1]) for path in siblings if (match := matcher.fullmatch(path.name))]
+    # A number written otherwise, as 7 where the pattern has 007, is no frame's.
+    numbers = sorted({n for n in found if is_file(frame_path(Path(), str(color), n))})
     if not numbers:
         raise FormatError(f"{color}: no file matches this pattern")
-    return min(numbers), max(numbers)
+    steps = {later - number for number, later in pairwise(numbers)} or {1}
+    return range(numbers[0], numbers[-1] + 1, steps.pop() if len(steps) == 1 else 1)
 
 
 def require_frames(pattern: Path, files: list[Path]) -> None:
-    """Raise SceneError if some of the files that a pattern names are not there."""
+    """Raise SceneError if, of the files that a pattern names, the first or most are not there.
+
+    Otherwise, a warning names the gaps, which the reader of the video bridges.
+    """
     missing = [file for file in files if not is_file(file)]
-    if missing:
-        more = f" and {len(missing) - 1} more" if len(missing) > 1 else ""
+    if not missing:
+        return
+    more = f" and {len(missing) - 1} more" if len(missing) > 1 else ""
+    what = f"{pattern}: of {counted(len(files), 'picture')}, {missing[0].name}{more} missing"
+    if missing[0] == files[0] or 2 * len(missing) > len(files):
         raise SceneError(
-            f"{pattern}: of {counted(len(files), 'picture')}, {missing[0].name}{more} missing; "
-            "number the pictures without gaps"
+            f"{what}; number the pictures of all kinds alike, one by one or in regular steps"
         )
+    LOG.warning("%s; the one before each gap stays", what)
 
 
 def pattern_in(folder: Path) -> str | None:

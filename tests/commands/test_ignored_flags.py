@@ -12,6 +12,7 @@ from tests.clips import write_clip
 STILL = [
     ("render SCENE -o a.png --codec hevc", "--codec hevc: has no effect on a.png"),
     ("render SCENE -o a%04d.exr --codec h264", "--codec h264: has no effect on a%04d.exr"),
+    ("render SCENE -o a%04d.png --no-audio", "--no-audio: has no effect on a%04d.png"),
     (
         "render SCENE -o a.png --view equirect --size 200 128",
         "--size 200 128: the whole panorama is twice as wide as high; try --size 256 128",

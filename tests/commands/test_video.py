@@ -22,6 +22,7 @@ from iprt.scene.fingerprint import fingerprint
 from iprt.scene.scene import Scene
 from tests.clips import write_clip
 from tests.commands.conftest import FakeFilm
+from tests.sounding import clicks_in, sound_codecs, write_sounding
 
 Command = Callable[..., int]
 Fails = Callable[..., str]
@@ -194,6 +195,35 @@ def test_panoramas_tell_players(
     command(output=tmp_path / "b.mp4")
     told = {name: XML_ID in (tmp_path / name).read_bytes() for name in ("a.mp4", "a.mkv", "b.mp4")}
     assert told == {"a.mp4": True, "a.mkv": False, "b.mp4": False}
+
+
+def test_the_sound_of_a_video_file_is_kept(command: Command, folder: Path, tmp_path: Path) -> None:
+    """The source clicks when its frames 1, 3 and 5 are shown."""
+    write_sounding(folder / "color.ts", clicks=(0.05, 0.15, 0.25), seconds=0.4)
+    manifest = folder / "scene.toml"
+    text = manifest.read_text().replace("color.%04d.exr", "color.ts").replace("fps = 24.0\n", "")
+    manifest.write_text(text)
+    command(output=tmp_path / "all.mp4", view="equirect", size=(64, 32))
+    command(output=tmp_path / "steps.mov", frames="1:5:2")
+    command(output=tmp_path / "silent.mp4", no_audio=True)
+    command(output=tmp_path / "before.mkv", frames="0:3")
+    for name, expected in {
+        "all.mp4": [0.05, 0.15, 0.25],
+        "steps.mov": [0.0, 0.1, 0.2],
+        "before.mkv": [0.05, 0.15],
+    }.items():
+        assert clicks_in(tmp_path / name) == pytest.approx(expected, abs=0.02), name
+    assert sound_codecs(tmp_path / "silent.mp4") == []
+    assert shown(tmp_path / "steps.mov") == [1, 3, 5]
+    FakeFilm.calls.clear()
+    command(output=tmp_path / "silent.mp4")
+    assert rendered() == [0, 1, 2, 3, 4, 5]
+    assert len(clicks_in(tmp_path / "silent.mp4")) == 3
+
+
+def test_pictures_have_no_sound(command: Command, tmp_path: Path) -> None:
+    command(output=tmp_path / "a.mp4")
+    assert sound_codecs(tmp_path / "a.mp4") == []
 
 
 def test_a_folder_takes_one_render_at_a_time(command: Command, tmp_path: Path) -> None:

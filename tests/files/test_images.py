@@ -183,11 +183,33 @@ def test_absurd_png_size_is_refused(tmp_path: Path) -> None:
     one_line(error, path)
 
 
-def test_8_bit_depth_is_refused(tmp_path: Path) -> None:
-    Image.new("L", (8, 4), 9).save(tmp_path / "d.png")
-    with pytest.raises(FormatError, match="grey picture of 8 bits") as error:
-        read_depth(tmp_path / "d.png")
-    one_line(error, tmp_path / "d.png")
+@pytest.mark.parametrize("mode", ["L", "RGB", "RGBA", "LA", "P"])
+def test_8_bit_depth_is_exact_in_one_channel_or_three(mode: str, tmp_path: Path) -> None:
+    values = np.arange(32, dtype=np.uint8).reshape(4, 8) * 8
+    Image.fromarray(values).convert(mode).save(tmp_path / "d.png")
+    depth, bits = read_depth(tmp_path / "d.png")
+    assert bits == 8
+    assert np.array_equal(depth, values)
+
+
+def test_16_bit_depth_in_three_channels_is_exact(tmp_path: Path) -> None:
+    values = np.arange(32, dtype=np.uint16).reshape(4, 8) * 2001
+    write_png16(tmp_path / "d.png", np.repeat(values[..., None], 3, axis=-1), [0] * 4)
+    depth, bits = read_depth(tmp_path / "d.png")
+    assert bits == 16
+    assert np.array_equal(depth, values)
+
+
+@pytest.mark.parametrize("name", ["d.png", "p.png", "d.jpg"])
+def test_false_colours_are_no_depth(name: str, tmp_path: Path) -> None:
+    ramp = np.linspace(0, 255, 256).astype(np.uint8).reshape(8, 32)
+    picture = Image.fromarray(np.stack([ramp, 255 - ramp, ramp // 2], axis=-1))
+    picture.convert("P" if name == "p.png" else "RGB").save(tmp_path / name)
+    with pytest.raises(
+        FormatError, match="false colours cannot be read as depth; export depth itself"
+    ) as error:
+        read_depth(tmp_path / name)
+    one_line(error, tmp_path / name)
 
 
 def test_16_bit_depth_is_exact(tmp_path: Path) -> None:

@@ -64,6 +64,15 @@ def test_scenes_are_likely_and_their_inverse_is_not(folder: Path) -> None:
     assert warning.startswith("seems to be stored as 1 / depth")
 
 
+def test_a_place_wider_than_any_is_warned_of() -> None:
+    depth = room()
+    far = np.random.default_rng(2).uniform(1e8, 1e9, depth.shape)
+    depth[::4, ::3] = far[::4, ::3]
+    (warning,) = of(depth).warnings()
+    assert " km wide; a stored value that means no surface may be read as depth" in warning
+    assert "depth_sky (--sky)" in warning
+
+
 def test_round_places_are_not_inverted() -> None:
     w = directions(128, 64)
     ball = w @ [0.0, 0.0, -2.0]
@@ -71,7 +80,7 @@ def test_round_places_are_not_inverted() -> None:
         hit = np.where(ball > np.sqrt(3.0), ball - np.sqrt(ball**2 - 3.0), 4.0)
     for depth in (np.full((64, 128), 3.0), hit, 2.0 + w[..., 0]):
         place = of(depth.astype(np.float32))
-        assert not place.inverted
+        assert place.reading == "distance"
         assert place.floor_m is None
         assert "floor" not in place.line()
 
@@ -100,7 +109,7 @@ def sectors(*shares: float) -> NDArray[np.float32]:
 def test_inverse_depth_is_level_in_many_and_more_directions(
     level: float, inverse: float, inverted: bool
 ) -> None:
-    assert of(sectors(level, inverse)).inverted is inverted
+    assert (of(sectors(level, inverse)).reading == "inverse") is inverted
 
 
 def test_without_depth_there_is_nothing_to_tell() -> None:

@@ -13,6 +13,8 @@ import trimesh
 from PIL import Image
 
 from iprt.settings.overrides import resolved, settings_toml
+from tests.files.test_gain_map import OF_MAP, attributes, grey, jpeg, with_pictures
+from tests.files.writing import exif, gpano, write_hdr, write_tiff
 from tests.footage.video.encoding import Track, grey16, plain, write_video
 from tests.scene import corpus
 from tests.scene.files import CUBE, MANIFEST, OBJECT, VIEW, write_channels, write_png16
@@ -45,7 +47,9 @@ def _target_of(file: str) -> str:
     name, _, suffix = file.rpartition(".")
     if suffix in ("mkv", "mp4", "avi", "y4m"):
         return "video"
-    return {"toml": "scene" if name == "scene" else "settings", "jpg": "jpeg"}.get(suffix, suffix)
+    return {"toml": "scene" if name == "scene" else "settings", "jpg": "jpeg", "tif": "tiff"}.get(
+        suffix, suffix
+    )
 
 
 def _pfm(_: Path) -> list[bytes]:
@@ -73,6 +77,51 @@ def _jpeg(_: Path) -> list[bytes]:
         for mode in ("L", "RGB", "CMYK"):
             stream = io.BytesIO()
             image.convert(mode).save(stream, "JPEG", quality=50, **options)
+            made.append(stream.getvalue())
+    gain = attributes(OF_MAP)
+    made.append(with_pictures(jpeg(grey(90), gain, exif=exif(6)), jpeg(grey(9), gain)))
+    return made
+
+
+def _tiff(folder: Path) -> list[bytes]:
+    made = []
+    for kind in ("u1", "u2", "u4", "f4"):
+        for channels in (1, 3, 4):
+            if kind == "u4" and channels > 1:
+                continue
+            pixels = RNG.integers(0, 200, (5, 9, channels)).astype(kind)
+            for packed, order in ((False, "<"), (True, ">")):
+                write_tiff(folder / "a.tif", pixels, packed=packed, order=order, orientation=6)
+                made.append((folder / "a.tif").read_bytes())
+    return made
+
+
+def _hdr(folder: Path) -> list[bytes]:
+    made = []
+    for runs in (False, True):
+        pixels = RNG.integers(100, 150, (5, 9, 4), dtype=np.uint8)
+        write_hdr(folder / "a.hdr", pixels, runs=runs)
+        made.append((folder / "a.hdr").read_bytes())
+    return made
+
+
+def _of_pillow(kind: str) -> list[bytes]:
+    made = []
+    image = Image.fromarray(RNG.integers(0, 256, (8, 16, 3), np.uint8))
+    xmp = gpano((8, 4), (2, 2), (16, 8)).encode()
+    for number in (1, 6):
+        stream = io.BytesIO()
+        image.save(stream, kind, quality=60, exif=exif(number), xmp=xmp)
+        made.append(stream.getvalue())
+    return made
+
+
+def _npy(folder: Path) -> list[bytes]:
+    made = []
+    for kind in ("<f4", ">u2", "<f8"):
+        for write in (np.save, np.savez, np.savez_compressed):
+            stream = io.BytesIO()
+            write(stream, np.ones((5, 9, 1), kind))
             made.append(stream.getvalue())
     return made
 
@@ -161,6 +210,11 @@ _MAKERS = {
     "pfm": _pfm,
     "png": _png,
     "jpeg": _jpeg,
+    "tiff": _tiff,
+    "hdr": _hdr,
+    "webp": lambda _: _of_pillow("WEBP"),
+    "avif": lambda _: _of_pillow("AVIF"),
+    "npy": _npy,
     "exr": _exr,
     "ply": _ply,
     "obj": _obj,

@@ -51,7 +51,22 @@ class Reading:
         return [("a.png", _checked(data), ("color", "depth"))]
 
     def _jpeg(self, data: bytes) -> Files:
-        return [("a.jpg", data, ("color",))]
+        return [("a.jpg", data, ("color", "header"))]
+
+    def _tiff(self, data: bytes) -> Files:
+        return [("a.tif", data, ("color", "depth", "header"))]
+
+    def _hdr(self, data: bytes) -> Files:
+        return [("a.hdr", data, ("color",))]
+
+    def _webp(self, data: bytes) -> Files:
+        return [("a.webp", data, ("color", "header"))]
+
+    def _avif(self, data: bytes) -> Files:
+        return [("a.avif", data, ("color", "header"))]
+
+    def _npy(self, data: bytes) -> Files:
+        return [("a.npy", data, ("depth",))]
 
     def _exr(self, data: bytes) -> Files:
         return [("a.exr", data, ("color", "depth"))]

@@ -23,23 +23,33 @@ def table(kind: bytes, offsets: list[int]) -> bytes:
 
 
 def movie(kind: bytes = b"stco") -> bytes:
-    """As muxers write it: type, free space, pictures, and then where these are."""
+    """As muxers write it: type, free space, pictures, and then where these are.
+
+    A track of sound, whose samples lie among the pictures, follows the one of pictures.
+    """
     head = box(b"ftyp", b"isom") + box(b"free")
     start = len(head) + 8
     offsets = [start + sum(map(len, PICTURES[:number])) for number in range(3)]
-    entry = box(b"avc1", bytes(ENTRY_FIELDS), box(b"avcC", b"how"))
+    tracks = [
+        track(handler, box(entry, bytes(ENTRY_FIELDS), box(b"avcC", b"how")), table(kind, offsets))
+        for handler, entry in ((b"vide", b"avc1"), (b"soun", b"mp4a"))
+    ]
+    return head + box(b"mdat", *PICTURES) + box(b"moov", full_box(b"mvhd", b"times"), *tracks)
+
+
+def track(handler: bytes, entry: bytes, offsets: bytes) -> bytes:
     stsd = full_box(b"stsd", struct.pack(">I", 1), entry)
-    tables = box(b"stbl", stsd, table(kind, offsets))
-    track = box(b"trak", box(b"mdia", box(b"minf", tables)))
-    return head + box(b"mdat", *PICTURES) + box(b"moov", full_box(b"mvhd", b"times"), track)
+    said = full_box(b"hdlr", bytes(4) + handler + bytes(13))
+    return box(b"trak", box(b"mdia", said, box(b"minf", box(b"stbl", stsd, offsets))))
 
 
 def at(data: bytes, *path: bytes) -> tuple[Box, bytes]:
-    """The box at a path from the top, and its contents."""
+    """The box at a path from the top, and its contents; `soun` is the second `trak`."""
     start, end = 0, len(data)
-    for kind in path:
-        found = next(each for each in boxes_in(data, start, end) if each.kind == kind)
-        skip = {b"stsd": 8, b"avc1": ENTRY_FIELDS}.get(kind, 0)
+    for step in path:
+        kind = b"trak" if step == b"soun" else step
+        found = [each for each in boxes_in(data, start, end) if each.kind == kind][step == b"soun"]
+        skip = {b"stsd": 8, b"avc1": ENTRY_FIELDS, b"mp4a": ENTRY_FIELDS}.get(kind, 0)
         start, end = found.body + skip, found.end
     return found, data[found.body : found.end]
 
@@ -47,8 +57,11 @@ def at(data: bytes, *path: bytes) -> tuple[Box, bytes]:
 TABLES = (b"moov", b"trak", b"mdia", b"minf", b"stbl")
 
 
-def offsets_in(data: bytes, kind: bytes) -> list[int]:
-    _, contents = at(data, *TABLES, kind)
+SOUND = (b"moov", b"soun", *TABLES[2:])
+
+
+def offsets_in(data: bytes, kind: bytes, tables: tuple[bytes, ...] = TABLES) -> list[int]:
+    _, contents = at(data, *tables, kind)
     letter = "I" if kind == b"stco" else "Q"
     (count,) = struct.unpack_from(">I", contents, 4)
     return list(struct.unpack_from(f">{count}{letter}", contents, 8))
@@ -57,14 +70,19 @@ def offsets_in(data: bytes, kind: bytes) -> list[int]:
 @pytest.mark.parametrize("kind", [b"stco", b"co64"])
 def test_offsets_follow_their_pictures(kind: bytes, tmp_path: Path) -> None:
     (tmp_path / "a.mp4").write_bytes(movie(kind))
-    additions = {b"stsd": box(b"test", b"in the entry"), b"trak": box(b"uuid", b"in the track")}
+    pictures = {b"stsd": box(b"test", b"in the entry"), b"trak": box(b"uuid", b"in the track")}
+    additions = {b"vide": pictures, b"soun": {b"stsd": box(b"SA3D", b"of the sound")}}
     index_first(tmp_path / "a.mp4", tmp_path / "b.mp4", additions)
     data = (tmp_path / "b.mp4").read_bytes()
     with (tmp_path / "b.mp4").open("rb") as file:
         kinds = [each.kind for each in top_boxes(file)]
     assert kinds == [b"ftyp", b"moov", b"free", b"mdat"]
-    for offset, picture in zip(offsets_in(data, kind), PICTURES, strict=True):
-        assert data[offset : offset + len(picture)] == picture
+    for tables in (TABLES, SOUND):
+        for offset, picture in zip(offsets_in(data, kind, tables), PICTURES, strict=True):
+            assert data[offset : offset + len(picture)] == picture
+    assert at(data, *SOUND, b"stsd", b"mp4a", b"SA3D")[1] == b"of the sound"
+    for name, there in ((b"test", 1), (b"uuid", 1), (b"SA3D", 1)):
+        assert data.count(name) == there, "in its own track only"
     assert at(data, *TABLES, b"stsd", b"avc1", b"avcC")[1] == b"how"
     assert at(data, *TABLES, b"stsd", b"avc1", b"test")[1] == b"in the entry"
     assert at(data, b"moov", b"trak", b"uuid")[1] == b"in the track"

@@ -11,15 +11,19 @@ import resource
 import signal
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 
-from iprt.errors import IprtError
-from iprt.files.images import read_color, read_depth
+from iprt.errors import FormatError, IprtError
+from iprt.files.images import read_color, read_depth, read_header
+from iprt.footage.surroundings import Surroundings
 from iprt.footage.video.color import linear_color
 from iprt.footage.video.container import video_streams
+from iprt.footage.video.depth_code import DepthCode, DepthSamples
 from iprt.footage.video.reader import open_streams
+from iprt.footage.video.stored_depth import StoredDepth
 from iprt.geometry.mesh import Mesh
 from iprt.geometry.meshes import load_mesh
 from iprt.scene.scene import Scene
@@ -59,9 +63,16 @@ def read_color_plane(path: Path) -> None:
 
 
 def read_depth_plane(path: Path) -> None:
-    depth, _ = read_depth(path)
+    depth, bits = read_depth(path)
     assert depth.dtype == np.float32
     assert depth.ndim == 2
+    samples = DepthSamples(depth, 0.0, 2.0**bits - 1.0 if bits else 1.0, bits, exact=True)
+    for code in (DepthCode(0.001), DepthCode(None, (9.0, 0.5), "inverse", "cube")):
+        with suppress(FormatError):  # floats beyond the range
+            stored = StoredDepth.of(path, samples, code)
+            assert stored.metres(path, samples, code).shape == depth.shape
+    if depth.shape[1] == 2 * depth.shape[0]:
+        Surroundings.of(depth)
 
 
 def read_scene(path: Path) -> None:
@@ -89,6 +100,7 @@ def read_video(path: Path) -> None:
 READERS: dict[Reader, Callable[[Path], object]] = {
     "color": read_color_plane,
     "depth": read_depth_plane,
+    "header": read_header,
     "mesh": read_mesh,
     "manifest": lambda path: Scene.open(path.parent),
     "scene": read_scene,

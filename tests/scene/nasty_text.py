@@ -30,6 +30,13 @@ for _name, _old, _new, _message in (
     ("a view through a pinhole", "size =", "fov_y_deg = 1e-300\nsize =", "views.ahead.fov_y_deg: "),
     ("an exposure of 10^300", "[video]", "exposure = 1e300\n[video]", "exposure: "),
     ("metres of 10^300", "depth =", "depth_scale = 1e300\ndepth =", "video.depth_scale: "),
+    (
+        "500 values that are no depth",
+        "depth =",
+        f"depth_sky = {list(range(500))}\ndepth =",
+        "video.depth_sky: expected 16 values, got 500",
+    ),
+    ("depth of no kind", "depth =", 'depth_kind = "z"\ndepth =', "video.depth_kind: "),
     ("a cut beyond 64 bits", "size =", f"cuts = [[0, 0, {HEX}, 1]]\nsize =", "more than 64 bits"),
     ("a path with a zero byte", '"cube.obj"', '"a\\u0000b"', "objects.cube.mesh: 'a\\x00b': exp"),
     ("a path that ends the line", '"cube.obj"', '"a\\nb"', "objects.cube.mesh: 'a\\nb': expected"),

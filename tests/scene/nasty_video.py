@@ -10,7 +10,7 @@ import numpy as np
 from tests.footage.video.encoding import Track, grey16, plain, write_video
 from tests.scene.nasty import CORPUS, Nasty, nasty, nasty_script
 
-NO_VIDEO = "not an EXR, PNG, JPEG or PFM file, nor a video that can be read"
+NO_VIDEO = "NumPy file, nor a video that can be read"
 PLAYLIST = "#EXTM3U\n#EXT-X-VERSION:3\n#EXT-X-TARGETDURATION:1\n#EXTINF:1,\n{}\n#EXT-X-ENDLIST\n"
 
 nasty("video", "v.mkv", "video that is empty", b"", "v.mkv: ")

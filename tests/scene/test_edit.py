@@ -226,7 +226,7 @@ def test_new_refuses_to_overwrite(tmp_path: Path, footage: Path) -> None:
         ("photo.PNG", "depth.png", None, "give --depth-scale"),
         ("photo.PNG", "photo.PNG", 0.001, "picture in colours"),
         ("depth.png", "photo.PNG", 0.001, "picture in colours"),
-        ("cube.obj", "depth.png", 0.001, "not an EXR, PNG, JPEG or PFM"),
+        ("cube.obj", "depth.png", 0.001, "not an EXR, PNG, JPEG"),
         ("c.%04d.png", "depth.png", 0.001, "no file matches this pattern"),
     ],
 )

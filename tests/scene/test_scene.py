@@ -10,7 +10,7 @@ from PIL import Image
 
 from iprt.errors import FormatError, SceneError
 from iprt.footage.video.sequence import frame_path
-from iprt.footage.video.source import turned_color, turned_geometry
+from iprt.footage.video.turning import turned_color, turned_geometry
 from iprt.scene.scene import Scene
 from tests.scene.files import (
     MANIFEST,

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from iprt.errors import FormatError
-from iprt.files.images import file_kind
+from iprt.files.kinds import READ, file_kind
 from iprt.files.problems import FRAME_PATTERN, PICTURE_SUFFIXES
 from iprt.files.untrusted import MAX_PIXELS, decoding, is_file, open_file, require_picture_size
 
@@ -28,7 +28,7 @@ BUFFER_BYTES = 2**20
 MAX_STREAMS = 64
 LONGEST_SEARCH = 4096
 """Packets at the end of a file that are looked through for the last frame."""
-NEITHER = "not an EXR, PNG, JPEG or PFM file, nor a video that can be read"
+NEITHER = f"not an {READ} file, nor a video that can be read"
 LAST_S = 2
 """Seconds before the end of a file that are searched for the last frame."""
 

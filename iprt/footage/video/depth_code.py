@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal
 
@@ -10,11 +11,71 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import FormatError
+from iprt.footage.openings import UNMEASURED
+from iprt.footage.video.placement import Placement
 
 Picture = NDArray[np.float32]
 
 MAX_WHITE = 1.01
 """Floats that go from 0 to 1 are no larger."""
+
+
+@dataclass(frozen=True)
+class DepthSamples:
+    """A picture of depth as stored.
+
+    Attributes
+    ----------
+    values : (H, W) of any type
+    black, white : float
+        Stored values of both.
+    bits : int
+        Bits of its integers; 0 for floats.
+    exact : bool
+        Whether values are kept as they were written: no lossy codec.
+    """
+
+    values: NDArray[Any]
+    black: float
+    white: float
+    bits: int
+    exact: bool
+
+    def placed(self, placement: Placement) -> DepthSamples:
+        """Return these as they lie in the sphere, if they do as colour; see `Placement.alike`."""
+        alike = placement.alike(self.values.shape[1], self.values.shape[0])
+        if alike is None:
+            return self
+        # Of no value that `DepthMarks` may name: around a crop is no hole in a surface.
+        values = self.values.astype(np.float32, copy=False)
+        return replace(self, values=alike.nearest(values, unknown=-np.inf))
+
+
+@dataclass(frozen=True)
+class DepthMarks:
+    """Stored values that are no depth.
+
+    Attributes
+    ----------
+    invalid : tuple of float
+        Nothing was measured there: a hole in a surface.
+    sky : tuple of float
+        There is no surface.
+    """
+
+    invalid: tuple[float, ...] = ()
+    sky: tuple[float, ...] = ()
+
+    def masks(self, values: NDArray[Any]) -> list[tuple[NDArray[np.bool_], float]]:
+        """Return where values (H, W) are marks, and what is read there in place of metres."""
+        marks = [(mark, UNMEASURED) for mark in self.invalid] + [
+            (mark, np.inf) for mark in self.sky
+        ]
+        kind = np.float32 if values.dtype.kind == "f" else np.float64
+        return [
+            (np.isnan(values) if np.isnan(mark) else values == kind(mark), shown)
+            for mark, shown in marks
+        ]
 
 
 @dataclass(frozen=True)
@@ -29,11 +90,18 @@ class DepthCode:
         Metres that black and white stand for.
     encoding : "linear" or "inverse"
         Between `ends`, whether depth or its inverse grows in proportion with the stored value.
+    kind : "distance" or "cube"
+        What is measured: the distance along the ray, or the part of it along the axis of that face
+        of a cube which the ray passes, from its centre.
+    marks : DepthMarks or None
+        Values that are no depth; None where they are looked for in the first frame.
     """
 
     scale: float | None = None
     ends: tuple[float, float] | None = None
     encoding: Literal["linear", "inverse"] = "linear"
+    kind: Literal["distance", "cube"] = "distance"
+    marks: DepthMarks | None = None
 
     @property
     def is_known(self) -> bool:
@@ -42,16 +110,45 @@ class DepthCode:
 
     def describe(self) -> str:
         """As text."""
+        along = "" if self.kind == "distance" else "; along the axes of a cube's faces"
         if self.ends is None:
-            return f"{self.scale or 1.0:g} m per stored unit"
+            return f"{self.scale or 1.0:g} m per stored unit{along}"
         grows = "depth" if self.encoding == "linear" else "1 / depth"
-        return f"{self.ends[0]:g} m at black to {self.ends[1]:g} m at white, even in {grows}"
+        return f"{self.ends[0]:g} m at black to {self.ends[1]:g} m at white, even in {grows}{along}"
 
-    def require_range(self, path: Path, stored: NDArray[Any]) -> None:
-        """Raise FormatError where `ends` are given for floats that go beyond 1: metres, mostly."""
-        if self.ends is None or stored.dtype.kind != "f":
+    def decoded(self, path: Path, samples: DepthSamples, marks: DepthMarks) -> Picture:
+        """Return metres (H, W) of what is measured, without what is marked as no depth.
+
+        Parameters
+        ----------
+        path : Path
+            Names the file in errors.
+        marks : DepthMarks
+            Those of the video: given, or found in its first frame.
+
+        Raises
+        ------
+        FormatError
+            `ends` are given for floats that go beyond 1: metres, mostly.
+        """
+        masks = marks.masks(samples.values)
+        self._require_range(path, samples, masks)
+        metres = self.metres(samples.values, samples.black, samples.white)
+        if masks and metres is samples.values:
+            metres = metres.copy()  # a picture may be kept for all frames
+        for mask, shown in masks:
+            metres[mask] = shown
+        return metres
+
+    def _require_range(
+        self, path: Path, samples: DepthSamples, masks: list[tuple[NDArray[np.bool_], float]]
+    ) -> None:
+        if self.ends is None or samples.bits:
             return
-        most = float(np.max(stored, initial=0.0, where=np.isfinite(stored)))
+        there = np.isfinite(samples.values)
+        for mask, _ in masks:
+            there &= ~mask
+        most = float(np.max(samples.values, initial=0.0, where=there))
         if most > MAX_WHITE:
             raise FormatError(
                 f"{path}: stores floats up to {most:.4g}, but a depth range (depth_range) is for "
@@ -59,7 +156,7 @@ class DepthCode:
             )
 
     def metres(self, stored: NDArray[Any], black: float, white: float) -> Picture:
-        """Metres (H, W); 0, negative, NaN or inf where there is no surface.
+        """Metres (H, W) of what is measured; 0, negative, NaN or inf where there is no surface.
 
         Parameters
         ----------
@@ -78,6 +175,16 @@ class DepthCode:
             mixed = np.float32(low) + part * np.float32(high - low)
             metres = 1.0 / mixed if self.encoding == "inverse" else mixed
             return np.where(part > 0.0, metres, np.float32(0.0))
+
+
+@lru_cache(maxsize=2)
+def cube_factor(height: int, width: int) -> Picture:
+    """Return the distance (height, width) along each ray where a cube's face measures 1."""
+    phi = (np.arange(width) + 0.5) / width * 2.0 * np.pi
+    theta = (np.arange(height) + 0.5)[:, None] / height * np.pi
+    aside = np.maximum(np.abs(np.sin(phi)), np.abs(np.cos(phi))).astype(np.float32)
+    sin, cos = np.sin(theta).astype(np.float32), np.abs(np.cos(theta)).astype(np.float32)
+    return np.asarray(np.float32(1.0) / np.maximum(sin * aside, cos))
 
 
 def unit_problem(name: str) -> str:

@@ -176,9 +176,9 @@ def steady_frames(
 ) -> Iterator[Frame]:
     """Frames as `SteadyReader` reads them, each after all stages."""
     stages = tuple(stages)
-    for line in source.disagreements():
+    for line in source.disagreements() + source.doubts():
         LOG.warning(line)
-    for line in source.interpolation():
+    for line in source.remarks():
         LOG.info(line)
     with source.reading() as reader:
         steady = SteadyReader(reader, source.indices[0], strict=strict)

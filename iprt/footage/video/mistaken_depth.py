@@ -1,16 +1,24 @@
-"""Depth that is a picture by its values: ambient occlusion, or colour without its hues."""
+"""Depth that is a picture, by its hues or by its values: the other eye, or ambient occlusion."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import FormatError
 from iprt.footage.video.depth_code import MAX_WHITE, DepthCode
+from iprt.footage.video.planes import layout, planes
+
+if TYPE_CHECKING:
+    import av
 
 Picture = NDArray[np.float32]
+Item = TypeVar("Item")
+Decode = Callable[["av.VideoFrame", slice, Path], Item]
 
 ALIKE, COPIED = 0.9, 0.99
 """Rank correlations with the picture's luminance from which on depth is a picture: within [0, 1] as
@@ -20,7 +28,40 @@ SAMPLES = 128
 """Rows and columns that are compared."""
 LEAST = 64
 """Samples that a correlation needs."""
+COLORED, SHARE = 0.04, 0.01
+"""Chroma, as a part of its whole range, from which on a sample is coloured, and the share of such
+samples from which on a picture is. Lossy codecs give grey pictures far less of both."""
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
+
+
+def grey_at_first(decode: Decode[Item]) -> Decode[Item]:
+    """Return a decoder of depth that refuses the first frame it gets if that is in colours."""
+    is_checked = False
+
+    def checked(frame: av.VideoFrame, rows: slice, path: Path) -> Item:
+        nonlocal is_checked
+        if not is_checked:
+            _require_grey(frame, rows, path)
+            is_checked = True
+        return decode(frame, rows, path)
+
+    return checked
+
+
+def _require_grey(frame: av.VideoFrame, rows: slice, path: Path) -> None:
+    """Raise FormatError if some rows of a frame have chroma, which depth has not."""
+    how = layout(frame.format.name)
+    if how is None or how.kind != "yuv":
+        return
+    _, *chroma = planes(frame, rows)
+    codes = 2.0**how.bits
+    off = [np.abs(plane.astype(np.float32) - 0.5 * codes) / codes for plane in chroma]
+    if float((np.maximum(*off) > COLORED).mean()) > SHARE:
+        raise FormatError(
+            f"{path}: the lower half of its pictures is in colours, and no depth; where the halves "
+            "are for two eyes, take one by --eye left (eye in [video]) and name a file of depth; "
+            "false colours cannot be read as depth"
+        )
 
 
 def require_no_picture(path: Path, depth: Picture, color: Picture, code: DepthCode) -> None:

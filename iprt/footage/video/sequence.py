@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator
 from functools import cache, partial
 from pathlib import Path
+from typing import Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import FormatError
-from iprt.files.images import FLOAT_KINDS, file_kind, picture_size, read_color, read_depth
+from iprt.files.images import Header, read_color, read_depth, read_header
+from iprt.files.kinds import file_kind
 from iprt.files.path_safety import require_inside
 from iprt.files.problems import FRAME_PATTERN
 from iprt.files.untrusted import is_file
-from iprt.footage.video.depth_code import DepthCode, unit_problem
+from iprt.footage.video.depth_code import DepthCode, DepthSamples, unit_problem
 from iprt.footage.video.reader import Streams
 
 Picture = NDArray[np.float32]
+Item = TypeVar("Item")
+LOSSY = ("jpeg", "webp", "avif")
+"""Kinds of pictures whose values may differ from those written."""
 
 
 def frame_path(root: Path, pattern: str, index: int) -> Path:
@@ -26,7 +30,7 @@ def frame_path(root: Path, pattern: str, index: int) -> Path:
     return root / FRAME_PATTERN.sub(lambda match: match[0] % index, pattern)
 
 
-class PictureTrack:
+class PictureTrack(Generic[Item]):
     """One picture, or one per frame that a printf pattern names.
 
     Parameters
@@ -50,7 +54,7 @@ class PictureTrack:
         root: Path,
         indices: range,
         within: Path,
-        read: Callable[[Path], Picture],
+        read: Callable[[Path], Item],
     ) -> None:
         self.key, self._root, self._pattern = key, root, pattern
         self._within, self._read = within, read
@@ -76,20 +80,17 @@ class PictureTrack:
             return [f"video.{self.key}: {error}"]
         return []
 
-    def size(self) -> tuple[int, int]:
-        return picture_size(self.file(self._indices[0]))
+    def header(self) -> Header:
+        return read_header(self.file(self._indices[0]))
 
-    def white(self) -> float:
-        return math.inf if file_kind(self.file(self._indices[0])) in FLOAT_KINDS else 1.0
-
-    def reader(self, _: Streams) -> Callable[[int], Picture]:
+    def reader(self, _: Streams) -> Callable[[int], Item]:
         if FRAME_PATTERN.search(self._pattern):
             return lambda index: self._read(self.file(index))
         kept = cache(self._read)  # one picture for all frames
         return lambda index: kept(self.file(index))
 
 
-class ColorPictures(PictureTrack):
+class ColorPictures(PictureTrack[Picture]):
     """Track of pictures of linear radiance.
 
     Parameters
@@ -105,12 +106,12 @@ class ColorPictures(PictureTrack):
         super().__init__("color", pattern, root, indices, within, read)
         self._layer = layer
 
-    def size(self) -> tuple[int, int]:
-        return picture_size(self.file(self._indices[0]), self._layer)
+    def header(self) -> Header:
+        return read_header(self.file(self._indices[0]), self._layer)
 
 
-class DepthPictures(PictureTrack):
-    """Track of pictures of depth, in metres.
+class DepthPictures(PictureTrack[DepthSamples]):
+    """Track of pictures of depth, as stored.
 
     Parameters
     ----------
@@ -129,7 +130,7 @@ class DepthPictures(PictureTrack):
         layer: str | None,
         code: DepthCode,
     ) -> None:
-        super().__init__("depth", pattern, root, indices, within, self._metres)
+        super().__init__("depth", pattern, root, indices, within, self._samples)
         self._layer, self._code = layer, code
 
     def problems(self) -> list[str]:
@@ -137,17 +138,15 @@ class DepthPictures(PictureTrack):
         if not self._code.is_known and not problems:
             first = self.file(self._indices[0])
             try:
-                if file_kind(first) == "png":
+                if file_kind(first) in ("png", *LOSSY):
                     problems.append(unit_problem(first.name))
             except FormatError as error:
                 problems.append(f"video.{self.key}: {error}")
         return problems
 
-    def _metres(self, path: Path) -> Picture:
-        depth, integers = read_depth(path, self._layer)
-        if integers and not self._code.is_known:
+    def _samples(self, path: Path) -> DepthSamples:
+        depth, bits = read_depth(path, self._layer)
+        if bits and not self._code.is_known:
             raise FormatError(f"{path}: {unit_problem(path.name)}")
-        if not integers:
-            self._code.require_range(path, depth)
-        white = 1.0 if not integers else 65535.0 if file_kind(path) == "png" else 2.0**32 - 1.0
-        return self._code.metres(depth, 0.0, white)
+        white = 2.0**bits - 1.0 if bits else 1.0
+        return DepthSamples(depth, 0.0, white, bits, exact=file_kind(path) not in LOSSY)

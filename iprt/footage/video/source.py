@@ -2,28 +2,35 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from fractions import Fraction
 from functools import cached_property
 from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import FormatError
+from iprt.files.images import Header
 from iprt.files.path_safety import require_inside
-from iprt.footage.coarse_depth import Grid, at_full_size
+from iprt.footage.coarse_depth import at_full_size
 from iprt.footage.depth import sanitise_color, sanitise_depth
 from iprt.footage.frame import Frame
 from iprt.footage.noisy_depth import smoothed
-from iprt.footage.video.depth_code import DepthCode
+from iprt.footage.video.depth_code import DepthCode, DepthSamples
 from iprt.footage.video.mistaken_depth import require_no_picture
+from iprt.footage.video.placement import Placement, placement_of, shape_problem
 from iprt.footage.video.poses import read_poses
-from iprt.footage.video.reader import open_streams
+from iprt.footage.video.reader import Streams, open_streams
+from iprt.footage.video.stored_depth import StoredDepth
 from iprt.footage.video.table import VideoTable
-from iprt.footage.video.tracks import Tracks, depth_code, open_tracks
+from iprt.footage.video.tracks import StreamTrack, Tracks, depth_code, open_tracks
+from iprt.footage.video.turning import turned_color, turned_geometry
 
 Picture = NDArray[np.float32]
 MAX_MISSING = 10_000
@@ -58,27 +65,6 @@ class RawFrame:
         return Frame(
             color, clean.depth, clean.opening, self.normal, index=self.index, pose=self.pose
         )
-
-
-@dataclass(frozen=True)
-class StoredDepth:
-    """Pixels of the pictures of depth.
-
-    Attributes
-    ----------
-    size : (int, int)
-        Width and height.
-    grid : Grid or None
-        The coarse texels that they repeat.
-    """
-
-    size: tuple[int, int]
-    grid: Grid | None
-
-    @classmethod
-    def of(cls, depth: Picture) -> StoredDepth:
-        """By a picture of depth."""
-        return cls((depth.shape[1], depth.shape[0]), Grid.of(depth))
 
 
 class FrameSource:
@@ -137,11 +123,21 @@ class FrameSource:
     def white(self) -> float:
         """Radiance from which on colour is clipped; infinite where it never is."""
         given = self._video.white
-        return self._tracks.by_key["color"].white() if given is None else given
+        if given is not None:
+            return given
+        return 1.0 if self._header.has_end else math.inf
 
     def files(self, index: int) -> dict[str, Path]:
         """The files of a frame by their key: color, depth, and normal where there are any."""
         return {key: track.file(index) for key, track in self._tracks.by_key.items()}
+
+    def moment(self, index: int) -> tuple[Path, Fraction] | None:
+        """The video file that shows a frame's colour, and when, in seconds on the file's clock.
+
+        None: colour is in pictures.
+        """
+        track = self._tracks.by_key["color"]
+        return (track.file(index), track.moment(index)) if isinstance(track, StreamTrack) else None
 
     @cached_property
     def _missing(self) -> dict[str, str]:
@@ -189,6 +185,19 @@ class FrameSource:
         """Disagreements of the streams, and how they are resolved; one line each."""
         return self._tracks.disagreements
 
+    def remarks(self) -> list[str]:
+        """What is not read of colour, how much of the sphere it covers, and `interpolation`."""
+        path, placement = self.files(self.indices[0])["color"], self.placement
+        lines = []
+        if self._header.unread:
+            lines.append(f"video.color: {path.name} {self._header.unread}")
+        if placement is not None and placement.known < 0.99999:
+            lines.append(
+                f"video.color: {path.name} covers {100 * placement.known:.3g}% of the sphere; the "
+                "rest is unknown: black, without a surface, and gives no light"
+            )
+        return lines + self.interpolation()
+
     def interpolation(self) -> list[str]:
         """At most one line: that depth has fewer values than colour, and what is done about it."""
         stored = self.stored_depth
@@ -205,29 +214,71 @@ class FrameSource:
     @cached_property
     def stored_depth(self) -> StoredDepth | None:
         """How depth is stored, by the first frame wherever reading begins; None: it has none."""
+        first = self.indices[0]
         try:
             with open_streams() as streams:
-                depth = self._tracks.by_key["depth"].reader(streams)(self.indices[0])
+                samples = self._readers(streams)["depth"](first)
+            return StoredDepth.of(self.files(first)["depth"], samples, self.code)
         except FormatError:
             return None
-        return StoredDepth.of(depth)
 
-    def first_depth(self, depth: Picture) -> None:
-        """Take the depth (h, w) of the first frame, which need not be read for `stored_depth`."""
+    def first_depth(self, samples: DepthSamples) -> None:
+        """Take the depth of the first frame, which need not be read for `stored_depth`."""
         if "stored_depth" not in vars(self):
-            self.stored_depth = StoredDepth.of(depth)
+            path = self.files(self.indices[0])["depth"]
+            self.stored_depth = StoredDepth.of(path, samples, self.code)
+
+    def doubts(self) -> list[str]:
+        """What is guessed and what is doubtful of depth as stored; one line each."""
+        return [] if self.stored_depth is None else list(self.stored_depth.doubts)
 
     @cached_property
     def size(self) -> tuple[int, int]:
-        """Width and height of the first colour picture, from its header."""
-        return self._tracks.by_key["color"].size()
+        """Width and height of the panorama, from the header of the first colour picture."""
+        header, placement = self._header, self.placement
+        return (header.width, header.height) if placement is None else placement.size
+
+    @cached_property
+    def _header(self) -> Header:
+        return self._tracks.by_key["color"].header()
+
+    @cached_property
+    def placement(self) -> Placement | None:
+        """Where colour as stored lies in the sphere; None: it is all of it."""
+        header, path = self._header, self.files(self.indices[0])["color"]
+        size = header.width, header.height
+        return placement_of(path, size, self._video.eye, self._video.fit, header.xmp)
+
+    def _readers(self, streams: Streams) -> dict[str, Callable[[int], Any]]:
+        """Functions that read the pictures of a frame by their key, as they lie in the sphere."""
+        tracks = self._tracks.by_key
+        return {key: self._placing(key, track.reader(streams)) for key, track in tracks.items()}
+
+    def _placing(self, key: str, read: Callable[[int], Any]) -> Callable[[int], Any]:
+        def placed(index: int) -> Any:
+            picture, placement = read(index), self.placement
+            if placement is None:
+                return picture
+            if key == "depth":
+                return picture.placed(placement)
+            own = picture.shape[1], picture.shape[0]
+            if key == "normal":
+                alike = placement.alike(*own)
+                return picture if alike is None else alike.nearest(picture)
+            if own != placement.stored:
+                raise FormatError(
+                    f"{self.files(index)[key]}: {_by(own)} pixels, but the first frame has "
+                    f"{_by(placement.stored)}"
+                )
+            return placement.color(picture)
+
+        return placed
 
     @contextmanager
     def reading(self) -> Iterator[FrameReader]:
         """A reader of frames, quickest in order. Not for several threads at a time."""
         with open_streams() as streams:
-            readers = {key: track.reader(streams) for key, track in self._tracks.by_key.items()}
-            yield FrameReader(self, readers, self._video.yaw_offset_deg)
+            yield FrameReader(self, self._readers(streams), self._video.yaw_offset_deg)
 
     def read(self, index: int) -> RawFrame:
         """Read one frame; see `FrameReader`."""
@@ -239,7 +290,7 @@ class FrameReader:
     """Reads frames of a source, whose files it holds open."""
 
     def __init__(
-        self, source: FrameSource, readers: dict[str, Callable[[int], Picture]], yaw_deg: float
+        self, source: FrameSource, readers: dict[str, Callable[[int], Any]], yaw_deg: float
     ) -> None:
         self._source, self._readers, self._yaw_deg = source, readers, yaw_deg
 
@@ -256,13 +307,11 @@ class FrameReader:
             A damaged or missing file, not 2:1 or of another size than the first frame, or without
             a single usable value.
         """
-        color = self._readers["color"](index)
+        color: Picture = self._readers["color"](index)
         path = self._source.files(index)["color"]
         height, width = color.shape[:2]
         if width != 2 * height:
-            raise FormatError(
-                f"{path}: {width} x {height} pixels; an equirect panorama is twice as wide as high"
-            )
+            raise FormatError(f"{path}: {shape_problem(color)}")
         self._require_size(path, color, "the first frame")
         _require_any(path, np.isfinite(color), "colour is NaN or infinite everywhere")
         return turned_color(color, self._yaw_deg)
@@ -278,10 +327,13 @@ class FrameReader:
             usable value, or, of the first frame, depth that is a picture.
         """
         files = self._source.files(index)
-        depth = self._readers["depth"](index)
+        samples: DepthSamples = self._readers["depth"](index)
         if index == self._source.indices[0]:
-            self._source.first_depth(depth)
-        full = self._full_depth(files["depth"], depth)
+            self._source.first_depth(samples)
+        code = self._source.code
+        stored = self._source.stored_depth or StoredDepth.of(files["depth"], samples, code)
+        depth = stored.metres(files["depth"], samples, code)
+        full = self._full_depth(files["depth"], depth, stored)
         _require_any(
             files["depth"],
             np.isfinite(depth) & (depth > 0.0),
@@ -294,27 +346,27 @@ class FrameReader:
             require_unit(files["normal"], normal)
         turned = turned_geometry(full, normal, self._yaw_deg)
         if index == self._source.indices[0]:
-            require_no_picture(files["depth"], turned[0], color, self._source.code)
+            require_no_picture(files["depth"], turned[0], color, code)
         return RawFrame(color, *turned, index, self.pose(index))
 
     def pose(self, index: int) -> NDArray[np.float64] | None:
         """As `FrameSource.pose`."""
         return self._source.pose(index)
 
-    def _full_depth(self, path: Path, depth: Picture) -> Picture:
+    def _full_depth(self, path: Path, depth: Picture, stored: StoredDepth) -> Picture:
         """Depth at the size of colour."""
-        stored, size = self._source.stored_depth, self._source.size
+        size = self._source.size
         columns, rows = own = depth.shape[1], depth.shape[0]
         if columns != 2 * rows or rows > size[1]:
             raise FormatError(
                 f"{path}: {_by(own)} pixels, but colour has {_by(size)}; depth needs the same "
                 "size, or a smaller one twice as wide as high"
             )
-        if stored is not None and own != stored.size:
+        if own != stored.size:
             raise FormatError(
                 f"{path}: {_by(own)} pixels, but the first frame has {_by(stored.size)}"
             )
-        return at_full_size(depth, None if stored is None else stored.grid, *size)
+        return at_full_size(depth, stored.grid, *size)
 
     def _require_size(self, path: Path, picture: Picture, other: str) -> None:
         size, own = self._source.size, (picture.shape[1], picture.shape[0])
@@ -324,39 +376,6 @@ class FrameReader:
 
 def _by(size: tuple[int, int]) -> str:
     return f"{size[0]} x {size[1]}"
-
-
-def turned_color(color: Picture, yaw_deg: float) -> Picture:
-    """Turn the world to the right, towards +X: what lay at azimuth a comes to a + yaw.
-
-    Colour is interpolated between columns.
-    """
-    columns = yaw_deg / 360.0 * color.shape[1]
-    whole = int(np.floor(columns))
-    part = np.float32(columns - whole)
-    if whole % color.shape[1]:
-        color = np.roll(color, whole, axis=1)
-    if part > 1e-4:
-        color = (1 - part) * color + part * np.roll(color, 1, axis=1)
-    return color
-
-
-def turned_geometry(
-    depth: Picture, normal: Picture | None, yaw_deg: float
-) -> tuple[Picture, Picture | None]:
-    """As `turned_color`, but from the nearest column, because depth and normals jump at edges.
-
-    Normals turn with the world.
-    """
-    nearest = int(np.floor(yaw_deg / 360.0 * depth.shape[1] + 0.5))
-    if yaw_deg == 0.0:
-        return depth, normal
-    if normal is not None and yaw_deg % 360.0 != 0.0:
-        angle = np.deg2rad(yaw_deg)
-        cos, sin = np.float32(np.cos(angle)), np.float32(np.sin(angle))
-        x, y, z = np.moveaxis(np.roll(normal, nearest, axis=1), -1, 0)
-        normal = np.stack([cos * x - sin * z, y, sin * x + cos * z], axis=-1)
-    return np.roll(depth, nearest, axis=1), normal
 
 
 def _require_any(path: Path, usable: NDArray[np.bool_], problem: str) -> None:

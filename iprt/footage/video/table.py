@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field
 
 from iprt.files.table import Degrees, Factor, FrameNumber, FramePath, RelativePath, Table
+from iprt.footage.video.placement import Eye, Fit
 
 
 def _differ(values: list[float]) -> list[float]:
@@ -15,6 +16,7 @@ def _differ(values: list[float]) -> list[float]:
     return values
 
 
+Marks = Annotated[list[Annotated[float, Field(allow_inf_nan=True)]], Field(max_length=16)]
 LayerName = Annotated[str, Field(min_length=1, max_length=1000)]
 
 
@@ -24,10 +26,16 @@ class VideoTable(Table):
     `depth` may be left out where a video file of `color` holds it, and may name the same EXR file.
     `color_layer` and `depth_layer` name layers of EXR files where the layers' names do not tell.
 
+    `depth_kind` is "cube" where faces of a cube hold depth along their own axes. `depth_invalid`
+    and `depth_sky` are stored values that are no depth; without both, they are looked for.
+
     `frames` and `fps` are those of a video file by default, else one frame and 30 per second.
 
     `white` is the linear radiance from which on the camera's colour is clipped, `inf` for never. By
     default it is 1 for integers, and floats and HDR video never are.
+
+    `eye` takes one half of stereo pictures, and `fit` says how pictures that are not twice as wide
+    as high cover the sphere; see `placement_of`.
 
     `gloss` is "auto" where glossy surfaces are looked for in the first frame, and "declared" where
     they are those of `[[real_materials]]` only.
@@ -42,6 +50,11 @@ class VideoTable(Table):
         Annotated[list[Factor], Field(min_length=2, max_length=2), AfterValidator(_differ)] | None
     ) = None
     depth_encoding: Literal["linear", "inverse"] = "linear"
+    depth_kind: Literal["distance", "cube"] = "distance"
+    depth_invalid: Marks | None = None
+    depth_sky: Marks | None = None
+    eye: Eye | None = None
+    fit: Fit | None = None
     normal: FramePath | None = None
     poses: RelativePath | None = None
     white: Annotated[float, Field(gt=0.0, allow_inf_nan=True)] | None = None

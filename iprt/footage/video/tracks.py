@@ -2,25 +2,26 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import FormatError
-from iprt.files.images import read_normal
+from iprt.files.images import Header, read_normal
 from iprt.files.path_safety import require_inside
 from iprt.files.table import LAST_FRAME
 from iprt.files.untrusted import is_file
 from iprt.footage.video.clock import Clock, disagreements, frame_count
 from iprt.footage.video.color import has_highlights, linear_color, luma
 from iprt.footage.video.container import StreamInfo, is_container, video_streams
-from iprt.footage.video.depth_code import DepthCode, unit_problem
+from iprt.footage.video.depth_code import DepthCode, DepthMarks, DepthSamples, unit_problem
+from iprt.footage.video.mistaken_depth import grey_at_first
+from iprt.footage.video.planes import layout
 from iprt.footage.video.reader import Streams
 from iprt.footage.video.sequence import ColorPictures, DepthPictures, PictureTrack
 from iprt.footage.video.table import VideoTable
@@ -29,11 +30,13 @@ if TYPE_CHECKING:
     import av
 
 Picture = NDArray[np.float32]
+Item = TypeVar("Item")
+Shown = TypeVar("Shown", covariant=True)
 DEFAULT_FPS = Fraction(30)
 
 
-class Track(Protocol):
-    """Pictures of one kind along a video: colour, depth or normals."""
+class Track(Protocol[Shown]):
+    """Pictures of one kind along a video: colour, depth as stored, or normals."""
 
     def file(self, index: int) -> Path:
         """The file that holds a frame's picture."""
@@ -46,17 +49,14 @@ class Track(Protocol):
         """Reasons why existing files cannot be read; a line with its key each."""
         return []
 
-    def size(self) -> tuple[int, int]:
-        """Width and height of the first picture, from its header."""
+    def header(self) -> Header:
+        """What its first picture says of itself."""
 
-    def white(self) -> float:
-        """Radiance at which its colours end, by its kind; infinite where they do not."""
-
-    def reader(self, streams: Streams) -> Callable[[int], Picture]:
+    def reader(self, streams: Streams) -> Callable[[int], Shown]:
         """A function that reads the picture of a frame; quickest in order."""
 
 
-class StreamTrack(Track):
+class StreamTrack(Track[Item]):
     """Pictures in some rows of a video stream.
 
     Parameters
@@ -73,7 +73,7 @@ class StreamTrack(Track):
         zero: Fraction,
         clock: Clock,
         rows: slice,
-        decode: Callable[[av.VideoFrame, slice, Path], Picture],
+        decode: Callable[[av.VideoFrame, slice, Path], Item],
     ) -> None:
         self._info, self._zero, self._clock = info, zero, clock
         self._rows, self._decode = rows, decode
@@ -81,17 +81,19 @@ class StreamTrack(Track):
     def file(self, _: int) -> Path:
         return self._info.path
 
-    def size(self) -> tuple[int, int]:
-        return self._info.width, self._rows.stop - self._rows.start
+    def moment(self, index: int) -> Fraction:
+        """When a frame is shown, in seconds on the file's clock."""
+        return self._zero + self._clock.time(index)
 
-    def white(self) -> float:
-        return math.inf if has_highlights(self._info.pixels, self._info.transfer) else 1.0
+    def header(self) -> Header:
+        info, height = self._info, self._rows.stop - self._rows.start
+        return Header(info.width, height, not has_highlights(info.pixels, info.transfer))
 
-    def reader(self, streams: Streams) -> Callable[[int], Picture]:
+    def reader(self, streams: Streams) -> Callable[[int], Item]:
         info, stream = self._info, streams(self._info)
 
-        def read(index: int) -> Picture:
-            frame = stream.at(self._zero + self._clock.time(index))
+        def read(index: int) -> Item:
+            frame = stream.at(self.moment(index))
             if (frame.width, frame.height) != (info.width, info.height):
                 raise FormatError(
                     f"{info.path}: {frame.width} x {frame.height} pixels in frame {index}, but its "
@@ -114,7 +116,7 @@ class Tracks:
         Disagreements of the streams, a line each.
     """
 
-    by_key: dict[str, Track]
+    by_key: dict[str, Track[Any]]
     indices: range
     fps: float
     disagreements: list[str]
@@ -139,7 +141,7 @@ def open_tracks(root: Path, video: VideoTable, within: Path) -> Tracks:
     clock = Clock(fps, indices[0] if color is None else 0)
     place = root, indices, within
     code = depth_code(video)
-    by_key: dict[str, Track] = {}
+    by_key: dict[str, Track[Any]] = {}
     packed = color is not None and depth is color
     if color is None:
         by_key["color"] = ColorPictures(video.color, *place, video.color_layer)
@@ -156,7 +158,8 @@ def open_tracks(root: Path, video: VideoTable, within: Path) -> Tracks:
         # Streams of one file share its clock; another file's starts where the video does.
         same = color is not None and color.path == depth.path
         zero = color.start if color is not None and same else depth.start
-        by_key["depth"] = StreamTrack(depth, zero, clock, rows, _depth_decoder(code))
+        decode = grey_at_first(_depth_samples) if packed else _depth_samples
+        by_key["depth"] = StreamTrack(depth, zero, clock, rows, decode)
     if video.normal is not None:
         by_key["normal"] = PictureTrack("normal", video.normal, *place, read_normal)
     notes = disagreements(clock, indices, color, None if packed else depth)
@@ -179,16 +182,19 @@ def _require_no_layers(
 def depth_code(video: VideoTable) -> DepthCode:
     """The meaning of stored depth."""
     ends = None if video.depth_range is None else (video.depth_range[0], video.depth_range[1])
-    return DepthCode(video.depth_scale, ends, video.depth_encoding)
+    given = video.depth_invalid, video.depth_sky
+    marks = None
+    if any(values is not None for values in given):
+        marks = DepthMarks(*(tuple(values or ()) for values in given))
+    return DepthCode(video.depth_scale, ends, video.depth_encoding, video.depth_kind, marks)
 
 
-def _depth_decoder(code: DepthCode) -> Callable[[av.VideoFrame, slice, Path], Picture]:
-    def decode(frame: av.VideoFrame, rows: slice, path: Path) -> Picture:
-        stored, black, white = luma(frame, rows, path)
-        code.require_range(path, stored)
-        return code.metres(stored, black, white)
-
-    return decode
+def _depth_samples(frame: av.VideoFrame, rows: slice, path: Path) -> DepthSamples:
+    stored, black, white = luma(frame, rows, path)
+    how = layout(frame.format.name)
+    assert how is not None
+    bits = 0 if how.is_float else how.bits
+    return DepthSamples(stored, black, white, bits, exact=how.kind == "grey" and how.bits > 8)
 
 
 def _indices(video: VideoTable, fps: Fraction, color: StreamInfo | None) -> range:
@@ -241,6 +247,11 @@ def _depth_stream(
         found = next((stream for stream in others if stream.is_deep_grey), None)
         if found is not None:
             return found
+        if video.eye is not None:
+            raise FormatError(
+                f"video.depth: {color.path} holds no second stream of 16-bit grey; with eye, which "
+                "takes one of two pictures in colours, name a file of depth"
+            )
         # Two panoramas one above the other make a square.
         if color.width == color.height and color.height % 4 == 0:
             return color

@@ -1,0 +1,69 @@
+"""Kinds of picture files, recognised by their first bytes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from iprt.errors import FormatError
+from iprt.files.exr_header import MAGIC as EXR_MAGIC
+from iprt.files.untrusted import open_file
+
+_SIGNATURES = {
+    EXR_MAGIC: "exr",
+    b"\x89PNG": "png",
+    b"\xff\xd8\xff": "jpeg",
+    b"Pf": "pfm",
+    b"PF": "pfm",
+    b"#?": "hdr",
+    b"II*\x00": "tiff",
+    b"MM\x00*": "tiff",
+    b"II+\x00": "tiff",
+    b"MM\x00+": "tiff",
+    b"\x93NUMPY": "npy",
+    b"PK\x03\x04": "npz",
+}
+_BRANDS = {b"avif": "avif", b"avis": "avif"} | dict.fromkeys(
+    (b"heic", b"heix", b"heim", b"heis", b"hevc", b"mif1", b"msf1"), "heic"
+)
+"""Pictures among the files whose fifth to eighth bytes are `ftyp`; the others are MP4 video."""
+_HEADER_BYTES = 2**16
+READ = "EXR, PNG, JPEG, WebP, AVIF, TIFF, Radiance HDR, PFM or NumPy"
+
+
+def file_kind(path: Path) -> str:
+    """Return the kind of a file by its first bytes.
+
+    Returns
+    -------
+    str
+        "exr", "png", "jpeg", "webp", "avif", "heic", "tiff", "hdr", "pfm", "npy" or "npz".
+
+    Raises
+    ------
+    FormatError
+        Missing, unreadable, empty, or none of these.
+    """
+    with open_file(path) as file:
+        start = file.read(12)
+    for signature, kind in _SIGNATURES.items():
+        if start.startswith(signature):
+            return kind
+    if start[:4] == b"RIFF" and start[8:] == b"WEBP":
+        return "webp"
+    if start[4:8] == b"ftyp" and start[8:] in _BRANDS:
+        return _BRANDS[start[8:]]
+    what = "empty" if not start else f"not an {READ} file"
+    raise FormatError(f"{path}: {what}")
+
+
+def require_sdr(path: Path) -> None:
+    """Raise FormatError for AVIF of PQ or HLG, which Pillow would show as if it were sRGB."""
+    with open_file(path) as file:
+        start = file.read(_HEADER_BYTES)
+    at = start.find(b"colrnclx")
+    transfer = int.from_bytes(start[at + 10 : at + 12], "big") if at >= 0 else 0
+    if transfer in (16, 18):
+        raise FormatError(
+            f"{path}: AVIF of {'PQ' if transfer == 16 else 'HLG'} is not read; convert it to EXR, "
+            "or to a video file, whose highlights are read"
+        )

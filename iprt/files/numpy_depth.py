@@ -1,0 +1,79 @@
+"""Depth as NumPy writes it: `.npy`, and `.npz` with one array or one that is named for depth."""
+
+from __future__ import annotations
+
+import zipfile
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.lib import format as npy_format
+from numpy.typing import NDArray
+
+from iprt.errors import FormatError
+from iprt.files.toml_text import printable
+from iprt.files.untrusted import decoding, open_file, require_picture_size
+
+NAMES = ("depth", "distance")
+"""Arrays of `.npz` files that are depth where there are others."""
+
+
+def read_numpy(path: Path) -> NDArray[Any]:
+    """Read (H, W) of integers or floats, as stored; (H, W, 1) and (1, H, W) are that too.
+
+    Nothing that is pickled is read.
+
+    Raises
+    ------
+    FormatError
+        Cut off or damaged, of another shape or type, too large, or with several arrays of which
+        none is named for depth.
+    """
+    with decoding(path, "cut off or damaged NumPy file"), open_file(path) as file:
+        if file.read(4) == b"PK\x03\x04":
+            with zipfile.ZipFile(file) as archive, archive.open(_member(path, archive)) as member:
+                return _array(path, member)
+        file.seek(0)
+        return _array(path, file)
+
+
+def _member(path: Path, archive: zipfile.ZipFile) -> str:
+    names = [name for name in archive.namelist() if name.endswith(".npy")]
+    if len(names) == 1:
+        return names[0]
+    for wanted in NAMES:
+        if f"{wanted}.npy" in names:
+            return f"{wanted}.npy"
+    has = ", ".join(printable(name.removesuffix(".npy"), 40) for name in names[:20]) or "none"
+    raise FormatError(f"{path}: needs one array, or one that is named depth; it has {has}")
+
+
+def _array(path: Path, file: Any) -> NDArray[Any]:
+    """Read an array whose header has been checked, before memory is taken for it."""
+    version = npy_format.read_magic(file)
+    read_header = {
+        (1, 0): npy_format.read_array_header_1_0,
+        (2, 0): npy_format.read_array_header_2_0,
+    }.get(version)
+    if read_header is None:
+        raise FormatError(f"{path}: version {version[0]} of NumPy's format is not read")
+    shape, by_columns, kind = read_header(file)
+    plane = tuple(side for side in shape if side != 1) if len(shape) == 3 else shape
+    if len(plane) != 2 or kind.kind not in "uif" or kind.itemsize > 8:
+        raise FormatError(
+            f"{path}: holds {' x '.join(map(str, shape)) or 'one'} {kind}; depth needs rows x "
+            "columns of integers or floats"
+        )
+    height, width = plane
+    require_picture_size(path, width, height)
+    needed = height * width * kind.itemsize
+    data = _exactly(file, needed)
+    if data is None:
+        raise FormatError(f"{path}: cut off NumPy file: fewer than {needed} bytes of values")
+    values = np.frombuffer(data, kind)
+    return values.reshape(plane, order="F" if by_columns else "C")
+
+
+def _exactly(file: BinaryIO, count: int) -> bytes | None:
+    data = file.read(count)
+    return data if len(data) == count else None

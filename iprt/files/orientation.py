@@ -1,0 +1,49 @@
+"""EXIF orientation: how a stored picture is turned to stand upright."""
+
+from __future__ import annotations
+
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+Scalar = TypeVar("Scalar", bound=np.generic)
+
+TAG = 0x0112
+"""Of EXIF and TIFF."""
+TURNED = (5, 6, 7, 8)
+"""Orientations that swap width and height."""
+
+
+def orientation_of(image: Image.Image) -> int:
+    """Return the EXIF orientation of an opened picture, 1 to 8; 1 where it has none that is valid.
+
+    Of PNG whose pixels have not been read, what stands before them counts.
+    """
+    if image.format == "PNG" and "exif" not in image.info:
+        return 1  # Pillow would decode the picture to look behind it
+    return valid_orientation(image.getexif().get(TAG))
+
+
+def valid_orientation(value: object) -> int:
+    """Return a tag's value, or 1 if it is no orientation."""
+    return value if isinstance(value, int) and 1 <= value <= 8 else 1
+
+
+def upright(pixels: NDArray[Scalar], orientation: int) -> NDArray[Scalar]:
+    """Return (H, W, ...) pixels as they are meant to be seen, sharing memory.
+
+    Parameters
+    ----------
+    orientation : int
+        Where the first stored row and column are seen: 1 top, left; 2 top, right; 3 bottom, right;
+        4 bottom, left; 5 left, top; 6 right, top; 7 right, bottom; 8 left, bottom (EXIF 2.32).
+    """
+    if orientation in TURNED:
+        pixels = pixels.swapaxes(0, 1)
+    if orientation in (3, 4, 7, 8):
+        pixels = pixels[::-1]
+    if orientation in (2, 3, 6, 7):
+        pixels = pixels[:, ::-1]
+    return pixels
