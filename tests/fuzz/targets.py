@@ -51,7 +51,7 @@ class Reading:
         return [("a.png", _checked(data), ("color", "depth"))]
 
     def _jpeg(self, data: bytes) -> Files:
-        return [("a.jpg", data, ("color", "header"))]
+        return [("a.jpg", data, ("color", "depth", "header"))]
 
     def _tiff(self, data: bytes) -> Files:
         return [("a.tif", data, ("color", "depth", "header"))]
@@ -60,10 +60,10 @@ class Reading:
         return [("a.hdr", data, ("color",))]
 
     def _webp(self, data: bytes) -> Files:
-        return [("a.webp", data, ("color", "header"))]
+        return [("a.webp", data, ("color", "depth", "header"))]
 
     def _avif(self, data: bytes) -> Files:
-        return [("a.avif", data, ("color", "header"))]
+        return [("a.avif", data, ("color", "depth", "header"))]
 
     def _npy(self, data: bytes) -> Files:
         return [("a.npy", data, ("depth",))]
