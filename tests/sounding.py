@@ -1,4 +1,4 @@
-"""Tiny video files that flash and click at the same moments, and when a file does either."""
+"""Tiny video files that flash and click at the same moments, and detection of both."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ WIDTH, HEIGHT = 64, 32
 
 
 def click_samples(clicks: Sequence[float], seconds: float, rate: int = RATE) -> NDArray[np.float32]:
-    """(seconds * rate,) float32: silence, and a burst of 2 kHz at each of the moments."""
+    """Return silence (seconds * rate,) float32 with a burst of 2 kHz at each click."""
     time = np.arange(round(seconds * rate)) / rate
     samples = np.zeros_like(time)
     for click in clicks:
@@ -28,7 +28,7 @@ def click_samples(clicks: Sequence[float], seconds: float, rate: int = RATE) -> 
 
 
 def flash_luma(seconds: float, clicks: Sequence[float] = CLICKS) -> int:
-    """Luma of the picture of that moment."""
+    """Return the luma of the picture of that moment."""
     return 200 if any(abs(seconds - click) < 0.5 / FPS for click in clicks) else 30
 
 
@@ -42,16 +42,16 @@ def write_sounding(
     layout: str = "stereo",
     rate: int = RATE,
 ) -> Path:
-    """A file of pictures and of a stream of sound for each codec, AAC if there is none.
+    """Write a file of pictures and of a sound stream for each codec, AAC if there is none.
 
     Of several streams, each lacks one more of the first clicks.
 
     Parameters
     ----------
     clicks : sequence of float
-        Moments in seconds, of frames.
+        Times of frames, in seconds.
     begins, ends : float
-        Seconds from and to which there is sound.
+        Start and end of the sound, in seconds.
     """
     with av.open(str(path), "w") as container:
         pictures = container.add_stream("libx264", rate=FPS)
@@ -80,7 +80,7 @@ def write_sounding(
 
 
 def flashes(path: Path) -> list[float]:
-    """Seconds at which a file's pictures become bright."""
+    """Return the seconds at which a file's pictures become bright."""
     with av.open(str(path)) as container:
         shown = [
             (frame.time, frame.to_ndarray()[0, 0] > 100) for frame in container.decode(video=0)
@@ -90,7 +90,7 @@ def flashes(path: Path) -> list[float]:
 
 
 def clicks_in(path: Path) -> list[float]:
-    """Seconds at which clicks begin in a file's only stream of sound, first channel."""
+    """Return the seconds at which clicks begin in the first channel of a file's only sound."""
     with av.open(str(path)) as container:
         (stream,) = container.streams.audio
         resampler = av.AudioResampler("fltp")
@@ -104,12 +104,12 @@ def clicks_in(path: Path) -> list[float]:
 
 
 def sound_bytes(path: Path) -> list[bytes]:
-    """The packets of a file's first stream of sound."""
+    """Return the packets of a file's first sound stream."""
     with av.open(str(path)) as container:
         return [bytes(packet) for packet in container.demux(audio=0) if packet.size]
 
 
 def sound_codecs(path: Path) -> list[str]:
-    """FFmpeg's names of the codecs of a file's streams of sound."""
+    """Return FFmpeg's names of the codecs of a file's sound streams."""
     with av.open(str(path)) as container:
         return [each.codec_context.codec.canonical_name for each in container.streams.audio]

@@ -1,4 +1,4 @@
-"""Which axes poses are of, and which way they lead: told by whether frames agree about surfaces."""
+"""Conventions of camera poses: their axes and direction, chosen by how well frames agree."""
 
 from __future__ import annotations
 
@@ -15,20 +15,19 @@ from iprt.errors import FormatError
 
 CONVENTIONS: tuple[Convention, ...] = get_args(Convention)
 PAIRS, APART = 12, 10
-"""Pairs of frames at most so far apart that are compared, each frame with all others."""
+"""Number of sampled pairs, and most frames between the two of a pair. All are then compared."""
 ENOUGH = 300
-"""With fewer cells in sight of two frames, nothing is told."""
+"""Fewest cells seen by two frames that allow a decision."""
 FEW = 0.02
-"""A convention by which frames share less, relative to the one by which they share most, gains
-nothing from the little that agrees."""
+"""Overlap, relative to the convention with the most, below which agreement counts for less."""
 CLEARLY = 0.05
-"""The layout's convention is given up for one of which more depths agree, by this share of all,
-and of which at most MUCH of the disagreeing ones are left."""
+"""Gain in the share of agreeing depths for which the layout's convention is given up. At most MUCH
+of the disagreeing ones may remain."""
 MUCH = 0.6
 AGREEING = 0.5
-"""Where fewer depths agree by any convention, the poses are not those of the pictures."""
+"""Share of agreeing depths below which the poses do not belong to the pictures."""
 SAME_TURN = 1e-3
-"""Tolerance of a first pose that is the origin."""
+"""Tolerance for a first pose at the origin."""
 
 Matrix = NDArray[np.float64]
 _FLIP = np.diag([1.0, -1.0, -1.0, 1.0])
@@ -42,7 +41,7 @@ WORDS = {
 
 @dataclass(frozen=True)
 class Settled:
-    """A convention, and in words how it was chosen."""
+    """A convention, and the reason for it in words."""
 
     convention: Convention
     words: str
@@ -55,28 +54,28 @@ def world_from_camera(poses: Matrix, convention: Convention) -> Matrix:
 
 
 def sample(count: int) -> list[int]:
-    """Return the numbers of the frames to compare, of so many."""
+    """Return the indices of the frames to compare, out of `count`."""
     apart = min(max(1, count // (2 * PAIRS)), APART)
     first = {int(at) for at in np.linspace(0, max(count - 1 - apart, 0), min(count, PAIRS))}
     return sorted(first | {min(at + apart, count - 1) for at in first})
 
 
 def settle(source: str, glances: Sequence[Glance], poses: Matrix, guess: Convention) -> Settled:
-    """Choose the convention by which what frames saw agrees.
+    """Choose the convention in which the depths of frames agree.
 
     Parameters
     ----------
     source : str
-        Names the sequence in errors.
+        Name of the sequence in errors.
     poses : (N, 4, 4) float64
-        As stored, of the frames that the glances are of.
+        Stored poses of the glances' frames.
     guess : str
-        The layout's convention: it stays unless another one is clearly better.
+        The layout's convention, kept unless another one is clearly better.
 
     Raises
     ------
     FormatError
-        Frames overlap, but agree by none.
+        Frames overlap, but agree in no convention.
     """
     counts = {name: _agreement(glances, world_from_camera(poses, name)) for name in CONVENTIONS}
     most = max(compared for _, compared in counts.values())
@@ -102,7 +101,7 @@ def settle(source: str, glances: Sequence[Glance], poses: Matrix, guess: Convent
 
 
 def _agreement(glances: Sequence[Glance], poses: Matrix) -> tuple[int, int]:
-    """Count cells that agree, and these with those seen through; hidden ones tell nothing."""
+    """Count agreeing cells, and agreeing plus seen-through cells; hidden ones tell nothing."""
     agree = through = 0
     for i, glance in enumerate(glances):
         for j, other in enumerate(glances):
@@ -116,13 +115,13 @@ def _agreement(glances: Sequence[Glance], poses: Matrix) -> tuple[int, int]:
 def up_axis(poses: Matrix, convention: Convention, layout: Axis | None) -> Axis:
     """Return the axis of the poses' world that points up.
 
-    A first pose at the origin is the world's own camera, as SLAM systems have it. Else it is the
-    layout's; without one, that nearest to the mean of what is up in the pictures.
+    If the first pose is the origin, as in SLAM systems, it is that camera's up axis. Otherwise it
+    is the layout's axis or, without one, the axis nearest to the mean up direction of the pictures.
 
     Parameters
     ----------
     poses : (N, 4, 4) float64
-        As stored.
+        Stored poses.
     layout : str or None
     """
     if np.abs(poses[0] - np.eye(4)).max() < SAME_TURN:

@@ -1,7 +1,7 @@
-"""Exposure, white balance and vignetting of frames, by the surfaces that several have seen.
+"""Exposure, white balance and vignetting of frames, from the surfaces that several have seen.
 
-Gains per frame and channel, and one vignette for all, are found at once: a chain from each frame to
-the next would add up what vignetting makes of each. After Goldman & Chen, "Vignette and Exposure
+Gains per frame and channel, and one vignette for all, are solved for at once: a chain from each
+frame to the next would add up errors from vignetting. After Goldman & Chen, "Vignette and Exposure
 Calibration and Compensation" (ICCV 2005), with the response known (sRGB).
 """
 
@@ -18,30 +18,30 @@ from iprt.capture.overlap import Glance, overlap
 from iprt.capture.pinhole import Pinhole, sampled
 
 NEAREST = 8
-"""Frames with the most similar views that each is compared with, beside those 1, 2, 4, 8... on."""
+"""Similar views that each frame is compared with, besides the frames 1, 2, 4, 8... later."""
 CELLS = 128
-"""Cells of a pair of frames that are compared, at most."""
+"""Most cells that are compared in a pair of frames."""
 ALIKE = 8
-"""Cells whose errors are taken to be one: textures and lights are larger than cells."""
+"""Cells whose errors count as one: textures and lights are larger than cells."""
 STEPS = 8
 WIDEST, NARROWING = 1.0, 0.6
-"""Error of a logarithm at which a cell's weight is a quarter, at first, and what it is multiplied
-by from one step to the next: from all cells to those that agree (graduated non-convexity)."""
+"""Initial width of the error kernel, in logarithms, and its factor per step (graduated
+non-convexity). A cell whose error equals the width has a quarter of the weight."""
 NARROWEST, BEYOND_NOISE = 0.02, 3.0
-"""It ends at this error, or at so many median ones."""
+"""Least width, and least width in median errors; the larger one counts."""
 LIKELY_CHANGE, LIKELY_VIGNETTE = 0.3, 0.3
-"""Standard deviations, known beforehand, of the logarithms of one frame's gain over the one before,
-and of the terms of the vignette in the pictures' corners."""
+"""Prior standard deviations of the logarithms of a frame's gain over the previous frame's, and of
+the vignette's terms in the corners of the pictures."""
 DARK = 1e-3
-"""Radiance that counts as no less, as a share of the median."""
+"""Lower bound of compared radiance, as a share of the median."""
 UNMATCHED = 0.35
-"""A frame whose colours are further off in the median, in logarithms, does not match."""
+"""Median error, in logarithms, above which a frame does not match."""
 ENOUGH = 60
-"""With fewer cells to compare, nothing speaks against a frame."""
+"""Fewest compared cells that can speak against a frame."""
 MAX_GAIN = 16.0
-"""Frames brighter or darker than the median by more are left out."""
+"""Factor above or below the median brightness beyond which a frame is left out."""
 MAX_LEFT_OUT = 1 / 3
-"""Where more of the frames do not match, it is the matching that is wrong."""
+"""Share of unmatched frames above which the matching itself is taken to be wrong."""
 
 Matrix = NDArray[np.float64]
 Float = NDArray[np.float32]
@@ -50,19 +50,18 @@ Indices = NDArray[np.intp]
 
 @dataclass(frozen=True)
 class Exposures:
-    """What brings frames to the colours of the first that matches.
+    """Corrections that bring frames to the colours of the first one that matches.
 
     Attributes
     ----------
     gain : (N, 3) float64
-        Factors of the frames' linear radiance.
+        Factors for the frames' linear radiance.
     vignette : (2, 3) float64
-        Logarithms of the brightness in the corners, over that in the middle: of the terms in r^2
-        and r^4.
+        Terms in r^2 and r^4 of the logarithm of the corners' brightness over the middle's.
     left_out : frozenset of int
         Frames that do not match the others.
     trusted : bool
-        False: most did not match, and the gains are 1.
+        False if too many frames did not match; the gains are 1 then.
     """
 
     gain: Matrix
@@ -82,7 +81,7 @@ class Exposures:
 
 
 def match_exposures(glances: list[Glance], poses: Matrix) -> Exposures:
-    """Find gains by which frames agree about the surfaces they share.
+    """Estimate the gains by which frames agree about the surfaces they share.
 
     Parameters
     ----------
@@ -105,8 +104,8 @@ def match_exposures(glances: list[Glance], poses: Matrix) -> Exposures:
 
 @dataclass(frozen=True)
 class _Comparisons:
-    """Cells that two frames have seen: of which frames, the logarithm of the second's radiance
-    over the first's, the same of the vignette's terms, and how much they count.
+    """Cells seen by two frames: the frames, the logarithm of the second's radiance over the
+    first's, the difference of the vignette's terms, and the weight.
     """
 
     first: Indices
@@ -143,9 +142,9 @@ class _Comparisons:
         return cls(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
     def solve(self, count: int) -> tuple[Matrix, Matrix, Matrix]:
-        """Return logarithms of brightness (count, 3), of the vignette (2, 3), and errors (rows,).
+        """Return logarithms of brightness (count, 3) and vignette (2, 3), and errors (rows,).
 
-        Robust least squares, with weights that narrow from all cells to those that agree.
+        Robust least squares, with weights that narrow from all cells to the agreeing ones.
         """
         row = np.arange(len(self.first))
         place = np.concatenate([row, row, row, row])
@@ -171,7 +170,7 @@ class _Comparisons:
         return found[:count], found[count:], error
 
     def unmatched(self, error: Matrix, without: set[int]) -> set[int]:
-        """Return frames whose colours differ from those of the others, the worst one first."""
+        """Return frames whose colours differ from the others', removing the worst one first."""
         left_out: set[int] = set()
         while True:
             gone = list(left_out | without)
@@ -188,7 +187,7 @@ class _Comparisons:
 
 
 def _pairs(poses: Matrix) -> list[tuple[int, int]]:
-    """Frames that may have seen the same: some behind one another, and similar views."""
+    """Return pairs of frames that may have seen the same: 1, 2, 4... apart, or of similar views."""
     count = len(poses)
     pairs: set[tuple[int, int]] = set()
     lag = 1
@@ -204,7 +203,7 @@ def _pairs(poses: Matrix) -> list[tuple[int, int]]:
 
 
 def _radial(camera: Pinhole) -> Matrix:
-    """Return (H, W, 2) squares and fourth powers of the distance from the middle; 1 in corners."""
+    """Return r^2 and r^4 (H, W, 2) of the distance r from the middle; r is 1 in the corners."""
     y, x = np.indices((camera.height, camera.width))
     square = (x - (camera.width - 1) / 2) ** 2 + (y - (camera.height - 1) / 2) ** 2
     square = square / ((camera.width / 2) ** 2 + (camera.height / 2) ** 2)

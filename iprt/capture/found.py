@@ -1,4 +1,4 @@
-"""What a folder's layout gives before cameras and conventions are settled."""
+"""Contents of a folder by its layout, before cameras and conventions are settled."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ MILLIMETRE = 0.001
 
 @dataclass(frozen=True)
 class Frame:
-    """Files and the pose as the layout has it; its own camera, where the layout gives one."""
+    """Files of a frame, its pose as stored, and its own camera if the layout gives one."""
 
     color: Path
     depth: Path
@@ -39,15 +39,15 @@ class Found:
     Attributes
     ----------
     name : str
-        Of the layout, for people.
+        Name of the layout, for messages.
     frames : list of Frame
-        In their order; at least one.
+        Frames in order; at least one.
     skipped : Counter
-        Frames that cannot be used, by what is missing.
+        Counts of unusable frames, by reason.
     step_m : float
         Metres per step of integer depth.
     convention : str
-        Of the poses, by the layout's definition.
+        Convention of the poses by the layout's definition.
     up : str or None
         Axis of the poses' world that points up by the layout's definition.
     """
@@ -69,7 +69,7 @@ class Found:
 
 @dataclass
 class Gatherer:
-    """Frames that are complete, and counts of those that are not."""
+    """Complete frames, and counts of incomplete ones."""
 
     frames: list[Frame] = field(default_factory=list)
     skipped: Counter[str] = field(default_factory=Counter)
@@ -83,7 +83,7 @@ class Gatherer:
         *,
         has_pose: bool = True,
     ) -> None:
-        """Add a frame; None is what is missing, or a pose that is not finite."""
+        """Add a frame; None stands for a missing part, or a pose that is not finite."""
         if color is None:
             self.skipped["without colour"] += 1
         elif depth is None:
@@ -94,7 +94,7 @@ class Gatherer:
             self.frames.append(Frame(color, depth, pose, camera))
 
     def complete(self, source: Path) -> list[Frame]:
-        """Return the frames; FormatError about `source` if there are none."""
+        """Return the frames; raise FormatError about `source` if there are none."""
         if not self.frames:
             why = ", ".join(f"{count} {reason}" for reason, count in sorted(self.skipped.items()))
             raise FormatError(f"{source}: no frame with colour, depth and a pose ({why or 'none'})")
@@ -104,7 +104,7 @@ class Gatherer:
 def by_number(
     folder: Path, pattern: str, suffixes: tuple[str, ...] = PICTURE_SUFFIXES
 ) -> dict[int, Path]:
-    """Return files of a folder whose names match, by the number in their first group."""
+    """Return the files of a folder whose stems match, by the number in the first group."""
     found = {}
     names = re.compile(pattern)
     if folder.is_dir():

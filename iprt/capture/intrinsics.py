@@ -1,4 +1,4 @@
-"""Cameras of a sequence: `camera.toml`, or files that layouts and 3D libraries have."""
+"""Cameras of a sequence, from `camera.toml` or from files of layouts and 3D libraries."""
 
 from __future__ import annotations
 
@@ -22,20 +22,20 @@ from iprt.files.untrusted import is_file, read_bytes
 
 CAMERA = "camera.toml"
 MATRICES = ("intrinsic/intrinsic_color.txt", "intrinsic_color.txt", "camera-intrinsics.txt")
-"""Texts of 3x3 or 4x4 numbers, of ScanNet's exports and 3DMatch."""
+"""Texts with a 3x3 or 4x4 matrix, as in exports of ScanNet and in 3DMatch."""
 DEPTH_MATRICES = ("intrinsic/intrinsic_depth.txt", "intrinsic_depth.txt")
 JSON_FILES = ("intrinsic.json", "intrinsics.json", "camera_intrinsic.json", "camera.json")
-"""`intrinsic_matrix` in columns, as Open3D writes it."""
+"""Files with a column-major `intrinsic_matrix`, as Open3D writes them."""
 KEYS = ("fx", "fy", "cx", "cy")
 Coordinate = Annotated[float, Field(ge=-FARTHEST, le=FARTHEST)]
 
 
 class CameraTable(Table):
-    """`camera.toml`: a pinhole, and where pictures lie that no layout names.
+    """Contents of `camera.toml`: a pinhole, and the pictures' paths where no layout gives them.
 
     `fx`, `fy` and `cx`, `cy` are in pixels of colour; the centre of the first pixel is at (0, 0),
-    as in OpenCV. Layouts that have their own may do without. `up` is the axis of the poses' world
-    that points up.
+    as in OpenCV. Layouts with their own intrinsics may omit them. `up` is the axis of the poses'
+    world that points up.
     """
 
     fx: Factor | None = None
@@ -50,12 +50,12 @@ class CameraTable(Table):
 
 
 def read_camera_table(path: Path) -> CameraTable:
-    """Read `camera.toml`; without such a file, nothing is given.
+    """Read `camera.toml`; without such a file, the table is empty.
 
     Raises
     ------
     SceneError
-        Damaged, or only a part of the pinhole or of the patterns is there.
+        The file is damaged, or has only a part of the pinhole or of the patterns.
     """
     if not is_file(path):
         return CameraTable()
@@ -78,7 +78,7 @@ def read_camera_table(path: Path) -> CameraTable:
 
 
 def camera_of_table(table: CameraTable, color: Path) -> Pinhole | None:
-    """Return the pinhole of a `camera.toml`, which is that of pictures such as `color`."""
+    """Return the pinhole of a `camera.toml`, for pictures of the size of `color`."""
     if table.fx is None or table.fy is None or table.cx is None or table.cy is None:
         return None
     return Pinhole(table.fx, table.fy, table.cx, table.cy, *picture_size(color))
@@ -87,12 +87,12 @@ def camera_of_table(table: CameraTable, color: Path) -> Pinhole | None:
 def cameras_of_files(
     folder: Path, color: Path, depth: Path
 ) -> tuple[Pinhole | None, Pinhole | None]:
-    """Return the cameras of colour and depth that files in the folder give; None without such.
+    """Return the cameras of colour and depth from files in the folder; None where missing.
 
     Raises
     ------
     FormatError
-        A file is damaged, or a picture whose size is needed.
+        A file, or a picture whose size is needed, is damaged.
     """
     matrix, source = _matrix(folder, MATRICES), folder
     if matrix is None:
@@ -113,7 +113,7 @@ def read_json(path: Path) -> dict[str, Any]:
     Raises
     ------
     FormatError
-        Not JSON, or no object.
+        The file is not JSON, or holds no object.
     """
     try:
         data = json.loads(read_bytes(path, MOST_BYTES))
@@ -128,7 +128,7 @@ def read_json(path: Path) -> dict[str, Any]:
 def _open3d(path: Path) -> Pinhole:
     data = read_json(path)
     try:
-        # Column by column.
+        # Column-major.
         matrix = np.reshape(np.array(data["intrinsic_matrix"], np.float64), (3, 3)).T
         width, height = int(data["width"]), int(data["height"])
     except (KeyError, TypeError, ValueError, OverflowError):

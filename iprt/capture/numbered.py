@@ -1,4 +1,4 @@
-"""Layouts with numbered pictures: poses in a list, a file each, or a trajectory log."""
+"""Layouts of numbered pictures, with poses in a list, a file each, or a trajectory log."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ DEPTH_FOLDERS = ("depth", "depths", "depth_images")
 POSE_FOLDERS = ("pose", "poses")
 POSE_FILES = ("poses.txt", "pose.txt", "traj.txt", "trajectory.txt", "groundtruth.txt")
 NUMBER = r"\D*(\d+)(?:-\d+)?"
-"""The name of a numbered file, without its suffix; in Redwood's, a time is behind the number."""
+"""Stem of a numbered file; in Redwood's, a time follows the number."""
 
 Matrix = NDArray[np.float64]
 Poses = dict[int, Matrix | None]
 
 
 def read_listed(folder: Path, color: str, depth: str, poses: str) -> Found:
-    """Read pictures that printf patterns name, and a pose file with a line for each number.
+    """Read pictures named by printf patterns, and a pose file with a line for each number.
 
     Raises
     ------
@@ -50,8 +50,9 @@ def read_listed(folder: Path, color: str, depth: str, poses: str) -> Found:
 
 
 def read_rows(folder: Path) -> Found | None:
-    """Read pictures in folders, and a pose file with a line of 12 or 16 numbers for each; None if
-    the folder has not all of them.
+    """Read folders of pictures, and a pose file with a line of 12 or 16 numbers for each.
+
+    None if the folder lacks any of them.
 
     Raises
     ------
@@ -94,8 +95,9 @@ def read_per_frame(folder: Path) -> Found | None:
 
 
 def read_log(folder: Path) -> Found | None:
-    """Read numbered pictures and a trajectory log of Open3D or Redwood: a line of three whole
-    numbers, then four lines of a matrix, for each pose. None if the folder has no log.
+    """Read numbered pictures and a trajectory log of Open3D or Redwood.
+
+    Each pose is a line of three integers and four lines of a matrix. None if there is no log.
 
     Raises
     ------
@@ -119,17 +121,17 @@ def read_log(folder: Path) -> Found | None:
     colors = by_number(_folder(folder, COLOR_FOLDERS), NUMBER)
     depths = by_number(_folder(folder, DEPTH_FOLDERS), NUMBER)
     if len(poses) == len(colors) and set(poses) != set(colors):
-        # Numbers of pictures may start at 1, or leave some out; the log counts its own.
+        # Picture numbers may start at 1 or have gaps; the log counts its own.
         poses = dict(zip(sorted(colors), (poses[n] for n in sorted(poses)), strict=True))
     if len(colors) == len(depths) and set(colors) != set(depths):
-        # Those of Redwood have a time behind the number, and not the same one.
+        # In Redwood's names, a time follows the number, and differs between the two.
         depths = dict(zip(sorted(colors), (depths[n] for n in sorted(depths)), strict=True))
     frames = _joined(colors, depths, poses)
     return Found(f"Open3D or Redwood ({path.name})", frames.complete(folder), frames.skipped)
 
 
 def _rows(path: Path, colors: dict[int, Path]) -> Poses:
-    """Return poses of lines: one for each picture, or for each number from the first one's on."""
+    """Return one pose per line: for each picture, or each number from the first one's on."""
     rows = read_lines(path)
     first = min(colors)
     order = sorted(colors) if len(rows) == len(colors) else range(first, first + len(rows))
@@ -146,7 +148,7 @@ def _joined(colors: dict[int, Path], depths: dict[int, Path], poses: Poses) -> G
 
 
 def _matching(folder: Path, pattern: str) -> dict[int, Path]:
-    """Return files by the number in a printf pattern; a name without one is of number 0."""
+    """Return files by the number in a printf pattern; a name without a pattern gets 0."""
     before, after = FRAME_PATTERN.split(pattern)[::2] if "%" in pattern else (pattern, "")
     names = re.compile(f"{re.escape(before)}([0-9]+){re.escape(after)}")
     found = {}
@@ -161,5 +163,5 @@ def _matching(folder: Path, pattern: str) -> dict[int, Path]:
 
 
 def _folder(folder: Path, names: tuple[str, ...]) -> Path:
-    """Return the first of these folders that is there, or the first name."""
+    """Return the first of these folders that exists, or the first name."""
     return next((folder / name for name in names if (folder / name).is_dir()), folder / names[0])

@@ -1,4 +1,4 @@
-"""Coarse views of frames, and what one of them shows of what another has seen."""
+"""Coarse views of frames, and their overlap when projected into each other."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from iprt.capture.pinhole import Pinhole, blocks, sampled
 
 COLUMNS = 64
-"""Cells along a row, at most."""
+"""Most cells along a row."""
 SAME_SURFACE = 0.1
-"""Depths in a cell that differ by more, relatively, are of several surfaces."""
+"""Largest relative difference of depths in a cell of one surface."""
 AGREE_M, AGREE = 0.02, 0.03
-"""Depths of one surface differ by less than the sum."""
+"""Absolute and relative tolerance of depths of one surface; their sum counts."""
 
 Float = NDArray[np.float32]
 Matrix = NDArray[np.float64]
@@ -24,14 +24,14 @@ Indices = NDArray[np.intp]
 
 @dataclass(frozen=True)
 class Glance:
-    """A frame in few cells.
+    """A frame reduced to a few cells.
 
     Attributes
     ----------
     camera : Pinhole
-        Of the cells.
+        Camera of the cells.
     depth : (H, W) float32
-        Metres along +Z, 0 where there is none or an edge.
+        Metres along +Z; 0 at holes and edges.
     color : (H, W, 3) float32
         Mean linear radiance; NaN where it may be clipped.
     """
@@ -42,7 +42,7 @@ class Glance:
 
     @classmethod
     def of(cls, depth: Float, color: Float, clipped: Mask, camera: Pinhole) -> Glance:
-        """Reduce a frame: arrays (H, W), (H, W, 3), (H, W) as of a `Picture`."""
+        """Reduce a frame, given as arrays (H, W), (H, W, 3), (H, W) like a `Picture`'s."""
         step = max(1, -(-depth.shape[1] // COLUMNS))
         parts = np.asarray(blocks(depth, step))
         there = parts > 0.0
@@ -61,18 +61,18 @@ class Glance:
 
 @dataclass(frozen=True)
 class Overlap:
-    """Cells of a glance that lie in another one, where that has depth.
+    """Cells of a glance that lie in another one where it has depth.
 
     Attributes
     ----------
     cell : (N,) intp
         Flat indices.
     column, row : (N,) float32
-        Where they lie in the other.
+        Their places in the other glance.
     z : (N,) float32
-        Their depth as the other camera should see it.
+        Depth at which the other camera should see them.
     seen : (N,) float32
-        The depth that it has there.
+        Depth that the other glance has there.
     """
 
     cell: Indices
@@ -83,12 +83,12 @@ class Overlap:
 
     @property
     def agree(self) -> Mask:
-        """(N,) bool: both see one surface."""
+        """Cells (N,) bool where both see one surface."""
         return np.asarray(np.abs(self.z - self.seen) < AGREE_M + AGREE * self.seen)
 
     @property
     def seen_through(self) -> int:
-        """Count the cells that would have to hide what the other camera sees."""
+        """Count the cells that would have to hide surfaces seen by the other camera."""
         return int((self.z < self.seen)[~self.agree].sum())
 
 
@@ -98,7 +98,7 @@ def overlap(glance: Glance, other: Glance, turn: Matrix) -> Overlap:
     Parameters
     ----------
     turn : (4, 4) float64
-        From the first camera's axes to those of the other.
+        Transform from the first camera's axes to the other's.
     """
     cell = np.flatnonzero(glance.depth)
     points = glance.camera.rays().reshape(-1, 3)[cell] * glance.depth.ravel()[cell, None]

@@ -1,4 +1,4 @@
-"""A pinhole camera of pictures of some size."""
+"""Pinhole cameras of pictures."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Float = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class Pinhole:
-    """Focal lengths and the principal point, in pixels; the centre of the first pixel is (0, 0).
+    """Focal lengths and principal point in pixels; the centre of the first pixel is (0, 0).
 
     Attributes
     ----------
@@ -29,7 +29,7 @@ class Pinhole:
     height: int
 
     def resized(self, width: int, height: int) -> Pinhole:
-        """Return the camera of the same view in pictures of another size."""
+        """Return the camera of the same view for pictures of another size."""
         x, y = width / self.width, height / self.height
         return Pinhole(
             self.fx * x,
@@ -41,7 +41,7 @@ class Pinhole:
         )
 
     def reduced(self, step: int) -> Pinhole:
-        """Return the camera of pictures whose pixels are blocks of `step` x `step` of these.
+        """Return the camera of pictures whose pixels are blocks of `step` x `step` pixels.
 
         Rows and columns beyond the last whole block are left out.
         """
@@ -50,7 +50,7 @@ class Pinhole:
         return whole.resized(width, height)
 
     def rays(self) -> Float:
-        """Return (H, W, 3) rays through the pixel centres, of z = 1, in OpenCV's axes."""
+        """Return rays (H, W, 3) with z = 1 through the pixel centres, in OpenCV's axes."""
         y, x = np.indices((self.height, self.width), np.float32)
         return np.stack(
             [(x - self.cx) / self.fx, (y - self.cy) / self.fy, np.ones_like(x)], axis=-1
@@ -63,14 +63,14 @@ class Pinhole:
 
 
 def blocks(values: NDArray[np.generic], step: int) -> NDArray[np.generic]:
-    """Return (H', step, W', step, ...) blocks of values (H, W, ...), without those cut off."""
+    """Return (H', step, W', step, ...) whole blocks of values (H, W, ...)."""
     height, width = values.shape[0] // step, values.shape[1] // step
     whole = values[: height * step, : width * step]
     return whole.reshape(height, step, width, step, *values.shape[2:])
 
 
 def sampled(values: Float, column: Float, row: Float) -> Float:
-    """Return values (H, W, C) between pixel centres, (N, C); the outermost go on beyond them."""
+    """Interpolate values (H, W, C) between pixel centres, clamped at the edges, to (N, C)."""
     at = np.stack([row.ravel(), column.ravel()])
     channels = [
         ndimage.map_coordinates(channel, at, order=1, mode="nearest")

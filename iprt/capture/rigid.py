@@ -1,4 +1,4 @@
-"""Poses in text: numbers to rigid transforms."""
+"""Rigid transforms from poses in text."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from iprt.files.toml_text import printable
 from iprt.files.untrusted import read_bytes
 
 RIGID = 2e-3
-"""Tolerance of products of a rotation's columns, whose numbers are rounded."""
+"""Tolerance for products of a rotation's columns, whose numbers are rounded."""
 UNIT = 1e-2
-"""How far the length of a quaternion may be from 1."""
+"""Tolerance for the length of a unit quaternion."""
 MOST_BYTES = 2**26
-"""Of a text: room for poses of 250 000 frames."""
+"""Largest text that is read: room for poses of 250 000 frames."""
 
 Matrix = NDArray[np.float64]
 Row = tuple[str, list[float]]
-"""Where numbers stand, for messages, and the numbers."""
+"""Place of numbers in a file, for messages, and the numbers."""
 
 
 def read_lines(path: Path) -> list[tuple[str, list[str]]]:
-    """Return the words of each line, and where it stands; comments and blank lines are left out.
+    """Return the place and the words of each line, without comments and blank lines.
 
     Raises
     ------
     FormatError
-        There is no such file, or it is not a text.
+        The file is missing, or not a text.
     """
     data = read_bytes(path, MOST_BYTES)
     if b"\0" in data:
@@ -44,7 +44,7 @@ def read_lines(path: Path) -> list[tuple[str, list[str]]]:
 
 
 def numbers(where: str, words: list[str]) -> list[float]:
-    """Return words as numbers, NaN and infinity too; the first that is none is an error."""
+    """Return words as numbers, NaN and infinity too; raise FormatError for the first other word."""
     values = []
     for word in words:
         try:
@@ -55,7 +55,7 @@ def numbers(where: str, words: list[str]) -> list[float]:
 
 
 def read_matrix(path: Path, *shapes: tuple[int, int]) -> Matrix:
-    """Return the numbers of a text that holds a matrix of one of these shapes, and nothing else."""
+    """Return the matrix of a text that holds one of these shapes, and nothing else."""
     rows = [numbers(where, words) for where, words in read_lines(path)]
     values = [value for row in rows for value in row]
     for shape in shapes:
@@ -68,12 +68,12 @@ def read_matrix(path: Path, *shapes: tuple[int, int]) -> Matrix:
 def rigid(where: str, values: list[float]) -> Matrix | None:
     """Return the nearest (4, 4) rotation and translation of 12 or 16 numbers in rows.
 
-    None where they are not all finite: some programs write such poses where they lost track.
+    None if they are not all finite: some programs write such poses where they lost track.
 
     Raises
     ------
     FormatError
-        Another count of numbers, or it scales, shears or mirrors.
+        The numbers are of another count, or the matrix scales, shears or mirrors.
     """
     if len(values) not in (12, 16):
         raise FormatError(f"{where}: expected 16 numbers, found {len(values)}")
@@ -98,7 +98,7 @@ def rigid(where: str, values: list[float]) -> Matrix | None:
 
 
 def from_quaternion(where: str, values: list[float]) -> Matrix | None:
-    """Return `tx ty tz qx qy qz qw` as (4, 4); None where they are not all finite.
+    """Return `tx ty tz qx qy qz qw` as (4, 4); None if they are not all finite.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""`transforms.json`, as NeRF's programs and nerfstudio have it."""
+"""Layout of `transforms.json`, as NeRF's programs and nerfstudio write it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from iprt.files.untrusted import MAX_SIDE, is_file
 NAMES = ("transforms.json", "transforms_train.json")
 BENDING = ("k1", "k2", "k3", "k4", "p1", "p2")
 STRAIGHT = 0.01
-"""Coefficients of distortion that are no larger move pixels by less than one or two."""
+"""Largest distortion coefficient that is ignored; it moves pixels by less than one or two."""
 
 
 def read_transforms(folder: Path) -> Found | None:
@@ -32,7 +32,7 @@ def read_transforms(folder: Path) -> Found | None:
     Raises
     ------
     FormatError
-        Not such a file, of a camera that is no pinhole, or no frame is complete.
+        The file is damaged, its camera is no pinhole, or no frame is complete.
     """
     path = next((folder / name for name in NAMES if is_file(folder / name)), None)
     if path is None:
@@ -74,7 +74,7 @@ def read_transforms(folder: Path) -> Found | None:
 
 
 def _file(folder: Path, entry: dict[str, Any], key: str, where: str) -> Path | None:
-    """Return the file that an entry names, with the suffix that it lacks; None if there is none."""
+    """Return the file that an entry names, adding a missing suffix; None if there is none."""
     name = entry.get(key)
     if name is None:
         return None
@@ -93,7 +93,7 @@ def _flat(matrix: object, where: str) -> list[float]:
 
 
 def _camera(data: dict[str, Any], color: Path, source: str) -> Pinhole:
-    """Return the camera of a frame's keys and of those it shares with all."""
+    """Return the camera given by a frame's own keys and the shared ones."""
     size = picture_size(color)
     width, height = (
         int(_number(data, key, source, 1.0, MAX_SIDE) or side)

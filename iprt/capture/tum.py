@@ -1,4 +1,4 @@
-"""The layout of the TUM RGB-D benchmark: lists of pictures and poses, joined by time."""
+"""Layout of the TUM RGB-D benchmark: lists of pictures and poses, joined by time."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from iprt.files.toml_text import printable
 from iprt.files.untrusted import is_file
 
 SAME_TIME_S = 0.02
-"""Pictures and poses further apart in time do not belong together."""
+"""Largest difference in time between pictures and poses that belong together."""
 STEP_M = 1.0 / 5000.0
-"""Metres of one step of 16-bit depth."""
+"""Metres per step of 16-bit depth."""
 TRAJECTORIES = (
     "groundtruth.txt",
     "trajectory.txt",
@@ -26,7 +26,7 @@ TRAJECTORIES = (
     "KeyFrameTrajectory.txt",
     "poses.txt",
 )
-"""Where poses are, by the benchmark and as SLAM systems name them."""
+"""Trajectory files of the benchmark and of SLAM systems."""
 FOLDERS = ("rgb", "depth")
 WORDS = 8
 """A time, a position and a quaternion."""
@@ -38,8 +38,8 @@ Rows = list[tuple[str, list[str]]]
 def read_tum(folder: Path) -> Found | None:
     """Join colour with the depth and the pose nearest in time.
 
-    Without `rgb.txt` and `depth.txt`, the files of `rgb` and `depth` are named by their times. None
-    if the folder has no lists and no such trajectory.
+    Without `rgb.txt` and `depth.txt`, the files of `rgb` and `depth` are named by their times.
+    None if the folder has no lists and no such trajectory.
 
     Raises
     ------
@@ -78,20 +78,20 @@ def read_tum(folder: Path) -> Found | None:
 
 
 def _listed(folder: Path, name: str) -> tuple[Matrix, Rows]:
-    """Return times, ascending, and the file at each, by a list."""
+    """Return ascending times and the file at each, from a list."""
     path = folder / f"{name}.txt"
     return _timed(read_lines(path), str(path), 1)
 
 
 def _named(folder: Path, name: str) -> tuple[Matrix, Rows]:
-    """Return times, ascending, and the file at each, by the names of files."""
+    """Return ascending times and the file at each, from file names."""
     files = sorted(p for p in (folder / name).iterdir() if p.suffix.lower() in PICTURE_SUFFIXES)
     rows = [(str(file), [file.stem, f"{name}/{file.name}"]) for file in files]
     return _timed(rows, str(folder / name), 1)
 
 
 def _timed(rows: Rows, source: str, count: int) -> tuple[Matrix, Rows]:
-    """Return times, ascending, and the `count` words behind each, with where they stand."""
+    """Return ascending times and the `count` words after each, with their line for messages."""
     timed: list[tuple[float, tuple[str, list[str]]]] = []
     for where, (time, *words) in rows:
         try:

@@ -1,4 +1,4 @@
-"""Pictures that FFmpeg decodes: Radiance HDR, and what Pillow cuts to 8 bits or does not read.
+"""Pictures decoded by FFmpeg: Radiance HDR, and kinds that Pillow cuts to 8 bits or cannot read.
 
 Pillow keeps 8 of 16 bits of colour, and reads no floats in three channels.
 """
@@ -24,23 +24,23 @@ _HEADER_BYTES = 2**16
 
 
 def decoded_by_ffmpeg(path: Path, codec: str, data: bytes) -> NDArray[Any]:
-    """Return (H, W, 3) of a picture as stored: uint16 or float32; grey is repeated.
+    """Return a picture (H, W, 3) as stored, uint16 or float32; grey is repeated.
 
-    FFmpeg unpacks texts of PNG of any size: Pillow has to have read that before, which does not.
+    FFmpeg unpacks PNG texts of any size. Pillow does not, and has to have read the file before.
 
     Parameters
     ----------
     path : Path
-        Names the file in errors.
+        Name of the file in errors.
     codec : str
         FFmpeg's name of the decoder: png, tiff or hdr.
     data : bytes
-        The file's.
+        Contents of the file.
 
     Raises
     ------
     FormatError
-        Damaged, or of another layout of samples.
+        The picture is damaged, or has another layout of samples.
     """
     import av
 
@@ -77,7 +77,7 @@ def hdr_size(path: Path) -> tuple[int, int]:
     Raises
     ------
     FormatError
-        Damaged, of CIE XYZ colours, or its rows are not stored from the top, left to right.
+        The file is damaged, in CIE XYZ, or not stored from the top and left to right.
     """
     with open_file(path) as file:
         start = file.read(_HEADER_BYTES)

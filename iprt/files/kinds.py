@@ -41,7 +41,7 @@ def file_kind(path: Path) -> str:
     Raises
     ------
     FormatError
-        Missing, unreadable, empty, or none of these.
+        The file is missing, unreadable, empty, or none of these.
     """
     with open_file(path) as file:
         start = file.read(12)
@@ -57,7 +57,7 @@ def file_kind(path: Path) -> str:
 
 
 def require_sdr(path: Path) -> None:
-    """Raise FormatError for AVIF of PQ or HLG, which Pillow would show as if it were sRGB."""
+    """Raise FormatError for AVIF in PQ or HLG, which Pillow would read as sRGB."""
     with open_file(path) as file:
         start = file.read(_HEADER_BYTES)
     at = start.find(b"colrnclx")

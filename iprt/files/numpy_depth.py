@@ -1,4 +1,4 @@
-"""Depth as NumPy writes it: `.npy`, and `.npz` with one array or one that is named for depth."""
+"""Depth in NumPy's formats: `.npy`, and `.npz` with one array or one named for depth."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from iprt.files.toml_text import printable
 from iprt.files.untrusted import decoding, open_file, require_picture_size
 
 NAMES = ("depth", "distance")
-"""Arrays of `.npz` files that are depth where there are others."""
+"""Names of the depth among several arrays of an `.npz` file."""
 
 
 def read_numpy(path: Path) -> NDArray[Any]:
-    """Read (H, W) of integers or floats, as stored; (H, W, 1) and (1, H, W) are that too.
+    """Read depth (H, W) as stored, integers or floats; (H, W, 1) and (1, H, W) are accepted.
 
-    Nothing that is pickled is read.
+    Pickled data are not read.
 
     Raises
     ------
     FormatError
-        Cut off or damaged, of another shape or type, too large, or with several arrays of which
-        none is named for depth.
+        The file is cut off, damaged, too large, of another shape or type, or has several arrays
+        and none is named for depth.
     """
     with decoding(path, "cut off or damaged NumPy file"), open_file(path) as file:
         if file.read(4) == b"PK\x03\x04":
@@ -49,7 +49,7 @@ def _member(path: Path, archive: zipfile.ZipFile) -> str:
 
 
 def _array(path: Path, file: Any) -> NDArray[Any]:
-    """Read an array whose header has been checked, before memory is taken for it."""
+    """Read an array; check its header before memory is allocated."""
     version = npy_format.read_magic(file)
     read_header = {
         (1, 0): npy_format.read_array_header_1_0,

@@ -11,15 +11,15 @@ from PIL import Image
 Scalar = TypeVar("Scalar", bound=np.generic)
 
 TAG = 0x0112
-"""Of EXIF and TIFF."""
+"""Tag of EXIF and TIFF."""
 TURNED = (5, 6, 7, 8)
 """Orientations that swap width and height."""
 
 
 def orientation_of(image: Image.Image) -> int:
-    """Return the EXIF orientation of an opened picture, 1 to 8; 1 where it has none that is valid.
+    """Return the EXIF orientation of an opened picture, 1 to 8; 1 if it has no valid one.
 
-    Of PNG whose pixels have not been read, what stands before them counts.
+    Of a PNG whose pixels have not been read, only chunks before the pixels count.
     """
     if image.format == "PNG" and "exif" not in image.info:
         return 1  # Pillow would decode the picture to look behind it
@@ -32,13 +32,14 @@ def valid_orientation(value: object) -> int:
 
 
 def upright(pixels: NDArray[Scalar], orientation: int) -> NDArray[Scalar]:
-    """Return (H, W, ...) pixels as they are meant to be seen, sharing memory.
+    """Return pixels (H, W, ...) as they are meant to be seen, sharing memory.
 
     Parameters
     ----------
     orientation : int
-        Where the first stored row and column are seen: 1 top, left; 2 top, right; 3 bottom, right;
-        4 bottom, left; 5 left, top; 6 right, top; 7 right, bottom; 8 left, bottom (EXIF 2.32).
+        Sides where the first stored row and column are seen: 1 top, left; 2 top, right; 3 bottom,
+        right; 4 bottom, left; 5 left, top; 6 right, top; 7 right, bottom; 8 left, bottom (EXIF
+        2.32).
     """
     if orientation in TURNED:
         pixels = pixels.swapaxes(0, 1)

@@ -1,4 +1,4 @@
-"""Which samples a TIFF picture holds."""
+"""Tags of TIFF pictures."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ _PHOTOMETRIC, _GREY, _RGB = 262, 1, 2
 _XMP = 700
 _UNSIGNED, _FLOAT = 1, 3
 _OF_PIXELS = (*range(256, 260), 262, 266, 273, 277, 278, 279, 284, 317, *range(322, 326))
-"""Tags without which pixels cannot be decoded."""
+"""Tags needed to decode the pixels."""
 _ENTRY = 12
 """Bytes of a tag."""
 
 
 @dataclass(frozen=True)
 class TiffTags:
-    """What the first directory of a TIFF file says.
+    """Tags in the first directory of a TIFF file.
 
     Attributes
     ----------
@@ -35,7 +35,7 @@ class TiffTags:
     bits, channels : int
     is_float : bool
     orientation : int
-        As of EXIF.
+        As in EXIF.
     xmp : str
     """
 
@@ -49,7 +49,7 @@ class TiffTags:
 
     @property
     def is_deep(self) -> bool:
-        """Whether Pillow would lose bits, or does not read it."""
+        """True if Pillow would lose bits, or cannot read the picture."""
         return self.channels > 2 and self.bits > 8
 
 
@@ -59,10 +59,10 @@ def read_tags(path: Path) -> TiffTags:
     Raises
     ------
     FormatError
-        Damaged, too large, or of samples that are not read.
+        The file is damaged, too large, or of samples that are not read.
     """
     with decoding(path, "damaged TIFF file"), open_file(path) as file, catch_warnings():
-        simplefilter("ignore")  # Pillow warns of what is cut off
+        simplefilter("ignore")  # Pillow warns about truncated files
         start = file.read(8)
         start += file.read(8) if b"+" in start[2:4] else b""  # BigTIFF
         tags = TiffImagePlugin.ImageFileDirectory_v2(start)
@@ -99,12 +99,12 @@ def read_tags(path: Path) -> TiffTags:
 
 
 def with_tags_of_pixels(path: Path) -> bytes:
-    """Return a file without any other tags, of which FFmpeg takes each for damage.
+    """Return a file without any other tags, each of which FFmpeg takes for damage.
 
     Raises
     ------
     FormatError
-        Damaged, or BigTIFF.
+        The file is damaged, or BigTIFF.
     """
     data = read_bytes(path)
     order = "<" if data.startswith(b"II") else ">"

@@ -1,4 +1,4 @@
-"""Properties in the XMP of a picture: what part of the sphere it is (GPano)."""
+"""XMP properties of a picture: the part of the sphere that it shows (GPano)."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from PIL import Image
 from iprt.errors import FormatError
 
 _KEYS = ("xmp", "XML:com.adobe.xmp")
-"""Of Pillow's `Image.info`; the second is PNG's."""
+"""Keys of Pillow's `Image.info`; the second is PNG's."""
 _XMP_TAG = 700
-"""Of TIFF."""
+"""Tag of TIFF."""
 
 
 def xmp_of(image: Image.Image) -> str:
-    """Return the XMP of an opened picture; empty where it has none before its pixels."""
+    """Return the XMP of an opened picture; empty if it has none before its pixels."""
     found = next((image.info[key] for key in _KEYS if key in image.info), "")
     if not found and image.format == "TIFF":
         found = image.getexif().get(_XMP_TAG, "")
@@ -25,9 +25,9 @@ def xmp_of(image: Image.Image) -> str:
 
 
 def xmp_value(xmp: str, name: str) -> str | None:
-    """Return a simple property, such as `GPano:PoseHeadingDegrees`; None where it is not there.
+    """Return a simple property, such as `GPano:PoseHeadingDegrees`; None if it is missing.
 
-    XMP writes it as an attribute or as an element. The customary prefix is taken to be used.
+    XMP writes it as an attribute or as an element. The customary prefix is assumed.
     """
     name = re.escape(name)
     found = re.search(rf"""[\s<]{name}(?:\s*=\s*["']([^"'<]*)["']|\s*>([^<]*)<)""", xmp)
@@ -36,7 +36,7 @@ def xmp_value(xmp: str, name: str) -> str | None:
 
 @dataclass(frozen=True)
 class Crop:
-    """Where a picture lies in its panorama: edges as parts of its width and height, 0 to 1.
+    """Position of a picture in its panorama: edges as parts of width and height, 0 to 1.
 
     Attributes
     ----------
@@ -52,21 +52,21 @@ class Crop:
 
 
 def gpano_crop(path: Path, xmp: str, width: int, height: int) -> Crop | None:
-    """Return what GPano says of a picture; None where it is the whole panorama, or nothing is said.
+    """Return the crop that GPano gives; None if it gives none, or the whole panorama.
 
-    A picture that was scaled after GPano was written keeps its place. Its heading is not used.
+    A picture scaled after GPano was written keeps its place. Its heading is not used.
 
     Parameters
     ----------
     path : Path
-        Names the file in errors.
+        Name of the file in errors.
     width, height : int
-        Of the picture.
+        Size of the picture.
 
     Raises
     ------
     FormatError
-        Another projection, or a crop that is not inside a panorama twice as wide as high.
+        The projection is another one, or the crop is not inside a panorama of 2:1.
     """
     projection = xmp_value(xmp, "GPano:ProjectionType")
     if projection and projection != "equirectangular":

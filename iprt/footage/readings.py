@@ -1,8 +1,8 @@
-"""What depth measures, by the planes of the place: they are flat by one reading alone.
+"""Readings of depth, recognised by the planes of the place: only the right one makes them flat.
 
 Distances along the rays, their inverse, and parts of them along the axes of a cube's faces or along
-one axis are all written as depth. Floors, walls and ceilings are flat if it is read as what it is,
-and bend otherwise. So each reading is given the share of all directions that few planes explain.
+one axis are all written as depth. The right reading makes floors, walls and ceilings flat; others
+bend them. So each reading is scored by the share of all directions that a few planes explain.
 """
 
 from __future__ import annotations
@@ -18,41 +18,41 @@ from iprt.geometry.camera import equirect_direction
 Float = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Reading = Literal["distance", "inverse", "cube", "axis", "twice"]
-""" "cube": along the axes of a cube's faces; "axis": along one; "twice": distances that have been
+""" "cube": along the axes of a cube's faces; "axis": along one; "twice": distances
 converted as if they were "cube"."""
 
 ROWS = 64
-"""Rows of directions that are looked at, at least."""
+"""Fewest rows of directions that are examined."""
 PLANES = 4
 """Planes that explain a place: a floor, a ceiling, walls."""
 CANDIDATES = 300
 REACH = 3
-"""Directions to each side, among those looked at, that a candidate is fitted to."""
+"""Half width, in examined directions, of the window that a candidate is fitted to."""
 FLAT = 0.02
-"""Distance of what lies on a plane from it, over the distance from the camera."""
+"""Tolerance of points on a plane, relative to their distance from the camera."""
 LEAST_SHARE, LEAST_FACTOR = 0.2, 1.8
-"""Share of the directions that planes explain by another reading than distance, and how many times
-as many these are as by distance, where depth is taken to be that. Rooms have 0.7 to 0.8 by the
-right reading and 0.1 to 0.15 by a wrong one; depth that a network estimated has 0.25, and 0.14."""
+"""Least share of the directions that planes explain by another reading than distance, and its
+least factor over the share by distance, for that reading to be chosen. Rooms have 0.7 to 0.8 by the
+right reading and 0.1 to 0.15 by a wrong one; depth estimated by a network has 0.25, and 0.14."""
 LEAST_ALONG = 0.1
 """Part of a direction along an axis below which depth along the axis tells nothing."""
 BEYOND_FACE = 0.1
-"""Share of what planes explain that lies beyond one face of a cube each, at least. Real planes know
-no faces; a dome that is read as a cube has a plane in each."""
+"""Least share of the explained directions that lie beyond their plane's main face of a cube. Real
+planes know no faces; a dome read as a cube has a plane in each."""
 BESIDE, LESS = 0.2, 0.5
-"""Part of a direction along an axis below which depth along the axis is small, and how small:
-over the median. Where it is not, what looks like planes to both sides is a dome."""
+"""Part of a direction along an axis below which depth along the axis is small, and its limit there,
+relative to the median. Where it is larger, apparent planes on both sides are a dome."""
 
 
 def likely_reading(depth: NDArray[np.float32], *, is_cube: bool = False) -> Reading:
-    """Return what depth (H, W) seems to measure.
+    """Return the most likely reading of depth (H, W).
 
     Parameters
     ----------
     depth : (H, W) float32
-        As read, not turned: faces of a cube have the picture's middle in theirs.
+        As read, not turned: the middle of the picture is the middle of a cube's face.
     is_cube : bool
-        Whether it has been converted from what a cube's faces measure.
+        True if it has been converted from the depth of a cube's faces.
     """
     height, width = depth.shape
     step = max(1, height // ROWS)
@@ -72,7 +72,7 @@ def likely_reading(depth: NDArray[np.float32], *, is_cube: bool = False) -> Read
             "axis": stored / np.where(_falls_beside(stored, ahead), ahead, np.nan),
             "twice": stored * part if is_cube else np.zeros_like(stored),
         }
-        # Of every reading, what is there by all of them, so that shares can be compared.
+        # The same directions for all readings, so that shares can be compared.
         there = stored > 0.0
         for reading, distance in distances.items():
             shares[reading], beyond = _explained(direction, distance, there)
@@ -84,12 +84,12 @@ def likely_reading(depth: NDArray[np.float32], *, is_cube: bool = False) -> Read
 
 
 def _falls_beside(stored: Float, ahead: Float) -> Mask:
-    """Return which directions have depth along an axis; none where it is not small beside it.
+    """Return a mask of directions with depth along an axis; empty if it is not small beside it.
 
     Parameters
     ----------
     stored, ahead : (h, w) float64
-        Depth, 0 where there is none, and the part of each direction along the axis.
+        Depth, 0 where there is none, and each direction's part along the axis.
     """
     there = stored > 0.0
     beside = there & (ahead < BESIDE)
@@ -98,8 +98,8 @@ def _falls_beside(stored: Float, ahead: Float) -> Mask:
 
 
 def _explained(direction: Float, distance: Float, there: Mask) -> tuple[float, float]:
-    """Return the share of directions (h, w, 3) whose distance (h, w) is that of few planes, and how
-    much of that lies beyond the face of a cube that has most of its plane.
+    """Return the share of directions (h, w, 3) whose distance (h, w) a few planes explain, and the
+    part of it that lies beyond the face of a cube with most of its plane.
 
     Parameters
     ----------
@@ -128,7 +128,7 @@ def _explained(direction: Float, distance: Float, there: Mask) -> tuple[float, f
 
 
 def _candidates(direction: Float, inverse: Float, known: Mask, weight: Float) -> Float:
-    """Return planes (N, 3) through windows around directions that lie evenly on the sphere.
+    """Return planes (N, 3) fitted to windows around directions spread evenly over the sphere.
 
     A plane `g . p = 1` is linear in inverse depth, `1 / r = g . w`.
     """
@@ -137,13 +137,13 @@ def _candidates(direction: Float, inverse: Float, known: Mask, weight: Float) ->
     here = (weight * known)[REACH:-REACH].ravel()
     upto = np.cumsum(here)
     chosen = np.searchsorted(upto, (np.arange(CANDIDATES) + 0.5) / CANDIDATES * upto[-1])
-    # A little on the diagonal, for windows of too few directions.
+    # Regularised for windows of too few directions.
     matrix = matrix.reshape(-1, 3, 3)[chosen] + 1e-9 * np.eye(3)
     return np.asarray(np.linalg.solve(matrix, right.reshape(-1, 3, 1)[chosen])[..., 0])
 
 
 def _windows(plane: Float) -> Float:
-    """Return sums (h - 2 REACH, w, ...) over windows, which go on over the seam."""
+    """Return sums (h - 2 REACH, w, ...) over windows that wrap around at the seam."""
     around = np.concatenate([plane[:, -REACH:], plane, plane[:, :REACH]], axis=1)
     rows, columns = plane.shape[0] - 2 * REACH, plane.shape[1]
     shifts = range(2 * REACH + 1)

@@ -1,7 +1,7 @@
-"""Metadata by which players know that a film's sound comes from all around.
+"""Spatial audio metadata, by which players know that a film's sound comes from all around.
 
-Google's "Spatial Audio RFC" (github.com/google/spatial-media, docs/): the box `SA3D` in the format
-of the sound. FFmpeg does not write it, so it is taken out of the source's file.
+Google's "Spatial Audio RFC" (github.com/google/spatial-media, docs/): the box `SA3D` in the sample
+entry of the sound. FFmpeg does not write it, so it is copied from the source's file.
 """
 
 from __future__ import annotations
@@ -16,25 +16,25 @@ from iprt.output.boxes import box, boxes_in, child, handler_of, top_boxes
 
 KIND = b"SA3D"
 MAX_INDEX_BYTES = 2**28
-"""Larger indices of files are not looked through; those of hours of video have some 2**24."""
+"""Largest file index that is searched; hours of video have some 2**24."""
 _FIELDS = {0: 28, 1: 44, 2: 64}
-"""Bytes before the boxes in a format of sound, by its version (QuickTime has more than MP4)."""
+"""Bytes before the boxes in a sound sample entry, by version (QuickTime has more than MP4)."""
 
 
 def track_box(path: Path, number: int) -> bytes:
-    """The box of a track of sound, with its header.
+    """Return the box `SA3D` of a sound track, with its header.
 
     Parameters
     ----------
     path : Path
-        A video file of any kind.
+        Video file of any kind.
     number : int
-        Counts its tracks of sound, from 0.
+        Index among its sound tracks, from 0.
 
     Returns
     -------
     bytes
-        Empty: the file has no such box.
+        Empty if the file has no such box.
     """
     with suppress(FormatError, IndexError, StopIteration, struct.error):
         tracks = [track for track in _tracks(path) if handler_of(track) == b"soun"]
@@ -49,7 +49,7 @@ def track_box(path: Path, number: int) -> bytes:
 
 
 def _tracks(path: Path) -> list[bytes]:
-    """Contents of the tracks of an MP4 or QuickTime file."""
+    """Return the contents of the tracks of an MP4 or QuickTime file."""
     with open_file(path) as file:
         index = next((each for each in top_boxes(file) if each.kind == b"moov"), None)
         if index is None or index.end - index.body > MAX_INDEX_BYTES:

@@ -1,7 +1,7 @@
-"""The sound of the source's video file, from the moment of a film's first frame on.
+"""Sound of the source's video file, from the film's first frame on.
 
-Films keep real time whatever their frame rate, so the sound fits as it is. Its packets are copied
-where the film's container takes them; else they are decoded and encoded anew.
+Films keep real time at any frame rate, so the sound fits as it is. Its packets are copied where the
+film's container takes them, and otherwise decoded and re-encoded.
 """
 
 from __future__ import annotations
@@ -30,34 +30,34 @@ COPIED = {
     "mov": ("aac", "ac3", "alac", "eac3", "mp3", "pcm"),
     "matroska": ("aac", "ac3", "alac", "dts", "eac3", "flac", "mp3", "opus", "pcm", "vorbis"),
 }
-"""FFmpeg's name of a container -> codecs that it and those who play it take; all kinds of PCM."""
+"""FFmpeg's name of a container -> codecs that it and its players take; "pcm" is PCM of any kind."""
 ENCODERS = {"mp4": "aac", "mov": "aac", "matroska": "flac"}
-"""Container -> encoder of sound that is not copied."""
+"""Container -> encoder for sound that is not copied."""
 BITS_A_SECOND = 128_000
-"""Of each channel, where the encoder loses anything."""
+"""Bit rate per channel of lossy encoders."""
 LAYOUTS = {1: "mono", 2: "stereo", 4: "4.0", 6: "5.1", 8: "7.1"}
-"""Number of channels -> what encoders are told that they are where they have no names."""
+"""Number of channels -> layout given to encoders where the channels have no names."""
 COMMON_RATE = 48_000
-"""Samples a second where the encoder does not take the source's."""
+"""Samples a second where the encoder does not take the source's rate."""
 BEFORE_S = Fraction(8, 100)
-"""Seconds of sound that decoders need to hear before the first sample they get right: Opus most."""
+"""Seconds of sound that decoders need before the first correct sample; Opus needs the most."""
 LONGEST_S = {"mp4": Fraction(1, 8), "mov": Fraction(1, 8), "matroska": Fraction(1, 20)}
-"""Container -> how long packets may be: films end between two, and Matroska's begin there, too."""
+"""Container -> longest copied packet: films end between two, and Matroska's begin there, too."""
 JITTER_S = Fraction(1, 100)
-"""Decoded samples that are off by no more follow those before them without a gap."""
+"""Largest offset at which decoded samples follow the previous ones without a gap."""
 
 
 @dataclass(frozen=True)
 class Sound:
-    """The part of a video file's sound that belongs to a film.
+    """Part of a video file's sound that belongs to a film.
 
     Attributes
     ----------
     path : Path
     start : Fraction
-        When the film's first frame is shown, in seconds on the file's clock.
+        Time of the film's first frame, in seconds on the file's clock.
     length : Fraction
-        Seconds of film.
+        Duration of the film in seconds.
     """
 
     path: Path
@@ -66,12 +66,12 @@ class Sound:
 
 
 def sound_stream(source: Any, path: Path) -> Any:
-    """The stream of sound of an open video file that is kept: its default. None: it has none.
+    """Return the default sound stream of an open video file, else the first; None without sound.
 
     Raises
     ------
     FormatError
-        FFmpeg knows none of their codecs.
+        FFmpeg knows the codec of no stream.
     """
     streams = source.streams.audio
     known = [stream for stream in streams if stream.codec_context is not None]
@@ -82,7 +82,7 @@ def sound_stream(source: Any, path: Path) -> Any:
 
 
 def ambisonic_box(sound: Sound) -> bytes:
-    """The box that tells players of sound from all around; empty where the source has none.
+    """Return the box of spatial audio metadata; empty if the source has none.
 
     Raises
     ------
@@ -96,9 +96,9 @@ def ambisonic_box(sound: Sound) -> bytes:
 
 
 def sound_packets(container: Any, kind: str, sound: Sound) -> Iterator[Any]:
-    """Add a stream of sound to a file that is being written, and make its packets, in order.
+    """Add a sound stream to a file that is being written, and yield its packets in order.
 
-    The stream is added with the first packet; there is neither where the source has no sound then.
+    The stream is added with the first packet; without sound at that time, there is neither.
 
     Parameters
     ----------
@@ -109,7 +109,7 @@ def sound_packets(container: Any, kind: str, sound: Sound) -> Iterator[Any]:
     Raises
     ------
     FormatError
-        It cannot be read.
+        The sound cannot be read.
     """
     with (
         opened(sound.path) as source,
@@ -136,14 +136,14 @@ def sound_packets(container: Any, kind: str, sound: Sound) -> Iterator[Any]:
 
 
 def _takes(container: Any, kind: str, context: Any) -> bool:
-    """Whether a container, and those who play it, take a codec."""
+    """Return whether a container and its players take a codec."""
     name = context.codec.canonical_name
     family = "pcm" if name.startswith("pcm_") else name
     return family in COPIED[kind] and name in container.supported_codecs
 
 
 def _packets(source: Any, stream: Any, sound: Sound) -> Iterator[Any]:
-    """The packets from `BEFORE_S` before the film to its end, in order; none if all come before."""
+    """Yield packets from `BEFORE_S` before the film to its end; none if all come before it."""
     import av
 
     base = time_base(stream)
@@ -169,10 +169,10 @@ def _packets(source: Any, stream: Any, sound: Sound) -> Iterator[Any]:
 def _copied(
     packets: Iterable[Any], stream: Any, track: Any, sound: Sound, kind: str
 ) -> Iterator[Any]:
-    """The packets at the film's times, without a last one of which most is heard after it.
+    """Yield packets at the film's times, without a last one that is mostly heard after it.
 
-    MP4 and QuickTime files say from where on a track is heard, so what decoders need comes before
-    that; a Matroska file begins with its first packet, which therefore is the first of the film.
+    MP4 and QuickTime files say where a track begins to be heard, so packets that decoders need come
+    before that. A Matroska file begins with its first packet, so that has to be the film's first.
     """
     base = time_base(stream)
     shift, end = round(sound.start / base), round(sound.length / base)
@@ -192,7 +192,7 @@ def _copied(
 
 
 def _encoder(container: Any, kind: str, context: Any) -> Any:
-    """A stream of the channels and, where the encoder can, the rate of a decoder."""
+    """Add a stream with the channels and, if the encoder can, the rate of a decoder."""
     import av
 
     name = ENCODERS[kind]
@@ -212,7 +212,7 @@ def _encoder(container: Any, kind: str, context: Any) -> Any:
 
 
 def _encoded(packets: Iterable[Any], track: Any, sound: Sound) -> Iterator[Any]:
-    """What packets hold, cut to the film's samples, encoded anew."""
+    """Decode packets, cut them to the film's samples, and yield them re-encoded."""
     import av
 
     rate = track.sample_rate
@@ -226,12 +226,12 @@ def _encoded(packets: Iterable[Any], track: Any, sound: Sound) -> Iterator[Any]:
 
 
 def _samples(packets: Iterable[Any], track: Any, sound: Sound) -> Iterator[NDArray[np.float32]]:
-    """The film's samples without a gap, (channels, n) float32; n is at most some seconds' worth.
+    """Yield the film's samples without a gap, (channels, n) float32; n is at most some seconds.
 
     Raises
     ------
     FormatError
-        Nothing can be decoded.
+        No packet can be decoded.
     """
     import av
 
@@ -264,7 +264,7 @@ def _samples(packets: Iterable[Any], track: Any, sound: Sound) -> Iterator[NDArr
 
 
 def _named(frame: Any, layout: Any) -> Any:
-    """The frame with its channels renamed, so that the resampler mixes none of them."""
+    """Return the frame with its channels renamed, so that the resampler mixes none of them."""
     import av
 
     if frame.layout.name == layout.name:
@@ -275,7 +275,7 @@ def _named(frame: Any, layout: Any) -> Any:
 
 
 def _decoded(packets: Iterable[Any]) -> Iterator[Any]:
-    """The frames that are not damaged and say when they are heard."""
+    """Decode packets, and yield the undamaged frames that have a time stamp."""
     import av
 
     for packet in packets:

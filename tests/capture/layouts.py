@@ -16,13 +16,13 @@ from tests.scene.files import write_png16_grey
 CAMERA = Camera(64, 48, 44.0)
 POSES = looking_around(12, (0.0,))
 Y_DOWN = np.diag([1.0, -1.0, -1.0])
-"""From +Y up to the world of a first camera that looks level."""
+"""Turn from +Y up to the world of a first camera that looks level."""
 FLIP = np.diag([1.0, -1.0, -1.0, 1.0])
-"""Between OpenCV's and OpenGL's axes of a camera."""
+"""Transform between OpenCV's and OpenGL's camera axes."""
 
 
 def in_world(turn: Array, pose: Array) -> Array:
-    """A pose (4, 4) in a turned world."""
+    """Return a pose (4, 4) in a turned world."""
     turned = np.eye(4)
     turned[:3] = turn @ pose[:3]
     return turned
@@ -36,7 +36,7 @@ def write_color(path: Path, camera: Camera, pose: Array, trace: Trace = room) ->
 
 
 def write_depth(path: Path, camera: Camera, pose: Array, trace: Trace = room) -> None:
-    """In millimetres."""
+    """Write depth in millimetres."""
     _, depth = trace(pose[:3, 3], camera.rays() @ pose[:3, :3].T)
     path.parent.mkdir(parents=True, exist_ok=True)
     write_png16_grey(path, np.rint(1000.0 * depth).astype(np.uint16))
@@ -47,7 +47,7 @@ def matrix_text(matrix: Array) -> str:
 
 
 def write_7_scenes(folder: Path) -> Path:
-    """A pose file beside each picture, and the intrinsics of 3DMatch."""
+    """Write a pose file beside each picture, and the intrinsics of 3DMatch."""
     for number, pose in enumerate(POSES):
         name = f"frame-{number:06d}"
         write_color(folder / f"{name}.color.png", CAMERA, pose)
@@ -58,7 +58,7 @@ def write_7_scenes(folder: Path) -> Path:
 
 
 def intrinsics(camera: Camera) -> Array:
-    """(4, 4), as ScanNet has them."""
+    """Return intrinsics (4, 4) as in ScanNet."""
     matrix = np.eye(4)
     matrix[0, 0] = matrix[1, 1] = camera.focal
     matrix[:2, 2] = camera.width / 2 - 0.5, camera.height / 2 - 0.5
@@ -66,7 +66,7 @@ def intrinsics(camera: Camera) -> Array:
 
 
 def write_scannet(folder: Path) -> Path:
-    """Folders; colour is larger than depth, of another aspect and focal length."""
+    """Write folders; colour is larger than depth, of another aspect and focal length."""
     large = Camera(130, 96, 90.0)
     for number, pose in enumerate(POSES):
         write_color(folder / f"color/{number}.jpg", large, pose)
@@ -80,7 +80,7 @@ def write_scannet(folder: Path) -> Path:
 
 
 def write_open3d(folder: Path) -> Path:
-    """A trajectory log; pictures are numbered from 1, as Redwood's are."""
+    """Write a trajectory log; pictures are numbered from 1, like Redwood's."""
     log = ""
     for number, pose in enumerate(POSES):
         write_color(folder / f"image/{number + 1:06d}-{33 * number:012d}.png", CAMERA, pose)

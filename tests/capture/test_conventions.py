@@ -1,4 +1,4 @@
-"""Conventions of poses are told by what frames saw, whatever the layout has."""
+"""Conventions of poses follow from the surfaces that frames saw, whatever the layout says."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from tests.capture.sequences import Z_UP, Array, looking_around, noisy, room, wr
 
 
 def stored(pose: Array, convention: Convention) -> Array:
-    """A pose in OpenCV's axes, world from camera, as a convention has it."""
+    """Return a pose in OpenCV's axes, world from camera, in another convention."""
     turned = pose @ FLIP if convention.startswith("opengl") else pose
     return np.linalg.inv(turned) if convention.endswith("from-world") else turned
 
@@ -112,7 +112,7 @@ def test_what_points_up_is_told_by_the_cameras() -> None:
     assert up_axis(level @ FLIP, "opengl", None) == "-y"
     assert up_axis(np.stack([in_world(Z_UP, pose) for pose in POSES]), "opencv", None) == "z"
     assert up_axis(level, "opencv", "z") == "z"
-    # A world of the first camera's own axes has its up, whatever the layout has.
+    # A world in the first camera's own axes has that camera's up, whatever the layout says.
     first = np.linalg.inv(level[0]) @ level
     assert up_axis(first, "opencv", "z") == "-y"
     assert up_axis(FLIP @ first @ FLIP, "opengl", "z") == "y"

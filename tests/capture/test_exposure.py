@@ -1,4 +1,4 @@
-"""Gains of frames: found in spite of texture, gloss, vignetting and noise; few are left out."""
+"""Gains of frames are found in spite of texture, gloss, vignetting and noise; few are left out."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Change = Callable[[int, Array], Array]
 
 
 def textured(origin: Array, direction: Array) -> tuple[Array, Array]:
-    """The room with checks of centimetres: no pixel is as bright as its neighbours."""
+    """Trace the room with checks of centimetres: no pixel is as bright as its neighbours."""
     color, t = room(origin, direction)
     point = origin + t[..., None] * direction
     checks = [[60.0, 37.0, 51.0], [-41.0, 66.0, 29.0], [23.0, -55.0, 71.0]]
@@ -32,7 +32,7 @@ def textured(origin: Array, direction: Array) -> tuple[Array, Array]:
 
 
 def glossy(origin: Array, direction: Array) -> tuple[Array, Array]:
-    """Highlights of a lamp, which are elsewhere for every camera."""
+    """Trace the room with highlights of a lamp, in another place for each camera."""
     color, t = textured(origin, direction)
     point = origin + t[..., None] * direction
     wall = np.argmax(np.abs(point) / WALLS, axis=-1)[..., None]
@@ -54,7 +54,7 @@ def corners_darker(share: float) -> Change:
 def matched(
     trace: Trace, change: Change = lambda _, color: color, jitter_m: float = 0.0
 ) -> Exposures:
-    """Exposures of a drifting sequence; `jitter_m` moves the cameras from their poses."""
+    """Match exposures of a drifting sequence; `jitter_m` moves the cameras from their poses."""
     random = np.random.default_rng(2)
     glances = []
     for number, pose in enumerate(POSES):
@@ -74,7 +74,7 @@ def matched(
 
 
 def worst(exposures: Exposures, without: tuple[int, ...] = ()) -> float:
-    """The largest relative error of a gain, relative to all."""
+    """Return the largest relative error of a gain, relative to the median error."""
     error = np.log(exposures.gain * DRIFT)
     kept = [number for number in range(len(POSES)) if number not in without]
     return float(np.abs(error - np.median(error[kept], axis=0))[kept].max())

@@ -1,4 +1,4 @@
-"""Layouts of other programs: frames are those of the room, gaps counted, faults one line."""
+"""Layouts of other programs: frames show the room, gaps are counted, faults are one line."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def test_every_layout_gives_the_room(layout: str, tmp_path: Path) -> None:
     picture = sequence.read(5)
     color, depth = room(POSES[5][:3, 3], CAMERA.rays() @ POSES[5][:3, :3].T)
     np.testing.assert_allclose(picture.depth, depth, atol=6e-4)
-    # Sides of colour pictures with a margin of their own are not those of depth.
+    # Colour pictures with a margin of their own have other sides than depth.
     assert np.quantile(np.abs(picture.color - color), 0.95) < 0.03
     result = capture_panorama(sequence, width=64, center=np.zeros(3))
     _, expected = room(np.zeros(3), View(64, 32, projection="equirect").directions())
@@ -56,7 +56,7 @@ def test_every_layout_gives_the_room(layout: str, tmp_path: Path) -> None:
 
 
 def test_tum_pictures_named_by_their_time_need_no_lists(tmp_path: Path) -> None:
-    """And the trajectory may have the name that SLAM systems give it."""
+    """The trajectory may have the name that SLAM systems give it."""
     folder = write_tum(tmp_path / "s", CAMERA, POSES, lambda _, origin, rays: room(origin, rays))
     for name in ("rgb", "depth"):
         for line in (folder / f"{name}.txt").read_text().splitlines()[1:]:
@@ -266,7 +266,7 @@ def test_what_is_no_sequence_is_told_in_a_line(tmp_path: Path) -> None:
 
 
 def write_phone(folder: Path, color: Camera, depth: Camera) -> Path:
-    """A sequence whose depth is smaller than colour, with the intrinsics of colour alone."""
+    """Write a sequence whose depth is smaller than colour, with colour's intrinsics alone."""
     for number, pose in enumerate(POSES):
         write_color(folder / f"color/{number}.jpg", color, pose)
         write_depth(folder / f"depth/{number}.png", depth, pose)
@@ -278,7 +278,7 @@ def write_phone(folder: Path, color: Camera, depth: Camera) -> Path:
 
 @pytest.mark.parametrize("width", [256, 260, 254])
 def test_depth_may_be_smaller_than_color(width: int, tmp_path: Path) -> None:
-    """By a factor that need not be whole, and a few pixels in aspect."""
+    """Depth may be smaller by a fractional factor, and by a few pixels in aspect."""
     depth = Camera(64, 48, 44.0)
     sequence = RgbdSequence.open(write_phone(tmp_path, Camera(width, 192, 176.0), depth))
     picture = sequence.read(3)

@@ -1,4 +1,4 @@
-"""Radiance HDR, TIFF, WebP, AVIF and NumPy's files: exact values, and one line for faults."""
+"""Radiance HDR, TIFF, WebP, AVIF and NumPy files: exact values, and one line for faults."""
 
 from __future__ import annotations
 

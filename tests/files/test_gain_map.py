@@ -34,7 +34,7 @@ def jpeg(pixels: Image.Image, xmp: str, **options: object) -> bytes:
 
 
 def with_pictures(primary: bytes, *others: bytes) -> bytes:
-    """A file of several pictures: CIPA DC-007's index goes into the first one's APP2."""
+    """Return a file of several pictures, with CIPA DC-007's index in the first one's APP2."""
     body_length = 8 + 2 + 3 * 12 + 4 + 16 * (1 + len(others))
     segment = 2 + 2 + 4 + body_length
     at = 2
@@ -80,7 +80,7 @@ def test_light_is_that_of_the_formula(tmp_path: Path) -> None:
     header = read_header(path)
     assert not header.has_end
     assert not header.unread
-    # As some programs write it: the numbers stand with the first picture, and twice.
+    # Some programs write the numbers with the first picture, and twice.
     own = attributes(OF_MAP)
     path.write_bytes(with_pictures(jpeg(grey(SDR), own), jpeg(small, "")))
     assert np.allclose(read_color(path), by_formula(WHITE_180, MAP), rtol=1e-5)

@@ -14,7 +14,7 @@ from tests.scene.files import write_png16
 
 RNG = np.random.default_rng(11)
 SEEN = np.repeat(np.repeat(RNG.integers(0, 256, (4, 6, 3), dtype=np.uint8), 8, 0), 8, 1)
-"""Upright; blocks, which codecs keep."""
+"""Upright picture of blocks, which codecs keep."""
 DEPTH = RNG.integers(1, 65536, (12, 24), dtype=np.uint16)
 LOSSY = {
     "jpg": {"quality": 100, "subsampling": 0},

@@ -21,7 +21,7 @@ XMP = (
 
 
 def gpano(size: tuple[int, int], at: tuple[int, int], full: tuple[int, int], more: str = "") -> str:
-    """XMP that places a picture of a size in a full panorama."""
+    """Return XMP that places a picture of a size in a full panorama."""
     values = {
         "CroppedAreaImageWidthPixels": size[0],
         "CroppedAreaImageHeightPixels": size[1],
@@ -34,7 +34,7 @@ def gpano(size: tuple[int, int], at: tuple[int, int], full: tuple[int, int], mor
 
 
 def stored_as(seen: NDArray[Any], orientation: int) -> NDArray[Any]:
-    """What a file of an EXIF orientation stores of a picture (H, W, ...) seen upright.
+    """Return a picture (H, W, ...) seen upright as a file of an EXIF orientation stores it.
 
     Pixel by pixel, by the standard's words on where the first row and column are seen.
     """
@@ -65,7 +65,7 @@ def exif(orientation: int) -> Image.Exif:
 
 
 def write_png(path: Path, pixels: NDArray[Any], xmp: str = "", **options: Any) -> None:
-    """PNG of 8 bits in colour, or 16 in grey, with XMP."""
+    """Write PNG of 8 bits in colour, or 16 in grey, with XMP."""
     texts = PngInfo()
     if xmp:
         texts.add_itxt("XML:com.adobe.xmp", xmp)
@@ -82,7 +82,7 @@ def write_tiff(
     photometric: int | None = None,
     xmp: str = "",
 ) -> None:
-    """TIFF of any samples in one strip; `packed` is Deflate."""
+    """Write TIFF of any samples in one strip; `packed` is Deflate."""
     height, width = pixels.shape[:2]
     channels = pixels.shape[2] if pixels.ndim == 3 else 1
     data = pixels.astype(pixels.dtype.newbyteorder(order)).tobytes()
@@ -122,7 +122,7 @@ def write_tiff(
 
 
 def write_hdr(path: Path, rgbe: NDArray[np.uint8], *, runs: bool = True, order: str = "") -> None:
-    """Radiance HDR of (H, W, 4) mantissas and exponents, in runs as its programs write them."""
+    """Write Radiance HDR of (H, W, 4) mantissas and exponents, run-length encoded as usual."""
     height, width = rgbe.shape[:2]
     size = order or f"-Y {height} +X {width}"
     data = b"#?RADIANCE\n# made for a test\nFORMAT=32-bit_rle_rgbe\n\n" + f"{size}\n".encode()

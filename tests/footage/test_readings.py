@@ -1,4 +1,4 @@
-"""What depth measures shows by the planes of places, and by nothing else."""
+"""The reading of depth follows from the planes of places, and from nothing else."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ SCENES += [SHARED / name for name in ("hotel", "livingroom", "livingroom-video")
 
 
 def as_read(depth: NDArray[np.floating], reading: Reading) -> Depth:
-    """Distances as what measures otherwise writes them, by the definition of each."""
+    """Return distances as written by another reading, by the definition of each."""
     height, width = depth.shape
     x, y, z = np.abs(np.moveaxis(directions(width, height), -1, 0))
     face = np.maximum(np.maximum(x, y), z)
@@ -35,7 +35,7 @@ def as_read(depth: NDArray[np.floating], reading: Reading) -> Depth:
 
 
 def box(x: float, y: float, z: float, height: int = 128) -> NDArray[np.float64]:
-    """Distances in a box of these half sides."""
+    """Return distances in a box of these half sides."""
     w = np.abs(directions(2 * height, height))
     return (np.array([x, y, z]) / np.maximum(w, 1e-12)).min(axis=-1)
 

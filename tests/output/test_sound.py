@@ -1,6 +1,6 @@
-"""The sound of films: clicks of the source are heard when it flashes, and are those of the source.
+"""Sound of films: the source's clicks are heard, unchanged, when the pictures flash.
 
-`film` joins pieces as a render does; its pictures flash when those of the source do.
+`film` joins pieces as a render does; its pictures flash when the source's do.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def film(
     additions: dict[bytes, bytes] | None = None,
     clicks: tuple[float, ...] = CLICKS,
 ) -> Path:
-    """A film of some frames of a source whose first frame is shown at `zero`."""
+    """Write a film of some frames of a source whose first frame is shown at `zero`."""
     rate = Fraction(FPS, frames.step)
     pieces = []
     for first in range(0, len(frames), 8):
@@ -63,7 +63,7 @@ def film(
 
 
 def require_together(path: Path, clicks: int = len(CLICKS)) -> None:
-    """Pictures begin at 0, and so many times there is a click where there is a flash."""
+    """Require pictures from 0 on, and `clicks` flashes with a click at each."""
     with av.open(str(path)) as container:
         assert next(container.decode(video=0)).time == 0.0
     shown, heard = flashes(path), clicks_in(path)
@@ -72,7 +72,7 @@ def require_together(path: Path, clicks: int = len(CLICKS)) -> None:
 
 
 def require_length(path: Path, seconds: float, late: float = 0.022) -> None:
-    """Pictures end with the film, and sound no more than so many seconds later."""
+    """Require pictures to end with the film, and sound at most `late` seconds later."""
     with av.open(str(path)) as container:
         ends = [frame.time + frame.samples / frame.rate for frame in container.decode(audio=0)]
         assert abs(container.duration / av.time_base - seconds) < 0.01
@@ -124,7 +124,7 @@ def test_codecs_that_a_container_does_not_take_are_others(
 
 @pytest.mark.parametrize("codec", ["aac", "libopus"])
 def test_the_first_sample_of_a_cut_is_heard(codec: str, tmp_path: Path) -> None:
-    """Decoders get what lies before, and players leave that out."""
+    """Decoders get the packets before the cut, and players leave them out."""
     clicks = (0.25, 0.75)
     source = write_sounding(tmp_path / "source.mp4", codec, clicks=clicks)
     path = film(source, frames=range(5, 25), clicks=clicks)
@@ -133,7 +133,7 @@ def test_the_first_sample_of_a_cut_is_heard(codec: str, tmp_path: Path) -> None:
 
 
 def test_matroska_keeps_what_its_codec_delay_hides(tmp_path: Path) -> None:
-    """Opus begins 6.5 ms before what is heard."""
+    """Opus begins 6.5 ms before its first audible sample."""
     clicks = (0.0, 0.5)
     source = write_sounding(tmp_path / "source.mkv", "libopus", clicks=clicks)
     path = film(source, ".mkv", clicks=clicks)
@@ -202,7 +202,7 @@ def test_of_several_streams_the_default_is_kept(
     assert line == f"{source}: has 3 streams of sound; number {kept} is kept"
 
 
-# What goes wrong ---------------------------------------------------------------------------------
+# Faults ------------------------------------------------------------------------------------------
 
 
 def test_damage_is_silence_and_no_shift(tmp_path: Path) -> None:
@@ -247,7 +247,7 @@ def test_sound_that_cannot_be_decoded_is_left_out(
 def test_sound_that_the_container_refuses_is_left_out(
     tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """FFmpeg's QuickTime muxer says that it takes Opus, and then does not."""
+    """FFmpeg's QuickTime muxer claims to take Opus, and then does not."""
     monkeypatch.setitem(module.COPIED, "mov", ("opus",))
     source = write_sounding(tmp_path / "source.mkv", "libopus")
     path = film(source, ".mov")
@@ -277,7 +277,7 @@ def test_missing_encoders_would_be_seen() -> None:
 
 
 def grown(path: Path, source: Path | None, stop: int | None = None) -> Movie:
-    """A film of the cut, or as far as a render came that was stopped after so many frames."""
+    """Write a film of the cut, or its part from a render stopped after `stop` frames."""
     sound = (
         None if source is None else Sound(source, Fraction(CUT[0], FPS), Fraction(len(CUT), FPS))
     )

@@ -1,4 +1,4 @@
-"""Boxes of films with sound: a panorama's with the pictures, those of ambisonics with the sound."""
+"""Boxes of films with sound: the panorama's with the pictures, the ambisonic one with the sound."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tests.sounding import sound_bytes, sound_codecs, write_sounding
 
 
 def tracks(data: bytes) -> dict[bytes, bytes]:
-    """Kind of a track -> its box."""
+    """Return the boxes of tracks by the tracks' kind."""
     moov = next(each for each in boxes_in(data) if each.kind == b"moov")
     whole = [
         data[each.start : each.end]
@@ -29,7 +29,7 @@ def tracks(data: bytes) -> dict[bytes, bytes]:
 
 @pytest.mark.parametrize("suffix", [".mp4", ".mov"])
 def test_panoramas_have_sound(suffix: str, tmp_path: Path) -> None:
-    """Every packet is where the index says, and only the pictures are said to be a panorama."""
+    """Every packet is where the index points, and only pictures are marked as a panorama."""
     source = write_sounding(tmp_path / "source.mp4")
     path = film(source, suffix, additions=equirect_boxes())
     require_together(path)
@@ -47,7 +47,7 @@ AMBISONIC = box(b"SA3D", struct.pack(">BBIBBI4I", 0, 0, 1, 0, 0, 4, 0, 1, 2, 3))
 
 
 def with_ambisonics(path: Path) -> Path:
-    """The file with that box in the format of its sound; its index comes last."""
+    """Return the file with that box in its sound's sample entry; its index comes last."""
 
     def added(data: bytes, start: int, end: int) -> bytes:
         whole = b""

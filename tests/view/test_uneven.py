@@ -21,7 +21,7 @@ COLUMNS, ROWS = 64, 32
 
 
 def applied(device: ComputeDevice, frame: Frame, ratio: Float) -> tuple[Float, Float]:
-    """(H, W, 3) what multiplies the real layer in VIEW, and (H, W) `RealLayer.other_pixel`."""
+    """Return the real layer's factors (H, W, 3) in VIEW, and `RealLayer.other_pixel` (H, W)."""
     layout = PlaneLayout.of(VIEW)
     layer = RealLayer(device, layout, name="real", edges=True)
     view = device.upload("view", VIEW.kernel_constants())
@@ -41,7 +41,7 @@ def applied(device: ComputeDevice, frame: Frame, ratio: Float) -> tuple[Float, F
 
 
 def of_nearest(texels: Float) -> Float:
-    """(H, W, 3) what the texel in the middle of each pixel of VIEW holds."""
+    """Return values (H, W, 3) of the texel in the middle of each pixel of VIEW."""
     d = VIEW.directions()
     column = (np.arctan2(d[..., 0], -d[..., 2]) / (2.0 * np.pi) + 0.5) * COLUMNS
     row = np.arccos(np.clip(d[..., 1], -1.0, 1.0)) / np.pi * ROWS
@@ -70,7 +70,7 @@ def test_rough_surfaces_are_relit_as_the_relit_panorama_looks(device: ComputeDev
 
 
 def test_shadows_on_one_plane_stay_as_they_are(device: ComputeDevice) -> None:
-    """In a box room only creases are uneven, and there by the other plane's ratio alone."""
+    """Only the creases of a box room are uneven, and there by the other plane's ratio alone."""
     world = World()
     frame = room_frame(world, COLUMNS, ROWS, bright_walls)
     d = VIEW.directions()

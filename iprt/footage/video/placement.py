@@ -1,4 +1,4 @@
-"""Where in the sphere stored pictures lie: crops, stereo, and shapes other than 2:1."""
+"""Placement of stored pictures in the sphere: crops, stereo, and shapes other than 2:1."""
 
 from __future__ import annotations
 
@@ -19,26 +19,26 @@ Eye = Literal["left", "right"]
 Fit = Literal["stretch", "pad", "crop"]
 
 BAND = 64
-"""Rows that are interpolated at a time."""
+"""Rows interpolated at a time."""
 DARK = 0.01
-"""Radiance that rows of a black bar do not exceed."""
+"""Largest radiance in the rows of a black bar."""
 NEARLY = 0.05
-"""Largest difference of a shape from 2:1 that is likely a rounded or squeezed whole sphere."""
+"""Largest deviation from 2:1 of a shape that is likely a rounded or squeezed whole sphere."""
 _EXACT = 1e-3
-"""Texels between a stored and a wanted place that are the same."""
+"""Texels by which coinciding stored and wanted places may differ."""
 
 
 @dataclass(frozen=True)
 class Placement:
-    """Where the stored pictures of a video lie in its panoramas.
+    """Placement of a video's stored pictures in its panoramas.
 
     Attributes
     ----------
     stored, size : (int, int)
-        Width and height of both.
+        Width and height of pictures and panoramas.
     left, top, right, bottom : float
-        Edges of the stored picture as parts of the panorama's width and height. What is below 0 or
-        beyond 1 is not shown: bars, or the other eye.
+        Edges of the stored picture as parts of the panorama's width and height. Parts below 0 or
+        beyond 1 are not shown: bars, or the other eye.
     """
 
     stored: tuple[int, int]
@@ -56,10 +56,10 @@ class Placement:
         return float(across * (upper - lower) / 2.0)
 
     def alike(self, width: int, height: int) -> Placement | None:
-        """Return the placement of depth or normals of a size; None: they are whole panoramas.
+        """Return the placement of depth or normals of a size; None if they are whole panoramas.
 
-        Such as have the shape of colour as stored, and no more pixels, lie as it does; but what is
-        2:1 is a crop only if colour is 2:1 as stored, too.
+        Pictures with the shape of stored colour, and no more pixels, are placed like it. A 2:1
+        picture is a crop only if stored colour is 2:1, too.
         """
         own = self.stored
         is_alike = abs(width * own[1] - height * own[0]) < own[0] and width <= own[0]
@@ -71,7 +71,7 @@ class Placement:
         return Placement((width, height), (2 * rows, rows), *edges)
 
     def color(self, picture: Picture) -> Picture:
-        """Return the panorama (H, W, 3) of a picture, interpolated; 0 where nothing is known."""
+        """Return the interpolated panorama (H, W, 3) of a picture; 0 where it is unknown."""
         rows, columns = self._axes()
         if rows.is_exact and columns.is_exact:
             return self._whole(picture[rows.index][:, columns.index], rows, columns)
@@ -115,11 +115,11 @@ class _Axis:
     covered : slice
         Texels of the panorama that the picture covers.
     at : (N,) float64
-        Their places among the stored samples, whose centres are whole numbers.
+        Their places among the stored samples, whose centres are integers.
     index : slice or (N,) int
-        The stored samples nearest to them.
+        Stored samples nearest to them.
     is_exact : bool
-        Whether their centres coincide.
+        True if their centres coincide.
     """
 
     covered: slice
@@ -129,11 +129,11 @@ class _Axis:
 
     @classmethod
     def of(cls, low: float, high: float, stored: int, wanted: int) -> _Axis:
-        """By the edges of the stored samples, as parts of the panorama's axis."""
+        """Return the axis of stored samples from their edges, parts of the panorama's axis."""
         step = stored / (high - low)
         at = ((np.arange(wanted) + 0.5) / wanted - low) * step - 0.5
         covered = np.flatnonzero((at > -0.5 - _EXACT) & (at < stored - 0.5 + _EXACT))
-        # Next to the edge of the sphere lies what must not be mixed in: a bar, or the other eye.
+        # Beyond the edge of the sphere, a bar or the other eye must not be mixed in.
         first = max(0, int(np.ceil(-low * step - _EXACT)))
         last = min(stored, int(np.floor((1.0 - low) * step + _EXACT))) - 1
         at = np.clip(at[covered], first, max(first, last))
@@ -146,7 +146,7 @@ class _Axis:
 
 
 def _between(picture: Picture, at: NDArray[np.float64], axis: int) -> Picture:
-    """Interpolate linearly along an axis at places (N,) that lie between the first and the last."""
+    """Interpolate linearly along an axis at places (N,) from the first to the last sample."""
     first = np.minimum(at.astype(np.intp), picture.shape[axis] - 1)
     second = np.minimum(first + 1, picture.shape[axis] - 1)
     shape = (-1, 1, 1) if axis == 0 else (1, -1, 1)
@@ -158,25 +158,25 @@ def _between(picture: Picture, at: NDArray[np.float64], axis: int) -> Picture:
 def placement_of(
     path: Path, size: tuple[int, int], eye: Eye | None, fit: Fit | None, xmp: str
 ) -> Placement | None:
-    """Return where pictures lie in the sphere; None where nothing says so: they are all of it.
+    """Return the placement of pictures in the sphere; None if nothing gives one: they fill it.
 
     Parameters
     ----------
     path : Path
-        Names the file in errors.
+        Name of the file in errors.
     size : (int, int)
         Width and height as stored.
     eye : "left", "right" or None
-        Half to take: above and below, or side by side, by the shape.
+        Half of a stereo picture to take; its shape tells above and below from side by side.
     fit : "stretch", "pad", "crop" or None
         How a picture of another shape than 2:1 covers the sphere; see `_fitted`.
     xmp : str
-        What the file says of itself; of GPano, `eye` and `fit` override it.
+        XMP of the file; `eye` and `fit` override its GPano.
 
     Raises
     ------
     FormatError
-        There are no two eyes, the panorama would be larger than is read, or as `gpano_crop`.
+        The picture has no two eyes, or the panorama would be too large; see also `gpano_crop`.
     """
     is_chosen = eye is not None or fit is not None
     crop = None if is_chosen else gpano_crop(path, xmp, *size)
@@ -204,7 +204,7 @@ def placement_of(
 
 
 def _halves(path: Path, size: tuple[int, int]) -> tuple[int, int]:
-    """Return how many pictures a stereo picture has across and down: 2, 1 or 1, 2."""
+    """Return the number of eyes of a stereo picture across and down: 2, 1 or 1, 2."""
     width, height = size
     if 2 * width < 3 * height and height % 2 == 0:
         return 1, 2
@@ -221,8 +221,8 @@ def _fitted(size: tuple[int, int], fit: Fit) -> Placement:
     """Place a picture.
 
     - stretch: it is all of the sphere, and resampled;
-    - pad: rows at top and bottom are missing, or columns at the sides, and unknown;
-    - crop: it has rows at top and bottom, or columns at the sides, that are none of the sphere.
+    - pad: rows at top and bottom, or columns at the sides, are missing and unknown;
+    - crop: rows at top and bottom, or columns at the sides, are no part of the sphere.
     """
     width, height = size
     if fit == "stretch":
@@ -243,7 +243,7 @@ def _fitted(size: tuple[int, int], fit: Fit) -> Placement:
 
 
 def shape_problem(color: Picture) -> str:
-    """Return why a picture (H, W, 3) is no panorama, and what it likely is."""
+    """Return why a picture (H, W, 3) is no panorama, and the likely remedy."""
     height, width = color.shape[:2]
     problem = f"{width} x {height} pixels; an equirect panorama is twice as wide as high"
     if width in (height, 4 * height):

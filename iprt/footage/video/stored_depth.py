@@ -1,8 +1,8 @@
-"""How depth is stored, by the first frame of a video, and the values of it that are no depth.
+"""Storage of depth, by the first frame of a video, and its values that are no depth.
 
-Programs mark what has no depth by a value of their own: the largest of a type (65535), or one that
-is larger than any place (1e10). Such a *mark* is a single exact value that many pixels hold, and
-that lies far beyond all others. A far wall is neither: its distances differ from pixel to pixel.
+Programs mark missing depth by a value of their own: the largest of a type (65535), or one that is
+larger than any place (1e10). Such a *mark* is a single exact value that many pixels hold, and that
+lies far beyond all others. A far wall is neither: its distances differ from pixel to pixel.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from iprt.footage.video.depth_code import DepthCode, DepthMarks, DepthSamples, c
 Picture = NDArray[np.float32]
 
 BEYOND = 10.0
-"""How many times as large as all others a mark is."""
+"""Least factor of a mark over all other values."""
 BEYOND_WHITE, BEYOND_NEAREST = 1.05, 1.5
 """The same for the largest value of a type, where it is the farthest and where it is the nearest:
-what comes too near may all be stored as the nearest."""
+surfaces that come too near may all be stored as the nearest."""
 LEAST_SHARE, LEAST = 1e-4, 16
-"""Share of the pixels, and number of them, that hold a mark at least."""
+"""Least share and number of the pixels that hold a mark."""
 FEW_VALUES = 256
-"""Depth of no more values than that has steps, and many pixels hold each of them."""
+"""Depth with no more values has steps, and many pixels hold each of them."""
 MOST_MARKS = 3
 _SAMPLES = 256
 """Rows and columns in which values are counted."""
@@ -35,7 +35,7 @@ _SAMPLES = 256
 
 @dataclass(frozen=True)
 class StoredDepth:
-    """Facts about the pictures of depth.
+    """Properties of the pictures of depth.
 
     Attributes
     ----------
@@ -44,9 +44,9 @@ class StoredDepth:
     grid : Grid or None
         The coarse texels that they repeat.
     marks : DepthMarks
-        Values that are no depth: given or found.
+        Values that are no depth, given or found.
     doubts : tuple of str
-        What is guessed of them, and what is doubtful, a phrase each.
+        Guesses and doubts about them, a phrase each.
     """
 
     size: tuple[int, int]
@@ -56,7 +56,7 @@ class StoredDepth:
 
     @classmethod
     def of(cls, path: Path, samples: DepthSamples, code: DepthCode) -> StoredDepth:
-        """By a picture of depth; `path` names it.
+        """Return the properties of a picture of depth; `path` names it.
 
         Raises
         ------
@@ -87,14 +87,14 @@ class StoredDepth:
             return depth
         if self.grid is None:
             return depth * cube_factor(*depth.shape)
-        # What repeats must still repeat, to be recognised.
+        # Repeated texels must stay equal, to be recognised.
         width, height = self.grid.size
         return depth * self.grid.repeated(cube_factor(height, width), *depth.shape)
 
 
 @dataclass(frozen=True)
 class FoundMark:
-    """A value that is taken for a mark.
+    """Value that is taken for a mark.
 
     Attributes
     ----------
@@ -109,7 +109,7 @@ class FoundMark:
     below: float
 
     def line(self, name: str) -> str:
-        """As text; `name` is the file's."""
+        """Return a line about the mark; `name` is the file's."""
         value = f"{self.value:.9g}"
         return (
             f"depth: {value} stands in {self.share:.2%} of the pixels of {name}, far beyond all "

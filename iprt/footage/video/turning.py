@@ -1,4 +1,4 @@
-"""Panoramas turned about the vertical, as `yaw_offset_deg` has it."""
+"""Panoramas turned about the vertical by `yaw_offset_deg`."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ Picture = NDArray[np.float32]
 
 
 def turned_color(color: Picture, yaw_deg: float) -> Picture:
-    """Turn the world to the right, towards +X: what lay at azimuth a comes to a + yaw.
+    """Turn the world to the right, towards +X: azimuth a moves to a + yaw.
 
     Colour is interpolated between columns.
     """
@@ -26,7 +26,7 @@ def turned_color(color: Picture, yaw_deg: float) -> Picture:
 def turned_geometry(
     depth: Picture, normal: Picture | None, yaw_deg: float
 ) -> tuple[Picture, Picture | None]:
-    """As `turned_color`, but from the nearest column, because depth and normals jump at edges.
+    """Turn depth and normals like `turned_color`, but from the nearest column: they jump at edges.
 
     Normals turn with the world.
     """

@@ -21,11 +21,11 @@ from tests.scene.files import box_room, directions, write_channels, write_png16_
 
 WIDTH, HEIGHT = 192, 96
 LEFT, TOP, ACROSS, DOWN = 48, 20, 96, 48
-"""A crop that is itself twice as wide as high."""
+"""Crop that is itself twice as wide as high."""
 
 
 def sight(width: int = WIDTH, height: int = HEIGHT) -> NDArray[np.float32]:
-    """Radiance (height, width, 3) that tells the direction of each texel of the whole sphere."""
+    """Return radiance (height, width, 3) that encodes the direction of each texel of the sphere."""
     return (0.5 + 0.4 * directions(width, height)).astype(np.float32)
 
 
@@ -101,7 +101,7 @@ def test_depth_of_a_crop_may_be_smaller_or_whole(folder: Path) -> None:
 
 
 def test_around_a_crop_is_no_hole_that_is_filled_in(folder: Path) -> None:
-    """Whatever value marks holes."""
+    """The surroundings stay unknown whatever value marks holes."""
     xmp = gpano((ACROSS, DOWN), (LEFT, TOP), (WIDTH, HEIGHT))
     write_tiff(Path("c.tif"), cropped(sight()), xmp=xmp)
     millimetres = np.rint(1000 * cropped(distance())).astype(np.uint16)
@@ -118,7 +118,7 @@ def test_around_a_crop_is_no_hole_that_is_filled_in(folder: Path) -> None:
 
 
 def test_a_crop_that_was_scaled_keeps_its_place(folder: Path) -> None:
-    """The numbers are those of the picture before; at 3/4 of its size."""
+    """GPano has the numbers of the original; the picture is 3/4 of its size."""
     full = sight(WIDTH * 3 // 4, HEIGHT * 3 // 4)
     xmp = gpano((ACROSS, DOWN), (LEFT, TOP), (WIDTH, HEIGHT))
     write_tiff(Path("c.tif"), full[15:51, 36:108], xmp=xmp)
@@ -183,7 +183,7 @@ def test_gpano_that_makes_no_sense(
     write_tiff(Path("c.tif"), sight(), xmp=xmp)
     words = ["--color", "c.tif", "--depth", "depth.exr"]
     assert message in refused(capsys, *words)
-    # A choice overrides what the file says.
+    # An option overrides the file.
     assert np.array_equal(made(*words, "--fit", "stretch").color, sight())
 
 
@@ -198,7 +198,7 @@ def test_a_stretched_sphere_is_resampled(height: int, folder: Path) -> None:
     error = np.abs(raw.color - sight())
     assert error[2:-2].max() <= 0.4 * (np.pi / height) ** 2 / 8 + 1e-6
     assert error.max() <= 0.4 * np.pi / height / 2
-    # Depth is some row's own, never a mix; and that of the nearest row.
+    # Depth is never mixed, but taken from the nearest row.
     at = np.clip(np.floor((np.arange(HEIGHT) + 0.5) / HEIGHT * height).astype(int), 0, height - 1)
     assert np.array_equal(raw.depth, distance(WIDTH, height)[at])
     assert Scene.open(Path("own")).manifest.video.fit == "stretch"
@@ -282,7 +282,7 @@ def test_an_eye_of_a_stereo_picture(axis: int, eye: str, folder: Path) -> None:
 
 
 def test_an_eye_is_fitted_without_the_other(folder: Path) -> None:
-    """Where rows are interpolated, those of the other eye must not come in."""
+    """Interpolation must not mix in rows of the other eye."""
     for axis, shape in ((0, (192, 100)), (1, (192, 94))):
         one = np.full((shape[1], shape[0], 3), 0.25, np.float32)
         write_rgb(Path("c.exr"), np.concatenate([one, 3 * one], axis))

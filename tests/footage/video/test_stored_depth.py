@@ -1,4 +1,4 @@
-"""Values that are no depth are found, or given; rooms, walls and steps have none."""
+"""Values that mark missing depth are found, or given; rooms, walls and steps have none."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def test_what_stands_out_is_a_mark(
         (floats(marked(ROOM, np.inf)), DepthCode()),
         (floats(marked(ROOM, -1.0)), DepthCode()),
         (floats(np.zeros(ROOM.shape)), DepthCode()),
-        # The nearest, which much may be clipped to.
+        # The nearest value, to which many surfaces may be clipped.
         (integers(np.where(HOLE, 65535, 60_000 / ROOM)), DepthCode(None, (9.0, 0.5), "inverse")),
     ],
 )
@@ -119,7 +119,7 @@ def test_given_values_replace_what_is_found() -> None:
         metres = stored.metres(PATH, samples, code)
         assert (metres[HOLE] == shown).all()
         assert metres[~HOLE] == pytest.approx(ROOM[~HOLE], abs=0.0006)
-    assert (samples.values[HOLE] == 65535).all(), "what is read may be kept for other frames"
+    assert (samples.values[HOLE] == 65535).all(), "the samples may be kept for other frames"
 
 
 def test_marks_of_every_kind_of_number() -> None:
@@ -184,7 +184,7 @@ def test_steps_of_8_bits_are_told(code: DepthCode, step_m: float) -> None:
 
 
 def two_frames(folder: Path, depth: str) -> Scene:
-    """A scene of two grey pictures; its depth is in millimetres."""
+    """Return a scene of two grey pictures; its depth is in millimetres."""
     for index in range(2):
         Image.new("RGB", (256, 128), (90, 120, 60)).save(folder / f"c{index}.png")
     (folder / "scene.toml").write_text(
