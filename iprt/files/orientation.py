@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from typing import TypeVar
+from warnings import catch_warnings, simplefilter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +24,12 @@ def orientation_of(image: Image.Image) -> int:
     """
     if image.format == "PNG" and "exif" not in image.info:
         return 1  # Pillow would decode the picture to look behind it
-    return valid_orientation(image.getexif().get(TAG))
+    with catch_warnings():
+        simplefilter("ignore")  # Pillow warns of some damage to EXIF, and raises at other
+        try:
+            return valid_orientation(image.getexif().get(TAG))
+        except Exception:
+            return 1  # the pixels may be whole all the same
 
 
 def valid_orientation(value: object) -> int:

@@ -77,6 +77,18 @@ def test_values_that_are_no_orientation_turn_nothing(tmp_path: Path) -> None:
         assert np.array_equal(read_color(tmp_path / "c.png"), decode_srgb(SEEN))
 
 
+def test_damaged_exif_turns_nothing(tmp_path: Path) -> None:
+    path = tmp_path / "c.webp"
+    Image.fromarray(SEEN).save(path, exif=exif(3), lossless=True)
+    whole = path.read_bytes()
+    at = whole.index(exif(3).tobytes().removeprefix(b"Exif\0\0"))
+    for byte in range(at, at + 10):
+        path.write_bytes(whole[:byte] + b"\x80" + whole[byte + 1 :])
+        color = read_color(path)
+        assert any(np.array_equal(color, decode_srgb(s)) for s in (SEEN, SEEN[::-1, ::-1]))
+        read_header(path)
+
+
 def test_16_bit_png_with_exif_keeps_16_bits_and_is_upright(tmp_path: Path) -> None:
     pixels = RNG.integers(0, 65536, (4, 8, 3), dtype=np.uint16)
     path = tmp_path / "c.png"
