@@ -90,11 +90,12 @@ def test_a_mapped_frame_shows_the_reference_mapped_back(device: ComputeDevice, k
         assert np.array_equal(steady[index], drifting[index])
     for index, camera in ((2, CAMERA), (3, np.eye(3))):
         expected = steady[index] @ camera.T
-        # Overshoot of cubic convolution is limited by channel, and edges are found by differences
-        # of colours: both depend on a map that mixes channels.
+        # Overshoot of cubic convolution is limited by channel, edges are found by differences of
+        # colours, and uneven pixels weigh texels by their colours: all depend on a map that mixes
+        # channels.
         assert rms(drifting[index] - expected) < 4e-3 * float(expected.mean())
         # Rounding decides what few rays meet.
-        assert np.isclose(drifting[index], expected, rtol=1e-3, atol=1e-4).mean() > 0.93
+        assert np.isclose(drifting[index], expected, rtol=1e-3, atol=1e-4).mean() > 0.9
 
 
 RAMP, BEFORE = 10, 8

@@ -57,14 +57,6 @@ EQUIVALENT: dict[str, str] = {
     "iprt/footage/normals.py: surface = np.fmin(before_bend, after_bend) * step <= "
     "GAP_TOLERANCE[1] * self._center -> surface = np.fmin(before_bend, after_bend) * step < "
     "GAP_TOLERANCE[1] * self._center": "A bend that is the limit by chance.",
-    "iprt/footage/openings.py: small = (sr < DROPOUT_SR) & (brightness < DROPOUT_BRIGHTNESS) -> "
-    "small = (sr <= DROPOUT_SR) & (brightness < DROPOUT_BRIGHTNESS)": (
-        "A solid angle that is the limit by chance."
-    ),
-    "iprt/footage/openings.py: return np.where(rim_count > 0, inside / np.maximum(rim, 1e-12), "
-    "0.0) -> return np.where(rim_count > 0, inside / np.maximum(rim, 1e-12), 0.1)": (
-        "Either is below the brightness that matters, of a hole that has no rim."
-    ),
     "iprt/footage/depth.py: steps = min(1000, max(40, int(_CG_TEXEL_STEPS / diagonal.size))) -> "
     "steps = min(1000, max(40, int(_CG_TEXEL_STEPS * diagonal.size)))": (
         "More steps of a solver that ends sooner, at the same depths."
