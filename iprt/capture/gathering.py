@@ -1,4 +1,4 @@
-"""A sequence's frames into a cloud, one by one: what was wrong is removed.
+"""A sequence's frames into a cloud, one by one; wrong surfaces are removed.
 
 Section 5 of *Natural Environment Illumination*.
 """
@@ -59,7 +59,7 @@ class Gathering:
         pose : (4, 4) float64
             From the camera's axes to the scene's.
         shown : bool
-            Add its surfaces; else it only removes what it sees through.
+            Add its surfaces; else it only removes surfaces in its lines of sight.
         """
         self._carve(self._sight(pose, picture.camera), picture.depth)
         if not shown:

@@ -242,8 +242,8 @@ def _seen_by(
 ) -> tuple[Float, Mask]:
     """Return colours and whether they may be clipped where another camera's pixels see them.
 
-    Both cameras are at one place. What the first does not see is NaN. Larger pictures are averaged
-    over blocks first, as large as the other's pixels.
+    Both cameras are at one place. Pixels that the first does not see are NaN. Larger pictures are
+    averaged over blocks first, as large as the other's pixels.
     """
     step = max(1, round(min(camera.fx / depth_camera.fx, camera.fy / depth_camera.fy)))
     camera = camera.reduced(step)

@@ -1,4 +1,4 @@
-"""Flags that take numbers: how many there are, and what they are, stands in help and errors."""
+"""Flags that take numbers: help and errors name their number and meaning."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ NO_DEPTH = (
     "false colours cannot be read as depth; export depth itself, in one channel, as EXR, PFM or "
     "16-bit grey PNG"
 )
-"""What is wrong with depth in colours, and what to give in its place."""
+"""Message for depth in colours, and the remedy."""
 _warned: set[tuple[Path, bytes]] = set()
 """Folders and unusable chromaticities that have been warned of."""
 

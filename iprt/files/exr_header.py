@@ -1,4 +1,4 @@
-"""Headers of OpenEXR files, checked before a library allocates what they claim.
+"""Headers of OpenEXR files, checked before a library allocates the claimed sizes.
 
 The library also writes its complaints about cut-off files to stdout. Layout: "OpenEXR File
 Layout", https://openexr.com/en/latest/OpenEXRFileLayout.html.

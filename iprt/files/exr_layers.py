@@ -23,7 +23,7 @@ _PICTURE = frozenset(
     _WORD.findall("beauty c ci color colour combined composite final image main master rgb rgba")
 )
 _OTHER = frozenset(
-    # Passes, by the names that 3D programs give them, and pictures that are not what is seen.
+    # Passes, by the names that 3D programs give them, and pictures other than the beauty pass.
     _WORD.findall(
         "albedo ambient ambientocclusion ao back base coverage crypto cryptomatte denoising diff "
         "diffuse dir emission emit env environment gloss glossy id ind index indirect mask matte "
@@ -66,7 +66,7 @@ class Layer:
     @property
     def meaning(self) -> str:
         """Kind by the words of the name: picture, depth, normals, other; "" if none tells."""
-        # What comes before is the program's name for a part of the scene or an eye.
+        # The words before are the program's name for a part of the scene or an eye.
         last = self.prefix.rpartition(".")[2]
         found = _WORD.findall(f"{last}.{self.letters}" if self.is_single else last)
         words = [word.lower() for word in found]

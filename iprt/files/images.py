@@ -45,7 +45,7 @@ _START_OF_SCAN = b"\xff\xda"
 
 @dataclass(frozen=True)
 class Header:
-    """What a picture says of itself before its pixels are decoded.
+    """Header of a picture, read before its pixels are decoded.
 
     Attributes
     ----------
@@ -56,7 +56,7 @@ class Header:
     xmp : str
         Its XMP; see `gpano_crop`.
     unread : str
-        What the file holds of the picture and is not read; empty if nothing.
+        Parts of the picture in the file that are not read; empty if nothing.
     """
 
     width: int
@@ -69,7 +69,7 @@ class Header:
 def read_color(path: Path, layer: str | None = None) -> Image2D:
     """Read linear Rec.709 radiance as (H, W, 3) float32, as stored: possibly not finite.
 
-    EXR, Radiance HDR and TIFF of floats are linear, and what EXR says of its primaries is
+    EXR, Radiance HDR and TIFF of floats are linear, and an EXR file's primaries are
     converted; integers of 8 or 16 bits are decoded from sRGB, and brightened by the gain map that
     a JPEG may have. Alpha and colour profiles are ignored.
 
@@ -207,7 +207,7 @@ def read_normal(path: Path) -> Image2D:
 
 
 def read_header(path: Path, layer: str | None = None) -> Header:
-    """Read what a picture of colour says of itself.
+    """Read the header of a colour picture.
 
     Parameters
     ----------
@@ -285,7 +285,7 @@ def _open_pillow(path: Path, kind: str) -> Image.Image:
         raise FormatError(f"{path}: {_DEPTH_ONLY.get(kind, kind.upper())} is no picture in colours")
     if kind == "avif":
         require_sdr(path)
-    # Pillow maps raw TIFF by its file's name, and then confuses rows and columns of what is turned.
+    # Pillow maps raw TIFF by its file's name, then confuses rows and columns of turned pictures.
     source = BytesIO(read_bytes(path)) if kind == "tiff" else path
     return open_picture(source, path, (_PILLOW_FORMATS[kind],))
 

@@ -128,7 +128,7 @@ def at_full_size(depth: Plane, grid: Grid | None, width: int, height: int) -> Pl
 
 
 def _with_unmeasured(full: Plane, depth: Plane) -> Plane:
-    """`full` (H, W), with `UNMEASURED` where it has no depth because `depth` says so."""
+    """`full` (H, W), with `UNMEASURED` where `depth` has it."""
     unmeasured = depth == UNMEASURED
     if not unmeasured.any():
         return full

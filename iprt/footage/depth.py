@@ -85,7 +85,7 @@ def find_openings(stored: Plane, color: Plane) -> Mask:
 
 
 def holes_of(stored: Plane, measured: Mask, color: Plane) -> Holes:
-    """Sort what is not measured; see `sanitise_depth` and `classify_holes`."""
+    """Return unmeasured pixels by kind; see `sanitise_depth` and `classify_holes`."""
     unmeasured = stored == UNMEASURED
     return classify_holes(~measured, color, unmeasured if unmeasured.any() else None)
 

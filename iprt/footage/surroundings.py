@@ -74,12 +74,12 @@ class Surroundings:
 
     @classmethod
     def of(cls, depth: NDArray[np.float32], *, is_cube: bool = False) -> Surroundings | None:
-        """By the depth (H, W) of a frame in metres; None where it has none.
+        """Return the surroundings by a frame's depth (H, W) in metres; None where it has none.
 
         Parameters
         ----------
         is_cube : bool
-            Whether it is converted from what a cube's faces measure.
+            Whether it is converted from depth along the axes of a cube's faces.
         """
         height, width = depth.shape
         step = -(-height // _ROWS)

@@ -127,7 +127,7 @@ def resting_matrices(
 
 
 def require_few_vertices(file: MeshFile, count: int) -> None:
-    """Raise FormatError if so many vertices are not bent."""
+    """Raise FormatError if `count` vertices are too many to be bent."""
     if count > MAX_BENT_VERTICES:
         raise FormatError(
             f"{file.path}: {count} vertices that move; at most {MAX_BENT_VERTICES} are read"

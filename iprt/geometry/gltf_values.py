@@ -50,7 +50,7 @@ def values_of(file: Buffered, index: int, types: tuple[str, ...], where: str) ->
     assert gltf is not None
     accessor = accessor_of(gltf, index, types, where)
     assert accessor.buffer_view is not None
-    # That accessors lie in their views and these in what buffers claim is known (gltf_check.py).
+    # gltf_check.py has made sure that accessors lie in views, and views in the claimed buffers.
     view = gltf.buffer_views[accessor.buffer_view]
     data = file.buffer(view.buffer)
     if view.byte_offset + view.byte_length > len(data):

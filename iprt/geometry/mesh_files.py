@@ -116,7 +116,7 @@ class MeshFile:
         """Return the file for trimesh.
 
         It takes words of the format in comments and names for real. Of glTF, nodes are named by
-        their numbers, and the joints, weights and colours of vertices by what trimesh hands on:
+        their numbers, and joints, weights and colours of vertices by names that trimesh hands on:
         `JOINT_KEYS`, `WEIGHT_KEYS`, `COLOR_KEY`. Positions, normals and texture coordinates that
         are integers become floats.
 

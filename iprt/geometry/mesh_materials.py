@@ -152,7 +152,7 @@ def _from_mtl(source: Any, textures: Textures, dropped: list[str]) -> Material:
     values = source.kwargs
     albedo = _color(values.get("kd", [1.0, 1.0, 1.0]))
     texture = textures.linear(source.image)
-    # The same picture as that of the colour, in most files.
+    # Most files name the colour's picture again.
     read = {"map_ka"} if texture is not None else set()
     dropped.extend(_unread_mtl({key: values[key] for key in values if key not in read}))
     exponent = _first(values.get("ns"), 0.0)

@@ -19,7 +19,7 @@ _READ_EXTENSIONS = (
     "KHR_texture_basisu",
     "KHR_texture_transform",
 )
-"""Extensions whose contents are read, or named with what they concern. Compressed forms are here
+"""Extensions whose contents are read, or named beside their subject. Compressed forms are here
 besides others that are read: files without these are refused."""
 _OBJ_WORDS = {
     "l": "lines",

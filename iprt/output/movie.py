@@ -36,7 +36,7 @@ DESCRIPTION = "job.json"
 
 
 class Movie(FrameOutput):
-    """Frames as a video file. Its folder is to be locked.
+    """Frames as a video file. Its folder must be locked.
 
     Parameters
     ----------

@@ -187,7 +187,7 @@ def surroundings_of(scene: Scene, raw: RawFrame) -> Surroundings | None:
 
 
 def unlikely(scene: Scene, raw: RawFrame, place: Surroundings | None) -> list[str]:
-    """What is guessed of the depth and the normals of a frame as read, or is unlikely; a phrase
+    """Return guesses and doubts about the depth and normals of a frame as read; a phrase
     each.
     """
     found = scene.source.doubts()
@@ -203,8 +203,8 @@ def check_files(scene: Scene) -> list[str]:
     Returns
     -------
     list of str
-        What the reader of the video makes up for, a line each: frames after the first that cannot
-        be read, streams that do not agree. And truths that are outdated.
+        Faults that the reader of the video makes up for, and outdated truths; a line each. Faults
+        are frames after the first that cannot be read, and streams that do not agree.
 
     Raises
     ------

@@ -67,7 +67,7 @@ class DepthMarks:
     sky: tuple[float, ...] = ()
 
     def masks(self, values: NDArray[Any]) -> list[tuple[NDArray[np.bool_], float]]:
-        """Return where values (H, W) are marks, and what is read there in place of metres."""
+        """Return where values (H, W) are marks, and the values read there in place of metres."""
         marks = [(mark, UNMEASURED) for mark in self.invalid] + [
             (mark, np.inf) for mark in self.sky
         ]
@@ -117,14 +117,14 @@ class DepthCode:
         return f"{self.ends[0]:g} m at black to {self.ends[1]:g} m at white, even in {grows}{along}"
 
     def decoded(self, path: Path, samples: DepthSamples, marks: DepthMarks) -> Picture:
-        """Return metres (H, W) of what is measured, without what is marked as no depth.
+        """Return measured depth (H, W) in metres, without values marked as no depth.
 
         Parameters
         ----------
         path : Path
             Names the file in errors.
         marks : DepthMarks
-            Those of the video: given, or found in its first frame.
+            Marks of the video: given, or found in its first frame.
 
         Raises
         ------
@@ -156,7 +156,7 @@ class DepthCode:
             )
 
     def metres(self, stored: NDArray[Any], black: float, white: float) -> Picture:
-        """Metres (H, W) of what is measured; 0, negative, NaN or inf where there is no surface.
+        """Return measured depth (H, W) in metres; 0, negative, NaN or inf without a surface.
 
         Parameters
         ----------

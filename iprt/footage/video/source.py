@@ -186,7 +186,7 @@ class FrameSource:
         return self._tracks.disagreements
 
     def remarks(self) -> list[str]:
-        """What is not read of colour, how much of the sphere it covers, and `interpolation`."""
+        """Return remarks on unread parts of colour, on its share of the sphere, and on depth."""
         path, placement = self.files(self.indices[0])["color"], self.placement
         lines = []
         if self._header.unread:
@@ -229,7 +229,7 @@ class FrameSource:
             self.stored_depth = StoredDepth.of(path, samples, self.code)
 
     def doubts(self) -> list[str]:
-        """What is guessed and what is doubtful of depth as stored; one line each."""
+        """Return guesses about stored depth, and doubts; one line each."""
         return [] if self.stored_depth is None else list(self.stored_depth.doubts)
 
     @cached_property
@@ -244,7 +244,7 @@ class FrameSource:
 
     @cached_property
     def placement(self) -> Placement | None:
-        """Where colour as stored lies in the sphere; None: it is all of it."""
+        """Place of stored colour in the sphere; None where it covers all of it."""
         header, path = self._header, self.files(self.indices[0])["color"]
         size = header.width, header.height
         return placement_of(path, size, self._video.eye, self._video.fit, header.xmp)

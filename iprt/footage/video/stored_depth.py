@@ -22,7 +22,7 @@ Picture = NDArray[np.float32]
 BEYOND = 10.0
 """Least factor of a mark over all other values."""
 BEYOND_WHITE, BEYOND_NEAREST = 1.05, 1.5
-"""The same for the largest value of a type, where it is the farthest and where it is the nearest:
+"""Least gap below the largest value of a type, where it is the farthest and where the nearest:
 surfaces that come too near may all be stored as the nearest."""
 LEAST_SHARE, LEAST = 1e-4, 16
 """Least share and number of the pixels that hold a mark."""

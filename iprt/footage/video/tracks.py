@@ -50,7 +50,7 @@ class Track(Protocol[Shown]):
         return []
 
     def header(self) -> Header:
-        """What its first picture says of itself."""
+        """Header of its first picture."""
 
     def reader(self, streams: Streams) -> Callable[[int], Shown]:
         """A function that reads the picture of a frame; quickest in order."""
