@@ -61,6 +61,8 @@ class Mask:
     traced : (H * W,) int32
         y * W + x of the pixels that get a ray; the first `count` entries hold.
     count : (1,) int32
+    unknown : 1 padded plane float32
+        `touched` while nothing is known of the objects' influence.
     low, high, faint_frames : float
         Thresholds of `cl/filter/mask.cl`.
     """
@@ -82,7 +84,10 @@ class Mask:
         sparse = settings.sparse and min(layout.size) >= 4
         self.low, self.high = (LOW, HIGH) if sparse else (0.0, 0.0)
         self.faint_frames = TOUCHED_FRAMES - 1.0 if graded else 0.0
-        self.touched = device.zeros(f"{name} touched", layout.shape(1))
+        # Nobody knows at first where objects matter: each pixel gets a ray, then one in four does.
+        frames = np.float32(TOUCHED_FRAMES + 1.0 if graded else 0.0)
+        self.unknown = layout.padded(np.full((1, layout.height, layout.width), frames))
+        self.touched = device.upload(f"{name} touched", self.unknown)
         self.before = device.zeros(f"{name} touched before", layout.shape(1))
         self.level = device.upload(f"{name} level", np.full(layout.shape(1), LEVEL_NONE, np.uint8))
         self.traced = device.empty(f"{name} traced", (layout.width * layout.height,), np.int32)
@@ -115,6 +120,11 @@ class Masks:
         self._list = device.kernel("filter/mask.cl", "list_traced", defines).fixed(
             size, listed, batched(list=[mask.traced for mask in masks])
         )
+
+    def forget(self) -> None:
+        """Begin anew, as at a cut of the video."""
+        for mask in self._masks:
+            self._device.write(mask.touched, mask.unknown)
 
     def run(
         self,

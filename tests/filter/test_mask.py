@@ -116,6 +116,21 @@ def test_faint_influence_takes_a_quarter_of_the_rays(device: ComputeDevice) -> N
     assert seen == [[9, 9]] * 10 + [[0, 9]] * 10 + [[0, 0]] * 2
 
 
+def test_each_pixel_gets_a_ray_while_nothing_is_known(device: ComputeDevice) -> None:
+    """In the first picture, and after a cut; a quarter of them for ten more."""
+    gbuffer = flat_gbuffer(32, 24)
+    settings = MaskSettings(sigma_position=0.1)
+    mask = Mask(device, gbuffer.guide(device), settings, name="test", graded=True)
+    masks = Masks(device, [mask])
+    for _ in range(2):
+        levels = []
+        for _ in range(12):
+            masks.run(tracing_grid(device, (0, 0)), [still(device, gbuffer.layout)])
+            levels += np.unique(read(device, gbuffer.layout, mask.level)[0]).tolist()
+        assert levels == [0] + [1] * 10 + [2]
+        masks.forget()
+
+
 def test_influence_moves_with_the_picture(device: ComputeDevice) -> None:
     gbuffer = flat_gbuffer(32, 24)
     touched = np.zeros((24, 32))
