@@ -6,7 +6,8 @@
 //   kernel            in                                          out
 //   carry_touched     guide (7 planes), motion, touched of the    touched at this picture's surfaces,
 //                     last picture (1 plane: frames for which     less one; 0 elsewhere
-//                     influence is remembered from then on)
+//                     influence is remembered from then on;
+//                     -2 before the first, -1 in it: unknown)
 //   choose_level      guide (7 planes), motion, touched,          level (1 plane of uchar, guide.h)
 //                     length of the history
 //   list_traced       level                                       list of y * width + x, its length
@@ -71,7 +72,7 @@ __kernel void carry_touched(
     float id = OF_BATCH(guide)[GUIDE_ID * plane_size(width, height) + p];
     float frames = value_before(OF_BATCH(motion), OF_BATCH(before), p, width, height, seam);
     store_wrapped(OF_BATCH(touched), p, x, width, seam,
-                  id > 0.0f ? fmax(frames - 1.0f, 0.0f) : 0.0f);
+                  id > 0.0f ? frames < 0.0f ? frames + 1.0f : fmax(frames - 1.0f, 0.0f) : 0.0f);
 }
 
 __kernel void choose_level(
@@ -111,7 +112,7 @@ __kernel void choose_level(
     for (int i = 0; i < 9; i++)
         active = fmax(active, touched[p + i % 3 - 1 + (i / 3 - 1) * stride]);
     // Where influence is graded, edges are worth rays only where objects change something.
-    float squared = active > faint_frames ? 1.0f : 0.0f;
+    float squared = active > faint_frames || touched[p] < 0.0f ? 1.0f : 0.0f;
     if (id > 0.0f && high > 0.0f && squared == 0.0f && (active > 0.0f || faint_frames == 0.0f))
         squared = unlikeness(guide, OF_BATCH(sigma_position), size, stride, p);
     int chosen = squared >= high * high ? 0 : squared >= low * low || active > 0.0f ? 1 : 2;

@@ -32,7 +32,7 @@ static inline Scatter sample_delta(const World world, const BoxView boxes, float
     } else if (v.x < box_share + s.light_share) {
         s.aimed = 1;
         const float3 light = sample_light(world.lights, u);
-        s.texel = light_texel(world.real, light);
+        s.texel = texel_towards(world.real, light);
         s.wi = towards_light(world.real, light, s.texel, o);
     } else {
         s.wi = frame_to_world(build_frame(boxes.n), sample_cosine(u));

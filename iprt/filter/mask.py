@@ -24,6 +24,9 @@ STRONG_FRAMES = 2.0 * TOUCHED_FRAMES - 1.0
 """Frames, that of tracing among them, for which a strong influence of an object is remembered, if
 pixels that objects change little are told apart."""
 
+UNKNOWN = -2.0
+"""`Mask.touched` one frame before the first, in which nothing is known of the objects' influence."""
+
 LOW, HIGH = 0.3, 0.5
 """δ1 and δ2 of IPRT's Eq. 4: pixels that differ less get one ray for 16, and for 4."""
 
@@ -62,7 +65,7 @@ class Mask:
         y * W + x of the pixels that get a ray; the first `count` entries hold.
     count : (1,) int32
     unknown : 1 padded plane float32
-        `touched` while nothing is known of the objects' influence.
+        `touched` before the first picture, in which each pixel then gets a ray.
     low, high, faint_frames : float
         Thresholds of `cl/filter/mask.cl`.
     """
@@ -84,8 +87,7 @@ class Mask:
         sparse = settings.sparse and min(layout.size) >= 4
         self.low, self.high = (LOW, HIGH) if sparse else (0.0, 0.0)
         self.faint_frames = TOUCHED_FRAMES - 1.0 if graded else 0.0
-        # Nobody knows at first where objects matter: each pixel gets a ray, then one in four does.
-        frames = np.float32(TOUCHED_FRAMES + 1.0 if graded else 0.0)
+        frames = np.float32(UNKNOWN if graded else 0.0)
         self.unknown = layout.padded(np.full((1, layout.height, layout.width), frames))
         self.touched = device.upload(f"{name} touched", self.unknown)
         self.before = device.zeros(f"{name} touched before", layout.shape(1))
@@ -122,7 +124,7 @@ class Masks:
         )
 
     def forget(self) -> None:
-        """Begin anew, as at a cut of the video."""
+        """Trace each pixel in the next picture, as in the first: after a cut of the video."""
         for mask in self._masks:
             self._device.write(mask.touched, mask.unknown)
 

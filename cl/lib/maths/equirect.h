@@ -30,4 +30,10 @@ static inline float2 equirect_uv(float3 d)
     return (float2)(u - floor(u), v);
 }
 
+// Index of the texel at uv, row by row.
+static inline int equirect_texel(float2 uv, int width, int height)
+{
+    return min((int)(uv.y * height), height - 1) * width + min((int)(uv.x * width), width - 1);
+}
+
 #endif

@@ -155,7 +155,7 @@ static inline ALWAYS_INLINE PathSums trace_pairs(
                 continue;
             const float3 light =
                 environment_direction(environment_count, environment_samples, u);
-            const int texel = light_texel(world.real, light);
+            const int texel = texel_towards(world.real, light);
             s = scatter_along(world, at, towards_light(world.real, light, texel, at.o));
             s.aimed = 1;
             s.texel = texel;

@@ -20,10 +20,7 @@ static inline RealVoxel real_voxel(__global const float4 *restrict surfaces, int
 {
     RealVoxel voxel;
     voxel.p = voxel_middle(size, box, i);
-    const float2 uv = equirect_uv(voxel.p);
-    const int column = min((int)(uv.x * width), width - 1);
-    const int row = min((int)(uv.y * height), height - 1);
-    const float4 surface = surfaces[row * width + column];
+    const float4 surface = surfaces[equirect_texel(equirect_uv(voxel.p), width, height)];
     const float inverse = rsqrt(fmax(dot(surface.xyz, surface.xyz), 1e-30f));
     const float behind = (dot(surface.xyz, voxel.p) - 1.0f) * inverse;
     const float reach = 0.5f * box.w * dot(fabs(surface.xyz), (float3)(1.0f)) * inverse;

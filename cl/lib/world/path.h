@@ -39,7 +39,7 @@ static inline Scatter scatter(const World world, const Material material, float3
     const float rest = 1.0f - s.light_share;
     if (s.aimed) {
         const float3 light = sample_light(world.lights, u.xy);
-        s.texel = light_texel(world.real, light);
+        s.texel = texel_towards(world.real, light);
         s.wi = towards_light(world.real, light, s.texel, x);
     } else
     {

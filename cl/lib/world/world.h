@@ -16,9 +16,6 @@
 #include "maths/tracing.h"
 #include "gbuffer/view.h"
 
-// Rays leave a real surface this many texel footprints above it.
-#define REAL_LIFT 2.0f
-
 #ifdef RELIT
 // What objects do to the radiance of real surfaces, as factors.
 typedef struct {
@@ -93,13 +90,6 @@ typedef struct {
             LIGHTS WORLD_RELIT WORLD_GLOSS                                                         \
     }
 
-// Where rays leave a real surface.
-static inline float3 real_start(const RealLayer layer, float3 p, float3 n)
-{
-    const float footprint = IPRT_PI / layer.grid.height;
-    return p + fmax(layer.bias, REAL_LIFT * footprint * length(p)) * n;
-}
-
 static inline float3 sky_radiance(const World world, float3 d)
 {
     return panorama_bilinear(world.color, world.real.grid.width, world.real.grid.height,
@@ -145,8 +135,7 @@ static inline float3 captured_radiance(const World world, const RealHit hit, flo
     if (world.outside && surface && (int)surfaces[hit.texel].w & SURFACE_OPENING) {
         // Behind windows: as the camera saw it in that direction, or else extrapolated.
         uv = equirect_uv(d);
-        const int texel = min((int)(uv.y * height), height - 1) * width
-            + min((int)(uv.x * width), width - 1);
+        const int texel = equirect_texel(uv, width, height);
 #ifdef BACKGROUND
         picture = world.real.back_color;
         surfaces = world.real.back_surface;

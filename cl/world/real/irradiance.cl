@@ -313,7 +313,7 @@ TRACING_KERNEL void refine_cells(
         s.aimed = sobol_1d(first + ray, hash_combine(stream, 1)) < s.light_share;
         if (s.aimed) {
             const float3 light = sample_light(world.lights, u);
-            s.texel = light_texel(world.real, light);
+            s.texel = texel_towards(world.real, light);
             s.wi = towards_light(world.real, light, s.texel, o);
         } else
         {

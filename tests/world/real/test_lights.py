@@ -176,7 +176,7 @@ CASES = [(name, place) for name in FRAMES if name != "plain" for place in PLACES
 
 DRAW = """
 const float3 v = sample_light(world.lights, u);
-const int texel = light_texel(world.real, v);
+const int texel = texel_towards(world.real, v);
 d = towards_light(world.real, v, texel, x);
 const RealHit hit = trace_real_layer(world.real, x, d, INFINITY);
 counts = hit.texel == texel

@@ -39,9 +39,7 @@ static inline int frame_hides(const RealLayer layer, float3 p, float3 n)
 {
     const float r = length(p);
     const float3 v = p / r;
-    const float2 uv = equirect_uv(v);
-    const int texel = min((int)(uv.y * layer.grid.height), layer.grid.height - 1) * layer.grid.width
-        + min((int)(uv.x * layer.grid.width), layer.grid.width - 1);
+    const int texel = texel_towards(layer, v);
     const float4 surface = layer.surface[texel];
     if ((int)surface.w & (SURFACE_NONE | SURFACE_OPENING))
         return 0;

@@ -66,13 +66,6 @@ static inline float3 sample_light(const Lights lights, float2 u)
     return (float3)(-s * azimuth.y, y, s * azimuth.x);
 }
 
-static inline int light_texel(const RealLayer layer, float3 v)
-{
-    const float2 uv = equirect_uv(v);
-    return min((int)(uv.y * layer.grid.height), layer.grid.height - 1) * layer.grid.width
-        + min((int)(uv.x * layer.grid.width), layer.grid.width - 1);
-}
-
 #ifdef BACKGROUND
 // Are rays in this direction aimed at the background, rather than at what stands before it?
 static inline int aims_behind(const RealLayer layer, int texel)

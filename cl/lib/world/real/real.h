@@ -95,6 +95,12 @@ static inline float real_thickness(const RealLayer layer, float r)
     return fmax(layer.thickness, layer.thickness_ratio * r);
 }
 
+// Index of the texel in a direction of any length.
+static inline int texel_towards(const RealLayer layer, float3 d)
+{
+    return equirect_texel(equirect_uv(d), layer.grid.width, layer.grid.height);
+}
+
 static inline int real_skip(const RealLayer layer, int *side, float near, float far, float2 range,
                             int cell)
 {
@@ -117,6 +123,22 @@ static inline float surface_radius(float gm, float gd, float u, float root, floa
 {
     float inverse = gm + u * gd;
     return inverse > 0.0f ? clamp(root / inverse, range.x, range.y) : range.y;
+}
+
+// Rays leave a real surface this many texel footprints above it.
+#define REAL_LIFT 2.0f
+
+// Where rays leave a real surface at p, with normal n. The texel at an edge shows one surface beyond the
+// next: a point there is brought before what it lies behind, or its rays would leave the scene.
+static inline float3 real_start(const RealLayer layer, float3 p, float3 n)
+{
+    const float lift = fmax(layer.bias, REAL_LIFT * IPRT_PI / layer.grid.height * length(p));
+    const float3 o = p + lift * n;
+    const int texel = texel_towards(layer, o);
+    const float r = length(o);
+    const float radius = surface_radius(0.0f, dot(layer.surface[texel].xyz, o / r), 1.0f, 1.0f,
+                                        layer.grid.range[texel]);
+    return r > radius && r <= radius + lift ? o * (radius / r) : o;
 }
 
 // The back face assumed behind the edge of a visible surface, IPRT Figure 4, in the plane of the
@@ -151,10 +173,7 @@ static inline int back_face(const RealLayer layer, const PolarRay ray, const Seg
         return 0;
     const float3 substitute = g1 + depth * along;
     const float reach = length(substitute);
-    const float2 uv = equirect_uv(substitute);
-    const int column = min((int)(uv.x * layer.grid.width), layer.grid.width - 1);
-    const int row = min((int)(uv.y * layer.grid.height), layer.grid.height - 1);
-    const int texel = row * layer.grid.width + column;
+    const int texel = texel_towards(layer, substitute);
     const float2 range = layer.grid.range[texel];
     const float tolerance = 0.5f * real_thickness(layer, reach);
     if (reach < range.x - tolerance || reach > range.y + tolerance)
@@ -314,9 +333,7 @@ static inline ALWAYS_INLINE RealHit trace_real_layer(
 #endif
         return hit;
     }
-    const float2 uv = equirect_uv(d);
-    const int texel = min((int)(uv.y * layer.grid.height), layer.grid.height - 1) * layer.grid.width
-        + min((int)(uv.x * layer.grid.width), layer.grid.width - 1);
+    const int texel = texel_towards(layer, d);
     hit.kind = HIT_SURFACE;
     hit.texel = texel;
     hit.direction = d;
