@@ -29,7 +29,14 @@ from iprt.files.xmp import xmp_of
 
 Image2D = NDArray[np.float32]
 _DEPTH_ONLY = {"pfm": "PFM", "npy": "NumPy's .npy", "npz": "NumPy's .npz"}
-_PILLOW_FORMATS = {"png": "PNG", "jpeg": "JPEG", "webp": "WEBP", "avif": "AVIF", "tiff": "TIFF"}
+_PILLOW_FORMATS = {
+    "png": "PNG",
+    "jpeg": "JPEG",
+    "webp": "WEBP",
+    "avif": "AVIF",
+    "heic": "HEIF",
+    "tiff": "TIFF",
+}
 """Names that Pillow has for kinds of files that it reads."""
 NO_GAIN_MAP = (
     "has a gain map that is not read: highlights are clipped at white; export it as EXR or HDR"
@@ -276,18 +283,29 @@ def _is_16_bit(image: Image.Image) -> bool:
 
 
 def _open_pillow(path: Path, kind: str) -> Image.Image:
-    if kind == "heic" or (kind == "avif" and not features.check("avif")):
+    if (kind == "heic" and not _reads_heic()) or (kind == "avif" and not features.check("avif")):
+        install = "install the extra `heic` (pip install 'iprt[heic]'), or " * (kind == "heic")
         raise FormatError(
-            f"{path}: {kind.upper()} is not read; convert it, for example by "
+            f"{path}: {kind.upper()} is not read; {install}convert it, for example by "
             f"heif-convert {quote(path.name)} {quote(path.stem + '.png')}"
         )
     if kind not in _PILLOW_FORMATS:
         raise FormatError(f"{path}: {_DEPTH_ONLY.get(kind, kind.upper())} is no picture in colours")
-    if kind == "avif":
-        require_sdr(path)
+    if kind in ("avif", "heic"):
+        require_sdr(path, kind)
     # Pillow maps raw TIFF by its file's name, then confuses rows and columns of turned pictures.
     source = BytesIO(read_bytes(path)) if kind == "tiff" else path
     return open_picture(source, path, (_PILLOW_FORMATS[kind],))
+
+
+def _reads_heic() -> bool:
+    """Return whether Pillow reads HEIC, as the extra `heic` teaches it."""
+    try:
+        from pillow_heif import register_heif_opener
+    except ImportError:
+        return False
+    register_heif_opener()
+    return True
 
 
 def open_picture(

@@ -27,7 +27,7 @@ _BRANDS = {b"avif": "avif", b"avis": "avif"} | dict.fromkeys(
 )
 """Pictures among the files whose fifth to eighth bytes are `ftyp`; the others are MP4 video."""
 _HEADER_BYTES = 2**16
-READ = "EXR, PNG, JPEG, WebP, AVIF, TIFF, Radiance HDR, PFM or NumPy"
+READ = "EXR, PNG, JPEG, WebP, AVIF, HEIC, TIFF, Radiance HDR, PFM or NumPy"
 
 
 def file_kind(path: Path) -> str:
@@ -56,14 +56,14 @@ def file_kind(path: Path) -> str:
     raise FormatError(f"{path}: {what}")
 
 
-def require_sdr(path: Path) -> None:
-    """Raise FormatError for AVIF in PQ or HLG, which Pillow would read as sRGB."""
+def require_sdr(path: Path, kind: str) -> None:
+    """Raise FormatError for AVIF or HEIC in PQ or HLG, which Pillow would read as sRGB."""
     with open_file(path) as file:
         start = file.read(_HEADER_BYTES)
     at = start.find(b"colrnclx")
     transfer = int.from_bytes(start[at + 10 : at + 12], "big") if at >= 0 else 0
     if transfer in (16, 18):
         raise FormatError(
-            f"{path}: AVIF of {'PQ' if transfer == 16 else 'HLG'} is not read; convert it to EXR, "
-            "or to a video file, whose highlights are read"
+            f"{path}: {kind.upper()} of {'PQ' if transfer == 16 else 'HLG'} is not read; convert "
+            "it to EXR, or to a video file, whose highlights are read"
         )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import struct
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +12,8 @@ import pytest
 from PIL import Image, features
 
 from iprt.errors import FormatError
-from iprt.files.images import decode_srgb, read_color, read_depth, read_header
-from tests.files.writing import write_hdr, write_tiff
+from iprt.files.images import decode_srgb, picture_size, read_color, read_depth, read_header
+from tests.files.writing import exif, stored_as, write_hdr, write_tiff
 
 RNG = np.random.default_rng(5)
 
@@ -160,11 +161,34 @@ def test_avif_of_pq_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("brand", [b"heic", b"mif1", b"hevc"])
-def test_heic_is_refused_with_a_way_out(brand: bytes, tmp_path: Path) -> None:
+def test_heic_is_refused_with_a_way_out(
+    brand: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "pillow_heif", None)
     path = tmp_path / "IMG 1.HEIC"
     path.write_bytes(b"\0\0\0\x18ftyp" + brand + b"\0" * 40)
     for read in (read_color, read_depth, read_header):
-        assert "heif-convert 'IMG 1.HEIC' 'IMG 1.png'" in refusal(path, read)
+        said = refusal(path, read)
+        assert "heif-convert 'IMG 1.HEIC' 'IMG 1.png'" in said
+        assert "iprt[heic]" in said
+
+
+@pytest.mark.parametrize("orientation", range(1, 9))
+def test_heic_is_upright(orientation: int, tmp_path: Path) -> None:
+    heif = pytest.importorskip("pillow_heif", reason="the extra `heic`")
+    path, blocks = tmp_path / "c.heic", RNG.integers(0, 256, (4, 8, 3), dtype=np.uint8)
+    seen = blocks.repeat(8, 0).repeat(8, 1)
+    stored = heif.from_pillow(Image.fromarray(stored_as(seen, orientation)))
+    tags = exif(orientation).tobytes()
+    stored.save(path, quality=-1, chroma=444, matrix_coefficients=0, exif=tags)
+    assert np.allclose(read_color(path), decode_srgb(seen), atol=0.02)
+    assert picture_size(path) == (64, 32)
+    data = path.read_bytes()
+    at = data.index(b"colrnclx") + 10
+    path.write_bytes(data[:at] + struct.pack(">H", 16) + data[at + 2 :])
+    assert "HEIC of PQ is not read" in refusal(path)
+    path.write_bytes(data[: len(data) // 2])
+    refusal(path)
 
 
 @pytest.mark.parametrize("dtype", ["<f4", ">f4", "<f2", "<f8", "u1", "<u2", ">i4"])
