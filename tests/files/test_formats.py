@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pillow_heif
 import pytest
 from PIL import Image, features
 
@@ -175,10 +176,9 @@ def test_heic_is_refused_with_a_way_out(
 
 @pytest.mark.parametrize("orientation", range(1, 9))
 def test_heic_is_upright(orientation: int, tmp_path: Path) -> None:
-    heif = pytest.importorskip("pillow_heif", reason="the extra `heic`")
     path, blocks = tmp_path / "c.heic", RNG.integers(0, 256, (4, 8, 3), dtype=np.uint8)
     seen = blocks.repeat(8, 0).repeat(8, 1)
-    stored = heif.from_pillow(Image.fromarray(stored_as(seen, orientation)))
+    stored = pillow_heif.from_pillow(Image.fromarray(stored_as(seen, orientation)))
     tags = exif(orientation).tobytes()
     stored.save(path, quality=-1, chroma=444, matrix_coefficients=0, exif=tags)
     assert np.allclose(read_color(path), decode_srgb(seen), atol=0.02)
