@@ -14,7 +14,7 @@ from iprt.capture.found import Axis
 from iprt.capture.pinhole import Pinhole
 from iprt.capture.rigid import MOST_BYTES, read_matrix
 from iprt.errors import FormatError, SceneError
-from iprt.files.images import picture_size
+from iprt.files.images import picture_size, read_header
 from iprt.files.problems import describe, problems_error
 from iprt.files.table import FARTHEST, Factor, FramePath, RelativePath, Table
 from iprt.files.toml_text import parse_toml, printable, read_text
@@ -81,7 +81,7 @@ def camera_of_table(table: CameraTable, color: Path) -> Pinhole | None:
     """Return the pinhole of a `camera.toml`, for pictures of the size of `color`."""
     if table.fx is None or table.fy is None or table.cx is None or table.cy is None:
         return None
-    return Pinhole(table.fx, table.fy, table.cx, table.cy, *picture_size(color))
+    return Pinhole(table.fx, table.fy, table.cx, table.cy, *read_header(color).stored_size)
 
 
 def cameras_of_files(
@@ -102,7 +102,7 @@ def cameras_of_files(
         return None, None
     depth_matrix = _matrix(folder, DEPTH_MATRICES)
     return (
-        _pinhole(folder, matrix, *picture_size(color)),
+        _pinhole(folder, matrix, *read_header(color).stored_size),
         None if depth_matrix is None else _pinhole(folder, depth_matrix, *picture_size(depth)),
     )
 

@@ -25,6 +25,7 @@ from iprt.capture.transforms import read_transforms
 from iprt.capture.tum import read_tum
 from iprt.errors import FormatError
 from iprt.files.images import read_color, read_depth, read_header
+from iprt.files.orientation import as_stored
 
 NEARLY_WHITE = 0.95
 """Share of the range of 8 or 16 bits from where on colours may be clipped."""
@@ -176,7 +177,9 @@ class RgbdSequence:
             A file is missing or damaged, or the two do not show the same view.
         """
         shot = self.shots[index]
-        color = read_color(shot.color)
+        # Poses and intrinsics are the sensor's, whichever way up the picture is to be seen.
+        header = read_header(shot.color)
+        color = as_stored(read_color(shot.color), header.orientation)
         depth, bits = read_depth(shot.depth)
         if bits == 8:
             raise FormatError(f"{shot.depth}: depth of 8 bits; expected 16 bits, or floats")
@@ -191,8 +194,7 @@ class RgbdSequence:
                 f"{shot.depth}: {columns}x{rows} pixels, but its colour has {width}x{height}: "
                 "another view; register depth to colour"
             )
-        limited = read_header(shot.color).has_end
-        clipped = (color.max(axis=-1) >= NEARLY_WHITE) & limited
+        clipped = (color.max(axis=-1) >= NEARLY_WHITE) & header.has_end
         if depth_camera != camera:
             color, clipped = _seen_by(depth_camera, camera, color, clipped)
         there = np.isfinite(depth) & (depth > 0.0) & np.isfinite(color).all(axis=-1)

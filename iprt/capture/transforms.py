@@ -11,7 +11,7 @@ from iprt.capture.intrinsics import checked, read_json
 from iprt.capture.pinhole import Pinhole
 from iprt.capture.rigid import rigid
 from iprt.errors import FormatError
-from iprt.files.images import picture_size
+from iprt.files.images import read_header
 from iprt.files.path_safety import stays_inside
 from iprt.files.problems import PICTURE_SUFFIXES
 from iprt.files.toml_text import printable
@@ -94,7 +94,7 @@ def _flat(matrix: object, where: str) -> list[float]:
 
 def _camera(data: dict[str, Any], color: Path, source: str) -> Pinhole:
     """Return the camera given by a frame's own keys and the shared ones."""
-    size = picture_size(color)
+    size = read_header(color).stored_size
     width, height = (
         int(_number(data, key, source, 1.0, MAX_SIDE) or side)
         for key, side in zip("wh", size, strict=True)

@@ -64,6 +64,8 @@ class Header:
         Its XMP; see `gpano_crop`.
     unread : str
         Parts of the picture in the file that are not read; empty if nothing.
+    orientation : int
+        EXIF orientation by which `read_color` has turned what is stored; see `upright`.
     """
 
     width: int
@@ -71,6 +73,13 @@ class Header:
     has_end: bool = True
     xmp: str = ""
     unread: str = ""
+    orientation: int = 1
+
+    @property
+    def stored_size(self) -> tuple[int, int]:
+        """Width and height before the picture is turned."""
+        size = (self.width, self.height)
+        return size[::-1] if self.orientation in TURNED else size
 
 
 def read_color(path: Path, layer: str | None = None) -> Image2D:
@@ -235,15 +244,15 @@ def read_header(path: Path, layer: str | None = None) -> Header:
         tags = read_tags(path)
         is_turned = tags.orientation in TURNED
         size = (tags.height, tags.width) if is_turned else (tags.width, tags.height)
-        return Header(*size, not tags.is_float, tags.xmp)
+        return Header(*size, not tags.is_float, tags.xmp, orientation=tags.orientation)
     image = _open_pillow(path, kind)
-    size = (image.width, image.height)
-    size = size[::-1] if orientation_of(image) in TURNED else size
+    size, orientation = (image.width, image.height), orientation_of(image)
+    size = size[::-1] if orientation in TURNED else size
     has_end, unread = True, ""
     if names_gain_map(image):
         has_end = kind != "jpeg" or read_gain_map(path) is None
         unread = NO_GAIN_MAP if has_end else ""
-    return Header(*size, has_end, xmp_of(image), unread)
+    return Header(*size, has_end, xmp_of(image), unread, orientation)
 
 
 def picture_size(path: Path) -> tuple[int, int]:

@@ -54,3 +54,8 @@ def upright(pixels: NDArray[Scalar], orientation: int) -> NDArray[Scalar]:
     if orientation in (2, 3, 6, 7):
         pixels = pixels[:, ::-1]
     return pixels
+
+
+def as_stored(pixels: NDArray[Scalar], orientation: int) -> NDArray[Scalar]:
+    """Return upright pixels (H, W, ...) as they were stored: the inverse of `upright`."""
+    return upright(pixels, {6: 8, 8: 6}.get(orientation, orientation))

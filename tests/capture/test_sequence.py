@@ -8,11 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 from scipy.spatial.transform import Rotation
 
 from iprt.capture.sequence import RgbdSequence
 from iprt.errors import IprtError
 from tests.capture.sequences import Z_UP, Camera, looking_around, room, write_tum
+from tests.files.writing import exif
 from tests.scene.files import write_png16_grey
 
 CAMERA = Camera(24, 18, 16.0)
@@ -40,6 +42,17 @@ def test_tum_lists_are_joined_by_time(tum: Path) -> None:
         (tum / name).write_text("\n".join(lines))
     kept = [shot.color.name for shot in RgbdSequence.open(tum).shots]
     assert kept == ["0001.png", "0002.png", "0004.png"]
+
+
+@pytest.mark.parametrize("orientation", range(2, 9))
+def test_poses_are_of_stored_pixels(tum: Path, orientation: int) -> None:
+    """EXIF says how a person would hold the picture; depth and poses are the sensor's."""
+    expected = RgbdSequence.open(tum).read(2)
+    for path in (tum / "rgb").iterdir():
+        Image.open(path).save(path, exif=exif(orientation))
+    picture = RgbdSequence.open(tum).read(2)
+    np.testing.assert_array_equal(picture.color, expected.color)
+    assert picture.camera == expected.camera
 
 
 @pytest.mark.parametrize("up", ["x", "-x", "y", "-y", "z", "-z"])
