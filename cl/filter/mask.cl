@@ -4,10 +4,10 @@
 // Pixel (x, y) has its centre at (x + 0.5, y + 0.5); row 0 is the top.
 //
 //   kernel            in                                          out
-//   carry_touched     guide (7 planes), motion, touched of the    touched at this picture's surfaces,
-//                     last picture (1 plane: frames for which     less one; 0 elsewhere
-//                     influence is remembered from then on;
-//                     -2 before the first, -1 in it: unknown)
+//   carry_touched     guides of this and the last picture,        touched at this picture's surfaces,
+//                     motion, touched of the last picture (1      less one; negative where the last
+//                     plane: frames for which influence is        one did not show them: unknown
+//                     remembered from then on)
 //   choose_level      guide (7 planes), motion, touched,          level (1 plane of uchar, guide.h)
 //                     length of the history
 //   list_traced       level                                       list of y * width + x, its length
@@ -15,21 +15,20 @@
 // list_traced runs over CHUNK pixels of a row per work item: one atomic per chunk, and rays that
 // are neighbours in the list are neighbours in the picture. Its order differs between runs.
 #include "gbuffer/batch.h"
-#include "gbuffer/guide.h"
+#include "filter/surface.h"
 #include "methods/rays.h"
 
 #define CHUNK 64
 
-// Value of a plane of the last picture where it showed the surface of this pixel; 0 where it did not.
-static inline float value_before(
-    __global const float *restrict motion, __global const float *restrict plane, int p, int width,
-    int height, int seam)
+// Pixel of the last picture that this pixel's surface was in; -1: none.
+static inline int pixel_before(
+    __global const float *restrict motion, int p, int width, int height, int seam)
 {
     float mx = motion[p], my = motion[plane_size(width, height) + p];
     if (!(fabs(mx) < 1e6f && my >= 0.0f && my < height))
-        return 0.0f;
+        return -1;
     int column = wrap_column((int)floor(mx), width, seam);
-    return column >= 0 && column < width ? plane[plane_index(column, (int)my, width)] : 0.0f;
+    return column >= 0 && column < width ? plane_index(column, (int)my, width) : -1;
 }
 
 // Square of how much the pixels around p differ from it (Eq. 3), from 0 to 1: by their normals or, with
@@ -59,20 +58,27 @@ static inline float unlikeness(
 
 __kernel void carry_touched(
     BATCHED(PLANES_IN, guide),                   // 7 planes
+    BATCHED(PLANES_IN, guide_previous),          // the last picture's
     BATCHED(PLANES_IN, motion),                  // previous pixel, 2 planes; -1e9 = nowhere
     BATCHED(PLANES_IN, before),                  // 1 plane, touched of the last picture
     SPAN_PARAMETERS,                             // where there are surfaces
     BATCHED(PLANES_OUT, touched),                // out: 1 plane
+    BATCHED(const float, unseen),                // touched where the last picture did not show it
+    float plane_tolerance,                       // distance / depth of one surface; negative: a cut
+    float normal_agreement,                      // least cosine between its normals
     int width,
     int height,
-    int seam)
+    int seam CAMERA_PARAMETER)
 {
     SPAN_ITEM;
-    int p = plane_index(x, y, width);
-    float id = OF_BATCH(guide)[GUIDE_ID * plane_size(width, height) + p];
-    float frames = value_before(OF_BATCH(motion), OF_BATCH(before), p, width, height, seam);
-    store_wrapped(OF_BATCH(touched), p, x, width, seam,
-                  id > 0.0f ? frames < 0.0f ? frames + 1.0f : fmax(frames - 1.0f, 0.0f) : 0.0f);
+    int size = plane_size(width, height), p = plane_index(x, y, width);
+    const Surface surface =
+        surface_before(OF_BATCH(guide), plane_tolerance, size, p CAMERA_ARGUMENT);
+    const int q = pixel_before(OF_BATCH(motion), p, width, height, seam);
+    const bool seen =
+        q >= 0 && shows_surface(OF_BATCH(guide_previous), surface, normal_agreement, size, q);
+    const float frames = seen ? fmax(OF_BATCH(before)[q] - 1.0f, 0.0f) : OF_BATCH(unseen);
+    store_wrapped(OF_BATCH(touched), p, x, width, seam, surface.id > 0.0f ? frames : 0.0f);
 }
 
 __kernel void choose_level(
@@ -117,9 +123,11 @@ __kernel void choose_level(
         squared = unlikeness(guide, OF_BATCH(sigma_position), size, stride, p);
     int chosen = squared >= high * high ? 0 : squared >= low * low || active > 0.0f ? 1 : 2;
     bool waits = ((x - origin[0]) | (y - origin[1])) & 1;
-    if (chosen == 0 && OF_BATCH(keep) && waits
-        && value_before(OF_BATCH(motion), OF_BATCH(length), p, width, height, seam) > SETTLED_HISTORY)
-        chosen = LEVEL_WAITING;
+    if (chosen == 0 && OF_BATCH(keep) && waits) {
+        const int q = pixel_before(OF_BATCH(motion), p, width, height, seam);
+        if (q >= 0 && OF_BATCH(length)[q] > SETTLED_HISTORY)
+            chosen = LEVEL_WAITING;
+    }
     OF_BATCH(level)[p] = id > 0.0f ? chosen : LEVEL_NONE;
 }
 

@@ -24,8 +24,9 @@ STRONG_FRAMES = 2.0 * TOUCHED_FRAMES - 1.0
 """Frames, that of tracing among them, for which a strong influence of an object is remembered, if
 pixels that objects change little are told apart."""
 
-UNKNOWN = -2.0
-"""`Mask.touched` one frame before the first, in which nothing is known of the influence."""
+SAME_PLANE, SAME_NORMAL = 0.02, 0.9
+"""Distance from a pixel's tangent plane over its depth, and cosine between normals, up to which the
+last picture showed the same surface: the defaults of `TemporalSettings`."""
 
 LOW, HIGH = 0.3, 0.5
 """δ1 and δ2 of IPRT's Eq. 4: pixels that differ less get one ray for 16, and for 4."""
@@ -64,8 +65,6 @@ class Mask:
     traced : (H * W,) int32
         y * W + x of the pixels that get a ray; the first `count` entries hold.
     count : (1,) int32
-    unknown : 1 padded plane float32
-        `touched` before the first picture, in which each pixel then gets a ray.
     low, high, faint_frames : float
         Thresholds of `cl/filter/mask.cl`.
     """
@@ -87,9 +86,9 @@ class Mask:
         sparse = settings.sparse and min(layout.size) >= 4
         self.low, self.high = (LOW, HIGH) if sparse else (0.0, 0.0)
         self.faint_frames = TOUCHED_FRAMES - 1.0 if graded else 0.0
-        frames = np.float32(UNKNOWN if graded else 0.0)
-        self.unknown = layout.padded(np.full((1, layout.height, layout.width), frames))
-        self.touched = device.upload(f"{name} touched", self.unknown)
+        # Nothing is known of surfaces that come into view: each pixel gets a ray, once.
+        self.unseen = -1.0 if graded else 0.0
+        self.touched = device.zeros(f"{name} touched", layout.shape(1))
         self.before = device.zeros(f"{name} touched before", layout.shape(1))
         self.level = device.upload(f"{name} level", np.full(layout.shape(1), LEVEL_NONE, np.uint8))
         self.traced = device.empty(f"{name} traced", (layout.width * layout.height,), np.int32)
@@ -104,7 +103,16 @@ class Masks:
         defines = masks[0].guide.defines()
         size = masks[0].guide.layout.arguments()
         spans = span_arguments([mask.guide for mask in masks])
-        self._carry = device.kernel("filter/mask.cl", "carry_touched", defines).fixed(size, spans)
+        guide = masks[0].guide
+        self._carry = device.kernel(
+            "filter/mask.cl", "carry_touched", {**defines, **guide.camera_define}
+        ).fixed(
+            size,
+            spans,
+            guide.camera_argument,
+            batched(unseen=[mask.unseen for mask in masks]),
+            normal_agreement=SAME_NORMAL,
+        )
         listed = batched(
             level=[mask.level for mask in masks],
             count=[mask.count for mask in masks],
@@ -123,11 +131,6 @@ class Masks:
             size, listed, batched(list=[mask.traced for mask in masks])
         )
 
-    def forget(self) -> None:
-        """Trace each pixel in the next picture, as in the first: after a cut of the video."""
-        for mask in self._masks:
-            self._device.write(mask.touched, mask.unknown)
-
     def run(
         self,
         grid: cla.Array,
@@ -135,6 +138,7 @@ class Masks:
         histories: Sequence[cla.Array | None] | None = None,
         *,
         metre: float = 1.0,
+        cut: bool = False,
     ) -> None:
         """Fill `level`, `traced` and `count` of each from the current picture of its guide.
 
@@ -149,6 +153,8 @@ class Masks:
             rays: those of sparse masks.
         metre : float
             Length of a metre in the units of the guide's positions.
+        cut : bool
+            The last picture showed another place, or other light.
         """
         masks = self._masks
         layout = masks[0].guide.layout
@@ -162,7 +168,15 @@ class Masks:
             touched=[mask.touched for mask in masks],
         )
         with self._device.profile.section("mask"):
-            self._carry(size, carried, batched(before=[mask.before for mask in masks]))
+            self._carry(
+                size,
+                carried,
+                batched(
+                    guide_previous=[mask.guide.previous for mask in masks],
+                    before=[mask.before for mask in masks],
+                ),
+                plane_tolerance=-1.0 if cut else SAME_PLANE,
+            )
             self._choose(
                 size,
                 carried,

@@ -111,9 +111,13 @@ class SparseMethod(Method):
         self._world = world
         self._gather.run(context.view)
         histories = [None if of is None else of(context) for of in self._histories]
-        if context.cut:
-            self._masks.forget()
-        self._masks.run(context.grid, self._motions, histories, metre=world.panorama.scale)
+        self._masks.run(
+            context.grid,
+            self._motions,
+            histories,
+            metre=world.panorama.scale,
+            cut=context.cut,
+        )
         ratio = None
         if self.real_pixels is not None:
             ratio = self.real_pixels.run(world, context)

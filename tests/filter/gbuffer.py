@@ -57,9 +57,11 @@ class GBuffer:
         """(7, H, W), what the guide holds."""
         return np.concatenate([self.normal, self.position, self.seen_ids[None]])
 
-    def guide(self, device: ComputeDevice) -> Guide:
+    def guide(self, device: ComputeDevice, *, pictures: int = 1) -> Guide:
+        """Return the guide after so many pictures that show the same."""
         guide = Guide(device, self.layout, name="test")
-        self.fill(device, guide)
+        for _ in range(pictures):
+            self.fill(device, guide)
         return guide
 
     def fill(self, device: ComputeDevice, guide: Guide) -> None:

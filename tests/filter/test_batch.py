@@ -37,7 +37,7 @@ class Frames:
         shape = (FRAMES, len(LAYERS))
         self.samples = rng.gamma(2.0, 0.5, (*shape, 3, HEIGHT, WIDTH))
         self.motion = still_motion(WIDTH, HEIGHT) + rng.normal(size=(*shape, 2, HEIGHT, WIDTH))
-        self.touched = 12.0 * (rng.random((2, HEIGHT, WIDTH)) < 0.1)
+        self.touched = 12.0 * (rng.random((2, HEIGHT, WIDTH)) < 0.6)
         self.roughness = rng.choice([0.0, 0.02, 0.3], (len(LAYERS), HEIGHT, WIDTH))
 
     def planes(self, image: NDArray[np.float64]) -> cla.Array:
@@ -69,6 +69,7 @@ class Frames:
         signal_filter = SignalFilter(device, signals, Settings(), published=published)
         view = device.upload("view", self.gbuffers[0].view.kernel_constants())
         still = still_frame(device, view)
+        gather.run(view)  # the picture before the first
         for frame in range(FRAMES):
             context = replace(still, index=frame, objects_changed=frame == 3)
             gather.run(view)

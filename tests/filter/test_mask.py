@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pyopencl.array as cla
 import pytest
@@ -40,7 +42,7 @@ def run(
     """Mask, (H, W) level, and (H, W) bool of the listed pixels."""
     layout = gbuffer.layout
     settings = MaskSettings(sigma_position=sigma)
-    mask = Mask(device, gbuffer.guide(device), settings, name="test", graded=graded)
+    mask = Mask(device, gbuffer.guide(device, pictures=2), settings, name="test", graded=graded)
     device.write(mask.touched, layout.padded(touched[None]))
     histories = None if history is None else [upload(device, layout, history[None])]
     Masks(device, [mask]).run(tracing_grid(device, offset), [still(device, layout)], histories)
@@ -116,19 +118,29 @@ def test_faint_influence_takes_a_quarter_of_the_rays(device: ComputeDevice) -> N
     assert seen == [[9, 9]] * 10 + [[0, 9]] * 10 + [[0, 0]] * 2
 
 
-def test_each_pixel_gets_a_ray_while_nothing_is_known(device: ComputeDevice) -> None:
-    """In the first picture and after a cut, once."""
-    gbuffer = flat_gbuffer(32, 24)
+def test_each_pixel_gets_a_ray_where_nothing_is_known(device: ComputeDevice) -> None:
+    """In the first picture, after a cut, and of what comes into view; once."""
+    wall = flat_gbuffer(32, 24)
+    box, uncovered = wall.depth.copy(), np.zeros((24, 32), bool)
+    uncovered[:, 20:24] = True
+    box[uncovered] *= 0.8
+    hidden = replace(wall, depth=box)
     settings = MaskSettings(sigma_position=0.1)
-    mask = Mask(device, gbuffer.guide(device), settings, name="test", graded=True)
+    mask = Mask(device, hidden.guide(device), settings, name="test", graded=True)
     masks = Masks(device, [mask])
-    for _ in range(2):
-        levels = []
-        for _ in range(3):
-            masks.run(tracing_grid(device, (0, 0)), [still(device, gbuffer.layout)])
-            levels += np.unique(read(device, gbuffer.layout, mask.level)[0]).tolist()
-        assert levels == [0, 2, 2]
-        masks.forget()
+
+    def step(shown: GBuffer | None = None, *, cut: bool = False) -> np.ndarray:
+        if shown is not None:
+            shown.fill(device, mask.guide)
+        masks.run(tracing_grid(device, (0, 0)), [still(device, wall.layout)], cut=cut)
+        return read(device, wall.layout, mask.level)[0]
+
+    assert (step() == 0).all()
+    assert (step(hidden) == 2).all()
+    assert np.array_equal(step(wall), np.where(uncovered, 0, 2))
+    assert (step(wall) == 2).all()
+    assert (step(wall, cut=True) == 0).all()
+    assert (step(wall) == 2).all()
 
 
 def test_influence_moves_with_the_picture(device: ComputeDevice) -> None:
@@ -174,7 +186,7 @@ def test_a_long_history_takes_a_quarter_of_the_rays_from_all_pixels(device: Comp
 def test_a_history_is_looked_up_where_the_surface_was(device: ComputeDevice) -> None:
     gbuffer = flat_gbuffer(32, 24)
     layout = gbuffer.layout
-    mask = Mask(device, gbuffer.guide(device), MaskSettings(), name="test")
+    mask = Mask(device, gbuffer.guide(device, pictures=2), MaskSettings(), name="test")
     device.write(mask.touched, np.full(mask.touched.shape, TOUCHED_FRAMES, np.float32))
     history = np.zeros((24, 32))
     history[10, 16] = 8.0

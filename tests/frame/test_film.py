@@ -49,7 +49,7 @@ def pictures(
 @pytest.mark.thorough
 def test_a_goal_decides_how_many_frames_a_picture_has(scene: Scene, device: ComputeDevice) -> None:
     settings, view = SETTINGS.model_copy(update={"fading": 0.0}), scene.views["ahead"]
-    goal, seen = Goal(0.01, 256, scene.exposure), list[int]()
+    goal, seen = Goal(0.003, 256, scene.exposure), list[int]()
     with Film(scene, device, settings, view=view) as running:
         ((_, picture),) = running.frames([1], aovs=["normal"], goal=goal, progress=seen.append)
     assert goal.met, goal.reached

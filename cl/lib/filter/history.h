@@ -1,16 +1,14 @@
 // The history of a pixel: fetched from the previous picture, corrected, clamped, and added to
 // (filter/temporal.cl). Sources are named there.
 //
-// -DCOMMON: filter/signal.h; -DCAMERA_MOTION: gbuffer/camera.h.
+// -DCOMMON: filter/signal.h; -DCAMERA_MOTION: filter/surface.h.
 #ifndef IPRT_HISTORY_H
 #define IPRT_HISTORY_H
 
 #include "gbuffer/batch.h"
-#include "gbuffer/camera.h"
-#include "gbuffer/guide.h"
 #include "methods/rays.h"
 #include "filter/signal.h"
-#include "maths/tracing.h"
+#include "filter/surface.h"
 
 #define HUGE 1e30f            // samples from here on, and NaN, are not used
 #define MAX_LENGTH 1e6f
@@ -127,23 +125,14 @@ static inline ALWAYS_INLINE History fetch_history(
     int planes, FETCH_PARAMETERS, int p, int width, int height, int seam CAMERA_PARAMETER)
 {
     int size = plane_size(width, height);
-    float nx = guide[p], ny = guide[size + p], nz = guide[2 * size + p];
-    float px = guide[3 * size + p], py = guide[4 * size + p], pz = guide[5 * size + p];
-    float id = guide[6 * size + p];
-    float tolerance = plane_tolerance * sqrt(px * px + py * py + pz * pz);
-#ifdef CAMERA_MOTION
-    const float3 normal = camera_before(camera, (float3)(nx, ny, nz), 0.0f);
-    const float3 point = camera_before(camera, (float3)(px, py, pz), 1.0f);
-    nx = normal.x, ny = normal.y, nz = normal.z;
-    px = point.x, py = point.y, pz = point.z;
-#endif
+    const Surface surface = surface_before(guide, plane_tolerance, size, p CAMERA_ARGUMENT);
 
     float past[REAL_PLANES];
     EACH_PLANE(c, planes)
         past[c] = 0.0f;
     float weights = 0.0f, samples = 0.0f, variation = 0.0f;
     float mx = motion[p] - 0.5f, my = motion[size + p] - 0.5f;
-    if (id > 0.0f && fabs(mx) < 1e6f && fabs(my) < 1e6f) {
+    if (surface.id > 0.0f && fabs(mx) < 1e6f && fabs(my) < 1e6f) {
         int left = (int)floor(mx), top = (int)floor(my);
         float fx = mx - left, fy = my - top;
         #pragma unroll 1
@@ -153,13 +142,8 @@ static inline ALWAYS_INLINE History fetch_history(
             if (!(w > 0.0f) || tx < 0 || tx >= width || ty < 0 || ty >= height)
                 continue;
             int q = plane_index(tx, ty, width);
-            float cosine = nx * guide_previous[q] + ny * guide_previous[size + q]
-                           + nz * guide_previous[2 * size + q];
-            float off_plane = nx * (guide_previous[3 * size + q] - px)
-                              + ny * (guide_previous[4 * size + q] - py)
-                              + nz * (guide_previous[5 * size + q] - pz);
-            if (guide_previous[6 * size + q] != id || !(fabs(off_plane) <= tolerance)
-                || !(cosine >= normal_agreement) || !(length_before[q] > 0.0f))
+            if (!shows_surface(guide_previous, surface, normal_agreement, size, q)
+                || !(length_before[q] > 0.0f))
                 continue;
             EACH_PLANE(c, planes)
                 past[c] += w * signal_before[c * size + q];

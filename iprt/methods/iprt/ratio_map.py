@@ -73,5 +73,5 @@ class RatioMap:
             layer = self._pixels.layer
             self._guides.run(self._constants)
             metre = world.panorama.scale
-            self._masks.run(here.grid, [layer.motion], metre=metre)
+            self._masks.run(here.grid, [layer.motion], metre=metre, cut=context.cut)
             self._pixels.run(world, here)
