@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Make the README's strip of frames: `python docs/clip.py` writes docs/clip.png.
+"""Make the strip of frames in docs/guide.md: `python docs/clip.py` writes docs/clip.png.
 
 Plays the clip `scenes360/train` once, and shows some of its frames side by side.
 """

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Make the README's pictures of the demo scene: `python docs/comparison.py`.
+"""Make the pictures of the demo scene: `python docs/comparison.py`.
 
 Writes docs/demo.jpg, the scene with objects, and docs/comparison.png: a part of it as the input,
 as iprt and image-based lighting render it, and as path-traced truth.

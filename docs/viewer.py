@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Make the README's picture of the viewer: `python -m docs.viewer` writes docs/viewer.png.
+"""Make the picture of the viewer in docs/viewer.md: `python -m docs.viewer` writes docs/viewer.png.
 
 It is what the viewer's window shows, on a screen of its own; Xvfb and the extras `view` and
 `screen` are needed.

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Make the README's picture of the web viewer: `python docs/web.py` writes docs/web.png.
+"""Make the picture of the web viewer in docs/viewer.md: `python docs/web.py` writes docs/web.png.
 
 Opens `scenes360/lounge` in headless Chromium, clicks the pot, waits until the picture is refined.
 Needs the extras `view` and `screen`, and Chromium.

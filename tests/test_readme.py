@@ -1,4 +1,4 @@
-"""What the README and docs promise: commands, Python example, files."""
+"""The README and the docs keep their promises: commands, files, links, the table of kernels."""
 
 from __future__ import annotations
 
@@ -17,10 +17,11 @@ import OpenEXR
 import pytest
 
 from iprt import cli
+from tests import kernel_table
 from tests.waiting import DEADLINE_S
 
 ROOT = Path(__file__).parents[1]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 
 
 def blocks(page: Path, language: str) -> list[str]:
@@ -99,21 +100,35 @@ def test_run_commands_exist() -> None:
     assert all((ROOT / name).is_file() for name in others), others
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def anchors(page: Path) -> set[str]:
+    """Return the names by which GitHub links to the headings of a page."""
+    headings = re.findall(r"^#+ (.*)$", page.read_text(), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading).lower().replace(" ", "-") for heading in headings}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
 def test_named_files_exist(page: Path) -> None:
     text = page.read_text()
-    links = re.findall(r"\]\(([^)#:]+)\)", text)
-    assert all((page.parent / link).exists() for link in links), links
-    named = set(re.findall(r"`((?:cl|docs|glsl|iprt|scenes360|tests)/[\w./]*)`", text))
-    missing = sorted(name for name in named if not (ROOT / name).exists())
+    links = [link.partition("#") for link in re.findall(r"\]\(([^):]+)\)", text)]
+    missing = [link for link, _, _ in links if not (page.parent / link).exists()]
     assert not missing
+    targets = [(page.parent / link if link else page, name) for link, _, name in links if name]
+    assert not [(target, name) for target, name in targets if name not in anchors(target)]
+    named = set(re.findall(r"`((?:cl|docs|glsl|iprt|scenes360|tests)/[\w./]*)`", text))
+    assert not sorted(name for name in named if not (ROOT / name).exists())
 
 
 def test_every_kernel_is_in_the_table() -> None:
-    table = (ROOT / "README.md").read_text().partition("| kernel | guarded by |")[2]
-    left = " ".join(line.split("|")[1] for line in table.splitlines() if line.startswith("| `"))
+    text = kernel_table.PAGE.read_text()
+    shown = text.partition(kernel_table.START)[2].partition(kernel_table.END)[0].strip()
+    assert shown == kernel_table.table(), "run python -m tests.kernel_table --write"
+    left = " ".join(line.split("|")[1] for line in shown.splitlines())
     kernels = {str(path.relative_to(ROOT)) for path in (ROOT / "cl").rglob("*.cl")}
     assert kernels <= set(re.findall(r"`([\w./]+)`", left))
+
+
+def test_readme_is_short() -> None:
+    assert len((ROOT / "README.md").read_text().splitlines()) <= 160
 
 
 SIZE = ("--size", "64", "64")
@@ -154,14 +169,18 @@ NOT_HERE = {
 
 SHRUNK = 4
 PARTS = [
-    *(pytest.param([block], SHRUNK, id=block[0][0][1]) for block in command_blocks(PAGES[0])),
+    *(
+        pytest.param([block], SHRUNK, id=f"{page.stem}-{block[0][0][1]}")
+        for page in (ROOT / "README.md", ROOT / "docs" / "guide.md")
+        for block in command_blocks(page)
+    ),
     *(
         pytest.param(command_blocks(ROOT / "docs" / name), 1, id=name)
         for name in ("footage.md", "meshes.md")
     ),
 ]
-"""What runs by itself: a block of the README, and other pages as a whole; of the scene, one row and
-column in so many is kept. Pages may say what commands print."""
+"""Commands that run together: a block of the README or the guide, or another page as a whole. The
+number is the step between kept rows and columns of the scene. Pages may state the output."""
 
 
 def is_here(command: str) -> bool:
@@ -233,16 +252,3 @@ def run(words: list[str], output: list[str], capsys: pytest.CaptureFixture[str])
     for flag, value in pairwise(words):
         if flag in ("-o", "--save", "--html", "--trace", "--thumbnail"):
             assert list(Path().glob(re.sub(r"%\d*d", "*", value))), command
-
-
-@pytest.mark.thorough
-@pytest.mark.gl
-def test_python_example_runs(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (example,) = blocks(ROOT / "README.md", "python")
-    (tmp_path / "scenes360").symlink_to(ROOT / "scenes360")
-    monkeypatch.chdir(tmp_path)
-    exec(compile(example, "README.md", "exec"), {})
-    assert (tmp_path / "out" / "table.png").stat().st_size > 1000
-    assert re.search(r"^trace real +\d+\.\d\d ms per frame$", capsys.readouterr().out, re.MULTILINE)

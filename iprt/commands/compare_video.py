@@ -205,7 +205,7 @@ NOTES = (
     "frame against the truth's, in 1/255.",
     "untouched, relit, object: flicker, the mean absolute difference of consecutive pictures after "
     "motion compensation, in 1/255; x: over the input's, or the truth's, on the same pixels.",
-    "trail: frames until what has moved away (objects, real things, shadows) changes the picture "
+    "trail: frames until moved objects, real things and shadows change the picture "
     f"by less than 1/255; ghost: the share of it still visible {GHOST_AGE} frames later.",
 )
 

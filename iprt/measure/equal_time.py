@@ -266,9 +266,9 @@ def costs_grid(results: Sequence[EqualTime]) -> Grid:
             for result in results
         ),
         notes=(
-            "ms/frame: a head turns, nothing else moves. video, objects: what is added, until all "
-            "is at rest, where the video goes on to a frame that looks the same, or where all "
-            "objects have moved. MB: buffers on the device.",
+            "ms/frame: a head turns, nothing else moves. video, objects: additional time until all "
+            "is at rest, after the video advances to an equal frame, or after all objects have "
+            "moved. MB: buffers on the device.",
         ),
         words=2,
     )
@@ -290,8 +290,8 @@ def equal_time_grid(results: Sequence[EqualTime]) -> Grid:
             for result in results
         ),
         notes=(
-            "SSIM of each cut, FLIP, [frames]. Seconds count from what is in memory, kernels "
-            "compiled, to the last picture that was finished in time, or the first one.",
+            "SSIM of each cut, FLIP, [frames]. Seconds count from the scene in memory, with "
+            "kernels compiled, to the last picture that was finished in time, or the first one.",
         ),
         words=2,
     )

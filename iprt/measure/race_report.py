@@ -36,7 +36,8 @@ def race_grid(race: Race, levels: Sequence[float], how: Sequence[str]) -> Grid:
     notes = [
         "Seconds per picture until the cut has the SSIM; between pictures, SSIM is linear in the "
         f"logarithm of time. (x): times {labels[0]}'s.",
-        "once: seconds per process, from its start to its first picture, less those of a second.",
+        "once: seconds per process, from its start to its first picture, minus the seconds of a "
+        "second picture.",
         *how,
     ]
     if FULL not in labels:

@@ -61,8 +61,8 @@ def sweep_grid(outcomes: Sequence[Outcome]) -> Grid:
         columns=columns,
         rows=tuple(rows),
         notes=(
-            f"ratio: of times to those of the view's first row, frame by frame beside it, with its "
-            f"{CONFIDENCE:.0%} confidence interval.",
+            "ratio: time relative to the view's first row, timed frame by frame beside it, with "
+            f"its {CONFIDENCE:.0%} confidence interval.",
             f"{FRONT}: on the Pareto front of time and SSIM of the cuts.",
             *([f"±: {CONFIDENCE:.0%} confidence over seeds."] if intervals else []),
         ),

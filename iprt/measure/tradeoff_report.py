@@ -47,10 +47,10 @@ def tradeoff_grid(table: Tradeoff) -> Grid:
         notes=(
             *(f"{name}: {settings_text(name)}." for name in LADDER),
             f"Times: views of {table.scene} on {table.device}, driver {table.driver}. SSIM: views "
-            f"of {table.truth}. ±: half of the way from the least of the views to the greatest.",
-            "ratio: of times to those of 'balanced', frame by frame beside it, with the 95% "
+            f"of {table.truth}. ±: half of the range over the views.",
+            "ratio: time relative to 'balanced', timed frame by frame beside it, with the 95% "
             "confidence interval. 4x pixels: times the time for four times the pixels.",
-            "SSIM: mean of the cuts after so many frames, against path-traced truth.",
+            "SSIM: mean of the cuts after the given number of frames, against path-traced truth.",
             f"{FRONT}: on the Pareto front of time and SSIM, the mean over the numbers of frames.",
         ),
     )

@@ -1,8 +1,9 @@
 """Defects planted by hand in the kernels: signs, bounds, seams, poles, densities, weights, axes.
 
 They are listed in kernels.txt. A line `FILE: TESTS` opens the defects of a file that those tests
-guard ("Changing a kernel" in README.md). Each is a line `- text`, a piece that the file has once,
-and a line `+ text`, what becomes of it. A line `= reason` below says why no test can see it.
+guard ("Changing a kernel" in docs/testing.md). Each defect is a line `- text`, a piece that occurs
+once in the file, and a line `+ text`, its replacement. A line `= reason` below explains why no test
+can see it.
 """
 
 from __future__ import annotations

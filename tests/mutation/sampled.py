@@ -77,7 +77,7 @@ EQUIVALENT: dict[str, str] = {
         "Never read: there are no cells to be aimed at."
     ),
     "iprt/bvh/cache.py: most = fixed[-1] + MESH_DEPTH + 1 -> most = fixed[-1] + MESH_DEPTH + 2": (
-        "A bound on what is read, one number larger; what is no tree is refused afterwards."
+        "A bound on the file, one number larger; an invalid tree is refused afterwards."
     ),
     "iprt/truth/sensor.py: [[*rotation[0], 0.0], [*rotation[1], 0.0], [*rotation[2], 0.0], "
     "[0, 0, 0, 1.0]] -> [[*rotation[0], 0.0], [*rotation[1], 0.0], [*rotation[2], 0.1], "
