@@ -37,12 +37,12 @@ def main() -> None:
     chromium = shutil.which("chromium") or shutil.which("google-chrome")
     with (
         Engine(scene, lambda: ComputeDevice(choose_device())) as engine,
-        Host(engine, Start(view), host="127.0.0.1", port=0, token=None) as host,
+        Host(engine, Start(view), 0) as host,
         sync_playwright() as playwright,
     ):
         chrome = playwright.chromium.launch(executable_path=chromium, args=FLAGS)
         page = chrome.new_page(viewport=WINDOW)
-        page.goto(host.address.url)
+        page.goto(host.url)
         # What it says of software rendering.
         page.add_style_tag(content=".mantine-Notifications-root { display: none }")
         shot = _shot(page, host)

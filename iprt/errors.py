@@ -52,12 +52,6 @@ class DeviceHangError(DeviceError):
     """A device did not answer in time. Whatever waits for it, its driver included, may hang too."""
 
 
-class DefectError(IprtError):
-    """With `check_kernels`: a kernel wrote what it must not. A defect of ours, not of the input."""
-
-    exit_code = 70
-
-
 class KernelError(IprtError):
     """An OpenCL program did not build; the message, of several lines, is the whole report."""
 

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.aovs import read_aov
-from iprt.device.checked import checked
 from iprt.device.compute import ComputeDevice
 from iprt.filter.mask import tracing_grids
 from iprt.footage.footage import Footage
@@ -131,7 +130,7 @@ class Renderer:
     ) -> None:
         self.settings = settings or Settings()
         self.fading = self.settings.fading
-        self.device = device = checked(device) if self.settings.check_kernels else device
+        self.device = device
         self.instances = tuple(instances)
         self.view = view
         self.background = background

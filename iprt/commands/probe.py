@@ -11,48 +11,40 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
+from collections.abc import Callable, Mapping
 from typing import Any
-
-from iprt.files.termination import at_termination
 
 Record = dict[str, Any]
 TIMEOUT_S = 120.0
 
 
 def probe(
-    name: str, timeout_s: float = TIMEOUT_S, variables: Mapping[str, str] | None = None
+    name: str, variables: Mapping[str, str] | None = None, timeout_s: float = TIMEOUT_S
 ) -> Record:
-    """The record that the probe `name` of `PROBES` prints, or `{"error": why}`.
+    """Return the record that the probe `name` of `PROBES` prints, or `{"error": why}`.
 
     `variables` are added to its environment.
     """
-    package_parent = str(Path(__file__).resolve().parents[2])
-    path = os.pathsep.join(filter(None, (package_parent, os.environ.get("PYTHONPATH"))))
     try:
-        child = subprocess.Popen(
+        child = subprocess.run(
             [sys.executable, "-m", "iprt.commands.probe", name],
-            env={**os.environ, "PYTHONPATH": path, **(variables or {})},
+            env={**os.environ, **(variables or {})},
             stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
+            capture_output=True,
             text=True,
             errors="replace",
+            timeout=timeout_s,
+            check=False,
         )
     except OSError as error:
         return {"error": f"no process can be started: {error}"}
-    with child, at_termination(child.kill):
-        try:
-            stdout, stderr = child.communicate(timeout=timeout_s)
-        except subprocess.TimeoutExpired:
-            child.kill()
-            return {"error": f"no answer within {timeout_s:.0f} s"}
-    return read_record(child.returncode, stdout, stderr)
+    except subprocess.TimeoutExpired:
+        return {"error": f"no answer within {timeout_s:.0f} s"}
+    return read_record(child.returncode, child.stdout, child.stderr)
 
 
 def read_record(status: int, stdout: str, stderr: str) -> Record:
-    """Answer of a child process: the JSON object in the last line of `stdout`, if it ended well."""
+    """Return the JSON object in the last line of a child's `stdout`, or why there is none."""
     if status < 0:
         return {"error": f"the process was ended by {signal.Signals(-status).name}"}
     try:
@@ -64,7 +56,7 @@ def read_record(status: int, stdout: str, stderr: str) -> Record:
 
 
 def opencl() -> Record:
-    """Devices, the one that would be used, and why."""
+    """List the devices, the one that would be used, and why."""
     from iprt.device.choose import choose, describe_devices
     from iprt.errors import IprtError
 
@@ -74,65 +66,45 @@ def opencl() -> Record:
         answer = {"chosen": choice.info.index, "reason": choice.reason}
     except IprtError as error:  # PYOPENCL_CTX may fit no device
         answer = {"error": str(error)}
-    devices = []
-    for info in infos:
-        record = {key: value for key, value in vars(info).items() if key != "handle"}
-        devices.append(record | {"chosen": info.index == answer.get("chosen")})
-    return {"devices": devices, **answer}
+    return {"devices": [info.plain() for info in infos], **answer}
 
 
 def opengl() -> Record:
-    """The renderer behind an OpenGL context made through EGL, without a display."""
+    """Name the renderer of an OpenGL context made through EGL, without a display."""
     from iprt.raster.context import create_context
 
     info = create_context().info
     renderer = info["GL_RENDERER"]
     software = any(name in renderer.lower() for name in ("llvmpipe", "softpipe", "swrast"))
-    return {
-        "renderer": renderer,
-        "vendor": info["GL_VENDOR"],
-        "version": info["GL_VERSION"],
-        "software": software,
-    }
+    return {"found": f"{renderer}, {info['GL_VERSION']}", "software": software}
 
 
 def mitsuba() -> Record:
-    """The variant of Mitsuba that runs here, and the LLVM it compiles with."""
-    from iprt.truth.backend import mitsuba as load
+    """Name the variant of Mitsuba that runs here, and the LLVM that it compiles with."""
+    from iprt.truth.backend import vector_mitsuba
 
-    return {"variant": load().variant(), "llvm": os.environ.get("DRJIT_LIBLLVM_PATH")}
+    variant = vector_mitsuba().variant()
+    return {"found": f"{variant}, {os.environ.get('DRJIT_LIBLLVM_PATH', 'its own LLVM')}"}
 
 
 def window() -> Record:
-    """Whether `iprt view` can open a window."""
-    from iprt.viewer.needs import WINDOW, require_window
+    """Raise an error if `iprt view` cannot open a window."""
+    from iprt.viewer.needs import require_window
 
-    if record := _lacking(WINDOW):
-        return record
     require_window()
-    return {}
+    return {"found": "works"}
 
 
 def browser() -> Record:
-    """Whether `iprt view --web` can serve."""
-    from iprt.viewer.needs import BROWSER
+    """Raise an error if `iprt view --web` cannot serve."""
+    from iprt.viewer.needs import require_browser
 
-    return _lacking(BROWSER)
-
-
-def _lacking(modules: Sequence[str]) -> Record:
-    from iprt.viewer.needs import install_command, lacking
-
-    problems = lacking(modules)
-    return {"error": ", ".join(problems), "install": install_command()} if problems else {}
+    require_browser()
+    return {"found": "works"}
 
 
 PROBES: dict[str, Callable[[], Record]] = {
-    "opencl": opencl,
-    "opengl": opengl,
-    "mitsuba": mitsuba,
-    "window": window,
-    "browser": browser,
+    what.__name__: what for what in (opencl, opengl, mitsuba, window, browser)
 }
 
 

@@ -14,14 +14,13 @@ from iprt.files.termination import at_termination
 
 if TYPE_CHECKING:
     from iprt.viewer.engine import Engine
-    from iprt.viewer.web.gate import Address
 
 WINDOW = (1280, 800)
 FPS = 10.0
 FRAME_LIMIT_S = 60.0
 """After which a viewer gives a frame up: nobody looks at a window that stands for longer."""
 MAX_FPS = 240.0
-LOCAL, PORT, MAX_PORT = "127.0.0.1", 8080, 65535
+PORT, MAX_PORT = 8080, 65535
 
 
 def view(
@@ -38,9 +37,7 @@ def view(
     setting_flags: ChosenSettings = BALANCED,
     device: str | None = None,
     web: bool = False,
-    host: str = LOCAL,
     port: int = PORT,
-    token: str | None = None,
     allow_outside: bool = False,
 ) -> int:
     """Open a scene, to look around, place objects, change settings and see what they cost.
@@ -74,15 +71,10 @@ def view(
         gpu, cpu, a place such as 0:0 (see `iprt doctor`), or part of a device's name. Default: the
         fastest kind there is.
     web
-        Serve the viewer to browsers instead of opening a window.
-    host
-        Address to serve at. The default accepts this machine alone; where other machines can
-        connect, browsers are asked for the token.
+        Serve the viewer to browsers of this machine instead of opening a window. Those of other
+        machines come through ssh, by the command that is printed.
     port
         TCP port to serve at; 0: any that is free.
-    token
-        Password that browsers are asked for, on this machine too. Default: none for this machine
-        alone, else a random one.
     allow_outside
         Follow links in the scene's folder to files outside of it.
 
@@ -95,8 +87,8 @@ def view(
         raise IprtError(f"--fps {fps:g}: expected 0 to {MAX_FPS:g} frames per second")
     if not 0 <= port <= MAX_PORT:
         raise IprtError(f"--port {port}: expected 0 to {MAX_PORT}")
-    if not web and (token is not None or host != LOCAL or port != PORT):
-        raise IprtError("--host, --port and --token: are for --web")
+    if not web and port != PORT:
+        raise IprtError("--port: is for --web")
     if web and size is not None:
         raise IprtError("--size: is for a window; with --web, browsers have sizes of their own")
 
@@ -144,9 +136,7 @@ def view(
                 engine,
                 look,
                 objects=objects,
-                host=host,
                 port=port,
-                token=token,
                 target_fps=fps or None,
                 ready=_tell_address,
             )
@@ -159,12 +149,9 @@ def lost_edits(engine: Engine) -> str | None:
     return f"edits that nobody saved are lost, of: {names}" if names else None
 
 
-def _tell_address(address: Address) -> None:
-    """Where browsers go, and how those of other machines get there."""
+def _tell_address(port: int) -> None:
+    """Print where browsers of this machine go, and the ssh command for those of others."""
     from socket import gethostname
 
-    print(f"open {address.url} in a browser; Ctrl+C ends", flush=True)
-    if address.local:
-        port = address.port
-        line = f"from another machine: ssh -L {port}:localhost:{port} {gethostname()}"
-        print(line, flush=True)
+    print(f"open http://localhost:{port}/ in a browser; Ctrl+C ends", flush=True)
+    print(f"from another machine: ssh -L {port}:localhost:{port} {gethostname()}", flush=True)

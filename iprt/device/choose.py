@@ -63,6 +63,10 @@ class DeviceInfo:
         problem = f", not usable: {self.problem}" if self.problem else ""
         return f"{self.index} {self.name} ({self.platform}, driver {self.driver}{problem})"
 
+    def plain(self) -> dict[str, Any]:
+        """Return what can be written as JSON."""
+        return {name: value for name, value in vars(self).items() if name != "handle"}
+
 
 @dataclass(frozen=True)
 class Choice:

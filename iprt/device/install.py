@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import platform
+import re
 import shlex
 import shutil
 import sys
@@ -23,10 +24,24 @@ def pip_command(*features: str) -> str:
     return shlex.join([sys.executable, "-m", "pip", "install", *features])
 
 
-def requirements(extra: str) -> list[str]:
-    """Requirements of an extra of iprt, as pip takes them."""
-    found = (text.partition(";") for text in metadata.requires("iprt") or ())
-    return [name.strip() for name, _, when in found if f"{extra}'" in when.replace('"', "'")]
+def requirements(extra: str = "") -> dict[str, str]:
+    """Return the requirements of iprt, or of one of its extras, as pip takes them, by name."""
+    found = {}
+    for text in metadata.requires("iprt") or ():
+        wanted, _, marker = text.partition(";")
+        name = re.match(r"[\w.-]+", wanted)
+        of = re.search(r"extra == ['\"](.+?)['\"]", marker)
+        if name is not None and (of[1] if of else "") == extra:
+            found[name[0]] = wanted.strip()
+    return found
+
+
+def installed(name: str) -> str | None:
+    """Return the version of an installed package."""
+    try:
+        return metadata.version(name)
+    except metadata.PackageNotFoundError:
+        return None
 
 
 def opencl_command(*, pocl_fails: bool = False) -> str:

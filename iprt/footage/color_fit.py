@@ -78,7 +78,7 @@ class Pairs:
             error = self._errors(matrix)
             weight = self._share * (width * width / (width * width + error * error)) ** 2
             matrix = _ridge(self._u, self._r, weight, error)
-            noise = BEYOND_NOISE * weighted_quantile(error, self._share)
+            noise = BEYOND_NOISE * _quantile(error, 0.5, self._share)
             width = max(NARROWING * width, min(max(noise, NARROWEST), EXPLAINED))
         if not sane(matrix) or self._share[self._errors(matrix) < EXPLAINED].sum() < MAJORITY:
             return None
@@ -99,7 +99,7 @@ class Pairs:
         variance = (square - mean * mean) * self._per_region(self._share) / share**2
         size = np.sqrt((mean * mean).mean(axis=0))
         error = np.sqrt(np.maximum(variance, 0.0).mean(axis=0))
-        return weighted_quantile(size, share, MAJORITY), weighted_quantile(error, share, MAJORITY)
+        return _quantile(size, MAJORITY, share), _quantile(error, MAJORITY, share)
 
     def _per_region(self, values: Values) -> Values:
         """Sums of (N,) by weight, over the regions that have pairs."""
@@ -116,7 +116,7 @@ class Pairs:
             seen, wanted = self._seen[:, channel], self._wanted[:, channel]
             lit = (seen > 0.0) & (wanted > 0.0)
             if lit.any():
-                scale[channel] = weighted_quantile(wanted[lit] / seen[lit], self._share[lit])
+                scale[channel] = _quantile(wanted[lit] / seen[lit], 0.5, self._share[lit])
         return np.clip(scale, 1.0 / MAX_GAIN, MAX_GAIN)
 
 
@@ -133,11 +133,8 @@ def sane(matrix: Values) -> bool:
     )
 
 
-def weighted_quantile(values: Values, weight: Values, share: float = 0.5) -> float:
-    """The value below which that share of the weight lies."""
-    order = np.argsort(values)
-    below = np.cumsum(weight[order])
-    return float(values[order[np.searchsorted(below, share * below[-1])]])
+def _quantile(values: Values, share: float, weight: Values) -> float:
+    return float(np.quantile(values, share, weights=weight, method="inverted_cdf"))
 
 
 def _ridge(u: Values, r: Values, weight: Values, error: Values) -> Values:

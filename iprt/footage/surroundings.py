@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from iprt.files.wording import length
 from iprt.footage.coarse_depth import usable
-from iprt.footage.color_fit import weighted_quantile
 from iprt.footage.normals import estimate_normals
 from iprt.footage.openings import solid_angles
 from iprt.footage.readings import Reading, likely_reading
@@ -94,10 +93,8 @@ class Surroundings:
         distance = depth[row, column][there].astype(np.float64)
         weight = solid_angles(width, height)[row[there]]
         points = direction * distance[:, None]
-        x, y, z = (
-            weighted_quantile(along, weight, 0.99) - weighted_quantile(along, weight, 0.01)
-            for along in points.T
-        )
+        ends = np.quantile(points, (0.01, 0.99), 0, weights=weight, method="inverted_cdf")
+        x, y, z = map(float, ends[1] - ends[0])
         level, share = _level(points[:, 1], direction[:, 1], weight)
         return cls(
             float(np.median(distance)),

@@ -8,7 +8,7 @@ from pathlib import Path
 from iprt.errors import SceneError
 from iprt.files.atomic import replacing
 from iprt.footage.gloss import RealMaterial
-from iprt.scene.edit import changing, table_text
+from iprt.scene.edit import changing, inline, table_text
 from iprt.scene.manifest import MANIFEST_NAME, manifest_text, parse_manifest
 
 
@@ -17,13 +17,14 @@ def declaration(material: RealMaterial) -> str:
     plane, evidence, coat = material.plane, material.evidence, material.material
     assert plane is not None
     table = table_text(
-        "real_materials", name=material.name, kind=coat.kind, alpha=coat.alpha, ior=coat.ior
+        "real_materials",
+        name=material.name,
+        kind=coat.kind,
+        alpha=coat.alpha,
+        ior=coat.ior,
+        plane=inline(vars(plane)),
     )
-    place = (
-        f"plane = {{ point = {list(plane.point)}, normal = {list(plane.normal)}, "
-        f"tolerance = {plane.tolerance} }}\n"
-    )
-    return (f"# {evidence.line()}\n" if evidence is not None else "") + table + place
+    return (f"# {evidence.line()}\n" if evidence is not None else "") + table
 
 
 def declare(root: Path, materials: Iterable[RealMaterial]) -> None:

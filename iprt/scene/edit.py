@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import fcntl
 import filecmp
-import json
 import logging
 import os
 import re
@@ -266,15 +265,24 @@ def _target_name(key: str, path: Path) -> str:
 
 
 def table_text(key: str, **values: Any) -> str:
-    """An entry of a list of tables of `scene.toml`; JSON's strings are TOML's too."""
-    lines = [f"{name} = {json.dumps(value, ensure_ascii=False)}" for name, value in values.items()]
-    return "\n".join([f"[[{key}]]", *lines, ""])
+    """Return an entry of a list of tables of `scene.toml`, of the values that are not None."""
+    return tomlkit.dumps({key: [{k: v for k, v in values.items() if v is not None}]})
 
 
-def matrix_text(to_world: NDArray[np.float64]) -> str:
-    """A (4, 4) transform as TOML, a row a line."""
-    rows = (", ".join(f"{value:.7g}" for value in row) for row in to_world)
-    return "[\n" + "".join(f"  {row},\n" for row in rows) + "]"
+def matrix_array(to_world: NDArray[np.float64]) -> tomlkit.items.Array:
+    """Return a (4, 4) transform as TOML, a row a line."""
+    rows = tomlkit.array()
+    for row in to_world:
+        rows.add_line(*(float(f"{value:.7g}") for value in row), indent="  ")
+    rows.add_line(indent="")
+    return rows
+
+
+def inline(values: Mapping[str, Any]) -> tomlkit.items.InlineTable:
+    """Return a table in one line of TOML."""
+    table = tomlkit.inline_table()
+    table.update(values)
+    return table
 
 
 def _manifest_text(
@@ -311,14 +319,15 @@ def object_text(
     material: dict[str, Any] | None,
     animation: str | int | None = None,
 ) -> str:
-    """An `[[objects]]` table of `scene.toml`."""
-    text = table_text("objects", name=name, mesh=mesh) + f"to_world = {matrix_text(to_world)}\n"
-    if material is not None:
-        pairs = ", ".join(f"{key} = {json.dumps(value)}" for key, value in material.items())
-        text += f"material = {{ {pairs} }}\n"
-    if animation is not None:
-        text += f"animation = {json.dumps(animation, ensure_ascii=False)}\n"
-    return text
+    """Return an `[[objects]]` table of `scene.toml`."""
+    return table_text(
+        "objects",
+        name=name,
+        mesh=mesh,
+        to_world=matrix_array(to_world),
+        animation=animation,
+        material=None if material is None else inline(material),
+    )
 
 
 def outdate_truths(document: Any, names: Iterable[str]) -> bool:

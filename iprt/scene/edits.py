@@ -24,7 +24,8 @@ from iprt.geometry.mesh_files import MeshFile
 from iprt.scene.edit import (
     changing,
     copied,
-    matrix_text,
+    inline,
+    matrix_array,
     mesh_copies,
     object_text,
     outdate_truths,
@@ -270,11 +271,9 @@ def _keep(document: Any, look: Look, *, needed: bool) -> list[str]:
 
 def _edit_table(table: Any, edit: ObjectEdit, scene: Scene) -> None:
     if edit.to_world is not None:
-        table["to_world"] = tomlkit.value(matrix_text(np.reshape(edit.to_world, (4, 4))))
+        table["to_world"] = matrix_array(np.reshape(edit.to_world, (4, 4)))
     if edit.material is not None:
-        written = tomlkit.inline_table()
-        written.update(_material_table(edit, scene))
-        table["material"] = written
+        table["material"] = inline(_material_table(edit, scene))
 
 
 def _material_table(edit: ObjectEdit, scene: Scene) -> dict[str, Any]:

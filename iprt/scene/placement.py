@@ -11,7 +11,6 @@ from scipy import ndimage
 from scipy.spatial.transform import Rotation
 
 from iprt.errors import SceneError
-from iprt.footage.color_fit import weighted_quantile
 from iprt.footage.frame import Frame
 from iprt.footage.openings import solid_angles
 from iprt.geometry.camera import View, equirect_direction, equirect_texel
@@ -208,13 +207,15 @@ class RealSurfaces:
         surface = np.cumsum(steps > _STEP * max(abs(heights[0]), 1e-6))
         share = np.bincount(surface, seen) / seen.sum()
         highest = surface == np.argmax(share >= min(_STRAY, share.max()))
-        return weighted_quantile(heights[highest], area[highest], 0.5)
+        heights, area = heights[highest], area[highest]
+        return float(np.quantile(heights, 0.5, weights=area, method="inverted_cdf"))
 
     def floor(self) -> float | None:
         """Return y of the floor: below four fifths of upward surfaces, by solid angle."""
         if not self._upward.any():
             return None
-        return weighted_quantile(self._level[:, 1], self._weights[self._upward], 0.2)
+        heights, weights = self._level[:, 1], self._weights[self._upward]
+        return float(np.quantile(heights, 0.2, weights=weights, method="inverted_cdf"))
 
     def walls(self, centre: Array, reach: float) -> Walls:
         """Return the walls within a horizontal distance of a point (3,), metres."""

@@ -217,7 +217,7 @@ class Features:
             self.light_sampling,
             (trace.thickness, trace.thickness_ratio, trace.back_faces),
             (settings.gloss, settings.irradiance, settings.learning),
-            (settings.seed, settings.check_kernels),
+            settings.seed,
         )
 
     def real_defines(self) -> dict[str, Define]:

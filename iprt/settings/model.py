@@ -80,12 +80,6 @@ class Settings(BaseModel):
         "less than 4, pixels whose neighbours are covered are taken as covered.",
         json_schema_extra={"unit": "samples"},
     )
-    check_kernels: bool = Field(
-        default=False,
-        description="Check all that kernels write, and stop at the first NaN, infinity or write "
-        "beside a buffer with the name of pass, kernel and buffer. The picture stays the same and "
-        "takes several times as long.",
-    )
     trace: TraceSettings = TraceSettings()
     gloss: GlossSettings = GlossSettings()
     irradiance: IrradianceSettings = IrradianceSettings()

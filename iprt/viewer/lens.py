@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cache
 from typing import Any, Literal
 
+import matplotlib
 import numpy as np
 from numpy.typing import NDArray
 
@@ -43,6 +43,10 @@ BUFFERS: Mapping[str, Appearance] = {
     "learned": "radiance",
 }
 """How the values of an auxiliary picture become colours: all of `iprt.aovs.AOVS`, by name."""
+CUBEHELIX: Bytes = np.rint(255.0 * matplotlib.colormaps["cubehelix"](np.arange(256))[:, :3]).astype(
+    np.uint8
+)
+"""(256, 3) colours that grow evenly in brightness, from black to white."""
 UNITS = {"depth": "m", "motion": "px", "hit_distance": "m", "history_length": "frames"}
 """Units of the auxiliary pictures whose values have one."""
 
@@ -116,19 +120,6 @@ def error_map(ours: Bytes, other: Bytes) -> Bytes:
 # False colours -----------------------------------------------------------------------------------
 
 
-@cache
-def cubehelix() -> Bytes:
-    """(256, 3) colours that grow evenly in brightness, from black to white (Green, "A colour scheme
-    for the display of astronomical intensity images", 2011, with start 0.5, 1.5 rotations, hue 1).
-    """
-    share = np.linspace(0.0, 1.0, 256)[:, None]
-    angle = 2.0 * np.pi * (0.5 / 3.0 + 1.0 - 1.5 * share)
-    around = np.array([[-0.14861, 1.78277], [-0.29227, -0.90649], [1.97294, 0.0]])
-    turned = np.concatenate([np.cos(angle), np.sin(angle)], axis=1) @ around.T
-    colors = share + 0.5 * share * (1.0 - share) * turned
-    return _gray(colors)
-
-
 def _three(values: NDArray[np.float32]) -> NDArray[np.float32]:
     return values if values.ndim == 3 else np.repeat(values[..., None], 3, axis=2)
 
@@ -136,7 +127,7 @@ def _three(values: NDArray[np.float32]) -> NDArray[np.float32]:
 def _ramp(share: NDArray[Any]) -> Bytes:
     """Colours of values in [0, 1]; beyond, and NaN, as the ends."""
     index = np.nan_to_num(255.0 * np.clip(share, 0.0, 1.0)).astype(np.uint8)
-    colors: Bytes = cubehelix()[index]
+    colors: Bytes = CUBEHELIX[index]
     return colors
 
 

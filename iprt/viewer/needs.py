@@ -60,14 +60,9 @@ def lacking(names: Sequence[str]) -> list[str]:
     return problems
 
 
-def install_command() -> str:
-    """Installs what the extra `view` asks for."""
-    return pip_command(*requirements("view"))
-
-
 def _require_modules(names: Sequence[str]) -> None:
     if problems := lacking(names):
         raise IprtError(
             f"the viewer cannot start ({', '.join(problems)}): install the extra `view` with "
-            f"`{install_command()}`"
+            f"`{pip_command(*requirements('view').values())}`"
         )

@@ -13,10 +13,13 @@ from typing import Any
 
 import pytest
 
-from iprt.commands import installation as doctor
+from iprt.commands import installation
 from iprt.commands.doctor import show
 from iprt.commands.probe import probe, read_record
+from iprt.device.choose import DeviceInfo, select
 from iprt.device.icd import read_vendors, write_vendors
+from iprt.device.install import requirements
+from iprt.errors import DeviceError
 
 ROOT = Path(__file__).parents[2]
 DEVICE: dict[str, Any] = {
@@ -31,98 +34,109 @@ DEVICE: dict[str, Any] = {
     "compute_units": 2,
     "discrete": False,
     "problem": "",
-    "chosen": True,
 }
-OPENCL: dict[str, Any] = {
-    "devices": [DEVICE],
-    "chosen": "0:0",
-    "reason": "the only one",
-    "vendors": "/etc/OpenCL/vendors",
+OPENCL: dict[str, Any] = {"devices": [DEVICE], "chosen": "0:0", "reason": "the only one"}
+WORKING: dict[str, dict[str, Any]] = {
+    "opencl": OPENCL,
+    "opengl": {"found": "GPU, 4.6", "software": False},
+    "window": {"found": "works"},
+    "browser": {"found": "works"},
+    "mitsuba": {"found": "llvm_ad_rgb"},
 }
-OPENGL: dict[str, Any] = {"renderer": "GPU", "vendor": "V", "version": "4.6", "software": False}
-CACHES: dict[str, Any] = {"caches": {"folder": "/home/me/.cache", "problem": ""}}
-VERSIONS: dict[str, str | None] = dict.fromkeys(("python", "iprt", *doctor.CORE), "1.0")
+CACHES = {"folder": "/home/me/.cache", "problem": ""}
 
 
-def diagnose(
-    opencl: dict[str, Any],
-    opengl: dict[str, Any],
-    found: dict[str, str | None] = VERSIONS,
-    **records: dict[str, Any],
-) -> dict[str, Any]:
-    viewers: dict[str, Any] = {"window": {}, "browser": {}}
-    return doctor.diagnose({"opencl": opencl, "opengl": opengl} | viewers | records, found)
+@pytest.fixture
+def examine(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """What `examine` finds where probes say this, and all packages but some are installed."""
+
+    def report(lacking: tuple[str, ...] = (), **records: dict[str, Any]) -> dict[str, Any]:
+        monkeypatch.setattr(
+            installation, "installed", lambda name: None if name in lacking else "1.0"
+        )
+        found = WORKING | records
+        monkeypatch.setattr(installation, "probe", lambda name, *_: found[name])
+        return installation.examine()
+
+    return report
 
 
 def lacking(report: dict[str, Any]) -> dict[str, str]:
-    return {entry["what"]: entry["install"] for entry in report["missing"]}
+    return {part["name"]: part["error"] for part in report["parts"] if "error" in part}
 
 
-def test_a_healthy_machine() -> None:
-    report = diagnose(OPENCL, OPENGL)
+def shown(report: dict[str, Any], capsys: pytest.CaptureFixture[str]) -> str:
+    show(report)
+    return capsys.readouterr().out
+
+
+def test_a_healthy_machine(examine: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    report = examine()
     assert report["ok"]
-    assert not {"OpenCL device", "OpenGL through EGL", *doctor.CORE} & lacking(report).keys()
+    assert lacking(report).keys() <= {"intel-opencl-rt"}
+    text = shown(report | {"caches": CACHES}, capsys)
+    assert "chosen: 0:0, the only one" in text
+    assert "compiled kernels are kept in /home/me/.cache" in text
+    assert "scipy 1.0" in text
+    assert text.endswith("ready to render\n")
 
 
-def test_no_device_and_no_egl_come_with_commands() -> None:
-    opencl = {"error": "no OpenCL device", "vendors": "/etc/OpenCL/vendors"}
-    report = diagnose(opencl, {"error": "no libEGL"})
+def test_without_a_device_nothing_renders(examine: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    error = "no OpenCL device: install a driver with `apt-get install pocl`"
+    report = examine(opencl={"error": error})
     assert not report["ok"]
-    assert "install" in lacking(report)["OpenCL device"]
-    assert lacking(report)["OpenGL through EGL"].endswith("libegl1 libgl1 libgl1-mesa-dri")
+    text = shown(report, capsys)
+    assert f"OpenCL: {error}" in text
+    assert text.endswith("cannot render\n")
 
 
-def test_opengl_is_not_required() -> None:
-    report = diagnose(OPENCL, {"error": "no libEGL"})
+def test_opengl_is_not_required(examine: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    report = examine(opengl={"error": "no libEGL"})
     assert report["ok"]
-    assert "OpenGL through EGL" in lacking(report)
+    assert lacking(report)["OpenGL through EGL"] == "no libEGL"
+    assert "no libEGL" in shown(report, capsys)
+    software = examine(opengl={"found": "llvmpipe", "software": True})
+    assert "OpenGL runs on the processor" in shown(software, capsys)
 
 
-def test_a_wrong_environment_is_no_missing_driver() -> None:
-    opencl = {"devices": [DEVICE | {"chosen": False}], "error": "PYOPENCL_CTX='x'", "vendors": "/v"}
-    report = diagnose(opencl, OPENGL)
-    assert not report["ok"]
-    assert "OpenCL device" not in lacking(report)
+def test_a_device_that_is_not_chosen_does_not_render(examine: Any) -> None:
+    assert not examine(opencl={"devices": [DEVICE], "error": "PYOPENCL_CTX='x'"})["ok"]
 
 
 def test_a_driver_that_cannot_be_used_is_no_driver() -> None:
-    opencl = OPENCL | {"devices": [DEVICE | {"problem": "its LLVM is too old"}], "error": "none"}
-    report = diagnose(opencl, OPENGL)
-    assert "pip install" in lacking(report)["OpenCL device"]  # apt's PoCL may be what fails
+    info = DeviceInfo(**DEVICE | {"problem": "its LLVM is too old"})
+    assert info.plain() == DEVICE | {"problem": "its LLVM is too old"}
+    with pytest.raises(DeviceError, match="pip install"):  # apt's PoCL may be what fails
+        select(None, [info])
 
 
-def test_a_missing_dependency_is_named_with_its_command() -> None:
-    report = diagnose(OPENCL, OPENGL, VERSIONS | {"scipy": None})
+def test_a_missing_dependency_is_named_with_its_command(
+    examine: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
+    report = examine(("scipy", "flip-evaluator"))
     assert not report["ok"]
-    assert lacking(report)["scipy"] == f"{sys.executable} -m pip install scipy"
+    command = f"`{sys.executable} -m pip install '{requirements()['scipy']}'`"
+    assert lacking(report)["scipy"] == f"not installed; {command}"
+    assert command in shown(report, capsys)
+    assert f"`{sys.executable} -m pip install flip-evaluator`" in lacking(report)["flip-evaluator"]
+    assert examine(("flip-evaluator",))["ok"]
 
 
-@pytest.mark.parametrize(
-    ("mitsuba", "wanted"),
-    [
-        ({"variant": "llvm_ad_rgb", "llvm": "/usr/lib/libLLVM.so.19.1"}, False),
-        ({"variant": "scalar_rgb", "llvm": None}, True),
-        ({"error": "the process was ended by SIGABRT"}, True),
-    ],
-)
-def test_llvm_is_wanted_where_mitsuba_runs_without(mitsuba: dict[str, Any], wanted: bool) -> None:
-    report = diagnose(OPENCL, OPENGL, mitsuba=mitsuba)
-    assert ("LLVM >= 17" in lacking(report)) == wanted
-    assert report["ok"]
-
-
-def test_intels_runtime_is_offered_on_its_processors_only(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(doctor, "intel_runtime", lambda: None)
+def test_intels_runtime_is_offered_on_its_processors_only(
+    examine: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(installation, "intel_runtime", lambda: None)
     for machine, offered in (("x86_64", True), ("aarch64", False)):
         monkeypatch.setattr("platform.machine", lambda machine=machine: machine)
-        report = diagnose(OPENCL, OPENGL)
-        assert ("intel-opencl-rt" in lacking(report)) == offered
+        assert ("intel-opencl-rt" in lacking(examine())) == offered
 
 
-def test_core_packages_are_those_of_pyproject() -> None:
+def test_requirements_are_those_of_pyproject() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    named = [requirement.partition(">=")[0] for requirement in project["dependencies"]]
-    assert sorted(named) == sorted(doctor.CORE)
+    named = [requirement.partition(">=")[0].lower() for requirement in project["dependencies"]]
+    assert sorted(map(str.lower, requirements())) == sorted(named)
+    extra = project["optional-dependencies"]["reference"]
+    assert sorted(requirements("reference").values()) == sorted(extra)
 
 
 @pytest.mark.parametrize(
@@ -158,26 +172,25 @@ def test_a_child_that_cannot_be_started_becomes_an_error(monkeypatch: pytest.Mon
 
 @pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler")
 def test_a_driver_that_crashes_is_told_from_those_that_work(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """A driver that ends the process that loads it, beside those of this machine."""
     source, library = tmp_path / "bad.c", tmp_path / "libbad.so"
     source.write_text("#include <stdlib.h>\n__attribute__((constructor)) void f(void) { abort(); }")
     subprocess.run(["cc", "-shared", "-fPIC", "-o", library, source], check=True)
-    working = read_vendors(Path(doctor.vendors_folder()))
+    working = read_vendors(installation.vendors_folder())
     vendors = write_vendors({**working, "bad.icd": str(library)}, tmp_path)
-    together = probe("opencl", variables={"OCL_ICD_VENDORS": str(vendors)})
-    assert together == {"error": "the process was ended by SIGABRT"}
-    alone = doctor.drivers_alone(vendors)
-    assert alone.pop(str(library)) == together
-    assert any(record.get("devices") for record in alone.values())
-    report = diagnose(together | {"alone": alone, "vendors": str(vendors)}, OPENGL)
+    monkeypatch.setenv("OCL_ICD_VENDORS", str(vendors))
+    report = installation.examine()
+    crash = "the process was ended by SIGABRT"
     assert not report["ok"]
-    assert "OpenCL device" not in lacking(report)
-    show(report | CACHES)
-    text = capsys.readouterr().out
-    for name in alone:
-        assert f"{name} alone: " in text
+    assert report["opencl"]["error"] == crash
+    assert report["opencl"]["vendors"] == str(vendors)
+    alone = dict(report["opencl"]["alone"])
+    text = shown(report, capsys)
+    assert all(f"{library} alone: {found}" in text for library, found in alone.items())
+    assert alone.pop(str(library)) == crash
+    assert any("ended" not in found for found in alone.values())
 
 
 @pytest.mark.thorough
@@ -192,54 +205,34 @@ def test_json_of_this_machine() -> None:
     )
     report = json.loads(result.stdout)
     assert result.returncode == (0 if report["ok"] else 3)
-    assert set(report) == {
-        "ok",
-        "opencl",
-        "opengl",
-        "caches",
-        "versions",
-        "optional",
-        "missing",
-    }
-    assert set(report["opencl"]["devices"][0]) == set(DEVICE)
-    assert [d["index"] for d in report["opencl"]["devices"] if d["chosen"]] == [
-        report["opencl"]["chosen"]
-    ]
-    assert set(report["opengl"]) == set(OPENGL)
+    assert set(report) == {"ok", "opencl", "caches", "versions", "parts"}
+    devices = report["opencl"]["devices"]
+    assert set(devices[0]) == set(DEVICE)
+    assert report["opencl"]["chosen"] in [device["index"] for device in devices]
     assert report["versions"]["numpy"]
-    for part in report["optional"]:
-        assert set(part) == {"name", "purpose", "version", "state"}
-    for entry in report["missing"]:
-        assert set(entry) == {"what", "why", "install"}
+    for part in report["parts"]:
+        assert ("found" in part) != ("error" in part), part
 
 
-def test_the_tables_show_the_choice_and_the_commands(capsys: pytest.CaptureFixture[str]) -> None:
-    show(diagnose(OPENCL, OPENGL | {"software": True}, VERSIONS | {"tyro": None}) | CACHES)
-    text = capsys.readouterr().out
-    assert "chosen: 0:0, the only one" in text
-    assert "OpenGL runs on the processor" in text
-    assert "compiled kernels are kept in /home/me/.cache" in text
-    assert f"{sys.executable} -m pip install tyro" in text
-    assert "cannot render" in text
-
-
-def test_names_with_brackets_are_shown_as_they_are(capsys: pytest.CaptureFixture[str]) -> None:
-    opencl = OPENCL | {"devices": [DEVICE | {"name": "[b]:x: [/]"}], "vendors": "/etc/[red]"}
-    caches = {"folder": "/home/[i]me/.cache", "problem": ""}
-    show(diagnose(opencl, OPENGL | {"renderer": "[/G]"}) | {"caches": caches})
-    text = capsys.readouterr().out
+def test_names_with_brackets_are_shown_as_they_are(
+    examine: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
+    report = examine(
+        opencl=OPENCL | {"devices": [DEVICE | {"name": "[b]:x: [/]"}]}, opengl={"found": "[/G]"}
+    )
+    report["opencl"]["vendors"] = "/etc/[red]"
+    text = shown(report | {"caches": {"folder": "/home/[i]me/.cache", "problem": ""}}, capsys)
     for name in ("[b]:x: [/]", "/etc/[red]", "/home/[i]me/.cache", "[/G]"):
         assert name in text
 
 
-def test_a_cache_of_no_use_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_cache_of_no_use_is_told(examine: Any, capsys: pytest.CaptureFixture[str]) -> None:
     caches = {"folder": "/tmp/x", "problem": "/home/me/.cache cannot be written"}
-    show(diagnose(OPENCL, OPENGL) | {"caches": caches})
-    text = capsys.readouterr().out
+    text = shown(examine() | {"caches": caches}, capsys)
     assert "compiled kernels are not kept for the next run: /home/me/.cache cannot" in text
 
 
-def without(module: str, viewer: str) -> dict[str, Any]:
+def without(module: str, viewer: str) -> str:
     """What the probe of a viewer says where a module cannot be imported and there is no display."""
     code = (
         f"import sys; sys.modules[{module!r}] = None; from iprt.commands import probe; probe.main()"
@@ -252,8 +245,7 @@ def without(module: str, viewer: str) -> dict[str, Any]:
         text=True,
         check=True,
     )
-    record: dict[str, Any] = json.loads(result.stdout)
-    return record
+    return str(json.loads(result.stdout)["error"])
 
 
 @pytest.mark.parametrize(
@@ -261,21 +253,15 @@ def without(module: str, viewer: str) -> dict[str, Any]:
     [("window", "glfw"), ("window", "imgui_bundle"), ("browser", "viser")],
 )
 def test_what_a_viewer_lacks_comes_with_its_command(viewer: str, module: str) -> None:
-    record = without(module, viewer)
-    assert f"{module} is not installed" in record["error"]
-    report = diagnose(OPENCL, OPENGL, **{viewer: record})
-    command = lacking(report)[{"window": "iprt view", "browser": "iprt view --web"}[viewer]]
-    assert command.startswith(f"{sys.executable} -m pip install ")
-    assert all(name in command for name in ("imgui-bundle>=", "glfw>=", "viser"))
+    error = without(module, viewer)
+    assert f"{module} is not installed" in error
+    assert f"`{sys.executable} -m pip install " in error
+    assert all(name in error for name in ("imgui-bundle>=", "glfw>=", "viser"))
 
 
 def test_a_display_that_is_missing_is_told() -> None:
     pytest.importorskip("imgui_bundle")
     pytest.importorskip("glfw")
-    record = without("viser", "window")
-    assert record["error"].startswith("no window can be opened (X11: ")
-    assert record["error"].endswith("in a browser: iprt view --web")
-    report = diagnose(OPENCL, OPENGL, window=record)
-    (part,) = (part for part in report["optional"] if part["name"] == "iprt view")
-    assert part["state"] == record["error"]
-    assert "iprt view" not in lacking(report)
+    error = without("viser", "window")
+    assert error.startswith("no window can be opened (X11: ")
+    assert error.endswith("in a browser: iprt view --web")

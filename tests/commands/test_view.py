@@ -22,7 +22,7 @@ from tests.clips import write_clip
         ("--fps nan", "--fps nan: expected"),
         ("--web --port 65536", "--port 65536: expected 0 to 65535"),
         ("--web --port -1", "--port -1: expected 0 to 65535"),
-        ("--port 9000", "are for --web"),
+        ("--port 9000", "--port: is for --web"),
     ],
 )
 def test_flags_that_cannot_be(

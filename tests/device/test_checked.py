@@ -1,24 +1,19 @@
-"""The setting `check_kernels`: what kernels write is checked, and who wrote wrongly is named."""
+"""What kernels write is checked, and who wrote wrongly is named."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pyopencl as cl
 import pytest
 
-from iprt.device.checked import INFINITE, CheckedDevice
 from iprt.device.compute import ComputeDevice
 from iprt.device.plan import PlanDevice
-from iprt.device.program import Program, build
-from iprt.errors import DefectError
-from iprt.files.resources import CL
 from iprt.footage.footage import Footage
 from iprt.renderer import Renderer
+from tests.device.checked import INFINITE, CheckedDevice, DefectError
 from tests.films import entry_points, films, play
 
 COUNT = 70
@@ -122,7 +117,7 @@ def test_all_is_checked_where_the_driver_does_not_tell_what_is_const(
 )
 def test_no_way_to_render_has_a_finding(device: ComputeDevice, name: str) -> None:
     """And checks leave all bits of the picture as they are."""
-    picture = play(device, films(check_kernels=True)[name])
+    picture = play(CheckedDevice(device), films()[name])
     plain = play(device, films()[name])
     np.testing.assert_array_equal(picture.color, plain.color)
     assert picture.aovs.keys() == plain.aovs.keys()
@@ -136,33 +131,3 @@ def test_films_build_every_kernel() -> None:
         given = (plan, film.video[0], film.objects, film.view, film.settings)
         Renderer(*given, footage=Footage.of(film.video[0], static_camera=film.static_camera))
     assert {one.name for one in plan.kernels} == entry_points()
-
-
-def test_nothing_is_checked_unless_asked_for(device: ComputeDevice) -> None:
-    film = films()["nothing"]
-    with Renderer(device, film.video[0], film.objects, film.view, film.settings) as renderer:
-        assert renderer.device is device
-
-
-def test_the_command_line_says_it_in_one_line(
-    scene: Path,
-    fails: Callable[..., str],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    device: ComputeDevice,
-) -> None:
-    right, wrong = "picture[i] = background", "picture[i + 1] = background"
-    source = (CL / "view/composite.cl").read_text()
-    assert right in source
-
-    def built(context: object, program: Program) -> Any:
-        return build(context, replace(program, text=program.text.replace(right, wrong)))
-
-    monkeypatch.setattr("iprt.device.compute.build", built)
-    output = tmp_path / "picture.png"
-    words = ("render", scene, "-o", output, "--size", 16, 9, "--accumulate", 1)
-    words += ("--device", device.device.platform.name, "--set", "check_kernels=true")
-    words += ("--method", "ibl")  # the fewest kernels
-    line = fails(*words, code=70)
-    assert "pass 'composite': kernel 'composite' of cl/view/composite.cl wrote to 'picture'" in line
-    assert not output.exists()

@@ -8,15 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from iprt.device.checked import CheckedDevice
 from iprt.device.compute import ComputeDevice
 from iprt.device.counting import CountingDevice, Rays, Work
-from iprt.errors import DefectError
 from iprt.geometry.material import Material
 from iprt.geometry.mesh import Instance, Mesh
 from iprt.raster.layers import SAMPLES as COVERAGE_SAMPLES
 from iprt.renderer import Renderer
 from tests.bvh.tracing import BvhTracer
+from tests.device.checked import CheckedDevice, DefectError
 from tests.films import films, play
 from tests.kernels.tracing import RealTracer, build, panorama_of, random_directions
 from tests.oracles.traverse import FlatLayer, _crossings, trace_flat

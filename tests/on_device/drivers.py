@@ -14,7 +14,6 @@ from pathlib import Path
 
 from iprt.commands.probe import Record, probe
 from iprt.device.icd import OVERRIDES, SYSTEM_VENDORS, read_vendors, write_vendors
-from iprt.device.install import GL_PACKAGES, apt_command
 
 LIBRARIES = {"nvidia": "libnvidia-opencl.so", "amd": "libamdocl64.so", "intel": "libigdrcl.so"}
 """OpenCL drivers of GPUs, by vendor."""
@@ -112,9 +111,9 @@ def find_egl(note: Note) -> None:
             else:
                 found = mended
     if "error" in found:
-        note(f"EGL: {found['error']}; {apt_command(*GL_PACKAGES)}")
+        note(f"EGL: {found['error']}")
     else:
-        note(f"EGL: {found['renderer']}, {found['version']}")
+        note(f"EGL: {found['found']}")
 
 
 def describe_gpu(note: Note) -> None:

@@ -17,7 +17,6 @@ from iprt.viewer.needs import require_browser
 if TYPE_CHECKING:
     from iprt.geometry.camera import View
     from iprt.viewer.engine import Engine
-    from iprt.viewer.web.gate import Address
 
 PORT = 8080
 FOV_DEG = 70.0
@@ -29,13 +28,11 @@ def serve(
     view: View,
     *,
     objects: tuple[str, ...] | None = None,
-    host: str = "127.0.0.1",
     port: int = PORT,
-    token: str | None = None,
     target_fps: float | None = None,
-    ready: Callable[[Address], None],
+    ready: Callable[[int], None],
 ) -> None:
-    """Let browsers look at what an engine renders, until interrupted (Ctrl+C).
+    """Let browsers of this machine look at what an engine renders, until interrupted (Ctrl+C).
 
     Parameters
     ----------
@@ -45,22 +42,18 @@ def serve(
         Where browsers look at first; they have sizes of their own.
     objects : tuple of str or None
         Names of the objects that they show at first. None: all.
-    host : str
-        Address to listen at. If others than this machine can reach it, they need the token.
     port : int
         0: any that is free.
-    token : str or None
-        None: one is made where one is needed.
     target_fps : float or None
         Frames per second that windows hold at first while something moves; see
         `Viewport.target_fps`.
     ready : callable
-        Told where the viewer is, once browsers may come.
+        Told the port, once browsers may come.
 
     Raises
     ------
     IprtError
-        viser is missing, or the address cannot be had.
+        viser is missing, or the port is taken.
     """
     require_browser()
     from iprt.viewer.web.browser import Start
@@ -72,6 +65,6 @@ def serve(
         # Browsers go at any moment; what is on its way to them then is lost, and is to be.
         warnings.filterwarnings("ignore", "Queued a .* on a closed connection", UserWarning)
         begin = Start(view, objects, target_fps)
-        with Host(engine, begin, host=host, port=port, token=token) as hosting:
-            ready(hosting.address)
+        with Host(engine, begin, port) as hosting:
+            ready(hosting.port)
             hosting.wait()

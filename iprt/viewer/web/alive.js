@@ -5,8 +5,6 @@
   const GONE =
     "The server has stopped, or cannot be reached. Start iprt view --web again with the same " +
     "--port: this page then goes on by itself.";
-  const LOCKED =
-    "The server was started again, with another token: open the address that it has printed.";
 
   let notice = null;
 
@@ -28,9 +26,7 @@
     try {
       const signal = AbortSignal.timeout(PATIENCE_MS);
       const answer = await fetch("/alive", { cache: "no-store", signal });
-      if (answer.status === 401) {
-        show(LOCKED);
-      } else if (answer.ok) {
+      if (answer.ok) {
         if ((await answer.text()).trim() !== IPRT_RUN) return location.reload();
         notice?.remove();
         notice = null;

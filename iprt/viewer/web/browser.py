@@ -21,7 +21,6 @@ from iprt.viewer.web.divider import Divider
 from iprt.viewer.web.gizmo import Gizmo
 from iprt.viewer.web.panels import Panels
 from iprt.viewer.web.picture import PictureSender
-from iprt.viewer.web.server import RUN
 
 LOG = logging.getLogger("iprt.viewer")
 POLL_S, REST_POLL_S = 0.008, 0.05
@@ -31,8 +30,6 @@ PANELS_S = 0.1
 SETTLE_S, AGAIN_S = 20.0, 0.5
 """Longest time until a browser looks where it is sent, and the time after which that is sent again:
 what arrives while the page is still being made is lost."""
-ANSWER_S = 5.0
-"""Longest wait for a page to answer, after which it is asked again."""
 SAME_DEG = 1e-4
 
 
@@ -75,8 +72,6 @@ class Browser(BrowserState):
     start : Start
     uploads : Path
         Folder for files that its user adds.
-    run : str
-        A page that does not know it has not passed the gate, and is shown nothing.
 
     Attributes
     ----------
@@ -84,9 +79,9 @@ class Browser(BrowserState):
         Used by this window's thread only.
     """
 
-    def __init__(self, engine: Engine, client: Any, start: Start, uploads: Path, run: str) -> None:
+    def __init__(self, engine: Engine, client: Any, start: Start, uploads: Path) -> None:
         super().__init__(engine, client, uploads)
-        self._start, self._key = start, run
+        self._start = start
         self._closed = False
         self._camera: Camera | None = None
         self._followed: Camera | None = None
@@ -167,8 +162,6 @@ class Browser(BrowserState):
             self.say("there is no surface: the video shows open sky there", bad=True)
 
     def _run(self) -> None:
-        if not self._passed_gate():
-            return
         start, camera = self._start, self._camera
         assert camera is not None
         view = start.view.resized(max(camera.width, 1), max(camera.height, 1))
@@ -179,17 +172,6 @@ class Browser(BrowserState):
             self._serve()
         finally:
             self.viewport.close()
-
-    def _passed_gate(self) -> bool:
-        """Ask the page for its key, again and again: what arrives while it is made is lost."""
-        while not self._closed:
-            try:
-                return bool(self.client.local_storage.get_item(RUN, timeout=ANSWER_S) == self._key)
-            except TimeoutError:
-                continue
-            except RuntimeError:  # it is gone
-                break
-        return False
 
     def _serve(self) -> None:
         if self._closed:

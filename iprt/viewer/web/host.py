@@ -5,17 +5,15 @@ from __future__ import annotations
 import tempfile
 import threading
 from pathlib import Path
-from socket import gethostname
 from typing import Any, Self
 
 import numpy as np
 
 from iprt.files.termination import at_termination
 from iprt.viewer.engine import Engine
-from iprt.viewer.web import server
 from iprt.viewer.web.browser import Browser, Start
 from iprt.viewer.web.camera import position_of
-from iprt.viewer.web.gate import Address, Gate, is_loopback, new_token, require_token
+from iprt.viewer.web.server import Viser, require_free, write_site
 
 LEAVING_S = 2.0
 """Longest wait for browsers' threads to end."""
@@ -26,43 +24,34 @@ class Host:
 
     Attributes
     ----------
-    address : Address
+    port : int
     """
 
-    def __init__(
-        self,
-        engine: Engine,
-        start: Start,
-        *,
-        host: str,
-        port: int,
-        token: str | None,
-    ) -> None:
+    def __init__(self, engine: Engine, start: Start, port: int) -> None:
         self._engine, self._start = engine, start
         self._browsers: dict[int, Browser] = {}
         self._lock = threading.Lock()
-        self._uploads = tempfile.TemporaryDirectory(prefix="iprt-")
         self._ended = threading.Event()
-        if token is not None:
-            require_token(token)
-        listening = server.listen(host, port)
-        bound, port = listening.getsockname()[:2]
-        local = is_loopback(bound)
-        if token is None and not local:
-            token = new_token()
-        self._run = new_token()
-        self._viser = server.Viser(f"iprt {engine.scene.name}")
+        require_free(port)
+        self._folder = tempfile.TemporaryDirectory(prefix="iprt-")
+        self._uploads, site = Path(self._folder.name, "uploads"), Path(self._folder.name, "site")
+        self._uploads.mkdir()
+        site.mkdir()
+        write_site(site)
+        self._viser = Viser(port, f"iprt {engine.scene.name}", site)
         self._set_up()
-        behind = self._viser.get_port()
-        gate = Gate(server.page(behind, self._run), port, token, self._run)
-        self._relay = server.Relay(listening, gate, behind)
-        self.address = Address(_url(bound, port, token), port, local)
+        self.port = self._viser.get_port()
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+    @property
+    def url(self) -> str:
+        """Where browsers of this machine find it."""
+        return f"http://localhost:{self.port}/"
 
     @property
     def browsers(self) -> tuple[Browser, ...]:
@@ -73,7 +62,7 @@ class Host:
     def wait(self) -> None:
         """Until it is closed."""
         # In turns, as a wait without end cannot be interrupted on some systems.
-        with at_termination(self._uploads.cleanup):
+        with at_termination(self._folder.cleanup):
             while not self._ended.wait(0.5):
                 pass
 
@@ -85,9 +74,8 @@ class Host:
             browser.close()
         for browser in browsers:
             browser.join(LEAVING_S)
-        self._relay.stop()
         self._viser.stop()
-        self._uploads.cleanup()
+        self._folder.cleanup()
 
     def _set_up(self) -> None:
         viser, view = self._viser, self._start.view
@@ -101,10 +89,15 @@ class Host:
         camera.fov = float(np.deg2rad(view.fov_y_deg))
 
         async def came(client: Any) -> None:
+            if not viser.is_local(client):
+                client.add_notification(
+                    "", "Open this viewer as localhost.", auto_close_seconds=None
+                )
+                return
             with self._lock:
                 if not self._ended.is_set():
                     self._browsers[client.client_id] = Browser(
-                        self._engine, client, self._start, Path(self._uploads.name), self._run
+                        self._engine, client, self._start, self._uploads
                     )
 
         async def went(client: Any) -> None:
@@ -115,14 +108,3 @@ class Host:
 
         viser.on_client_connect(came)
         viser.on_client_disconnect(went)
-
-
-def _url(bound: str, port: int, token: str | None) -> str:
-    if is_loopback(bound):
-        name = "localhost"
-    elif bound in ("0.0.0.0", "::"):
-        name = gethostname()
-    else:
-        name = f"[{bound}]" if ":" in bound else bound
-    query = "" if token is None else f"?token={token}"
-    return f"http://{name}:{port}/{query}"

@@ -27,12 +27,11 @@ from iprt.viewer.engine import Engine
 from tests.scene.files import CUBE
 from tests.viewer.screen.browsing import Visitor, until
 from tests.viewer.turns import SETTINGS
-from tests.waiting import DEADLINE_S
 
-viser = pytest.importorskip("viser", reason="needs the extra `view`: ./run screen")
+pytest.importorskip("viser", reason="needs the extra `view`: ./run screen")
 
-from iprt.viewer.web.browser import Browser  # noqa: E402
-from tests.viewer.screen.web import FRAMES, Place, at_rest, cube_middle, screen  # noqa: E402
+from iprt.viewer.web.browser import Browser
+from tests.viewer.screen.web import FRAMES, Place, at_rest, connected, cube_middle, screen
 
 pytestmark = [
     pytest.mark.screen,
@@ -210,7 +209,7 @@ def test_those_that_vanish_leave_nothing(place: Place) -> None:
     """Twenty connections that are cut while pictures are on their way."""
     seen: list[weakref.ref[Browser]] = []
     for turn in range(20):
-        connection = connected(place.host.address.url)
+        connection = connected(place.host.url)
         (browser,) = until(lambda: place.host.browsers, "nobody came")
         seen.append(weakref.ref(browser))
         if turn % 7 == 0:
@@ -229,36 +228,6 @@ def test_those_that_vanish_leave_nothing(place: Place) -> None:
     until(lambda: not _threads("iprt browser"), "a thread is left")
     gc.collect()
     assert [ref() for ref in seen if ref() is not None] == []
-
-
-def connected(url: str) -> socket.socket:
-    """The socket of a client that says where it looks from."""
-    import msgspec
-    from websockets.client import ClientProtocol
-    from websockets.uri import parse_uri
-
-    address = parse_uri(url.replace("http", "ws"))
-    connection = socket.create_connection((address.host, address.port), DEADLINE_S)
-    client = ClientProtocol(address, subprotocols=[f"viser-v{viser.__version__}"])
-    client.send_request(client.connect())
-    connection.sendall(b"".join(client.data_to_send()))
-    while not client.events_received():
-        client.receive_data(connection.recv(65536))
-    view = {
-        "type": "ViewerCameraMessage",
-        "wxyz": (0.0, 1.0, 0.0, 0.0),
-        "position": (0.0, 0.0, 0.0),
-        "fov": 1.0,
-        "near": 0.01,
-        "far": 1000.0,
-        "image_height": 16,
-        "image_width": 32,
-        "look_at": (0.0, 0.0, -1.0),
-        "up_direction": (0.0, 1.0, 0.0),
-    }
-    client.send_binary(msgspec.msgpack.encode(view))
-    connection.sendall(b"".join(client.data_to_send()))
-    return connection
 
 
 def _threads(name: str) -> list[str]:

@@ -357,9 +357,9 @@ def test_the_video_is_seen_while_kernels_compile(
     other = ComputeDevice(device.device)
     with (
         Engine(scene, lambda: other, SETTINGS) as engine,
-        Host(engine, start, host="127.0.0.1", port=0, token=None) as host,
+        Host(engine, start, 0) as host,
     ):
-        visitor = place.open(host.address.url)
+        visitor = place.open(host.url)
         try:
             (browser,) = host.browsers
             visitor.page.get_by_text("the video; objects follow").wait_for()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -10,10 +11,15 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
+import viser
 from numpy.typing import NDArray
 from PIL import Image
+from websockets.client import ClientProtocol
+from websockets.typing import Origin, Subprotocol
+from websockets.uri import parse_uri
 
 from iprt.device.compute import ComputeDevice
 from iprt.geometry.camera import View
@@ -24,6 +30,7 @@ from iprt.viewer.web.browser import Browser, Start
 from iprt.viewer.web.host import Host
 from tests.viewer.screen.browsing import Visitor, browsing, until
 from tests.viewer.turns import SETTINGS
+from tests.waiting import DEADLINE_S
 
 PASSIVE = "preventDefault inside passive event listener"
 """What viser's page says of itself when something in the scene is dragged."""
@@ -42,7 +49,7 @@ class Place:
 
     def visit(self) -> tuple[Visitor, Browser]:
         before = self.host.browsers
-        visitor = self.open(self.host.address.url)
+        visitor = self.open(self.host.url)
         self.visitors.append(visitor)
         return visitor, next(b for b in self.host.browsers if b not in before)
 
@@ -57,7 +64,7 @@ def serving(device: ComputeDevice, folder: Path) -> Iterator[Place]:
         pytest.MonkeyPatch.context() as patch,
         browsing() as opened,
         Engine(scene, lambda: device, SETTINGS) as engine,
-        Host(engine, start, host="127.0.0.1", port=0, token=None) as host,
+        Host(engine, start, 0) as host,
     ):
         few = partial(Viewport, frames=FRAMES)
         patch.setattr("iprt.viewer.web.browser.Viewport", few)
@@ -135,3 +142,32 @@ def bar(visitor: Visitor) -> float | None:
     stands_out = (image[:, 5:-5] > np.maximum(image[:, :-10], image[:, 10:]) + 15).mean(axis=0)
     column = int(np.argmax(stands_out))
     return column + 5.0 if stands_out[column] > 0.9 else None
+
+
+def connected(url: str, origin: str | None = None) -> socket.socket:
+    """Connect a client that says where it looks from, as the script of a page of `origin`."""
+    address = parse_uri(url.replace("http", "ws"))
+    connection = socket.create_connection((address.host, address.port), DEADLINE_S)
+    protocol = Subprotocol(f"viser-v{viser.__version__}")
+    client = ClientProtocol(
+        address, subprotocols=[protocol], origin=None if origin is None else Origin(origin)
+    )
+    client.send_request(client.connect())
+    connection.sendall(b"".join(client.data_to_send()))
+    while not client.events_received():
+        client.receive_data(connection.recv(65536))
+    view = {
+        "type": "ViewerCameraMessage",
+        "wxyz": (0.0, 1.0, 0.0, 0.0),
+        "position": (0.0, 0.0, 0.0),
+        "fov": 1.0,
+        "near": 0.01,
+        "far": 1000.0,
+        "image_height": 16,
+        "image_width": 32,
+        "look_at": (0.0, 0.0, -1.0),
+        "up_direction": (0.0, 1.0, 0.0),
+    }
+    client.send_binary(msgspec.msgpack.encode(view))
+    connection.sendall(b"".join(client.data_to_send()))
+    return connection

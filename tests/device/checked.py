@@ -1,8 +1,8 @@
-"""A device that checks what is written on it: the setting `check_kernels`.
+"""A device that checks what is written on it.
 
 Kernels in OpenCL C may write anywhere and anything. Here every buffer lies between two guards, and
 after each launch the buffers that the kernel may have written are read back: a NaN, an infinity or
-a touched guard ends the program with one line that names pass, kernel, buffer and place.
+a touched guard raises an error of one line that names pass, kernel, buffer and place.
 
 What no one has written yet, and the guards, hold `POISON`, a signalling NaN. Arithmetic turns it
 into a quiet one. So a kernel that computes with what it read beside a buffer, or before anything
@@ -21,9 +21,7 @@ from numpy.typing import DTypeLike, NDArray
 
 from iprt.device.compute import ComputeDevice
 from iprt.device.kernel import Kernel, KernelWrapper
-from iprt.device.plan import PlanDevice
 from iprt.device.program import Define
-from iprt.errors import DefectError
 
 POISON = 0x7FAD
 """Repeated in every two bytes: float32 of exponent 255 without the quiet bit, float16 NaN."""
@@ -47,9 +45,8 @@ BITS: Mapping[str, str] = {"bvh nodes": "references to nodes are integers, iprt/
 """Buffers of floats of which some are none, and why."""
 
 
-def checked(device: ComputeDevice) -> ComputeDevice:
-    """The same device with checks; one that only plans has nothing to check."""
-    return device if isinstance(device, PlanDevice) else CheckedDevice(device)
+class DefectError(Exception):
+    """A kernel wrote what it must not."""
 
 
 class GuardedArray(cla.Array):  # type: ignore[misc]
