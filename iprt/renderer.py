@@ -26,7 +26,7 @@ from iprt.geometry.camera import View
 from iprt.geometry.mesh import Instance, require_same_objects
 from iprt.geometry.pose import seen_from, view_from
 from iprt.light_view import LightView
-from iprt.methods.protocol import GBuffer, Method, Setup, Signals
+from iprt.method import GBuffer, Method, Setup, Signals
 from iprt.settings.features import Features
 from iprt.settings.methods import method
 from iprt.settings.model import Settings

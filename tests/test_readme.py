@@ -21,6 +21,7 @@ from tests.waiting import DEADLINE_S
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+METHOD_PAGES = sorted([*ROOT.glob("docs/methods/*.md"), *ROOT.glob("iprt/methods/*/*.md")])
 
 
 def blocks(page: Path, language: str) -> list[str]:
@@ -99,7 +100,9 @@ def test_run_commands_exist() -> None:
     assert all((ROOT / name).is_file() for name in others), others
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+@pytest.mark.parametrize(
+    "page", [*PAGES, *METHOD_PAGES], ids=lambda page: page.parent.name + page.name
+)
 def test_named_files_exist(page: Path) -> None:
     text = page.read_text()
     links = re.findall(r"\]\(([^)#:]+)\)", text)

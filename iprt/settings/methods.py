@@ -91,7 +91,7 @@ class MethodInfo:
     title : str
         What it does, in a few words.
     implementation : str
-        "module:Class" of its `iprt.methods.protocol.Method`.
+        "module:Class" of its `iprt.method.Method`.
     paper, doi : str
         Where it was published; empty if it was not.
     settings : subclass of MethodSettings or None

@@ -8,7 +8,7 @@
 #include "gbuffer/batch.h"
 #include "gbuffer/camera.h"
 #include "gbuffer/guide.h"
-#include "methods/rays.h"
+#include "trace/rays.h"
 #include "filter/signal.h"
 #include "maths/tracing.h"
 
