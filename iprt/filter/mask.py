@@ -25,7 +25,7 @@ STRONG_FRAMES = 2.0 * TOUCHED_FRAMES - 1.0
 pixels that objects change little are told apart."""
 
 UNKNOWN = -2.0
-"""`Mask.touched` one frame before the first, in which nothing is known of the objects' influence."""
+"""`Mask.touched` a frame before the first, in which nothing is known of the objects' influence."""
 
 LOW, HIGH = 0.3, 0.5
 """δ1 and δ2 of IPRT's Eq. 4: pixels that differ less get one ray for 16, and for 4."""
