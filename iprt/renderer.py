@@ -265,7 +265,6 @@ class Renderer:
             method.prepare_video(self.world)
         if context.objects_changed:
             method.prepare_objects(self.world)
-        self.real_world.panorama.learn()
         if self.light is None:
             return method.trace(self.world, context)
         reduced = self.light.prepare(self.real_world, seen.view, seen.previous, context)

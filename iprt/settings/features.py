@@ -150,11 +150,6 @@ class Features:
         return self.tracing and self.settings.trace.light_sampling
 
     @property
-    def learning(self) -> bool:
-        """The radiance of real surfaces is learned from the video."""
-        return self.tracing and self.needs.learned
-
-    @property
     def impostor(self) -> bool:
         """Rays see a distance impostor around the objects."""
         return self.tracing and self.needs.impostor
@@ -203,14 +198,13 @@ class Features:
             self.color_map,
             self.video,
             self.background,
-            self.learning,
             self.real_materials,
             self.moving_camera,
             self.delta,
             tuple(self.real_defines().items()),
             self.light_sampling,
             (trace.thickness, trace.thickness_ratio, trace.back_faces),
-            (settings.gloss, settings.irradiance, settings.learning),
+            (settings.gloss, settings.irradiance),
             (settings.seed, settings.check_kernels),
         )
 
@@ -250,7 +244,6 @@ class Features:
             "distant environment behind windows": self.opening_environment,
             "drift of the video's exposure and white balance": self.color_map,
             "memory of what moving things hide": self.background,
-            "learned radiance of real surfaces": self.learning,
             "irradiance cache of the panorama": self.delta,
             "aiming rays at lights": self.light_sampling,
             "distance impostor around the objects": self.impostor,

@@ -55,8 +55,6 @@ class Needs:
         What rays meet of objects: their triangles, or rasterized layers.
     irradiance : bool
         E_R of real surfaces, cached.
-    learned : bool
-        Radiance of real surfaces is learned from the video.
     gloss : bool
         Highlights of glossy real surfaces are split from their diffuse part.
     relit_reflections : bool
@@ -73,7 +71,6 @@ class Needs:
     relit: bool = False
     objects: Literal["triangles", "layers"] = "triangles"
     irradiance: bool = False
-    learned: bool = False
     gloss: bool = False
     relit_reflections: bool = False
     ratio_rows: int = 0

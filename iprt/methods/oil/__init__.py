@@ -34,7 +34,7 @@ METHOD = MethodInfo(
     "Illumination in Augmented Reality, IEEE Access 2022",
     doi="10.1109/ACCESS.2022.3214516",
     settings=OilSettings,
-    needs=lambda settings: Needs(tracing=True, relit=True, irradiance=True, learned=True),
+    needs=lambda settings: Needs(tracing=True, relit=True, irradiance=True),
     defaults={
         **{key: value for key, value in PATH_DEFAULTS.items() if key != "atrous.levels"},
         "trace.rays": 2,

@@ -68,7 +68,7 @@ def test_radiance_is_that_which_was_learned(device: ComputeDevice) -> None:
     for factor in (1.0, 3.0):
         last = plain("oil").model_copy(update={"fading": 1.0})
         with Renderer(device, frame, objects, VIEW, last) as renderer:
-            learner = renderer.real_world.panorama.learned.learner
+            learner = renderer.method.learned.learner
 
             def brighter(*texels: Any, draw: Any = learner.draw, factor: float = factor) -> Any:
                 drawn = draw(*texels)
@@ -98,7 +98,7 @@ def test_windows_show_what_the_panorama_does(device: ComputeDevice) -> None:
     for settings in (plain("oil"), plain("dpt")):
         with Renderer(device, everywhere, objects, VIEW, settings) as renderer:
             if settings.method == "oil":
-                learner = renderer.real_world.panorama.learned.learner
+                learner = renderer.method.learned.learner
                 learner.draw = lambda *_, draw=learner.draw: draw(walls.surfaces, walls.radiated)
             pictures.append(renderer.render(4).color)
     assert learner.count > 100
@@ -114,7 +114,7 @@ def test_the_view_of_what_was_learned(device: ComputeDevice) -> None:
         guide = renderer.layout.interior(
             device.read(renderer.method.real_pixels.guide.current)
         ).astype(np.float64)
-        models = renderer.real_world.panorama.learned.learner.models()
+        models = renderer.method.learned.learner.models()
         radius = 0.2 * renderer.real_world.panorama.scale
         background = read_aov(renderer, "background")
     normals, points = (np.moveaxis(guide[i : i + 3], 0, -1).reshape(-1, 3) for i in (0, 3))
@@ -134,7 +134,7 @@ def test_what_was_learned_stays_where_it_is_while_the_camera_moves(device: Compu
     with Renderer(device, first, objects, VIEW, settings, footage=Footage.of(first)) as renderer:
         renderer.render(6)
         # Nothing is learned from the second frame.
-        renderer.real_world.panorama.learned.learner.learn = lambda samples, how: None
+        renderer.method.learned.learner.learn = lambda samples, how: None
         renderer.load(second)
         renderer.step()
         shown, background = (read_aov(renderer, name) for name in ("learned", "background"))
@@ -152,7 +152,7 @@ def test_a_cut_forgets(device: ComputeDevice) -> None:
         footage=Footage(video=True, static_camera=True),
     ) as renderer:  # fmt: skip
         renderer.render(3)
-        learner = renderer.real_world.panorama.learned.learner
+        learner = renderer.method.learned.learner
         known = learner.models()[:, 1, 3].max()
         renderer.load(replace(bright, color=0.98 * bright.color))
         renderer.step()
@@ -169,7 +169,7 @@ def test_a_still_is_learned_until_as_many_samples_as_texels_were_drawn(
     settings = chosen(samples=512)
     with Renderer(device, frame, [ball(*BALL, LAMP)], VIEW, settings) as renderer:
         renderer.render(7)
-        assert renderer.real_world.panorama.learned.learner.learned == 64 * 32
+        assert renderer.method.learned.learner.learned == 64 * 32
 
 
 @pytest.mark.thorough
