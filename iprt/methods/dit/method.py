@@ -12,10 +12,10 @@ from iprt.gbuffer.context import FrameContext
 from iprt.gbuffer.guide import Guide, plane_defines
 from iprt.method import Setup, Signals
 from iprt.methods.dit import DitSettings
+from iprt.methods.dit.impostor import Impostor
 from iprt.settings.features import Features
 from iprt.trace.sparse import SparseMethod, Tracers
 from iprt.trace.tracers import RealTracer
-from iprt.world.real.impostor import Impostor
 from iprt.world.world import World
 
 SLACK = 0.25

@@ -13,8 +13,8 @@ import pytest
 from iprt.device.compute import ComputeDevice
 from iprt.footage.frame import Frame
 from iprt.geometry.camera import equirect_pixel
+from iprt.methods.dit.impostor import Impostor
 from iprt.settings.trace import TraceSettings
-from iprt.world.real.impostor import Impostor
 from iprt.world.real.panorama import Panorama
 from tests.kernels.tracing import SKY, SURFACE, panorama_of, random_directions
 from tests.kernels.wrap import evaluate

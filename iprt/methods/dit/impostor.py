@@ -65,11 +65,11 @@ class Impostor:
         self._source = device.empty("impostor source", faces, np.uint32)
         self.texels = device.zeros("impostor texels", (self._offsets[-1], 4))
         self.inverse = device.zeros("impostor inverse distance", faces)
-        file = "world/real/impostor.cl"
+        file = "methods/dit/impostor.cl"
         known = {"side": side, "nearest": self._nearest, "source": self._source}
         self._splat = device.kernel(file, "splat_surfaces").fixed(known)
         self._shade = device.kernel(file, "shade_impostor").fixed(known, texels=self.texels)
-        fill = "world/real/impostor_fill.cl"
+        fill = "methods/dit/impostor_fill.cl"
         self._push = device.kernel(fill, "push_texels").fixed(texels=self.texels)
         self._pull = device.kernel(fill, "pull_texels").fixed(texels=self.texels)
         self.lights: Lights | None = None
